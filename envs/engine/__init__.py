@@ -1,0 +1,1 @@
+"""Engines that step a compiled scene."""

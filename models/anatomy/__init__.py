@@ -1,0 +1,1 @@
+"""CT, mesh, points or recipe in; a `Colon` out."""

@@ -1,0 +1,1 @@
+"""A `ScopeDesign` in; a composite cable with tendons, attached to an MjSpec, out."""

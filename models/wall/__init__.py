@@ -1,0 +1,1 @@
+"""A `Colon` in; convex pieces with their measured error out."""

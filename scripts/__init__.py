@@ -1,0 +1,1 @@
+"""The command `haustra`, one file a verb."""
