@@ -1,0 +1,73 @@
+# Two commands do all the set-up: `make demo` and `make test`. `make help` lists the rest.
+
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+VENV := .venv
+BIN := $(VENV)/bin
+LOCKED := --disable-pip-version-check --quiet --require-hashes
+UV_COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
+	--no-emit-package haustra --custom-compile-command 'make lock' $(UPGRADE) pyproject.toml -
+
+.PHONY: help demo test lint format types docs lock clean
+.DELETE_ON_ERROR:
+
+help:
+	@echo 'make demo    grow a colon, build its wall, run a colonoscope through it, write a report'
+	@echo 'make test    lint, types and tests, as the project checks itself'
+	@echo 'make docs    build the documentation into site/'
+	@echo 'make format  format and fix what ruff can'
+	@echo 'make lock    renew the lock files from pyproject.toml (UPGRADE=--upgrade for newer versions)'
+	@echo 'make clean   remove the environment and everything that was built'
+
+demo: $(VENV)/.installed
+	$(BIN)/haustra colon grow --seed 0 -o demo/colon
+	$(BIN)/haustra wall demo/colon --method coacd
+	$(BIN)/haustra run --colon demo/colon --design adult -o demo/run
+	@echo
+	@echo 'Open $(CURDIR)/demo/run/report.html'
+
+test: lint types
+	$(BIN)/python -m pytest $(PYTEST_ARGUMENTS)
+ifdef CI
+	$(MAKE) docs
+endif
+
+lint: $(VENV)/.installed-dev
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+
+types: $(VENV)/.installed-dev
+	$(BIN)/pyright --pythonpath $(BIN)/python
+
+format: $(VENV)/.installed-dev
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+docs: $(VENV)/.installed-dev
+	$(BIN)/python -m haustra.scripts.numbers_page
+	$(BIN)/mkdocs build --strict --quiet
+
+lock: $(VENV)/.created
+	$(BIN)/python -m pip install --quiet uv
+	echo 'setuptools>=77' | $(UV_COMPILE) -o requirements.lock
+	echo 'setuptools>=77' | $(UV_COMPILE) --extra dev --constraint requirements.lock -o requirements-dev.lock
+
+clean:
+	rm -rf $(VENV) build dist site demo *.egg-info
+
+$(VENV)/.created:
+	$(if $(PYTHON),,$(error Python 3.11 or newer is needed: install it, or name it with PYTHON=/path/to/python))
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: name it with PYTHON=")'
+	$(PYTHON) -m venv $(VENV)
+	@touch $@
+
+# The lock holds setuptools too, so the editable install needs no build isolation and no further download.
+$(VENV)/.installed: requirements.lock pyproject.toml | $(VENV)/.created
+	$(BIN)/python -m pip install $(LOCKED) -r requirements.lock
+	$(BIN)/python -m pip install --disable-pip-version-check --quiet --no-deps --no-build-isolation -e .
+	@touch $@
+
+# Holds everything of .installed at the same versions, so that one stands for both.
+$(VENV)/.installed-dev: requirements-dev.lock requirements.lock pyproject.toml | $(VENV)/.created
+	$(BIN)/python -m pip install $(LOCKED) -r requirements-dev.lock
+	$(BIN)/python -m pip install --disable-pip-version-check --quiet --no-deps --no-build-isolation -e .
+	@touch $@ $(VENV)/.installed

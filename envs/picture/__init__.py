@@ -1,0 +1,1 @@
+"""Pictures of a scene, with or without a display."""
