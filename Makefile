@@ -7,13 +7,14 @@ LOCKED := --disable-pip-version-check --quiet --require-hashes
 UV_COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
 	--no-emit-package haustra --custom-compile-command 'make lock' $(UPGRADE) pyproject.toml -
 
-.PHONY: help demo test lint format types docs lock clean
+.PHONY: help demo test lint format types docs wheel lock clean
 .DELETE_ON_ERROR:
 
 help:
 	@echo 'make demo    grow a colon, build its wall, run a colonoscope through it, write a report'
 	@echo 'make test    lint, types and tests, as the project checks itself'
 	@echo 'make docs    build the documentation into site/'
+	@echo 'make wheel   build the wheel and try it in an empty environment'
 	@echo 'make format  format and fix what ruff can'
 	@echo 'make lock    renew the lock files from pyproject.toml (UPGRADE=--upgrade for newer versions)'
 	@echo 'make clean   remove the environment and everything that was built'
@@ -28,7 +29,7 @@ demo: $(VENV)/.installed
 test: lint types
 	$(BIN)/python -m pytest $(PYTEST_ARGUMENTS)
 ifdef CI
-	$(MAKE) docs
+	$(MAKE) docs wheel
 endif
 
 lint: $(VENV)/.installed-dev
@@ -45,6 +46,14 @@ format: $(VENV)/.installed-dev
 docs: $(VENV)/.installed-dev
 	$(BIN)/python -m haustra.scripts.numbers_page
 	$(BIN)/mkdocs build --strict --quiet
+
+wheel: $(VENV)/.installed-dev
+	rm -rf build dist
+	$(BIN)/python -m build --wheel --no-isolation >/dev/null
+	$(PYTHON) -m venv build/empty
+	build/empty/bin/python -m pip install $(LOCKED) -r requirements.lock
+	build/empty/bin/python -m pip install --disable-pip-version-check --quiet --no-deps dist/*.whl
+	cd build && empty/bin/haustra doctor
 
 lock: $(VENV)/.created
 	$(BIN)/python -m pip install --quiet uv

@@ -1,0 +1,22 @@
+"""What every test may use. Importing haustra here, and nowhere earlier, puts the runtime type checks on it."""
+
+import os
+from pathlib import Path
+
+import pytest
+from jaxtyping import install_import_hook
+
+install_import_hook("haustra", "runtime_types.check")
+
+_SHARED_DATA = Path(__file__).parents[2] / "shared" / "data"
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """The folder of real colons and measured rods beside the checkout; tests that need it skip elsewhere, but not in CI."""
+    if not _SHARED_DATA.is_dir():
+        message = f"no shared data at {_SHARED_DATA}"
+        if os.environ.get("CI"):
+            pytest.fail(message)
+        pytest.skip(message)
+    return _SHARED_DATA
