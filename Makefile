@@ -44,7 +44,7 @@ format: $(VENV)/.installed-dev
 	$(BIN)/ruff format
 
 docs: $(VENV)/.installed-dev
-	$(BIN)/python -m haustra.scripts.numbers_page
+	$(BIN)/python -m haustra.scripts.numbers_page docs/numbers.md
 	$(BIN)/mkdocs build --strict --quiet
 
 wheel: $(VENV)/.installed-dev
