@@ -13,7 +13,7 @@ _SHARED_DATA = Path(__file__).parents[2] / "shared" / "data"
 
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
-    """The folder of real colons and measured rods beside the checkout. Where it is missing, tests skip; in CI they fail."""
+    """Real colons and measured rods beside the checkout. Where they are missing, tests skip; in CI they fail."""
     if not _SHARED_DATA.is_dir():
         message = f"no shared data at {_SHARED_DATA}"
         if os.environ.get("CI"):
