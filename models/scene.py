@@ -1,0 +1,246 @@
+"""What stands in the scene, and what is left out: colon, wall and scope become one MjSpec."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from haustra.assets import asset
+from haustra.errors import InvalidOptionError, OutputError
+from haustra.files import write_atomically
+from haustra.models.anatomy.colon import Colon
+from haustra.models.contact import WallContact, apply_contact
+from haustra.models.scope.cable import Cable, add_scope
+from haustra.models.scope.cells import Cell, cut_into_cells
+from haustra.models.scope.design import ScopeDesign
+from haustra.models.wall.wall import Wall
+from haustra.quantity import load_quantities
+
+_CONTACT = load_quantities(asset("numbers/contact.toml"))
+
+ENTRY_STRETCH = 0.03
+"""The scope enters along the mean direction of this much centreline [m]; engineering choice: the anal canal is 40 mm."""
+
+_WALL_GROUP, _LUMEN_GROUP = 3, 1
+"""Geom groups: MuJoCo's viewer hides group 3 (collision pieces) and shows group 1."""
+
+
+@dataclass(frozen=True)
+class SceneOptions:
+    """How a scene is modelled. Defaults are sourced numbers or engineering choices."""
+
+    timestep: float = 0.004
+    """Integration step [s]."""
+    shaft_cell: float = 0.04
+    """Largest distance between joints of the shaft [m]."""
+    bending_cell: float = 0.0125
+    """Largest distance between joints of the bending section [m]."""
+    twist_hinges: int = 4
+    """Hinges that carry the torsional compliance of the whole scope; 0 for stiff in torsion."""
+    wall_stiffness: float = _CONTACT["contact.wall_stiffness"].value
+    """Normal stiffness of a contact with the wall [N/m]."""
+    wall_damping_time: float = 0.005
+    """Damping over stiffness of the wall [s]; engineering choice: small, since sliding adds mu*c*v to the normal force."""
+    friction: float = _CONTACT["contact.friction"].value
+    """Coulomb coefficient between scope and wall [1]."""
+    push_limit: float = 30.0
+    """Largest force that the hand applies [N]; engineering choice below the peak of 43 N seen in patients."""
+    torque_limit: float = _CONTACT["contact.torque_peak"].value
+    """Largest torque that the hand applies [N m]."""
+    start_depth: float = 0.03
+    """How far the tip is past the anus at the start [m]."""
+    insertion_limit: float | None = None
+    """How much of the scope the scene models [m]; the whole scope, or as much as the colon can take, when None."""
+    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Gravity in the colon's frame [m/s^2]; none by default, since a mesh does not say how the patient lies."""
+
+    def __post_init__(self) -> None:
+        for name in ("timestep", "shaft_cell", "bending_cell", "push_limit", "torque_limit", "start_depth"):
+            value = getattr(self, name)
+            if not 0 < value < 1e3:
+                raise InvalidOptionError(f"Scene option {name} is {value}; it must be a positive number.")
+        if self.timestep > 0.02:
+            raise InvalidOptionError(f"Scene option timestep is {self.timestep} s; at most 0.02 s is supported.")
+        if not all(np.isfinite(self.gravity)):
+            raise InvalidOptionError(f"Scene option gravity is {self.gravity}; give three finite numbers.")
+
+    @property
+    def contact(self) -> WallContact:
+        """The contact law these options ask for."""
+        damping = self.wall_stiffness * self.wall_damping_time
+        return WallContact(stiffness=self.wall_stiffness, damping=damping, friction=self.friction)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A colon, its wall and a scope, ready to compile."""
+
+    spec: mujoco.MjSpec
+    cable: Cable
+    colon: Colon
+    design: ScopeDesign
+    options: SceneOptions
+    entry: Float[np.ndarray, "3"]
+    """Where the scope enters [m]."""
+    entry_direction: Float[np.ndarray, "3"]
+    """Unit vector into the patient."""
+    pieces: int
+    """Convex pieces of the wall."""
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    """What the scene does not model, and why that is sound."""
+
+    def compile(self) -> mujoco.MjModel:
+        """The compiled model."""
+        return self.spec.compile()
+
+    def save(self, path: Path) -> Path:
+        """Write the scene as one file that MuJoCo's own viewer opens: .mjz (with meshes inside) or .xml (meshes inline).
+
+        Raises:
+            OutputError: for another suffix, or when the file cannot be written.
+        """
+        if path.suffix == ".mjz":
+            return write_atomically(path, lambda temporary: self.spec.to_zip(str(temporary)))
+        if path.suffix == ".xml":
+            return write_atomically(path, lambda temporary: temporary.write_text(self.spec.to_xml(), encoding="utf-8"))
+        raise OutputError(f"Cannot save a scene as '{path.name}': use .mjz or .xml.")
+
+    def configuration(self) -> dict[str, object]:
+        """Options and design as plain JSON values, for provenance."""
+        return {"options": asdict(self.options), "design": asdict(self.design), "left_out": dict(self.left_out)}
+
+
+def build_scene(
+    colon: Colon, wall: Wall, design: ScopeDesign, options: SceneOptions | None = None, *, show_lumen: bool = True
+) -> Scene:
+    """Put a colon's wall and a scope into one scene.
+
+    Args:
+        colon: the colon.
+        wall: its wall.
+        design: the scope.
+        options: how to model it.
+        show_lumen: add the lumen surface as a picture, without contact.
+
+    Raises:
+        InvalidOptionError: when the scope does not fit through the entry, or an option cannot be honoured.
+    """
+    options = options or SceneOptions()
+    entry, frame = _entry(colon)
+    cells, modelled = _modelled_cells(colon, design, options)
+
+    spec = _empty_spec(f"{colon.name} with {design.name}", options)
+    cable = _add_scope(spec, design, cells, entry, frame, options)
+    bare = spec.compile()
+    apply_contact(spec, bare, cable.geoms, options.contact, timestep=options.timestep)
+    _add_wall(spec, wall)
+    if show_lumen:
+        _add_lumen(spec, colon)
+    left_out = {"self-contact": "the scope does not touch itself: loops are held apart by the wall"}
+    if modelled < design.length - 1e-9:
+        left_out["shaft outside"] = f"the last {design.length - modelled:.3f} m of shaft never enter this colon"
+    if not any(options.gravity):
+        left_out["gravity"] = "the patient's posture is not known; the scope's weight is about 3 N per metre"
+    return Scene(
+        spec=spec,
+        cable=cable,
+        colon=colon,
+        design=design,
+        options=options,
+        entry=entry,
+        entry_direction=frame[:, 2],
+        pieces=len(wall.pieces),
+        left_out=left_out,
+    )
+
+
+def _entry(colon: Colon) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
+    line = colon.centreline
+    ahead = int(np.searchsorted(line.arc, ENTRY_STRETCH))
+    direction = line.points[ahead] - line.points[0]
+    direction = direction / np.linalg.norm(direction)
+    first = line.frames[0][:, 0] - direction * (line.frames[0][:, 0] @ direction)
+    first = first / np.linalg.norm(first)
+    return line.points[0], np.column_stack([first, np.cross(direction, first), direction])
+
+
+def _modelled_cells(colon: Colon, design: ScopeDesign, options: SceneOptions) -> tuple[tuple[Cell, ...], float]:
+    limit = options.insertion_limit if options.insertion_limit is not None else colon.centreline.length
+    modelled = min(design.length, limit + options.start_depth)
+    shortest = design.bending.length + design.tip.length
+    if modelled < shortest:
+        raise InvalidOptionError(
+            f"insertion_limit {limit} m is shorter than bending section and tip ({shortest:.3f} m): raise it."
+        )
+    cells = cut_into_cells(
+        design, shaft_cell=options.shaft_cell, bending_cell=options.bending_cell, length=modelled
+    )
+    return cells, modelled
+
+
+def _empty_spec(name: str, options: SceneOptions) -> mujoco.MjSpec:
+    spec = mujoco.MjSpec()
+    spec.modelname = name
+    spec.compiler.degree = False
+    spec.option.timestep = options.timestep
+    spec.option.gravity = options.gravity
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD | mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
+    spec.visual.headlight.ambient = [0.4, 0.4, 0.4]
+    spec.visual.map.znear = 0.001
+    return spec
+
+
+def _add_scope(spec, design: ScopeDesign, cells, entry, frame, options: SceneOptions) -> Cable:
+    return add_scope(
+        spec,
+        design,
+        cells,
+        entry=entry,
+        frame=frame,
+        inserted=options.start_depth,
+        twist_hinges=options.twist_hinges,
+        push_limit=options.push_limit,
+        torque_limit=options.torque_limit,
+        timestep=options.timestep,
+    )
+
+
+def _add_wall(spec: mujoco.MjSpec, wall: Wall) -> None:
+    for index, piece in enumerate(wall.pieces):
+        name = f"wall/{index:05d}"
+        mesh = spec.add_mesh(name=name, uservert=np.ascontiguousarray(piece.vertices, dtype=float).ravel())
+        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+        spec.worldbody.add_geom(
+            name=name,
+            type=mujoco.mjtGeom.mjGEOM_MESH,
+            meshname=name,
+            contype=1,
+            conaffinity=0,
+            group=_WALL_GROUP,
+            rgba=[0.85, 0.55, 0.5, 0.3],
+        )
+
+
+def _add_lumen(spec: mujoco.MjSpec, colon: Colon) -> None:
+    mesh = spec.add_mesh(
+        name="lumen",
+        uservert=np.ascontiguousarray(colon.lumen.vertices, dtype=float).ravel(),
+        # Wound inwards, so that the camera at the tip sees the front of each triangle.
+        userface=np.ascontiguousarray(colon.lumen.faces[:, ::-1], dtype=np.int32).ravel(),
+    )
+    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    spec.worldbody.add_geom(
+        name="lumen",
+        type=mujoco.mjtGeom.mjGEOM_MESH,
+        meshname="lumen",
+        contype=0,
+        conaffinity=0,
+        group=_LUMEN_GROUP,
+        rgba=[0.86, 0.5, 0.46, 1],
+    )

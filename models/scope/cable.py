@@ -1,0 +1,267 @@
+"""The scope as a composite cable: rigid links, bending hinges with native stiffness, few twist hinges, four tendons.
+
+Native joint stiffness is used because every engine honours it; MuJoCo's cable plugin is not (MJX drops its elasticity
+without a word).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from haustra.models.scope.cells import Cell
+from haustra.models.scope.design import ScopeDesign
+
+LOCK_STIFFNESS = 2.0e4
+"""Stiffness of a joint held straight outside the patient [N m/rad]; engineering choice: 10^4 times that of a shaft joint,
+so that a metre of shaft outside deflects under 0.1 mm/N."""
+
+LOCK_LOSS_TIME = 0.01
+"""Damping over stiffness of a lock [s]; engineering choice, above the time step so that it is linearly implicit."""
+
+ARMATURE_FACTOR = 0.25
+"""Armature of a sprung hinge over (damping x time step); measured: 0.25 ends contact chatter at 4 ms, 0 does not."""
+
+HANDLE_MASS = 0.5
+"""Mass of handle and hand that move with a push [kg]; engineering choice."""
+
+HANDLE_INERTIA = 1e-3
+"""Inertia of handle and hand about the shaft [kg m^2]; engineering choice: 0.5 kg at 45 mm."""
+
+TENDON_NAMES = ("up", "left", "down", "right")
+"""Pull wires in order of their angle about the axis: 0, 90, 180, 270 degrees from the link's x axis."""
+
+
+@dataclass(frozen=True)
+class Cable:
+    """Names of what a scope added to a scene, and where its joints are."""
+
+    cells: tuple[Cell, ...]
+    joint_positions: Float[np.ndarray, " joints"]
+    """Distance of each joint from the handle end of the modelled part [m]."""
+    length: float
+    """Modelled length, rigid tip included [m]."""
+    radius: float
+    """Outer radius [m]."""
+    links: tuple[str, ...]
+    """Body of each link, from the handle: the root, then one behind each joint."""
+    geoms: tuple[str, ...]
+    """Capsule of each link, same order."""
+    locks: tuple[tuple[str, str], ...]
+    """Two actuators a joint, which hold it straight while it is outside the patient."""
+
+
+def add_scope(
+    spec: mujoco.MjSpec,
+    design: ScopeDesign,
+    cells: Sequence[Cell],
+    *,
+    entry: Float[np.ndarray, "3"],
+    frame: Float[np.ndarray, "3 3"],
+    inserted: float,
+    twist_hinges: int,
+    push_limit: float,
+    torque_limit: float,
+    timestep: float,
+) -> Cable:
+    """Add a straight scope to a scene, its tip `inserted` metres past the entry.
+
+    Joints: slide `scope/push` and hinge `scope/roll` at the handle end, then hinges `scope/bend_x_i` and `scope/bend_y_i`
+    in the middle of each cell, and `twist_hinges` hinges `scope/twist_i` spread over the length.
+    Actuators: `scope/push` [m], `scope/roll` [rad], `scope/pull_up|left|down|right` [N], and two locks a joint [0..1].
+
+    Args:
+        spec: the scene to add to.
+        design: the scope.
+        cells: where its joints go (`cut_into_cells`).
+        entry: where the scope enters the patient [m].
+        frame: columns are two normals and the entry direction.
+        inserted: distance from the entry to the tip at the start [m].
+        twist_hinges: number of hinges that carry the torsional compliance; 0 makes the scope stiff in torsion.
+        push_limit: largest force at the handle [N].
+        torque_limit: largest torque at the handle [N m].
+        timestep: time step that the joints' damping and armature are made for [s].
+
+    Returns:
+        What was added, by name.
+    """
+    radius = design.diameter / 2
+    length = cells[-1].start + cells[-1].length + design.tip.length
+    ends = [*(cell.joint for cell in cells), length]
+    twists = _twist_stiffness(cells, twist_hinges)
+
+    body = _add_root(spec, design, entry=entry, frame=frame, behind=length - inserted)
+    links, geoms = [body.name], [_add_link(body, design, ends[0], "root")]
+    _add_handle_actuators(spec, push_limit=push_limit, torque_limit=torque_limit)
+    locks = []
+    for index, cell in enumerate(cells):
+        previous = cells[index - 1].joint if index else 0.0
+        body = body.add_body(name=f"scope/link_{index:03d}", pos=[0, 0, cell.joint - previous])
+        locks.append(
+            _add_joints(spec, body, design, cell, index=index, twist=twists.get(index), timestep=timestep)
+        )
+        end = ends[index + 1] - (radius if index + 1 == len(cells) else 0.0)  # a capsule's cap reaches radius further
+        geoms.append(_add_link(body, design, end - cell.joint, f"{index:03d}"))
+        links.append(body.name)
+    _add_tip(body, design, ends[-1] - ends[-2])
+    _add_tendons(spec, design, cells)
+    return Cable(
+        cells=tuple(cells),
+        joint_positions=np.array([cell.joint for cell in cells]),
+        length=length,
+        radius=radius,
+        links=tuple(links),
+        geoms=tuple(geoms),
+        locks=tuple(locks),
+    )
+
+
+def _add_root(spec: mujoco.MjSpec, design: ScopeDesign, *, entry, frame, behind: float):
+    quat = np.zeros(4)
+    mujoco.mju_mat2Quat(quat, np.ascontiguousarray(frame, dtype=float).ravel())
+    root = spec.worldbody.add_body(name="scope/root", pos=entry - behind * frame[:, 2], quat=quat)
+    root.add_joint(name="scope/push", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1], armature=HANDLE_MASS)
+    root.add_joint(name="scope/roll", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1], armature=HANDLE_INERTIA)
+    return root
+
+
+def _add_link(body, design: ScopeDesign, length: float, label: str) -> str:
+    """A capsule from one joint to the next; neighbours share a round joint."""
+    geom = body.add_geom(
+        name=f"scope/geom_{label}",
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        fromto=[0, 0, 0, 0, 0, length],
+        size=[design.diameter / 2, 0, 0],
+        mass=design.mass_per_length * length,
+        rgba=[0.12, 0.13, 0.15, 1],
+        contype=0,
+        conaffinity=1,
+    )
+    return geom.name
+
+
+def _add_joints(
+    spec, body, design: ScopeDesign, cell: Cell, *, index: int, twist: float | None, timestep: float
+) -> tuple[str, str]:
+    if twist is not None:
+        _add_spring_hinge(body, f"scope/twist_{index:03d}", [0, 0, 1], twist, design.loss_time, timestep)
+    stiffness = cell.bending_stiffness
+    locks = []
+    limits = {"x": design.bending_limit_left_right_deg, "y": design.bending_limit_up_down_deg}
+    for name, axis in (("x", [1, 0, 0]), ("y", [0, 1, 0])):
+        joint = _add_spring_hinge(body, f"scope/bend_{name}_{index:03d}", axis, stiffness, design.loss_time, timestep)
+        if cell.steerable:
+            limit = limits[name] * cell.length / design.bending.length
+            joint.limited, joint.range = True, [-limit, limit]
+        locks.append(_add_lock(spec, joint.name))
+    return locks[0], locks[1]
+
+
+def _add_spring_hinge(body, name: str, axis: list[int], stiffness: float, loss_time: float, timestep: float):
+    """A sprung hinge that stays stable, and leaves contact forces right, at time steps far above its own period.
+
+    Damping of K h makes the spring linearly implicit. The constraint solver, however, sees the bare inertia and the
+    explicit spring torque; where K h^2 exceeds the inertia, contact forces chatter. Armature of that order removes it;
+    it slows only motion faster than the time step resolves.
+    """
+    damping = stiffness * (loss_time + timestep)
+    return body.add_joint(
+        name=name,
+        axis=axis,
+        stiffness=[stiffness, 0, 0],
+        damping=[damping, 0, 0],
+        armature=ARMATURE_FACTOR * damping * timestep,
+    )
+
+
+def _add_lock(spec, joint: str) -> str:
+    """An actuator with force = ctrl * (-K q - B dq): a spring that its control switches on.
+
+    Being a control and not an edit of the model, it keeps the run a function of plain MJCF and its inputs.
+    """
+    name = joint.replace("bend", "lock")
+    spec.add_actuator(
+        name=name,
+        trntype=mujoco.mjtTrn.mjTRN_JOINT,
+        target=joint,
+        gaintype=mujoco.mjtGain.mjGAIN_AFFINE,
+        gainprm=[0, -LOCK_STIFFNESS, -LOCK_STIFFNESS * LOCK_LOSS_TIME, *[0] * 7],
+        ctrllimited=True,
+        ctrlrange=[0, 1],
+        group=3,
+    )
+    return name
+
+
+def _add_handle_actuators(spec, *, push_limit: float, torque_limit: float) -> None:
+    for name, stiffness, damping, limit in (
+        ("scope/push", 4000.0, 80.0, push_limit),
+        ("scope/roll", 20.0, 0.4, torque_limit),
+    ):
+        spec.add_actuator(
+            name=name,
+            trntype=mujoco.mjtTrn.mjTRN_JOINT,
+            target=name,
+            gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+            gainprm=[stiffness, *[0] * 9],
+            biastype=mujoco.mjtBias.mjBIAS_AFFINE,
+            biasprm=[0, -stiffness, -damping, *[0] * 7],
+            forcelimited=True,
+            forcerange=[-limit, limit],
+        )
+
+
+def _twist_stiffness(cells: Sequence[Cell], count: int) -> dict[int, float]:
+    """Cells that carry a twist hinge, and the stiffness of each: its share of the compliance of the whole length."""
+    total = cells[-1].start + cells[-1].length
+    stiffness: dict[int, float] = {}
+    for lump in range(count):
+        share = [cell for cell in cells if total * lump / count <= cell.joint < total * (lump + 1) / count]
+        if share:
+            middle = cells.index(share[len(share) // 2])
+            stiffness[middle] = 1 / sum(cell.length / cell.torsional_rigidity for cell in share)
+    return stiffness
+
+
+def _add_tip(body, design: ScopeDesign, length: float) -> None:
+    body.add_site(name="scope/tip", pos=[0, 0, length])
+    # MuJoCo's cameras look along their own -z, so the camera is turned about x by half a turn.
+    body.add_camera(
+        name="scope/camera", pos=[0, 0, length], quat=[0, 1, 0, 0], fovy=min(design.tip.field_of_view_deg, 160.0)
+    )
+    body.add_light(name="scope/light", pos=[0, 0, length], dir=[0, 0, 1], cutoff=80, attenuation=[1, 0, 100])
+
+
+def _add_tendons(spec: mujoco.MjSpec, design: ScopeDesign, cells: Sequence[Cell]) -> None:
+    """Four wires along the bending section, each through a pair of eyelets close to every joint.
+
+    The moment arm of a wire about a joint bent by phi is r cos(phi/2) - a sin(phi/2), with eyelets at distance a from
+    the joint; a continuum has r. So a is as small as it can be without eyelets meeting at the bending limit.
+    """
+    steerable = [index for index, cell in enumerate(cells) if cell.steerable]
+    radius = design.tendons.routing_radius
+    largest = max(design.bending_limit_up_down_deg, design.bending_limit_left_right_deg)
+    per_joint = math.radians(largest) / len(steerable)
+    offset = min(1.2 * radius * math.tan(per_joint / 2), 0.5 * cells[-1].length)
+    for number, name in enumerate(TENDON_NAMES):
+        angle = number * math.pi / 2
+        place = [radius * math.cos(angle), radius * math.sin(angle)]
+        tendon = spec.add_tendon(name=f"scope/wire_{name}", width=4e-4, rgba=[0.8, 0.7, 0.2, 1])
+        for index in steerable:
+            cell = cells[index]
+            before = spec.body(f"scope/link_{index - 1:03d}" if index else "scope/root")
+            at = cell.joint - (cells[index - 1].joint if index else 0.0)
+            for body, height, side in ((before, at - offset, "in"), (spec.body(f"scope/link_{index:03d}"), offset, "out")):
+                site = body.add_site(name=f"scope/eyelet_{name}_{index:03d}_{side}", pos=[*place, height], size=[4e-4] * 3)
+                tendon.wrap_site(site.name)
+        spec.add_actuator(
+            name=f"scope/pull_{name}",
+            trntype=mujoco.mjtTrn.mjTRN_TENDON,
+            target=tendon.name,
+            gainprm=[-1, *[0] * 9],
+            ctrllimited=True,
+            ctrlrange=[0, design.tendons.pull_limit],
+        )
