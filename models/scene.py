@@ -175,9 +175,7 @@ def _modelled_cells(colon: Colon, design: ScopeDesign, options: SceneOptions) ->
         raise InvalidOptionError(
             f"insertion_limit {limit} m is shorter than bending section and tip ({shortest:.3f} m): raise it."
         )
-    cells = cut_into_cells(
-        design, shaft_cell=options.shaft_cell, bending_cell=options.bending_cell, length=modelled
-    )
+    cells = cut_into_cells(design, shaft_cell=options.shaft_cell, bending_cell=options.bending_cell, length=modelled)
     return cells, modelled
 
 

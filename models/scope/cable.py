@@ -100,9 +100,7 @@ def add_scope(
     for index, cell in enumerate(cells):
         previous = cells[index - 1].joint if index else 0.0
         body = body.add_body(name=f"scope/link_{index:03d}", pos=[0, 0, cell.joint - previous])
-        locks.append(
-            _add_joints(spec, body, design, cell, index=index, twist=twists.get(index), timestep=timestep)
-        )
+        locks.append(_add_joints(spec, body, design, cell, index=index, twist=twists.get(index), timestep=timestep))
         end = ends[index + 1] - (radius if index + 1 == len(cells) else 0.0)  # a capsule's cap reaches radius further
         geoms.append(_add_link(body, design, end - cell.joint, f"{index:03d}"))
         links.append(body.name)
@@ -254,8 +252,13 @@ def _add_tendons(spec: mujoco.MjSpec, design: ScopeDesign, cells: Sequence[Cell]
             cell = cells[index]
             before = spec.body(f"scope/link_{index - 1:03d}" if index else "scope/root")
             at = cell.joint - (cells[index - 1].joint if index else 0.0)
-            for body, height, side in ((before, at - offset, "in"), (spec.body(f"scope/link_{index:03d}"), offset, "out")):
-                site = body.add_site(name=f"scope/eyelet_{name}_{index:03d}_{side}", pos=[*place, height], size=[4e-4] * 3)
+            for body, height, side in (
+                (before, at - offset, "in"),
+                (spec.body(f"scope/link_{index:03d}"), offset, "out"),
+            ):
+                site = body.add_site(
+                    name=f"scope/eyelet_{name}_{index:03d}_{side}", pos=[*place, height], size=[4e-4] * 3
+                )
                 tendon.wrap_site(site.name)
         spec.add_actuator(
             name=f"scope/pull_{name}",

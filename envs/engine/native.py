@@ -1,0 +1,157 @@
+"""MuJoCo on the CPU, one scene: hand and wires in, what the scope does out. Divergence is detected, never hidden."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from haustra.models.scene import Scene
+from haustra.models.scope.cable import TENDON_NAMES
+
+_LOCK_STRETCH = 0.02
+"""A joint is freed over the last stretch before the anus [m]; engineering choice: half a shaft cell."""
+
+_SPEED_LIMIT = 1e4
+"""A generalised speed above this [rad/s or m/s] is divergence, not motion."""
+
+_FATAL = (
+    mujoco.mjtWarning.mjWARN_BADQPOS,
+    mujoco.mjtWarning.mjWARN_BADQVEL,
+    mujoco.mjtWarning.mjWARN_BADQACC,
+    mujoco.mjtWarning.mjWARN_CONTACTFULL,
+    mujoco.mjtWarning.mjWARN_CNSTRFULL,
+    mujoco.mjtWarning.mjWARN_INERTIA,
+)
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What the hand and the wheels ask for, until the next call."""
+
+    insertion: float
+    """Length of scope past the anus that the hand aims at [m]."""
+    roll: float
+    """Angle of the handle about the shaft that the hand aims at [rad]."""
+    pulls: Float[np.ndarray, "4"]
+    """Pull of each wire: up, left, down, right [N]."""
+
+
+@dataclass(frozen=True)
+class Observation:
+    """The state of the run at one instant."""
+
+    time: float
+    """Simulated time [s]."""
+    insertion: float
+    """Length of scope past the anus [m]."""
+    roll: float
+    """Angle of the handle [rad]."""
+    tip: Float[np.ndarray, "3"]
+    """Position of the tip [m]."""
+    tip_frame: Float[np.ndarray, "3 3"]
+    """Columns: the directions of wires 'up' and 'left', and the viewing direction."""
+    bend: Float[np.ndarray, "2"]
+    """Angle of the bending section towards wires 'up' and 'left' [rad]."""
+    push_force: float
+    """Force of the hand along the shaft; positive pushes [N]."""
+    torque: float
+    """Torque of the hand about the shaft [N m]."""
+    link_forces: Float[np.ndarray, " links"]
+    """Resultant normal force of the wall on each link, from the handle to the tip [N]."""
+    contacts: int
+    """Contacts with the wall that carry force."""
+
+
+class NativeEngine:
+    """One scene on MuJoCo's CPU engine.
+
+    Every step is a function of the compiled scene and of `data.ctrl` alone, so that stock MuJoCo repeats a recorded run
+    from the saved scene.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        """Compile the scene and lay the scope straight, its tip at the start depth."""
+        self.scene = scene
+        self.model = scene.compile()
+        self.data = mujoco.MjData(self.model)
+        cable = scene.cable
+        model = self.model
+        self._push = model.actuator("scope/push").id
+        self._roll = model.actuator("scope/roll").id
+        self._pulls = [model.actuator(f"scope/pull_{name}").id for name in TENDON_NAMES]
+        self._locks = np.array([[model.actuator(name).id for name in pair] for pair in cable.locks])
+        self._tip = model.site("scope/tip").id
+        self._link_of_body = np.full(model.nbody, -1)
+        self._link_of_body[[model.body(name).id for name in cable.links]] = np.arange(len(cable.links))
+        steerable = [index for index, cell in enumerate(cable.cells) if cell.steerable]
+        self._bend_up = [model.joint(f"scope/bend_y_{index:03d}").qposadr[0] for index in steerable]
+        self._bend_left = [model.joint(f"scope/bend_x_{index:03d}").qposadr[0] for index in steerable]
+        self._behind = cable.length - cable.joint_positions
+        self._start = scene.options.start_depth
+        self._lock_outside(self._start)
+        mujoco.mj_forward(self.model, self.data)
+
+    def step(self, inputs: Inputs, count: int) -> bool:
+        """Advance by `count` time steps; False when the simulation has diverged."""
+        control = self.data.ctrl
+        control[self._push] = inputs.insertion - self._start
+        control[self._roll] = inputs.roll
+        control[self._pulls] = inputs.pulls
+        self._lock_outside(self.insertion)
+        mujoco.mj_step(self.model, self.data, count)
+        return self.healthy()
+
+    @property
+    def insertion(self) -> float:
+        """Length of scope past the anus [m]."""
+        return self._start + float(self.data.qpos[0])
+
+    def healthy(self) -> bool:
+        """Whether the state is finite, of plausible speed, and free of the engine's own fatal warnings."""
+        if any(self.data.warning[int(kind)].number for kind in _FATAL):
+            return False
+        speed = np.abs(self.data.qvel).max()
+        return bool(np.isfinite(speed) and speed < _SPEED_LIMIT and np.isfinite(self.data.qpos).all())
+
+    def observe(self) -> Observation:
+        """What can be read off at the end of the last step."""
+        data = self.data
+        frame = data.site_xmat[self._tip].reshape(3, 3)
+        forces, contacts = self._link_forces()
+        return Observation(
+            time=data.time,
+            insertion=self.insertion,
+            roll=float(data.qpos[1]),
+            tip=data.site_xpos[self._tip].copy(),
+            tip_frame=frame.copy(),
+            bend=np.array([data.qpos[self._bend_up].sum(), -data.qpos[self._bend_left].sum()]),
+            push_force=float(data.actuator_force[self._push]),
+            torque=float(data.actuator_force[self._roll]),
+            link_forces=forces,
+            contacts=contacts,
+        )
+
+    def shape(self) -> Float[np.ndarray, "nodes 3"]:
+        """Points along the scope's axis, from the handle end of the modelled part to the tip [m]."""
+        links = [self.model.body(name).id for name in self.scene.cable.links]
+        return np.vstack([self.data.xpos[links], self.data.site_xpos[self._tip]])
+
+    def _lock_outside(self, insertion: float) -> None:
+        """Hold joints straight that are outside the patient, and free them smoothly as they pass the anus."""
+        position = insertion - self._behind
+        held = np.clip(-position / _LOCK_STRETCH, 0.0, 1.0) ** 4
+        self.data.ctrl[self._locks] = held[:, None]
+
+    def _link_forces(self) -> tuple[Float[np.ndarray, " links"], int]:
+        data = self.data
+        total = np.zeros((len(self.scene.cable.links), 3))
+        contact = data.contact
+        rows = contact.efc_address
+        active = rows >= 0
+        if not active.any():
+            return np.zeros(len(total)), 0
+        normal = data.efc_force[rows[active]]
+        links = self._link_of_body[self.model.geom_bodyid[contact.geom[active]].max(axis=1)]
+        np.add.at(total, links, contact.frame[active, :3] * normal[:, None])
+        return np.linalg.norm(total, axis=1), int((normal > 0).sum())

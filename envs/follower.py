@@ -1,0 +1,135 @@
+"""A lumen follower: drives a scope without a human, by the lumen's axis ahead of the tip.
+
+It knows the centreline and the wall forces, which a real device does not: a baseline and a demonstration, not a rival to
+a policy that sees only what a camera shows.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from haustra.envs.engine.native import Inputs, Observation
+from haustra.models.anatomy.colon import Centreline
+from haustra.models.scope.design import ScopeDesign
+
+
+@dataclass(frozen=True)
+class FollowerSettings:
+    """How the follower drives. Engineering choices, tuned on grown colons."""
+
+    look_ahead: float = 0.045
+    """It steers towards the centreline this far ahead of the tip [m]."""
+    advance_rate: float = 0.04
+    """Insertion speed in free lumen [m/s]."""
+    retreat_rate: float = 0.06
+    """Withdrawal speed when backing off [m/s]."""
+    retreat_distance: float = 0.05
+    """How far it backs off [m]; each further attempt at the same place goes back further."""
+    steer_gain: float = 3.0
+    """Bending rate per angle off the lumen's axis [1/s]."""
+    steer_lead: float = 0.6
+    """Largest lead of the wires over the angle that the bending section has reached [rad]."""
+    tip_force_limit: float = 6.0
+    """Wall force on the bending section at which it backs off [N]."""
+    push_force_limit: float = 25.0
+    """Push force at which it backs off [N]."""
+    roll_step: float = math.radians(60)
+    """How far it turns the shaft after backing off [rad]."""
+    roll_rate: float = math.radians(90)
+    """How fast it turns the shaft [rad/s]."""
+    patience: float = 2.5
+    """Time without progress after which it backs off [s]."""
+
+
+class LumenFollower:
+    """Push, steer along the lumen ahead, rotate, back off when the wall force rises."""
+
+    def __init__(
+        self, line: Centreline, design: ScopeDesign, *, start_depth: float, settings: FollowerSettings | None = None
+    ) -> None:
+        """Begin with the tip `start_depth` [m] past the anus."""
+        self.settings = settings or FollowerSettings()
+        self._line = line
+        bending = design.bending
+        # Constant curvature under a wire's pull F: angle = F r L / EI.
+        self._pull_per_angle = bending.flexural_rigidity / (design.tendons.routing_radius * bending.length)
+        self._pull_limit = design.tendons.pull_limit
+        self._bend_limit = math.radians(min(design.bending_limit_up_down_deg, design.bending_limit_left_right_deg))
+        self._insertion = start_depth
+        self._roll = self._roll_goal = 0.0
+        self._bend = np.zeros(2)
+        self._best_arc, self._best_time = -math.inf, 0.0
+        self._retreat_until: float | None = None
+        self.attempts = 0
+        """Times that it backed off since the last progress."""
+
+    def act(self, seen: Observation, arc: float, interval: float) -> Inputs:
+        """Inputs for the next `interval` [s], given what was seen and the tip's arc length [m]."""
+        self._steer(seen, arc, interval)
+        if arc > self._best_arc + 0.005:
+            self._best_arc, self._best_time, self.attempts = arc, seen.time, 0
+        if self._retreat_until is None and self._should_back_off(seen):
+            self._begin_retreat(seen)
+        if self._retreat_until is not None:
+            self._retreat(seen, interval)
+        else:
+            self._advance(seen, interval)
+        turn = self.settings.roll_rate * interval
+        self._roll += float(np.clip(self._roll_goal - self._roll, -turn, turn))
+        return Inputs(insertion=self._insertion, roll=self._roll, pulls=self._pulls())
+
+    def _steer(self, seen: Observation, arc: float, interval: float) -> None:
+        target = self._line.points[
+            min(np.searchsorted(self._line.arc, arc + self.settings.look_ahead), len(self._line.arc) - 1)
+        ]
+        ahead = seen.tip_frame.T @ (target - seen.tip)
+        sideways = np.linalg.norm(ahead[:2])
+        if sideways > 0:
+            angle = math.atan2(sideways, ahead[2])
+            self._bend = self._bend + self.settings.steer_gain * interval * angle * ahead[:2] / sideways
+        lead = self.settings.steer_lead
+        self._bend = np.clip(self._bend, seen.bend - lead, seen.bend + lead)
+        size = np.linalg.norm(self._bend)
+        if size > self._bend_limit:
+            self._bend *= self._bend_limit / size
+
+    def _should_back_off(self, seen: Observation) -> bool:
+        tip_force = seen.link_forces[-8:].max()
+        waiting = seen.time - self._best_time
+        return bool(
+            waiting > 0.5
+            and (
+                tip_force > self.settings.tip_force_limit
+                or seen.push_force > self.settings.push_force_limit
+                or waiting > self.settings.patience
+            )
+        )
+
+    def _begin_retreat(self, seen: Observation) -> None:
+        self.attempts += 1
+        distance = self.settings.retreat_distance * min(self.attempts, 4)
+        self._retreat_until = max(0.02, seen.insertion - distance)
+        # Alternate: a turn one way, twice back, and so on, so that the shaft does not wind up.
+        self._roll_goal = self.settings.roll_step * ((self.attempts + 1) // 2) * (-1) ** self.attempts
+
+    def _retreat(self, seen: Observation, interval: float) -> None:
+        assert self._retreat_until is not None
+        self._insertion = min(self._insertion, seen.insertion) - self.settings.retreat_rate * interval
+        if self._insertion <= self._retreat_until:
+            self._retreat_until = None
+            self._best_time = seen.time
+
+    def _advance(self, seen: Observation, interval: float) -> None:
+        spare = 1 - max(
+            seen.link_forces[-8:].max() / self.settings.tip_force_limit,
+            seen.push_force / self.settings.push_force_limit,
+        )
+        rate = self.settings.advance_rate * float(np.clip(2 * spare, 0.15, 1.0))
+        # The hand never aims far beyond where the shaft is: the push would only build up.
+        self._insertion = min(self._insertion + rate * interval, seen.insertion + 0.01)
+
+    def _pulls(self) -> Float[np.ndarray, "4"]:
+        up, left = self._bend * self._pull_per_angle
+        return np.clip(np.array([up, left, -up, -left]), 0.0, self._pull_limit)

@@ -1,0 +1,148 @@
+"""One run: a scope driven into a colon, recorded and scored."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from haustra.envs.engine.native import NativeEngine, Observation
+from haustra.envs.follower import FollowerSettings, LumenFollower
+from haustra.envs.measure.progress import ArcTracker
+from haustra.envs.outcome import Outcome
+from haustra.models.scene import Scene
+
+CONTROL_INTERVAL = 0.02
+"""Time between two decisions of the driver, and between two records [s]; engineering choice: 50 Hz."""
+
+_CAECUM_MARGIN = 0.03
+"""The caecum counts as reached this far before the end of the centreline [m]; engineering choice."""
+
+_GIVE_UP = 8
+"""Attempts without progress after which a run counts as stuck."""
+
+Progress = Callable[[float, float], None]
+"""Called with simulated time [s] and tip arc length [m]."""
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """What was recorded at every control interval."""
+
+    time: Float[np.ndarray, " records"]
+    """[s]."""
+    qpos: Float[np.ndarray, "records positions"]
+    """Generalised positions [m, rad]."""
+    ctrl: Float[np.ndarray, "records actuators"]
+    """Controls that led to the record [m, rad, N, 1]."""
+    tip: Float[np.ndarray, "records 3"]
+    """Tip position [m]."""
+    insertion: Float[np.ndarray, " records"]
+    """Length past the anus [m]."""
+    tip_arc: Float[np.ndarray, " records"]
+    """Arc length of the centreline next to the tip [m]."""
+    push_force: Float[np.ndarray, " records"]
+    """Force of the hand [N]."""
+    torque: Float[np.ndarray, " records"]
+    """Torque of the hand [N m]."""
+    wall_force: Float[np.ndarray, " records"]
+    """Largest resultant wall force on one link [N]."""
+    wall_force_link: Float[np.ndarray, " records"]
+    """Distance from the tip of the link that bears it [m]."""
+    contacts: Float[np.ndarray, " records"]
+    """Contacts that carry force."""
+
+
+@dataclass(frozen=True)
+class Insertion:
+    """A finished run."""
+
+    outcome: Outcome
+    trajectory: Trajectory
+    shape: Float[np.ndarray, "nodes 3"]
+    """Points along the scope at the end [m]."""
+    tip_frame: Float[np.ndarray, "3 3"]
+    """Columns: wire 'up', wire 'left', viewing direction at the end."""
+    wall_clock: float
+    """Time that stepping and deciding took [s]."""
+    attempts: int
+    """Times that the driver had backed off since its last progress."""
+
+
+def run_insertion(
+    scene: Scene, *, seconds: float, settings: FollowerSettings | None = None, progress: Progress | None = None
+) -> Insertion:
+    """Let the lumen follower drive the scope for up to `seconds` of simulated time.
+
+    A diverged run ends at once; its last, unsound state is not recorded.
+    """
+    engine = NativeEngine(scene)
+    line = scene.colon.centreline
+    start = scene.options.start_depth
+    tracker = ArcTracker(line, start=start)
+    follower = LumenFollower(line, scene.design, start_depth=start, settings=settings)
+    steps = max(1, round(CONTROL_INTERVAL / scene.options.timestep))
+    interval = steps * scene.options.timestep
+    rows: list[tuple] = []
+    seen = engine.observe()
+    outcome = Outcome.TIME_UP
+    began = time.perf_counter()
+    while seen.time < seconds - interval / 2:
+        inputs = follower.act(seen, tracker.arc, interval)
+        if not engine.step(inputs, steps):
+            outcome = Outcome.DIVERGED
+            break
+        seen = engine.observe()
+        tracker.update(seen.tip)
+        rows.append(_record(engine, seen, tracker.arc))
+        if progress and len(rows) % 25 == 0:
+            progress(seen.time, tracker.arc)
+        if ended := _ended(scene, seen, tracker.arc, follower):
+            outcome = ended
+            break
+    return Insertion(
+        outcome=outcome,
+        trajectory=_trajectory(rows, engine),
+        shape=engine.shape(),
+        tip_frame=seen.tip_frame,
+        wall_clock=time.perf_counter() - began,
+        attempts=follower.attempts,
+    )
+
+
+def _ended(scene: Scene, seen: Observation, arc: float, follower: LumenFollower) -> Outcome | None:
+    if arc >= scene.colon.centreline.length - _CAECUM_MARGIN:
+        return Outcome.REACHED_CAECUM
+    if seen.insertion >= scene.cable.length - 0.005:
+        return Outcome.FULLY_INSERTED
+    if follower.attempts > _GIVE_UP:
+        return Outcome.STUCK
+    return None
+
+
+def _record(engine: NativeEngine, seen: Observation, arc: float) -> tuple:
+    worst = int(np.argmax(seen.link_forces))
+    behind = engine.scene.cable.length - np.concatenate([[0.0], engine.scene.cable.joint_positions])[worst]
+    return (
+        seen.time,
+        engine.data.qpos.copy(),
+        engine.data.ctrl.copy(),
+        seen.tip,
+        seen.insertion,
+        arc,
+        seen.push_force,
+        seen.torque,
+        seen.link_forces[worst],
+        behind,
+        float(seen.contacts),
+    )
+
+
+def _trajectory(rows: list[tuple], engine: NativeEngine) -> Trajectory:
+    if not rows:
+        empty = np.zeros(0)
+        model = engine.model
+        wide = (np.zeros((0, model.nq)), np.zeros((0, model.nu)), np.zeros((0, 3)))
+        return Trajectory(empty, *wide, *[empty] * 7)
+    return Trajectory(*(np.array(column, dtype=float) for column in zip(*rows, strict=True)))

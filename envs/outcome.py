@@ -1,0 +1,27 @@
+"""How a run ended."""
+
+from enum import Enum
+
+
+class Outcome(Enum):
+    """The one reason why a run stopped; `advice` says what a user can do about it."""
+
+    TIME_UP = "time_up"
+    REACHED_CAECUM = "reached_caecum"
+    STUCK = "stuck"
+    FULLY_INSERTED = "fully_inserted"
+    DIVERGED = "diverged"
+
+    @property
+    def advice(self) -> str:
+        """One sentence for the report."""
+        return _ADVICE[self]
+
+
+_ADVICE = {
+    Outcome.TIME_UP: "The time asked for is over; ask for more with --seconds.",
+    Outcome.REACHED_CAECUM: "The tip is in the caecum.",
+    Outcome.STUCK: "The tip made no progress in spite of repeated attempts; see where the wall force acts.",
+    Outcome.FULLY_INSERTED: "The whole working length is inside; a longer scope, or a straighter path, would go further.",
+    Outcome.DIVERGED: "The simulation became unstable: halve the timestep, or soften what was made stiffer.",
+}
