@@ -1,7 +1,7 @@
 """A lumen follower: drives a scope without a human, by the lumen's axis ahead of the tip.
 
-It knows the centreline and the wall forces, which a real device does not: a baseline and a demonstration, not a rival to
-a policy that sees only what a camera shows.
+It knows the centreline and the wall forces, which a real device does not: a baseline and a demonstration, not a rival
+to a policy that sees only what a camera shows.
 """
 
 import math
@@ -39,6 +39,8 @@ class FollowerSettings:
     """How far it turns the shaft after backing off [rad]."""
     roll_rate: float = math.radians(90)
     """How fast it turns the shaft [rad/s]."""
+    hand_lead_limit: float = 0.01
+    """How far the hand aims beyond where the shaft is [m]."""
     patience: float = 2.5
     """Time without progress after which it backs off [s]."""
 
@@ -46,10 +48,8 @@ class FollowerSettings:
 class LumenFollower:
     """Push, steer along the lumen ahead, rotate, back off when the wall force rises."""
 
-    def __init__(
-        self, line: Centreline, design: ScopeDesign, *, start_depth: float, settings: FollowerSettings | None = None
-    ) -> None:
-        """Begin with the tip `start_depth` [m] past the anus."""
+    def __init__(self, line: Centreline, design: ScopeDesign, *, settings: FollowerSettings | None = None) -> None:
+        """Get to know the lumen's axis and the scope's wires."""
         self.settings = settings or FollowerSettings()
         self._line = line
         bending = design.bending
@@ -57,8 +57,7 @@ class LumenFollower:
         self._pull_per_angle = bending.flexural_rigidity / (design.tendons.routing_radius * bending.length)
         self._pull_limit = design.tendons.pull_limit
         self._bend_limit = math.radians(min(design.bending_limit_up_down_deg, design.bending_limit_left_right_deg))
-        self._insertion = start_depth
-        self._roll = self._roll_goal = 0.0
+        self._roll_goal = 0.0
         self._bend = np.zeros(2)
         self._best_arc, self._best_time = -math.inf, 0.0
         self._retreat_until: float | None = None
@@ -72,13 +71,12 @@ class LumenFollower:
             self._best_arc, self._best_time, self.attempts = arc, seen.time, 0
         if self._retreat_until is None and self._should_back_off(seen):
             self._begin_retreat(seen)
-        if self._retreat_until is not None:
-            self._retreat(seen, interval)
-        else:
-            self._advance(seen, interval)
-        turn = self.settings.roll_rate * interval
-        self._roll += float(np.clip(self._roll_goal - self._roll, -turn, turn))
-        return Inputs(insertion=self._insertion, roll=self._roll, pulls=self._pulls())
+        if self._retreat_until is not None and seen.insertion <= self._retreat_until:
+            self._retreat_until, self._best_time = None, seen.time
+        push_rate = self._advance_rate(seen, interval) if self._retreat_until is None else -self.settings.retreat_rate
+        turn = self.settings.roll_rate
+        roll_rate = float(np.clip((self._roll_goal - seen.roll) / interval, -turn, turn))
+        return Inputs(push_rate=push_rate, roll_rate=roll_rate, pulls=self._pulls())
 
     def _steer(self, seen: Observation, arc: float, interval: float) -> None:
         target = self._line.points[
@@ -114,21 +112,14 @@ class LumenFollower:
         # Alternate: a turn one way, twice back, and so on, so that the shaft does not wind up.
         self._roll_goal = self.settings.roll_step * ((self.attempts + 1) // 2) * (-1) ** self.attempts
 
-    def _retreat(self, seen: Observation, interval: float) -> None:
-        assert self._retreat_until is not None
-        self._insertion = min(self._insertion, seen.insertion) - self.settings.retreat_rate * interval
-        if self._insertion <= self._retreat_until:
-            self._retreat_until = None
-            self._best_time = seen.time
-
-    def _advance(self, seen: Observation, interval: float) -> None:
+    def _advance_rate(self, seen: Observation, interval: float) -> float:
         spare = 1 - max(
             seen.link_forces[-8:].max() / self.settings.tip_force_limit,
             seen.push_force / self.settings.push_force_limit,
         )
         rate = self.settings.advance_rate * float(np.clip(2 * spare, 0.15, 1.0))
         # The hand never aims far beyond where the shaft is: the push would only build up.
-        self._insertion = min(self._insertion + rate * interval, seen.insertion + 0.01)
+        return min(rate, (self.settings.hand_lead_limit - seen.hand_lead) / interval)
 
     def _pulls(self) -> Float[np.ndarray, "4"]:
         up, left = self._bend * self._pull_per_angle

@@ -81,7 +81,7 @@ def run_insertion(
     line = scene.colon.centreline
     start = scene.options.start_depth
     tracker = ArcTracker(line, start=start)
-    follower = LumenFollower(line, scene.design, start_depth=start, settings=settings)
+    follower = LumenFollower(line, scene.design, settings=settings)
     steps = max(1, round(CONTROL_INTERVAL / scene.options.timestep))
     interval = steps * scene.options.timestep
     rows: list[tuple] = []

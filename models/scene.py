@@ -22,7 +22,7 @@ from haustra.quantity import load_quantities
 _CONTACT = load_quantities(asset("numbers/contact.toml"))
 
 ENTRY_STRETCH = 0.03
-"""The scope enters along the mean direction of this much centreline [m]; engineering choice: the anal canal is 40 mm."""
+"""The scope enters along the mean direction of this much centreline [m]; engineering choice."""
 
 _WALL_GROUP, _LUMEN_GROUP = 3, 1
 """Geom groups: MuJoCo's viewer hides group 3 (collision pieces) and shows group 1."""
@@ -43,7 +43,7 @@ class SceneOptions:
     wall_stiffness: float = _CONTACT["contact.wall_stiffness"].value
     """Normal stiffness of a contact with the wall [N/m]."""
     wall_damping_time: float = 0.005
-    """Damping over stiffness of the wall [s]; engineering choice: small, since sliding adds mu*c*v to the normal force."""
+    """Damping over stiffness of the wall [s]; engineering choice: small, since sliding adds mu c v to the normal force."""
     friction: float = _CONTACT["contact.friction"].value
     """Coulomb coefficient between scope and wall [1]."""
     push_limit: float = 30.0
@@ -97,7 +97,7 @@ class Scene:
         return self.spec.compile()
 
     def save(self, path: Path) -> Path:
-        """Write the scene as one file that MuJoCo's own viewer opens: .mjz (with meshes inside) or .xml (meshes inline).
+        """Write the scene as one file that MuJoCo's own viewer opens: .mjz (meshes inside) or .xml (meshes inline).
 
         Raises:
             OutputError: for another suffix, or when the file cannot be written.

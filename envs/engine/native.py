@@ -29,10 +29,10 @@ _FATAL = (
 class Inputs:
     """What the hand and the wheels ask for, until the next call."""
 
-    insertion: float
-    """Length of scope past the anus that the hand aims at [m]."""
-    roll: float
-    """Angle of the handle about the shaft that the hand aims at [rad]."""
+    push_rate: float
+    """Speed at which the hand pushes the shaft in [m/s]."""
+    roll_rate: float
+    """Speed at which the hand turns the shaft [rad/s]."""
     pulls: Float[np.ndarray, "4"]
     """Pull of each wire: up, left, down, right [N]."""
 
@@ -47,6 +47,8 @@ class Observation:
     """Length of scope past the anus [m]."""
     roll: float
     """Angle of the handle [rad]."""
+    hand_lead: float
+    """How far the position that the hand aims at is ahead of the shaft [m]."""
     tip: Float[np.ndarray, "3"]
     """Position of the tip [m]."""
     tip_frame: Float[np.ndarray, "3 3"]
@@ -95,8 +97,8 @@ class NativeEngine:
     def step(self, inputs: Inputs, count: int) -> bool:
         """Advance by `count` time steps; False when the simulation has diverged."""
         control = self.data.ctrl
-        control[self._push] = inputs.insertion - self._start
-        control[self._roll] = inputs.roll
+        control[self._push] = inputs.push_rate
+        control[self._roll] = inputs.roll_rate
         control[self._pulls] = inputs.pulls
         self._lock_outside(self.insertion)
         mujoco.mj_step(self.model, self.data, count)
@@ -123,6 +125,7 @@ class NativeEngine:
             time=data.time,
             insertion=self.insertion,
             roll=float(data.qpos[1]),
+            hand_lead=float(data.act[0] - data.qpos[0]),
             tip=data.site_xpos[self._tip].copy(),
             tip_frame=frame.copy(),
             bend=np.array([data.qpos[self._bend_up].sum(), -data.qpos[self._bend_left].sum()]),

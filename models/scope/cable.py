@@ -16,14 +16,20 @@ from haustra.models.scope.cells import Cell
 from haustra.models.scope.design import ScopeDesign
 
 LOCK_STIFFNESS = 2.0e4
-"""Stiffness of a joint held straight outside the patient [N m/rad]; engineering choice: 10^4 times that of a shaft joint,
-so that a metre of shaft outside deflects under 0.1 mm/N."""
+"""Stiffness of a joint held straight outside the patient [N m/rad]; engineering choice: over 10^4 times that of a shaft
+joint, so that the shaft outside stays straight under any push."""
 
 LOCK_LOSS_TIME = 0.01
 """Damping over stiffness of a lock [s]; engineering choice, above the time step so that it is linearly implicit."""
 
 ARMATURE_FACTOR = 0.25
 """Armature of a sprung hinge over (damping x time step); measured: 0.25 ends contact chatter at 4 ms, 0 does not."""
+
+HAND_PUSH = (4000.0, 80.0)
+"""Stiffness [N/m] and damping [N s/m] of the hand along the shaft; engineering choice: 20 N move it by 5 mm."""
+
+HAND_ROLL = (20.0, 0.4)
+"""Stiffness [N m/rad] and damping [N m s/rad] of the hand about the shaft; engineering choice."""
 
 HANDLE_MASS = 0.5
 """Mass of handle and hand that move with a push [kg]; engineering choice."""
@@ -69,9 +75,9 @@ def add_scope(
 ) -> Cable:
     """Add a straight scope to a scene, its tip `inserted` metres past the entry.
 
-    Joints: slide `scope/push` and hinge `scope/roll` at the handle end, then hinges `scope/bend_x_i` and `scope/bend_y_i`
-    in the middle of each cell, and `twist_hinges` hinges `scope/twist_i` spread over the length.
-    Actuators: `scope/push` [m], `scope/roll` [rad], `scope/pull_up|left|down|right` [N], and two locks a joint [0..1].
+    Joints: slide `scope/push` and hinge `scope/roll` at the handle end, then hinges `scope/bend_x_i` and
+    `scope/bend_y_i` in the middle of each cell, and `twist_hinges` hinges `scope/twist_i` spread over the length.
+    Actuators: `scope/push` [m/s], `scope/roll` [rad/s], `scope/pull_up|left|down|right` [N], two locks a joint [0..1].
 
     Args:
         spec: the scene to add to.
@@ -195,14 +201,16 @@ def _add_lock(spec, joint: str) -> str:
 
 
 def _add_handle_actuators(spec, *, push_limit: float, torque_limit: float) -> None:
-    for name, stiffness, damping, limit in (
-        ("scope/push", 4000.0, 80.0, push_limit),
-        ("scope/roll", 20.0, 0.4, torque_limit),
+    """Hand: its control is a speed; the position it aims at is integrated from it, so that force stays smooth."""
+    for name, (stiffness, damping), limit in (
+        ("scope/push", HAND_PUSH, push_limit),
+        ("scope/roll", HAND_ROLL, torque_limit),
     ):
         spec.add_actuator(
             name=name,
             trntype=mujoco.mjtTrn.mjTRN_JOINT,
             target=name,
+            dyntype=mujoco.mjtDyn.mjDYN_INTEGRATOR,
             gaintype=mujoco.mjtGain.mjGAIN_FIXED,
             gainprm=[stiffness, *[0] * 9],
             biastype=mujoco.mjtBias.mjBIAS_AFFINE,
