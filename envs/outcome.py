@@ -22,6 +22,6 @@ _ADVICE = {
     Outcome.TIME_UP: "The time asked for is over; ask for more with --seconds.",
     Outcome.REACHED_CAECUM: "The tip is in the caecum.",
     Outcome.STUCK: "The tip made no progress in spite of repeated attempts; see where the wall force acts.",
-    Outcome.FULLY_INSERTED: "The whole working length is inside; only a longer scope or a straighter path goes further.",
+    Outcome.FULLY_INSERTED: "The whole working length is inside; a longer scope would go further.",
     Outcome.DIVERGED: "The simulation became unstable: halve the timestep, or soften what was made stiffer.",
 }

@@ -43,7 +43,7 @@ class SceneOptions:
     wall_stiffness: float = _CONTACT["contact.wall_stiffness"].value
     """Normal stiffness of a contact with the wall [N/m]."""
     wall_damping_time: float = 0.005
-    """Damping over stiffness of the wall [s]; engineering choice: small, since sliding adds mu c v to the normal force."""
+    """Damping over stiffness of the wall [s]; engineering choice; sliding adds mu c v to the normal force."""
     friction: float = _CONTACT["contact.friction"].value
     """Coulomb coefficient between scope and wall [1]."""
     push_limit: float = 30.0

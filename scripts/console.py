@@ -1,6 +1,7 @@
 """What a person sees: progress on stderr, results on stdout."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 
 
 def summary(result: Mapping[str, object]) -> None:
@@ -22,3 +23,21 @@ def _rows(result: Mapping[str, object], prefix: str = ""):
             yield f"{prefix}{name}", "; ".join(map(str, value)) or "none"
         else:
             yield f"{prefix}{name}", f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+@contextmanager
+def progress_bar(title: str, total: float, *, unit: str) -> Iterator[Callable[[float, str], None]]:
+    """A bar on stderr; yields a function that takes what is done so far and a note."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn(f"{{task.completed:.4g}}/{{task.total:.4g}} {unit}"),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[note]}"),
+    )
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task(title, total=total, note="")
+        yield lambda done, note: bar.update(task, completed=done, note=note)

@@ -1,0 +1,70 @@
+"""`haustra run`: drive a scope through a colon and score it."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Run:
+    """Drive a scope through a colon; leave scores, trajectory, pictures and a report."""
+
+    colon: Path
+    """Folder of a colon, from `haustra colon import` or `haustra colon grow`."""
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+    """Folder for the run."""
+    design: str = "adult"
+    """Name of a scope design: adult, paediatric."""
+    wall: Literal["coacd", "prism"] = "coacd"
+    """Which wall to use; it is built first if the colon's folder does not have it."""
+    seconds: float = 60.0
+    """Simulated time [s]."""
+    friction: float | None = None
+    """Coulomb coefficient between scope and wall; the sourced default when not given."""
+    wall_stiffness: float | None = None
+    """Normal stiffness of a contact with the wall [N/m]; the sourced default when not given."""
+    push_limit: float | None = None
+    """Largest push of the hand [N]."""
+    timestep: float | None = None
+    """Integration step [s]."""
+    gravity: tuple[float, float, float] | None = None
+    """Gravity in the colon's frame [m/s^2]; none when not given."""
+    json: bool = field(default=False)
+    """Print one JSON document instead of a table."""
+
+    def __call__(self) -> dict[str, Any]:
+        """Build the scene, run it, write everything."""
+        from haustra.envs.run_folder import write_run
+        from haustra.files import prepare_folder
+        from haustra.models.anatomy.store import load_colon
+        from haustra.models.scene import SceneOptions, build_scene
+        from haustra.models.scope.library import named_design
+        from haustra.scripts.console import progress_bar
+        from haustra.scripts.wall import wall_of
+
+        design = named_design(self.design)
+        options = SceneOptions(**self._options())
+        _require_seconds(self.seconds)
+        colon = load_colon(self.colon)
+        folder = prepare_folder(self.output)
+        wall = wall_of(self.colon, colon, self.wall)
+        scene = build_scene(colon, wall, design, options)
+
+        from haustra.envs.insertion import run_insertion
+
+        with progress_bar("simulate", self.seconds, unit="s") as advance:
+            run = run_insertion(scene, seconds=self.seconds, progress=lambda time, arc: advance(time, f"tip at {arc:.2f} m"))
+        return write_run(folder, scene=scene, wall=wall, run=run, seconds=self.seconds)
+
+    def _options(self) -> dict[str, Any]:
+        names = ("friction", "wall_stiffness", "push_limit", "timestep", "gravity")
+        return {name: value for name in names if (value := getattr(self, name)) is not None}
+
+
+def _require_seconds(seconds: float) -> None:
+    from haustra.errors import InvalidOptionError
+
+    if not 0 < seconds <= 36000:
+        raise InvalidOptionError(f"--seconds is {seconds}; give a time between 0 and 36000 s.")
