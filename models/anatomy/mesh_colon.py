@@ -1,0 +1,219 @@
+"""A surface mesh becomes a colon."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from haustra.errors import InvalidMeshError, InvalidOptionError, UnreadableFileError
+from haustra.models.anatomy.centring import smooth_inside
+from haustra.models.anatomy.colon import Colon, Surface
+from haustra.models.anatomy.frames import arc_length, centreline_through
+from haustra.models.anatomy.landmarks import find_landmarks, segments_between
+from haustra.models.anatomy.lumen_grid import LumenGraph, lumen_graph
+from haustra.models.anatomy.mesh_file import read_mesh
+from haustra.models.anatomy.properties import Clearance, effective_diameter
+from haustra.models.anatomy.rays import LumenRays, radius_field
+from haustra.models.anatomy.repair import genus, repair, signed_volume
+from haustra.models.anatomy.route import farthest_from, lumen_ends, middle_route, nearest_point
+from haustra.provenance import Provenance, content_hash
+
+Units = Literal["mm", "cm", "m", "voxel"]
+"""Units of a file's coordinates."""
+METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+"""Metres in one unit of the file."""
+SHORTEST, LONGEST = 0.8, 2.6
+"""Length of a colon [m]: cohorts in assets/numbers/anatomy.toml reach from 0.68 m at laparotomy to 2.6 m by CT."""
+STATION_STEP = 2e-3
+"""Arc step of the centreline [m]: a tenth of the distance between folds."""
+ANGLES = 64
+"""Rays around each station: 2 mm apart on the wall of a wide colon."""
+END_CLEARANCE = 7e-3
+"""The centreline begins and ends where there is this much room [m]: an adult colonoscope's radius, 6.4 mm, and some."""
+LONGEST_TRIM = 0.15
+"""At most this much is left out at either end [m]: an appendix, or a collapsed anal canal."""
+END_STRETCH = 0.25
+"""Share of the path at either end whose width tells caecum from rectum."""
+
+
+@dataclass(frozen=True)
+class _Path:
+    """The way from anus to caecum through the grid."""
+
+    points: Float[np.ndarray, "points 3"]
+    notes: tuple[str, ...]
+
+
+def import_colon(
+    file: Path,
+    *,
+    units: Units,
+    spacing_mm: tuple[float, float, float] | None = None,
+    anus: tuple[float, float, float] | None = None,
+    name: str | None = None,
+    progress: Callable[[str], None] = lambda stage: None,
+) -> Colon:
+    """Make a colon of a closed lumen surface in an STL, OBJ or PLY file.
+
+    Args:
+        file: The mesh.
+        units: Units of its coordinates.
+        spacing_mm: Size of a voxel along x, y and z [mm]; needed with units 'voxel', refused otherwise.
+        anus: Position of the anus in the file's units; found automatically when left out.
+        name: What to call the colon; the file's name when left out.
+        progress: Called with the name of each stage as it begins.
+
+    Raises:
+        UnreadableFileError: when the file cannot be read as a mesh.
+        InvalidMeshError: when the mesh cannot serve as a lumen, or its length is not a colon's in these units.
+        InvalidOptionError: when units, spacing or anus do not fit.
+    """
+    scale = _scale(units, spacing_mm)
+    if anus is not None and not np.isfinite(anus).all():
+        raise InvalidOptionError("The position of the anus must be three finite numbers.")
+    progress("reading")
+    mesh = read_mesh(file)
+    source_hash = _file_hash(file)
+    progress("repairing")
+    repaired = repair(Surface(vertices=mesh.vertices * scale, faces=mesh.faces))
+    configuration = {"method": "mesh", "units": units, "spacing_mm": spacing_mm, "anus": anus}
+    return colon_from_surface(
+        repaired.surface,
+        name=name or file.stem,
+        provenance=Provenance(inputs={file.name: source_hash}, configuration=configuration),
+        anus=None if anus is None else np.asarray(anus, dtype=float) * scale,
+        units=units,
+        notes=repaired.notes,
+        progress=progress,
+    )
+
+
+def colon_from_surface(
+    surface: Surface,
+    *,
+    name: str,
+    provenance: Provenance,
+    anus: Float[np.ndarray, "3"] | None = None,
+    units: Units = "m",
+    notes: tuple[str, ...] = (),
+    progress: Callable[[str], None] = lambda stage: None,
+) -> Colon:
+    """Find centreline, radius field and segments of a closed, outward-wound lumen surface.
+
+    Args:
+        surface: The lumen [m].
+        name: What to call the colon.
+        provenance: Where the surface comes from.
+        anus: Position of the anus [m]; found automatically when left out.
+        units: Units that were assumed, for the message when the scale is not a colon's.
+        notes: What was done before, put in front of the colon's warnings.
+        progress: Called with the name of each stage as it begins.
+
+    Raises:
+        InvalidMeshError: when the surface has no lumen from end to end, or its length is not a colon's.
+    """
+    progress("filling the lumen")
+    graph = lumen_graph(surface, volume=signed_volume(surface.vertices, surface.faces))
+    progress("finding the way through")
+    path = _way_through(graph, anus)
+    check_length(float(arc_length(path.points)[-1]), units)
+    progress("smoothing the centreline")
+    rays, clearance = LumenRays(surface), Clearance(surface)
+    trimmed, trim_notes = _trim(path.points, clearance(path.points))
+    line = centreline_through(smooth_inside(trimmed, rays, clearance), STATION_STEP)
+    progress("measuring the radius")
+    radius = radius_field(rays, line.points, line.frames, ANGLES)
+    landmarks = find_landmarks(line, effective_diameter(radius))
+    if handles := genus(surface.faces):
+        notes += (f"The surface has {handles} handles: loops or folds touch; the centreline keeps to the widest way.",)
+    if graph.dropped:
+        notes += (f"{graph.dropped * graph.spacing**3 * 1e6:.1f} mL lie in pockets that nothing joins to the lumen.",)
+    return Colon(
+        name=name,
+        lumen=surface,
+        centreline=line,
+        radius=radius,
+        segments=segments_between(landmarks.places, line.length),
+        provenance=provenance,
+        landmarks=landmarks.places,
+        warnings=(*notes, *path.notes, *trim_notes, *landmarks.notes),
+    )
+
+
+def check_length(length: float, units: Units) -> None:
+    """Refuse a length [m] that no colon has, naming the unit that would make it one.
+
+    Raises:
+        InvalidMeshError: when the length is not within `SHORTEST` and `LONGEST`.
+    """
+    if SHORTEST <= length <= LONGEST:
+        return
+    fitting = [
+        unit
+        for unit, metres in METRES.items()
+        if unit != units and SHORTEST <= length / METRES.get(units, 1e-3) * metres <= LONGEST
+    ]
+    advice = (
+        f"the file is probably in {fitting[0]}" if fitting else "check the units, and that the whole colon is there"
+    )
+    raise InvalidMeshError(
+        f"The lumen is {length:.3g} m long in units '{units}', but a colon is {SHORTEST}-{LONGEST} m: {advice}."
+    )
+
+
+def _scale(units: Units, spacing_mm: tuple[float, float, float] | None) -> Float[np.ndarray, "3"]:
+    """Metres in one unit of the file along each axis."""
+    if units not in (*METRES, "voxel"):
+        raise InvalidOptionError(f"Unit '{units}' is not known. Known: {', '.join((*METRES, 'voxel'))}.")
+    if (units == "voxel") != (spacing_mm is not None):
+        raise InvalidOptionError("A voxel spacing in mm goes with units 'voxel', and only with them.")
+    if spacing_mm is None:
+        return np.full(3, METRES[units])
+    if not all(np.isfinite(spacing_mm)) or min(spacing_mm) <= 0:
+        raise InvalidOptionError(f"Voxel spacing {spacing_mm} mm must be three positive numbers.")
+    return np.asarray(spacing_mm, dtype=float) * 1e-3
+
+
+def _file_hash(file: Path) -> str:
+    try:
+        return content_hash(file.read_bytes())
+    except OSError as error:
+        raise UnreadableFileError(f"Cannot read '{file}': {error.strerror or error}.") from error
+
+
+def _way_through(graph: LumenGraph, anus: Float[np.ndarray, "3"] | None) -> _Path:
+    """The middle way from anus to caecum.
+
+    The ends of the lumen are the two points farthest apart inside it. The anus is the lower one (z up), and the
+    caecal quarter should be the wider one; a note says so when it is not.
+    """
+    if anus is not None:
+        start = nearest_point(graph, anus)
+        return _Path(graph.points[middle_route(graph, start, farthest_from(graph, start))], ())
+    one, other = lumen_ends(graph)
+    start, end = sorted((one, other), key=lambda point: graph.points[point, 2])
+    route = middle_route(graph, start, end)
+    width = graph.clearance[route]
+    stretch = max(int(END_STRETCH * len(route)), 1)
+    if width[:stretch].mean() <= width[-stretch:].mean():
+        return _Path(graph.points[route], ())
+    note = "The lower end was taken for the anus (z up), although it is the wider one: name the anus if it is not."
+    return _Path(graph.points[route], (note,))
+
+
+def _trim(
+    points: Float[np.ndarray, "points 3"], clearance: Float[np.ndarray, " points"]
+) -> tuple[Float[np.ndarray, "points 3"], tuple[str, ...]]:
+    """Leave out what is too narrow for a scope at either end, and say how much."""
+    arc = arc_length(points)
+    enough = np.flatnonzero(clearance >= min(END_CLEARANCE, float(np.median(clearance))))
+    first = min(enough[0], int(np.searchsorted(arc, LONGEST_TRIM)))
+    last = max(enough[-1], int(np.searchsorted(arc, arc[-1] - LONGEST_TRIM)))
+    note = (
+        f"The centreline begins {arc[first] * 1e3:.0f} mm inside the anal end and ends {(arc[-1] - arc[last]) * 1e3:.0f} mm "
+        "before the caecal one, where there is room for a scope."
+    )
+    return points[first : last + 1], (note,)
