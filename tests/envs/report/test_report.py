@@ -31,7 +31,7 @@ SCORES = {
 def run(tmp_path: Path) -> Path:
     (tmp_path / "scores.json").write_text(json.dumps(SCORES), encoding="utf-8")
     time = np.linspace(0, 60, 200)
-    np.savez(tmp_path / "trajectory.npz", time=time, insertion=0.01 * time, push_force=np.sin(time), torque=np.cos(time))
+    np.savez(tmp_path / "trajectory.npz", time=time, insertion=0.01 * time, push_force=np.sin(time), torque=0 * time)
     write_png(tmp_path / "outside.png", np.full((8, 9, 3), 200, np.uint8))
     return tmp_path
 
