@@ -14,6 +14,9 @@ from haustra.envs.engine.native import Inputs, Observation
 from haustra.models.anatomy.colon import Centreline
 from haustra.models.scope.design import ScopeDesign
 
+_STEP_FORWARD = 0.003
+"""Gain in arc length that counts as progress [m]; engineering choice above the centreline's spacing of 2 mm."""
+
 
 @dataclass(frozen=True)
 class FollowerSettings:
@@ -59,7 +62,8 @@ class LumenFollower:
         self._bend_limit = math.radians(min(design.bending_limit_up_down_deg, design.bending_limit_left_right_deg))
         self._roll_goal = 0.0
         self._bend = np.zeros(2)
-        self._best_arc, self._best_time = -math.inf, 0.0
+        self._best_arc = self._local_arc = -math.inf
+        self._local_time = 0.0
         self._retreat_until: float | None = None
         self.attempts = 0
         """Times that it backed off since the last progress."""
@@ -67,12 +71,14 @@ class LumenFollower:
     def act(self, seen: Observation, arc: float, interval: float) -> Inputs:
         """Inputs for the next `interval` [s], given what was seen and the tip's arc length [m]."""
         self._steer(seen, arc, interval)
-        if arc > self._best_arc + 0.005:
-            self._best_arc, self._best_time, self.attempts = arc, seen.time, 0
+        if arc > self._local_arc + _STEP_FORWARD:
+            self._local_arc, self._local_time = arc, seen.time
+        if arc > self._best_arc + _STEP_FORWARD:
+            self._best_arc, self.attempts = arc, 0
         if self._retreat_until is None and self._should_back_off(seen):
             self._begin_retreat(seen)
         if self._retreat_until is not None and seen.insertion <= self._retreat_until:
-            self._retreat_until, self._best_time = None, seen.time
+            self._retreat_until, self._local_arc, self._local_time = None, arc, seen.time
         push_rate = self._advance_rate(seen, interval) if self._retreat_until is None else -self.settings.retreat_rate
         turn = self.settings.roll_rate
         roll_rate = float(np.clip((self._roll_goal - seen.roll) / interval, -turn, turn))
@@ -95,7 +101,7 @@ class LumenFollower:
 
     def _should_back_off(self, seen: Observation) -> bool:
         tip_force = seen.link_forces[-8:].max()
-        waiting = seen.time - self._best_time
+        waiting = seen.time - self._local_time
         return bool(
             waiting > 0.5
             and (

@@ -17,7 +17,7 @@ from haustra.provenance import Provenance
 def write_run(folder: Path, *, scene: Scene, wall: Wall, run: Insertion, seconds: float) -> dict[str, object]:
     """Write a finished run into `folder` and return its scores.
 
-    Files: scores.json, trajectory.npz, scene.mjz, outside.png, tip.png, forces.png, report.html.
+    Files: scores.json, trajectory.npz, scene.xml, outside.png, tip.png, forces.png, report.html.
 
     Raises:
         OutputError: when the folder cannot be written to.
@@ -30,6 +30,6 @@ def write_run(folder: Path, *, scene: Scene, wall: Wall, run: Insertion, seconds
     scores = score(scene, run, provenance)
     arrays = {**asdict(run.trajectory), "shape": run.shape, "tip_frame": run.tip_frame}
     write_atomically(folder / "trajectory.npz", lambda path: np.savez_compressed(path, allow_pickle=False, **arrays))
-    scene.save(folder / "scene.mjz")
+    scene.save(folder / "scene.xml")
     write_json(folder / "scores.json", scores)
     return scores

@@ -103,10 +103,14 @@ class Scene:
             OutputError: for another suffix, or when the file cannot be written.
         """
         if path.suffix == ".mjz":
-            return write_atomically(path, lambda temporary: self.spec.to_zip(str(temporary)))
+            return write_atomically(path, self._write_zip)
         if path.suffix == ".xml":
             return write_atomically(path, lambda temporary: temporary.write_text(self.spec.to_xml(), encoding="utf-8"))
         raise OutputError(f"Cannot save a scene as '{path.name}': use .mjz or .xml.")
+
+    def _write_zip(self, path: Path) -> None:
+        with path.open("wb") as file:
+            self.spec.to_zip(file)
 
     def configuration(self) -> dict[str, object]:
         """Options and design as plain JSON values, for provenance."""
@@ -145,7 +149,8 @@ def build_scene(
     if not any(options.gravity):
         left_out["gravity"] = "the patient's posture is not known; the scope's weight is about 3 N per metre"
     return Scene(
-        spec=spec,
+        # Through text and back, so that the scene that runs is, to the bit, the scene that is saved.
+        spec=mujoco.MjSpec.from_string(spec.to_xml()),
         cable=cable,
         colon=colon,
         design=design,

@@ -55,7 +55,9 @@ class Run:
         from haustra.envs.insertion import run_insertion
 
         with progress_bar("simulate", self.seconds, unit="s") as advance:
-            run = run_insertion(scene, seconds=self.seconds, progress=lambda time, arc: advance(time, f"tip at {arc:.2f} m"))
+            run = run_insertion(
+                scene, seconds=self.seconds, progress=lambda time, arc: advance(time, f"tip at {arc:.2f} m")
+            )
         return write_run(folder, scene=scene, wall=wall, run=run, seconds=self.seconds)
 
     def _options(self) -> dict[str, Any]:

@@ -1,0 +1,84 @@
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from haustra.envs.engine.native import Inputs, NativeEngine
+from haustra.errors import InvalidOptionError, OutputError
+from haustra.models.scene import Scene, SceneOptions, build_scene
+from haustra.models.scope.library import named_design
+from tests.tube_colon import straight_tube, wedge_wall
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return build_scene(straight_tube(), wedge_wall(), named_design("adult"))
+
+
+def test_the_scope_weighs_what_its_modelled_length_weighs(scene):
+    model = scene.compile()
+    expected = scene.design.mass_per_length * scene.cable.length
+    # The tip's cap stops its capsule one radius short of the end.
+    assert model.body_mass.sum() == pytest.approx(
+        expected, abs=scene.design.mass_per_length * scene.cable.radius * 1.01
+    )
+
+
+def test_only_scope_and_wall_touch(scene):
+    model = scene.compile()
+    scope = np.array([model.geom(name).id for name in scene.cable.geoms])
+    assert (model.geom_conaffinity[scope] == 1).all()
+    assert (model.geom_contype[scope] == 0).all()
+    others = np.setdiff1d(np.arange(model.ngeom), scope)
+    assert (model.geom_conaffinity[others] == 0).all()
+
+
+def _load(path: Path) -> mujoco.MjModel:
+    if path.suffix == ".xml":
+        return mujoco.MjModel.from_xml_path(str(path))
+    with path.open("rb") as file:
+        return mujoco.MjSpec.from_zip(file).compile()
+
+
+@pytest.mark.parametrize("suffix", [".mjz", ".xml"])
+def test_a_saved_scene_steps_to_the_same_trajectory_in_plain_mujoco(scene, tmp_path: Path, suffix):
+    engine = NativeEngine(scene)
+    inputs = Inputs(push_rate=0.05, roll_rate=0.2, pulls=np.array([6.0, 2.0, 0.0, 0.0]))
+    controls = []
+    for _ in range(60):
+        assert engine.step(inputs, 5)
+        controls.append(engine.data.ctrl.copy())
+    saved = scene.save(tmp_path / f"scene{suffix}")
+
+    model = _load(saved)
+    data = mujoco.MjData(model)
+    for control in controls:
+        data.ctrl[:] = control
+        mujoco.mj_step(model, data, 5)
+    np.testing.assert_array_equal(data.qpos, engine.data.qpos)
+
+
+def test_a_scene_of_another_kind_of_file_is_refused(scene, tmp_path):
+    with pytest.raises(OutputError, match=r"use \.mjz or \.xml"):
+        scene.save(tmp_path / "scene.usd")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"timestep": float("nan")},
+        {"timestep": 0.5},
+        {"shaft_cell": 0.0},
+        {"gravity": (0.0, float("inf"), 0.0)},
+        {"push_limit": -3.0},
+    ],
+)
+def test_impossible_options_are_refused(change):
+    with pytest.raises(InvalidOptionError):
+        SceneOptions(**change)
+
+
+def test_a_horizon_shorter_than_the_tip_is_refused():
+    with pytest.raises(InvalidOptionError, match="insertion_limit"):
+        build_scene(straight_tube(), wedge_wall(), named_design("adult"), SceneOptions(insertion_limit=0.05))

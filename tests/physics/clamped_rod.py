@@ -1,0 +1,65 @@
+"""A uniform scope held at its handle end, all joints free: what cantilever theory speaks of."""
+
+import mujoco
+import numpy as np
+
+from haustra.models.scope.cable import Cable, add_scope
+from haustra.models.scope.cells import cut_into_cells
+from haustra.models.scope.design import ScopeDesign, ScopeSection, ScopeTip, TendonSet
+
+EI = 0.03
+LENGTH = 0.5
+TIP = 0.005
+
+
+def uniform_design(**changes) -> ScopeDesign:
+    half = ScopeSection(length=LENGTH / 2, flexural_rigidity=EI, torsional_rigidity=13 * EI)
+    values = {
+        "name": "uniform rod",
+        "diameter": 0.0128,
+        "mass_per_length": 0.3,
+        "loss_time": 0.3,  # nearly critical in the first mode, so that it settles soon
+        "shaft": (half,),
+        "bending": half,
+        "bending_limit_up_down_deg": 300.0,
+        "bending_limit_left_right_deg": 300.0,
+        "tendons": TendonSet(routing_radius=0.005, pull_limit=100.0),
+        "tip": ScopeTip(length=TIP, field_of_view_deg=140.0),
+    }
+    return ScopeDesign(**{**values, **changes})
+
+
+def clamped(design: ScopeDesign, joints: int, *, twist_hinges: int = 0, timestep: float = 0.004):
+    """Spec and cable of the rod along z with its handle end at the origin, held by stiff hands."""
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    spec.option.timestep = timestep
+    spec.option.gravity = [0, 0, 0]
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    cells = cut_into_cells(design, shaft_cell=LENGTH / joints, bending_cell=LENGTH / joints)
+    assert len(cells) == joints
+    cable: Cable = add_scope(
+        spec,
+        design,
+        cells,
+        entry=np.zeros(3),
+        frame=np.eye(3),
+        inserted=design.length,
+        twist_hinges=twist_hinges,
+        push_limit=1e5,
+        torque_limit=1e5,
+        timestep=timestep,
+    )
+    for name in ("scope/push", "scope/roll"):  # a clamp, not a hand
+        spec.joint(name).stiffness = [1e7, 0, 0]
+        spec.joint(name).damping = [1e5, 0, 0]
+    return spec, cable
+
+
+def settle(model: mujoco.MjModel, data: mujoco.MjData, *, seconds: float = 20.0) -> None:
+    """Step until nothing moves; raise when it still does at the end."""
+    for _ in range(int(seconds / model.opt.timestep / 100)):
+        mujoco.mj_step(model, data, 100)
+        if np.abs(data.qvel).max() < 1e-8:
+            return
+    raise AssertionError(f"still moving at {np.abs(data.qvel).max():.2e} rad/s")
