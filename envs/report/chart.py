@@ -1,5 +1,7 @@
 """Interactive curves in a page, with the plotting library inside the page."""
 
+from itertools import cycle
+
 import numpy as np
 
 from haustra.envs.report.sections import Chart
@@ -23,10 +25,11 @@ def chart_html(chart: Chart, element: str) -> str:
     from plotly.subplots import make_subplots
 
     figure = make_subplots(rows=len(chart.panels), cols=1, shared_xaxes=True, vertical_spacing=0.05)
+    colours = cycle(_COLOURS)  # on from panel to panel: all curves share one legend
     for row, (label, curves) in enumerate(chart.panels.items(), start=1):
-        for (name, values), colour in zip(curves.items(), _COLOURS, strict=False):
+        for name, values in curves.items():
             kept = thin(values)
-            line = {"color": colour, "width": 1.5}
+            line = {"color": next(colours), "width": 1.5}
             figure.add_trace(Scatter(x=chart.x[kept], y=values[kept], name=name, line=line), row=row, col=1)
         figure.update_yaxes(title_text=label, row=row, col=1)
     figure.update_xaxes(title_text=chart.x_label, row=len(chart.panels), col=1)

@@ -13,7 +13,14 @@ from haustra.envs.report.sections import Chart, Gallery, Highlights, Picture, Se
 from haustra.envs.report.values import name_and_unit, provenance_table, score_table, shown
 from haustra.errors import UnreadableFileError
 
-_HIGHLIGHTS = ("outcome", "tip_segment", "tip_arc_m", "insertion_m", "push_force_peak_N", "wall_force_peak_N")
+_HIGHLIGHTS = {
+    "outcome": "Outcome",
+    "tip_segment": "Tip is in",
+    "tip_arc_m": "Tip along the colon",
+    "insertion_m": "Scope inserted",
+    "push_force_peak_N": "Largest push",
+    "wall_force_peak_N": "Largest wall force",
+}
 _PANELS = {
     "force [N]": {"hand, push": "push_force", "wall, hardest pressed link": "wall_force"},
     "torque [N m]": {"hand, torque": "torque"},
@@ -66,8 +73,11 @@ def _read_scores(path: Path) -> dict:
 
 
 def _highlights(scores: Mapping[str, object]) -> dict[str, str]:
-    named = {key: name_and_unit(key) for key in _HIGHLIGHTS if key in scores}
-    return {name: f"{shown(scores[key])} {unit}".strip().replace("_", " ") for key, (name, unit) in named.items()}
+    return {
+        label: f"{shown(scores[key])} {name_and_unit(key)[1]}".strip().replace("_", " ")
+        for key, label in _HIGHLIGHTS.items()
+        if key in scores
+    }
 
 
 def _pictures(folder: Path) -> list[Picture]:
