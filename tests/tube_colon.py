@@ -1,5 +1,7 @@
 """A round tube as a colon, and a wall of exact wedges round it: the simplest lumen there is."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from haustra.models.anatomy.colon import Centreline, Colon, ColonSegment, Surface
@@ -12,7 +14,7 @@ _ANGLES = 48
 
 def straight_tube(length: float = 0.6) -> Colon:
     """Along +z from the origin."""
-    stations = int(round(length / 0.002)) + 1
+    stations = round(length / 0.002) + 1
     arc = np.linspace(0.0, length, stations)
     points = np.column_stack([np.zeros((stations, 2)), arc])
     frames = np.broadcast_to(np.eye(3), (stations, 3, 3)).copy()
@@ -30,7 +32,7 @@ def wedge_wall(length: float = 0.6, *, sectors: int = 12, slabs: int = 3, thickn
     """Wedges whose flat inner faces touch the tube's circle from outside."""
     pieces = []
     edges = np.linspace(0.0, length, slabs + 1)
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         for sector in range(sectors):
             angles = 2 * np.pi * (sector + np.array([0, 1])) / sectors
             inner = RADIUS / np.cos(np.pi / sectors)

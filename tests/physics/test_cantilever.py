@@ -41,7 +41,7 @@ def test_the_error_falls_with_the_square_of_the_cell_length():
 
 @pytest.mark.parametrize("wire", ["up", "left", "down", "right"])
 def test_a_wire_bends_the_tip_to_its_own_side(wire):
-    spec, cable = clamped(uniform_design(), 20)
+    spec, _ = clamped(uniform_design(), 20)
     model = spec.compile()
     data = mujoco.MjData(model)
     data.actuator(f"scope/pull_{wire}").ctrl = 2.0

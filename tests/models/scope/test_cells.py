@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import pytest
 
 from haustra.models.scope.cells import cut_into_cells
@@ -8,7 +10,7 @@ def test_cells_tile_the_flexible_length_without_gaps():
     design = named_design("adult")
     cells = cut_into_cells(design, shaft_cell=0.04, bending_cell=0.0125)
     assert cells[0].start == 0
-    for cell, following in zip(cells, cells[1:], strict=False):
+    for cell, following in pairwise(cells):
         assert following.start == pytest.approx(cell.start + cell.length)
     assert cells[-1].start + cells[-1].length + design.tip.length == pytest.approx(design.length)
     assert sum(cell.length for cell in cells if cell.steerable) == pytest.approx(design.bending.length)
