@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from haustra.envs.report.page import write_report
 from haustra.envs.report.sections import Chart, Gallery, Highlights, Picture, Section, Warnings
-from haustra.envs.report.values import name_and_unit, provenance_table, score_table, shown
+from haustra.envs.report.values import flat, name_and_unit, provenance_table, score_table, shown
 from haustra.errors import UnreadableFileError
 
 _HIGHLIGHTS = {
@@ -56,9 +56,9 @@ def report_run(folder: Path) -> Path:
         sections.append(chart)
     sections.append(score_table(scores, leave_out=("provenance", "warnings")))
     sections.append(provenance_table(scores.get("provenance", {})))
-    configuration = scores.get("provenance", {}).get("configuration", {})
-    subtitle = " · ".join(str(configuration[key]) for key in ("colon", "design") if key in configuration)
-    return write_report(folder, title="A colonoscope's way through a colon", subtitle=subtitle, sections=sections)
+    return write_report(
+        folder, title="A colonoscope's way through a colon", subtitle=_subtitle(scores), sections=sections
+    )
 
 
 def _read_scores(path: Path) -> dict:
@@ -70,6 +70,13 @@ def _read_scores(path: Path) -> dict:
     if not isinstance(scores, dict):
         raise UnreadableFileError(f"'{path}' holds no scores. Name a folder that `haustra run` wrote.")
     return scores
+
+
+def _subtitle(scores: Mapping[str, object]) -> str:
+    """Name of the colon and of the design, as far as the provenance tells them."""
+    named = dict(flat(provenance)) if isinstance(provenance := scores.get("provenance"), Mapping) else {}
+    wanted = ("inputs · colon_name", "configuration · design · name")
+    return " · ".join(str(named[key]) for key in wanted if key in named)
 
 
 def _highlights(scores: Mapping[str, object]) -> dict[str, str]:

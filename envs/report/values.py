@@ -42,20 +42,23 @@ def score_table(scores: Mapping[str, object], *, title: str = "Scores", leave_ou
     """Scores with their units; nested values under dotted names, keys in `leave_out` not at all."""
     kept = {key: value for key, value in scores.items() if key not in leave_out}
     rows = []
-    for key, value in _flat(kept):
+    for key, value in flat(kept):
         name, unit = name_and_unit(key)
         rows.append((name, shown(value), unit))
     return Table(title, ("score", "value", "unit"), rows)
 
 
-def provenance_table(provenance: Mapping[str, object], *, title: str = "Where this comes from") -> Table:
+def provenance_table(provenance: Mapping[str, object], *, title: str = "Where this comes from (SI units)") -> Table:
     """Inputs, configuration and versions: enough to make the result again."""
-    return Table(title, ("what", "value"), [(key, shown(value)) for key, value in _flat(provenance)])
+    return Table(title, ("what", "value"), [(key, shown(value)) for key, value in flat(provenance)])
 
 
-def _flat(values: Mapping[str, object], prefix: str = "") -> Iterator[tuple[str, object]]:
+def flat(values: Mapping[str, object], prefix: str = "") -> Iterator[tuple[str, object]]:
+    """Nested values one by one, under their keys joined by ' · '; mappings in a list are counted from 1."""
     for key, value in values.items():
         if isinstance(value, Mapping):
-            yield from _flat(value, f"{prefix}{key} · ")
+            yield from flat(value, f"{prefix}{key} · ")
+        elif isinstance(value, list | tuple) and value and all(isinstance(entry, Mapping) for entry in value):
+            yield from flat({f"{key} {number}": entry for number, entry in enumerate(value, start=1)}, prefix)
         else:
             yield f"{prefix}{key}", value

@@ -23,7 +23,10 @@ SCORES = {
     "push_force_peak_N": 17.25,
     "torque_peak_Nm": 0.31,
     "warnings": ["genus 4 <script>"],
-    "provenance": {"inputs": {"colon": "abc123"}, "configuration": {"colon": "grown 0", "design": "adult"}},
+    "provenance": {
+        "inputs": {"colon": "abc123", "colon_name": "grown 0"},
+        "configuration": {"design": {"name": "adult", "shaft": [{"length": 1.5}]}},
+    },
 }
 
 
@@ -45,6 +48,7 @@ def test_a_run_gets_one_file_that_works_offline(run: Path) -> None:
     assert "abc123" in page
     assert "hand, push" in page
     assert "grown 0 · adult" in page
+    assert "configuration · design · shaft 1 · length" in page
 
 
 def test_text_from_files_cannot_run(run: Path) -> None:
