@@ -13,6 +13,8 @@ from haustra.models.anatomy.colon import Surface
 _SAMPLES = 2
 """Pixels are drawn this many times finer along each side, then averaged."""
 _FIELD_OF_VIEW_DEG = 24.0
+_SEEN_FROM_THE_SIDE = 0.3
+"""Below this share of its length in the picture's plane, the way from anus to middle does not say what is up."""
 _BACKGROUND_MIDDLE, _BACKGROUND_RIM = np.array([0.985, 0.985, 0.99]), np.array([0.90, 0.915, 0.935])
 _FLESH, _SHADE = np.array([0.93, 0.56, 0.53]), np.array([0.60, 0.20, 0.22])
 _LIGHT = unit(np.array([-0.45, 0.65, 0.62]))
@@ -21,16 +23,24 @@ _HALFWAY = unit(_LIGHT + np.array([0.0, 0.0, 1.0]))
 """Between the light and the viewer: a surface that faces this way glints."""
 
 
-def default_rotation(
-    lumen: Surface, scope_points: Float[np.ndarray, "points 3"] | None = None
-) -> Float[np.ndarray, "3 3"]:
-    """Camera rotation that shows most of a colon: along its thinnest direction, the anal end of the scope below."""
-    centred = lumen.vertices - lumen.vertices.mean(axis=0)
+def default_rotation(lumen: Surface, path: Float[np.ndarray, "points 3"] | None = None) -> Float[np.ndarray, "3 3"]:
+    """Camera rotation that shows most of a colon, as if one faced the patient.
+
+    It looks along the colon's thinnest direction, with the first point of `path` (the anus) below and the last (the
+    caecum, for a whole centreline) on the left.
+    """
+    middle = lumen.vertices.mean(axis=0)
+    centred = lumen.vertices - middle
     _, axes = np.linalg.eigh(centred.T @ centred)
     thin, up = axes[:, 0], axes[:, 2]
-    if scope_points is not None and (scope_points[0] - lumen.vertices.mean(axis=0)) @ up > 0:
-        up = -up
-    return looking(thin, up)
+    if path is None:
+        return looking(thin, up)
+    from_anus = middle - path[0]
+    from_anus -= (from_anus @ thin) * thin
+    if np.linalg.norm(from_anus) > _SEEN_FROM_THE_SIDE * np.linalg.norm(middle - path[0]):
+        up = from_anus
+    rotation = looking(thin, up)
+    return looking(-thin, up) if (path[-1] - middle) @ rotation[:, 0] > 0 else rotation
 
 
 def outside_view(

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from haustra.envs.picture.camera import looking
-from haustra.envs.picture.outside import outside_view
+from haustra.envs.picture.outside import default_rotation, outside_view
 from haustra.envs.picture.tip import tip_view
 from haustra.models.anatomy.colon import Surface
 
@@ -60,6 +60,26 @@ def test_the_scope_shines_through_the_translucent_colon(pipe: Surface) -> None:
     assert corner.min() > 220, "the background is light"
     assert colon[0] - colon[2] > 10, "the colon is pink"
     assert colon.min() > 80, "and translucent"
+
+
+def test_the_colon_is_seen_as_if_one_faced_the_patient() -> None:
+    """Anus below, caecum on the viewer's left, whichever way the scan's axes run."""
+    arch = np.array([[0.0, 0, 0], [0.2, 0, 0.1], [0.2, 0, 0.4], [0, 0, 0.45], [-0.2, 0, 0.4], [-0.2, 0, 0.2]])
+    ball = trimesh.creation.icosphere(subdivisions=1, radius=0.03)
+    vertices = np.concatenate([ball.vertices + point for point in arch])
+    faces = np.concatenate([ball.faces + k * len(ball.vertices) for k in range(len(arch))])
+    for turn in _turns():
+        turned = trimesh.transform_points(vertices, turn)
+        path = trimesh.transform_points(arch, turn)
+        rotation = default_rotation(Surface(turned, faces), path)
+        seen = (path - turned.mean(axis=0)) @ rotation
+        assert np.linalg.det(rotation) == pytest.approx(1.0)
+        assert seen[0, 1] < 0, "the anus is below"
+        assert seen[-1, 0] < 0, "the caecum is on the left"
+
+
+def _turns() -> list[np.ndarray]:
+    return [trimesh.transformations.random_rotation_matrix(np.random.default_rng(seed).random(3)) for seed in range(5)]
 
 
 def test_the_same_picture_every_time(pipe: Surface) -> None:
