@@ -37,7 +37,9 @@ room, the flexure's radius, and the radius of curvature over the lumen's."""
 NEAR_AHEAD = 2.2
 """Points are neighbours along the colon, not across, within this many times their two radii."""
 MEANDER = 0.009
-"""Standard deviation of the control points about their usual places [m]."""
+"""Standard deviation of the course about its usual places [m]..."""
+MEANDER_WAVES, MEANDER_TERMS = (0.10, 0.25), 3
+"""... swaying with this many wavelengths from this range [m]."""
 BULGE = 1.15
 """Outside of the haustra over the mean radius."""
 
@@ -59,7 +61,7 @@ def lay_course(recipe: ColonRecipe, rng: np.random.Generator) -> Course:
     links = round(recipe.length / LINK)
     arc = np.linspace(0.0, recipe.length, links + 1)
     outer = BULGE * radius_along(recipe, arc)
-    home = smooth(_draft(recipe, rng, arc), DRAFT_SMOOTHING / LINK)
+    home = smooth(_draft(recipe, rng, arc), DRAFT_SMOOTHING / LINK) + _meander(rng, arc)
     points = _relax(home, recipe, outer)
     points = resample(points, LINK)
     return Course(
@@ -74,9 +76,9 @@ def radius_along(recipe: ColonRecipe, arc: Float[np.ndarray, " points"]) -> Floa
     borders = recipe.borders()
     middles = [sum(borders[name]) / 2 for name in SEGMENTS]
     values = [recipe.diameters[name] / 2 for name in SEGMENTS]
-    canal, rectum = 0.03, borders["rectum"][1]
-    places = [0.0, canal, max(middles[0], canal + 0.02), rectum, *middles[1:], recipe.length]
-    radii = [recipe.anus_diameter / 2, 0.7 * values[0], values[0], (values[0] + values[1]) / 2, *values[1:], values[-1]]
+    ampulla = np.array([0.25, 0.5, 0.85]) * borders["rectum"][1]
+    places = [0.0, *ampulla, *middles[1:], recipe.length]
+    radii = [recipe.anus_diameter / 2, 0.75 * values[0], values[0], values[0], *values[1:], values[-1]]
     return PchipInterpolator(places, radii)(np.clip(arc, 0.0, recipe.length))
 
 
@@ -132,6 +134,14 @@ def _draft(
         places.append(begin + share[: None if name == SEGMENTS[-1] else -1] * (finish - begin))
         controls.append(stretch[: len(places[-1])])
     return CubicSpline(np.concatenate(places), np.concatenate(controls))(arc)
+
+
+def _meander(rng: np.random.Generator, arc: Float[np.ndarray, " points"]) -> Float[np.ndarray, "points 3"]:
+    """Swaying about the draft, fading in from the fixed rectum."""
+    waves = rng.uniform(*MEANDER_WAVES, size=(MEANDER_TERMS, 1, 3))
+    phases = rng.uniform(0, 2 * np.pi, size=(MEANDER_TERMS, 1, 3))
+    sway = np.sin(2 * np.pi * arc[:, None] / waves + phases).sum(0)
+    return MEANDER * np.sqrt(2 / MEANDER_TERMS) * np.clip((arc - 0.08) / 0.05, 0, 1)[:, None] * sway
 
 
 def _bow(inner: np.ndarray, start: np.ndarray, end: np.ndarray, length: float) -> np.ndarray:

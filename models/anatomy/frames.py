@@ -20,7 +20,7 @@ def resample(points: Float[np.ndarray, "points 3"], step: float) -> Float[np.nda
     spline = CubicSpline(arc[distinct], points[distinct])
     fine = spline(np.linspace(0.0, arc[-1], 4 * len(points) + 1))
     fine_arc = arc_length(fine)
-    stations = np.linspace(0.0, fine_arc[-1], max(int(round(fine_arc[-1] / step)), 1) + 1)
+    stations = np.linspace(0.0, fine_arc[-1], max(round(fine_arc[-1] / step), 1) + 1)
     return np.stack([np.interp(stations, fine_arc, fine[:, axis]) for axis in range(3)], axis=1)
 
 

@@ -60,9 +60,7 @@ def grow_colon(*, seed: int, progress: Callable[[str], None] = lambda stage: Non
         centreline=line,
         radius=radius_field(LumenRays(lumen), line.points, line.frames, ANGLES),
         segments=segments_between(places, line.length),
-        provenance=Provenance(
-            inputs={}, configuration={"method": "grown", "seed": seed, "recipe": recipe.to_json()}
-        ),
+        provenance=Provenance(inputs={}, configuration={"method": "grown", "seed": seed, "recipe": recipe.to_json()}),
         landmarks=places,
     )
 

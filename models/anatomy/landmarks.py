@@ -26,7 +26,7 @@ RECTUM_USUAL = 0.15
 """Where it is taken to be when the lumen does not narrow [m]."""
 NARROWING = 0.8
 """The rectum ends where the diameter falls below this share over 30 mm."""
-RISE = 0.03
+RISE = 0.015
 """The descending colon ends distally where the course climbs again by this much [m]."""
 FLEXURE_SPREAD = 0.09
 """Standard deviation of a flexure's share of the length, for weighing height against it."""
@@ -116,7 +116,7 @@ def _foot_of_descending(line: Centreline, splenic: int) -> tuple[float, bool]:
 def _rectum_end(line: Centreline, diameter: Float[np.ndarray, " stations"], limit: float) -> float:
     """Arc length in `RECTUM_WINDOW` where the diameter falls most over 30 mm, or the usual one."""
     step = float(line.arc[1])
-    half = max(int(round(0.015 / step)), 1)
+    half = max(round(0.015 / step), 1)
     ratio = np.ones_like(diameter)
     ratio[half:-half] = diameter[2 * half :] / diameter[: -2 * half]
     window = np.flatnonzero((line.arc >= RECTUM_WINDOW[0]) & (line.arc <= min(RECTUM_WINDOW[1], 0.8 * limit)))

@@ -15,10 +15,11 @@ from haustra.models.anatomy.frames import arc_length, centreline_through
 from haustra.models.anatomy.landmarks import find_landmarks, segments_between
 from haustra.models.anatomy.lumen_grid import LumenGraph, lumen_graph
 from haustra.models.anatomy.mesh_file import read_mesh
-from haustra.models.anatomy.properties import Clearance, effective_diameter
+from haustra.models.anatomy.properties import Clearance
 from haustra.models.anatomy.rays import LumenRays, radius_field
 from haustra.models.anatomy.repair import genus, repair, signed_volume
 from haustra.models.anatomy.route import farthest_from, lumen_ends, middle_route, nearest_point
+from haustra.models.anatomy.section import effective_diameter
 from haustra.provenance import Provenance, content_hash
 
 Units = Literal["mm", "cm", "m", "voxel"]
@@ -126,7 +127,7 @@ def colon_from_surface(
     line = centreline_through(smooth_inside(trimmed, rays, clearance), STATION_STEP)
     progress("measuring the radius")
     radius = radius_field(rays, line.points, line.frames, ANGLES)
-    landmarks = find_landmarks(line, effective_diameter(radius))
+    landmarks = find_landmarks(line, effective_diameter(line, radius))
     if handles := genus(surface.faces):
         notes += (f"The surface has {handles} handles: loops or folds touch; the centreline keeps to the widest way.",)
     if graph.dropped:
@@ -212,8 +213,9 @@ def _trim(
     enough = np.flatnonzero(clearance >= min(END_CLEARANCE, float(np.median(clearance))))
     first = min(enough[0], int(np.searchsorted(arc, LONGEST_TRIM)))
     last = max(enough[-1], int(np.searchsorted(arc, arc[-1] - LONGEST_TRIM)))
+    at_anus, at_caecum = arc[first] * 1e3, (arc[-1] - arc[last]) * 1e3
     note = (
-        f"The centreline begins {arc[first] * 1e3:.0f} mm inside the anal end and ends {(arc[-1] - arc[last]) * 1e3:.0f} mm "
-        "before the caecal one, where there is room for a scope."
+        f"The centreline begins {at_anus:.0f} mm inside the anal end and stops {at_caecum:.0f} mm short of the "
+        "caecal one, where there is room for a scope."
     )
     return points[first : last + 1], (note,)

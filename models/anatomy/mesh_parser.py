@@ -16,7 +16,7 @@ def main(source: str, target: str) -> int:
     try:
         mesh = trimesh.load_mesh(source, process=False)
     except Exception as error:  # whatever the parser stumbles over is a fault of the file
-        print(f"{type(error).__name__}: {' '.join(str(error).split())}", file=sys.stderr)
+        sys.stderr.write(f"{type(error).__name__}: {' '.join(str(error).split())}\n")
         return 1
     vertices = np.asarray(getattr(mesh, "vertices", np.empty((0, 3))), dtype=np.float64)
     faces = np.asarray(getattr(mesh, "faces", np.empty((0, 3))), dtype=np.int64)

@@ -8,6 +8,7 @@ from haustra.models.anatomy.colon import Colon, Surface
 from haustra.models.anatomy.frames import curvature
 from haustra.models.anatomy.lumen_grid import surface_samples
 from haustra.models.anatomy.repair import genus, is_watertight, signed_volume
+from haustra.models.anatomy.section import effective_diameter
 
 CLEARANCE_SAMPLES = 1e-3
 """Spacing of the surface samples for the clearance [m]: it is too large by at most 0.06 mm where it is 2 mm."""
@@ -25,22 +26,17 @@ class Clearance:
         return self._tree.query(positions)[0]
 
 
-def effective_diameter(radius: Float[np.ndarray, "stations angles"]) -> Float[np.ndarray, " stations"]:
-    """Diameter of the circle with the area of each cross-section, 2 sqrt(A/pi) [m]."""
-    return 2 * np.sqrt((radius**2).mean(axis=1))
-
-
 def describe(colon: Colon) -> dict:
     """Measures of a colon as JSON values, units in the names."""
     line = colon.centreline
-    diameter = effective_diameter(colon.radius)
+    diameter = effective_diameter(line, colon.radius)
     segments = {}
     for segment in colon.segments:
         inside = (line.arc >= segment.start) & (line.arc <= segment.end)
         segments[segment.name] = {
             "start_m": segment.start,
             "end_m": segment.end,
-            "mean_diameter_m": float(2 * np.sqrt((diameter[inside] ** 2).mean() / 4)) if inside.any() else None,
+            "mean_diameter_m": float(np.sqrt((diameter[inside] ** 2).mean())),
         }
     return {
         "name": colon.name,

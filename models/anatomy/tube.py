@@ -5,6 +5,8 @@ from jaxtyping import Float
 
 from haustra.models.anatomy.colon import Surface
 
+DOME_HEIGHT = 0.9
+"""Height of a rounded end over its mean radius."""
 DOME_RINGS = 5
 """Rings of each rounded end."""
 RESOLUTION = 1e-7
@@ -16,7 +18,7 @@ def tube(
     frames: Float[np.ndarray, "rings 3 3"],
     radius: Float[np.ndarray, "rings angles"],
 ) -> Surface:
-    """Sweep rings along an axis and close both ends by half ellipsoids as high as 0.6 of their radius.
+    """Sweep rings along an axis and close both ends by half ellipsoids.
 
     Args:
         points: Centres of the rings [m].
@@ -40,7 +42,7 @@ def _ring(point: np.ndarray, frame: np.ndarray, radius: np.ndarray) -> np.ndarra
 
 
 def _dome(point: np.ndarray, frame: np.ndarray, radius: np.ndarray, angle: float, sign: int) -> np.ndarray:
-    height = sign * 0.6 * float(radius.mean()) * np.sin(angle)
+    height = sign * DOME_HEIGHT * float(radius.mean()) * np.sin(angle)
     return _ring(point + height * frame[:, 2], frame, radius * np.cos(angle))
 
 
