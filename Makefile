@@ -28,9 +28,6 @@ demo: $(VENV)/.installed
 
 test: lint types
 	$(BIN)/python -m pytest $(PYTEST_ARGUMENTS)
-ifdef CI
-	$(MAKE) docs wheel
-endif
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check
