@@ -5,6 +5,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
+from zipfile import BadZipFile
 
 import tyro
 
@@ -51,19 +52,25 @@ def _require_display() -> None:
 
 
 def _load(path: Path) -> tuple[Any, Any]:
-    """Model and data; a run's last recorded state when it lies beside the scene."""
+    """Model and data; at a run's last recorded state when its trajectory lies beside the scene."""
     import mujoco
     import numpy as np
 
     try:
-        model = mujoco.MjModel.from_xml_path(str(path))
-    except ValueError as error:
+        if path.suffix == ".mjz":
+            with path.open("rb") as file:  # given a path, from_zip leaves the file open
+                model = mujoco.MjSpec.from_zip(file).compile()
+        else:
+            model = mujoco.MjSpec.from_file(str(path)).compile()
+    except (ValueError, BadZipFile) as error:
         raise UnreadableFileError(f"MuJoCo cannot read '{path}': {str(error).splitlines()[0]}") from error
     data = mujoco.MjData(model)
     recorded = path.with_name("trajectory.npz")
     if recorded.is_file():
-        with np.load(recorded, allow_pickle=False) as arrays:
-            if len(arrays["qpos"]):
-                data.qpos[:] = arrays["qpos"][-1]
+        with recorded.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+            states = arrays["qpos"]
+        if states.ndim != 2 or states.shape[1] != model.nq:
+            raise UnreadableFileError(f"'{recorded}' belongs to another scene than '{path}': move one of them away.")
+        data.qpos[:] = states[-1] if len(states) else data.qpos
     mujoco.mj_forward(model, data)
     return model, data
