@@ -7,7 +7,7 @@ from jaxtyping import Float
 from scipy.ndimage import map_coordinates
 
 _PINK, _PALE, _VESSEL = np.array([0.90, 0.37, 0.31]), np.array([0.97, 0.54, 0.46]), np.array([0.60, 0.07, 0.06])
-_PATCH, _VESSEL_WIDE, _VESSEL_FINE, _RIPPLE = 0.018, 0.014, 0.006, 0.0016
+_PATCH, _VESSEL_WIDE, _VESSEL_FINE, _RIPPLE = 0.018, 0.014, 0.006, 0.0024
 """Lengths over which patches, vessels and the wet film's ripples vary [m]."""
 
 
@@ -35,8 +35,7 @@ def colour(points: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "points 3
 
 def ripple(points: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "points 3"]:
     """Unevenness of the wet surface, to be added to its unit normals."""
-    fields = [value_noise(points, _RIPPLE, seed) + value_noise(points, 3 * _RIPPLE, seed + 3) for seed in (21, 22, 23)]
-    return np.stack(fields, axis=1) - 1.0
+    return 2 * np.stack([value_noise(points, _RIPPLE, seed) for seed in (21, 22, 23)], axis=1) - 1.0
 
 
 def _ridge(field: np.ndarray, width: float) -> np.ndarray:
