@@ -28,6 +28,8 @@ NARROWING = 0.8
 """The rectum ends where the diameter falls below this share over 30 mm."""
 RISE = 0.015
 """The descending colon ends distally where the course climbs again by this much [m]."""
+OPPOSITE = 0.5
+"""Share of the breadth by which the flexures stand apart; more says nothing about where they turn."""
 FLEXURE_SPREAD = 0.09
 """Standard deviation of a flexure's share of the length, for weighing height against it."""
 CAECUM_SHARE = 0.045
@@ -45,7 +47,7 @@ class Landmarks:
 def find_landmarks(line: Centreline, diameter: Float[np.ndarray, " stations"]) -> Landmarks:
     """Find the borders of the segments; z is up in the patient (as in RAS and LPS), diameters in [m].
 
-    The flexures are the pair of places that stand highest and farthest apart sideways, weighed against their usual
+    The flexures are the pair of places that stand highest on opposite sides, weighed against their usual
     share of the length. The descending colon ends where the course, followed down from the splenic flexure, turns up
     again. The rectum ends where the lumen narrows most within `RECTUM_WINDOW`. The ileocaecal valve leaves no mark on
     a lumen surface, so the caecum is the usual share of the length.
@@ -93,7 +95,7 @@ def _flexures(line: Centreline) -> tuple[int, int, bool]:
     usual = [(USUAL_SHARE[name], FLEXURE_SPREAD) for name in ("splenic_flexure", "hepatic_flexure")]
     penalty = [((share - mean) / spread) ** 2 / 8 for mean, spread in usual]
     score = (height - penalty[0])[first, None] + (height - penalty[1])[None, second]
-    score = score + np.abs(side[first, None] - side[None, second])
+    score = score + np.minimum(np.abs(side[first, None] - side[None, second]), OPPOSITE)
     score[share[second][None, :] - share[first][:, None] < 0.12] = -np.inf
     i, j = np.unravel_index(int(np.argmax(score)), score.shape)
     splenic, hepatic = int(first[i]), int(second[j])

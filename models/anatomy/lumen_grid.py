@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from haustra.errors import InvalidMeshError
 from haustra.models.anatomy.colon import Surface
@@ -137,7 +137,7 @@ def _main_lumen(surface: Surface, inside, free, low, spacing: float) -> LumenGra
     kept_links = keep[pairs[:, 0]]
     points = low + spacing * np.argwhere(inside)[keep]
     samples = surface_samples(surface, SAMPLE_SPACING_FACTOR * spacing)
-    clearance, _ = cKDTree(samples).query(points)
+    clearance, _ = KDTree(samples).query(points)
     return LumenGraph(
         points=points,
         clearance=clearance,

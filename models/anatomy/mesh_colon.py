@@ -207,7 +207,7 @@ def _way_through(graph: LumenGraph, anus: Float[np.ndarray, "3"] | None) -> _Pat
 
 def _trim(
     points: Float[np.ndarray, "points 3"], clearance: Float[np.ndarray, " points"]
-) -> tuple[Float[np.ndarray, "points 3"], tuple[str, ...]]:
+) -> tuple[Float[np.ndarray, "kept 3"], tuple[str, ...]]:
     """Leave out what is too narrow for a scope at either end, and say how much."""
     arc = arc_length(points)
     enough = np.flatnonzero(clearance >= min(END_CLEARANCE, float(np.median(clearance))))

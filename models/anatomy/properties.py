@@ -2,7 +2,7 @@
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from haustra.models.anatomy.colon import Colon, Surface
 from haustra.models.anatomy.frames import curvature
@@ -19,7 +19,7 @@ class Clearance:
 
     def __init__(self, surface: Surface, *, spacing: float = CLEARANCE_SAMPLES):
         """Sample the surface at `spacing` [m]."""
-        self._tree = cKDTree(surface_samples(surface, spacing))
+        self._tree = KDTree(surface_samples(surface, spacing))
 
     def __call__(self, positions: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, " points"]:
         """Distance of each position to the surface [m]."""

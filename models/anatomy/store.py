@@ -3,6 +3,7 @@
 import json
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -86,7 +87,7 @@ def load_colon(folder: Path) -> Colon:
     return colon
 
 
-def _arrays(colon: Colon) -> dict[str, np.ndarray]:
+def _arrays(colon: Colon) -> dict[str, Any]:
     line = colon.centreline
     return {
         "vertices": colon.lumen.vertices.astype("<f8"),
@@ -120,7 +121,7 @@ def _read_metadata(folder: Path) -> dict:
 
 def _read_arrays(path: Path) -> dict[str, np.ndarray]:
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in SHAPES}
     except Exception as error:  # numpy and zipfile raise many kinds for a damaged file
         reason = " ".join(str(error).split())[:160]
