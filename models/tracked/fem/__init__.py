@@ -1,0 +1,1 @@
+"""Finite-element reference of a tread pressed on tissue by a strut: the source of the stored force tables."""

@@ -1,0 +1,111 @@
+"""`haustra tread fem`: the finite-element reference of the tread, its tables and its figures."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+Part = Literal["table", "two-tips", "passage", "convergence"]
+
+
+@dataclass(frozen=True)
+class TreadFem:
+    """Solve a tread pressed on tissue and write forces, stresses and figures (needs the extra 'fem').
+
+    The default tread is the shipped tables' own; its unknown lengths are assumed (docs/theory/tracked.md).
+    """
+
+    out: Path = Path("tread-fem")
+    """Folder for CSV tables and figures."""
+    parts: tuple[Part, ...] = ("table", "two-tips", "passage", "convergence")
+    """What to solve."""
+    starts: int = 2
+    """Worm starts; the pitch is the lead of 13 mm over it, the tooth half a pitch."""
+    spacing: tuple[float, ...] = (3.0, 3.5)
+    """Tip spacings of 'two-tips' [pitches]; 'passage' takes the first."""
+    indentation_mm: float = 0.465
+    """Of the tips in 'two-tips', 'passage' and 'convergence'; calibrated to 1.875 N a track."""
+    table_mm: tuple[float, ...] = field(default=(0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8))
+    """Indentations of 'table'."""
+    phases: int = 8
+    """Tooth phases within a pitch."""
+    friction: float = 0.4
+    """Coulomb's coefficient between teeth and tissue."""
+    figures: bool = True
+    """Draw figures like the paper's 6 to 9 beside the tables."""
+    json: bool = False
+    """Print one JSON document instead of a table."""
+
+    def __call__(self) -> dict[str, Any]:
+        """Solve the parts asked for."""
+        from haustra.files import prepare_folder, write_json
+        from haustra.models.tracked.fem.strip import MeshOptions
+        from haustra.provenance import Provenance
+        from haustra.scripts.console import progress_bar
+
+        folder = prepare_folder(self.out)
+        geometry = self._geometry()
+        written: list[str] = []
+        result: dict[str, Any] = {"geometry_mm": {k: v * 1e3 for k, v in geometry.to_json().items()}}
+        solvers: dict[Part, tuple[float, Callable[..., Iterable[dict]]]] = {
+            "table": (self.phases * len(self.table_mm), self._table),
+            "two-tips": (self.phases * len(self.spacing), self._two_tips),
+            "passage": (41, self._passage),
+            "convergence": (9, self._convergence),
+        }
+        for part in self.parts:
+            total, solve = solvers[part]
+            with progress_bar(f"tread {part}", total, unit="states") as bar:
+                rows = list(solve(geometry, bar))
+            written.append(str(_write_csv(folder / f"{part}.csv", rows)))
+            result[part] = rows
+        settings = {name: value for name, value in asdict(self).items() if name not in ("out", "json", "figures")}
+        provenance = Provenance({}, settings | {"mesh": asdict(MeshOptions()), "geometry": geometry.to_json()})
+        write_json(folder / "provenance.json", provenance.to_json())
+        if self.figures:
+            from haustra.scripts.tread_figures import draw
+
+            written += [str(path) for path in draw(folder, geometry, result, self.indentation_mm * 1e-3, self.friction)]
+        return result | {"written": written}
+
+    def _geometry(self):
+        from haustra.models.tracked.tread import TreadGeometry
+
+        pitch = 13e-3 / self.starts
+        return replace(TreadGeometry(), pitch=pitch, tooth_width=pitch / 2, tip_spacing=self.spacing[0] * pitch)
+
+    def _table(self, geometry, bar):
+        from haustra.models.tracked.fem.study import force_table
+
+        pressed = [value * 1e-3 for value in self.table_mm]
+        return force_table(geometry, pressed, phases=self.phases, friction=self.friction, progress=bar)
+
+    def _two_tips(self, geometry, bar):
+        from haustra.models.tracked.fem.study import two_tips
+
+        for spacing in self.spacing:
+            at = replace(geometry, tip_spacing=spacing * geometry.pitch)
+            options = {"phases": self.phases, "friction": self.friction, "progress": bar}
+            for row in two_tips(at, self.indentation_mm * 1e-3, **options):
+                yield {"spacing_pitches": spacing} | row
+
+    def _passage(self, geometry, bar):
+        from haustra.models.tracked.fem.study import passage
+
+        return passage(geometry, self.indentation_mm * 1e-3, friction=self.friction, progress=bar)
+
+    def _convergence(self, geometry, bar):
+        from haustra.models.tracked.fem.study import convergence
+
+        return convergence(geometry, self.indentation_mm * 1e-3, friction=self.friction, progress=bar)
+
+
+def _write_csv(path: Path, rows: list[dict]) -> Path:
+    """Rows of equal keys as CSV, five significant digits: the mesh's error is some percent."""
+    from haustra.files import write_atomically
+
+    def cell(value: object) -> str:
+        return f"{value:.5g}" if isinstance(value, float) else str(value)
+
+    lines = [",".join(rows[0]), *(",".join(map(cell, row.values())) for row in rows)]
+    return write_atomically(path, lambda temporary: temporary.write_text("\n".join(lines) + "\n", encoding="utf-8"))
