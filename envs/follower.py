@@ -57,9 +57,9 @@ class LumenFollower:
         self._line = line
         bending = design.bending
         # Constant curvature under a wire's pull F: angle = F r L / EI.
-        self._pull_per_angle = bending.flexural_rigidity / (design.tendons.routing_radius * bending.length)
-        self._pull_limit = design.tendons.pull_limit
-        self._bend_limit = math.radians(min(design.bending_limit_up_down_deg, design.bending_limit_left_right_deg))
+        self._pull_per_angle = design.bending_stiffness(bending) / (design.wires.routing_radius * bending.length)
+        self._pull_limit = design.wires.pull_limit
+        self._bend_limit = math.radians(design.limits.smallest)
         self._roll_goal = 0.0
         self._bend = np.zeros(2)
         self._best_arc = self._local_arc = -math.inf

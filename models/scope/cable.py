@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from haustra.models.scope.cells import Cell
 from haustra.models.scope.design import ScopeDesign
+from haustra.models.scope.wires import WIRE_NAMES
 
 LOCK_STIFFNESS = 2.0e4
 """Stiffness of a joint held straight outside the patient [N m/rad]; engineering choice: over 10^4 times that of a shaft
@@ -37,7 +38,7 @@ HANDLE_MASS = 0.5
 HANDLE_INERTIA = 1e-3
 """Inertia of handle and hand about the shaft [kg m^2]; engineering choice: 0.5 kg at 45 mm."""
 
-TENDON_NAMES = ("up", "left", "down", "right")
+TENDON_NAMES = WIRE_NAMES
 """Pull wires in order of their angle about the axis: 0, 90, 180, 270 degrees from the link's x axis."""
 
 
@@ -71,12 +72,14 @@ def add_scope(
     twist_hinges: int,
     push_limit: float,
     torque_limit: float,
-    timestep: float,
+    timestep: float | None,
 ) -> Cable:
     """Add a straight scope to a scene, its tip `inserted` metres past the entry.
 
     Joints: slide `scope/push` and hinge `scope/roll` at the handle end, then hinges `scope/bend_x_i` and
     `scope/bend_y_i` in the middle of each cell, and `twist_hinges` hinges `scope/twist_i` spread over the length.
+    Every other joint takes its hinges in the opposite order: a bend about x and then y leaves a twist of half their
+    product, which would add up along the scope (order 1 in cell length); so it cancels (order 2).
     Actuators: `scope/push` [m/s], `scope/roll` [rad/s], `scope/pull_up|left|down|right` [N], two locks a joint [0..1].
 
     Args:
@@ -89,7 +92,8 @@ def add_scope(
         twist_hinges: number of hinges that carry the torsional compliance; 0 makes the scope stiff in torsion.
         push_limit: largest force at the handle [N].
         torque_limit: largest torque at the handle [N m].
-        timestep: time step that the joints' damping and armature are made for [s].
+        timestep: time step that damping and armature of the joints are made for, so that springs are stable and
+            contact forces right [s]; None for the damping of the design and no armature.
 
     Returns:
         What was added, by name.
@@ -107,11 +111,11 @@ def add_scope(
         previous = cells[index - 1].joint if index else 0.0
         body = body.add_body(name=f"scope/link_{index:03d}", pos=[0, 0, cell.joint - previous])
         locks.append(_add_joints(spec, body, design, cell, index=index, twist=twists.get(index), timestep=timestep))
-        end = ends[index + 1] - (radius if index + 1 == len(cells) else 0.0)  # a capsule's cap reaches radius further
-        geoms.append(_add_link(body, design, end - cell.joint, f"{index:03d}"))
+        last = index + 1 == len(cells)
+        geoms.append(_add_link(body, design, ends[index + 1] - cell.joint, f"{index:03d}", last=last))
         links.append(body.name)
     _add_tip(body, design, ends[-1] - ends[-2])
-    _add_tendons(spec, design, cells)
+    _add_wires(spec, design, cells)
     return Cable(
         cells=tuple(cells),
         joint_positions=np.array([cell.joint for cell in cells]),
@@ -132,12 +136,12 @@ def _add_root(spec: mujoco.MjSpec, design: ScopeDesign, *, entry, frame, behind:
     return root
 
 
-def _add_link(body, design: ScopeDesign, length: float, label: str) -> str:
-    """A capsule from one joint to the next; neighbours share a round joint."""
+def _add_link(body, design: ScopeDesign, length: float, label: str, *, last: bool = False) -> str:
+    """A capsule from one joint to the next; neighbours share a round joint. The last one's cap ends at the tip."""
     geom = body.add_geom(
         name=f"scope/geom_{label}",
         type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-        fromto=[0, 0, 0, 0, 0, length],
+        fromto=[0, 0, 0, 0, 0, max(length - design.diameter / 2, length / 2) if last else length],
         size=[design.diameter / 2, 0, 0],
         mass=design.mass_per_length * length,
         rgba=[0.12, 0.13, 0.15, 1],
@@ -148,36 +152,39 @@ def _add_link(body, design: ScopeDesign, length: float, label: str) -> str:
 
 
 def _add_joints(
-    spec, body, design: ScopeDesign, cell: Cell, *, index: int, twist: float | None, timestep: float
+    spec, body, design: ScopeDesign, cell: Cell, *, index: int, twist: float | None, timestep: float | None
 ) -> tuple[str, str]:
+    up, left, down, right = cell.largest or (0.0,) * 4
+    hinges = {
+        "bend_x": ([1, 0, 0], cell.bending_stiffness, -cell.bias_left, (-left, right)),
+        "bend_y": ([0, 1, 0], cell.bending_stiffness, cell.bias_up, (-down, up)),
+    }
     if twist is not None:
-        _add_spring_hinge(body, f"scope/twist_{index:03d}", [0, 0, 1], twist, design.loss_time, timestep)
-    stiffness = cell.bending_stiffness
-    locks = []
-    limits = {"x": design.bending_limit_left_right_deg, "y": design.bending_limit_up_down_deg}
-    for name, axis in (("x", [1, 0, 0]), ("y", [0, 1, 0])):
-        joint = _add_spring_hinge(body, f"scope/bend_{name}_{index:03d}", axis, stiffness, design.loss_time, timestep)
-        if cell.steerable:
-            limit = limits[name] * cell.length / design.bending.length
-            joint.limited, joint.range = True, [-limit, limit]
-        locks.append(_add_lock(spec, joint.name))
-    return locks[0], locks[1]
+        hinges = {"twist": ([0, 0, 1], twist, 0.0, (0.0, 0.0)), **hinges}
+    for name in hinges if index % 2 == 0 else reversed(hinges):
+        axis, stiffness, rest, limits = hinges[name]
+        joint = _add_spring_hinge(body, f"scope/{name}_{index:03d}", axis, stiffness, design.loss_time, timestep)
+        joint.springref = rest
+        if name != "twist" and cell.largest:
+            joint.limited, joint.range = True, list(limits)
+    return _add_lock(spec, f"scope/bend_x_{index:03d}"), _add_lock(spec, f"scope/bend_y_{index:03d}")
 
 
-def _add_spring_hinge(body, name: str, axis: list[int], stiffness: float, loss_time: float, timestep: float):
+def _add_spring_hinge(body, name: str, axis: list[int], stiffness: float, loss_time: float, timestep: float | None):
     """A sprung hinge that stays stable, and leaves contact forces right, at time steps far above its own period.
 
     Damping of K h makes the spring linearly implicit. The constraint solver, however, sees the bare inertia and the
     explicit spring torque; where K h^2 exceeds the inertia, contact forces chatter. Armature of that order removes it;
     it slows only motion faster than the time step resolves.
     """
-    damping = stiffness * (loss_time + timestep)
+    step = timestep or 0.0
+    damping = stiffness * (loss_time + step)
     return body.add_joint(
         name=name,
         axis=axis,
         stiffness=[stiffness, 0, 0],
         damping=[damping, 0, 0],
-        armature=ARMATURE_FACTOR * damping * timestep,
+        armature=ARMATURE_FACTOR * damping * step,
     )
 
 
@@ -233,46 +240,47 @@ def _twist_stiffness(cells: Sequence[Cell], count: int) -> dict[int, float]:
 
 
 def _add_tip(body, design: ScopeDesign, length: float) -> None:
+    tip = design.tip
+    place = [tip.camera_offset_up, tip.camera_offset_left, length]
+    tilt = math.radians(tip.camera_tilt_deg)
     body.add_site(name="scope/tip", pos=[0, 0, length])
-    # MuJoCo's cameras look along their own -z, so the camera is turned about x by half a turn.
+    # MuJoCo's cameras look along their own -z, so the camera is turned about x by half a turn, then tilted about y.
     body.add_camera(
-        name="scope/camera", pos=[0, 0, length], quat=[0, 1, 0, 0], fovy=min(design.tip.field_of_view_deg, 160.0)
+        name="scope/camera",
+        pos=place,
+        quat=[0, math.cos(tilt / 2), 0, -math.sin(tilt / 2)],
+        fovy=min(tip.field_of_view_deg, 160.0),
     )
-    body.add_light(name="scope/light", pos=[0, 0, length], dir=[0, 0, 1], cutoff=80, attenuation=[1, 0, 100])
+    body.add_light(
+        name="scope/light",
+        pos=place,
+        dir=[math.sin(tilt), 0, math.cos(tilt)],
+        diffuse=[0.7 * tip.light] * 3,
+        cutoff=80,
+        attenuation=[1, 0, 100],
+    )
 
 
-def _add_tendons(spec: mujoco.MjSpec, design: ScopeDesign, cells: Sequence[Cell]) -> None:
-    """Four wires along the bending section, each through a pair of eyelets close to every joint.
+def _add_wires(spec: mujoco.MjSpec, design: ScopeDesign, cells: Sequence[Cell]) -> None:
+    """Four wires along the bending section, as linear functions of its joint angles.
 
-    The moment arm of a wire about a joint bent by phi is r cos(phi/2) - a sin(phi/2), with eyelets at distance a from
-    the joint; a continuum has r. So a is as small as it can be without eyelets meeting at the bending limit.
+    A wire at distance r from the axis of a continuous, bent section is shorter by r times the angle towards its side,
+    whatever the shape. Eyelets on rigid links come close to that (moment arm r cos(phi/2) -+ a sin(phi/2) with eyelets
+    at distance a from a joint bent by phi); a fixed tendon is that, and costs less.
     """
-    steerable = [index for index, cell in enumerate(cells) if cell.steerable]
-    radius = design.tendons.routing_radius
-    largest = max(design.bending_limit_up_down_deg, design.bending_limit_left_right_deg)
-    per_joint = math.radians(largest) / len(steerable)
-    offset = min(1.2 * radius * math.tan(per_joint / 2), 0.5 * cells[-1].length)
-    for number, name in enumerate(TENDON_NAMES):
+    radius = design.wires.routing_radius
+    for number, name in enumerate(WIRE_NAMES):
         angle = number * math.pi / 2
-        place = [radius * math.cos(angle), radius * math.sin(angle)]
-        tendon = spec.add_tendon(name=f"scope/wire_{name}", width=4e-4, rgba=[0.8, 0.7, 0.2, 1])
-        for index in steerable:
-            cell = cells[index]
-            before = spec.body(f"scope/link_{index - 1:03d}" if index else "scope/root")
-            at = cell.joint - (cells[index - 1].joint if index else 0.0)
-            for body, height, side in (
-                (before, at - offset, "in"),
-                (spec.body(f"scope/link_{index:03d}"), offset, "out"),
-            ):
-                site = body.add_site(
-                    name=f"scope/eyelet_{name}_{index:03d}_{side}", pos=[*place, height], size=[4e-4] * 3
-                )
-                tendon.wrap_site(site.name)
+        tendon = spec.add_tendon(name=f"scope/wire_{name}")
+        for index, cell in enumerate(cells):
+            if cell.steerable:
+                tendon.wrap_joint(f"scope/bend_x_{index:03d}", radius * math.sin(angle))
+                tendon.wrap_joint(f"scope/bend_y_{index:03d}", -radius * math.cos(angle))
         spec.add_actuator(
             name=f"scope/pull_{name}",
             trntype=mujoco.mjtTrn.mjTRN_TENDON,
             target=tendon.name,
             gainprm=[-1, *[0] * 9],
             ctrllimited=True,
-            ctrlrange=[0, design.tendons.pull_limit],
+            ctrlrange=[0, design.wires.pull_limit],
         )

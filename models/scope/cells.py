@@ -1,9 +1,13 @@
 """Where the joints of a cable go: the scope cut into cells, one bending joint in the middle of each."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from haustra.models.scope.design import ScopeDesign, ScopeSection
+
+CellSize = float | Callable[[float], float]
+"""Largest cell length [m], or a function that gives it for a distance from the tip [m]."""
 
 
 @dataclass(frozen=True)
@@ -19,11 +23,17 @@ class Cell:
     length: float
     """Cell length [m]."""
     flexural_rigidity: float
-    """Bending stiffness EI [N m^2]."""
+    """Bending stiffness EI in use [N m^2]."""
     torsional_rigidity: float
-    """Torsional stiffness GJ [N m^2]."""
+    """Torsional stiffness GJ in use [N m^2]."""
     steerable: bool
     """True in the bending section."""
+    bias_up: float = 0.0
+    """Angle of the unloaded joint towards wire 'up' [rad]."""
+    bias_left: float = 0.0
+    """Angle of the unloaded joint towards wire 'left' [rad]."""
+    largest: tuple[float, float, float, float] | None = None
+    """Largest angle towards up, left, down, right [rad]; None for no stop."""
 
     @property
     def joint(self) -> float:
@@ -37,14 +47,14 @@ class Cell:
 
 
 def cut_into_cells(
-    design: ScopeDesign, *, shaft_cell: float, bending_cell: float, length: float | None = None
+    design: ScopeDesign, *, shaft_cell: CellSize, bending_cell: CellSize, length: float | None = None
 ) -> tuple[Cell, ...]:
     """Cut a scope into cells, from its handle end to its bending section.
 
     Args:
         design: the scope.
-        shaft_cell: largest cell length in the shaft [m].
-        bending_cell: largest cell length in the bending section [m].
+        shaft_cell: largest cell length in the shaft.
+        bending_cell: largest cell length in the bending section.
         length: how much of the scope to model, measured back from the tip [m]; all of it when None. The rest stays
             outside the patient throughout the run and is left out.
 
@@ -59,23 +69,45 @@ def cut_into_cells(
         kept = section.length - max(0.0, skipped)
         skipped -= section.length
         if kept > 0:
-            start = _append(cells, section, kept, start, shaft_cell, steerable=False)
-    _append(cells, design.bending, design.bending.length, start, bending_cell, steerable=True)
+            for size in _sizes(kept, modelled - start, shaft_cell):
+                cells.append(_cell(design, section, start, size, steerable=False))
+                start += size
+    for size in _sizes(design.bending.length, modelled - start, bending_cell):
+        cells.append(_cell(design, design.bending, start, size, steerable=True))
+        start += size
     return tuple(cells)
 
 
-def _append(
-    cells: list[Cell], section: ScopeSection, length: float, start: float, largest: float, *, steerable: bool
-) -> float:
-    count = math.ceil(length / largest - 1e-9)  # a length that is a whole number of cells keeps that number
-    for index in range(count):
-        cells.append(
-            Cell(
-                start=start + index * length / count,
-                length=length / count,
-                flexural_rigidity=section.flexural_rigidity,
-                torsional_rigidity=section.torsional_rigidity,
-                steerable=steerable,
-            )
-        )
-    return start + length
+def _sizes(length: float, from_tip: float, largest: CellSize) -> list[float]:
+    """Cell lengths that fill a stretch which begins `from_tip` behind the tip."""
+    if not callable(largest):
+        count = math.ceil(length / largest - 1e-9)  # a length that is a whole number of cells keeps that number
+        return [length / count] * count
+    # Walk with the size asked for at each place, then shrink all alike to end where the stretch ends.
+    sizes: list[float] = []
+    while sum(sizes) < length - 1e-9:
+        sizes.append(largest(from_tip - sum(sizes)))
+    scale = length / sum(sizes)
+    return [size * scale for size in sizes]
+
+
+def _cell(design: ScopeDesign, section: ScopeSection, start: float, length: float, *, steerable: bool) -> Cell:
+    share = length / section.length
+    if steerable:
+        limits = design.limits
+        angles = (limits.up, limits.left, limits.down, limits.right)
+        stop = tuple(math.radians(angle) * share for angle in angles)
+    elif section.minimum_bend_radius is not None:
+        stop = (length / section.minimum_bend_radius,) * 4
+    else:
+        stop = None
+    return Cell(
+        start=start,
+        length=length,
+        flexural_rigidity=design.bending_stiffness(section),
+        torsional_rigidity=design.torsional_stiffness(section),
+        steerable=steerable,
+        bias_up=math.radians(section.bias_up_deg) * share,
+        bias_left=math.radians(section.bias_left_deg) * share,
+        largest=stop,
+    )

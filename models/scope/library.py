@@ -2,7 +2,8 @@
 
 from haustra.assets import asset
 from haustra.errors import InvalidDesignError
-from haustra.models.scope.design import ScopeDesign, ScopeSection, ScopeTip, TendonSet
+from haustra.models.scope.design import BendingLimits, ScopeDesign, ScopeSection, ScopeTip
+from haustra.models.scope.wires import WireSet
 from haustra.quantity import load_quantities
 
 DESIGN_NAMES = ("adult", "paediatric")
@@ -40,8 +41,12 @@ def named_design(name: str) -> ScopeDesign:
             flexural_rigidity=number("bending_flexural_rigidity"),
             torsional_rigidity=number("bending_torsional_rigidity"),
         ),
-        bending_limit_up_down_deg=number("tip_angle_up_down"),
-        bending_limit_left_right_deg=number("tip_angle_left_right"),
-        tendons=TendonSet(routing_radius=number("tendon_routing_radius"), pull_limit=number("tendon_pull_limit")),
+        limits=BendingLimits(
+            up=number("tip_angle_up_down"),
+            left=number("tip_angle_left_right"),
+            down=number("tip_angle_up_down"),
+            right=number("tip_angle_left_right"),
+        ),
+        wires=WireSet(routing_radius=number("tendon_routing_radius"), pull_limit=number("tendon_pull_limit")),
         tip=ScopeTip(length=number("tip_length"), field_of_view_deg=number("field_of_view")),
     )

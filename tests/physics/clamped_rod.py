@@ -5,7 +5,8 @@ import numpy as np
 
 from haustra.models.scope.cable import Cable, add_scope
 from haustra.models.scope.cells import cut_into_cells
-from haustra.models.scope.design import ScopeDesign, ScopeSection, ScopeTip, TendonSet
+from haustra.models.scope.design import BendingLimits, ScopeDesign, ScopeSection, ScopeTip
+from haustra.models.scope.wires import WireSet
 
 EI = 0.03
 LENGTH = 0.5
@@ -21,9 +22,8 @@ def uniform_design(**changes) -> ScopeDesign:
         "loss_time": 0.3,  # nearly critical in the first mode, so that it settles soon
         "shaft": (half,),
         "bending": half,
-        "bending_limit_up_down_deg": 300.0,
-        "bending_limit_left_right_deg": 300.0,
-        "tendons": TendonSet(routing_radius=0.005, pull_limit=100.0),
+        "limits": BendingLimits(up=300.0, left=300.0, down=300.0, right=300.0),
+        "wires": WireSet(routing_radius=0.005, pull_limit=100.0),
         "tip": ScopeTip(length=TIP, field_of_view_deg=140.0),
     }
     return ScopeDesign(**{**values, **changes})

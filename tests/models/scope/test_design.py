@@ -3,7 +3,7 @@ from dataclasses import replace
 import pytest
 
 from haustra.errors import InvalidDesignError
-from haustra.models.scope.design import ScopeSection
+from haustra.models.scope.design import BendingLimits, ScopeSection
 from haustra.models.scope.library import DESIGN_NAMES, named_design
 
 
@@ -28,7 +28,7 @@ def test_an_unknown_design_is_refused_with_the_names_there_are():
             "flexural_rigidity is -1",
         ),
         ({"diameter": 0.009}, "outside"),
-        ({"bending_limit_up_down_deg": 1000.0}, "tighter than its own radius"),
+        ({"limits": BendingLimits(up=1000.0, left=90.0, down=90.0, right=90.0)}, "tighter than its own radius"),
     ],
 )
 def test_impossible_values_are_refused_by_name(change, message):

@@ -1,0 +1,74 @@
+"""Pull wires between the hand wheels and the bending section: what of a pull arrives, and what travel it takes.
+
+A wire in a sheath that is bent through an angle theta loses tension by the capstan equation, T_out = T_in
+exp(-mu theta); what arrives lags behind when the pull is eased, because the friction then acts the other way. Real used
+scopes show both, and slack besides (Rozeboom 2016, Endosc Int Open 4:E466: 2 of 20 reached their specified angle).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+WIRE_NAMES = ("up", "left", "down", "right")
+"""Wires in order of their angle about the axis: 0, 90, 180, 270 degrees from the link's x axis."""
+
+
+@dataclass(frozen=True)
+class WireSet:
+    """Four pull wires of the bending section, 90 degrees apart."""
+
+    routing_radius: float
+    """Distance of each wire from the axis [m]."""
+    pull_limit: float
+    """Largest pull of one wire [N]."""
+    friction: float = 0.0
+    """Coulomb coefficient between wire and sheath [1]."""
+    slack: float = 0.0
+    """Length that a wheel takes up before a wire pulls [m]."""
+    compliance: float = 0.0
+    """Stretch of a wire per newton of pull [m/N]."""
+    hysteresis: float = 0.0
+    """Part of the pull that is lost to friction in the bending section itself, at any bend of the shaft [1]."""
+
+
+def arriving_pulls(
+    wires: WireSet,
+    hand: Float[np.ndarray, "4"],
+    before: Float[np.ndarray, "4"],
+    *,
+    sheath_angle: float,
+) -> Float[np.ndarray, "4"]:
+    """Pull at the bending section when the hand pulls with `hand`, and `before` arrived until now [N].
+
+    While the hand's pull changes little, the wire sticks in its sheath and nothing changes at its end; it slips when
+    the ratio of both tensions leaves the band of the capstan equation, exp(-mu theta) to exp(mu theta).
+
+    Args:
+        wires: the wires.
+        hand: pull of each wire at the wheels [N].
+        before: what arrived so far [N].
+        sheath_angle: angle that the shaft is bent through between wheels and bending section, summed regardless of
+            direction [rad].
+    """
+    loss = np.exp(-wires.friction * sheath_angle) * (1 - wires.hysteresis)
+    return np.clip(before, hand * loss, hand / loss)
+
+
+def pull_of_travel(
+    wires: WireSet, travel: Float[np.ndarray, "4"], shortening: Float[np.ndarray, "4"]
+) -> Float[np.ndarray, "4"]:
+    """Pull of wires whose wheels have taken up `travel`, once the bent section needs `shortening` less of them [N].
+
+    Args:
+        wires: the wires; their compliance must not be zero.
+        travel: wire taken up by the wheels [m].
+        shortening: how much shorter each wire's path is than in the straight section [m].
+
+    Raises:
+        ValueError: when the wires are rigid: their pull does not follow from travel.
+    """
+    if wires.compliance <= 0:
+        raise ValueError("rigid wires have no pull for a given travel: give WireSet.compliance")
+    stretch = travel - wires.slack - shortening
+    return np.clip(stretch / wires.compliance, 0.0, wires.pull_limit)
