@@ -57,7 +57,7 @@ def test_a_missing_wall_is_refused(ball: Surface):
 def test_a_fin_on_the_surface_is_refused(ball: Surface):
     vertices = np.concatenate([ball.vertices, [[0.0, 0.0, 0.05]]])
     fin = [[ball.faces[0, 0], ball.faces[0, 1], len(ball.vertices)]]
-    with pytest.raises(InvalidMeshError, match="not closed|not a manifold"):
+    with pytest.raises(InvalidMeshError, match=r"not closed|not a manifold"):
         repair(Surface(vertices, np.concatenate([ball.faces, fin])))
 
 

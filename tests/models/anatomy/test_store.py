@@ -70,8 +70,8 @@ def test_files_of_two_colons_are_told_apart(tmp_path: Path):
 def test_pickled_arrays_are_not_opened(tmp_path: Path):
     save_colon(straight_tube(), tmp_path)
     with np.load(tmp_path / "colon.npz") as stored:
-        arrays = dict(stored) | {"arc": np.array([{"a": 1}], dtype=object)}
-    np.savez(tmp_path / "colon.npz", **arrays)
+        arrays = {name: stored[name] for name in stored} | {"arc": np.array([{"a": 1}], dtype=object)}
+    np.savez(tmp_path / "colon.npz", allow_pickle=True, **arrays)
     with pytest.raises(UnreadableFileError, match="cannot be read"):
         load_colon(tmp_path)
 
