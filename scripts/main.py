@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from haustra.errors import HaustraError
@@ -15,11 +15,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit code: 0 success, 2 bad input, 3 a simulation that diverged."""
     import tyro
 
+    verbs = _verbs()
     verb: Any = tyro.extras.subcommand_cli_from_dict(
-        _verbs(),
+        verbs,
         prog="haustra",
         description="Simulated colons for designing robotic colonoscopes, on MuJoCo.",
-        args=list(sys.argv[1:] if arguments is None else arguments),
+        args=_join_verb(sys.argv[1:] if arguments is None else arguments, verbs),
     )
     try:
         result = verb()
@@ -36,12 +37,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return DIVERGED if result.get("outcome") == "diverged" else SUCCESS
 
 
+def _join_verb(arguments: Sequence[str], verbs: Mapping[str, object]) -> list[str]:
+    """The arguments with a verb of two words as one, which is how the parser knows it."""
+    words = " ".join(arguments[:2])
+    return [words, *arguments[2:]] if len(arguments) > 1 and words in verbs else list(arguments)
+
+
 def _verbs() -> dict[str, Callable[..., Any]]:
     """Every verb is a frozen dataclass of options; calling it does the work and returns JSON values."""
     from haustra.scripts.colon import ColonGrow, ColonImport
     from haustra.scripts.doctor import Doctor
     from haustra.scripts.report import Report
     from haustra.scripts.run import Run
+    from haustra.scripts.tread import TreadFem
     from haustra.scripts.view import View
     from haustra.scripts.wall import WallBuild
 
@@ -49,6 +57,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
         "colon import": ColonImport,
         "colon grow": ColonGrow,
         "wall": WallBuild,
+        "tread fem": TreadFem,
         "run": Run,
         "report": Report,
         "view": View,
