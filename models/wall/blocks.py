@@ -1,0 +1,134 @@
+"""Blocks: each cell cut into sectors around the centreline, with the lumen taken out."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from manifold3d import Manifold, Mesh64
+
+from haustra.errors import InvalidMeshError
+from haustra.models.anatomy.colon import Colon
+from haustra.models.wall.cells import Cell, Plane, Site
+from haustra.models.wall.rays import Caster
+
+ENTRY_RADIUS = 0.012
+"""Radius [m] of the way in before the anal end of the centreline: room for a 13 mm scope that is not quite centred."""
+ENTRY_REACH = 0.150
+"""How far back from the anal end that way is kept free [m]: beyond any wall that stands around it."""
+ENTRY_SIDES = 32
+THIN = 0.25
+"""Share of the tissue between two loops that each of them may be widened by: half stays, so that they stay apart."""
+import os
+
+SIMPLIFY = float(os.environ.get("SIMP", "0.0003"))
+SLIVER = float(os.environ.get("SLIV", "2")) * 1e-9
+"""Volume [m^3] below which a solid is dropped: 1 mm^3 holds nothing up and makes poor hulls."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """A solid piece of the wall, not convex as yet, inside a convex region."""
+
+    solid: Manifold
+    """One connected solid, outside the lumen."""
+    planes: tuple[Plane, ...]
+    """Half-spaces of the convex region it was cut from: faces on these are cuts, all others are lumen surface."""
+    site: Site
+    """Its stretch of the centreline."""
+
+
+def lumen_solid(colon: Colon, *, widening: float) -> Manifold:
+    """The space that stays free: the lumen, widened by `widening` [m] along its normals, and the way in at the anus.
+
+    Convex pieces err towards the lumen only; widening it by their mean error first makes the error two-sided, while
+    neighbouring pieces still meet in the same corners.
+
+    Raises:
+        InvalidMeshError: when the lumen surface bounds no solid.
+    """
+    vertices = colon.lumen.vertices
+    faces = colon.lumen.faces
+    if widening:
+        normals = vertex_normals(vertices, faces)
+        vertices = vertices + normals * np.minimum(widening, THIN * _tissue(colon, normals, widening / THIN))[:, None]
+    solid = Manifold(Mesh64(np.ascontiguousarray(vertices), faces.astype(np.uint64)))
+    if solid.is_empty() or solid.volume() <= 0:
+        raise InvalidMeshError(
+            f"The lumen of colon '{colon.name}' bounds no solid ({solid.status()}): import it again so that it is repaired."
+        )
+    return solid.simplify(SIMPLIFY) + entry_way(colon)
+
+
+def entry_way(colon: Colon) -> Manifold:
+    """The cylinder through which a scope comes, from the anal end of the centreline backwards along its tangent."""
+    line = colon.centreline
+    frame = line.frames[0]
+    # A cylinder points along its third axis; turned by half a turn about the first normal it points out of the patient.
+    backwards = np.column_stack([frame[:, 0], -frame[:, 1], -frame[:, 2]])
+    cylinder = Manifold.cylinder(ENTRY_REACH, ENTRY_RADIUS, ENTRY_RADIUS, ENTRY_SIDES)
+    return cylinder.transform(np.column_stack([backwards, line.points[0]]))
+
+
+def cut_blocks(cell: Cell, lumen: Manifold, *, sectors: int, thickness: float) -> Iterator[Block]:
+    """Cut a cell into sectors around its axis, each reaching `thickness` [m] beyond the lumen, and take the lumen out."""
+    site = cell.site
+    hollow = cell.region ^ lumen
+    if hollow.is_empty():
+        return
+    angles = 2 * np.pi * np.arange(sectors + 1) / sectors
+    for low, high in zip(angles[:-1], angles[1:], strict=True):
+        wedge = [_half_plane(site, low, -1.0), _half_plane(site, high, 1.0)]
+        own = _trim(cell.region, wedge) ^ hollow
+        if own.is_empty():
+            continue
+        outwards = site.frame[:, :2] @ _unit(0.5 * (low + high))
+        furthest = float((corners(own) @ outwards).max())
+        wedge.append((outwards, furthest + thickness))
+        planes = cell.planes + tuple(wedge)
+        for solid in (_trim(cell.region, wedge) - hollow).decompose():
+            if solid.volume() > SLIVER:
+                yield Block(solid, planes, site)
+
+
+def corners(solid: Manifold) -> Float[np.ndarray, "vertices 3"]:
+    """Vertices of a solid [m]."""
+    return np.asarray(solid.to_mesh64().vert_properties)[:, :3]
+
+
+def vertex_normals(vertices: Float[np.ndarray, "vertices 3"], faces: np.ndarray) -> Float[np.ndarray, "vertices 3"]:
+    """Outward unit normals, weighted by area."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    total = np.zeros_like(vertices)
+    for k in range(3):
+        np.add.at(total, faces[:, k], normal)
+    return total / np.maximum(np.linalg.norm(total, axis=1), 1e-30)[:, None]
+
+
+def _tissue(colon: Colon, normals: np.ndarray, furthest: float) -> np.ndarray:
+    """Thickness of the tissue outwards of each vertex [m], up to `furthest`, where another loop or a fold lies behind."""
+    caster = Caster(colon.lumen)
+    step = 1e-6  # off the surface, so that a ray does not meet its own triangle
+    return np.array(
+        [
+            min(float(caster.distance(vertex + step * normal, normal[None])[0]), furthest)
+            for vertex, normal in zip(colon.lumen.vertices, normals, strict=True)
+        ]
+    )
+
+
+def _half_plane(site: Site, angle: float, sign: float) -> Plane:
+    """The plane through the axis at `angle`, facing towards larger angles for sign 1."""
+    normal = sign * (site.frame[:, :2] @ _unit(angle + 0.5 * np.pi))
+    return normal, float(normal @ site.point)
+
+
+def _unit(angle: float) -> np.ndarray:
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+def _trim(solid: Manifold, planes: list[Plane]) -> Manifold:
+    for normal, offset in planes:
+        solid = solid.trim_by_plane(tuple(-normal), -offset)
+    return solid

@@ -1,0 +1,228 @@
+"""From a colon to its wall."""
+
+import os
+import time
+import zipfile
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial import ConvexHull, QhullError
+
+from haustra.errors import InvalidOptionError, OutputError, UnreadableFileError, WallError
+from haustra.models.anatomy.colon import Colon
+from haustra.models.anatomy.store import colon_hash
+from haustra.models.wall import cache
+from haustra.models.wall.blocks import SLIVER, Block, corners, cut_blocks, lumen_solid
+from haustra.models.wall.cells import place_sites, power_cells
+from haustra.models.wall.measure import measure
+from haustra.models.wall.packing import pack_block, unpack_hulls
+from haustra.models.wall.pool import run_blocks
+from haustra.models.wall.split import convex_parts
+from haustra.models.wall.store import load_wall, save_wall
+from haustra.models.wall.wall import Wall, WallPiece
+from haustra.provenance import Provenance, content_hash
+
+Method = Literal["coacd", "prism"]
+Progress = Callable[[str, int, int], None]
+"""Told what is being done, how much of it is done, and how much there is."""
+ALGORITHM = "1"
+"""Part of every cache key; raised when the same options give other pieces."""
+BLOCK_LIMIT = 60.0
+"""Seconds for one block; typical ones take below two, so one that takes longer hangs."""
+
+
+@dataclass(frozen=True)
+class WallOptions:
+    """What shapes a wall. SI units."""
+
+    method: Method = "coacd"
+    """How blocks are made convex: CoACD's search, or cuts where the hull stands deepest in the lumen."""
+    tolerance: float = 0.0015
+    """Largest depth [m] of a piece in the lumen that is aimed at."""
+    widening: float = 0.00025
+    """How far the lumen is widened before it is cut out [m], which centres the error; at most a quarter of thin tissue."""
+    thickness: float = 0.030
+    """How far pieces reach beyond the lumen [m], where no other loop and no inside of a bend stands in the way."""
+    spacing: float = 0.020
+    """Length of a block along the centreline [m]."""
+    sectors: int = 8
+    """Blocks around the centreline."""
+
+    def __post_init__(self) -> None:
+        if self.method not in get_args(Method):
+            raise InvalidOptionError(f"Wall method '{self.method}' is not known. Known: {', '.join(get_args(Method))}.")
+        for name, low, high in (
+            ("tolerance", 1e-4, 1e-2),
+            ("widening", 0.0, 1e-3),
+            ("thickness", 3e-3, 0.1),
+            ("spacing", 5e-3, 0.1),
+            ("sectors", 4, 32),
+        ):
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise InvalidOptionError(
+                    f"Wall option {name} is {value}: give a value from {low} to {high} (SI units)."
+                )
+
+
+def build_wall(
+    colon: Colon,
+    *,
+    method: Method = "coacd",
+    thickness: float = WallOptions.thickness,
+    tolerance: float = WallOptions.tolerance,
+    max_error_mm: float | None = None,
+    workers: int | None = None,
+    rays: int = 20_000,
+    use_cache: bool = True,
+    progress: Progress | None = None,
+) -> Wall:
+    """Build the thick shell outside the lumen as convex pieces, and measure its error.
+
+    Args:
+        colon: The colon.
+        method: 'coacd' or 'prism'.
+        thickness: How far pieces reach beyond the lumen [m].
+        tolerance: Largest depth of a piece in the lumen that is aimed at [m].
+        max_error_mm: Largest 95th percentile of the intrusion that is accepted [mm].
+        workers: Child processes; as many as there are cores when left out.
+        rays: Rays that measure the error.
+        use_cache: Whether to reuse and keep blocks and walls in the cache folder.
+        progress: Told what is done.
+
+    Raises:
+        InvalidOptionError: when an option is out of range.
+        InvalidMeshError: when the lumen bounds no solid.
+        WallError: when no piece came out, or the error exceeds `max_error_mm`.
+    """
+    began = time.perf_counter()
+    options = WallOptions(method=method, thickness=thickness, tolerance=tolerance)
+    if rays < 1000 or (workers is not None and workers < 1):
+        raise InvalidOptionError(f"A wall needs at least 1000 rays and 1 worker, not {rays} and {workers}.")
+    tell = progress or (lambda what, done, total: None)
+    digest = colon_hash(colon)
+    key = content_hash(ALGORITHM.encode(), digest.encode(), repr((asdict(options), rays)).encode())
+    wall = _from_cache(key) if use_cache else None
+    if wall is None:
+        pieces, counts = _make_pieces(colon, options, workers or os.cpu_count() or 1, use_cache, tell)
+        tell("measuring", 0, 1)
+        error, beside = measure(colon, pieces, rays=rays)
+        tell("measuring", 1, 1)
+        wall = Wall(
+            method=method,
+            pieces=pieces,
+            error=error,
+            provenance=Provenance(inputs={colon.name: digest}, configuration={**asdict(options), "rays": rays}),
+            metadata={"thickness_m": thickness, **counts, **beside, "cached": False},
+        )
+        if use_cache:
+            _keep(wall, key)
+    if max_error_mm is not None and wall.error.intrusion_p95_mm > max_error_mm:
+        raise WallError(
+            f"The wall stands {wall.error.intrusion_p95_mm:.2f} mm in the lumen of '{colon.name}' (95th percentile), more "
+            f"than the {max_error_mm:g} mm asked for: lower the tolerance ({1e3 * tolerance:g} mm) or accept more."
+        )
+    return replace(wall, metadata={**wall.metadata, "seconds": time.perf_counter() - began})
+
+
+def _make_pieces(
+    colon: Colon, options: WallOptions, workers: int, use_cache: bool, tell: Progress
+) -> tuple[tuple[WallPiece, ...], dict[str, int]]:
+    blocks = _cut(colon, options, tell)
+    hulls, counts = _decompose(blocks, options, workers, use_cache, tell)
+    pieces = tuple(
+        WallPiece(sound, block.site.start, block.site.end)
+        for block, found in zip(blocks, hulls, strict=True)
+        for hull in found
+        if (sound := _sound(hull)) is not None
+    )
+    if not pieces:
+        raise WallError(f"No piece of wall came out of colon '{colon.name}': check it with 'haustra view'.")
+    return pieces, counts
+
+
+def _cut(colon: Colon, options: WallOptions, tell: Progress) -> list[Block]:
+    tell("cutting", 0, 1)
+    lumen = lumen_solid(colon, widening=options.widening)
+    sites = place_sites(colon, spacing=options.spacing)
+    blocks = []
+    for number, cell in enumerate(power_cells(sites, thickness=options.thickness)):
+        blocks += cut_blocks(cell, lumen, sectors=options.sectors, thickness=options.thickness)
+        tell("cutting", number + 1, len(sites))
+    return blocks
+
+
+def _decompose(
+    blocks: list[Block], options: WallOptions, workers: int, use_cache: bool, tell: Progress
+) -> tuple[list[list[np.ndarray]], dict[str, int]]:
+    """Hulls of every block, and how many blocks there were, came from the cache, and fell back to plain cuts."""
+    packed = [pack_block(block) for block in blocks]
+    settings = repr((ALGORITHM, options.method, options.tolerance)).encode()
+    paths = [cache.block_path(content_hash(settings, data)) for data in packed]
+    hulls: dict[int, list[np.ndarray]] = {}
+    if use_cache:
+        for index, path in enumerate(paths):
+            found = _read_hulls(path)
+            if found is not None:
+                hulls[index] = found
+    counts = {"blocks": len(blocks), "blocks_cached": len(hulls), "blocks_fallen_back": 0}
+    missing = [index for index in range(len(blocks)) if index not in hulls]
+
+    def done(number: int, answer: bytes | None) -> None:
+        index = missing[number]
+        if answer is None:
+            counts["blocks_fallen_back"] += 1
+            hulls[index] = [corners(hull) for hull in convex_parts(blocks[index], tolerance=options.tolerance)]
+        else:
+            hulls[index] = unpack_hulls(answer)
+            if use_cache:
+                cache.keep(paths[index], answer)
+        tell("decomposing", len(hulls), len(blocks))
+
+    if missing:
+        run_blocks(
+            [packed[index] for index in missing],
+            method=options.method,
+            tolerance=options.tolerance,
+            workers=workers,
+            limit=BLOCK_LIMIT,
+            done=done,
+        )
+    return [hulls[index] for index in range(len(blocks))], counts
+
+
+def _sound(vertices: Float[np.ndarray, "vertices 3"]) -> np.ndarray | None:
+    """The corners of a hull without inner points, or None for one too flat to hold anything up."""
+    try:
+        hull = ConvexHull(vertices)
+    except (QhullError, ValueError):
+        return None
+    return np.ascontiguousarray(vertices[hull.vertices]) if hull.volume > SLIVER else None
+
+
+def _read_hulls(path) -> list[np.ndarray] | None:
+    data = cache.read(path)
+    if data is None:
+        return None
+    try:
+        return unpack_hulls(data)
+    except (ValueError, OSError, KeyError, zipfile.BadZipFile):
+        return None
+
+
+def _from_cache(key: str) -> Wall | None:
+    try:
+        wall = load_wall(cache.wall_path(key))
+    except UnreadableFileError:
+        return None
+    return replace(wall, metadata={**wall.metadata, "cached": True})
+
+
+def _keep(wall: Wall, key: str) -> None:
+    try:
+        save_wall(wall, cache.wall_path(key))
+    except OutputError:  # a cache that cannot be written is no reason to fail
+        return

@@ -1,0 +1,125 @@
+"""Child processes that decompose blocks, each with a time limit, and started again when one crashes or hangs."""
+
+import os
+import queue
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from typing import BinaryIO
+
+from haustra.models.wall.worker import receive, send
+
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+"""Each child keeps to one core; the pool is what runs in parallel."""
+
+
+def run_blocks(
+    blocks: Sequence[bytes],
+    *,
+    method: str,
+    tolerance: float,
+    workers: int,
+    limit: float,
+    done: Callable[[int, bytes | None], None],
+) -> None:
+    """Decompose packed blocks in `workers` child processes.
+
+    `done` is called in the calling thread with a block's index and its packed hulls, or None where the child crashed
+    or took longer than `limit` [s].
+    """
+    waiting: queue.SimpleQueue[tuple[int, bytes]] = queue.SimpleQueue()
+    # Large blocks first, so that no child is left alone with one at the end.
+    for index in sorted(range(len(blocks)), key=lambda number: -len(blocks[number])):
+        waiting.put((index, blocks[index]))
+    finished: queue.SimpleQueue[tuple[int, bytes | None]] = queue.SimpleQueue()
+    children = [_Child(method, tolerance, limit) for _ in range(min(workers, len(blocks)))]
+    threads = [threading.Thread(target=child.serve, args=(waiting, finished), daemon=True) for child in children]
+    try:
+        for thread in threads:
+            thread.start()
+        for _ in blocks:
+            done(*finished.get())
+    finally:
+        for child in children:
+            child.stop()
+        for thread in threads:
+            thread.join()
+
+
+class _Child:
+    """One child process and the thread that talks to it."""
+
+    def __init__(self, method: str, tolerance: float, limit: float):
+        self._command = [sys.executable, "-m", "haustra.models.wall.worker", method, repr(tolerance)]
+        self._limit = limit
+        self._process: subprocess.Popen[bytes] | None = None
+        self._lock = threading.Lock()
+        self._stopped = False
+
+    def serve(self, waiting: queue.SimpleQueue, finished: queue.SimpleQueue) -> None:
+        """Hand blocks to the child until none waits."""
+        while not self._stopped:
+            try:
+                index, block = waiting.get_nowait()
+            except queue.Empty:
+                break
+            finished.put((index, self._decompose(block)))
+        self.stop()
+
+    def stop(self) -> None:
+        """End the child for good."""
+        with self._lock:
+            self._stopped = True
+            self._kill()
+
+    def _decompose(self, block: bytes) -> bytes | None:
+        with self._lock:
+            if self._stopped:
+                return None
+            process = self._process = self._process or self._start()
+        assert process.stdin is not None and process.stdout is not None
+        timer = threading.Timer(self._limit, process.kill)
+        timer.start()
+        try:
+            send(_binary(process.stdin), block)
+            answer = receive(_binary(process.stdout))
+        except OSError:
+            answer = None
+        finally:
+            timer.cancel()
+        if answer is None:
+            with self._lock:
+                self._kill()
+        return answer
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        # A session of its own: Ctrl-C reaches the parent only, which then ends its children in order.
+        return subprocess.Popen(
+            self._command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, **ONE_THREAD},
+            start_new_session=True,
+        )
+
+    def _kill(self) -> None:
+        process, self._process = self._process, None
+        if process is not None:
+            process.kill()
+            for stream in (process.stdin, process.stdout):
+                if stream is not None:
+                    _close(stream)
+            process.wait()
+
+
+def _binary(stream) -> BinaryIO:
+    return stream
+
+
+def _close(stream) -> None:
+    try:
+        stream.close()
+    except OSError:  # bytes left to send to a child that is gone
+        return

@@ -1,0 +1,68 @@
+"""Rays against triangle surfaces: the lumen, or the faces of all pieces together."""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.spatial import ConvexHull
+
+from haustra.models.anatomy.colon import Surface
+
+
+class Caster:
+    """Casts rays at closed surfaces, with MuJoCo's bounding volume hierarchy."""
+
+    def __init__(self, surface: Surface):
+        spec = mujoco.MjSpec()
+        spec.add_mesh(
+            name="surface",
+            uservert=surface.vertices.ravel().tolist(),
+            userface=surface.faces.ravel().tolist(),
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+        )
+        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="surface", contype=0, conaffinity=0)
+        self._model = spec.compile()
+        self._data = mujoco.MjData(self._model)
+        mujoco.mj_kinematics(self._model, self._data)
+
+    def distance(
+        self, origin: Float[np.ndarray, " 3"], directions: Float[np.ndarray, "rays 3"]
+    ) -> Float[np.ndarray, " rays"]:
+        """Distance [m] from one origin along unit directions to the first hit; infinite where there is none."""
+        return self._cast(origin, directions)[0]
+
+    def entry(
+        self, origin: Float[np.ndarray, " 3"], directions: Float[np.ndarray, "rays 3"]
+    ) -> Float[np.ndarray, " rays"]:
+        """As `distance`, but 0 where the first hit is met from within the solid: the origin stands inside it."""
+        distance, normals = self._cast(origin, directions)
+        within = np.isfinite(distance) & (np.einsum("ij,ij->i", normals, directions) > 0)
+        return np.where(within, 0.0, distance)
+
+    def _cast(self, origin: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        count = len(directions)
+        hit, distance, normals = np.empty(count, np.int32), np.empty(count), np.zeros(3 * count)
+        flat = np.ascontiguousarray(directions, dtype=float).ravel()
+        start = np.ascontiguousarray(origin, dtype=float)
+        mujoco.mj_multiRay(
+            self._model, self._data, start, flat, None, 1, -1, hit, distance, normals, count, mujoco.mjMAXVAL
+        )
+        return np.where(hit < 0, np.inf, distance), normals.reshape(count, 3)
+
+
+def hull_faces(vertices: Float[np.ndarray, "vertices 3"]) -> Int[np.ndarray, "triangles 3"]:
+    """Triangles of the convex hull of some points, wound outwards."""
+    hull = ConvexHull(vertices)
+    a, b, c = (vertices[hull.simplices[:, k]] for k in range(3))
+    inwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0
+    faces = hull.simplices.astype(np.int64)
+    faces[inwards] = faces[inwards][:, ::-1]
+    return faces
+
+
+def joined_hulls(pieces: Sequence[Float[np.ndarray, "vertices 3"]]) -> Surface:
+    """The faces of many convex pieces as one surface."""
+    starts = np.cumsum([0, *(len(vertices) for vertices in pieces[:-1])])
+    faces = [hull_faces(vertices) + start for vertices, start in zip(pieces, starts, strict=True)]
+    return Surface(np.concatenate(list(pieces)), np.concatenate(faces))

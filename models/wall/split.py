@@ -1,0 +1,126 @@
+"""Greedy convex decomposition: cut a block where its hull stands deepest in the lumen, until the hull is close enough."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Float
+from manifold3d import Manifold
+
+from haustra.models.wall.blocks import SLIVER, Block
+from haustra.models.wall.cells import Plane
+
+ON_PLANE = 1e-6
+"""Distance [m] below which a point counts as lying on a cut: far above rounding, far below any tolerance asked for."""
+SMALLEST_FACE = 1e-12
+"""Twice the area [m^2] below which a triangle's normal is rounding."""
+FLAT = 1e-3
+"""Slope below which a ray counts as parallel to a face."""
+SAMPLES = np.array([[1, 1, 1], [2.4, 0.3, 0.3], [0.3, 2.4, 0.3], [0.3, 0.3, 2.4]]) / 3
+"""Where on a triangle depth is taken: centre, and near each corner, in barycentric coordinates."""
+LOST_VOLUME = 1e-6
+"""Share of the volume that a cut may lose or gain before it counts as failed."""
+DEEPEST_SPLIT = 24
+"""Cuts in a row before a solid is taken as it is; never met in practice, there to end degenerate cases."""
+
+
+def convex_parts(block: Block, *, tolerance: float) -> Iterator[Manifold]:
+    """Hulls whose union covers the block and stands at most `tolerance` [m] in the lumen."""
+    waiting = [(block.solid, block.planes, 0)]
+    while waiting:
+        solid, planes, level = waiting.pop()
+        hull = solid.hull()
+        depth, deepest = intrusion(solid, hull, planes)
+        if depth <= tolerance or level == DEEPEST_SPLIT:
+            yield hull
+            continue
+        for part, cut in _best_cut(solid, planes, deepest, block):
+            waiting += [(piece, planes + (cut,), level + 1) for piece in part.decompose() if piece.volume() > SLIVER]
+
+
+def is_convex(block: Block, *, tolerance: float) -> bool:
+    """Whether the block's hull stands at most `tolerance` [m] in the lumen."""
+    return intrusion(block.solid, block.solid.hull(), block.planes)[0] <= tolerance
+
+
+def intrusion(solid: Manifold, hull: Manifold, planes: tuple[Plane, ...]) -> tuple[float, Float[np.ndarray, " 3"]]:
+    """How deep the hull of a solid stands in the lumen [m], and where it is deepest.
+
+    From points of the solid's lumen surface a ray goes into the lumen along the surface's normal; what it runs inside
+    the hull is the depth.
+    """
+    points, normals = _lumen_samples(solid, planes)
+    if not len(points):
+        return 0.0, np.zeros(3)
+    facets, offsets = _planes(hull)
+    slope = normals @ facets.T
+    height = np.maximum(offsets - points @ facets.T, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth = np.where(slope > FLAT, height / slope, np.inf).min(axis=1)
+    worst = int(depth.argmax())
+    return float(depth[worst]), points[worst]
+
+
+def _best_cut(
+    solid: Manifold, planes: tuple[Plane, ...], deepest: np.ndarray, block: Block
+) -> list[tuple[Manifold, Plane]]:
+    """The cut, among a few natural ones, that leaves the least hull outside the solid."""
+    points, _ = _lumen_samples(solid, planes)
+    best, least = [], np.inf
+    for normal, offset in _candidates(points, deepest, block):
+        parts = solid.split_by_plane(tuple(normal), offset)
+        volumes = [part.volume() for part in parts]
+        # Cutting a solid that touches itself can go wrong; the volumes tell.
+        if min(volumes) <= 0 or abs(sum(volumes) - solid.volume()) > LOST_VOLUME * solid.volume():
+            continue
+        excess = sum(piece.hull().volume() - piece.volume() for part in parts for piece in part.decompose())
+        if excess < least:
+            least = excess
+            best = [(parts[0], (-normal, -offset)), (parts[1], (normal, offset))]
+    return best
+
+
+def _candidates(points: np.ndarray, deepest: np.ndarray, block: Block) -> Iterator[Plane]:
+    """Planes across and along the axis, and parallel to the wall, through the deepest point and the middle."""
+    site = block.site
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    outwards = points.mean(axis=0) - site.point
+    axis = site.frame[:, 2]
+    outwards = outwards - (outwards @ axis) * axis
+    outwards = outwards / max(np.linalg.norm(outwards), 1e-12)
+    around = np.cross(axis, outwards)
+    for through in (deepest, middle):
+        for normal in (axis, around, outwards):
+            yield normal, float(normal @ through)
+
+
+def face_planes(hull: Manifold) -> tuple[Plane, ...]:
+    """The half-spaces that a hull is the intersection of."""
+    return tuple((normal, float(offset)) for normal, offset in zip(*_planes(hull), strict=True))
+
+
+def _planes(hull: Manifold) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals and offsets of a hull's faces."""
+    mesh = hull.to_mesh64()
+    normals, first = _normals(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64))
+    return normals, np.einsum("ij,ij->i", normals, first)
+
+
+def _lumen_samples(solid: Manifold, planes: tuple[Plane, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Points on the faces that lie on no cut, which are lumen surface, and the normals there, into the lumen."""
+    mesh = solid.to_mesh64()
+    vertices = np.asarray(mesh.vert_properties)[:, :3]
+    faces = np.asarray(mesh.tri_verts).astype(np.int64)
+    cut = np.array([plane[0] for plane in planes])
+    at = np.array([plane[1] for plane in planes])
+    on = np.abs(vertices @ cut.T - at) < ON_PLANE
+    faces = faces[~on[faces].all(axis=1).any(axis=1)]
+    normals, _ = _normals(vertices, faces)
+    corners = vertices[faces]
+    points = np.einsum("sk,fkd->sfd", SAMPLES, corners)
+    return points.reshape(-1, 3), np.tile(normals, (len(SAMPLES), 1))
+
+
+def _normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    return normal / np.maximum(np.linalg.norm(normal, axis=1), SMALLEST_FACE)[:, None], a

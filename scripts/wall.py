@@ -1,0 +1,79 @@
+"""`haustra wall`."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Literal
+
+import tyro
+
+
+@dataclass(frozen=True)
+class WallBuild:
+    """Build the wall of a colon from convex pieces, and measure its error."""
+
+    colon: tyro.conf.Positional[Path]
+    """Folder of a colon; the wall is written to its folder wall-METHOD."""
+    method: Literal["coacd", "prism"] = "coacd"
+    """CoACD's search, or direct cuts (faster)."""
+    tolerance_mm: float | None = None
+    """Depth of a piece in the lumen that is aimed at [mm]; 1.5 when left out. Less makes more pieces."""
+    max_error_mm: float | None = None
+    """Refuse a wall whose intrusion (95th percentile) exceeds this [mm]."""
+    thickness_mm: float = 30.0
+    """How far pieces reach beyond the lumen [mm]."""
+    workers: int | None = None
+    """Child processes; as many as there are cores when left out."""
+    rays: int = 20_000
+    """Rays that measure the error."""
+    json: bool = False
+    """Print one JSON document on stdout."""
+
+    def __call__(self) -> dict:
+        """Build, save, and return the measures."""
+        from haustra.files import prepare_folder
+        from haustra.models.anatomy.store import load_colon
+        from haustra.models.wall.build import WallOptions, build_wall
+        from haustra.models.wall.store import save_wall
+
+        colon = load_colon(self.colon)
+        folder = prepare_folder(self.colon / f"wall-{self.method}")
+        with _bar() as progress:
+            wall = build_wall(
+                colon,
+                method=self.method,
+                thickness=self.thickness_mm / 1e3,
+                tolerance=WallOptions.tolerance if self.tolerance_mm is None else self.tolerance_mm / 1e3,
+                max_error_mm=self.max_error_mm,
+                workers=self.workers,
+                rays=self.rays,
+                progress=progress,
+            )
+        save_wall(wall, folder)
+        return {
+            "method": wall.method,
+            "pieces": len(wall.pieces),
+            "vertices": sum(len(piece.vertices) for piece in wall.pieces),
+            **asdict(wall.error),
+            **wall.metadata,
+            "folder": str(folder),
+        }
+
+
+@contextmanager
+def _bar() -> Iterator[Callable[[str, int, int], None]]:
+    """A progress bar on stderr."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description:12}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True)) as shown:
+        tasks = {}
+
+        def tell(what: str, done: int, total: int) -> None:
+            if what not in tasks:
+                tasks[what] = shown.add_task(what, total=total)
+            shown.update(tasks[what], completed=done, total=total)
+
+        yield tell
