@@ -45,6 +45,7 @@ def _join_verb(arguments: Sequence[str], verbs: Mapping[str, object]) -> list[st
 
 def _verbs() -> dict[str, Callable[..., Any]]:
     """Every verb is a frozen dataclass of options; calling it does the work and returns JSON values."""
+    from haustra.scripts.bench_rods import BenchRods
     from haustra.scripts.colon import ColonGrow, ColonImport
     from haustra.scripts.doctor import Doctor
     from haustra.scripts.report import Report
@@ -61,6 +62,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
         "run": Run,
         "report": Report,
         "view": View,
+        "bench rods": BenchRods,
         "doctor": Doctor,
     }
 

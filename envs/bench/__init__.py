@@ -1,0 +1,1 @@
+"""Measured rods and costs: the cable against published data, other rods and the clock."""
