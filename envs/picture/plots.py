@@ -53,4 +53,4 @@ def _style(axis, label: str, *, legend: bool) -> None:
     for side in ("top", "right", "left", "bottom"):
         axis.spines[side].set_visible(False)
     if legend:
-        axis.legend(frameon=False, ncols=5, loc="upper left", labelcolor=_INK)
+        axis.legend(frameon=False, ncols=5, loc="lower left", bbox_to_anchor=(0, 1), labelcolor=_INK)
