@@ -34,9 +34,9 @@ class FollowerSettings:
     """Bending rate per angle off the lumen's axis [1/s]."""
     steer_lead: float = 0.6
     """Largest lead of the wires over the angle that the bending section has reached [rad]."""
-    tip_force_limit: float = 6.0
+    tip_force_limit: float = 12.0
     """Wall force on the bending section at which it backs off [N]."""
-    push_force_limit: float = 25.0
+    push_force_limit: float = 35.0
     """Push force at which it backs off [N]."""
     roll_step: float = math.radians(60)
     """How far it turns the shaft after backing off [rad]."""
@@ -44,17 +44,20 @@ class FollowerSettings:
     """How fast it turns the shaft [rad/s]."""
     hand_lead_limit: float = 0.01
     """How far the hand aims beyond where the shaft is [m]."""
-    patience: float = 2.5
+    patience: float = 4.0
     """Time without progress after which it backs off [s]."""
 
 
 class LumenFollower:
     """Push, steer along the lumen ahead, rotate, back off when the wall force rises."""
 
-    def __init__(self, line: Centreline, design: ScopeDesign, *, settings: FollowerSettings | None = None) -> None:
-        """Get to know the lumen's axis and the scope's wires."""
+    def __init__(
+        self, line: Centreline, design: ScopeDesign, *, tip_links: int, settings: FollowerSettings | None = None
+    ) -> None:
+        """Get to know the lumen's axis and the scope's wires; its last `tip_links` links are the bending section."""
         self.settings = settings or FollowerSettings()
         self._line = line
+        self._tip_links = tip_links
         bending = design.bending
         # Constant curvature under a wire's pull F: angle = F r L / EI.
         self._pull_per_angle = design.bending_stiffness(bending) / (design.wires.routing_radius * bending.length)
@@ -85,9 +88,8 @@ class LumenFollower:
         return Inputs(push_rate=push_rate, roll_rate=roll_rate, pulls=self._pulls())
 
     def _steer(self, seen: Observation, arc: float, interval: float) -> None:
-        target = self._line.points[
-            min(np.searchsorted(self._line.arc, arc + self.settings.look_ahead), len(self._line.arc) - 1)
-        ]
+        station = np.searchsorted(self._line.arc, arc + self.settings.look_ahead)
+        target = seen.axis[min(station, len(seen.axis) - 1)]
         ahead = seen.tip_frame.T @ (target - seen.tip)
         sideways = np.linalg.norm(ahead[:2])
         if sideways > 0:
@@ -100,7 +102,7 @@ class LumenFollower:
             self._bend *= self._bend_limit / size
 
     def _should_back_off(self, seen: Observation) -> bool:
-        tip_force = seen.link_forces[-8:].max()
+        tip_force = seen.link_forces[-self._tip_links :].max()
         waiting = seen.time - self._local_time
         return bool(
             waiting > 0.5
@@ -120,7 +122,7 @@ class LumenFollower:
 
     def _advance_rate(self, seen: Observation, interval: float) -> float:
         spare = 1 - max(
-            seen.link_forces[-8:].max() / self.settings.tip_force_limit,
+            seen.link_forces[-self._tip_links :].max() / self.settings.tip_force_limit,
             seen.push_force / self.settings.push_force_limit,
         )
         rate = self.settings.advance_rate * float(np.clip(2 * spare, 0.15, 1.0))

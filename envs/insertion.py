@@ -81,7 +81,8 @@ def run_insertion(
     line = scene.colon.centreline
     start = scene.options.start_depth
     tracker = ArcTracker(line, start=start)
-    follower = LumenFollower(line, scene.design, settings=settings)
+    tip_links = sum(cell.steerable for cell in scene.cable.cells)
+    follower = LumenFollower(line, scene.design, tip_links=tip_links, settings=settings)
     steps = max(1, round(CONTROL_INTERVAL / scene.options.timestep))
     interval = steps * scene.options.timestep
     rows: list[tuple] = []
@@ -94,7 +95,7 @@ def run_insertion(
             outcome = Outcome.DIVERGED
             break
         seen = engine.observe()
-        tracker.update(seen.tip)
+        tracker.update(seen.tip, seen.axis)
         rows.append(_record(engine, seen, tracker.arc))
         if progress and len(rows) % 25 == 0:
             progress(seen.time, tracker.arc)

@@ -14,9 +14,9 @@ from haustra.provenance import Provenance
 def score(scene: Scene, run: Insertion, provenance: Provenance) -> dict[str, object]:
     """Scores of a run as plain JSON values, units in the names.
 
-    Forces are sampled at the control rate (50 Hz). `wall_force_peak_N` is the largest resultant normal force of the wall
-    on one link of the scope. `insertion_m` and `tip_arc_m` are where the run ended; `tip_arc_max_m` is the furthest it
-    came. The tip's arc length is that of the nearest point of the centreline.
+    Forces are sampled at the control rate (50 Hz). `wall_force_peak_N` is the largest resultant normal force of the
+    wall on one link of the scope. `insertion_m` and `tip_arc_m` are where the run ended; `tip_arc_max_m` is the furthest
+    it came. The tip's arc length is that of the nearest point of the centreline.
     """
     recorded = run.trajectory
     simulated = float(recorded.time[-1]) if len(recorded.time) else 0.0
@@ -42,6 +42,7 @@ def score(scene: Scene, run: Insertion, provenance: Provenance) -> dict[str, obj
         "dofs": recorded.qpos.shape[1],
         "joints": len(scene.cable.cells),
         "pieces": scene.pieces,
+        "rings": len(scene.rings),
         "timestep_s": scene.options.timestep,
         "peak_memory_MB": peak_memory() / 1e6,
         "provenance": provenance.to_json(),

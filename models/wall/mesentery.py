@@ -1,12 +1,14 @@
 """A colon that gives way: rings of wall pieces on springs, where a mesentery lets the colon move.
 
 Sigmoid and transverse colon hang on a mesocolon; the rest is fixed to the back wall. A mobile stretch is cut into rings
-(one for each row of blocks of the wall), each on three slides: sprung to the body by its share of the mesentery, to its
-neighbours by the colon's own continuity, and held off from rings of other loops that it lies against. Rings do not tilt.
+(one for each row of blocks of the wall), each on three slides: sprung to the body by its share of the mesentery, to
+its neighbours by the colon's own continuity, and held off from rings of other loops that it lies against. Rings do not
+tilt.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import mujoco
 import numpy as np
@@ -30,7 +32,7 @@ class Mesentery:
     settle_time: float = 0.1
     """Relaxation time of a ring on its spring [s]; engineering choice: slower than contact, faster than a push."""
     ring_mass: float = 1.0
-    """Inertia of a ring [kg]; mass scaling, 20 times tissue: motion is quasi-static, and contact stiffness stays right."""
+    """Inertia of a ring [kg]; mass scaling, 20 times tissue: its motion is quasi-static, and contacts stay as stiff."""
 
     def __post_init__(self) -> None:
         for name in ("stiffness", "spread", "settle_time", "ring_mass"):
@@ -39,12 +41,29 @@ class Mesentery:
 
 
 @dataclass(frozen=True)
-class _Ring:
+class Ring:
+    """A mobile row of wall pieces."""
+
     name: str
-    arc: float
-    length: float
+    """Name of its body; its slides are `name/x`, `name/y`, `name/z`."""
+    start: float
+    """Arc length where it begins [m]; the `start` of its pieces."""
+    end: float
+    """Arc length where it ends [m]."""
     centre: Float[np.ndarray, "3"]
+    """Where its body sits at rest: on the centreline [m]."""
     radius: float
+    """Median radius of its lumen [m]."""
+
+    @property
+    def arc(self) -> float:
+        """Arc length of its middle [m]."""
+        return (self.start + self.end) / 2
+
+    @property
+    def length(self) -> float:
+        """Stretch of centreline that it stands for [m]."""
+        return self.end - self.start
 
 
 _AXES = ("x", "y", "z")
@@ -56,9 +75,7 @@ _LOOP_CONTACT_STIFFNESS = 2000.0
 """Stiffness between touching loops [N/m]; engineering choice, of the order of two walls in series."""
 
 
-def add_rings(
-    spec: mujoco.MjSpec, colon: Colon, pieces: Sequence[WallPiece], mesentery: Mesentery
-) -> Mapping[float, str]:
+def add_rings(spec: mujoco.MjSpec, colon: Colon, pieces: Sequence[WallPiece], mesentery: Mesentery) -> tuple[Ring, ...]:
     """Add a body for every mobile row of blocks.
 
     Args:
@@ -68,38 +85,37 @@ def add_rings(
         mesentery: how it is held.
 
     Returns:
-        Body name of each ring by the `start` of its pieces [m]; rows that are not here are fixed.
+        The rings, from anus to caecum; rows of pieces that have none are fixed.
     """
-    rings = {start: ring for start, ring in _rings(colon, pieces) if _segment(colon, ring.arc) in mesentery.segments}
-    for ring in rings.values():
+    rings = tuple(ring for ring in _rows(colon, pieces) if _segment(colon, ring.arc) in mesentery.segments)
+    for ring in rings:
         _add_ring(spec, ring, mesentery)
-    starts = sorted(rings)
-    for start, after in zip(starts, starts[1:], strict=False):
-        if abs(rings[after].arc - rings[start].arc) < 1.5 * rings[start].length:
-            _couple(spec, rings[start], rings[after], mesentery)
-    for first, second in _touching(rings.values()):
+    for ring, after in pairwise(rings):
+        if after.arc - ring.arc < 1.5 * ring.length:
+            _couple(spec, ring, after, mesentery)
+    for first, second in _touching(rings):
         _hold_off(spec, first, second)
-    return {start: ring.name for start, ring in rings.items()}
+    return rings
 
 
-def _rings(colon: Colon, pieces: Sequence[WallPiece]):
+def _rows(colon: Colon, pieces: Sequence[WallPiece]) -> Iterator[Ring]:
     line = colon.centreline
     for start, end in sorted({(piece.start, piece.end) for piece in pieces}):
-        arc = (start + end) / 2
-        station = min(int(np.searchsorted(line.arc, arc)), len(line.arc) - 1)
+        station = min(int(np.searchsorted(line.arc, (start + end) / 2)), len(line.arc) - 1)
         radius = float(np.median(colon.radius[station]))
-        yield start, _Ring(f"colon/ring_{arc * 1e3:05.0f}", arc, end - start, line.points[station], radius)
+        yield Ring(f"colon/ring_{start * 1e3:05.0f}", start, end, line.points[station], radius)
 
 
 def _segment(colon: Colon, arc: float) -> str:
     return next((segment.name for segment in colon.segments if arc <= segment.end), colon.segments[-1].name)
 
 
-def _add_ring(spec: mujoco.MjSpec, ring: _Ring, mesentery: Mesentery) -> None:
+def _add_ring(spec: mujoco.MjSpec, ring: Ring, mesentery: Mesentery) -> None:
     stiffness = mesentery.stiffness * ring.length
     damping = 2 * np.sqrt(stiffness * mesentery.ring_mass) + stiffness * mesentery.settle_time
-    body = spec.worldbody.add_body(
-        name=ring.name, pos=ring.centre, mass=mesentery.ring_mass, inertia=[1e-3] * 3, explicitinertial=True
+    body = spec.worldbody.add_body(name=ring.name, pos=ring.centre)
+    body.add_geom(
+        name=f"{ring.name}/mass", size=[0.005] * 3, mass=mesentery.ring_mass, contype=0, conaffinity=0, group=5
     )
     for axis, name in enumerate(_AXES):
         body.add_joint(
@@ -112,7 +128,7 @@ def _add_ring(spec: mujoco.MjSpec, ring: _Ring, mesentery: Mesentery) -> None:
     body.add_site(name=f"{ring.name}/centre")
 
 
-def _couple(spec: mujoco.MjSpec, first: _Ring, second: _Ring, mesentery: Mesentery) -> None:
+def _couple(spec: mujoco.MjSpec, first: Ring, second: Ring, mesentery: Mesentery) -> None:
     """A spring on the difference of two displacements: w'' EI-like continuity of a string of stiffness k s^2 / ds."""
     stiffness = mesentery.stiffness * mesentery.spread**2 / first.length
     for name in _AXES:
@@ -123,8 +139,7 @@ def _couple(spec: mujoco.MjSpec, first: _Ring, second: _Ring, mesentery: Mesente
         tendon.wrap_joint(f"{second.name}/{name}", -1.0)
 
 
-def _touching(rings: Iterable[_Ring]):
-    rings = list(rings)
+def _touching(rings: Sequence[Ring]) -> Iterator[tuple[Ring, Ring]]:
     for index, first in enumerate(rings):
         for second in rings[index + 1 :]:
             gap = np.linalg.norm(first.centre - second.centre) - first.radius - second.radius
@@ -132,7 +147,7 @@ def _touching(rings: Iterable[_Ring]):
                 yield first, second
 
 
-def _hold_off(spec: mujoco.MjSpec, first: _Ring, second: _Ring) -> None:
+def _hold_off(spec: mujoco.MjSpec, first: Ring, second: Ring) -> None:
     """A spatial spring between centres that acts only when they come nearer than they are at rest."""
     distance = float(np.linalg.norm(first.centre - second.centre))
     tendon = spec.add_tendon(name=f"{first.name}|{second.name}", stiffness=[_LOOP_CONTACT_STIFFNESS, 0, 0])
