@@ -48,6 +48,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
     from haustra.scripts.bench_rods import BenchRods
     from haustra.scripts.colon import ColonGrow, ColonImport
     from haustra.scripts.doctor import Doctor
+    from haustra.scripts.propulsion import Propulsion
     from haustra.scripts.report import Report
     from haustra.scripts.run import Run
     from haustra.scripts.tread import TreadFem
@@ -59,6 +60,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
         "colon grow": ColonGrow,
         "wall": WallBuild,
         "tread fem": TreadFem,
+        "propulsion": Propulsion,
         "run": Run,
         "report": Report,
         "view": View,

@@ -35,16 +35,19 @@ class FlexibleShaft:
     """Torque a radian over its whole length [N m/rad]. Assumed."""
     onset_speed: float = 150 * math.tau / 60
     """Where its losses begin to rise [rad/s]. Published: "above this value the transmission efficiency declines"."""
-    loss_speed: float = 190 * math.tau / 60
-    """Excess over the onset at which half of the force is lost [rad/s]. Fitted (docs/theory/tracked.md)."""
+    efficiency: float = 0.946
+    """Share of the drive that reaches the treads up to the onset [1]. Fitted: the paper's RMSE at the peak."""
+    stall_excess: float = 544 * math.tau / 60
+    """Excess over the onset at which viscous loss would take all of it [rad/s]. Fitted with `SpeedFriction.exponent`:
+    the paper's statements identify only both together, and we let both ends of the range lose alike."""
 
     def transmission(self, speed: float) -> float:
         """Share of the traction force that still reaches the treads at a worm speed [rad/s].
 
-        1 below the onset, then the Lorentz factor 1 / (1 + ((w - w_onset) / w_loss)^2) of a whirling shaft.
+        A motor torque less a viscous loss: efficiency (1 - (w - w_onset) / w_stall), constant below the onset.
         """
-        excess = max(0.0, speed - self.onset_speed) / self.loss_speed
-        return 1.0 / (1.0 + excess**2)
+        excess = max(0.0, speed - self.onset_speed) / self.stall_excess
+        return self.efficiency * max(0.0, 1.0 - excess)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,21 +76,18 @@ class Bellows:
 class SpeedFriction:
     """Coulomb's coefficient against sliding speed, relative to its nominal value.
 
-    Grosch's bell for rubber: exp(-ln(v / v_peak)^2 / (2 width^2)) below the peak, 1 above it, where the loss that the
-    paper reports is the shaft's.
+    (v / v_peak)^exponent below the peak: friction of wet soft tissue rises with speed (Lyle 2013, Tribol Lett 51:377).
+    Constant above it, where the loss that the paper reports is the shaft's.
     """
 
     peak_speed: float = 32.5e-3
     """[m/s]. Published: the optimum, 150 rpm."""
-    width: float = 0.73
-    """Of the bell in ln(v) [1]. Fitted (docs/theory/tracked.md)."""
+    exponent: float = 0.466
+    """[1]. Fitted: the paper's mean and RMSE over the range."""
 
     def factor(self, speed: float) -> float:
         """Coefficient at a sliding speed [m/s] over its nominal value."""
-        if speed <= 0:
-            return 0.0
-        below = min(0.0, math.log(speed / self.peak_speed))
-        return math.exp(-(below**2) / (2 * self.width**2))
+        return min(1.0, max(0.0, speed) / self.peak_speed) ** self.exponent
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,10 +134,11 @@ class TrackedDesign:
                 f"Tracked design '{self.name}': core of {self.core_diameter * 1e3:.1f} mm does not fit inside the "
                 f"folded device of {self.smallest_diameter * 1e3:.1f} mm: thin the core."
             )
-        if self.worm.efficiency > 1:
-            raise InvalidDesignError(
-                f"Tracked design '{self.name}': worm efficiency {self.worm.efficiency:g} is above 1: give a fraction."
-            )
+        for part, efficiency in (("worm", self.worm.efficiency), ("shaft", self.shaft.efficiency)):
+            if efficiency > 1:
+                raise InvalidDesignError(
+                    f"Tracked design '{self.name}': {part} efficiency {efficiency:g} is above 1: give a fraction."
+                )
         if abs(self.worm.starts * self.tread.pitch / self.worm.lead - 1) > _MESHING_TOLERANCE:
             raise InvalidDesignError(
                 f"Tracked design '{self.name}': a worm of {self.worm.starts} starts and {self.worm.lead * 1e3:g} mm "

@@ -166,7 +166,7 @@ class Strip:
                 before = None
                 if step < _SMALLEST_STEP:
                     raise TreadReferenceError(
-                        f"No equilibrium beyond {reached * 1e3:.3f} mm of indentation: press less or soften the penalty."
+                        f"No equilibrium beyond {reached * 1e3:.3f} mm of indentation: press less or soften penalties."
                     )
                 continue
             before = (u, reached) if load != reached else None
