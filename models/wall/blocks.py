@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -19,11 +20,10 @@ ENTRY_REACH = 0.150
 ENTRY_SIDES = 32
 THIN = 0.25
 """Share of the tissue between two loops that each of them may be widened by: half stays, so that they stay apart."""
-import os
-
-SIMPLIFY = float(os.environ.get("SIMP", "0.0003"))
-SLIVER = float(os.environ.get("SLIV", "2")) * 1e-9
-"""Volume [m^3] below which a solid is dropped: 1 mm^3 holds nothing up and makes poor hulls."""
+SIMPLIFY = 0.0006
+"""Distance [m] by which the lumen surface is simplified first: below the noise of a CT surface, half the triangles."""
+SLIVER = 2e-9
+"""Volume [m^3] below which a solid is dropped: 2 mm^3 hold nothing up and make poor hulls."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def lumen_solid(colon: Colon, *, widening: float) -> Manifold:
     solid = Manifold(Mesh64(np.ascontiguousarray(vertices), faces.astype(np.uint64)))
     if solid.is_empty() or solid.volume() <= 0:
         raise InvalidMeshError(
-            f"The lumen of colon '{colon.name}' bounds no solid ({solid.status()}): import it again so that it is repaired."
+            f"The lumen of colon '{colon.name}' bounds no solid ({solid.status()}): import it again to repair it."
         )
     return solid.simplify(SIMPLIFY) + entry_way(colon)
 
@@ -71,13 +71,13 @@ def entry_way(colon: Colon) -> Manifold:
 
 
 def cut_blocks(cell: Cell, lumen: Manifold, *, sectors: int, thickness: float) -> Iterator[Block]:
-    """Cut a cell into sectors around its axis, each reaching `thickness` [m] beyond the lumen, and take the lumen out."""
+    """Cut a cell into sectors around its axis, each reaching `thickness` [m] beyond the lumen, without the lumen."""
     site = cell.site
     hollow = cell.region ^ lumen
     if hollow.is_empty():
         return
     angles = 2 * np.pi * np.arange(sectors + 1) / sectors
-    for low, high in zip(angles[:-1], angles[1:], strict=True):
+    for low, high in pairwise(angles):
         wedge = [_half_plane(site, low, -1.0), _half_plane(site, high, 1.0)]
         own = _trim(cell.region, wedge) ^ hollow
         if own.is_empty():
@@ -107,7 +107,7 @@ def vertex_normals(vertices: Float[np.ndarray, "vertices 3"], faces: np.ndarray)
 
 
 def _tissue(colon: Colon, normals: np.ndarray, furthest: float) -> np.ndarray:
-    """Thickness of the tissue outwards of each vertex [m], up to `furthest`, where another loop or a fold lies behind."""
+    """Thickness of the tissue outwards of each vertex [m], up to another loop or a fold, or `furthest`."""
     caster = Caster(colon.lumen)
     step = 1e-6  # off the surface, so that a ray does not meet its own triangle
     return np.array(

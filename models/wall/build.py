@@ -42,8 +42,8 @@ class WallOptions:
     """How blocks are made convex: CoACD's search, or cuts where the hull stands deepest in the lumen."""
     tolerance: float = 0.0015
     """Largest depth [m] of a piece in the lumen that is aimed at."""
-    widening: float = 0.00025
-    """How far the lumen is widened before it is cut out [m], which centres the error; at most a quarter of thin tissue."""
+    widening: float = 0.0004
+    """How far the lumen is widened before it is cut out [m], to centre the error; at most a quarter of thin tissue."""
     thickness: float = 0.030
     """How far pieces reach beyond the lumen [m], where no other loop and no inside of a bend stands in the way."""
     spacing: float = 0.020
@@ -122,8 +122,8 @@ def build_wall(
             _keep(wall, key)
     if max_error_mm is not None and wall.error.intrusion_p95_mm > max_error_mm:
         raise WallError(
-            f"The wall stands {wall.error.intrusion_p95_mm:.2f} mm in the lumen of '{colon.name}' (95th percentile), more "
-            f"than the {max_error_mm:g} mm asked for: lower the tolerance ({1e3 * tolerance:g} mm) or accept more."
+            f"The wall stands {wall.error.intrusion_p95_mm:.2f} mm in the lumen of '{colon.name}' (95th percentile), "
+            f"more than the {max_error_mm:g} mm asked for: lower the tolerance ({1e3 * tolerance:g} mm) or accept more."
         )
     return replace(wall, metadata={**wall.metadata, "seconds": time.perf_counter() - began})
 

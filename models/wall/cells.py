@@ -9,6 +9,7 @@ of the wall is left without a cell.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -20,11 +21,11 @@ from haustra.models.anatomy.colon import Colon
 ENTRY_LENGTH = 0.010
 """How far the wall reaches back beyond the anal end of the centreline [m]."""
 WEIGHT_SLOPE = 0.5
-"""Largest step of r^2 between neighbouring sites, relative to their squared distance: beyond 1 a site leaves its cell."""
+"""Largest step of r^2 between neighbouring sites over their squared distance: beyond 1 a site leaves its cell."""
 REACH_MARGIN = 0.030
 """Room beyond radius and thickness [m] for haustra that bulge further than the radius field sees."""
 LARGEST_RADIUS = 0.060
-"""Radius [m] above which a value of the radius field is a look along the lumen, not across (NUMBERS.md 1.2: < 9 cm wide)."""
+"""Radius [m] above which the radius field looks along the lumen, not across: a caecum is below 9 cm wide."""
 
 Plane = tuple[Float[np.ndarray, " 3"], float]
 """Outward unit normal n and offset d [m] of the half-space n.x <= d."""
@@ -69,7 +70,7 @@ def place_sites(colon: Colon, *, spacing: float) -> tuple[Site, ...]:
     smooth = uniform_filter1d(line.points, width, axis=0, mode="nearest")
     radius = np.minimum(colon.radius, LARGEST_RADIUS)
     sites = []
-    for start, end in zip(bounds[:-1], bounds[1:], strict=True):
+    for start, end in pairwise(bounds):
         middle = 0.5 * (start + end)
         near = np.abs(line.arc - middle) <= spacing
         tangent = _at(line, smooth, end) - _at(line, smooth, start)

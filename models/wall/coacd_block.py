@@ -45,7 +45,7 @@ def coacd_parts(block: Block, *, tolerance: float) -> Iterator[Manifold]:
         if hull.volume() <= SLIVER:
             continue
         solid = hull ^ block.solid
-        planes = block.planes + face_planes(hull)
+        planes = (*block.planes, *face_planes(hull))
         for piece in solid.decompose():
             if piece.volume() <= SLIVER:
                 continue

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from haustra.models.anatomy.colon import Colon, Surface
 from haustra.models.wall.blocks import ENTRY_RADIUS, ENTRY_REACH
@@ -24,6 +24,8 @@ NEAREST_FACES = 24
 MILLIMETRE = 1e3
 SEAM_PAIRS = 400
 """Pairs of neighbouring rays between which a step is looked for."""
+FURTHEST = 1.0
+"""Stands for no hit at all where steps are looked for [m]."""
 SEAM_HALVINGS = 10
 """Times that the angle between two rays is halved: 4 mm on the wall become 4 micrometres."""
 
@@ -108,10 +110,10 @@ def seam_step(lumen: Caster, wall: Caster, error: RayError) -> float:
             middle = low + high
             middle /= np.linalg.norm(middle)
             rays = np.stack([low, middle, high])
-            change = np.abs(np.diff(wall.entry(origin, rays) - lumen.distance(origin, rays)))
+            change = np.abs(np.diff(np.minimum(wall.entry(origin, rays), FURTHEST) - lumen.distance(origin, rays)))
             low, high = (low, middle) if change[0] > change[1] else (middle, high)
         rays = np.stack([low, high])
-        step = float(np.abs(np.diff(wall.entry(origin, rays)))[0])
+        step = float(np.abs(np.diff(np.minimum(wall.entry(origin, rays), FURTHEST)))[0])
         # A jump as large as a fold is high is a crest seen against what lies behind it, not a joint.
         if step < LEAK and np.abs(np.diff(lumen.distance(origin, rays)))[0] < LEAK:
             largest = max(largest, step)
@@ -122,7 +124,7 @@ def surface_distance(surface: Surface, points: Float[np.ndarray, "points 3"]) ->
     """Distance of points from a triangle surface [m], to the nearest among the faces whose centres are nearest."""
     corners = surface.vertices[surface.faces]
     count = min(NEAREST_FACES, len(corners))
-    nearest = cKDTree(corners.mean(axis=1)).query(points, k=count)[1].reshape(len(points), count)
+    nearest = KDTree(corners.mean(axis=1)).query(points, k=count)[1].reshape(len(points), count)
     best = np.full(len(points), np.inf)
     for rank in range(count):
         best = np.minimum(best, _triangle_distance(points, corners[nearest[:, rank]]))
@@ -159,7 +161,7 @@ def _by_the_anus(colon: Colon, points: np.ndarray) -> np.ndarray:
 
 def _elsewhere(colon: Colon, arcs: np.ndarray, left: np.ndarray, came: np.ndarray) -> np.ndarray:
     """Which rays left the lumen in their own loop and came out in another."""
-    tree, arc = cKDTree(colon.centreline.points), colon.centreline.arc
+    tree, arc = KDTree(colon.centreline.points), colon.centreline.arc
     own = np.abs(arc[tree.query(left)[1]] - arcs) < OTHER_LOOP
     return own & (np.abs(arc[tree.query(came)[1]] - arcs) > OTHER_LOOP)
 

@@ -1,4 +1,4 @@
-"""Greedy convex decomposition: cut a block where its hull stands deepest in the lumen, until the hull is close enough."""
+"""Greedy convex decomposition: cut a block where its hull stands deepest in the lumen, until it is close enough."""
 
 from collections.abc import Iterator
 
@@ -20,7 +20,9 @@ SAMPLES = np.array([[1, 1, 1], [2.4, 0.3, 0.3], [0.3, 2.4, 0.3], [0.3, 0.3, 2.4]
 LOST_VOLUME = 1e-6
 """Share of the volume that a cut may lose or gain before it counts as failed."""
 DEEPEST_SPLIT = 24
-"""Cuts in a row before a solid is taken as it is; never met in practice, there to end degenerate cases."""
+"""Cuts in a row after which a solid counts as one that cannot be cut; there to end degenerate cases."""
+HOPELESS = 3.0
+"""A solid that cannot be cut is taken up to this many tolerances, and left out beyond: better a gap than a plug."""
 
 
 def convex_parts(block: Block, *, tolerance: float) -> Iterator[Manifold]:
@@ -30,11 +32,14 @@ def convex_parts(block: Block, *, tolerance: float) -> Iterator[Manifold]:
         solid, planes, level = waiting.pop()
         hull = solid.hull()
         depth, deepest = intrusion(solid, hull, planes)
-        if depth <= tolerance or level == DEEPEST_SPLIT:
+        if depth <= tolerance:
             yield hull
             continue
-        for part, cut in _best_cut(solid, planes, deepest, block):
-            waiting += [(piece, planes + (cut,), level + 1) for piece in part.decompose() if piece.volume() > SLIVER]
+        cuts = _best_cut(solid, planes, deepest, block) if level < DEEPEST_SPLIT else []
+        if not cuts and depth <= HOPELESS * tolerance:
+            yield hull
+        for part, cut in cuts:
+            waiting += [(piece, (*planes, cut), level + 1) for piece in part.decompose() if piece.volume() > SLIVER]
 
 
 def is_convex(block: Block, *, tolerance: float) -> bool:
@@ -46,9 +51,10 @@ def intrusion(solid: Manifold, hull: Manifold, planes: tuple[Plane, ...]) -> tup
     """How deep the hull of a solid stands in the lumen [m], and where it is deepest.
 
     From points of the solid's lumen surface a ray goes into the lumen along the surface's normal; what it runs inside
-    the hull is the depth.
+    the hull is the depth. A thin slice that spans the lumen is left by such rays at once, through its cuts; there the
+    hull's volume in the lumen over the lumen surface, which is the mean depth, tells.
     """
-    points, normals = _lumen_samples(solid, planes)
+    points, normals, area = _lumen_samples(solid, planes)
     if not len(points):
         return 0.0, np.zeros(3)
     facets, offsets = _planes(hull)
@@ -57,38 +63,42 @@ def intrusion(solid: Manifold, hull: Manifold, planes: tuple[Plane, ...]) -> tup
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = np.where(slope > FLAT, height / slope, np.inf).min(axis=1)
     worst = int(depth.argmax())
-    return float(depth[worst]), points[worst]
+    mean = (hull.volume() - solid.volume()) / area
+    return max(float(depth[worst]), mean), points[worst]
 
 
 def _best_cut(
     solid: Manifold, planes: tuple[Plane, ...], deepest: np.ndarray, block: Block
 ) -> list[tuple[Manifold, Plane]]:
-    """The cut, among a few natural ones, that leaves the least hull outside the solid."""
-    points, _ = _lumen_samples(solid, planes)
-    best, least = [], np.inf
-    for normal, offset in _candidates(points, deepest, block):
-        parts = solid.split_by_plane(tuple(normal), offset)
-        volumes = [part.volume() for part in parts]
-        # Cutting a solid that touches itself can go wrong; the volumes tell.
-        if min(volumes) <= 0 or abs(sum(volumes) - solid.volume()) > LOST_VOLUME * solid.volume():
-            continue
-        excess = sum(piece.hull().volume() - piece.volume() for part in parts for piece in part.decompose())
-        if excess < least:
-            least = excess
-            best = [(parts[0], (-normal, -offset)), (parts[1], (normal, offset))]
-    return best
+    """The cut, among a few natural ones, that leaves the least hull outside the solid; none where all fail."""
+    points = _lumen_samples(solid, planes)[0]
+    low, high = points.min(axis=0), points.max(axis=0)
+    for places in ((deepest, 0.5 * (low + high)), (0.7 * low + 0.3 * high, 0.3 * low + 0.7 * high)):
+        best, least = [], np.inf
+        for normal, offset in _candidates(points, places, block):
+            parts = solid.split_by_plane(tuple(normal), offset)
+            volumes = [part.volume() for part in parts]
+            # Cutting a solid that touches itself can go wrong; the volumes tell.
+            if min(volumes) <= 0 or abs(sum(volumes) - solid.volume()) > LOST_VOLUME * solid.volume():
+                continue
+            excess = sum(piece.hull().volume() - piece.volume() for part in parts for piece in part.decompose())
+            if excess < least:
+                least = excess
+                best = [(parts[0], (-normal, -offset)), (parts[1], (normal, offset))]
+        if best:
+            return best
+    return []
 
 
-def _candidates(points: np.ndarray, deepest: np.ndarray, block: Block) -> Iterator[Plane]:
-    """Planes across and along the axis, and parallel to the wall, through the deepest point and the middle."""
+def _candidates(points: np.ndarray, places: tuple[np.ndarray, ...], block: Block) -> Iterator[Plane]:
+    """Planes across and along the axis, and parallel to the wall, through each of the places."""
     site = block.site
-    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     outwards = points.mean(axis=0) - site.point
     axis = site.frame[:, 2]
     outwards = outwards - (outwards @ axis) * axis
     outwards = outwards / max(np.linalg.norm(outwards), 1e-12)
     around = np.cross(axis, outwards)
-    for through in (deepest, middle):
+    for through in places:
         for normal in (axis, around, outwards):
             yield normal, float(normal @ through)
 
@@ -101,26 +111,30 @@ def face_planes(hull: Manifold) -> tuple[Plane, ...]:
 def _planes(hull: Manifold) -> tuple[np.ndarray, np.ndarray]:
     """Unit normals and offsets of a hull's faces."""
     mesh = hull.to_mesh64()
-    normals, first = _normals(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64))
-    return normals, np.einsum("ij,ij->i", normals, first)
+    vertices = np.asarray(mesh.vert_properties)[:, :3]
+    faces = np.asarray(mesh.tri_verts).astype(np.int64)
+    normals, twice = _normals(vertices, faces)
+    sound = twice > SMALLEST_FACE
+    return normals[sound], np.einsum("ij,ij->i", normals[sound], vertices[faces[sound, 0]])
 
 
-def _lumen_samples(solid: Manifold, planes: tuple[Plane, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Points on the faces that lie on no cut, which are lumen surface, and the normals there, into the lumen."""
+def _lumen_samples(solid: Manifold, planes: tuple[Plane, ...]) -> tuple[np.ndarray, np.ndarray, float]:
+    """Points on the lumen surface (the faces that lie on no cut), its normals there, into the lumen, and its area."""
     mesh = solid.to_mesh64()
     vertices = np.asarray(mesh.vert_properties)[:, :3]
     faces = np.asarray(mesh.tri_verts).astype(np.int64)
     cut = np.array([plane[0] for plane in planes])
     at = np.array([plane[1] for plane in planes])
     on = np.abs(vertices @ cut.T - at) < ON_PLANE
-    faces = faces[~on[faces].all(axis=1).any(axis=1)]
-    normals, _ = _normals(vertices, faces)
-    corners = vertices[faces]
-    points = np.einsum("sk,fkd->sfd", SAMPLES, corners)
-    return points.reshape(-1, 3), np.tile(normals, (len(SAMPLES), 1))
+    faces = faces[~np.logical_and.reduce(on[faces], axis=1).any(axis=-1)]
+    normals, twice = _normals(vertices, faces)
+    points = np.einsum("sk,fkd->sfd", SAMPLES, vertices[faces]).reshape(-1, 3)
+    return points, np.tile(normals, (len(SAMPLES), 1)), max(0.5 * float(twice.sum()), SMALLEST_FACE)
 
 
 def _normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals and twice the areas of triangles."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     normal = np.cross(b - a, c - a)
-    return normal / np.maximum(np.linalg.norm(normal, axis=1), SMALLEST_FACE)[:, None], a
+    twice = np.linalg.norm(normal, axis=1)
+    return normal / np.maximum(twice, SMALLEST_FACE)[:, None], twice
