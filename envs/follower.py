@@ -32,6 +32,8 @@ class FollowerSettings:
     """How far it backs off [m]; each further attempt at the same place goes back further."""
     steer_gain: float = 3.0
     """Bending rate per angle off the lumen's axis [1/s]."""
+    steer_limit_deg: float = 110.0
+    """Largest angle that it bends the tip to while pushing [degrees]: a tip bent further is pushed sideways, not on."""
     steer_lead: float = 0.6
     """Largest lead of the wires over the angle that the bending section has reached [rad]."""
     tip_force_limit: float = 12.0
@@ -62,7 +64,7 @@ class LumenFollower:
         # Constant curvature under a wire's pull F: angle = F r L / EI.
         self._pull_per_angle = design.bending_stiffness(bending) / (design.wires.routing_radius * bending.length)
         self._pull_limit = design.wires.pull_limit
-        self._bend_limit = math.radians(design.limits.smallest)
+        self._bend_limit = math.radians(min(design.limits.smallest, self.settings.steer_limit_deg))
         self._roll_goal = 0.0
         self._bend = np.zeros(2)
         self._best_arc = self._local_arc = -math.inf
@@ -89,7 +91,7 @@ class LumenFollower:
 
     def _steer(self, seen: Observation, arc: float, interval: float) -> None:
         station = np.searchsorted(self._line.arc, arc + self.settings.look_ahead)
-        target = seen.axis[min(station, len(seen.axis) - 1)]
+        target = self._line.points[min(station, len(self._line.points) - 1)]
         ahead = seen.tip_frame.T @ (target - seen.tip)
         sideways = np.linalg.norm(ahead[:2])
         if sideways > 0:

@@ -95,7 +95,7 @@ def run_insertion(
             outcome = Outcome.DIVERGED
             break
         seen = engine.observe()
-        tracker.update(seen.tip, seen.axis)
+        tracker.update(seen.tip)
         rows.append(_record(engine, seen, tracker.arc))
         if progress and len(rows) % 25 == 0:
             progress(seen.time, tracker.arc)

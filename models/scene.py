@@ -1,6 +1,6 @@
 """What stands in the scene, and what is left out: colon, wall and scope become one MjSpec."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -16,7 +16,6 @@ from haustra.models.contact import WallContact, apply_contact
 from haustra.models.scope.cable import Cable, add_scope
 from haustra.models.scope.cells import Cell, cut_into_cells
 from haustra.models.scope.design import ScopeDesign
-from haustra.models.wall.mesentery import Mesentery, Ring, add_rings
 from haustra.models.wall.wall import Wall
 from haustra.quantity import load_quantities
 
@@ -47,8 +46,6 @@ class SceneOptions:
     """Damping over stiffness of the wall [s]; engineering choice; sliding adds mu c v to the normal force."""
     friction: float = _CONTACT["contact.friction"].value
     """Coulomb coefficient between scope and wall [1]."""
-    mesentery_stiffness: float | None = _CONTACT["contact.mesentery_stiffness"].value
-    """Spring that holds sigmoid and transverse colon, per length [N/m^2]; None fixes the whole colon in space."""
     push_limit: float = _CONTACT["contact.push_force_peak"].value
     """Largest force that the hand applies [N]."""
     torque_limit: float = _CONTACT["contact.torque_peak"].value
@@ -69,13 +66,6 @@ class SceneOptions:
             raise InvalidOptionError(f"Scene option timestep is {self.timestep} s; at most 0.02 s is supported.")
         if not all(np.isfinite(self.gravity)):
             raise InvalidOptionError(f"Scene option gravity is {self.gravity}; give three finite numbers.")
-
-    @property
-    def mesentery(self) -> Mesentery | None:
-        """How the mobile parts of the colon are held; None when nothing moves."""
-        if self.mesentery_stiffness is None:
-            return None
-        return Mesentery(stiffness=self.mesentery_stiffness, spread=_CONTACT["contact.mesentery_spread"].value)
 
     @property
     def contact(self) -> WallContact:
@@ -99,8 +89,6 @@ class Scene:
     """Unit vector into the patient."""
     pieces: int
     """Convex pieces of the wall."""
-    rings: tuple[Ring, ...]
-    """Rows of pieces that move on their mesentery."""
     left_out: Mapping[str, str] = field(default_factory=dict)
     """What the scene does not model, and why that is sound."""
 
@@ -152,11 +140,13 @@ def build_scene(
     cable = _add_scope(spec, design, cells, entry, frame, options)
     bare = spec.compile()
     apply_contact(spec, bare, cable.geoms, options.contact, timestep=options.timestep)
-    rings = add_rings(spec, colon, wall.pieces, options.mesentery) if options.mesentery else ()
-    _add_wall(spec, wall, rings)
+    _add_wall(spec, wall)
     if show_lumen:
         _add_lumen(spec, colon)
-    left_out = {"self-contact": "the scope does not touch itself: loops are held apart by the wall"}
+    left_out = {
+        "self-contact": "the scope does not touch itself: loops are held apart by the wall",
+        "mesentery": "the colon gives way by its wall's stiffness only; sigmoid and transverse colon do not swing",
+    }
     if modelled < design.length - 1e-9:
         left_out["shaft outside"] = f"the last {design.length - modelled:.3f} m of shaft never enter this colon"
     if not any(options.gravity):
@@ -171,7 +161,6 @@ def build_scene(
         entry=entry,
         entry_direction=frame[:, 2],
         pieces=len(wall.pieces),
-        rings=rings,
         left_out=left_out,
     )
 
@@ -232,20 +221,15 @@ def _add_scope(spec, design: ScopeDesign, cells, entry, frame, options: SceneOpt
     )
 
 
-def _add_wall(spec: mujoco.MjSpec, wall: Wall, rings: Sequence[Ring]) -> None:
-    """Add every piece as a geom: of its ring's body where that moves, of the world elsewhere."""
-    bodies = {ring.start: spec.body(ring.name) for ring in rings}
+def _add_wall(spec: mujoco.MjSpec, wall: Wall) -> None:
     for index, piece in enumerate(wall.pieces):
         name = f"wall/{index:05d}"
-        body = bodies.get(piece.start, spec.worldbody)
-        corners = piece.vertices - np.asarray(body.pos)
-        mesh = spec.add_mesh(name=name, uservert=np.ascontiguousarray(corners, dtype=float).ravel())
+        mesh = spec.add_mesh(name=name, uservert=np.ascontiguousarray(piece.vertices, dtype=float).ravel())
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
-        body.add_geom(
+        spec.worldbody.add_geom(
             name=name,
             type=mujoco.mjtGeom.mjGEOM_MESH,
             meshname=name,
-            mass=0,
             contype=1,
             conaffinity=0,
             group=_WALL_GROUP,

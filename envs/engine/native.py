@@ -1,15 +1,13 @@
 """MuJoCo on the CPU, one scene: hand and wires in, what the scope does out. Divergence is detected, never hidden."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from haustra.models.scene import Scene
 from haustra.models.scope.cable import TENDON_NAMES
-from haustra.models.wall.mesentery import Ring
 
 _LOCK_STRETCH = 0.02
 """A joint is freed over the last stretch before the anus [m]; engineering choice: half a shaft cell."""
@@ -65,8 +63,6 @@ class Observation:
     """Resultant normal force of the wall on each link, from the handle to the tip [N]."""
     contacts: int
     """Contacts with the wall that carry force."""
-    axis: Float[np.ndarray, "stations 3"]
-    """The colon's centreline where the colon now is [m]."""
 
 
 class NativeEngine:
@@ -93,10 +89,6 @@ class NativeEngine:
         steerable = [index for index, cell in enumerate(cable.cells) if cell.steerable]
         self._bend_up = [model.joint(f"scope/bend_y_{index:03d}").qposadr[0] for index in steerable]
         self._bend_left = [model.joint(f"scope/bend_x_{index:03d}").qposadr[0] for index in steerable]
-        self._slides = np.array(
-            [[model.joint(f"{ring.name}/{axis}").qposadr[0] for axis in "xyz"] for ring in scene.rings], dtype=int
-        ).reshape(-1, 3)
-        self._knot_arc, self._knot_ring = _knots(scene.rings)
         self._behind = cable.length - cable.joint_positions
         self._start = scene.options.start_depth
         self._lock_outside(self._start)
@@ -141,23 +133,12 @@ class NativeEngine:
             torque=float(data.actuator_force[self._roll]),
             link_forces=forces,
             contacts=contacts,
-            axis=self.axis(),
         )
 
     def shape(self) -> Float[np.ndarray, "nodes 3"]:
         """Points along the scope's axis, from the handle end of the modelled part to the tip [m]."""
         links = [self.model.body(name).id for name in self.scene.cable.links]
         return np.vstack([self.data.xpos[links], self.data.site_xpos[self._tip]])
-
-    def axis(self) -> Float[np.ndarray, "stations 3"]:
-        """The colon's centreline, moved along with the rings of wall around it [m]."""
-        line = self.scene.colon.centreline
-        if not len(self._slides):
-            return line.points
-        shift = np.vstack([self.data.qpos[self._slides], np.zeros(3)])[self._knot_ring]
-        return line.points + np.column_stack(
-            [np.interp(line.arc, self._knot_arc, shift[:, k], left=0.0, right=0.0) for k in range(3)]
-        )
 
     def _lock_outside(self, insertion: float) -> None:
         """Hold joints straight that are outside the patient, and free them smoothly as they pass the anus."""
@@ -177,15 +158,3 @@ class NativeEngine:
         links = self._link_of_body[self.model.geom_bodyid[contact.geom[active]]].max(axis=1)
         np.add.at(total, links, contact.frame[active, :3] * normal[:, None])
         return np.linalg.norm(total, axis=1), int((normal > 0).sum())
-
-
-def _knots(rings: Sequence[Ring]) -> tuple[Float[np.ndarray, " knots"], Int[np.ndarray, " knots"]]:
-    """Arc lengths where the colon's displacement is known, and the ring that gives it; -1 where the wall is fixed."""
-    knots: list[tuple[float, int]] = []
-    for index, ring in enumerate(rings):
-        if index == 0 or ring.start > rings[index - 1].end + 1e-6:
-            knots.append((ring.start - ring.length / 2, -1))
-        knots.append((ring.arc, index))
-        if index + 1 == len(rings) or rings[index + 1].start > ring.end + 1e-6:
-            knots.append((ring.end + ring.length / 2, -1))
-    return np.array([arc for arc, _ in knots]), np.array([ring for _, ring in knots], dtype=int)

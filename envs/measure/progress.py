@@ -18,18 +18,13 @@ class ArcTracker:
         self._line = line
         self.arc = start
 
-    def update(self, point: Float[np.ndarray, "3"], axis: Float[np.ndarray, "stations 3"]) -> float:
-        """Arc length [m] nearest to `point`, within reach of the last one.
-
-        Args:
-            point: position [m].
-            axis: the centreline where the colon now is [m].
-        """
-        arcs = self._line.arc
-        low, high = np.searchsorted(arcs, [self.arc - _REACH, self.arc + _REACH])
+    def update(self, point: Float[np.ndarray, "3"]) -> float:
+        """Arc length [m] nearest to `point` [m], within reach of the last one."""
+        line = self._line
+        low, high = np.searchsorted(line.arc, [self.arc - _REACH, self.arc + _REACH])
         near = slice(max(0, low), max(low + 1, high))
-        distance = np.linalg.norm(axis[near] - point, axis=1)
-        self.arc = float(arcs[near][np.argmin(distance)])
+        distance = np.linalg.norm(line.points[near] - point, axis=1)
+        self.arc = float(line.arc[near][np.argmin(distance)])
         return self.arc
 
 

@@ -42,7 +42,6 @@ def score(scene: Scene, run: Insertion, provenance: Provenance) -> dict[str, obj
         "dofs": recorded.qpos.shape[1],
         "joints": len(scene.cable.cells),
         "pieces": scene.pieces,
-        "rings": len(scene.rings),
         "timestep_s": scene.options.timestep,
         "peak_memory_MB": peak_memory() / 1e6,
         "provenance": provenance.to_json(),
