@@ -94,7 +94,7 @@ def add_tracked(
     position: Sequence[float] = (0.0, 0.0, 0.0),
     frame: Float[np.ndarray, "3 3"] | None = None,
     tracks: Sequence[int] = tuple(range(TRACKS)),
-    extension: float = 0.0,
+    extension: float | Sequence[float] = 0.0,
     free: bool = True,
     prefix: str = "tracked/",
 ) -> Tracked:
@@ -110,7 +110,7 @@ def add_tracked(
         position: Centre of the core [m].
         frame: Columns are forwards, left and up; the world's axes when None. Track 0 is up.
         tracks: Which of the four tracks to build.
-        extension: How far each track stands out of its nominal radius, pads unloaded [m].
+        extension: How far the tracks, or each of the four, stand out of the nominal radius at first [m].
         free: Six degrees of freedom for the core and a bellows for each strut; otherwise none.
         prefix: Before every name.
 
@@ -121,10 +121,11 @@ def add_tracked(
     if not 0 <= friction <= 2:
         raise InvalidOptionError(f"Tread friction is {friction}: give a coefficient from 0 to 2.")
     low, high = design.stroke
-    if not low <= extension <= high + _reach(design):
+    each = np.broadcast_to(np.asarray(extension, float), TRACKS)
+    if not ((each >= low) & (each <= high + _reach(design))).all():
         raise InvalidOptionError(
-            f"A strut cannot stand {extension * 1e3:.2f} mm out of its nominal radius: its stroke is {low * 1e3:.1f} "
-            f"to {high * 1e3:.1f} mm."
+            f"A strut cannot stand {each.min() * 1e3:.2f} to {each.max() * 1e3:.2f} mm out of its nominal radius: its "
+            f"stroke is {low * 1e3:.1f} to {high * 1e3:.1f} mm."
         )
     law = PadLaw.fit(load_table(design.tread))
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
@@ -132,7 +133,7 @@ def add_tracked(
     core = _add_core(spec, design, position, frame, free=free, prefix=prefix)
     pads: list[Pad] = []
     for track in tracks:
-        strut = _add_strut(core, design, track, extension, free=free, prefix=prefix)
+        strut = _add_strut(core, design, track, float(each[track]), free=free, prefix=prefix)
         pads += [_add_pad(spec, strut, design, law, track, tip, friction, prefix=prefix) for tip in TIPS]
     _calibrate_contacts(spec, pads, _CONTACT_STIFFNESS * _ratio(design))
     motor = f"{prefix}roll" if free else ""

@@ -102,7 +102,7 @@ def test_one_to_one_pulls_a_sixteenth() -> None:
 def test_closed_form_agrees_with_the_simulated_device() -> None:
     point = drive_point(DESIGN, 0.4, 150)
     run = pull(tube_rig(DESIGN, friction=point.friction), point.speed, roll_torque=point.worm_torque)
-    assert run.string.mean() == pytest.approx(point.force, rel=0.005)
+    assert run.string.mean() == pytest.approx(point.force, rel=0.01)
 
 
 def test_scene_saves_as_plain_mjcf() -> None:

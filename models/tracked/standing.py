@@ -1,0 +1,117 @@
+"""A tracked robot standing in a colon, its struts spread to the local lumen, with or without a scope behind it."""
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from haustra.errors import InvalidDesignError, InvalidOptionError
+from haustra.models.anatomy.colon import Colon
+from haustra.models.tracked.design import TRACKS, TrackedDesign
+from haustra.models.tracked.device import Tracked, add_tracked
+
+_STRING_STIFFNESS = 5e3
+"""Of a string to a scope's tip [N/m]: it gives 0.04 mm at the device's pull."""
+_STRING_DAMPING = 5.0
+"""[N s/m]: next to the string's stiffness this damps a gram-light tip; no number of the device's."""
+
+
+def stand_in_colon(
+    spec: mujoco.MjSpec,
+    colon: Colon,
+    design: TrackedDesign,
+    *,
+    arc: float,
+    friction: float,
+    prefix: str = "tracked/",
+) -> Tracked:
+    """Put a free robot at an arc length of a colon, facing the caecum, each track spread to the wall it faces.
+
+    The spec needs the colon's wall (`build_scene`). Bellows then press each track outwards, so the robot moves off
+    centre where the lumen is not round.
+
+    Args:
+        spec: Scene with the wall.
+        colon: Its colon.
+        design: The robot, at the scale it has in the patient (`TrackedDesign.at_scale`).
+        arc: Arc length of the core's centre from the anus [m].
+        friction: Coulomb's coefficient between treads and wall.
+        prefix: Before every name.
+
+    Raises:
+        InvalidOptionError: when the arc length is not inside the colon.
+        InvalidDesignError: when the lumen there is smaller than the folded device or wider than its reach.
+    """
+    line = colon.centreline
+    half = design.core_length / 2
+    if not half <= arc <= line.length - half:
+        raise InvalidOptionError(
+            f"A robot of {design.core_length * 1e3:.0f} mm cannot stand at {arc * 1e3:.0f} mm of a colon of "
+            f"{line.length * 1e3:.0f} mm: give {half * 1e3:.0f} to {(line.length - half) * 1e3:.0f} mm."
+        )
+    radii = track_radii(colon, design, arc)
+    try:
+        design.extension_in(2 * float(radii.mean()))
+    except InvalidDesignError as error:
+        raise InvalidDesignError(
+            f"At {arc * 1e3:.0f} mm of colon '{colon.name}': {error}{_elsewhere(colon, design)}"
+        ) from None
+    low, high = design.stroke
+    station = int(np.searchsorted(line.arc, arc))
+    normal, binormal, tangent = line.frames[station].T
+    return add_tracked(
+        spec,
+        design,
+        friction=friction,
+        position=tuple(float(value) for value in line.points[station]),
+        frame=np.column_stack([tangent, normal, binormal]),
+        extension=tuple(float(value) for value in np.clip(radii - design.nominal_diameter / 2, low, high)),
+        prefix=prefix,
+    )
+
+
+def track_radii(colon: Colon, design: TrackedDesign, arc: float) -> Float[np.ndarray, " tracks"]:
+    """Distance from the centreline to the wall under each track, the least over the strut's length [m]."""
+    line = colon.centreline
+    near = np.abs(line.arc - arc) <= design.tread.tip_spacing / 2 + design.tread.width / 2
+    if not near.any():
+        near[int(np.argmin(np.abs(line.arc - arc)))] = True
+    angles = colon.radius.shape[1]
+    # Track k stands 90 k degrees from the second normal, away from the first.
+    columns = [round(angles * (track / TRACKS + 0.25)) % angles for track in range(TRACKS)]
+    return colon.radius[near][:, columns].min(0)
+
+
+def tow_scope(spec: mujoco.MjSpec, tracked: Tracked, site: str) -> str:
+    """Tie a site of the scene (a scope's tip) to the robot's rear by a string as long as they stand apart.
+
+    Returns the tendon's name; it pulls and never pushes.
+
+    Raises:
+        InvalidOptionError: when the scene has no such site.
+    """
+    if spec.site(site) is None:
+        raise InvalidOptionError(f"The scene has no site '{site}' to tow: add one at the scope's tip.")
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    length = float(np.linalg.norm(data.site(site).xpos - data.site(tracked.tow).xpos))
+    name = tracked.tow + "_string"
+    string = spec.add_tendon(
+        name=name,
+        stiffness=[_STRING_STIFFNESS, 0, 0],
+        damping=[_STRING_DAMPING, 0, 0],
+        springlength=[0, length],
+    )
+    string.wrap_site(site)
+    string.wrap_site(tracked.tow)
+    return name
+
+
+def _elsewhere(colon: Colon, design: TrackedDesign) -> str:
+    """Where it does fit, if anywhere."""
+    diameters = 2 * colon.radius.mean(1)
+    fits = (diameters >= design.smallest_diameter) & (diameters <= design.largest_diameter)
+    if not fits.any():
+        return f" This colon is {diameters.min() * 1e3:.0f} to {diameters.max() * 1e3:.0f} mm wide: none of it fits."
+    first = float(colon.centreline.arc[np.argmax(fits)])
+    return f" It would fit at {first * 1e3:.0f} mm, for one."
