@@ -25,9 +25,9 @@ SEARCH = {
     "max_ch_vertex": MOST_VERTICES,
     "seed": 0,
 }
-"""A reduced search: a fifth of CoACD's default effort gives the same number of pieces on these small blocks."""
-THRESHOLD = 1.3
-"""CoACD's concavity over the tolerance: it measures on the whole hull and is stricter than depth in the lumen alone."""
+"""A reduced search: these blocks are small, and what it leaves too deep is cut further."""
+THRESHOLD = 2.0
+"""CoACD's concavity over the tolerance; at 1.3 it takes 2.4 times as long and leaves a fifth more pieces."""
 
 
 def coacd_parts(block: Block, *, tolerance: float) -> Iterator[Manifold]:
