@@ -7,6 +7,12 @@ import numpy as np
 
 from haustra.envs.insertion import Insertion
 from haustra.envs.measure.scores import score
+from haustra.envs.picture.camera import looking
+from haustra.envs.picture.image import write_png
+from haustra.envs.picture.outside import default_rotation, outside_view
+from haustra.envs.picture.plots import time_figure
+from haustra.envs.picture.tip import tip_view
+from haustra.envs.report.run_report import report_run
 from haustra.files import prepare_folder, write_atomically, write_json
 from haustra.models.anatomy.store import colon_hash
 from haustra.models.scene import Scene
@@ -31,5 +37,27 @@ def write_run(folder: Path, *, scene: Scene, wall: Wall, run: Insertion, seconds
     arrays = {**asdict(run.trajectory), "shape": run.shape, "tip_frame": run.tip_frame}
     write_atomically(folder / "trajectory.npz", lambda path: np.savez_compressed(path, allow_pickle=False, **arrays))
     scene.save(folder / "scene.xml")
+    _draw(folder, scene, run)
     write_json(folder / "scores.json", scores)
+    report_run(folder)
     return scores
+
+
+def _draw(folder: Path, scene: Scene, run: Insertion) -> None:
+    lumen, frame, seen = scene.colon.lumen, run.tip_frame, run.trajectory
+    outside = outside_view(
+        lumen,
+        run.shape,
+        scene.cable.radius,
+        bending_length=scene.design.bending.length,
+        rotation=default_rotation(lumen, scene.colon.centreline.points),
+    )
+    write_png(folder / "outside.png", outside)
+    # A camera looks along its own -z, with up along y.
+    write_png(folder / "tip.png", tip_view(lumen, run.shape[-1], looking(frame[:, 2], frame[:, 0])))
+    curves = {
+        "force [N]": {"hand": seen.push_force, "wall, hardest pressed link": seen.wall_force},
+        "torque [N m]": {"hand": seen.torque},
+        "length [m]": {"scope inserted": seen.insertion, "tip along the colon": seen.tip_arc},
+    }
+    time_figure(folder / "forces.png", seen.time, curves)

@@ -41,15 +41,17 @@ class Run:
         from haustra.models.anatomy.store import load_colon
         from haustra.models.scene import SceneOptions, build_scene
         from haustra.models.scope.library import named_design
+        from haustra.models.wall.folder import wall_of
         from haustra.scripts.console import progress_bar
-        from haustra.scripts.wall import wall_of
+        from haustra.scripts.wall import wall_bar
 
         design = named_design(self.design)
         options = SceneOptions(**self._options())
         _require_seconds(self.seconds)
         colon = load_colon(self.colon)
         folder = prepare_folder(self.output)
-        wall = wall_of(self.colon, colon, self.wall)
+        with wall_bar() as tell:
+            wall = wall_of(self.colon, colon, self.wall, progress=tell)
         scene = build_scene(colon, wall, design, options)
 
         from haustra.envs.insertion import run_insertion

@@ -39,7 +39,7 @@ class WallBuild:
 
         colon = load_colon(self.colon)
         folder = prepare_folder(self.colon / f"wall-{self.method}")
-        with _bar() as progress:
+        with wall_bar() as progress:
             wall = build_wall(
                 colon,
                 method=self.method,
@@ -62,7 +62,7 @@ class WallBuild:
 
 
 @contextmanager
-def _bar() -> Iterator[Callable[[str, int, int], None]]:
+def wall_bar() -> Iterator[Callable[[str, int, int], None]]:
     """A progress bar on stderr."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn

@@ -15,8 +15,8 @@ def score(scene: Scene, run: Insertion, provenance: Provenance) -> dict[str, obj
     """Scores of a run as plain JSON values, units in the names.
 
     Forces are sampled at the control rate (50 Hz). `wall_force_peak_N` is the largest resultant normal force of the
-    wall on one link of the scope. `insertion_m` and `tip_arc_m` are where the run ended; `tip_arc_max_m` is the furthest
-    it came. The tip's arc length is that of the nearest point of the centreline.
+    wall on one link of the scope. `insertion_m` and `tip_arc_m` are where the run ended; `tip_arc_max_m` is how far it
+    came. The tip's arc length is that of the nearest point of the centreline.
     """
     recorded = run.trajectory
     simulated = float(recorded.time[-1]) if len(recorded.time) else 0.0
