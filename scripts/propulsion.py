@@ -219,9 +219,11 @@ def redesign(design) -> dict[str, Any]:
     from haustra.models.tracked.redesign import candidates, redesigned
     from haustra.models.tracked.rig import flat_rig
 
-    found = candidates(design, np.round(np.arange(2.0, 4.001, 0.05), 2))
-    best = min(found, key=lambda c: (round(c.track_ripple, 4), abs(c.spacing * c.pitch - design.tread.tip_spacing)))
-    same_pitch = min((c for c in found if c.starts == design.worm.starts), key=lambda c: c.track_ripple)
+    found = candidates(design, np.round(np.arange(2.0, 4.001, 0.05), 2).tolist())
+    best = min(found, key=lambda c: (round(c.track_ripple + c.device_ripple, 4), -c.spacing))
+    same_pitch = min(
+        (c for c in found if c.starts == design.worm.starts), key=lambda c: (round(c.track_ripple, 4), -c.spacing)
+    )
     proof = {}
     for name, choice in (("best", best), ("same_pitch", same_pitch)):
         changed = redesigned(design, choice)

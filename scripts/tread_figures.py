@@ -67,6 +67,8 @@ def _stress_map(path: Path, geometry, rows: list[dict], indentation: float, fric
     """The paper's figure 6: von Mises stress in the high- and the low-force state."""
     import matplotlib.pyplot as plt
     from matplotlib.collections import PolyCollection
+    from matplotlib.colors import Normalize
+    from matplotlib.patches import Circle
 
     from haustra.models.tracked.fem.strip import Strip
     from haustra.models.tracked.fem.study import von_mises
@@ -75,6 +77,7 @@ def _stress_map(path: Path, geometry, rows: list[dict], indentation: float, fric
     first = [row for row in rows if row["spacing_pitches"] == rows[0]["spacing_pitches"]]
     states = {"high": max(first, key=lambda row: row["contact_N"]), "low": min(first, key=lambda r: r["contact_N"])}
     figure, axes = plt.subplots(2, 1, figsize=(9, 5.2), layout="constrained", sharex=True)
+    scale = plt.cm.ScalarMappable(Normalize(0, 150), "turbo")
     for axis, (name, row) in zip(axes, states.items(), strict=True):
         rear = -round(geometry.tip_spacing / 2 / geometry.pitch) * geometry.pitch + row["phase"] * geometry.pitch
         tips = [rear, rear + geometry.tip_spacing]
@@ -83,13 +86,12 @@ def _stress_map(path: Path, geometry, rows: list[dict], indentation: float, fric
         x = (strip.positions + state.displacement) * 1e3
         offset = len(strip.tread.nodes)
         for quads, stress in ((strip.tissue.quads + offset, tissue), (strip.tread.quads, tread)):
-            patches = PolyCollection(list(x[quads]), array=stress / 1e3, cmap="turbo", edgecolors="face", lw=0.1)
-            patches.set_clim(0, 150)
-            axis.add_collection(patches)
+            colours = scale.to_rgba(stress / 1e3)
+            axis.add_collection(PolyCollection(list(x[quads]), facecolors=colours, edgecolors=colours, lw=0.1))
         height = (geometry.clearance + indentation - geometry.tooth_height - geometry.belt_thickness) * 1e3
         for tip in tips:
             radius = geometry.tip_radius * 1e3
-            axis.add_patch(plt.Circle((tip * 1e3, height - radius), radius, color="0.6"))
+            axis.add_patch(Circle((tip * 1e3, height - radius), radius, color="0.6"))
         axis.set(
             xlim=(tips[0] * 1e3 - 14, tips[1] * 1e3 + 14),
             ylim=(height - 4.5, 10),
@@ -98,7 +100,7 @@ def _stress_map(path: Path, geometry, rows: list[dict], indentation: float, fric
             title=f"{name}-force state: {row['contact_N']:.2f} N",
         )
     axes[1].set_xlabel("along the track [mm]; the tread moves to the left")
-    figure.colorbar(patches, ax=axes, label="von Mises stress [kPa]", extend="max")
+    figure.colorbar(scale, ax=axes, label="von Mises stress [kPa]", extend="max")
     return _save(figure, path)
 
 

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, field, fields, replace
 
 from haustra.errors import InvalidDesignError
-from haustra.models.tracked.tread import TreadGeometry
+from haustra.models.tracked.tread import NUMBERS, TreadGeometry
 
 TRACKS = 4
 """Tracks, 90 degrees apart."""
@@ -19,11 +19,11 @@ class Worm:
 
     starts: int = 2
     """Threads. Assumed: lead / pitch."""
-    lead: float = 13e-3
+    lead: float = NUMBERS["tracked.worm.lead"].value
     """Track a turn [m]. Published."""
-    efficiency: float = 0.3
+    efficiency: float = NUMBERS["tracked.worm.efficiency"].value
     """Of a self-locking polymer worm [1]. Assumed."""
-    torque_limit: float = 0.1
+    torque_limit: float = NUMBERS["tracked.worm.torque_limit"].value
     """What the flexible shaft may transmit [N m]. Assumed."""
 
 
@@ -31,13 +31,13 @@ class Worm:
 class FlexibleShaft:
     """The shaft between the motor outside and the worm."""
 
-    torsional_stiffness: float = 2e-3
+    torsional_stiffness: float = NUMBERS["tracked.shaft.torsional_stiffness"].value
     """Torque a radian over its whole length [N m/rad]. Assumed."""
-    onset_speed: float = 150 * math.tau / 60
+    onset_speed: float = NUMBERS["tracked.shaft.onset_speed"].value
     """Where its losses begin to rise [rad/s]. Published: "above this value the transmission efficiency declines"."""
-    efficiency: float = 0.946
+    efficiency: float = NUMBERS["tracked.shaft.efficiency"].value
     """Share of the drive that reaches the treads up to the onset [1]. Fitted: the paper's RMSE at the peak."""
-    stall_excess: float = 544 * math.tau / 60
+    stall_excess: float = NUMBERS["tracked.shaft.stall_excess"].value
     """Excess over the onset at which viscous loss would take all of it [rad/s]. Fitted with `SpeedFriction.exponent`:
     the paper's statements identify only both together, and we let both ends of the range lose alike."""
 
@@ -58,13 +58,13 @@ class Bellows:
     track is out from its nominal radius and q0 = 0.
     """
 
-    stiffness: float = 300.0
+    stiffness: float = NUMBERS["tracked.bellows.stiffness"].value
     """Radial [N/m]. Assumed."""
-    preload: float = 1.875
+    preload: float = NUMBERS["tracked.bellows.preload"].value
     """Outward force at the nominal diameter and atmospheric pressure [N]. Derived from the paper: 0.75 N / 0.4."""
-    pressure: float = 0.0
+    pressure: float = NUMBERS["tracked.bellows.pressure"].value
     """Above atmosphere [Pa]. Published: closed off at atmospheric pressure."""
-    area: float = 2e-4
+    area: float = NUMBERS["tracked.bellows.area"].value
     """Effective area over the strut's gearing [m^2]. Assumed."""
 
     def force(self, extension: float) -> float:
@@ -80,9 +80,9 @@ class SpeedFriction:
     Constant above it, where the loss that the paper reports is the shaft's.
     """
 
-    peak_speed: float = 32.5e-3
+    peak_speed: float = NUMBERS["tracked.speed_friction.peak_speed"].value
     """[m/s]. Published: the optimum, 150 rpm."""
-    exponent: float = 0.466
+    exponent: float = NUMBERS["tracked.speed_friction.exponent"].value
     """[1]. Fitted: the paper's mean and RMSE over the range."""
 
     def factor(self, speed: float) -> float:
@@ -101,24 +101,24 @@ class TrackedDesign:
     """
 
     name: str = "tracked prototype 4:1"
-    scale: float = 4.0
+    scale: float = NUMBERS["tracked.device.scale"].value
     """Size over the device in practice [1]. Published: 4."""
     tread: TreadGeometry = field(default_factory=TreadGeometry)
     worm: Worm = field(default_factory=Worm)
     shaft: FlexibleShaft = field(default_factory=FlexibleShaft)
     bellows: Bellows = field(default_factory=Bellows)
     speed_friction: SpeedFriction = field(default_factory=SpeedFriction)
-    nominal_diameter: float = 0.140
+    nominal_diameter: float = NUMBERS["tracked.device.nominal_diameter"].value
     """Track to track [m]. Published."""
-    smallest_diameter: float = 0.0996
+    smallest_diameter: float = NUMBERS["tracked.device.smallest_diameter"].value
     """[m]. Published."""
-    largest_diameter: float = 0.1516
+    largest_diameter: float = NUMBERS["tracked.device.largest_diameter"].value
     """[m]. Published."""
-    core_length: float = 0.120
+    core_length: float = NUMBERS["tracked.device.core_length"].value
     """[m]. Assumed."""
-    core_diameter: float = 0.060
+    core_diameter: float = NUMBERS["tracked.device.core_diameter"].value
     """[m]. Assumed."""
-    mass: float = 1.0
+    mass: float = NUMBERS["tracked.device.mass"].value
     """Of the whole device [kg]. Assumed; weight is left out, as in the paper."""
 
     def __post_init__(self) -> None:

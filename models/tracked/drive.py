@@ -1,6 +1,7 @@
 """From worm speed to propulsion: friction that depends on speed, shaft losses, worm torque and roll, in closed form."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,7 +49,8 @@ def track_normal(design: TrackedDesign, diameter: float) -> float:
 
     if excess(0.0) >= 0:
         return 0.0
-    return 2 * float(law.mean_force(brentq(excess, 0.0, design.tread.tissue_thickness)))
+    indentation = float(brentq(excess, 0.0, design.tread.tissue_thickness))  # type: ignore[arg-type]
+    return 2 * float(law.mean_force(indentation))
 
 
 def drive_point(design: TrackedDesign, friction: float, rpm: float, *, diameter: float | None = None) -> DrivePoint:
@@ -133,10 +135,10 @@ def fit_range(design: TrackedDesign) -> RangeFit:
     )
 
 
-def range_error(surface: str, forces: np.ndarray) -> dict[str, float]:
+def range_error(surface: str, forces: Sequence[float]) -> dict[str, float]:
     """RMSE of five forces [N] against every curve the paper allows, in percent of the measured mean."""
     statement = STATEMENTS[surface]
-    errors = np.sqrt(((implied_curves(statement) - forces) ** 2).mean(1)) / statement.mean * 100
+    errors = np.sqrt(((implied_curves(statement) - np.asarray(forces)) ** 2).mean(1)) / statement.mean * 100
     return {
         "median_percent": float(np.median(errors)),
         "low_percent": float(errors.min()),

@@ -4,10 +4,11 @@ import csv
 from dataclasses import dataclass
 
 from haustra.assets import asset
+from haustra.models.tracked.tread import NUMBERS
 
 SPEEDS = (16.25e-3, 26e-3, 32.5e-3, 43.3e-3, 65e-3)
 """Tread speeds [m/s]. Published."""
-SURFACES = {"tissue": 0.4, "plastic": 0.2}
+SURFACES = {surface: NUMBERS[f"tracked.friction.{surface}"].value for surface in ("tissue", "plastic")}
 """Coulomb's coefficients. Published."""
 FORCE = {"tissue": 3.0, "plastic": 1.5}
 """Simulated propulsion of four tracks [N]: "~3 N", "~1.5 N"."""
@@ -21,6 +22,9 @@ STRESSES_KPA = {
 }
 """Tread stress at the front and rear tip, means over the passage, and where it has levelled out with both ends 40 mm
 away, in the high- and low-force state."""
+
+_NEAREST = 1 / 16 + 1e-6
+"""Positions of the reference stand an eighth of a pitch apart, so one a pitch lies this near to a phase."""
 
 
 @dataclass(frozen=True)
@@ -59,5 +63,5 @@ def _rows(name: str) -> list[dict[str, float]]:
 
 
 def _mean(rows: list[dict[str, float]], phase: float, name: str) -> float:
-    chosen = [row[name] for row in rows if abs((row["phase"] - phase + 0.5) % 1.0 - 0.5) < 1e-6]
+    chosen = [row[name] for row in rows if abs((row["phase"] - phase + 0.5) % 1.0 - 0.5) <= _NEAREST]
     return sum(chosen) / len(chosen)

@@ -2,7 +2,12 @@
 
 from dataclasses import asdict, dataclass, fields
 
+from haustra.assets import asset
 from haustra.errors import InvalidDesignError
+from haustra.quantity import load_quantities
+
+NUMBERS = load_quantities(asset("numbers/tracked.toml"))
+"""Every number of the tracked robot with its unit, range and source."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,23 +20,23 @@ class TreadGeometry:
     (docs/theory/tracked.md says which figure fixed which length).
     """
 
-    pitch: float = 6.5e-3
+    pitch: float = NUMBERS["tracked.tread.pitch"].value
     """Distance between teeth [m]. Assumed: 13 mm of track a worm turn / 2 starts."""
-    tooth_width: float = 3.25e-3
+    tooth_width: float = NUMBERS["tracked.tread.tooth_width"].value
     """Length of a tooth's face along the track [m]. Assumed: half the pitch."""
-    tooth_height: float = 1.5e-3
+    tooth_height: float = NUMBERS["tracked.tread.tooth_height"].value
     """From the belt's outer face to the tooth's face [m]. Assumed."""
-    belt_thickness: float = 1.3e-3
+    belt_thickness: float = NUMBERS["tracked.tread.belt_thickness"].value
     """[m]. Assumed."""
-    tip_radius: float = 2.0e-3
+    tip_radius: float = NUMBERS["tracked.tread.tip_radius"].value
     """Radius of a strut tip's circular contact [m]. Assumed."""
-    tip_spacing: float = 19.5e-3
+    tip_spacing: float = NUMBERS["tracked.tread.tip_spacing"].value
     """Between the two tips of a strut set, along the track [m]. Assumed: 3.0 pitches."""
-    width: float = 8e-3
+    width: float = NUMBERS["tracked.tread.width"].value
     """Of tread and tissue strip, out of the plane [m]. Published."""
-    tissue_thickness: float = 9e-3
+    tissue_thickness: float = NUMBERS["tracked.tread.tissue_thickness"].value
     """[m]. Published."""
-    clearance: float = 0.25e-3
+    clearance: float = NUMBERS["tracked.tread.clearance"].value
     """Gap between teeth and tissue where the tread's ends are held [m]. Assumed: the paper holds the ends so that
     the tread touches only near the tips."""
 

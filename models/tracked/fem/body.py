@@ -49,7 +49,7 @@ class Body:
             centres = mesh.p[:, mesh.t].mean(axis=1)
             mesh = mesh.remove_elements(np.flatnonzero(removed(centres[0], centres[1])))
         basis = Basis(mesh, ElementQuad1(), intorder=3)
-        gradients = np.stack([shape[0].grad for shape in basis.basis])  # corner, axis, element, point
+        gradients = np.stack([np.asarray(shape[0].grad) for shape in basis.basis])  # corner, axis, element, point
         return cls(
             nodes=mesh.p.T.copy(),
             quads=basis.element_dofs.T.copy(),

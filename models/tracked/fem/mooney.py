@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from haustra.models.tracked.tread import NUMBERS
+
 
 @dataclass(frozen=True, kw_only=True)
 class MooneyRivlin:
@@ -84,8 +86,13 @@ def _second_invariant(t, j):
     )
 
 
-TISSUE = MooneyRivlin(c10=32.45e3, c01=-2.581e3, c11=6.687e3)
+def _published(material: str) -> MooneyRivlin:
+    constants = {name.rpartition(".")[2]: number.value for name, number in NUMBERS.items() if f".{material}." in name}
+    return MooneyRivlin(**constants)
+
+
+TISSUE = _published("tissue")
 """VMQ silicone, the paper's colon wall, three parameters."""
 
-TREAD = MooneyRivlin(c10=-1.239e6, c01=1.83e6, c11=-10.14e6, c20=6.005e6, c02=4.782e6)
+TREAD = _published("rubber")
 """Smooth-Sil 960, five parameters in the paper's order. In plane strain only sums of them act (a = b when J = 1)."""

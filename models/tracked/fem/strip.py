@@ -149,7 +149,7 @@ class Strip:
             raise InvalidOptionError(
                 f"Cannot press by {indentation} m at friction {friction}: give an indentation > 0 and friction 0 to 2."
             )
-        tips = np.asarray(tips, float)
+        at = np.asarray(tips, float)
         u, reached = (
             (np.zeros_like(self.positions), -self.geometry.clearance)
             if start is None
@@ -159,7 +159,7 @@ class Strip:
         while True:
             load = indentation if abs(indentation - reached) < step else reached + np.sign(indentation - reached) * step
             guess = u if before is None else u + (load - reached) / (reached - before[1]) * (u - before[0])
-            solved, count = self._newton(guess, tips, load, friction)
+            solved, count = self._newton(guess, at, load, friction)
             spent += count
             if solved is None:
                 step /= 2
@@ -172,7 +172,7 @@ class Strip:
             before = (u, reached) if load != reached else None
             u, reached, step = solved, load, min(_LOAD_STEP, 1.5 * step)
             if reached == indentation:
-                return self._state(u, tips, indentation, friction, spent)
+                return self._state(u, at, indentation, friction, spent)
 
     def _newton(self, u, tips, indentation, friction):
         free = ~np.repeat(self._fixed, 2)
