@@ -52,6 +52,10 @@ class Trajectory:
     """Distance from the tip of the link that bears it [m]."""
     contacts: Float[np.ndarray, " records"]
     """Contacts that carry force."""
+    scope_energy: Float[np.ndarray, " records"]
+    """E_c, stored in bending the scope [J]."""
+    wall_energy: Float[np.ndarray, " records"]
+    """E_b, stored in pressing the wall [J]."""
 
 
 @dataclass(frozen=True)
@@ -137,6 +141,8 @@ def _record(engine: NativeEngine, seen: Observation, arc: float) -> tuple:
         seen.link_forces[worst],
         behind,
         float(seen.contacts),
+        seen.energies.bending,
+        seen.energies.wall,
     )
 
 
@@ -145,5 +151,5 @@ def _trajectory(rows: list[tuple], engine: NativeEngine) -> Trajectory:
         empty = np.zeros(0)
         model = engine.model
         wide = (np.zeros((0, model.nq)), np.zeros((0, model.nu)), np.zeros((0, 3)))
-        return Trajectory(empty, *wide, *[empty] * 7)
+        return Trajectory(empty, *wide, *[empty] * 9)
     return Trajectory(*(np.array(column, dtype=float) for column in zip(*rows, strict=True)))

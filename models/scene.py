@@ -16,6 +16,7 @@ from haustra.models.contact import WallContact, apply_contact
 from haustra.models.scope.cable import Cable, add_scope
 from haustra.models.scope.cells import Cell, cut_into_cells
 from haustra.models.scope.design import ScopeDesign
+from haustra.models.scope.stops import apply_stops
 from haustra.models.wall.wall import Wall
 from haustra.quantity import load_quantities
 
@@ -139,6 +140,7 @@ def build_scene(
     spec = _empty_spec(f"{colon.name} with {design.name}", options)
     cable = _add_scope(spec, design, cells, entry, frame, options)
     bare = spec.compile()
+    apply_stops(spec, bare, timestep=options.timestep)
     apply_contact(spec, bare, cable.geoms, options.contact, timestep=options.timestep)
     _add_wall(spec, wall)
     if show_lumen:

@@ -16,7 +16,7 @@ class Run:
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for the run."""
     design: str = "adult"
-    """Name of a scope design: adult, paediatric."""
+    """Name of a scope design (adult, paediatric, adult-worn, adult-variable), or a file that ends in .toml."""
     wall: Literal["coacd", "prism"] = "coacd"
     """Which wall to use; it is built first if the colon's folder does not have it."""
     seconds: float = 60.0
@@ -40,12 +40,12 @@ class Run:
         from haustra.files import prepare_folder
         from haustra.models.anatomy.store import load_colon
         from haustra.models.scene import SceneOptions, build_scene
-        from haustra.models.scope.library import named_design
+        from haustra.models.scope.files import find_design
         from haustra.models.wall.folder import wall_of
         from haustra.scripts.console import progress_bar
         from haustra.scripts.wall import wall_bar
 
-        design = named_design(self.design)
+        design = find_design(self.design)
         options = SceneOptions(**self._options())
         _require_seconds(self.seconds)
         colon = load_colon(self.colon)

@@ -6,8 +6,9 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.measure.energy import Energies, EnergyMeter
 from haustra.models.scene import Scene
-from haustra.models.scope.cable import TENDON_NAMES
+from haustra.models.scope.wires import WIRE_NAMES, arriving_pulls
 
 _LOCK_STRETCH = 0.02
 """A joint is freed over the last stretch before the anus [m]; engineering choice: half a shaft cell."""
@@ -63,6 +64,8 @@ class Observation:
     """Resultant normal force of the wall on each link, from the handle to the tip [N]."""
     contacts: int
     """Contacts with the wall that carry force."""
+    energies: Energies
+    """Stored in the bent scope and in the pressed wall."""
 
 
 class NativeEngine:
@@ -81,7 +84,7 @@ class NativeEngine:
         model = self.model
         self._push = model.actuator("scope/push").id
         self._roll = model.actuator("scope/roll").id
-        self._pulls = [model.actuator(f"scope/pull_{name}").id for name in TENDON_NAMES]
+        self._pulls = [model.actuator(f"scope/pull_{name}").id for name in WIRE_NAMES]
         self._locks = np.array([[model.actuator(name).id for name in pair] for pair in cable.locks])
         self._tip = model.site("scope/tip").id
         self._link_of_body = np.full(model.nbody, -1)
@@ -89,6 +92,12 @@ class NativeEngine:
         steerable = [index for index, cell in enumerate(cable.cells) if cell.steerable]
         self._bend_up = [model.joint(f"scope/bend_y_{index:03d}").qposadr[0] for index in steerable]
         self._bend_left = [model.joint(f"scope/bend_x_{index:03d}").qposadr[0] for index in steerable]
+        shaft = [index for index, cell in enumerate(cable.cells) if not cell.steerable]
+        self._sheath = np.array(
+            [[model.joint(f"scope/bend_{side}_{i:03d}").qposadr[0] for i in shaft] for side in "xy"]
+        )
+        self._arriving = np.zeros(len(WIRE_NAMES))
+        self._energies = EnergyMeter(model, wall_stiffness=scene.options.wall_stiffness)
         self._behind = cable.length - cable.joint_positions
         self._start = scene.options.start_depth
         self._lock_outside(self._start)
@@ -99,7 +108,7 @@ class NativeEngine:
         control = self.data.ctrl
         control[self._push] = inputs.push_rate
         control[self._roll] = inputs.roll_rate
-        control[self._pulls] = inputs.pulls
+        control[self._pulls] = self._arrive(inputs.pulls)
         self._lock_outside(self.insertion)
         mujoco.mj_step(self.model, self.data, count)
         return self.healthy()
@@ -133,12 +142,19 @@ class NativeEngine:
             torque=float(data.actuator_force[self._roll]),
             link_forces=forces,
             contacts=contacts,
+            energies=self._energies.read(data),
         )
 
     def shape(self) -> Float[np.ndarray, "nodes 3"]:
         """Points along the scope's axis, from the handle end of the modelled part to the tip [m]."""
         links = [self.model.body(name).id for name in self.scene.cable.links]
         return np.vstack([self.data.xpos[links], self.data.site_xpos[self._tip]])
+
+    def _arrive(self, pulls: Float[np.ndarray, "4"]) -> Float[np.ndarray, "4"]:
+        """What of the hand's pulls gets through the bent shaft to the bending section [N]."""
+        angle = float(np.hypot(*self.data.qpos[self._sheath]).sum())
+        self._arriving = arriving_pulls(self.scene.design.wires, pulls, self._arriving, sheath_angle=angle)
+        return self._arriving
 
     def _lock_outside(self, insertion: float) -> None:
         """Hold joints straight that are outside the patient, and free them smoothly as they pass the anus."""

@@ -38,9 +38,6 @@ HANDLE_MASS = 0.5
 HANDLE_INERTIA = 1e-3
 """Inertia of handle and hand about the shaft [kg m^2]; engineering choice: 0.5 kg at 45 mm."""
 
-TENDON_NAMES = WIRE_NAMES
-"""Pull wires in order of their angle about the axis: 0, 90, 180, 270 degrees from the link's x axis."""
-
 
 @dataclass(frozen=True)
 class Cable:

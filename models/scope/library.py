@@ -1,13 +1,15 @@
 """Named scope designs, built from the sourced numbers in assets/numbers/scope.toml."""
 
+from dataclasses import replace
+
 from haustra.assets import asset
 from haustra.errors import InvalidDesignError
 from haustra.models.scope.design import BendingLimits, ScopeDesign, ScopeSection, ScopeTip
 from haustra.models.scope.wires import WireSet
-from haustra.quantity import load_quantities
+from haustra.quantity import Quantity, load_quantities
 
-DESIGN_NAMES = ("adult", "paediatric")
-"""Designs that ship."""
+DESIGN_NAMES = ("adult", "paediatric", "adult-worn", "adult-variable")
+"""Designs that ship: two new scopes; the adult one with the wires of a used scope; and with a stiffening ring."""
 
 
 def named_design(name: str) -> ScopeDesign:
@@ -18,7 +20,37 @@ def named_design(name: str) -> ScopeDesign:
     """
     if name not in DESIGN_NAMES:
         raise InvalidDesignError(f"Design '{name}' is not known. Known: {', '.join(DESIGN_NAMES)}.")
-    numbers = load_quantities(asset("numbers/scope.toml"))
+    basic = _basic(name.partition("-")[0])
+    if name == "adult-worn":
+        return replace(basic, name=name, wires=_worn(basic.wires))
+    if name == "adult-variable":
+        stiffening = _numbers()["scope.variable.stiffening"].value
+        shaft = tuple(replace(section, stiffening=stiffening) for section in basic.shaft)
+        return replace(basic, name=name, shaft=shaft)
+    return basic
+
+
+def at_body_temperature(design: ScopeDesign) -> ScopeDesign:
+    """The design as it is inside a patient, at 37 degrees Celsius: softer than on the bench."""
+    numbers = _numbers()
+    return replace(
+        design,
+        temperature_factor_bending=numbers["scope.temperature.flexural_rigidity_factor"].value,
+        temperature_factor_torsion=numbers["scope.temperature.torsional_rigidity_factor"].value,
+    )
+
+
+def _numbers() -> dict[str, Quantity]:
+    return load_quantities(asset("numbers/scope.toml"))
+
+
+def _worn(wires: WireSet) -> WireSet:
+    names = ("friction", "slack", "compliance", "hysteresis")
+    return replace(wires, **{name: _numbers()[f"scope.worn.{name}"].value for name in names})
+
+
+def _basic(name: str) -> ScopeDesign:
+    numbers = _numbers()
 
     def number(key: str) -> float:
         return numbers[f"scope.{name}.{key}"].value

@@ -6,6 +6,7 @@ import numpy as np
 from haustra.models.scope.cable import Cable, add_scope
 from haustra.models.scope.cells import cut_into_cells
 from haustra.models.scope.design import BendingLimits, ScopeDesign, ScopeSection, ScopeTip
+from haustra.models.scope.stops import apply_stops
 from haustra.models.scope.wires import WireSet
 
 EI = 0.03
@@ -50,6 +51,7 @@ def clamped(design: ScopeDesign, joints: int, *, twist_hinges: int = 0, timestep
         torque_limit=1e5,
         timestep=timestep,
     )
+    apply_stops(spec, spec.compile(), timestep=timestep)
     for name in ("scope/push", "scope/roll"):  # a clamp, not a hand
         spec.joint(name).stiffness = [1e7, 0, 0]
         spec.joint(name).damping = [1e5, 0, 0]

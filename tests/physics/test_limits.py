@@ -1,0 +1,35 @@
+"""Stops: the bending section ends at its angle in each of four directions, a shaft at its smallest radius."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from haustra.models.scope.design import BendingLimits
+from tests.physics.clamped_rod import LENGTH, clamped, settle, uniform_design
+
+
+@pytest.mark.parametrize(("wire", "angle"), [("up", 100.0), ("left", 70.0), ("down", 50.0), ("right", 30.0)])
+def test_four_directions_have_their_own_limits(wire, angle):
+    design = replace(uniform_design(), limits=BendingLimits(up=100, left=70, down=50, right=30))
+    model = clamped(design, 20)[0].compile()
+    data = mujoco.MjData(model)
+    data.actuator(f"scope/pull_{wire}").ctrl = 60.0
+    settle(model, data)
+    bend = np.degrees(np.arccos(data.site("scope/tip").xmat.reshape(3, 3)[2, 2]))
+    assert bend == pytest.approx(angle, abs=1.2)
+
+
+def test_a_shaft_does_not_bend_tighter_than_its_radius():
+    design = uniform_design()
+    design = replace(design, shaft=(replace(design.shaft[0], minimum_bend_radius=0.2),))
+    spec, cable = clamped(design, 20)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.xfrc_applied[model.body(cable.links[10]).id, 3:5] = [0.0, 0.5]
+    settle(model, data)
+    shaft = [model.joint(f"scope/bend_y_{index:03d}").qposadr[0] for index in range(10)]
+    free = 0.5 / 0.03 * LENGTH / 2
+    assert data.qpos[shaft].sum() == pytest.approx(LENGTH / 2 / 0.2, rel=0.05)
+    assert data.qpos[shaft].sum() < 0.5 * free
