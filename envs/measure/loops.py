@@ -1,0 +1,197 @@
+"""Loops of the scope, read off its shape: N, alpha, reversed alpha, gamma.
+
+Definitions, after Cotton and Williams, Practical Gastrointestinal Endoscopy (from memory, unverified): an alpha loop
+crosses itself and comes out with clockwise torque, seen along the scope from the handle; a reversed alpha loop with
+anticlockwise torque; a gamma loop crosses itself in the transverse colon; an N loop bows one way and back without
+crossing itself.
+
+A crossing that clockwise torque undoes is right-handed: pulled straight, a loop of writhe +1 leaves one right-handed
+turn of twist (Calugareanu's theorem), which the handle takes out by turning clockwise. So the sign of the crossing
+tells alpha from reversed alpha, and does not depend on the side that the patient is looked at from.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float
+
+from haustra.errors import InvalidOptionError
+
+_BOW = np.radians(60.0)
+"""An N loop turns at least this far each way; engineering choice."""
+
+_SLACK = 1.15
+"""An N loop is at least this much longer than the straight way; engineering choice."""
+
+_SHORTEST = 0.05
+"""A loop runs along at least this much of the scope [m]; engineering choice: tighter is no loop but noise."""
+
+
+class LoopKind(Enum):
+    """Kinds of loops that endoscopists name."""
+
+    N = "N"
+    ALPHA = "alpha"
+    REVERSED_ALPHA = "reversed alpha"
+    GAMMA = "gamma"
+
+
+@dataclass(frozen=True)
+class Loop:
+    """One loop."""
+
+    kind: LoopKind
+    start: float
+    """Where it begins: distance along the scope from the first point [m]."""
+    end: float
+    """Where it ends [m]."""
+    size: float
+    """Largest distance between two of its points [m]."""
+
+
+def find_loops(
+    points: Float[np.ndarray, "n 3"],
+    *,
+    view: Float[np.ndarray, "3"],
+    regions: Mapping[str, tuple[float, float]] | None = None,
+) -> tuple[Loop, ...]:
+    """Loops of a scope as seen along `view`, from the handle to the tip.
+
+    Args:
+        points: along the scope's axis, from the handle to the tip [m].
+        view: direction of sight, along which crossings are looked for: the anteroposterior axis.
+        regions: from where to where the scope lies in each segment of the colon [m along the scope]; a crossing loop
+            in a segment named 'transverse' is a gamma loop.
+
+    Raises:
+        InvalidOptionError: when there are fewer than four points, or the view has no direction.
+    """
+    line = np.asarray(points, dtype=float)
+    size = np.linalg.norm(view)
+    if len(line) < 4 or not np.isfinite(line).all() or not size > 0:
+        raise InvalidOptionError("Loops need at least four finite points and a direction of view.")
+    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    flat, height = _project(line, np.asarray(view, dtype=float) / size)
+    loops: list[Loop] = []
+    # The innermost crossings first: what lies within a loop already found belongs to it.
+    for first, second, sign in sorted(_crossings(flat, height, arc), key=lambda each: each[1] - each[0]):
+        inside = any(loop.start >= first - 1e-9 and loop.end <= second + 1e-9 for loop in loops)
+        if second - first >= _SHORTEST and not inside:
+            kind = LoopKind.ALPHA if sign > 0 else LoopKind.REVERSED_ALPHA
+            if regions and _region_at((first + second) / 2, regions) == "transverse":
+                kind = LoopKind.GAMMA
+            loops.append(Loop(kind, first, second, _extent(line, arc, first, second)))
+    free = _gaps(loops, arc[-1])
+    loops += [bow for start, end in free if (bow := _bow(line, flat, arc, start, end))]
+    return tuple(sorted(loops, key=lambda loop: loop.start))
+
+
+def writhe(points: Float[np.ndarray, "n 3"]) -> float:
+    """Writhe of an open curve, by Gauss's double integral over its straight pieces; right-handed loops are positive.
+
+    Source: Klenin and Langowski, Biopolymers 54 (2000) 307, method 1a.
+    """
+    line = np.asarray(points, dtype=float)
+    starts, ends = line[:-1], line[1:]
+    total = 0.0
+    for index in range(len(starts) - 2):
+        a, b = starts[index], ends[index]
+        c, d = starts[index + 2 :], ends[index + 2 :]
+        ac, ad, bc, bd = c - a, d - a, c - b, d - b
+        normals = [_unit(np.cross(*pair)) for pair in ((ac, ad), (ad, bd), (bd, bc), (bc, ac))]
+        corners = sum(
+            np.arcsin(np.clip(np.einsum("ij,ij->i", normals[k], normals[(k + 1) % 4]), -1, 1)) for k in range(4)
+        )
+        total += float(np.sum(corners * np.sign(np.einsum("ij,ij->i", np.cross(d - c, b - a), ac))))
+    return total / (2 * np.pi)
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
+
+
+def _project(line: np.ndarray, view: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates across the view, right-handed with it, and along it."""
+    across = np.eye(3)[int(np.argmin(np.abs(view)))]
+    first = np.cross(across, view)
+    first /= np.linalg.norm(first)
+    second = np.cross(view, first)
+    return line @ np.column_stack([first, second]), line @ view
+
+
+def _crossings(flat: np.ndarray, height: np.ndarray, arc: np.ndarray) -> list[tuple[float, float, float]]:
+    """Arc lengths of both strands of each crossing, and its sign."""
+    step = np.diff(flat, axis=0)
+    found = []
+    for one in range(len(step) - 2):
+        others = np.arange(one + 2, len(step))
+        gap = flat[others] - flat[one]
+        denominator = step[one, 0] * step[others, 1] - step[one, 1] * step[others, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            along_one = (gap[:, 0] * step[others, 1] - gap[:, 1] * step[others, 0]) / denominator
+            along_other = (gap[:, 0] * step[one, 1] - gap[:, 1] * step[one, 0]) / denominator
+        crossing = (along_one >= 0) & (along_one < 1) & (along_other >= 0) & (along_other < 1)
+        for other, s, t, turn in zip(
+            others[crossing], along_one[crossing], along_other[crossing], denominator[crossing], strict=True
+        ):
+            above = (height[one] + s * np.diff(height)[one]) - (height[other] + t * np.diff(height)[other])
+            where = [arc[k] + part * (arc[k + 1] - arc[k]) for k, part in ((one, s), (other, t))]
+            found.append((float(where[0]), float(where[1]), float(np.sign(turn * above))))
+    return found
+
+
+def _gaps(loops: list[Loop], length: float) -> list[tuple[float, float]]:
+    edges = [
+        0.0,
+        *(edge for loop in sorted(loops, key=lambda loop: loop.start) for edge in (loop.start, loop.end)),
+        length,
+    ]
+    return [(edges[k], edges[k + 1]) for k in range(0, len(edges), 2) if edges[k + 1] - edges[k] >= _SHORTEST]
+
+
+def _bow(line: np.ndarray, flat: np.ndarray, arc: np.ndarray, start: float, end: float) -> Loop | None:
+    """An N loop in a stretch without crossings: the first turn one way and the next back."""
+    inside = np.flatnonzero((arc >= start) & (arc <= end))
+    if len(inside) < 4:
+        return None
+    step = np.diff(flat[inside], axis=0)
+    heading = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
+    turns = _alternating_turns(heading)
+    for (begin, _, first), (_, finish, second) in pairwise(turns):
+        if min(abs(first), abs(second)) >= _BOW and first * second < 0:
+            low, high = inside[begin], inside[min(finish + 1, len(inside) - 1)]
+            if arc[high] - arc[low] >= _SLACK * np.linalg.norm(line[high] - line[low]):
+                return Loop(LoopKind.N, float(arc[low]), float(arc[high]), _extent(line, arc, arc[low], arc[high]))
+    return None
+
+
+def _alternating_turns(heading: np.ndarray) -> list[tuple[int, int, float]]:
+    """Stretches (first, last, angle) over which the heading turns one way, small wobbles joined."""
+    wobble = np.radians(10.0)
+    turns: list[tuple[int, int, float]] = []
+    begin = extreme = 0
+    way = 0
+    for index in range(1, len(heading)):
+        if way == 0:
+            if abs(heading[index] - heading[begin]) > wobble:
+                way, extreme = int(np.sign(heading[index] - heading[begin])), index
+        elif way * (heading[index] - heading[extreme]) >= 0:
+            extreme = index
+        elif abs(heading[index] - heading[extreme]) > wobble:
+            turns.append((begin, extreme, float(heading[extreme] - heading[begin])))
+            begin, way, extreme = extreme, -way, index
+    if way:
+        turns.append((begin, extreme, float(heading[extreme] - heading[begin])))
+    return turns
+
+
+def _extent(line: np.ndarray, arc: np.ndarray, start: float, end: float) -> float:
+    part = line[(arc >= start) & (arc <= end)]
+    return float(np.linalg.norm(part[:, None] - part[None], axis=2).max()) if len(part) else 0.0
+
+
+def _region_at(place: float, regions: Mapping[str, tuple[float, float]]) -> str | None:
+    return next((name for name, (start, end) in regions.items() if start <= place <= end), None)
