@@ -1,5 +1,6 @@
 """What stands in the scene, and what is left out: colon, wall and scope become one MjSpec."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -14,8 +15,9 @@ from haustra.files import write_atomically
 from haustra.models.anatomy.colon import Colon
 from haustra.models.contact import WallContact, apply_contact
 from haustra.models.scope.cable import Cable, add_scope
-from haustra.models.scope.cells import Cell, cut_into_cells
+from haustra.models.scope.cells import Cell, CellSize, cut_into_cells
 from haustra.models.scope.design import ScopeDesign
+from haustra.models.scope.spacing import adaptive_spacing
 from haustra.models.scope.stops import apply_stops
 from haustra.models.wall.wall import Wall
 from haustra.quantity import load_quantities
@@ -37,6 +39,9 @@ class SceneOptions:
     """Integration step [s]."""
     shaft_cell: float = 0.04
     """Largest distance between joints of the shaft [m]."""
+    largest_bend_deg: float | None = None
+    """Largest bend of a shaft joint, from which spacing is adapted to the colon, `shaft_cell` being its mean
+    [degrees]; uniform spacing when None."""
     bending_cell: float = 0.0125
     """Largest distance between joints of the bending section [m]."""
     twist_hinges: int = 4
@@ -185,8 +190,22 @@ def _modelled_cells(colon: Colon, design: ScopeDesign, options: SceneOptions) ->
         raise InvalidOptionError(
             f"insertion_limit {limit} m is shorter than bending section and tip ({shortest:.3f} m): raise it."
         )
-    cells = cut_into_cells(design, shaft_cell=options.shaft_cell, bending_cell=options.bending_cell, length=modelled)
+    spacing = _shaft_spacing(colon, design, options)
+    cells = cut_into_cells(design, shaft_cell=spacing, bending_cell=options.bending_cell, length=modelled)
     return cells, modelled
+
+
+def _shaft_spacing(colon: Colon, design: ScopeDesign, options: SceneOptions) -> CellSize:
+    if options.largest_bend_deg is None:
+        return options.shaft_cell
+    return adaptive_spacing(
+        colon.centreline.points,
+        colon.centreline.arc,
+        2 * colon.radius.mean(axis=1),
+        mean_length=options.shaft_cell,
+        largest_bend=math.radians(options.largest_bend_deg),
+        shortest=design.diameter,
+    )
 
 
 def _empty_spec(name: str, options: SceneOptions) -> mujoco.MjSpec:

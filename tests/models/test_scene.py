@@ -82,3 +82,12 @@ def test_impossible_options_are_refused(change):
 def test_a_horizon_shorter_than_the_tip_is_refused():
     with pytest.raises(InvalidOptionError, match="insertion_limit"):
         build_scene(straight_tube(), wedge_wall(), named_design("adult"), SceneOptions(insertion_limit=0.05))
+
+
+def test_spacing_follows_the_colon_when_a_largest_bend_is_given():
+    colon, wall = straight_tube(), wedge_wall()
+    even = build_scene(colon, wall, named_design("adult"))
+    adapted = build_scene(colon, wall, named_design("adult"), SceneOptions(largest_bend_deg=20.0))
+    # A straight tube asks for few joints: rods merge.
+    assert len(adapted.cable.cells) < len(even.cable.cells)
+    assert adapted.cable.length == pytest.approx(even.cable.length)
