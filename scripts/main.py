@@ -46,6 +46,7 @@ def _join_verb(arguments: Sequence[str], verbs: Mapping[str, object]) -> list[st
 def _verbs() -> dict[str, Callable[..., Any]]:
     """Every verb is a frozen dataclass of options; calling it does the work and returns JSON values."""
     from haustra.scripts.bench_rods import BenchRods
+    from haustra.scripts.bench_tracked import BenchTracked
     from haustra.scripts.colon import ColonGrow, ColonImport
     from haustra.scripts.doctor import Doctor
     from haustra.scripts.propulsion import Propulsion
@@ -65,6 +66,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
         "report": Report,
         "view": View,
         "bench rods": BenchRods,
+        "bench tracked": BenchTracked,
         "doctor": Doctor,
     }
 

@@ -66,7 +66,7 @@ def _redesign(path: Path, design, result: dict[str, Any]) -> Path:
     best = result["redesign"]["best"]
     left.plot(best["spacing_pitches"], 100 * best["all_harmonics_per_track"], "k*", ms=12, label="best, simulated")
     left.set(ylabel="ripple, all harmonics [% of mean force]", ylim=(0, None))
-    left.legend(fontsize=8)
+    right.legend(*left.get_legend_handles_labels(), fontsize=8)
     return _save(figure, path)
 
 

@@ -50,6 +50,7 @@ def _rows(result: dict[str, Any]) -> str:
         f"{checks['spread_over_speeds_N']:.4f} N (paper: 0.15 N). The paper's ripple: about 0.2 N, 25 % of a "
         "track's force.",
     ]
+    lines += ["", "![Force over speed](../images/tracked-force-over-speed.png)"]
     return "\n".join([lines[0], "", *lines[1:]])
 
 
@@ -126,4 +127,5 @@ def _redesign(result: dict[str, Any]) -> str:
             f"{100 * found['ripple_fraction_per_track']:.2f} % | {100 * found['all_harmonics_per_track']:.2f} % | "
             f"{100 * found['predicted_device']:.2f} % |"
         )
+    lines += ["", "![Ripple over tip spacing, pitch and starts](../images/tracked-redesign.png)"]
     return "\n".join(lines)

@@ -26,8 +26,9 @@ class Passage:
     rear_end: float = 20e-3
     """From the rear tip to the tread's rear end at the start [m]. Assumed: the paper sees an end there at the start."""
     front_end: float = 60e-3
-    """From the front tip to the tread's front end at the start [m], at least: the strip has whole pitches. Assumed: both
-    ends are 40 mm away midway."""
+    """From the front tip to the tread's front end at the start [m], at least: the strip has whole pitches.
+
+    Assumed: both ends are 40 mm away midway."""
     steps_per_pitch: int = 8
 
 
