@@ -16,6 +16,8 @@ SETTLING = 0.5
 """Simulated time before anything is read [s]: the slowest motion, a strut on its bellows, settles within 0.2 s."""
 _READ = 1.0
 """Shortest time read [s]: the paper's third step; stretched to whole tooth passages."""
+_TOUCHING = 0.99
+"""Share of the time read that every pad must touch: struts press all of them, so a jumping one is numerical chatter."""
 _LARGEST_FORCE = 1e4
 """Force [N] beyond which a run counts as diverged: a thousand times the robot's own."""
 
@@ -25,6 +27,7 @@ class Pull:
     """A steady run at one speed, and what is read from it."""
 
     outcome: Outcome
+    """Diverged when a value is not finite or enormous, or when a pad does not stay on the wall."""
     force: Float[np.ndarray, " steps"]
     """Propulsion: friction of all pads along the track [N]."""
     normal: Float[np.ndarray, " steps"]
@@ -101,7 +104,8 @@ def _read(model, rig: Rig, states, sensors, frequency: float) -> Pull:
     free = bool(rig.string)
     string = rig.tension(sensors[:, model.sensor(rig.string).adr[0]]) if free else friction
     roll = float(states[:, 1 + model.nq + 3].mean()) if free else 0.0
-    sound = bool(np.isfinite(states).all() and np.isfinite(sensors).all() and np.abs(forces).max() < _LARGEST_FORCE)
+    finite = bool(np.isfinite(states).all() and np.isfinite(sensors).all() and np.abs(forces).max() < _LARGEST_FORCE)
+    sound = finite and bool(((forces[..., 0].sum(2) > 0).mean(0) >= _TOUCHING).all())
     return Pull(
         outcome="completed" if sound else "diverged",
         force=friction,

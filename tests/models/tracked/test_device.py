@@ -57,16 +57,16 @@ def test_half_pitch_spacing_cancels_the_ripple() -> None:
 def test_stable_from_first_touch_to_full_stroke(indentation: float, friction: float) -> None:
     """At twice the default step as well."""
     for timestep in (TIMESTEP, 2 * TIMESTEP):
-        if indentation > DESIGN.stroke[1]:
-            indentation = DESIGN.stroke[1]
         run = track(friction, 0.065, indentation, timestep)
         assert run.outcome == "completed"
         assert run.normal.std() < 0.35 * run.normal.mean()
 
 
-def test_a_step_beyond_stability_is_reported() -> None:
-    run = track(1.0, 0.065, timestep=0.02)
-    assert run.outcome == "diverged" or run.normal.mean() != pytest.approx(DESIGN.bellows.preload, rel=0.005)
+@pytest.mark.parametrize("timestep", [0.005, 0.01, 0.02])
+def test_a_step_beyond_stability_is_reported(timestep: float, tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pads that jump off the wall give no force worth reading: the run says so, finite or not."""
+    monkeypatch.chdir(tmp_path)  # MuJoCo logs its warnings in the current folder
+    assert pull(tube_rig(DESIGN, friction=0.4, timestep=timestep), 0.065).outcome == "diverged"
 
 
 def test_whole_device_pulls_what_its_bellows_press() -> None:
