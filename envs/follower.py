@@ -38,6 +38,8 @@ class FollowerSettings:
     """Largest lead of the wires over the angle that the bending section has reached [rad]."""
     tip_force_limit: float = 12.0
     """Wall force on the bending section at which it backs off [N]."""
+    wall_force_limit: float = 25.0
+    """Wall force on any link at which it backs off [N]."""
     push_force_limit: float = 35.0
     """Push force at which it backs off [N]."""
     roll_step: float = math.radians(60)
@@ -110,6 +112,7 @@ class LumenFollower:
             waiting > 0.5
             and (
                 tip_force > self.settings.tip_force_limit
+                or seen.link_forces.max() > self.settings.wall_force_limit
                 or seen.push_force > self.settings.push_force_limit
                 or waiting > self.settings.patience
             )
@@ -125,6 +128,7 @@ class LumenFollower:
     def _advance_rate(self, seen: Observation, interval: float) -> float:
         spare = 1 - max(
             seen.link_forces[-self._tip_links :].max() / self.settings.tip_force_limit,
+            seen.link_forces.max() / self.settings.wall_force_limit,
             seen.push_force / self.settings.push_force_limit,
         )
         rate = self.settings.advance_rate * float(np.clip(2 * spare, 0.15, 1.0))

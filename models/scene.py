@@ -37,12 +37,12 @@ class SceneOptions:
 
     timestep: float = 0.004
     """Integration step [s]."""
-    shaft_cell: float = 0.04
+    shaft_cell: float = 0.05
     """Largest distance between joints of the shaft [m]."""
     largest_bend_deg: float | None = None
     """Largest bend of a shaft joint, from which spacing is adapted to the colon, `shaft_cell` being its mean
     [degrees]; uniform spacing when None."""
-    bending_cell: float = 0.0125
+    bending_cell: float = 0.017
     """Largest distance between joints of the bending section [m]."""
     twist_hinges: int = 4
     """Hinges that carry the torsional compliance of the whole scope; 0 for stiff in torsion."""
