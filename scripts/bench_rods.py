@@ -34,7 +34,7 @@ class BenchRods:
         from haustra.files import prepare_folder, write_json
         from haustra.scripts.console import progress_bar
 
-        counts = _counts(self.joints)
+        counts = joint_counts(self.joints)
         data = load_rod_data(self.folder)
         folder = prepare_folder(self.output) if self.output else None
         total = len(counts) * (len(data.shapes.tip) + len(data.releases))
@@ -48,7 +48,12 @@ class BenchRods:
         return result
 
 
-def _counts(text: str) -> list[int]:
+def joint_counts(text: str) -> list[int]:
+    """Numbers of joints from text such as '25,50,100', smallest first.
+
+    Raises:
+        InvalidOptionError: when it is anything else.
+    """
     from haustra.errors import InvalidOptionError
 
     try:

@@ -45,6 +45,7 @@ def _join_verb(arguments: Sequence[str], verbs: Mapping[str, object]) -> list[st
 
 def _verbs() -> dict[str, Callable[..., Any]]:
     """Every verb is a frozen dataclass of options; calling it does the work and returns JSON values."""
+    from haustra.scripts.bench_cost import BenchCost
     from haustra.scripts.bench_rods import BenchRods
     from haustra.scripts.bench_tracked import BenchTracked
     from haustra.scripts.colon import ColonGrow, ColonImport
@@ -66,6 +67,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
         "report": Report,
         "view": View,
         "bench rods": BenchRods,
+        "bench cost": BenchCost,
         "bench tracked": BenchTracked,
         "doctor": Doctor,
     }
