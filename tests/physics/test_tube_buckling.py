@@ -133,16 +133,16 @@ def rod():
     return TubeRod()
 
 
-def test_it_snakes_at_the_load_of_dawson_and_paslay(rod):
+def test_it_snakes_at_the_load_of_dawson_and_paslay(rod, compare):
     def softest(push):
         straight = rod.solve(push, np.zeros(rod.model.nq))
         return np.linalg.eigvalsh(rod.out_of_balance(push)(straight)[1])[0]
 
     onset = brentq(softest, 1.5 * UNIT, 2.6 * UNIT, xtol=0.01 * UNIT)
-    assert onset == pytest.approx(2 * UNIT, rel=0.1)
+    compare("tube: onset of snaking, Dawson and Paslay [N]", onset, 2 * UNIT, within=0.1)
 
 
-def test_a_helix_presses_on_the_wall_as_lubinski_says(rod):
+def test_a_helix_presses_on_the_wall_as_lubinski_says(rod, compare):
     push = 12.0
     rod.chain.place(rod.data, rod.helix(push, weight=0.0))
     pushes, _ = rod._wall(rod.data.xpos[rod.bodies])
@@ -150,13 +150,13 @@ def test_a_helix_presses_on_the_wall_as_lubinski_says(rod):
     inwards = CLEARANCE * np.array([1.0, 0.0]) - rod.data.xpos[rod.bodies][:, :2]
     assert (np.einsum("bi,bi->b", pushes[:, :2], inwards)[middle] > 0).all()
     per_length = np.linalg.norm(pushes[middle], axis=1).mean() * JOINTS / LENGTH
-    assert per_length == pytest.approx(CLEARANCE * push**2 / (4 * EI), rel=0.1)
+    compare("tube: contact force of a helix, Lubinski [N/m]", per_length, CLEARANCE * push**2 / (4 * EI), within=0.1)
 
 
-def test_helix_and_straight_rod_have_equal_energy_at_the_load_of_chen(rod):
+def test_helix_and_straight_rod_have_equal_energy_at_the_load_of_chen(rod, compare):
     def difference(push):
         straight = rod.solve(push, np.zeros(rod.model.nq))
         return rod.energy(rod.laid_helix(push), push) - rod.energy(straight, push)
 
     onset = brentq(difference, 2.3 * UNIT, 3.4 * UNIT, xtol=0.02 * UNIT)
-    assert onset == pytest.approx(2.83 * UNIT, rel=0.1)
+    compare("tube: onset of winding up, Chen [N]", onset, np.sqrt(8) * UNIT, within=0.1)
