@@ -20,8 +20,8 @@ ENTRY_REACH = 0.150
 ENTRY_SIDES = 32
 THIN = 0.25
 """Share of the tissue between two loops that each of them may be widened by: half stays, so that they stay apart."""
-SIMPLIFY = 0.0006
-"""Distance [m] by which the lumen surface is simplified first: below the noise of a CT surface, half the triangles."""
+SWELLING = 1.05
+"""By how much the lumen is cropped larger than a cell."""
 SLIVER = 2e-9
 """Volume [m^3] below which a solid is dropped: 2 mm^3 hold nothing up and make poor hulls."""
 
@@ -38,11 +38,11 @@ class Block:
     """Its stretch of the centreline."""
 
 
-def lumen_solid(colon: Colon, *, widening: float) -> Manifold:
+def lumen_solid(colon: Colon, *, widening: float, simplification: float) -> Manifold:
     """The space that stays free: the lumen, widened by `widening` [m] along its normals, and the way in at the anus.
 
     Convex pieces err towards the lumen only; widening it by their mean error first makes the error two-sided, while
-    neighbouring pieces still meet in the same corners.
+    neighbouring pieces still meet in the same corners. It is then simplified by up to `simplification` [m].
 
     Raises:
         InvalidMeshError: when the lumen surface bounds no solid.
@@ -57,7 +57,7 @@ def lumen_solid(colon: Colon, *, widening: float) -> Manifold:
         raise InvalidMeshError(
             f"The lumen of colon '{colon.name}' bounds no solid ({solid.status()}): import it again to repair it."
         )
-    return solid.simplify(SIMPLIFY) + entry_way(colon)
+    return solid.simplify(simplification) + entry_way(colon)
 
 
 def entry_way(colon: Colon) -> Manifold:
@@ -73,20 +73,21 @@ def entry_way(colon: Colon) -> Manifold:
 def cut_blocks(cell: Cell, lumen: Manifold, *, sectors: int, thickness: float) -> Iterator[Block]:
     """Cut a cell into sectors around its axis, each reaching `thickness` [m] beyond the lumen, without the lumen."""
     site = cell.site
-    hollow = cell.region ^ lumen
-    if hollow.is_empty():
+    # Cropped to more than the cell: solids with faces in common subtract badly.
+    near = lumen ^ _swollen(cell.region)
+    if (near ^ cell.region).is_empty():
         return
     angles = 2 * np.pi * np.arange(sectors + 1) / sectors
     for low, high in pairwise(angles):
         wedge = [_half_plane(site, low, -1.0), _half_plane(site, high, 1.0)]
-        own = _trim(cell.region, wedge) ^ hollow
+        own = _trim(cell.region, wedge) ^ near
         if own.is_empty():
             continue
         outwards = site.frame[:, :2] @ _unit(0.5 * (low + high))
         furthest = float((corners(own) @ outwards).max())
         wedge.append((outwards, furthest + thickness))
         planes = cell.planes + tuple(wedge)
-        for solid in (_trim(cell.region, wedge) - hollow).decompose():
+        for solid in (_trim(cell.region, wedge) - near).decompose():
             if solid.volume() > SLIVER:
                 yield Block(solid, planes, site)
 
@@ -116,6 +117,12 @@ def _tissue(colon: Colon, normals: np.ndarray, furthest: float) -> np.ndarray:
             for vertex, normal in zip(colon.lumen.vertices, normals, strict=True)
         ]
     )
+
+
+def _swollen(region: Manifold) -> Manifold:
+    """A convex solid, a little larger about its middle."""
+    middle = corners(region).mean(axis=0)
+    return region.translate(tuple(-middle)).scale((SWELLING,) * 3).translate(tuple(middle))
 
 
 def _half_plane(site: Site, angle: float, sign: float) -> Plane:

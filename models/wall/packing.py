@@ -32,7 +32,7 @@ def unpack_block(data: bytes) -> Block:
     return Block(solid, planes, Site(point=arrays["point"], frame=arrays["frame"], **numbers))
 
 
-def pack_hulls(hulls: Sequence[Float[np.ndarray, "vertices 3"]]) -> bytes:
+def pack_hulls(hulls: Sequence[Float[np.ndarray, "_ 3"]]) -> bytes:
     """Corners of convex hulls as the bytes of an .npz."""
     counts = np.array([len(hull) for hull in hulls], np.int64)
     return pack(vertices=np.concatenate([np.zeros((0, 3)), *hulls]), counts=counts)

@@ -61,7 +61,7 @@ def hull_faces(vertices: Float[np.ndarray, "vertices 3"]) -> Int[np.ndarray, "tr
     return faces
 
 
-def joined_hulls(pieces: Sequence[Float[np.ndarray, "vertices 3"]]) -> Surface:
+def joined_hulls(pieces: Sequence[Float[np.ndarray, "_ 3"]]) -> Surface:
     """The faces of many convex pieces as one surface."""
     starts = np.cumsum([0, *(len(vertices) for vertices in pieces[:-1])])
     faces = [hull_faces(vertices) + start for vertices, start in zip(pieces, starts, strict=True)]

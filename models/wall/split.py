@@ -15,8 +15,8 @@ SMALLEST_FACE = 1e-12
 """Twice the area [m^2] below which a triangle's normal is rounding."""
 FLAT = 1e-3
 """Slope below which a ray counts as parallel to a face."""
-SAMPLES = np.array([[1, 1, 1], [2.4, 0.3, 0.3], [0.3, 2.4, 0.3], [0.3, 0.3, 2.4]]) / 3
-"""Where on a triangle depth is taken: centre, and near each corner, in barycentric coordinates."""
+SAMPLES = np.array([[1, 1, 1], [3, 0, 0], [0, 3, 0], [0, 0, 3]]) / 3
+"""Where on a triangle depth is taken: centre and corners, in barycentric coordinates."""
 LOST_VOLUME = 1e-6
 """Share of the volume that a cut may lose or gain before it counts as failed."""
 DEEPEST_SPLIT = 24
@@ -57,11 +57,13 @@ def intrusion(solid: Manifold, hull: Manifold, planes: tuple[Plane, ...]) -> tup
     points, normals, area = _lumen_samples(solid, planes)
     if not len(points):
         return 0.0, np.zeros(3)
-    facets, offsets = _planes(hull)
+    facets, offsets, facing = _planes(hull, planes)
     slope = normals @ facets.T
     height = np.maximum(offsets - points @ facets.T, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = np.where(slope > FLAT, height / slope, np.inf).min(axis=1)
+    if facing.any():
+        depth = np.minimum(depth, height[:, facing].min(axis=1))
     worst = int(depth.argmax())
     mean = (hull.volume() - solid.volume()) / area
     return max(float(depth[worst]), mean), points[worst]
@@ -105,31 +107,35 @@ def _candidates(points: np.ndarray, places: tuple[np.ndarray, ...], block: Block
 
 def face_planes(hull: Manifold) -> tuple[Plane, ...]:
     """The half-spaces that a hull is the intersection of."""
-    return tuple((normal, float(offset)) for normal, offset in zip(*_planes(hull), strict=True))
+    return tuple((normal, float(offset)) for normal, offset in zip(*_planes(hull, ())[:2], strict=True))
 
 
-def _planes(hull: Manifold) -> tuple[np.ndarray, np.ndarray]:
-    """Unit normals and offsets of a hull's faces."""
-    mesh = hull.to_mesh64()
-    vertices = np.asarray(mesh.vert_properties)[:, :3]
-    faces = np.asarray(mesh.tri_verts).astype(np.int64)
+def _planes(hull: Manifold, cuts: tuple[Plane, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Unit normals and offsets of a hull's faces, and which of them lie on no cut."""
+    vertices, faces, free = _faces(hull, cuts)
     normals, twice = _normals(vertices, faces)
     sound = twice > SMALLEST_FACE
-    return normals[sound], np.einsum("ij,ij->i", normals[sound], vertices[faces[sound, 0]])
+    return normals[sound], np.einsum("ij,ij->i", normals[sound], vertices[faces[sound, 0]]), free[sound]
 
 
 def _lumen_samples(solid: Manifold, planes: tuple[Plane, ...]) -> tuple[np.ndarray, np.ndarray, float]:
     """Points on the lumen surface (the faces that lie on no cut), its normals there, into the lumen, and its area."""
+    vertices, faces, free = _faces(solid, planes)
+    normals, twice = _normals(vertices, faces[free])
+    points = np.einsum("sk,fkd->sfd", SAMPLES, vertices[faces[free]]).reshape(-1, 3)
+    return points, np.tile(normals, (len(SAMPLES), 1)), max(0.5 * float(twice.sum()), SMALLEST_FACE)
+
+
+def _faces(solid: Manifold, cuts: tuple[Plane, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Vertices and faces of a solid, and which faces lie on no cut."""
     mesh = solid.to_mesh64()
     vertices = np.asarray(mesh.vert_properties)[:, :3]
     faces = np.asarray(mesh.tri_verts).astype(np.int64)
-    cut = np.array([plane[0] for plane in planes])
-    at = np.array([plane[1] for plane in planes])
-    on = np.abs(vertices @ cut.T - at) < ON_PLANE
-    faces = faces[~np.logical_and.reduce(on[faces], axis=1).any(axis=-1)]
-    normals, twice = _normals(vertices, faces)
-    points = np.einsum("sk,fkd->sfd", SAMPLES, vertices[faces]).reshape(-1, 3)
-    return points, np.tile(normals, (len(SAMPLES), 1)), max(0.5 * float(twice.sum()), SMALLEST_FACE)
+    free = np.ones(len(faces), bool)
+    for normal, offset in cuts:
+        on = np.abs(vertices @ normal - offset) < ON_PLANE
+        free &= ~(on[faces[:, 0]] & on[faces[:, 1]] & on[faces[:, 2]])
+    return vertices, faces, free
 
 
 def _normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

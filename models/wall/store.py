@@ -57,7 +57,7 @@ def load_wall(folder: Path) -> Wall:
             raise UnreadableFileError(
                 f"'{folder / METADATA}' is no wall that this version reads: build the wall again."
             )
-        with np.load(folder / ARRAYS, allow_pickle=False) as arrays:
+        with (folder / ARRAYS).open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             vertices, counts, arcs = (arrays[name] for name in ("vertices", "counts", "arcs"))
         parts = np.split(vertices, np.cumsum(counts)[:-1])
         if counts.sum() != len(vertices) or len(parts) != len(arcs) or not np.isfinite(vertices).all():
