@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from haustra.envs.engine.native import NativeEngine, Observation
 from haustra.envs.follower import FollowerSettings, LumenFollower
+from haustra.envs.measure.containment import ESCAPE_DEPTH, Containment
 from haustra.envs.measure.progress import ArcTracker
 from haustra.envs.outcome import Outcome
 from haustra.models.scene import Scene
@@ -19,8 +20,8 @@ CONTROL_INTERVAL = 0.02
 _CAECUM_MARGIN = 0.03
 """The caecum counts as reached this far before the end of the centreline [m]; engineering choice."""
 
-_GIVE_UP = 8
-"""Attempts without progress after which a run counts as stuck."""
+_MANY_ATTEMPTS = 3
+"""A run that ends after this many attempts without progress was stuck."""
 
 Progress = Callable[[float, float], None]
 """Called with simulated time [s] and tip arc length [m]."""
@@ -56,6 +57,8 @@ class Trajectory:
     """E_c, stored in bending the scope [J]."""
     wall_energy: Float[np.ndarray, " records"]
     """E_b, stored in pressing the wall [J]."""
+    outside: Float[np.ndarray, " records"]
+    """How far the scope stands outside the lumen at rest [m]; negative inside (`Containment`)."""
 
 
 @dataclass(frozen=True)
@@ -89,8 +92,9 @@ def run_insertion(
     follower = LumenFollower(line, scene.design, tip_links=tip_links, settings=settings)
     steps = max(1, round(CONTROL_INTERVAL / scene.options.timestep))
     interval = steps * scene.options.timestep
+    containment = Containment(scene.colon, radius=scene.cable.radius)
     rows: list[tuple] = []
-    seen = engine.observe()
+    seen, shape = engine.observe(), engine.shape()
     outcome = Outcome.TIME_UP
     began = time.perf_counter()
     while seen.time < seconds - interval / 2:
@@ -98,37 +102,42 @@ def run_insertion(
         if not engine.step(inputs, steps):
             outcome = Outcome.DIVERGED
             break
-        seen = engine.observe()
+        seen, shape = engine.observe(), engine.shape()
         tracker.update(seen.tip)
-        rows.append(_record(engine, seen, tracker.arc))
+        behind = scene.cable.node_distances
+        inside = behind < seen.insertion
+        outside = containment.outside(shape[inside], behind[inside], tracker.arc)
+        rows.append(_record(engine, seen, tracker.arc, outside))
         if progress and len(rows) % 25 == 0:
             progress(seen.time, tracker.arc)
-        if ended := _ended(scene, seen, tracker.arc, follower):
+        if ended := _ended(scene, seen, tracker.arc, outside):
             outcome = ended
             break
+    if outcome is Outcome.TIME_UP and follower.attempts >= _MANY_ATTEMPTS:
+        outcome = Outcome.STUCK
     return Insertion(
         outcome=outcome,
         trajectory=_trajectory(rows, engine),
-        shape=engine.shape(),
+        shape=shape,
         tip_frame=seen.tip_frame,
         wall_clock=time.perf_counter() - began,
         attempts=follower.attempts,
     )
 
 
-def _ended(scene: Scene, seen: Observation, arc: float, follower: LumenFollower) -> Outcome | None:
+def _ended(scene: Scene, seen: Observation, arc: float, outside: float) -> Outcome | None:
+    if outside > ESCAPE_DEPTH:
+        return Outcome.ESCAPED
     if arc >= scene.colon.centreline.length - _CAECUM_MARGIN:
         return Outcome.REACHED_CAECUM
     if seen.insertion >= scene.cable.length - 0.005:
         return Outcome.FULLY_INSERTED
-    if follower.attempts > _GIVE_UP:
-        return Outcome.STUCK
     return None
 
 
-def _record(engine: NativeEngine, seen: Observation, arc: float) -> tuple:
+def _record(engine: NativeEngine, seen: Observation, arc: float, outside: float) -> tuple:
     worst = int(np.argmax(seen.link_forces))
-    behind = engine.scene.cable.length - np.concatenate([[0.0], engine.scene.cable.joint_positions])[worst]
+    behind = engine.scene.cable.node_distances[worst]
     return (
         seen.time,
         engine.data.qpos.copy(),
@@ -143,6 +152,7 @@ def _record(engine: NativeEngine, seen: Observation, arc: float) -> tuple:
         float(seen.contacts),
         seen.energies.bending,
         seen.energies.wall,
+        outside,
     )
 
 
@@ -151,5 +161,5 @@ def _trajectory(rows: list[tuple], engine: NativeEngine) -> Trajectory:
         empty = np.zeros(0)
         model = engine.model
         wide = (np.zeros((0, model.nq)), np.zeros((0, model.nu)), np.zeros((0, 3)))
-        return Trajectory(empty, *wide, *[empty] * 9)
+        return Trajectory(empty, *wide, *[empty] * 10)
     return Trajectory(*(np.array(column, dtype=float) for column in zip(*rows, strict=True)))

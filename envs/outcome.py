@@ -10,6 +10,7 @@ class Outcome(Enum):
     REACHED_CAECUM = "reached_caecum"
     STUCK = "stuck"
     FULLY_INSERTED = "fully_inserted"
+    ESCAPED = "escaped"
     DIVERGED = "diverged"
 
     @property
@@ -23,5 +24,6 @@ _ADVICE = {
     Outcome.REACHED_CAECUM: "The tip is in the caecum.",
     Outcome.STUCK: "The tip made no progress in spite of repeated attempts; see where the wall force acts.",
     Outcome.FULLY_INSERTED: "The whole working length is inside; a longer scope would go further.",
+    Outcome.ESCAPED: "The scope broke through the wall: push less, or stiffen the wall.",
     Outcome.DIVERGED: "The simulation became unstable: halve the timestep, or soften what was made stiffer.",
 }

@@ -88,7 +88,8 @@ class NativeEngine:
         self._locks = np.array([[model.actuator(name).id for name in pair] for pair in cable.locks])
         self._tip = model.site("scope/tip").id
         self._link_of_body = np.full(model.nbody, -1)
-        self._link_of_body[[model.body(name).id for name in cable.links]] = np.arange(len(cable.links))
+        self._links = [model.body(name).id for name in cable.links]
+        self._link_of_body[self._links] = np.arange(len(cable.links))
         steerable = [index for index, cell in enumerate(cable.cells) if cell.steerable]
         self._bend_up = [model.joint(f"scope/bend_y_{index:03d}").qposadr[0] for index in steerable]
         self._bend_left = [model.joint(f"scope/bend_x_{index:03d}").qposadr[0] for index in steerable]
@@ -147,8 +148,7 @@ class NativeEngine:
 
     def shape(self) -> Float[np.ndarray, "nodes 3"]:
         """Points along the scope's axis, from the handle end of the modelled part to the tip [m]."""
-        links = [self.model.body(name).id for name in self.scene.cable.links]
-        return np.vstack([self.data.xpos[links], self.data.site_xpos[self._tip]])
+        return np.vstack([self.data.xpos[self._links], self.data.site_xpos[self._tip]])
 
     def _arrive(self, pulls: Float[np.ndarray, "4"]) -> Float[np.ndarray, "4"]:
         """What of the hand's pulls gets through the bent shaft to the bending section [N]."""

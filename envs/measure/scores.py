@@ -42,6 +42,7 @@ def score(scene: Scene, run: Insertion, provenance: Provenance) -> dict[str, obj
         "scope_energy_mean_J": float(recorded.scope_energy.mean()) if simulated else 0.0,
         "wall_energy_peak_J": _peak(recorded.wall_energy),
         "wall_energy_mean_J": float(recorded.wall_energy.mean()) if simulated else 0.0,
+        "outside_max_mm": float(recorded.outside.max()) * 1e3 if simulated else 0.0,
         "contacts_mean": float(recorded.contacts.mean()) if simulated else 0.0,
         "dofs": recorded.qpos.shape[1],
         "joints": len(scene.cable.cells),

@@ -1,0 +1,54 @@
+"""Whether the scope is still inside the colon."""
+
+import numpy as np
+from jaxtyping import Float
+
+from haustra.models.anatomy.colon import Colon
+
+ESCAPE_DEPTH = 0.03
+"""A scope that stands this far outside the lumen has left the colon [m]: the default wall is no thicker."""
+
+_LARGEST_RADIUS = 0.06
+"""Radii above this are looks along the lumen, not across [m]."""
+
+_BLUR = 0.01
+"""The lumen is as wide as within this stretch of centreline on either side [m]: folds are thinner."""
+
+_PATH_STRETCH = (0.35, 2.2)
+"""Least and most centreline per length of scope that a search allows: scopes cut corners and lie in loops."""
+
+
+class Containment:
+    """Measures how far a scope stands outside a colon's lumen, from the radius field.
+
+    A bound, not a distance: the lumen is taken as round with its largest radius within a centimetre, so a scope that
+    lies in a haustrum counts as inside, and one that has left through the wall is seen once it is clear of it.
+    """
+
+    def __init__(self, colon: Colon, *, radius: float) -> None:
+        """For a scope of that radius [m]."""
+        line = colon.centreline
+        self._points, self._arc = line.points, line.arc
+        widest = np.minimum(colon.radius, _LARGEST_RADIUS).max(axis=1)
+        reach = int(np.ceil(_BLUR / (line.arc[1] - line.arc[0])))
+        windows = np.lib.stride_tricks.sliding_window_view(np.pad(widest, reach, mode="edge"), 2 * reach + 1)
+        self._room = windows.max(axis=1) - radius
+
+    def outside(
+        self, nodes: Float[np.ndarray, "nodes 3"], behind: Float[np.ndarray, " nodes"], tip_arc: float
+    ) -> float:
+        """How far the node that is furthest out stands outside the lumen [m]; negative when all are inside.
+
+        Args:
+            nodes: points on the scope's axis inside the patient [m].
+            behind: their distances from the tip along the scope [m].
+            tip_arc: arc length of the tip [m].
+        """
+        if not len(nodes):
+            return -float(self._room.min())
+        least, most = _PATH_STRETCH
+        low, high = tip_arc - most * behind - _BLUR, tip_arc - least * behind + _BLUR
+        candidates = (self._arc >= low[:, None]) & (self._arc <= high[:, None])
+        candidates[:, 0] |= ~candidates.any(axis=1)
+        distance = np.linalg.norm(nodes[:, None] - self._points, axis=2) - self._room
+        return float(np.where(candidates, distance, np.inf).min(axis=1).max())
