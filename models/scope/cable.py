@@ -24,8 +24,8 @@ LOCK_LOSS_TIME = 0.01
 """Damping over stiffness of a lock [s]; engineering choice, above the time step so that it is linearly implicit."""
 
 ARMATURE_FACTOR = 1.0
-"""Armature of a sprung hinge over (damping x time step). Measured: without, contacts chatter at 4 ms; 0.25 stills them at
-rest, but a scope jammed in a real colon still diverged within 20 to 50 s; 1 did not, and the solver took half as long."""
+"""Armature of a sprung hinge over (damping x time step). Measured: without, contacts chatter at 4 ms; 0.25 stills them
+at rest, but a scope jammed in a real colon still diverged within 20 to 50 s; with 1 it did not."""
 
 HAND_PUSH = (4000.0, 80.0)
 """Stiffness [N/m] and damping [N s/m] of the hand along the shaft; engineering choice: 20 N move it by 5 mm."""
