@@ -12,7 +12,10 @@ def summary(result: Mapping[str, object]) -> None:
     table = Table(show_header=False, box=None, pad_edge=False)
     for name, value in _rows(result):
         table.add_row(f"[bold]{name}[/bold]", value)
-    Console().print(table)
+    console = Console()
+    with console.capture() as rendered:  # rich would turn a reader that has gone into exit code 1
+        console.print(table)
+    print(rendered.get(), end="")
 
 
 def _rows(result: Mapping[str, object], prefix: str = ""):

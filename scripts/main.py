@@ -1,6 +1,7 @@
 """The command line: parse, one call, print."""
 
 import json
+import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -30,11 +31,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("haustra: interrupted; what was finished is kept.", file=sys.stderr)
         return 130
-    if verb.json:
-        print(json.dumps(result, allow_nan=False))
-    else:
-        summary(result)
+    try:
+        if verb.json:
+            print(json.dumps(result, allow_nan=False))
+        else:
+            summary(result)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        _stop_printing()
     return DIVERGED if result.get("outcome") == "diverged" else SUCCESS
+
+
+def _stop_printing() -> None:
+    """The reader has gone (`| head`): whatever is still buffered goes nowhere, so that closing down says nothing."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _join_verb(arguments: Sequence[str], verbs: Mapping[str, object]) -> list[str]:

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from mujoco import rollout
 
+from haustra.envs.engine.log import log_to_stderr_only
 from haustra.models.tracked.rig import Rig
 
 Outcome = Literal["completed", "diverged"]
@@ -78,6 +79,7 @@ def pull(rig: Rig, speed: float, *, roll_torque: float = 0.0) -> Pull:
 
 def pull_model(model: mujoco.MjModel, rig: Rig, speed: float, *, roll_torque: float = 0.0) -> Pull:
     """The same with a compiled model whose treads already run at that speed."""
+    log_to_stderr_only()
     step = model.opt.timestep
     frequency = speed / rig.tracked.design.tread.pitch
     periods = max(1, np.ceil(_READ * frequency)) if speed > 0 else 1
