@@ -26,8 +26,9 @@ demo: $(VENV)/.installed
 	@echo
 	@echo 'Open $(CURDIR)/demo/run/report.html'
 
+# One thread for numpy's BLAS: on small matrices and two cores, more of them wait for each other far longer than they compute.
 test: lint types
-	$(BIN)/python -m pytest $(PYTEST_ARGUMENTS)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(PYTEST_ARGUMENTS)
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check

@@ -25,12 +25,12 @@ def sample(rods):
     return type(shapes)(**{name: getattr(shapes, name)[::10] for name in shapes.__dataclass_fields__})
 
 
-@pytest.mark.parametrize(("joints", "mean", "seconds"), [(25, 1e-3, 0.09), (50, 5e-4, 0.32)])
-def test_tips_of_static_shapes_are_where_the_data_has_them(rods, sample, joints, mean, seconds):
+@pytest.mark.parametrize(("joints", "mean"), [(25, 1e-3), (50, 5e-4)])
+def test_tips_of_static_shapes_are_where_the_data_has_them(rods, sample, joints, mean):
     found = static_errors(rods.rod, sample, joints)
     assert found.errors.mean() < mean
     assert found.errors.max() < 3 * mean
-    assert found.seconds_per_shape < seconds
+    assert found.iterations < 6
 
 
 def test_tips_converge_with_order_two(rods, sample):
