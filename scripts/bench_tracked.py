@@ -46,11 +46,7 @@ class BenchTracked:
         return self._rate(rig.spec.compile(), rig)
 
     def _rate(self, model, rig) -> float:
-        """Steps a CPU second at 150 rpm; the best of three, each a third of the time.
-
-        Runs of two seconds from the start, as the study's: left alone for longer, the device in the tube settles onto
-        the staves' seams, where twice the contacts cost a fifth of the rate.
-        """
+        """Steps a CPU second at 150 rpm, in runs of two seconds as the study's; the best of three."""
         import mujoco
         import numpy as np
         from mujoco import rollout

@@ -188,6 +188,9 @@ def full_range(design) -> dict[str, Any]:
             "implied_low_N": curves.min(0).tolist(),
             "implied_high_N": curves.max(0).tolist(),
             "peak_rpm": max(points, key=lambda point: point["force_N"])["rpm"],
+            "roll_worst_percent": max(
+                100 * abs(point["roll_rad_s"] / point["closed_form_roll_rad_s"] - 1) for point in points
+            ),
         }
     return {
         "surfaces": surfaces,

@@ -82,15 +82,16 @@ def _full_range(result: dict[str, Any]) -> str:
     lines = [
         "## The whole device over the range of speeds",
         "",
-        "| surface | rpm | force [N] | closed form | implied by the paper: mean (least-most) | roll [rad/s] |",
-        "|---" * 6 + "|",
+        "| surface | rpm | force [N] | closed form | implied by the paper: mean (least-most) | roll [rad/s] | closed form |",
+        "|---" * 7 + "|",
     ]
     for surface, found in block["surfaces"].items():
         bounds = zip(found["implied_mean_N"], found["implied_low_N"], found["implied_high_N"], strict=True)
         for point, (mean, low, high) in zip(found["curve"], bounds, strict=True):
             lines.append(
                 f"| {surface} | {point['rpm']:.0f} | {point['force_N']:.3f} | {point['closed_form_N']:.3f} | "
-                f"{mean:.2f} ({low:.2f}-{high:.2f}) | {point['roll_rad_s']:.3f} |"
+                f"{mean:.2f} ({low:.2f}-{high:.2f}) | {point['roll_rad_s']:.3f} | "
+                f"{point['closed_form_roll_rad_s']:.3f} |"
             )
     lines.append("")
     for surface, found in block["surfaces"].items():

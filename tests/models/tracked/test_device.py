@@ -84,13 +84,14 @@ def test_narrow_tube_squeezes_the_bellows() -> None:
     assert run.normal.mean() > 1.5 * TRACKS * DESIGN.bellows.preload
 
 
-def test_worm_torque_rolls_the_body_and_eats_friction() -> None:
-    """F = sqrt(T^2 - (t/R)^2) and roll = (v/R) tan(asin(t / (R T))) for sliding treads."""
-    torque, radius, traction, speed = 0.02, 0.07, 0.2 * 4 * 1.875, 0.065
-    run = pull(tube_rig(DESIGN, friction=0.2), speed, roll_torque=torque)
-    sine = torque / radius / traction
-    assert run.string.mean() == pytest.approx(traction * math.sqrt(1 - sine**2), rel=0.01)
-    assert run.roll == pytest.approx(speed / radius * math.tan(math.asin(sine)), rel=0.15)
+@pytest.mark.parametrize("friction", [0.2, 0.4])
+@pytest.mark.parametrize("rpm", [75, 150, 300])
+def test_worm_torque_rolls_the_body_and_eats_friction(friction: float, rpm: float) -> None:
+    """F = sqrt(T^2 - (t/R)^2) and roll = (v/R) tan(asin(t / (R T))) for sliding treads, however small the torque."""
+    point = drive_point(DESIGN, friction, rpm)
+    run = pull(tube_rig(DESIGN, friction=point.friction), point.speed, roll_torque=point.worm_torque)
+    assert run.string.mean() == pytest.approx(point.force, rel=0.005)
+    assert run.roll == pytest.approx(point.roll, rel=0.1)
 
 
 def test_one_to_one_pulls_a_sixteenth() -> None:
@@ -98,12 +99,6 @@ def test_one_to_one_pulls_a_sixteenth() -> None:
     small = DESIGN.at_scale(1.0)
     run = pull(tube_rig(small, friction=0.4), small.tread_speed(150))
     assert run.string.mean() == pytest.approx(3.0 / 16, rel=0.02)
-
-
-def test_closed_form_agrees_with_the_simulated_device() -> None:
-    point = drive_point(DESIGN, 0.4, 150)
-    run = pull(tube_rig(DESIGN, friction=point.friction), point.speed, roll_torque=point.worm_torque)
-    assert run.string.mean() == pytest.approx(point.force, rel=0.01)
 
 
 def test_scene_saves_as_plain_mjcf() -> None:
