@@ -18,8 +18,8 @@ ENTRY_RADIUS = 0.012
 ENTRY_REACH = 0.150
 """How far back from the anal end that way is kept free [m]: beyond any wall that stands around it."""
 ENTRY_SIDES = 32
-THIN = 0.25
-"""Share of the tissue between two loops that each of them may be widened by: half stays, so that they stay apart."""
+TISSUE = 0.001
+"""Least tissue [m] between two loops or the sides of a fold: where surfaces touch they are moved apart to this."""
 SWELLING = 1.05
 """By how much the lumen is cropped larger than a cell."""
 SLIVER = 2e-9
@@ -42,7 +42,8 @@ def lumen_solid(colon: Colon, *, widening: float, simplification: float) -> Mani
     """The space that stays free: the lumen, widened by `widening` [m] along its normals, and the way in at the anus.
 
     Convex pieces err towards the lumen only; widening it by their mean error first makes the error two-sided, while
-    neighbouring pieces still meet in the same corners. It is then simplified by up to `simplification` [m].
+    neighbouring pieces still meet in the same corners. Where less than `TISSUE` would stay it is narrowed instead. It
+    is then simplified by up to `simplification` [m].
 
     Raises:
         InvalidMeshError: when the lumen surface bounds no solid.
@@ -51,7 +52,8 @@ def lumen_solid(colon: Colon, *, widening: float, simplification: float) -> Mani
     faces = colon.lumen.faces
     if widening:
         normals = vertex_normals(vertices, faces)
-        vertices = vertices + normals * np.minimum(widening, THIN * _tissue(colon, normals, widening / THIN))[:, None]
+        spare = 0.5 * (_tissue(colon, normals, TISSUE + 2 * widening) - TISSUE)
+        vertices = vertices + normals * np.minimum(widening, spare)[:, None]
     solid = Manifold(Mesh64(np.ascontiguousarray(vertices), faces.astype(np.uint64)))
     if solid.is_empty() or solid.volume() <= 0:
         raise InvalidMeshError(

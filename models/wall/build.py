@@ -28,7 +28,7 @@ from haustra.provenance import Provenance, content_hash
 Method = Literal["coacd", "prism"]
 Progress = Callable[[str, int, int], None]
 """Told what is being done, how much of it is done, and how much there is."""
-ALGORITHM = "1"
+ALGORITHM = "2"
 """Part of every cache key; raised when the same options give other pieces."""
 TOLERANCE: dict[Method, float] = {"coacd": 1.5e-3, "prism": 0.8e-3}
 """Default tolerance [m]: what keeps the 95th percentile of the intrusion below 1.0 mm and 0.4 mm (docs/decisions)."""

@@ -19,6 +19,8 @@ LEAK = 0.003
 """A ray that runs this far [m] outside the lumen without meeting a piece has leaked: thinner walls leak (FINDINGS)."""
 OTHER_LOOP = 0.100
 """Difference of arc length [m] by which a ray has come out in another loop."""
+RIM = 0.001
+"""How near [m] a ray passes the rim of a fold, or of a hole where two loops have grown together, when it grazes it."""
 NEAREST_FACES = 24
 """Triangles tried per point for its distance to the surface, nearest centres first."""
 MILLIMETRE = 1e3
@@ -89,9 +91,12 @@ def cast_error(colon: Colon, lumen: Caster, wall: Caster, *, rays: int) -> RayEr
     distance = surface_distance(colon.lumen, points)
     late = met & (along > LEAK)
     leaked = ~met
-    leaked[late] = (distance[late] > LEAK) | _elsewhere(
+    lost = (distance[late] > LEAK) | _elsewhere(
         colon, arcs[late], origins[late] + directions[late] * reach[late, None], points[late]
     )
+    leaked[late] = lost
+    for ray in np.flatnonzero(late)[lost]:
+        leaked[ray] = not _grazes(lumen, origins[ray], directions[ray], float(reach[ray]))
     signed = np.where(along < 0, -1.0, 1.0) * np.minimum(distance, np.abs(np.where(met, along, 0.0)))
     return RayError(origins, directions, along, np.where(leaked, np.nan, signed), leaked)
 
@@ -164,6 +169,15 @@ def _elsewhere(colon: Colon, arcs: np.ndarray, left: np.ndarray, came: np.ndarra
     tree, arc = KDTree(colon.centreline.points), colon.centreline.arc
     own = np.abs(arc[tree.query(left)[1]] - arcs) < OTHER_LOOP
     return own & (np.abs(arc[tree.query(came)[1]] - arcs) > OTHER_LOOP)
+
+
+def _grazes(lumen: Caster, origin: np.ndarray, direction: np.ndarray, reach: float) -> bool:
+    """Whether a ray only touches the rim of an opening: a ray a little beside it goes on inside the lumen."""
+    aside = np.linalg.svd(direction[None])[2][1:]
+    angle = 2 * np.pi * np.arange(8) / 8
+    aim = reach * direction + RIM * (np.cos(angle)[:, None] * aside[0] + np.sin(angle)[:, None] * aside[1])
+    aim /= np.linalg.norm(aim, axis=1, keepdims=True)
+    return bool((lumen.distance(origin, aim) > reach + LEAK).any())
 
 
 def _seam_pairs(error: RayError) -> np.ndarray:
