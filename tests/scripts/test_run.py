@@ -1,0 +1,71 @@
+"""`haustra run` as a user calls it."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from haustra.models.anatomy.store import save_colon
+from haustra.models.wall.store import save_wall
+from haustra.provenance import Provenance
+from haustra.scripts.main import BAD_INPUT, SUCCESS, main
+from tests.tube_colon import straight_tube, wedge_wall
+
+KEYS = {
+    "outcome", "simulated_s", "wall_clock_s", "real_time_factor", "insertion_m", "tip_arc_m", "tip_segment",
+    "push_force_peak_N", "torque_peak_Nm", "wall_force_peak_N", "dofs", "joints", "pieces", "timestep_s", "provenance",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def colon_folder(tmp_path_factory) -> Path:
+    from haustra.models.anatomy.store import colon_hash
+
+    folder = tmp_path_factory.mktemp("colon")
+    colon = straight_tube()
+    save_colon(colon, folder)
+    wall = wedge_wall()
+    fitting = Provenance(inputs={colon.name: colon_hash(colon)}, configuration={})
+    save_wall(type(wall)(wall.method, wall.pieces, wall.error, fitting, {}), folder / "wall-prism")
+    return folder
+
+
+def test_a_run_leaves_scores_trajectory_scene_pictures_and_a_report(colon_folder, tmp_path, capsys):
+    arguments = [
+        "run",
+        "--colon",
+        str(colon_folder),
+        "--wall",
+        "prism",
+        "-o",
+        str(tmp_path),
+        "--seconds",
+        "2",
+        "--json",
+    ]
+    assert main(arguments) == SUCCESS
+    printed = json.loads(capsys.readouterr().out)
+    assert printed.keys() >= KEYS
+    assert printed["simulated_s"] == pytest.approx(2.0)
+    assert json.loads((tmp_path / "scores.json").read_text()) == printed
+    for name in ("trajectory.npz", "scene.xml", "outside.png", "tip.png", "forces.png", "report.html"):
+        assert (tmp_path / name).stat().st_size > 1000, name
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (["--design", "adlut"], "Known: adult, paediatric"),
+        (["--seconds", "-1"], "--seconds"),
+        (["--friction", "-0.1"], "Friction"),
+        (["--timestep", "nan"], "timestep"),
+        (["--colon", "no/such/folder"], "no/such/folder"),
+        (["-o", "/proc/nowhere"], "/proc/nowhere"),
+    ],
+)
+def test_bad_input_is_one_line_and_code_2(colon_folder, tmp_path, capsys, change, message):
+    arguments = ["run", "--colon", str(colon_folder), "--wall", "prism", "-o", str(tmp_path / "run"), *change]
+    assert main(arguments) == BAD_INPUT
+    error = capsys.readouterr().err.strip()
+    assert message in error
+    assert len(error.splitlines()) == 1
