@@ -23,7 +23,11 @@ class WallPiece:
 
 @dataclass(frozen=True)
 class WallError:
-    """How far the pieces' inner face is from the lumen surface, along rays cast from the centreline outwards."""
+    """How far the pieces' inner face is from the lumen surface, where rays from the centreline outwards meet it.
+
+    The error of a ray is the distance of its hit on the pieces from the lumen surface; the side on which it lies gives
+    the sign. What the centreline does not see, behind folds in sharp bends, is not measured.
+    """
 
     intrusion_max_mm: float
     """Deepest point of a piece inside the lumen."""
@@ -40,7 +44,7 @@ class WallError:
     rays: int
     """Rays cast."""
     leaks: int
-    """Rays that left the lumen and met no piece within the wall's thickness."""
+    """Rays that ran 3 mm outside the lumen, or into another loop, without meeting a piece."""
 
     def to_json(self) -> dict[str, float | int]:
         """As plain JSON values."""
