@@ -97,4 +97,4 @@ def _order(coarse: int, fine: int, finest: int, gaps: dict[int, float]) -> float
     def excess(order: float) -> float:
         return (coarse**-order - finest**-order) / (fine**-order - finest**-order) - ratio
 
-    return float(brentq(excess, 0.05, 8.0)) if excess(0.05) * excess(8.0) < 0 else float("nan")
+    return float(np.asarray(brentq(excess, 0.05, 8.0))) if excess(0.05) * excess(8.0) < 0 else float("nan")

@@ -164,7 +164,8 @@ def _bow(line: np.ndarray, flat: np.ndarray, arc: np.ndarray, start: float, end:
         if min(abs(first), abs(second)) >= _BOW and first * second < 0:
             low, high = inside[begin], inside[min(finish + 1, len(inside) - 1)]
             if arc[high] - arc[low] >= _SLACK * np.linalg.norm(line[high] - line[low]):
-                return Loop(LoopKind.N, float(arc[low]), float(arc[high]), _extent(line, arc, arc[low], arc[high]))
+                begins, ends = float(arc[low]), float(arc[high])
+                return Loop(LoopKind.N, begins, ends, _extent(line, arc, begins, ends))
     return None
 
 

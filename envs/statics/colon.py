@@ -79,7 +79,7 @@ def settle(engine: NativeEngine, *, feedback: float = 2.0, most_iterations: int 
     """
     began = time.perf_counter()
     search = _Search(engine, feedback)
-    newton_steps = 0
+    newton_steps, moved = 0, np.inf
     for iteration in range(1, most_iterations + 1):
         contacts = search.find_contacts()
         steps, moved = search.solve(contacts)

@@ -42,7 +42,7 @@ def find_minimum(
     """
     qpos = np.array(start, dtype=float)
     energy, force, tangent = potential(qpos)
-    shift = _FIRST_SHIFT
+    shift, residual = _FIRST_SHIFT, np.inf
     for iteration in range(most_iterations):
         residual = float(np.abs(force).max()) / scale
         if residual < tolerance:

@@ -49,6 +49,7 @@ def find_equilibrium(
     """
     qpos = np.array(start, dtype=float)
     force, tangent = evaluate(qpos)
+    residual = np.inf
     for iteration in range(most_iterations):
         residual = float(np.abs(force).max()) / scale
         if residual < tolerance:

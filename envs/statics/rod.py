@@ -51,7 +51,7 @@ def static_shape(
         return at
 
     scale = float(chain.stiffness.max())
-    done, increment, iterations = 0.0, 1.0, 0
+    done, increment, iterations, residual = 0.0, 1.0, 0, np.inf
     while done < 1:
         part = min(1.0, done + increment)
         try:
@@ -62,4 +62,5 @@ def static_shape(
                 raise
             continue
         qpos, done, iterations = found.qpos, part, iterations + found.iterations
-    return Equilibrium(qpos=qpos, iterations=iterations, residual=found.residual)
+        residual = found.residual
+    return Equilibrium(qpos=qpos, iterations=iterations, residual=residual)

@@ -95,10 +95,13 @@ def _cell(design: ScopeDesign, section: ScopeSection, start: float, length: floa
     share = length / section.length
     if steerable:
         limits = design.limits
-        angles = (limits.up, limits.left, limits.down, limits.right)
-        stop = tuple(math.radians(angle) * share for angle in angles)
+        up, left, down, right = (
+            math.radians(angle) * share for angle in (limits.up, limits.left, limits.down, limits.right)
+        )
+        stop = (up, left, down, right)
     elif section.minimum_bend_radius is not None:
-        stop = (length / section.minimum_bend_radius,) * 4
+        tightest = length / section.minimum_bend_radius
+        stop = (tightest, tightest, tightest, tightest)
     else:
         stop = None
     return Cell(

@@ -5,6 +5,8 @@ being half of a pinned one; post-buckling: Timoshenko and Gere, Theory of Elasti
 computed from the elliptic integrals to 1e-9.
 """
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ EI, LENGTH, ZERO = 0.03, 0.5, np.zeros(3)
 ROD = UniformRod(length=LENGTH, radius=0.0064, flexural_rigidity=EI, torsional_rigidity=13 * EI, mass_per_length=0.3)
 
 
-def bent(joints: int, *, force=ZERO, moment=ZERO, start=None):
+def bent(joints: int, *, force: Sequence[float] | np.ndarray = ZERO, moment: np.ndarray = ZERO, start=None):
     """Tip position [m] and frame of a rod under a dead tip load, and its joint angles."""
     built = hinge_rod(ROD, joints)
     model = built.spec.compile()
