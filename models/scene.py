@@ -147,7 +147,7 @@ def build_scene(
     bare = spec.compile()
     apply_stops(spec, bare, timestep=options.timestep)
     apply_contact(spec, bare, cable.geoms, options.contact, timestep=options.timestep)
-    _add_wall(spec, wall)
+    add_wall(spec, wall)
     if show_lumen:
         _add_lumen(spec, colon)
     left_out = {
@@ -242,7 +242,8 @@ def _add_scope(spec, design: ScopeDesign, cells, entry, frame, options: SceneOpt
     )
 
 
-def _add_wall(spec: mujoco.MjSpec, wall: Wall) -> None:
+def add_wall(spec: mujoco.MjSpec, wall: Wall) -> None:
+    """Put the wall's pieces into a scene, fixed to the world."""
     for index, piece in enumerate(wall.pieces):
         name = f"wall/{index:05d}"
         mesh = spec.add_mesh(name=name, uservert=np.ascontiguousarray(piece.vertices, dtype=float).ravel())

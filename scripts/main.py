@@ -63,6 +63,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
     from haustra.scripts.propulsion import Propulsion
     from haustra.scripts.report import Report
     from haustra.scripts.run import Run
+    from haustra.scripts.tracked import TrackedRun
     from haustra.scripts.tread import TreadFem
     from haustra.scripts.view import View
     from haustra.scripts.wall import WallBuild
@@ -74,6 +75,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
         "tread fem": TreadFem,
         "propulsion": Propulsion,
         "run": Run,
+        "tracked": TrackedRun,
         "report": Report,
         "view": View,
         "bench rods": BenchRods,

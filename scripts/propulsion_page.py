@@ -82,7 +82,8 @@ def _full_range(result: dict[str, Any]) -> str:
     lines = [
         "## The whole device over the range of speeds",
         "",
-        "| surface | rpm | force [N] | closed form | implied by the paper: mean (least-most) | roll [rad/s] | closed form |",
+        "| surface | rpm | force [N] | closed form | implied by the paper: mean (least-most) | roll [rad/s] "
+        "| closed form |",
         "|---" * 7 + "|",
     ]
     for surface, found in block["surfaces"].items():

@@ -64,7 +64,7 @@ def flat_rig(
     """
     if not indentation > 0:
         raise InvalidOptionError(f"Indentation is {indentation} m: press by more than 0.")
-    spec = _empty(timestep)
+    spec = empty_spec(timestep)
     extension = min(indentation, design.stroke[1])
     tracked = add_tracked(spec, design, friction=friction, extension=extension, free=False, tracks=tracks)
     operating = tracked.law.indentation(design.bellows.preload / 2)
@@ -101,7 +101,7 @@ def tube_rig(
             f"Bellows at {design.bellows.pressure:.4g} Pa lifts the tracks off a tube of {diameter * 1e3:.1f} mm: "
             "lower the pressure."
         )
-    spec = _empty(timestep)
+    spec = empty_spec(timestep)
     tracked = add_tracked(spec, design, friction=friction, extension=extension)
     spec.geom(tracked.core).conaffinity = 0  # the treads hold it in the middle
     _add_tube(spec, diameter, length=design.core_length * 4)
@@ -118,7 +118,12 @@ def tube_rig(
     return Rig(spec, tracked, "string")
 
 
-def _empty(timestep: float) -> mujoco.MjSpec:
+def empty_spec(timestep: float) -> mujoco.MjSpec:
+    """A scene without gravity, and with the solver that suits the tracked robot.
+
+    Raises:
+        InvalidOptionError: when the time step [s] cannot be honoured.
+    """
     if not 1e-5 <= timestep <= 0.02:
         raise InvalidOptionError(f"Time step is {timestep} s: give one from 0.00001 to 0.02 s.")
     spec = mujoco.MjSpec()

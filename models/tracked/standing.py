@@ -1,5 +1,7 @@
 """A tracked robot standing in a colon, its struts spread to the local lumen, with or without a scope behind it."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 from jaxtyping import Float
@@ -8,6 +10,7 @@ from haustra.errors import InvalidDesignError, InvalidOptionError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.tracked.design import TRACKS, TrackedDesign
 from haustra.models.tracked.device import Tracked, add_tracked
+from haustra.models.wall.wall import Wall
 
 _STRING_STIFFNESS = 5e3
 """Of a string to a scope's tip [N/m]: it gives 0.04 mm at the device's pull."""
@@ -39,22 +42,10 @@ def stand_in_colon(
 
     Raises:
         InvalidOptionError: when the arc length is not inside the colon.
-        InvalidDesignError: when the lumen there is smaller than the folded device or wider than its reach.
+        InvalidDesignError: when the lumen there is narrower or wider, across opposite tracks, than they reach.
     """
-    line = colon.centreline
-    half = design.core_length / 2
-    if not half <= arc <= line.length - half:
-        raise InvalidOptionError(
-            f"A robot of {design.core_length * 1e3:.0f} mm cannot stand at {arc * 1e3:.0f} mm of a colon of "
-            f"{line.length * 1e3:.0f} mm: give {half * 1e3:.0f} to {(line.length - half) * 1e3:.0f} mm."
-        )
-    radii = track_radii(colon, design, arc)
-    try:
-        design.extension_in(2 * float(radii.mean()))
-    except InvalidDesignError as error:
-        raise InvalidDesignError(
-            f"At {arc * 1e3:.0f} mm of colon '{colon.name}': {error}{_elsewhere(colon, design)}"
-        ) from None
+    require_fit(colon, design, arc)
+    line, radii = colon.centreline, track_radii(colon, design, arc)
     low, high = design.stroke
     station = int(np.searchsorted(line.arc, arc))
     normal, binormal, tangent = line.frames[station].T
@@ -67,6 +58,30 @@ def stand_in_colon(
         extension=tuple(float(value) for value in np.clip(radii - design.nominal_diameter / 2, low, high)),
         prefix=prefix,
     )
+
+
+def require_fit(colon: Colon, design: TrackedDesign, arc: float) -> None:
+    """Refuse a place where the robot cannot stand, and name one where it can.
+
+    Raises:
+        InvalidOptionError: when the arc length [m] is not inside the colon.
+        InvalidDesignError: when the lumen there is narrower or wider, across opposite tracks, than they reach.
+    """
+    line = colon.centreline
+    half = design.core_length / 2
+    if not half <= arc <= line.length - half:
+        raise InvalidOptionError(
+            f"A robot of {design.core_length * 1e3:.0f} mm cannot stand at {arc * 1e3:.0f} mm of a colon of "
+            f"{line.length * 1e3:.0f} mm: give {half * 1e3:.0f} to {(line.length - half) * 1e3:.0f} mm."
+        )
+    radii = track_radii(colon, design, arc)
+    if not _fits(design, radii):
+        narrow, wide = np.sort(_widths(radii)) * 1e3
+        raise InvalidDesignError(
+            f"At {arc * 1e3:.0f} mm of colon '{colon.name}' the lumen is {narrow:.1f} and {wide:.1f} mm wide across "
+            f"opposite tracks, which reach {design.smallest_diameter * 1e3:.1f} to "
+            f"{design.largest_diameter * 1e3:.1f} mm: {_elsewhere(colon, design, arc)}"
+        )
 
 
 def track_radii(colon: Colon, design: TrackedDesign, arc: float) -> Float[np.ndarray, " tracks"]:
@@ -107,11 +122,26 @@ def tow_scope(spec: mujoco.MjSpec, tracked: Tracked, site: str) -> str:
     return name
 
 
-def _elsewhere(colon: Colon, design: TrackedDesign) -> str:
-    """Where it does fit, if anywhere."""
-    diameters = 2 * colon.radius.mean(1)
-    fits = (diameters >= design.smallest_diameter) & (diameters <= design.largest_diameter)
-    if not fits.any():
-        return f" This colon is {diameters.min() * 1e3:.0f} to {diameters.max() * 1e3:.0f} mm wide: none of it fits."
-    first = float(colon.centreline.arc[np.argmax(fits)])
-    return f" It would fit at {first * 1e3:.0f} mm, for one."
+def wall_near(wall: Wall, low: float, high: float) -> Wall:
+    """The pieces of a wall from one arc length to another [m]: a robot touches no others."""
+    return replace(wall, pieces=tuple(piece for piece in wall.pieces if piece.end >= low and piece.start <= high))
+
+
+def _widths(radii: Float[np.ndarray, " tracks"]) -> Float[np.ndarray, "2"]:
+    """Of the lumen across each pair of opposite tracks [m]: the robot is free to move off centre between them."""
+    return radii[:2] + radii[2:]
+
+
+def _fits(design: TrackedDesign, radii: Float[np.ndarray, " tracks"]) -> bool:
+    widths = _widths(radii)
+    return bool(((widths >= design.smallest_diameter) & (widths <= design.largest_diameter)).all())
+
+
+def _elsewhere(colon: Colon, design: TrackedDesign, arc: float) -> str:
+    """What to do: the nearest place that fits, or another scale."""
+    line, half = colon.centreline, design.core_length / 2
+    inside = line.arc[(line.arc >= half) & (line.arc <= line.length - half)]
+    fits = [float(place) for place in inside if _fits(design, track_radii(colon, design, float(place)))]
+    if not fits:
+        return "it fits nowhere in this colon; scale the design."
+    return f"the nearest place that fits is at {1e3 * min(fits, key=lambda place: abs(place - arc)):.0f} mm."

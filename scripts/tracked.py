@@ -1,0 +1,129 @@
+"""`haustra tracked`: drive the tracked robot through a colon."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+
+@dataclass(frozen=True)
+class TrackedRun:
+    """Stand the tracked robot in a colon, drive it, then hold it by a string to see what it could pull."""
+
+    colon: Path
+    """Folder of a colon, from `haustra colon import` or `haustra colon grow`."""
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+    """Folder for the run."""
+    arc: float = 0.3
+    """Where the robot's centre starts [m from the anus]."""
+    seconds: float = 5.0
+    """Simulated time [s]."""
+    rpm: float = 150.0
+    """Worm speed [turns a minute]."""
+    friction: float = 0.4
+    """Coulomb coefficient between treads and wall; 0.4 is the paper's tissue phantom, a living bowel has far less."""
+    scale: float = 1.0
+    """Size of the robot over the device in practice; the published prototype is 4."""
+    wall: Literal["coacd", "prism"] = "prism"
+    """Which wall to use; it is built first if the colon's folder does not have it."""
+    json: bool = False
+    """Print one JSON document instead of a table."""
+
+    def __call__(self) -> dict[str, Any]:
+        """Run free and held; write scores.json and outside.png."""
+        from haustra.envs.measure.propulsion import SETTLING
+        from haustra.envs.tracked_drive import drive_in_colon
+        from haustra.errors import InvalidOptionError
+        from haustra.files import prepare_folder, write_json
+        from haustra.models.anatomy.store import load_colon
+        from haustra.models.tracked.design import TrackedDesign
+        from haustra.models.tracked.standing import require_fit
+        from haustra.models.wall.folder import wall_of
+        from haustra.scripts.wall import wall_bar
+
+        if not SETTLING < self.seconds <= 600:
+            raise InvalidOptionError(f"--seconds is {self.seconds}; give a time between {SETTLING} and 600 s.")
+        if not 0 <= self.rpm <= 1000:
+            raise InvalidOptionError(f"--rpm is {self.rpm}; give a worm speed between 0 and 1000 turns a minute.")
+        design = TrackedDesign().at_scale(self.scale)
+        colon = load_colon(self.colon)
+        require_fit(colon, design, self.arc)
+        folder = prepare_folder(self.output)
+        with wall_bar() as tell:
+            wall = wall_of(self.colon, colon, self.wall, progress=tell)
+        speed = design.tread_speed(self.rpm)
+        options = {"arc": self.arc, "friction": self.friction, "speed": speed, "seconds": self.seconds}
+        free = drive_in_colon(colon, wall, design, **options)
+        held = drive_in_colon(colon, wall, design, **options, held=True)
+        scores = self._scores(colon, design, free, held)
+        write_json(folder / "scores.json", scores)
+        if free.outcome == "completed":
+            _draw(folder / "outside.png", colon, design, free)
+        return scores
+
+    def _scores(self, colon, design, free, held) -> dict[str, Any]:
+        from dataclasses import asdict
+
+        from haustra.envs.measure.propulsion import SETTLING
+        from haustra.models.anatomy.store import colon_hash
+        from haustra.models.tracked.standing import track_radii
+        from haustra.provenance import Provenance
+
+        outcome = "diverged" if "diverged" in (free.outcome, held.outcome) else "completed"
+        provenance = Provenance(
+            inputs={"colon": colon_hash(colon), "colon_name": colon.name},
+            configuration={
+                "design": asdict(design),
+                "arc": self.arc,
+                "seconds": self.seconds,
+                "rpm": self.rpm,
+                "friction": self.friction,
+                "wall": self.wall,
+            },
+        )
+        scores: dict[str, Any] = {
+            "outcome": outcome,
+            "lumen_under_tracks_mm": (2e3 * track_radii(colon, design, self.arc)).tolist(),
+            "reach_mm": [1e3 * design.smallest_diameter, 1e3 * design.largest_diameter],
+        }
+        if outcome == "completed":
+            treads = design.tread_speed(self.rpm) * self.seconds
+            driven = float(free.arc[1] - free.arc[0])
+            after = free.time >= SETTLING
+            normal, pressed = free.normal[after], held.normal[after]
+            pull = float(held.leash[after].mean())
+            total = float(pressed.sum(1).mean())
+            scores |= {
+                "driven_mm": 1e3 * driven,
+                "treads_ran_mm": 1e3 * treads,
+                "driven_share": driven / treads if treads else 0.0,
+                "speed_at_end_mm_s": 1e3 * _end_speed(free),
+                "normal_per_track_N": normal.mean(0).tolist(),
+                "normal_largest_N": float(normal.max()),
+                "touching_share_per_track": (normal > 0).mean(0).tolist(),
+                "pull_N": pull,
+                "pull_over_mu_normal": pull / (self.friction * total) if self.friction * total > 0 else 0.0,
+            }
+        return scores | {"provenance": provenance.to_json()}
+
+
+def _end_speed(drive) -> float:
+    """Of the core over the last half second [m/s]: next to nothing where something stops it."""
+    import numpy as np
+
+    last = int(np.searchsorted(drive.time, drive.time[-1] - 0.5))
+    return float(np.linalg.norm(drive.core[-1] - drive.core[last]) / (drive.time[-1] - drive.time[last]))
+
+
+def _draw(path: Path, colon, design, drive) -> None:
+    """The robot's core, at the width its tracks nominally have, where it stands at the end."""
+    import numpy as np
+
+    from haustra.envs.picture.image import write_png
+    from haustra.envs.picture.outside import default_rotation, outside_view
+
+    along = np.linspace(-0.5, 0.5, 25)[:, None] * design.core_length * drive.axis
+    rotation = default_rotation(colon.lumen, colon.centreline.points)
+    points, radius = drive.core[-1] + along, design.smallest_diameter / 2
+    write_png(path, outside_view(colon.lumen, points, radius, bending_length=0.0, rotation=rotation))
