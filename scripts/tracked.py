@@ -53,9 +53,19 @@ class TrackedRun:
         with wall_bar() as tell:
             wall = wall_of(self.colon, colon, self.wall, progress=tell)
         speed = design.tread_speed(self.rpm)
-        options = {"arc": self.arc, "friction": self.friction, "speed": speed, "seconds": self.seconds}
-        free = drive_in_colon(colon, wall, design, **options)
-        held = drive_in_colon(colon, wall, design, **options, held=True)
+        free, held = (
+            drive_in_colon(
+                colon,
+                wall,
+                design,
+                arc=self.arc,
+                friction=self.friction,
+                speed=speed,
+                seconds=self.seconds,
+                held=tied,
+            )
+            for tied in (False, True)
+        )
         scores = self._scores(colon, design, free, held)
         write_json(folder / "scores.json", scores)
         if free.outcome == "completed":
