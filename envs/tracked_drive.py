@@ -8,7 +8,6 @@ from jaxtyping import Float
 from mujoco import rollout
 
 from haustra.envs.engine.log import log_to_stderr_only
-from haustra.envs.measure.progress import ArcTracker
 from haustra.envs.measure.propulsion import SETTLING, Outcome
 from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import add_wall
@@ -24,6 +23,10 @@ _LEASH_STIFFNESS = 500.0
 """Of the string that holds the robot [N/m]: it gives 0.4 mm at the 1:1 device's pull."""
 _LEASH_DAMPING = 1.0
 """[N s/m]."""
+
+
+_FOLLOWED = 0.03
+"""How far along the centreline the nearest station may move between two looks [m]: above any drive, below a loop."""
 
 
 @dataclass(frozen=True)
@@ -146,11 +149,15 @@ def _read(model, tracked: Tracked, colon: Colon, arc: float, states, sensors, *,
 
 
 def _travel(colon: Colon, arc: float, core: np.ndarray) -> Float[np.ndarray, "2"]:
-    """Arc length after the first step and at the end [m], the nearest station followed all along."""
-    tracker = ArcTracker(colon.centreline, start=arc)
-    every = max(1, len(core) // 100)
-    passed = [tracker.update(point) for point in [*core[::every], core[-1]]]
-    return np.array([passed[0], passed[-1]])
+    """Arc length after the first step and at the end [m]: the nearest station, followed all along.
+
+    Following it keeps the robot from being counted into a loop that touches from the other side.
+    """
+    line, passed = colon.centreline, [arc]
+    for point in [*core[:: max(1, len(core) // 100)], core[-1]]:
+        near = np.flatnonzero(np.abs(line.arc - passed[-1]) <= _FOLLOWED)
+        passed.append(float(line.arc[near[np.argmin(np.linalg.norm(line.points[near] - point, axis=1))]]))
+    return np.array([passed[1], passed[-1]])
 
 
 def settled(drive: Drive) -> slice:
