@@ -40,7 +40,7 @@ def drive(colon: Colon, wall: Wall, *, held: bool = False) -> Drive:
 
 def check_drives_and_pulls(colon: Colon, least_share: float) -> None:
     """It moves with its treads, presses with every track, and pulls next to mu sum N when held."""
-    wall = build_wall(colon, method="prism", tolerance=2e-3, rays=1000, use_cache=False)
+    wall = build_wall(colon, method="prism", tolerance=1.5e-3, rays=1000, use_cache=False)
     free, held = drive(colon, wall), drive(colon, wall, held=True)
     assert {free.outcome, held.outcome} == {"completed"}
     driven = free.arc[1] - free.arc[0]
@@ -53,13 +53,13 @@ def check_drives_and_pulls(colon: Colon, least_share: float) -> None:
 
 
 def test_it_drives_in_a_grown_colon() -> None:
-    check_drives_and_pulls(stretch(grow_colon(seed=0), 0.07, 0.14), 0.7)
+    check_drives_and_pulls(stretch(grow_colon(seed=0), 0.07, 0.16), 0.7)
 
 
 @pytest.mark.slow
 def test_it_drives_in_a_real_colon(shared_data: Path) -> None:
     colon = import_colon(shared_data / "colons" / "EdinGCA_3D_00020_lumen_mm.stl", units="mm")
-    check_drives_and_pulls(stretch(colon, 0.145, 0.215), 0.6)
+    check_drives_and_pulls(stretch(colon, 0.14, 0.22), 0.6)
 
 
 def test_a_step_beyond_stability_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
