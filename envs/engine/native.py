@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.engine.log import log_to_stderr_only
 from haustra.envs.measure.energy import Energies, EnergyMeter
 from haustra.models.scene import Scene
 from haustra.models.scope.wires import WIRE_NAMES, arriving_pulls
@@ -77,6 +78,7 @@ class NativeEngine:
 
     def __init__(self, scene: Scene) -> None:
         """Compile the scene and lay the scope straight, its tip at the start depth."""
+        log_to_stderr_only()
         self.scene = scene
         self.model = scene.compile()
         self.data = mujoco.MjData(self.model)
