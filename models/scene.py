@@ -35,7 +35,7 @@ _WALL_GROUP, _LUMEN_GROUP = 3, 1
 class SceneOptions:
     """How a scene is modelled. Defaults are sourced numbers or engineering choices."""
 
-    timestep: float = 0.004
+    timestep: float = 0.005
     """Integration step [s]."""
     shaft_cell: float = 0.05
     """Largest distance between joints of the shaft [m]."""

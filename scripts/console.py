@@ -5,12 +5,12 @@ from contextlib import contextmanager
 
 
 def summary(result: Mapping[str, object]) -> None:
-    """Print a result as a table of names and values."""
+    """Print a result as a table of names and values; its provenance is in the files that it left."""
     from rich.console import Console
     from rich.table import Table
 
     table = Table(show_header=False, box=None, pad_edge=False)
-    for name, value in _rows(result):
+    for name, value in _rows({name: value for name, value in result.items() if name != "provenance"}):
         table.add_row(f"[bold]{name}[/bold]", value)
     console = Console()
     with console.capture() as rendered:  # rich would turn a reader that has gone into exit code 1
