@@ -124,7 +124,7 @@ def _tissue(colon: Colon, normals: np.ndarray, furthest: float) -> np.ndarray:
 def _swollen(region: Manifold) -> Manifold:
     """A convex solid, a little larger about its middle."""
     middle = corners(region).mean(axis=0)
-    return region.translate(tuple(-middle)).scale((SWELLING,) * 3).translate(tuple(middle))
+    return region.translate(tuple(-middle)).scale((SWELLING, SWELLING, SWELLING)).translate(tuple(middle))
 
 
 def _half_plane(site: Site, angle: float, sign: float) -> Plane:
