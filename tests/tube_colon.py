@@ -23,7 +23,7 @@ def straight_tube(length: float = 0.6) -> Colon:
         lumen=_cylinder(length),
         centreline=Centreline(points=points, arc=arc, frames=frames),
         radius=np.full((stations, _ANGLES), RADIUS),
-        segments=(ColonSegment("rectum", 0.0, length / 2), ColonSegment("descending", length / 2, length)),
+        segments=(ColonSegment("rectum", 0.0, length / 2), ColonSegment("sigmoid", length / 2, length)),
         provenance=Provenance(inputs={}, configuration={}),
     )
 
