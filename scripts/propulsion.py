@@ -3,14 +3,16 @@
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import tyro
 
 
 @dataclass(frozen=True)
 class Propulsion:
     """Pull the tracked robot at five speeds on two surfaces, beside the published figures."""
 
-    out: Path | None = None
+    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
     """Folder for pictures; none are drawn without it."""
     page: Path | None = None
     """Write the validation page here (Markdown)."""
@@ -38,11 +40,11 @@ class Propulsion:
             result["redesign"] = redesign(design)
         result["outcome"] = "diverged" if any(row["outcome"] == "diverged" for row in result["rows"]) else "completed"
         result["provenance"] = _provenance(design)
-        if self.out is not None:
+        if self.output is not None:
             from haustra.files import prepare_folder
             from haustra.scripts.propulsion_figures import draw
 
-            result["written"] = [str(path) for path in draw(prepare_folder(self.out), design, result)]
+            result["written"] = [str(path) for path in draw(prepare_folder(self.output), design, result)]
         if self.page is not None:
             from haustra.scripts.propulsion_page import write_page
 

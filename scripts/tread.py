@@ -3,7 +3,9 @@
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
+
+import tyro
 
 Part = Literal["table", "two-tips", "passage", "convergence"]
 
@@ -15,7 +17,7 @@ class TreadFem:
     The default tread is the shipped tables' own; its unknown lengths are assumed (docs/theory/tracked.md).
     """
 
-    out: Path = Path("tread-fem")
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("tread-fem")
     """Folder for CSV tables and figures."""
     parts: tuple[Part, ...] = ("table", "two-tips", "passage", "convergence")
     """What to solve."""
@@ -43,7 +45,7 @@ class TreadFem:
         from haustra.provenance import Provenance
         from haustra.scripts.console import progress_bar
 
-        folder = prepare_folder(self.out)
+        folder = prepare_folder(self.output)
         geometry = self._geometry()
         written: list[str] = []
         result: dict[str, Any] = {"geometry_mm": {k: v * 1e3 for k, v in geometry.to_json().items()}}
