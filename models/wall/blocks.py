@@ -77,12 +77,13 @@ def cut_blocks(cell: Cell, lumen: Manifold, *, sectors: int, thickness: float) -
     site = cell.site
     # Cropped to more than the cell: solids with faces in common subtract badly.
     near = lumen ^ _swollen(cell.region)
-    if (near ^ cell.region).is_empty():
+    inside = near ^ cell.region
+    if inside.is_empty():
         return
     angles = 2 * np.pi * np.arange(sectors + 1) / sectors
     for low, high in pairwise(angles):
         wedge = [_half_plane(site, low, -1.0), _half_plane(site, high, 1.0)]
-        own = _trim(cell.region, wedge) ^ near
+        own = _trim(inside, wedge)
         if own.is_empty():
             continue
         outwards = site.frame[:, :2] @ _unit(0.5 * (low + high))
@@ -115,7 +116,7 @@ def _tissue(colon: Colon, normals: np.ndarray, furthest: float) -> np.ndarray:
     step = 1e-6  # off the surface, so that a ray does not meet its own triangle
     return np.array(
         [
-            min(float(caster.distance(vertex + step * normal, normal[None])[0]), furthest)
+            min(caster.reach(vertex + step * normal, normal), furthest)
             for vertex, normal in zip(colon.lumen.vertices, normals, strict=True)
         ]
     )

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
-from jaxtyping import Float, Int
-from scipy.spatial import ConvexHull
+from jaxtyping import Float
+from manifold3d import Manifold
 
 from haustra.models.anatomy.colon import Surface
 
@@ -24,6 +24,7 @@ class Caster:
         spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="surface", contype=0, conaffinity=0)
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
+        self._hit = np.zeros(1, np.int32)
         mujoco.mj_kinematics(self._model, self._data)
 
     def distance(
@@ -31,6 +32,11 @@ class Caster:
     ) -> Float[np.ndarray, " rays"]:
         """Distance [m] from one origin along unit directions to the first hit; infinite where there is none."""
         return self._cast(origin, directions)[0]
+
+    def reach(self, origin: Float[np.ndarray, " 3"], direction: Float[np.ndarray, " 3"]) -> float:
+        """As `distance`, for a single ray; a third of the time."""
+        met = mujoco.mj_ray(self._model, self._data, origin, direction, None, 1, -1, self._hit)
+        return met if met >= 0 else np.inf
 
     def entry(
         self, origin: Float[np.ndarray, " 3"], directions: Float[np.ndarray, "rays 3"]
@@ -51,18 +57,10 @@ class Caster:
         return np.where(hit < 0, np.inf, distance), normals.reshape(count, 3)
 
 
-def hull_faces(vertices: Float[np.ndarray, "vertices 3"]) -> Int[np.ndarray, "triangles 3"]:
-    """Triangles of the convex hull of some points, wound outwards."""
-    hull = ConvexHull(vertices)
-    a, b, c = (vertices[hull.simplices[:, k]] for k in range(3))
-    inwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0
-    faces = hull.simplices.astype(np.int64)
-    faces[inwards] = faces[inwards][:, ::-1]
-    return faces
-
-
 def joined_hulls(pieces: Sequence[Float[np.ndarray, "_ 3"]]) -> Surface:
-    """The faces of many convex pieces as one surface."""
-    starts = np.cumsum([0, *(len(vertices) for vertices in pieces[:-1])])
-    faces = [hull_faces(vertices) + start for vertices, start in zip(pieces, starts, strict=True)]
-    return Surface(np.concatenate(list(pieces)), np.concatenate(faces))
+    """The faces of many convex pieces as one surface, wound outwards."""
+    meshes = [Manifold.hull_points(vertices).to_mesh64() for vertices in pieces]
+    corners = [np.asarray(mesh.vert_properties)[:, :3] for mesh in meshes]
+    starts = np.cumsum([0, *(len(found) for found in corners[:-1])])
+    faces = [np.asarray(mesh.tri_verts).astype(np.int64) + start for mesh, start in zip(meshes, starts, strict=True)]
+    return Surface(np.concatenate(corners), np.concatenate(faces))

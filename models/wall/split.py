@@ -75,21 +75,44 @@ def _best_cut(
     """The cut, among a few natural ones, that leaves the least hull outside the solid; none where all fail."""
     points = _lumen_samples(solid, planes)[0]
     low, high = points.min(axis=0), points.max(axis=0)
+    vertices, edges = _edges(solid)
     for places in ((deepest, 0.5 * (low + high)), (0.7 * low + 0.3 * high, 0.3 * low + 0.7 * high)):
-        best, least = [], np.inf
-        for normal, offset in _candidates(points, places, block):
+        found = [
+            (left, *plane)
+            for plane in _candidates(points, places, block)
+            if (left := _hulls_volume(vertices, edges, plane)) is not None
+        ]
+        for _, normal, offset in sorted(found, key=lambda cut: cut[0]):
             parts = solid.split_by_plane(tuple(normal), offset)
             volumes = [part.volume() for part in parts]
             # Cutting a solid that touches itself can go wrong; the volumes tell.
-            if min(volumes) <= 0 or abs(sum(volumes) - solid.volume()) > LOST_VOLUME * solid.volume():
-                continue
-            excess = sum(piece.hull().volume() - piece.volume() for part in parts for piece in part.decompose())
-            if excess < least:
-                least = excess
-                best = [(parts[0], (-normal, -offset)), (parts[1], (normal, offset))]
-        if best:
-            return best
+            if min(volumes) > 0 and abs(sum(volumes) - solid.volume()) <= LOST_VOLUME * solid.volume():
+                return [(parts[0], (-normal, -offset)), (parts[1], (normal, offset))]
     return []
+
+
+def _edges(solid: Manifold) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices of a solid, and each of its edges once."""
+    mesh = solid.to_mesh64()
+    faces = np.asarray(mesh.tri_verts).astype(np.int64)
+    around = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    return np.asarray(mesh.vert_properties)[:, :3], around[around[:, 0] < around[:, 1]]
+
+
+def _hulls_volume(vertices: np.ndarray, edges: np.ndarray, plane: Plane) -> float | None:
+    """Volume of the hulls of both sides of a cut [m^3], without making it; None where one side is empty.
+
+    The solid's own volume is the same for every cut, so the least sum of the hulls leaves the least of them outside it.
+    """
+    normal, offset = plane
+    height = vertices @ normal - offset
+    above = height > 0
+    if above.all() or not above.any():
+        return None
+    start, end = edges[above[edges[:, 0]] != above[edges[:, 1]]].T
+    share = height[start] / (height[start] - height[end])
+    crossing = vertices[start] + share[:, None] * (vertices[end] - vertices[start])
+    return sum(Manifold.hull_points(np.concatenate([vertices[side], crossing])).volume() for side in (above, ~above))
 
 
 def _candidates(points: np.ndarray, places: tuple[np.ndarray, ...], block: Block) -> Iterator[Plane]:
@@ -132,9 +155,9 @@ def _faces(solid: Manifold, cuts: tuple[Plane, ...]) -> tuple[np.ndarray, np.nda
     vertices = np.asarray(mesh.vert_properties)[:, :3]
     faces = np.asarray(mesh.tri_verts).astype(np.int64)
     free = np.ones(len(faces), bool)
-    for normal, offset in cuts:
-        on = np.abs(vertices @ normal - offset) < ON_PLANE
-        free &= ~(on[faces[:, 0]] & on[faces[:, 1]] & on[faces[:, 2]])
+    if cuts:
+        on = np.abs(vertices @ np.array([n for n, _ in cuts]).T - np.array([d for _, d in cuts])) < ON_PLANE
+        free = ~on[faces].all(axis=1).any(axis=1)
     return vertices, faces, free
 
 
