@@ -157,7 +157,7 @@ def _faces(solid: Manifold, cuts: tuple[Plane, ...]) -> tuple[np.ndarray, np.nda
     free = np.ones(len(faces), bool)
     if cuts:
         on = np.abs(vertices @ np.array([n for n, _ in cuts]).T - np.array([d for _, d in cuts])) < ON_PLANE
-        free = ~on[faces].all(axis=1).any(axis=1)
+        free = np.logical_not(on[faces].all(axis=1).any(axis=1))
     return vertices, faces, free
 
 
