@@ -154,10 +154,9 @@ def _faces(solid: Manifold, cuts: tuple[Plane, ...]) -> tuple[np.ndarray, np.nda
     mesh = solid.to_mesh64()
     vertices = np.asarray(mesh.vert_properties)[:, :3]
     faces = np.asarray(mesh.tri_verts).astype(np.int64)
-    free = np.ones(len(faces), bool)
-    if cuts:
-        on = np.abs(vertices @ np.array([n for n, _ in cuts]).T - np.array([d for _, d in cuts])) < ON_PLANE
-        free = np.logical_not(on[faces].all(axis=1).any(axis=1))
+    normals = np.array([normal for normal, _ in cuts]).reshape(-1, 3)
+    on = np.abs(vertices @ normals.T - np.array([offset for _, offset in cuts])) < ON_PLANE
+    free = np.count_nonzero(on[faces].all(axis=1), axis=1) == 0
     return vertices, faces, free
 
 

@@ -1,0 +1,157 @@
+"""The wall as tangent planes: each place of a device meets the lumen surface where it is nearest, at any depth.
+
+A device is sampled by spheres along its links. Beside every sphere stand two planes, touching the lumen surface at the
+foot of the sphere's centre, and at that of the centre moved off the first by one radius, which finds the opposite wall
+of a valley or of a lumen that is too narrow. A plane is a half-space: it has no thickness to be pressed through, no
+joints, and gives one contact a sphere. The planes follow their spheres as mocap bodies between steps, so that plain
+MuJoCo does the contacts, with the law of `haustra.models.contact`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from haustra.models.contact import IMPEDANCE_RATIO, WallContact, contact_parameters
+from haustra.models.wall.field import Feet, WallField
+
+PLANES = 2
+"""Planes a sphere: one for each side of a valley."""
+AWAY = 1e3
+"""How far behind the wall a plane waits that nothing is to touch [m]."""
+SAME_SIDE = 0.5
+"""Cosine between the normals of both planes above which the second finds nothing new and is parked."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A sphere on a link of a device."""
+
+    body: str
+    """Name of the link."""
+    position: Float[np.ndarray, " 3"]
+    """Centre, in the link's frame [m]."""
+    radius: float
+    """Radius [m]."""
+
+
+def capsule_samples(bare: mujoco.MjModel, geoms: Sequence[str], *, spacing: float) -> tuple[Sample, ...]:
+    """Spheres along capsules, ends included, at most `spacing` [m] apart; one where two capsules of a chain join."""
+    samples = []
+    for number, name in enumerate(geoms):
+        geom = bare.geom(name)
+        radius, half = geom.size[0], geom.size[1]
+        axis = np.zeros(9)
+        mujoco.mju_quat2Mat(axis, geom.quat)
+        direction = axis.reshape(3, 3)[:, 2]
+        count = max(1, int(np.ceil(2 * half / spacing - 1e-9)))
+        places = np.linspace(-half, half, count + 1)[0 if number == 0 else 1 :]
+        body = bare.body(bare.geom_bodyid[geom.id]).name
+        samples += [Sample(body, geom.pos + place * direction, float(radius)) for place in places]
+    return tuple(samples)
+
+
+def add_planes(
+    spec: mujoco.MjSpec,
+    bare: mujoco.MjModel,
+    samples: Sequence[Sample],
+    contact: WallContact,
+    *,
+    timestep: float,
+    prefix: str = "wall/",
+) -> None:
+    """Add the spheres and their planes, parked, and the pairs that let each sphere touch its own planes only.
+
+    Args:
+        spec: the scene that holds the links.
+        bare: the same links compiled at rest, for their inverse inertia.
+        samples: the spheres.
+        contact: the law of every contact.
+        timestep: the time step it is integrated with [s].
+        prefix: of the names.
+    """
+    spec.option.impratio = IMPEDANCE_RATIO
+    for number, sample in enumerate(samples):
+        sphere = f"{prefix}sphere_{number:04d}"
+        spec.body(sample.body).add_geom(
+            name=sphere,
+            type=mujoco.mjtGeom.mjGEOM_SPHERE,
+            pos=sample.position,
+            size=[sample.radius, 0, 0],
+            mass=0,
+            contype=0,
+            conaffinity=0,
+            group=3,
+        )
+        inverse_inertia = bare.body_invweight0[bare.body(sample.body).id, 0]
+        solref, solimp = contact_parameters(inverse_inertia, contact, timestep=timestep, where=sample.body)
+        for side in range(PLANES):
+            name = f"{prefix}plane_{number:04d}_{side}"
+            body = spec.worldbody.add_body(name=name, pos=[0, 0, -AWAY], mocap=True)
+            body.add_geom(
+                name=name,
+                type=mujoco.mjtGeom.mjGEOM_PLANE,
+                size=[0.01, 0.01, 0.01],
+                contype=0,
+                conaffinity=0,
+                group=4,
+                rgba=[0.85, 0.55, 0.5, 0.3],
+            )
+            spec.add_pair(
+                name=name,
+                geomname1=name,
+                geomname2=sphere,
+                condim=3 if contact.friction > 0 else 1,
+                friction=[contact.friction, contact.friction, 0, 0, 0],
+                solref=solref,
+                solimp=solimp,
+            )
+
+
+class PlaneWall:
+    """Moves the planes of one compiled scene to where their spheres are."""
+
+    def __init__(
+        self, model: mujoco.MjModel, field: WallField, *, arcs: Float[np.ndarray, " spheres"], prefix: str = "wall/"
+    ) -> None:
+        """Find spheres and planes; `arcs` says where along the colon each sphere is at the start [m]."""
+        self._model, self._field = model, field
+        count = len(arcs)
+        self._spheres = np.array([model.geom(f"{prefix}sphere_{i:04d}").id for i in range(count)])
+        self._radius = model.geom_size[self._spheres, 0]
+        self._planes = np.array(
+            [
+                [model.body_mocapid[model.body(f"{prefix}plane_{i:04d}_{side}").id] for side in range(PLANES)]
+                for i in range(count)
+            ]
+        )
+        self.arcs = np.array(arcs, float)
+
+    def update(self, data: mujoco.MjData) -> Feet:
+        """Put every plane where its sphere is nearest to the wall; returns the feet of the first planes.
+
+        To be called before every step: a normal that lags behind the position feeds energy into a body that slides
+        along a curved wall.
+        """
+        mujoco.mj_kinematics(self._model, data)
+        centres = data.geom_xpos[self._spheres]
+        first = self._field.nearest(centres, self.arcs)
+        self.arcs = first.arcs
+        second = self._field.nearest(centres + self._radius[:, None] * first.inwards, self.arcs)
+        _place(data, self._planes[:, 0], first.points, first.inwards)
+        beside = np.einsum("ij,ij->i", first.inwards, second.inwards) < SAME_SIDE
+        aside = np.where(beside, 0.0, AWAY)[:, None] * second.inwards
+        _place(data, self._planes[:, 1], second.points - aside, second.inwards)
+        return first
+
+
+def _place(data: mujoco.MjData, planes: np.ndarray, points: np.ndarray, normals: np.ndarray) -> None:
+    """Put planes through points, facing along normals."""
+    data.mocap_pos[planes] = points
+    # The shortest turn from z to the normal; half a turn about x where they are opposite.
+    turn = np.column_stack([1 + normals[:, 2], -normals[:, 1], normals[:, 0], np.zeros(len(normals))])
+    opposite = turn[:, 0] < 1e-9
+    turn[opposite] = [0.0, 1.0, 0.0, 0.0]
+    data.mocap_quat[planes] = turn / np.linalg.norm(turn, axis=1, keepdims=True)
