@@ -1,7 +1,8 @@
 """Energies stored in the bent scope and in the pressed wall, after the simulator paper (its eq. 6 to 8).
 
-E_c = sum 1/2 C_i (theta_i - phi_i)^2 over joints of stiffness C_i bent by theta_i, unloaded at phi_i; E_b = sum 1/2 k_v
-d_i^2 over contacts of depth d_i with a wall of stiffness k_v. Twist, which the paper leaves out, is given apart.
+E_c = sum 1/2 C_i (theta_i - phi_i)^2 over joints of stiffness C_i bent by theta_i, unloaded at phi_i, and what shaft
+hinges soften by (`haustra.models.scope.cable.SOFTENING`); E_b = sum 1/2 k_v d_i^2 over contacts of depth d_i with a wall
+of stiffness k_v. Twist, which the paper leaves out, is given apart.
 """
 
 from dataclasses import dataclass
@@ -54,4 +55,5 @@ class EnergyMeter:
     def _of_joints(self, data: mujoco.MjData, joints: np.ndarray) -> float:
         where = self._model.jnt_qposadr[joints]
         angle = data.qpos[where] - self._model.qpos_spring[where]
-        return float(0.5 * np.reshape(self._model.jnt_stiffness, (self._model.njnt, -1))[joints, 0] @ angle**2)
+        linear, cubic = self._model.jnt_stiffness[joints], self._model.jnt_stiffnesspoly[joints, 1]
+        return float(0.5 * linear @ angle**2 + 0.25 * cubic @ angle**4)

@@ -44,11 +44,21 @@ class SerialChain:
         kinds = {mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE}
         if not serial or not set(model.jnt_type) <= {int(kind) for kind in kinds}:
             raise UnsupportedSceneError("Statics needs a single chain of hinges and slides: this model is not one.")
+        if model.jnt_stiffnesspoly[:, 0].any():
+            raise UnsupportedSceneError("Statics knows springs with a linear and a cubic part: this model has others.")
         self.model = model
         self.body = model.jnt_bodyid.copy()
         self.hinge = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
         self.stiffness = np.reshape(model.jnt_stiffness, (model.njnt, -1))[:, 0].copy()
         self.rest = model.qpos_spring.copy()
+        self.cubic = model.jnt_stiffnesspoly[:, 1].copy()
+
+    def springs(self, qpos: Float[np.ndarray, " q"]) -> tuple[float, Float[np.ndarray, " q"], Float[np.ndarray, " q"]]:
+        """Energy of the joints' springs [J], their torque K q + K3 q^3 against displacement [N m], and its slope."""
+        bent = qpos - self.rest
+        energy = 0.5 * self.stiffness @ bent**2 + 0.25 * self.cubic @ bent**4
+        torque = self.stiffness * bent + self.cubic * bent**3
+        return float(energy), torque, self.stiffness + 3 * self.cubic * bent**2
 
     def place(self, data: mujoco.MjData, qpos: Float[np.ndarray, " q"]) -> None:
         """Move the model to a configuration."""

@@ -105,8 +105,6 @@ class _Search:
         self.stiffness = engine.scene.options.wall_stiffness
         self.eta = feedback * self.stiffness
         self.gravity = self.model.opt.gravity.copy()
-        self.spring = self.chain.stiffness.copy()
-        self.rest = self.chain.rest
         self.lock, self.pull = self._actuators()
         self.limited = np.flatnonzero(self.model.jnt_limited)
 
@@ -158,7 +156,7 @@ class _Search:
             energy, force, tangent = self._energy(np.concatenate([held, free]), contacts)
             return energy, force[_HELD:], tangent[_HELD:, _HELD:]
 
-        scale = float(self.spring.max())
+        scale = float(self.chain.stiffness.max())
         start = self.data.qpos[_HELD:].copy()
         found = find_minimum(potential, start, scale=scale, tolerance=1e-7, largest_step=0.1)
         self.chain.place(self.data, np.concatenate([held, found.qpos]))
@@ -172,11 +170,11 @@ class _Search:
         chain, data = self.chain, self.data
         chain.place(data, qpos)
         value, slope = chain.forces(data, [], self.gravity)
-        bent = qpos - self.rest
-        energy = 0.5 * self.spring @ bent**2 + 0.5 * self.lock @ qpos**2 - self.pull @ qpos
+        energy, force, diagonal = chain.springs(qpos)
+        energy += 0.5 * self.lock @ qpos**2 - self.pull @ qpos
         energy -= float(self.model.body_mass @ data.xipos @ self.gravity)
-        force = self.spring * bent + self.lock * qpos - self.pull - value
-        diagonal = self.spring + self.lock
+        force = force + self.lock * qpos - self.pull - value
+        diagonal = diagonal + self.lock
 
         low, high = self.model.jnt_range[self.limited].T
         past = np.minimum(qpos[self.limited] - low, 0) + np.maximum(qpos[self.limited] - high, 0)

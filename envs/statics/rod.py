@@ -38,7 +38,6 @@ def static_shape(
     chain = SerialChain(model)
     weight = model.opt.gravity.copy() if gravity is None else np.asarray(gravity, dtype=float)
     qpos = chain.rest.copy() if start is None else start
-    spring = np.diag(chain.stiffness)
 
     def evaluate(part: float):
         scaled = [Load(load.body, load.point, part * load.force, part * load.moment) for load in loads]
@@ -46,7 +45,8 @@ def static_shape(
         def at(configuration: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             chain.place(data, configuration)
             value, slope = chain.forces(data, scaled, part * weight)
-            return chain.stiffness * (configuration - chain.rest) - value, spring - slope
+            _, torque, stiffness = chain.springs(configuration)
+            return torque - value, np.diag(stiffness) - slope
 
         return at
 

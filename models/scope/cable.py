@@ -7,6 +7,7 @@ without a word).
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -26,6 +27,20 @@ LOCK_LOSS_TIME = 0.01
 ARMATURE_FACTOR = 1.0
 """Armature of a sprung hinge over (damping x time step). Measured: without, contacts chatter at 4 ms; 0.25 stills them
 at rest, but a scope jammed in a real colon still diverged within 20 to 50 s; with 1 it did not."""
+
+TURNS = tuple(math.radians(angle) for angle in (0, 135, 45, 90))
+"""Hinge axes of four shaft joints in turn, by angle [rad]. Two hinges in series resist a bend askew to both more than
+one in the plane of either; axes turned by 45 degrees average that out. The order of hinges leaves a twist, which axes
+turned by 90 degrees cancel. This sequence closes a roll-up best of those tried (`tests/physics/test_elastica.py`)."""
+
+SOFTENING = 1 / 9
+"""Cubic part of a shaft hinge's spring, torque K (q - q^3 / 9). With axes turned so, a bend phi of a joint costs
+K phi^2 / 2 + K phi^4 / 48, averaged over two joints, in every direction; this takes the second term off. Pre-curved
+joints go without: their springs act on the bend from rest, the second term on the whole bend."""
+
+STOP_SHARE = 1 / (math.sqrt(2) * math.cos(math.pi / 8))
+"""Stop of one hinge of a shaft joint over the joint's largest bend. Hinges give a square of angles; the squares of
+neighbouring joints stand at 45 degrees, and at this size both together reach 92 to 100 % of it in every direction."""
 
 HAND_PUSH = (4000.0, 80.0)
 """Stiffness [N/m] and damping [N s/m] of the hand along the shaft; engineering choice: 20 N move it by 5 mm."""
@@ -76,13 +91,15 @@ def add_scope(
     push_limit: float,
     torque_limit: float,
     timestep: float | None,
+    cubic: bool = True,
 ) -> Cable:
     """Add a straight scope to a scene, its tip `inserted` metres past the entry.
 
     Joints: slide `scope/push` and hinge `scope/roll` at the handle end, then hinges `scope/bend_x_i` and
     `scope/bend_y_i` in the middle of each cell, and `twist_hinges` hinges `scope/twist_i` spread over the length.
-    Every other joint takes its hinges in the opposite order: a bend about x and then y leaves a twist of half their
-    product, which would add up along the scope (order 1 in cell length); so it cancels (order 2).
+    A bend about x and then y leaves a twist of half their product, which would add up along the scope (order 1 in cell
+    length). It cancels (order 2) since hinges of the shaft are turned from joint to joint (`TURNS`), and those of the
+    bending section, which stay in line with its wires, come in alternating order.
     Actuators: `scope/push` [m/s], `scope/roll` [rad/s], `scope/pull_up|left|down|right` [N], two locks a joint [0..1].
 
     Args:
@@ -97,6 +114,8 @@ def add_scope(
         torque_limit: largest torque at the handle [N m].
         timestep: time step that damping and armature of the joints are made for, so that springs are stable and
             contact forces right [s]; None for the damping of the design and no armature.
+        cubic: let hinges of the shaft soften (`SOFTENING`); not every engine has such springs, and without it bends of
+            9 degrees a joint are 0.2 % too stiff.
 
     Returns:
         What was added, by name.
@@ -113,7 +132,8 @@ def add_scope(
     for index, cell in enumerate(cells):
         previous = cells[index - 1].joint if index else 0.0
         body = body.add_body(name=f"scope/link_{index:03d}", pos=[0, 0, cell.joint - previous])
-        locks.append(_add_joints(spec, body, design, cell, index=index, twist=twists.get(index), timestep=timestep))
+        twist = twists.get(index)
+        locks.append(_add_joints(spec, body, design, cell, index=index, twist=twist, cubic=cubic, timestep=timestep))
         last = index + 1 == len(cells)
         geoms.append(_add_link(body, design, ends[index + 1] - cell.joint, f"{index:03d}", last=last))
         links.append(body.name)
@@ -155,25 +175,38 @@ def _add_link(body, design: ScopeDesign, length: float, label: str, *, last: boo
 
 
 def _add_joints(
-    spec, body, design: ScopeDesign, cell: Cell, *, index: int, twist: float | None, timestep: float | None
+    spec, body, design: ScopeDesign, cell: Cell, *, index: int, twist: float | None, cubic: bool, timestep: float | None
 ) -> tuple[str, str]:
-    up, left, down, right = cell.largest or (0.0,) * 4
-    hinges = {
-        "bend_x": ([1, 0, 0], cell.bending_stiffness, -cell.bias_left, (-left, right)),
-        "bend_y": ([0, 1, 0], cell.bending_stiffness, cell.bias_up, (-down, up)),
-    }
+    turn = 0.0 if cell.steerable else TURNS[index % len(TURNS)]
+    hinges = []
+    for name, angle in (("bend_x", turn), ("bend_y", turn + math.pi / 2)):
+        axis = np.array([math.cos(angle), math.sin(angle), 0.0])
+        joint = _hinge(f"scope/{name}_{index:03d}", axis, cell.bending_stiffness, design.loss_time, timestep)
+        joint["springref"] = float(axis[:2] @ [-cell.bias_left, cell.bias_up])
+        if cubic and not (cell.steerable or cell.bias_up or cell.bias_left):
+            joint["stiffness"] = [cell.bending_stiffness, 0, -SOFTENING * cell.bending_stiffness]
+        hinges.append({**joint, **_stop(cell, name)})
+    if cell.steerable and index % 2:
+        hinges.reverse()
     if twist is not None:
-        hinges = {"twist": ([0, 0, 1], twist, 0.0, (0.0, 0.0)), **hinges}
-    for name in hinges if index % 2 == 0 else reversed(hinges):
-        axis, stiffness, rest, limits = hinges[name]
-        joint = _add_spring_hinge(body, f"scope/{name}_{index:03d}", axis, stiffness, design.loss_time, timestep)
-        joint.springref = rest
-        if name != "twist" and cell.largest:
-            joint.limited, joint.range = True, list(limits)
+        joint = _hinge(f"scope/twist_{index:03d}", np.array([0, 0, 1]), twist, design.loss_time, timestep)
+        hinges.insert(2 * (index % 2), joint)
+    for joint in hinges:
+        body.add_joint(**joint)
     return _add_lock(spec, f"scope/bend_x_{index:03d}"), _add_lock(spec, f"scope/bend_y_{index:03d}")
 
 
-def _add_spring_hinge(body, name: str, axis: list[int], stiffness: float, loss_time: float, timestep: float | None):
+def _stop(cell: Cell, name: str) -> dict[str, object]:
+    """Range of a hinge: in the bending section that of its own side, in the shaft the same all round."""
+    if cell.largest is None:
+        return {}
+    up, left, down, right = cell.largest
+    if not cell.steerable:
+        up = left = down = right = STOP_SHARE * up
+    return {"limited": True, "range": [-left, right] if name == "bend_x" else [-down, up]}
+
+
+def _hinge(name: str, axis: np.ndarray, stiffness: float, loss_time: float, timestep: float | None) -> dict[str, Any]:
     """A sprung hinge that stays stable, and leaves contact forces right, at time steps far above its own period.
 
     Damping of K h makes the spring linearly implicit. The constraint solver, however, sees the bare inertia and the
@@ -182,13 +215,13 @@ def _add_spring_hinge(body, name: str, axis: list[int], stiffness: float, loss_t
     """
     step = timestep or 0.0
     damping = stiffness * (loss_time + step)
-    return body.add_joint(
-        name=name,
-        axis=axis,
-        stiffness=[stiffness, 0, 0],
-        damping=[damping, 0, 0],
-        armature=ARMATURE_FACTOR * damping * step,
-    )
+    return {
+        "name": name,
+        "axis": axis,
+        "stiffness": [stiffness, 0, 0],
+        "damping": [damping, 0, 0],
+        "armature": ARMATURE_FACTOR * damping * step,
+    }
 
 
 def _add_lock(spec, joint: str) -> str:

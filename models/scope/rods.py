@@ -64,9 +64,17 @@ class RodModel:
 
 
 def hinge_rod(
-    rod: UniformRod, joints: int, *, twist_hinges: int | None = None, timestep: float | None = None
+    rod: UniformRod,
+    joints: int,
+    *,
+    twist_hinges: int | None = None,
+    timestep: float | None = None,
+    cubic: bool = True,
 ) -> RodModel:
-    """The scope's cable: two bending hinges a joint, `twist_hinges` twist hinges (one a joint when None)."""
+    """The scope's cable: two bending hinges a joint, `twist_hinges` twist hinges (one a joint when None).
+
+    MJX on JAX drops the cubic part of springs without a word, so it runs the cable with `cubic` off only.
+    """
     _require_joints(joints)
     spec = _empty_spec()
     design = scope_of(rod, joints)
@@ -83,6 +91,7 @@ def hinge_rod(
         push_limit=1.0,
         torque_limit=1.0,
         timestep=timestep,
+        cubic=cubic,
     )
     clamp_handle(spec)
     for element in (*spec.actuators, *spec.tendons):
@@ -94,7 +103,13 @@ def hinge_rod(
     if joints % 2:  # the middle is a joint: links on both sides share the load
         mid = [(*mid[0][:2], 0.5), (names[before + 1], (0.0, 0.0, 0.0), 0.5)]
     tip = (names[-1], (0.0, 0.0, rod.length - ends[-1]))
-    return RodModel(spec, "hinges", frozenset({"native", "mjx", "warp"}), tuple(mid), tip)
+    kind, engines = ("hinges", {"native", "warp"}) if cubic else ("linear hinges", {"native", "mjx", "warp"})
+    return RodModel(spec, kind, frozenset(engines), tuple(mid), tip)
+
+
+def linear_hinge_rod(rod: UniformRod, joints: int) -> RodModel:
+    """The scope's cable with linear springs, which every engine honours."""
+    return hinge_rod(rod, joints, cubic=False)
 
 
 def plugin_rod(rod: UniformRod, joints: int) -> RodModel:
@@ -168,6 +183,7 @@ def chain_rod(rod: UniformRod, joints: int) -> RodModel:
 
 RODS: dict[str, Callable[[UniformRod, int], RodModel]] = {
     "hinges": hinge_rod,
+    "linear hinges": linear_hinge_rod,
     "cable plugin": plugin_rod,
     "plain chain": chain_rod,
 }

@@ -53,8 +53,9 @@ class TubeRod:
             value, slope = chain.forces(data, loads, weight * GRAVITY)
             moving = chain.jacobian(data, np.append(self.bodies, self.bodies[-1]), np.vstack([points, tip]))
             stiff = np.concatenate([stiff, np.diag([PIN, PIN, 0.0])[None]])
+            _, torque, spring = chain.springs(qpos)
             added = np.einsum("bqi,bij,brj->qr", moving, stiff, moving, optimize=True)
-            return chain.stiffness * qpos - value, np.diag(chain.stiffness) - slope + added
+            return torque - value, np.diag(spring) - slope + added
 
         return at
 
@@ -101,17 +102,19 @@ class TubeRod:
         frame = np.eye(3)
         qpos = np.zeros(self.model.nq)
         for number, (x, y) in enumerate(across):
-            ahead = frame.T @ [x, y, np.sqrt(1 - x * x - y * y)]
             bends = [
                 index for index, name in enumerate(self.names) if name.endswith(f"_{number:03d}") and "bend" in name
             ]
-            if "bend_x" in self.names[bends[0]]:
-                angles = [np.arctan2(-ahead[1], ahead[2]), np.arcsin(ahead[0])]
-            else:
-                angles = [np.arctan2(ahead[0], ahead[2]), -np.arcsin(ahead[1])]
-            order = "XY" if "bend_x" in self.names[bends[0]] else "YX"
+            first, second = (self.model.jnt_axis[bend] for bend in bends)
+            ahead = frame.T @ [x, y, np.sqrt(1 - x * x - y * y)]
+            # The second hinge turns the tangent to its part along the first; the first turns the rest.
+            towards = np.cross(second, [0, 0, 1])
+            angles = np.zeros(2)
+            angles[1] = np.arcsin(ahead @ first / (towards @ first))
+            angles[0] = np.arctan2(ahead @ np.cross(first, [0, 0, 1]), ahead[2])
             qpos[bends] = angles
-            frame = frame @ Rotation.from_euler(order, angles).as_matrix()
+            frame = frame @ Rotation.from_rotvec(angles[0] * first).as_matrix()
+            frame = frame @ Rotation.from_rotvec(angles[1] * second).as_matrix()
         return qpos
 
     def energy(self, qpos, push: float, weight: float = 1.0) -> float:
@@ -120,7 +123,7 @@ class TubeRod:
         radius = np.linalg.norm(self.data.xpos[self.bodies][:, :2] - [CLEARANCE, 0.0], axis=1)
         tip = self.data.xpos[self.bodies[-1]] + self.data.xmat[self.bodies[-1]].reshape(3, 3) @ self.tip
         return (
-            0.5 * self.chain.stiffness @ qpos**2
+            self.chain.springs(qpos)[0]
             + 0.5 * WALL * ((radius - CLEARANCE) ** 2).sum()
             - weight * self.model.body_mass @ self.data.xipos @ GRAVITY
             + 0.5 * PIN * (tip[:2] ** 2).sum()

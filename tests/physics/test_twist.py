@@ -42,10 +42,11 @@ class ClampedBothEnds:
     def tangent(self, force, moment):
         """Force out of balance, its derivative, and the tip's Jacobian (6 rows)."""
         value, slope = self.chain.forces(self.data, [Load(self.body, self.place, force, moment)], ZERO)
-        out = self.chain.stiffness * self.data.qpos - value
+        _, torque, stiffness = self.chain.springs(self.data.qpos)
+        out = torque - value
         moving = self.chain.jacobian(self.data, np.array([self.body]), self.tip()[0][None])[0].T
         turning = np.where(self.chain.hinge, self.data.xaxis.T, 0.0)
-        return out, np.diag(self.chain.stiffness) - slope, np.vstack([moving, turning])
+        return out, np.diag(stiffness) - slope, np.vstack([moving, turning])
 
     def hold(self, qpos, goal, frame, holding):
         """Newton's method on angles and holding wrench together, until the tip is at its goal."""
@@ -93,18 +94,17 @@ def test_michell_twist_of_a_ring(compare):
     """
     joints = 80
     rod = ClampedBothEnds(joints)
-    names = [rod.model.joint(joint).name for joint in range(rod.model.njnt)]
-    qpos = np.array([2 * np.pi / joints if "bend_y" in name else 0.0 for name in names])
+    qpos = 2 * np.pi / joints * rod.model.jnt_axis[:, 1]  # a ring about y
     holding = np.array([0, 0, 0, 0, 2 * np.pi * EI / LENGTH, 0])
     critical = 2 * np.pi * np.sqrt(3) * EI / GJ
-    twists = np.array([0.6, 0.8, 0.9]) * critical
+    twists = np.array([0.0, 0.2, 0.4, 0.6, 0.8, 0.9]) * critical
     stiffness = []
     for twist in twists:
         frame = np.array([[np.cos(twist), -np.sin(twist), 0], [np.sin(twist), np.cos(twist), 0], [0, 0, 1]])
         qpos, holding = rod.hold(qpos, ZERO, frame, holding)
         stiffness.append(rod.stiffnesses(qpos, holding)[1])
-    slope = (stiffness[2] - stiffness[1]) / (twists[2] - twists[1])
-    compare("Michell twist of a ring, 80 joints [rad]", twists[2] - stiffness[2] / slope, critical, within=0.03)
+    slope = (stiffness[-1] - stiffness[-2]) / (twists[-1] - twists[-2])
+    compare("Michell twist of a ring, 80 joints [rad]", twists[-1] - stiffness[-1] / slope, critical, within=0.03)
 
 
 @pytest.mark.parametrize("hinges", [2, 4, 9])
@@ -141,9 +141,8 @@ def in_bent_tube(curvature: float, bias: float, handle: float, joints: int = 12)
     """
     model, data, chain, names = _tube_rod(joints)
     cell = LENGTH / joints
-    rest = np.zeros(model.nq)
-    rest[[n for n, name in enumerate(names) if "bend_y" in name]] = bias * cell * np.cos(handle)
-    rest[[n for n, name in enumerate(names) if "bend_x" in name]] = -bias * cell * np.sin(handle)
+    chain.rest = model.jnt_axis[:, :2] @ (bias * cell * np.array([-np.sin(handle), np.cos(handle)]))
+    chain.cubic[:] = 0.0  # as in pre-curved sections
     stations = (np.arange(joints) + 0.5) * cell
     # Links touch the arc at their middles, so that joints lie on a slightly wider one; the ends touch it themselves.
     wide = np.array([*np.full(joints - 1, 1 / np.cos(curvature * cell / 2)), 1.0]) / curvature
@@ -161,9 +160,10 @@ def in_bent_tube(curvature: float, bias: float, handle: float, joints: int = 12)
         value, slope = chain.forces(data, loads, ZERO)
         moving = chain.jacobian(data, bodies, points)
         stiffening = wall * np.einsum("bqi,bri->qr", moving, moving)
-        return chain.stiffness * (qpos - rest) - value, np.diag(chain.stiffness) - slope + stiffening
+        _, torque, stiffness = chain.springs(qpos)
+        return torque - value, np.diag(stiffness) - slope + stiffening
 
-    start = np.array([curvature * cell if "bend_y" in name else 0.0 for name in names])
+    start = curvature * cell * model.jnt_axis[:, 1]
     found = find_equilibrium(evaluate, start, scale=float(chain.stiffness.max()), most_iterations=300)
     tangent = evaluate(found.qpos)[1]
     twist = sum(found.qpos[n] for n, name in enumerate(names) if "twist" in name)
@@ -197,9 +197,14 @@ def test_a_pre_curved_rod_lags_in_a_bent_tube_as_theory_says(handle, compare):
     compare(f"whip: lag of the tip at a handle angle of {handle} rad, 12 joints [rad]", found, lag, within=0.01)
 
 
-def test_whip_snaps_where_theory_says():
-    """With the handle half a turn away the rod can stay at the maximum of energy while L^2 k k0 EI/GJ < (pi/2)^2."""
-    curvature = 4.0
+def test_whip_snaps_where_theory_says(compare):
+    """With the handle half a turn away the rod can stay at the maximum of energy while L^2 k k0 EI/GJ < (pi/2)^2.
+
+    Extrapolated from below: a chain of joints is no perfect rod, and leaves the maximum early to one side.
+    """
+    curvature, below = 4.0, np.array([0.8, 0.9])
     critical = (np.pi / 2 / LENGTH) ** 2 * GJ / EI / curvature
-    assert in_bent_tube(curvature, 0.95 * critical, np.pi)[1] > 0
-    assert in_bent_tube(curvature, 1.05 * critical, np.pi)[1] < 0
+    softest = [in_bent_tube(curvature, part * critical, np.pi)[1] for part in below]
+    assert softest[0] > softest[1] > 0
+    onset = below[1] + (below[1] - below[0]) * softest[1] / (softest[0] - softest[1])
+    compare("whip: natural curvature at which the rod snaps, 12 joints, over theory", onset, 1.0, within=0.03)

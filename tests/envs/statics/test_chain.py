@@ -99,4 +99,6 @@ def test_rods_have_their_mass_length_and_middle(kind, joints):
 def test_the_plugin_is_refused_by_name_where_it_would_be_dropped():
     with pytest.raises(UnsupportedSceneError, match="'mjx' cannot honour the rod 'cable plugin'"):
         plugin_rod(ROD, 5).require("mjx")
-    hinge_rod(ROD, 5).require("mjx")
+    with pytest.raises(UnsupportedSceneError, match="'mjx' cannot honour the rod 'hinges'"):
+        hinge_rod(ROD, 5).require("mjx")
+    hinge_rod(ROD, 5, cubic=False).require("mjx")
