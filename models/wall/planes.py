@@ -21,6 +21,9 @@ PLANES = 2
 """Planes a sphere: one for each side of a valley."""
 AWAY = 1e3
 """How far behind the wall a plane waits that nothing is to touch [m]."""
+SLIP_RELAXATION = 0.1
+"""Share of a slip that friction takes away in one step. MuJoCo's cone lifts a body that slides at speed v by
+mu (c + h K) v / K times this; its friction is as much stiffer, so that it holds as well."""
 SAME_SIDE = 0.5
 """Cosine between the normals of both planes above which the second finds nothing new and is parked."""
 
@@ -72,7 +75,7 @@ def add_planes(
         timestep: the time step it is integrated with [s].
         prefix: of the names.
     """
-    spec.option.impratio = IMPEDANCE_RATIO
+    spec.option.impratio = IMPEDANCE_RATIO / SLIP_RELAXATION
     for number, sample in enumerate(samples):
         sphere = f"{prefix}sphere_{number:04d}"
         spec.body(sample.body).add_geom(
@@ -106,6 +109,7 @@ def add_planes(
                 condim=3 if contact.friction > 0 else 1,
                 friction=[contact.friction, contact.friction, 0, 0, 0],
                 solref=solref,
+                solreffriction=[0, SLIP_RELAXATION * solref[1]],
                 solimp=solimp,
             )
 
