@@ -6,6 +6,7 @@ to a policy that sees only what a camera shows.
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -48,6 +49,8 @@ class FollowerSettings:
     """How fast it turns the shaft [rad/s]."""
     hand_lead_limit: float = 0.01
     """How far the hand aims beyond where the shaft is [m]."""
+    steer: Literal["pulls", "wheels"] = "pulls"
+    """What it steers by: pulls of wires that it knows to be right, or wheels, which the wires follow as they can."""
     patience: float = 4.0
     """Time without progress after which it backs off [s]."""
 
@@ -65,7 +68,13 @@ class LumenFollower:
         bending = design.bending
         # Constant curvature under a wire's pull F: angle = F r L / EI.
         self._pull_per_angle = design.bending_stiffness(bending) / (design.wires.routing_radius * bending.length)
-        self._pull_limit = design.wires.pull_limit
+        self._wires = design.wires
+        lead = self.settings.steer_lead
+        if self.settings.steer == "wheels":  # what slack and stretch may take up counts as lead
+            lead += (
+                design.wires.slack + design.wires.compliance * design.wires.pull_limit
+            ) / design.wires.routing_radius
+        self._lead = lead
         self._bend_limit = math.radians(min(design.limits.smallest, self.settings.steer_limit_deg))
         self._roll_goal = 0.0
         self._bend = np.zeros(2)
@@ -89,7 +98,14 @@ class LumenFollower:
         push_rate = self._advance_rate(seen, interval) if self._retreat_until is None else -self.settings.retreat_rate
         turn = self.settings.roll_rate
         roll_rate = float(np.clip((self._roll_goal - seen.roll) / interval, -turn, turn))
-        return Inputs(push_rate=push_rate, roll_rate=roll_rate, pulls=self._pulls())
+        if self.settings.steer == "wheels":
+            return Inputs(push_rate, roll_rate, wheels=self._wires.routing_radius * self._bend)
+        return Inputs(push_rate, roll_rate, self._pulls())
+
+    @property
+    def asked(self) -> Float[np.ndarray, "2"]:
+        """Bend that it steers for, towards wires 'up' and 'left', as ideal wires would give it [rad]."""
+        return self._bend.copy()
 
     def _steer(self, seen: Observation, arc: float, interval: float) -> None:
         station = np.searchsorted(self._line.arc, arc + self.settings.look_ahead)
@@ -99,8 +115,7 @@ class LumenFollower:
         if sideways > 0:
             angle = math.atan2(sideways, ahead[2])
             self._bend = self._bend + self.settings.steer_gain * interval * angle * ahead[:2] / sideways
-        lead = self.settings.steer_lead
-        self._bend = np.clip(self._bend, seen.bend - lead, seen.bend + lead)
+        self._bend = np.clip(self._bend, seen.bend - self._lead, seen.bend + self._lead)
         size = np.linalg.norm(self._bend)
         if size > self._bend_limit:
             self._bend *= self._bend_limit / size
@@ -137,4 +152,4 @@ class LumenFollower:
 
     def _pulls(self) -> Float[np.ndarray, "4"]:
         up, left = self._bend * self._pull_per_angle
-        return np.clip(np.array([up, left, -up, -left]), 0.0, self._pull_limit)
+        return np.clip(np.array([up, left, -up, -left]), 0.0, self._wires.pull_limit)

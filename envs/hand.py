@@ -28,17 +28,24 @@ class Gesture:
     """Strokes per second [Hz]."""
     pulls: tuple[float, float, float, float] = field(default=(0.0, 0.0, 0.0, 0.0))
     """Pull of each wire: up, left, down, right [N]."""
+    wheels: tuple[float, float] | None = None
+    """Wire that the wheels have taken up, towards up and left [m]; steers instead of `pulls` when given."""
 
     def __post_init__(self) -> None:
         finite = (self.duration, self.push_rate, self.roll_rate, self.jiggle_amplitude, self.jiggle_frequency)
-        if not all(map(math.isfinite, (*finite, *self.pulls))) or self.duration <= 0 or min(finite[3:]) < 0:
+        if (
+            not all(map(math.isfinite, (*finite, *self.pulls, *(self.wheels or ()))))
+            or self.duration <= 0
+            or min(finite[3:]) < 0
+        ):
             raise InvalidOptionError("A gesture needs finite numbers, a positive duration and no negative jiggling.")
 
     def inputs(self, time: float) -> Inputs:
         """Inputs `time` after the gesture began [s]; jiggling starts and ends where the steady motion is."""
         turn = 2 * math.pi * self.jiggle_frequency
         jiggle = self.jiggle_amplitude * turn * math.cos(turn * time)
-        return Inputs(push_rate=self.push_rate + jiggle, roll_rate=self.roll_rate, pulls=np.array(self.pulls))
+        wheels = None if self.wheels is None else np.array(self.wheels)
+        return Inputs(self.push_rate + jiggle, self.roll_rate, np.array(self.pulls), wheels)
 
 
 def inputs_at(gestures: Sequence[Gesture], time: float) -> Inputs | None:
@@ -75,13 +82,21 @@ class HapticHandle:
             [engine.model.actuator(f"scope/{n}").id for n in _AXES], 1
         ]
 
-    def advance(self, position: float, roll: float, pulls: Float[np.ndarray, "4"]) -> tuple[float, float]:
+    def advance(
+        self,
+        position: float,
+        roll: float,
+        pulls: Float[np.ndarray, "4"] | None = None,
+        *,
+        wheels: Float[np.ndarray, "2"] | None = None,
+    ) -> tuple[float, float]:
         """One period of the device: where it is now, and the force [N] and torque [N m] it must give back.
 
         Args:
             position: of the device along the shaft, zero at the scene's start [m].
             roll: of the device about the shaft [rad].
-            pulls: of the wires [N].
+            pulls: of the wires [N]; none when not given.
+            wheels: wire that the wheels have taken up [m]; steers instead of `pulls` when given.
 
         Returns:
             Force and torque of the device's user on the shaft; what the user feels is the opposite.
@@ -92,7 +107,8 @@ class HapticHandle:
             # The engine's hand aims at where the device is; a control is a speed, so as to get there in one step.
             rates = (np.array([position, roll]) - data.act[:2]) / self._step
             before = data.qvel[:2].copy()
-            self.engine.step(Inputs(push_rate=float(rates[0]), roll_rate=float(rates[1]), pulls=pulls), 1)
+            inputs = Inputs(float(rates[0]), float(rates[1]), np.zeros(4) if pulls is None else pulls, wheels)
+            self.engine.step(inputs, 1)
             self._acceleration = (data.qvel[:2] - before) / self._step
             self._ahead -= self._step
         speed = data.qvel[:2] + self._ahead * self._acceleration

@@ -59,6 +59,14 @@ class Trajectory:
     """E_b, stored in pressing the wall [J]."""
     outside: Float[np.ndarray, " records"]
     """How far the scope stands outside the lumen at rest [m]; negative inside (`Containment`)."""
+    asked_up: Float[np.ndarray, " records"]
+    """Bend towards wire 'up' that the driver steered for, as ideal wires would give it [rad]."""
+    asked_left: Float[np.ndarray, " records"]
+    """The same towards wire 'left' [rad]."""
+    bend_up: Float[np.ndarray, " records"]
+    """Bend of the bending section towards wire 'up' [rad]."""
+    bend_left: Float[np.ndarray, " records"]
+    """The same towards wire 'left' [rad]."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +83,8 @@ class Insertion:
     """Time that stepping and deciding took [s]."""
     attempts: int
     """Times that the driver had backed off since its last progress."""
+    settings: FollowerSettings
+    """How it was driven."""
 
 
 def run_insertion(
@@ -89,6 +99,7 @@ def run_insertion(
     start = scene.options.start_depth
     tracker = ArcTracker(line, start=start)
     tip_links = sum(cell.steerable for cell in scene.cable.cells)
+    settings = settings or FollowerSettings()
     follower = LumenFollower(line, scene.design, tip_links=tip_links, settings=settings)
     steps = max(1, round(CONTROL_INTERVAL / scene.options.timestep))
     interval = steps * scene.options.timestep
@@ -107,7 +118,7 @@ def run_insertion(
         behind = scene.cable.node_distances
         inside = behind < seen.insertion
         outside = containment.outside(shape[inside], behind[inside], tracker.arc)
-        rows.append(_record(engine, seen, tracker.arc, outside))
+        rows.append((*_record(engine, seen, tracker.arc, outside), *follower.asked, *seen.bend))
         if progress and len(rows) % 25 == 0:
             progress(seen.time, tracker.arc)
         if ended := _ended(scene, seen, tracker.arc, outside):
@@ -122,6 +133,7 @@ def run_insertion(
         tip_frame=seen.tip_frame,
         wall_clock=time.perf_counter() - began,
         attempts=follower.attempts,
+        settings=settings,
     )
 
 
@@ -161,5 +173,5 @@ def _trajectory(rows: list[tuple], engine: NativeEngine) -> Trajectory:
         empty = np.zeros(0)
         model = engine.model
         wide = (np.zeros((0, model.nq)), np.zeros((0, model.nu)), np.zeros((0, 3)))
-        return Trajectory(empty, *wide, *[empty] * 10)
+        return Trajectory(empty, *wide, *[empty] * 14)
     return Trajectory(*(np.array(column, dtype=float) for column in zip(*rows, strict=True)))

@@ -31,7 +31,12 @@ def write_run(folder: Path, *, scene: Scene, wall: Wall, run: Insertion, seconds
     prepare_folder(folder)
     provenance = Provenance(
         inputs={"colon": colon_hash(scene.colon), "colon_name": scene.colon.name},
-        configuration={**scene.configuration(), "wall": wall.method, "seconds": seconds},
+        configuration={
+            **scene.configuration(),
+            "wall": wall.method,
+            "driver": asdict(run.settings),
+            "seconds": seconds,
+        },
     )
     scores = score(scene, run, provenance)
     arrays = {**asdict(run.trajectory), "shape": run.shape, "tip_frame": run.tip_frame}

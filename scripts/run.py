@@ -29,6 +29,8 @@ class Run:
     """Largest push of the hand [N]."""
     timestep: float | None = None
     """Integration step [s]."""
+    steer: Literal["pulls", "wheels"] = "pulls"
+    """What bends the tip: pulls as asked for, or the hand wheels, whose wires have slack, stretch and friction."""
     gravity: tuple[float, float, float] | None = None
     """Gravity in the colon's frame [m/s^2]; none when not given."""
     json: bool = field(default=False)
@@ -54,11 +56,15 @@ class Run:
             wall = wall_of(self.colon, colon, self.wall, progress=tell)
         scene = build_scene(colon, wall, design, options)
 
+        from haustra.envs.follower import FollowerSettings
         from haustra.envs.insertion import run_insertion
 
         with progress_bar("simulate", self.seconds, unit="s") as advance:
             run = run_insertion(
-                scene, seconds=self.seconds, progress=lambda time, arc: advance(time, f"tip at {arc:.2f} m")
+                scene,
+                seconds=self.seconds,
+                settings=FollowerSettings(steer=self.steer),
+                progress=lambda time, arc: advance(time, f"tip at {arc:.2f} m"),
             )
         return write_run(folder, scene=scene, wall=wall, run=run, seconds=self.seconds)
 

@@ -1,12 +1,13 @@
 """MuJoCo on the CPU, one scene: hand and wires in, what the scope does out. Divergence is detected, never hidden."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.engine.log import log_to_stderr_only
+from haustra.envs.engine.wheels import Wheels
 from haustra.envs.measure.energy import Energies, EnergyMeter
 from haustra.models.scene import Scene
 from haustra.models.scope.wires import WIRE_NAMES, arriving_pulls
@@ -35,8 +36,11 @@ class Inputs:
     """Speed at which the hand pushes the shaft in [m/s]."""
     roll_rate: float
     """Speed at which the hand turns the shaft [rad/s]."""
-    pulls: Float[np.ndarray, "4"]
-    """Pull of each wire: up, left, down, right [N]."""
+    pulls: Float[np.ndarray, "4"] = field(default_factory=lambda: np.zeros(len(WIRE_NAMES)))
+    """Pull of each wire at the handle: up, left, down, right [N]."""
+    wheels: Float[np.ndarray, "2"] | None = None
+    """Wire that the wheels have taken up, towards up and towards left [m]; steers instead of `pulls` when given, and
+    then slack and stretch of the wires count too."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +65,8 @@ class Observation:
     """Force of the hand along the shaft; positive pushes [N]."""
     torque: float
     """Torque of the hand about the shaft [N m]."""
+    pulls: Float[np.ndarray, "4"]
+    """Pull of each wire at the handle: up, left, down, right [N]."""
     link_forces: Float[np.ndarray, " links"]
     """Resultant normal force of the wall on each link, from the handle to the tip [N]."""
     contacts: int
@@ -72,8 +78,8 @@ class Observation:
 class NativeEngine:
     """One scene on MuJoCo's CPU engine.
 
-    Every step is a function of the compiled scene and of `data.ctrl` alone, so that stock MuJoCo repeats a recorded run
-    from the saved scene.
+    Every step is a function of the compiled scene and of `data.ctrl` alone, so that stock MuJoCo repeats a run from the
+    saved scene and its controls. Steered by wheels, controls change at every step.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -99,7 +105,8 @@ class NativeEngine:
         self._sheath = np.array(
             [[model.joint(f"scope/bend_{side}_{i:03d}").qposadr[0] for i in shaft] for side in "xy"]
         )
-        self._arriving = np.zeros(len(WIRE_NAMES))
+        self._hand = self._arriving = np.zeros(len(WIRE_NAMES))
+        self._wheels: Wheels | None = None
         self._energies = EnergyMeter(model, wall_stiffness=scene.options.wall_stiffness)
         self._behind = cable.length - cable.joint_positions
         self._start = scene.options.start_depth
@@ -107,13 +114,23 @@ class NativeEngine:
         mujoco.mj_forward(self.model, self.data)
 
     def step(self, inputs: Inputs, count: int) -> bool:
-        """Advance by `count` time steps; False when the simulation has diverged."""
+        """Advance by `count` time steps; False when the simulation has diverged.
+
+        Raises:
+            InvalidDesignError: when wheels steer wires that do not stretch.
+        """
         control = self.data.ctrl
         control[self._push] = inputs.push_rate
         control[self._roll] = inputs.roll_rate
-        control[self._pulls] = self._arrive(inputs.pulls)
         self._lock_outside(self.insertion)
-        mujoco.mj_step(self.model, self.data, count)
+        if inputs.wheels is None:
+            control[self._pulls] = self._arrive(inputs.pulls)
+            mujoco.mj_step(self.model, self.data, count)
+            return self.healthy()
+        self._wheels = self._wheels or Wheels(self.model, self.scene.cable, self.scene.design.wires)
+        for _ in range(count):
+            control[self._pulls] = self._arrive(self._wheels.pulls(self.data, inputs.wheels))
+            mujoco.mj_step(self.model, self.data)
         return self.healthy()
 
     @property
@@ -143,6 +160,7 @@ class NativeEngine:
             bend=np.array([data.qpos[self._bend_up].sum(), -data.qpos[self._bend_left].sum()]),
             push_force=float(data.actuator_force[self._push]),
             torque=float(data.actuator_force[self._roll]),
+            pulls=self._hand.copy(),
             link_forces=forces,
             contacts=contacts,
             energies=self._energies.read(data),
@@ -154,6 +172,7 @@ class NativeEngine:
 
     def _arrive(self, pulls: Float[np.ndarray, "4"]) -> Float[np.ndarray, "4"]:
         """What of the hand's pulls gets through the bent shaft to the bending section [N]."""
+        self._hand = pulls
         angle = float(np.hypot(*self.data.qpos[self._sheath]).sum())
         self._arriving = arriving_pulls(self.scene.design.wires, pulls, self._arriving, sheath_angle=angle)
         return self._arriving

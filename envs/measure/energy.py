@@ -1,8 +1,8 @@
 """Energies stored in the bent scope and in the pressed wall, after the simulator paper (its eq. 6 to 8).
 
-E_c = sum 1/2 C_i (theta_i - phi_i)^2 over joints of stiffness C_i bent by theta_i, unloaded at phi_i, and what shaft
-hinges soften by (`haustra.models.scope.cable.SOFTENING`); E_b = sum 1/2 k_v d_i^2 over contacts of depth d_i with a wall
-of stiffness k_v. Twist, which the paper leaves out, is given apart.
+E_c = sum 1/2 C_i (theta_i - phi_i)^2 over joints of stiffness C_i bent by theta_i, unloaded at phi_i, less what shaft
+hinges soften by (`haustra.models.scope.cable.SOFTENING`); E_b = sum 1/2 k_v d_i^2 over contacts of depth d_i with a
+wall of stiffness k_v. Twist, which the paper leaves out, is given apart.
 """
 
 from dataclasses import dataclass

@@ -75,15 +75,10 @@ def find_loops(
         raise InvalidOptionError("Loops need at least four finite points and a direction of view.")
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     flat, height = _project(line, np.asarray(view, dtype=float) / size)
-    loops: list[Loop] = []
-    # The innermost crossings first: what lies within a loop already found belongs to it.
-    for first, second, sign in sorted(_crossings(flat, height, arc), key=lambda each: each[1] - each[0]):
-        inside = any(loop.start >= first - 1e-9 and loop.end <= second + 1e-9 for loop in loops)
-        if second - first >= _SHORTEST and not inside:
-            kind = LoopKind.ALPHA if sign > 0 else LoopKind.REVERSED_ALPHA
-            if regions and _region_at((first + second) / 2, regions) == "transverse":
-                kind = LoopKind.GAMMA
-            loops.append(Loop(kind, first, second, _extent(line, arc, first, second)))
+    loops = [
+        Loop(_kind(start, end, sign, regions), start, end, _extent(line, arc, start, end))
+        for start, end, sign in _crossed(_crossings(flat, height, arc))
+    ]
     free = _gaps(loops, arc[-1])
     loops += [bow for start, end in free if (bow := _bow(line, flat, arc, start, end))]
     return tuple(sorted(loops, key=lambda loop: loop.start))
@@ -92,7 +87,9 @@ def find_loops(
 def writhe(points: Float[np.ndarray, "n 3"]) -> float:
     """Writhe of an open curve, by Gauss's double integral over its straight pieces; right-handed loops are positive.
 
-    Source: Klenin and Langowski, Biopolymers 54 (2000) 307, method 1a.
+    Each pair of pieces adds the solid angle in which one is seen to cross the other, over 2 pi (Klenin and Langowski,
+    Biopolymers 54 (2000) 307), here as two triangles (van Oosterom and Strackee, IEEE Trans. Biomed. Eng. 30 (1983)
+    125), which stays sound where pieces are in line.
     """
     line = np.asarray(points, dtype=float)
     starts, ends = line[:-1], line[1:]
@@ -100,13 +97,18 @@ def writhe(points: Float[np.ndarray, "n 3"]) -> float:
     for index in range(len(starts) - 2):
         a, b = starts[index], ends[index]
         c, d = starts[index + 2 :], ends[index + 2 :]
-        ac, ad, bc, bd = c - a, d - a, c - b, d - b
-        normals = [_unit(np.cross(*pair)) for pair in ((ac, ad), (ad, bd), (bd, bc), (bc, ac))]
-        corners = sum(
-            np.arcsin(np.clip(np.einsum("ij,ij->i", normals[k], normals[(k + 1) % 4]), -1, 1)) for k in range(4)
-        )
-        total += float(np.sum(corners * np.sign(np.einsum("ij,ij->i", np.cross(d - c, b - a), ac))))
+        ac, ad, bd, bc = (_unit(each) for each in (c - a, d - a, d - b, c - b))
+        total += float((_solid_angle(ac, bd, ad) + _solid_angle(ac, bc, bd)).sum())
     return total / (2 * np.pi)
+
+
+def _solid_angle(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Signed solid angle of triangles of directions."""
+
+    def dot(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        return np.einsum("ij,ij->i", one, other)
+
+    return 2 * np.arctan2(dot(a, np.cross(b, c)), 1 + dot(a, b) + dot(b, c) + dot(c, a))
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
@@ -141,6 +143,31 @@ def _crossings(flat: np.ndarray, height: np.ndarray, arc: np.ndarray) -> list[tu
             where = [arc[k] + part * (arc[k + 1] - arc[k]) for k, part in ((one, s), (other, t))]
             found.append((float(where[0]), float(where[1]), float(np.sign(turn * above))))
     return found
+
+
+def _crossed(crossings: list[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
+    """Stretches between crossings that make a loop, and the sum of their signs.
+
+    The innermost crossings come first: one that encloses a loop already found is part of the way there and back. One
+    that shares more than half of its stretch with a loop crosses the same loop again: signs add up, and strands that
+    weave over and under each other come to nothing.
+    """
+    found: list[list[float]] = []
+    for first, second, sign in sorted(crossings, key=lambda each: each[1] - each[0]):
+        if second - first < _SHORTEST or any(start >= first and end <= second for start, end, _ in found):
+            continue
+        shared = [min(second, end) - max(first, start) for start, end, _ in found]
+        if shared and max(shared) > 0.5 * (second - first):
+            found[int(np.argmax(shared))][2] += sign
+        else:
+            found.append([first, second, sign])
+    return [(start, end, sign) for start, end, sign in found if sign]
+
+
+def _kind(start: float, end: float, sign: float, regions: Mapping[str, tuple[float, float]] | None) -> LoopKind:
+    if regions and _region_at((start + end) / 2, regions) == "transverse":
+        return LoopKind.GAMMA
+    return LoopKind.ALPHA if sign > 0 else LoopKind.REVERSED_ALPHA
 
 
 def _gaps(loops: list[Loop], length: float) -> list[tuple[float, float]]:

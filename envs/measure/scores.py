@@ -5,7 +5,8 @@ import sys
 
 import numpy as np
 
-from haustra.envs.insertion import Insertion
+from haustra.envs.insertion import Insertion, Trajectory
+from haustra.envs.measure.looping import looping
 from haustra.envs.measure.progress import segment_at
 from haustra.models.scene import Scene
 from haustra.provenance import Provenance
@@ -16,7 +17,11 @@ def score(scene: Scene, run: Insertion, provenance: Provenance) -> dict[str, obj
 
     Forces are sampled at the control rate (50 Hz). `wall_force_peak_N` is the largest resultant normal force of the
     wall on one link of the scope. `insertion_m` and `tip_arc_m` are where the run ended; `tip_arc_max_m` is how far it
-    came. The tip's arc length is that of the nearest point of the centreline.
+    came. The tip's arc length is that of the nearest point of the centreline. `steering_gap_mean_deg` is how far the
+    tip's bend is from that steered for: lag and contact, and on a used scope slack, stretch and friction of its wires.
+    `loop_excess_m` is the scope inside less the colon passed, `loop_writhe_peak_turns` how much the scope coiled:
+    neither needs axes. `loop_N_s` and so on say how long a loop of that name was there, seen along y, which is assumed
+    to run from front to back. `pull_back_shortening_m` is the most scope that was pulled back while the tip stayed.
     """
     recorded = run.trajectory
     simulated = float(recorded.time[-1]) if len(recorded.time) else 0.0
@@ -42,6 +47,8 @@ def score(scene: Scene, run: Insertion, provenance: Provenance) -> dict[str, obj
         "scope_energy_mean_J": float(recorded.scope_energy.mean()) if simulated else 0.0,
         "wall_energy_peak_J": _peak(recorded.wall_energy),
         "wall_energy_mean_J": float(recorded.wall_energy.mean()) if simulated else 0.0,
+        **_looping(scene, run),
+        "steering_gap_mean_deg": _steering_gap(recorded),
         "outside_max_mm": float(recorded.outside.max()) * 1e3 if simulated else 0.0,
         "contacts_mean": float(recorded.contacts.mean()) if simulated else 0.0,
         "dofs": recorded.qpos.shape[1],
@@ -51,6 +58,25 @@ def score(scene: Scene, run: Insertion, provenance: Provenance) -> dict[str, obj
         "peak_memory_MB": peak_memory() / 1e6,
         "provenance": provenance.to_json(),
     }
+
+
+def _looping(scene: Scene, run: Insertion) -> dict[str, object]:
+    found = looping(scene, run)
+    return {
+        "loop_excess_m": found.excess,
+        "loop_excess_peak_m": found.excess_peak,
+        "loop_writhe_peak_turns": found.writhe_peak,
+        **{f"loop_{name.replace(' ', '_')}_s": lasting for name, lasting in found.seconds.items()},
+        "loops_at_end": ", ".join(f"{loop.kind.value} of {loop.size * 1e3:.0f} mm" for loop in found.at_end) or "none",
+        "pull_back_shortening_m": found.shortening,
+    }
+
+
+def _steering_gap(recorded: Trajectory) -> float:
+    if not len(recorded.time):
+        return 0.0
+    gap = np.hypot(recorded.asked_up - recorded.bend_up, recorded.asked_left - recorded.bend_left)
+    return float(np.degrees(gap.mean()))
 
 
 def peak_memory() -> float:

@@ -18,12 +18,19 @@ _HIGHLIGHTS = {
     "tip_segment": "Tip is in",
     "tip_arc_m": "Tip along the colon",
     "insertion_m": "Scope inserted",
+    "loops_at_end": "Loops at the end",
     "push_force_peak_N": "Largest push",
     "wall_force_peak_N": "Largest wall force",
 }
 _PANELS = {
     "force [N]": {"hand, push": "push_force", "wall, hardest pressed link": "wall_force"},
     "torque [N m]": {"hand, torque": "torque"},
+    "bend of the tip [rad]": {
+        "up, asked for": "asked_up",
+        "up": "bend_up",
+        "left, asked for": "asked_left",
+        "left": "bend_left",
+    },
     "length [m]": {"scope inserted": "insertion", "tip along the colon": "tip_arc"},
 }
 """Axis label, and for each curve its name and the array of trajectory.npz that holds it."""

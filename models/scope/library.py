@@ -79,6 +79,10 @@ def _basic(name: str) -> ScopeDesign:
             down=number("tip_angle_up_down"),
             right=number("tip_angle_left_right"),
         ),
-        wires=WireSet(routing_radius=number("tendon_routing_radius"), pull_limit=number("tendon_pull_limit")),
+        wires=WireSet(
+            routing_radius=number("tendon_routing_radius"),
+            pull_limit=number("tendon_pull_limit"),
+            compliance=number("tendon_compliance"),
+        ),
         tip=ScopeTip(length=number("tip_length"), field_of_view_deg=number("field_of_view")),
     )

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from haustra.errors import InvalidDesignError
+
 WIRE_NAMES = ("up", "left", "down", "right")
 """Wires in order of their angle about the axis: 0, 90, 180, 270 degrees from the link's x axis."""
 
@@ -25,9 +27,9 @@ class WireSet:
     friction: float = 0.0
     """Coulomb coefficient between wire and sheath [1]."""
     slack: float = 0.0
-    """Length that a wheel takes up before a wire pulls [m]."""
+    """Length that a wheel takes up before a wire pulls [m]; counts where wheels steer."""
     compliance: float = 0.0
-    """Stretch of a wire per newton of pull [m/N]."""
+    """Stretch of a wire per newton of pull [m/N]; counts where wheels steer, not where pulls are given."""
     hysteresis: float = 0.0
     """Part of the pull that is lost to friction in the bending section itself, at any bend of the shaft [1]."""
 
@@ -55,6 +57,11 @@ def arriving_pulls(
     return np.clip(before, hand * loss, hand / loss)
 
 
+def travel_of_wheels(wheels: Float[np.ndarray, "2"]) -> Float[np.ndarray, "4"]:
+    """Travel of the four wires [m]: each wheel takes up one wire, up or left, and pays out the opposite one."""
+    return np.concatenate([wheels, -wheels])
+
+
 def pull_of_travel(
     wires: WireSet, travel: Float[np.ndarray, "4"], shortening: Float[np.ndarray, "4"]
 ) -> Float[np.ndarray, "4"]:
@@ -66,9 +73,9 @@ def pull_of_travel(
         shortening: how much shorter each wire's path is than in the straight section [m].
 
     Raises:
-        ValueError: when the wires are rigid: their pull does not follow from travel.
+        InvalidDesignError: when the wires are rigid: their pull does not follow from travel.
     """
     if wires.compliance <= 0:
-        raise ValueError("rigid wires have no pull for a given travel: give WireSet.compliance")
+        raise InvalidDesignError("Wires that do not stretch have no pull for a given travel: give wires.compliance.")
     stretch = travel - wires.slack - shortening
     return np.clip(stretch / wires.compliance, 0.0, wires.pull_limit)

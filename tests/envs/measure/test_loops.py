@@ -1,5 +1,7 @@
 """Loops on shapes made to have them."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -60,6 +62,22 @@ def test_writhe_of_a_helix():
         return writhe(np.stack([0.05 * np.cos(s), 0.05 * np.sin(s), 0.1 * s / (2 * np.pi)], axis=1))
 
     assert (turned(20) - turned(10)) / 10 == pytest.approx(1 - 0.1 / np.hypot(0.1, 2 * np.pi * 0.05), rel=0.01)
+
+
+@pytest.mark.parametrize("handed", [1.0, -1.0])
+def test_writhe_does_not_depend_on_how_finely_a_curve_is_cut(handed):
+    line = curl(handed)[::6]
+    fine = np.vstack([np.linspace(a, b, 5)[:-1] for a, b in pairwise(line)] + [line[-1:]])
+    assert writhe(fine) == pytest.approx(writhe(line), abs=1e-9)
+    assert handed * writhe(line) == pytest.approx(0.85, abs=0.15)
+
+
+def test_strands_that_weave_are_no_loop():
+    """A coil seen along its axis lies over itself: its crossings there come to at most one loop."""
+    s = np.linspace(0, 2.6 * np.pi, 40)
+    wobble = 0.004 * np.sin(9 * s)
+    coil = np.stack([(0.1 + wobble) * np.cos(s), (0.1 + wobble) * np.sin(s), 0.02 * s], axis=1)
+    assert len(find_loops(coil, view=np.array([0.0, 0.0, 1.0]))) <= 1
 
 
 def test_two_loops_are_counted_apart():

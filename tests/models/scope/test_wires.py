@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from haustra.errors import InvalidDesignError
 from haustra.models.scope.wires import WireSet, arriving_pulls, pull_of_travel
 
 PLAIN = WireSet(routing_radius=0.005, pull_limit=60.0)
@@ -37,5 +38,5 @@ def test_travel_takes_up_slack_then_stretches_the_wire():
     travel = np.array([0.001, 0.002, 0.003, 0.1])
     np.testing.assert_allclose(pull_of_travel(wires, travel, np.zeros(4)), [0, 0, 10, 60])
     np.testing.assert_allclose(pull_of_travel(wires, np.full(4, 0.004), np.full(4, 0.001)), 10)
-    with pytest.raises(ValueError, match="compliance"):
+    with pytest.raises(InvalidDesignError, match="compliance"):
         pull_of_travel(PLAIN, travel, np.zeros(4))
