@@ -6,6 +6,9 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+_HELD = 3.0
+"""How long it pulls at the string [s]: the pull is steady after some tenths."""
+
 
 @dataclass(frozen=True)
 class TrackedRun:
@@ -17,14 +20,16 @@ class TrackedRun:
     """Folder for the run."""
     arc: float = 0.3
     """Where the robot's centre starts [m from the anus]."""
-    seconds: float = 5.0
-    """Simulated time [s]."""
+    seconds: float = 20.0
+    """Simulated time [s]; it ends earlier where the robot stands still."""
     rpm: float = 150.0
     """Worm speed [turns a minute]."""
     friction: float = 0.4
     """Coulomb coefficient between treads and wall; 0.4 is the paper's tissue phantom, a living bowel has far less."""
     scale: float = 1.0
     """Size of the robot over the device in practice; the published prototype is 4."""
+    steer: bool = False
+    """Let each tread run at its own speed towards the lumen ahead; the paper's device has one worm for all four."""
     wall: Literal["coacd", "prism"] = "prism"
     """Which wall to use; it is built first if the colon's folder does not have it."""
     json: bool = False
@@ -40,6 +45,7 @@ class TrackedRun:
         from haustra.models.tracked.design import TrackedDesign
         from haustra.models.tracked.standing import require_fit
         from haustra.models.wall.folder import wall_of
+        from haustra.scripts.console import progress_bar
         from haustra.scripts.wall import wall_bar
 
         if not SETTLING < self.seconds <= 600:
@@ -53,19 +59,22 @@ class TrackedRun:
         with wall_bar() as tell:
             wall = wall_of(self.colon, colon, self.wall, progress=tell)
         speed = design.tread_speed(self.rpm)
-        free, held = (
-            drive_in_colon(
-                colon,
-                wall,
-                design,
-                arc=self.arc,
-                friction=self.friction,
-                speed=speed,
-                seconds=self.seconds,
-                held=tied,
+        with progress_bar("drive", self.seconds, unit="s") as bar:
+            free, held = (
+                drive_in_colon(
+                    colon,
+                    wall,
+                    design,
+                    arc=self.arc,
+                    friction=self.friction,
+                    speed=speed,
+                    seconds=min(self.seconds, _HELD) if tied else self.seconds,
+                    held=tied,
+                    steered=self.steer,
+                    progress=None if tied else lambda at, arc: bar(at, f"at {arc:.2f} m"),
+                )
+                for tied in (False, True)
             )
-            for tied in (False, True)
-        )
         scores = self._scores(colon, design, free, held)
         write_json(folder / "scores.json", scores)
         if free.outcome == "completed":
@@ -75,9 +84,12 @@ class TrackedRun:
     def _scores(self, colon, design, free, held) -> dict[str, Any]:
         from dataclasses import asdict
 
+        import numpy as np
+
         from haustra.envs.measure.propulsion import SETTLING
+        from haustra.envs.tracked_drive import CONTROL_INTERVAL
         from haustra.models.anatomy.store import colon_hash
-        from haustra.models.tracked.standing import track_radii
+        from haustra.models.tracked.standing import track_radii, where_it_fits
         from haustra.provenance import Provenance
 
         outcome = "diverged" if "diverged" in (free.outcome, held.outcome) else "completed"
@@ -89,33 +101,57 @@ class TrackedRun:
                 "seconds": self.seconds,
                 "rpm": self.rpm,
                 "friction": self.friction,
+                "steer": self.steer,
                 "wall": self.wall,
             },
         )
+        fit = where_it_fits(colon, design)
         scores: dict[str, Any] = {
             "outcome": outcome,
+            "ended_by": free.ended_by,
+            "advice": _ADVICE[free.ended_by],
             "lumen_under_tracks_mm": (2e3 * track_radii(colon, design, self.arc)).tolist(),
             "reach_mm": [1e3 * design.smallest_diameter, 1e3 * design.largest_diameter],
+            "fits_share_of_colon": fit.share,
+            "fits_longest_m": [fit.start, fit.end],
         }
         if outcome == "completed":
-            treads = design.tread_speed(self.rpm) * self.seconds
-            driven = float(free.arc[1] - free.arc[0])
+            furthest = int(np.argmax(free.arc))
+            moving = max(furthest, 1) * CONTROL_INTERVAL
+            treads = design.tread_speed(self.rpm) * moving
+            driven = float(free.arc[furthest] - free.arc[0])
             after = free.time >= SETTLING
             normal, pressed = free.normal[after], held.normal[after]
             pull = float(held.leash[after].mean())
             total = float(pressed.sum(1).mean())
             scores |= {
                 "driven_mm": 1e3 * driven,
+                "furthest_arc_m": float(free.arc[furthest]),
+                "moving_s": moving,
                 "treads_ran_mm": 1e3 * treads,
                 "driven_share": driven / treads if treads else 0.0,
                 "speed_at_end_mm_s": 1e3 * _end_speed(free),
                 "normal_per_track_N": normal.mean(0).tolist(),
                 "normal_largest_N": float(normal.max()),
+                "core_on_wall_N": float(free.core_force[after].mean()),
+                "core_on_wall_largest_N": float(free.core_force[after].max()),
                 "touching_share_per_track": (normal > 0).mean(0).tolist(),
                 "pull_N": pull,
                 "pull_over_mu_normal": pull / (self.friction * total) if self.friction * total > 0 else 0.0,
             }
         return scores | {"provenance": provenance.to_json()}
+
+
+_ADVICE = {
+    "time": "it was still on its way: give --seconds more",
+    "end of colon": "it came to the caecum",
+    "too narrow": "a strut is folded to its stop: give --scale less",
+    "too wide": "half of the tracks do not reach the wall: give --scale more",
+    "blocked": "the core's end stands against the wall: try --steer",
+    "slips": "the treads slip: raise the friction or the bellows' force",
+    "diverged": "the step was too long for these forces",
+}
+"""What stopped the robot, and what to do (`haustra.envs.tracked_drive.EndedBy`)."""
 
 
 def _end_speed(drive) -> float:

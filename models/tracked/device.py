@@ -10,6 +10,7 @@ from jaxtyping import Float
 from haustra.errors import InvalidOptionError
 from haustra.models.tracked.design import TRACKS, TrackedDesign
 from haustra.models.tracked.law import PadLaw, load_table
+from haustra.models.tracked.loop import CORE_FRICTION, LoopPart, add_loop, soften
 
 TIPS = ("rear", "front")
 """The two tips of a strut set."""
@@ -32,6 +33,8 @@ _PAD_DAMPING = 10.0
 _STRUT_MASS = 0.05
 _STRUT_DAMPING = 20.0
 """Of a strut at 4:1 [kg], [N s/m]; the paper gives neither."""
+_STOP_SOLREF, _STOP_SOLIMP = [0.004, 1.0], [0.99, 0.99, 1e-3, 0.5, 2]
+"""Of a strut's stops: four steps of 1 ms; at 1:1 one newton presses it 13 micrometres beyond (MuJoCo's own: 3 mm)."""
 
 
 @dataclass(frozen=True)
@@ -63,10 +66,17 @@ class Tracked:
     """Site at the core's rear: a string or a scope's shaft hangs here."""
     roll_motor: str
     """Actuator: worm torque on the core about the axis [N m]; empty on a fixed core."""
+    loops: tuple[LoopPart, ...] = ()
+    """The treads beyond the tips; none in the test rigs."""
 
     def phase_controls(self, travel: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n pads"]:
-        """Controls of the pads' actuators when the treads have moved by `travel` [m]."""
-        phases = np.asarray(travel)[..., None] / self.design.tread.pitch + np.array([pad.offset for pad in self.pads])
+        """Controls of the pads' actuators when all treads have moved by `travel` [m]."""
+        return self.phase_controls_each(np.repeat(np.asarray(travel)[..., None], TRACKS, axis=-1))
+
+    def phase_controls_each(self, travel: Float[np.ndarray, "*n tracks"]) -> Float[np.ndarray, "*n pads"]:
+        """The same when the tread of each track has moved by its own `travel` [m]."""
+        moved = travel[..., [pad.track for pad in self.pads]]
+        phases = moved / self.design.tread.pitch + np.array([pad.offset for pad in self.pads])
         operating = _operating(self.law, self.design)
         contact = _CONTACT_STIFFNESS * _ratio(self.design)
         force = self.law.phase_factor(phases) * self.law.mean_force(operating)
@@ -76,14 +86,20 @@ class Tracked:
 
     def set_speed(self, model: mujoco.MjModel, speed: float) -> None:
         """Let the treads run backwards at `speed` relative to the core [m/s]: the robot is pushed forwards."""
+        self.set_speeds(model, [speed] * TRACKS)
+
+    def set_speeds(self, model: mujoco.MjModel, speeds: Sequence[float] | Float[np.ndarray, " tracks"]) -> None:
+        """The same for each track: the paper's one worm gives all the same speed, four motors need not."""
         for pad in self.pads:
-            model.geom_surfacevel[model.geom(pad.geom).id, 0] = -speed
+            model.geom_surfacevel[model.geom(pad.geom).id, 0] = -speeds[pad.track]
+        for part in self.loops:
+            model.geom_surfacevel[model.geom(part.geom).id, 2] = speeds[part.track]
         model.flg_surfacevel = True
 
     def set_friction(self, model: mujoco.MjModel, friction: float) -> None:
-        """Coulomb's coefficient of the pads, which overrides the wall's."""
-        for pad in self.pads:
-            model.geom_friction[model.geom(pad.geom).id, 0] = friction
+        """Coulomb's coefficient of the treads, which overrides the wall's."""
+        for part in (*self.pads, *self.loops):
+            model.geom_friction[model.geom(part.geom).id, 0] = friction
 
 
 def add_tracked(
@@ -96,6 +112,7 @@ def add_tracked(
     tracks: Sequence[int] = tuple(range(TRACKS)),
     extension: float | Sequence[float] = 0.0,
     free: bool = True,
+    loops: bool = False,
     prefix: str = "tracked/",
 ) -> Tracked:
     """Put a tracked robot into a scene.
@@ -112,6 +129,8 @@ def add_tracked(
         tracks: Which of the four tracks to build.
         extension: How far the tracks, or each of the four, stand out of the nominal radius at first [m].
         free: Six degrees of freedom for the core and a bellows for each strut; otherwise none.
+        loops: Close the treads around the struts (`add_loop`), for a wall with folds and bends: on a smooth one only
+            the tips touch, as the paper says of the device.
         prefix: Before every name.
 
     Raises:
@@ -132,16 +151,24 @@ def add_tracked(
     spec.option.impratio = max(spec.option.impratio, _IMPRATIO)
     core = _add_core(spec, design, position, frame, free=free, prefix=prefix)
     pads: list[Pad] = []
+    parts: list[LoopPart] = []
     for track in tracks:
         strut = _add_strut(core, design, track, float(each[track]), free=free, prefix=prefix)
         pads += [_add_pad(spec, strut, design, law, track, tip, friction, prefix=prefix) for tip in TIPS]
-    _calibrate_contacts(spec, pads, _CONTACT_STIFFNESS * _ratio(design))
+        if loops:
+            recess = 2 * _operating(law, design)
+            parts += add_loop(spec, strut, design, track, float(each[track]), recess, prefix=prefix)
+    stiffness = _CONTACT_STIFFNESS * _ratio(design)
+    if loops:
+        soften(spec, [pad.geom for pad in pads], parts, f"{prefix}core", pad_stiffness=stiffness, friction=friction)
+    else:
+        _calibrate_contacts(spec, pads, stiffness)
     motor = f"{prefix}roll" if free else ""
     if free:
         actuator = spec.add_actuator(name=motor, trntype=mujoco.mjtTrn.mjTRN_SITE, target=f"{prefix}centre")
         actuator.set_to_motor()
         actuator.gear = [0, 0, 0, 1, 0, 0]
-    return Tracked(design, law, tuple(pads), f"{prefix}core", f"{prefix}tow", motor)
+    return Tracked(design, law, tuple(pads), f"{prefix}core", f"{prefix}tow", motor, tuple(parts))
 
 
 def _calibrate_contacts(spec: mujoco.MjSpec, pads: Sequence[Pad], stiffness: float) -> None:
@@ -191,7 +218,7 @@ def _add_core(spec, design: TrackedDesign, position, frame, *, free: bool, prefi
         mass=design.mass,
         contype=0,
         conaffinity=1,
-        friction=[0.1, 0.005, 0.0001],
+        friction=[CORE_FRICTION, 0.005, 0.0001],
         rgba=[0.35, 0.4, 0.5, 1],
     )
     core.add_site(name=f"{prefix}centre")
@@ -219,7 +246,9 @@ def _add_strut(core, design: TrackedDesign, track: int, extension: float, *, fre
             springref=bellows.force(0.0) / bellows.stiffness - extension,
             damping=[_STRUT_DAMPING * ratio, 0, 0],
             limited=True,
-            range=[low - extension, high - extension + _reach(design)],
+            range=[low - extension, high - extension],
+            solref_limit=_STOP_SOLREF,
+            solimp_limit=_STOP_SOLIMP,
         )
     tread = design.tread
     strut.add_geom(

@@ -1,6 +1,6 @@
-"""A tracked robot standing in a colon, its struts spread to the local lumen, with or without a scope behind it."""
+"""A tracked robot standing in a colon, its struts spread to the local lumen."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -10,12 +10,8 @@ from haustra.errors import InvalidDesignError, InvalidOptionError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.tracked.design import TRACKS, TrackedDesign
 from haustra.models.tracked.device import Tracked, add_tracked
+from haustra.models.tracked.loop import add_contact_sensor
 from haustra.models.wall.wall import Wall
-
-_STRING_STIFFNESS = 5e3
-"""Of a string to a scope's tip [N/m]: it gives 0.04 mm at the device's pull."""
-_STRING_DAMPING = 5.0
-"""[N s/m]: next to the string's stiffness this damps a gram-light tip; no number of the device's."""
 
 
 def stand_in_colon(
@@ -30,7 +26,8 @@ def stand_in_colon(
     """Put a free robot at an arc length of a colon, facing the caecum, each track spread to the wall it faces.
 
     The spec needs the colon's wall (`build_scene`). Bellows then press each track outwards, so the robot moves off
-    centre where the lumen is not round.
+    centre where the lumen is not round. Treads are closed around the struts, and the core's contact forces are read by
+    a sensor of the core's name.
 
     Args:
         spec: Scene with the wall.
@@ -49,15 +46,18 @@ def stand_in_colon(
     low, high = design.stroke
     station = int(np.searchsorted(line.arc, arc))
     normal, binormal, tangent = line.frames[station].T
-    return add_tracked(
+    tracked = add_tracked(
         spec,
         design,
         friction=friction,
-        position=tuple(float(value) for value in line.points[station]),
+        position=tuple(float(np.interp(arc, line.arc, axis)) for axis in line.points.T),
         frame=np.column_stack([tangent, normal, binormal]),
         extension=tuple(float(value) for value in np.clip(radii - design.nominal_diameter / 2, low, high)),
+        loops=True,
         prefix=prefix,
     )
+    add_contact_sensor(spec, tracked.core)
+    return tracked
 
 
 def require_fit(colon: Colon, design: TrackedDesign, arc: float) -> None:
@@ -69,6 +69,11 @@ def require_fit(colon: Colon, design: TrackedDesign, arc: float) -> None:
     """
     line = colon.centreline
     half = design.core_length / 2
+    if line.length < design.core_length:
+        raise InvalidDesignError(
+            f"A robot of {design.core_length * 1e3:.0f} mm is longer than the {line.length * 1e3:.0f} mm of colon "
+            f"'{colon.name}': scale the design down."
+        )
     if not half <= arc <= line.length - half:
         raise InvalidOptionError(
             f"A robot of {design.core_length * 1e3:.0f} mm cannot stand at {arc * 1e3:.0f} mm of a colon of "
@@ -96,30 +101,28 @@ def track_radii(colon: Colon, design: TrackedDesign, arc: float) -> Float[np.nda
     return colon.radius[near][:, columns].min(0)
 
 
-def tow_scope(spec: mujoco.MjSpec, tracked: Tracked, site: str) -> str:
-    """Tie a site of the scene (a scope's tip) to the robot's rear by a string as long as they stand apart.
+@dataclass(frozen=True)
+class Fit:
+    """Where in a colon a robot's tracks reach the wall on both sides and still fit between."""
 
-    Returns the tendon's name; it pulls and never pushes.
+    share: float
+    """Of the colon's length [1]."""
+    start: float
+    """Of the longest such stretch [m]."""
+    end: float
+    """Of the longest such stretch [m]."""
 
-    Raises:
-        InvalidOptionError: when the scene has no such site.
-    """
-    if spec.site(site) is None:
-        raise InvalidOptionError(f"The scene has no site '{site}' to tow: add one at the scope's tip.")
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    length = float(np.linalg.norm(data.site(site).xpos - data.site(tracked.tow).xpos))
-    name = tracked.tow + "_string"
-    string = spec.add_tendon(
-        name=name,
-        stiffness=[_STRING_STIFFNESS, 0, 0],
-        damping=[_STRING_DAMPING, 0, 0],
-        springlength=[0, length],
-    )
-    string.wrap_site(site)
-    string.wrap_site(tracked.tow)
-    return name
+
+def where_it_fits(colon: Colon, design: TrackedDesign) -> Fit:
+    """How much of a colon is neither narrower nor wider, across opposite tracks, than a robot reaches."""
+    arc = colon.centreline.arc
+    fits = [_fits(design, track_radii(colon, design, float(place))) for place in arc]
+    edges = np.flatnonzero(np.diff([0, *fits, 0]))
+    starts, ends = edges[::2], edges[1::2]
+    if not len(starts):
+        return Fit(0.0, 0.0, 0.0)
+    longest = int(np.argmax(ends - starts))
+    return Fit(float(np.mean(fits)), float(arc[starts[longest]]), float(arc[ends[longest] - 1]))
 
 
 def wall_near(wall: Wall, low: float, high: float) -> Wall:

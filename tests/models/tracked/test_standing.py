@@ -1,4 +1,4 @@
-"""The tracked robot in a colon: it finds the wall, moves on, and pulls a scope."""
+"""The tracked robot in a colon: it finds the wall and moves on."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from haustra.errors import InvalidDesignError, InvalidOptionError
 from haustra.models.scene import SceneOptions, build_scene
 from haustra.models.scope.library import named_design
 from haustra.models.tracked.design import TrackedDesign
-from haustra.models.tracked.standing import stand_in_colon, tow_scope, track_radii
+from haustra.models.tracked.standing import stand_in_colon, track_radii
 from tests.tube_colon import RADIUS, straight_tube, wedge_wall
 
 DESIGN = TrackedDesign().at_scale(1.1)
@@ -39,18 +39,6 @@ def test_it_drives_through_a_colon_at_its_tread_speed() -> None:
     assert np.linalg.norm(data.body(tracked.core).xpos[:2]) < 1e-3
 
 
-def test_it_pulls_a_scope_by_a_string() -> None:
-    scene = build_scene(straight_tube(), wedge_wall(), named_design("adult"), SceneOptions(timestep=STEP))
-    last = scene.spec.body(scene.cable.links[-1])
-    last.add_site(name="scope/tip_tow")
-    tracked = stand_in_colon(scene.spec, straight_tube(), DESIGN, arc=0.3, friction=0.4)
-    string = tow_scope(scene.spec, tracked, "scope/tip_tow")
-    model, data = drive(scene.spec, tracked, 1.0, 0.01)
-    stretch = data.ten_length[model.tendon(string).id] - model.tendon_lengthspring[model.tendon(string).id, 1]
-    pull = 5e3 * stretch
-    assert 0.01 < pull < 0.4 * 4 * DESIGN.bellows.force(0.0) * 1.2
-
-
 def test_each_track_spreads_to_the_wall_it_faces() -> None:
     colon = straight_tube()
     radius = colon.radius.copy()
@@ -68,5 +56,3 @@ def test_places_that_do_not_fit_are_named() -> None:
         stand_in_colon(spec, straight_tube(), TrackedDesign().at_scale(0.5), arc=0.3, friction=0.4)
     with pytest.raises(InvalidOptionError, match="cannot stand at 0 mm"):
         stand_in_colon(spec, straight_tube(), DESIGN, arc=0.0, friction=0.4)
-    with pytest.raises(InvalidOptionError, match="no site 'nowhere'"):
-        tow_scope(spec, stand_in_colon(spec, straight_tube(), DESIGN, arc=0.3, friction=0.4), "nowhere")
