@@ -1,4 +1,4 @@
-"""`haustra colon import` and `haustra colon grow`."""
+"""`haustra colon import`."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -15,18 +15,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ColonImport:
-    """Make a colon of a closed lumen surface (STL, OBJ, PLY)."""
+    """Make a colon of a lumen surface, a CT label map, or points on the wall."""
 
-    file: tyro.conf.Positional[Path]
-    """The mesh file."""
-    units: Literal["mm", "cm", "m", "voxel"]
-    """Units of its coordinates."""
+    files: tyro.conf.Positional[tuple[Path, ...]]
+    """Mesh (STL, OBJ, PLY, GLB, VTK), several of them as pieces of one surface; or one label map (NIfTI, NRRD, MHA)."""
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for the colon."""
+    units: Literal["mm", "cm", "m", "voxel"] | None = None
+    """Units of the coordinates; required for meshes and points, while label maps say theirs."""
     anus: tuple[float, float, float] | None = None
-    """Position of the anus in the file's units; found automatically when left out."""
+    """Position of the anus in the file's units (label maps: mm, left-posterior-superior); found when left out."""
+    landmark: Annotated[tuple[tuple[str, float, float, float], ...], tyro.conf.arg(aliases=["--landmarks"])] = ()
+    """NAME X Y Z, any number of times over: positions that override what is found; also ileocaecal_valve."""
     spacing_mm: tuple[float, float, float] | None = None
     """Size of a voxel along x, y and z [mm]; needed with units voxel."""
+    label: int | None = None
+    """Value of the colon's voxels in a label map with several."""
+    points: bool = False
+    """The files hold points on the wall (XYZ, CSV, PLY, VTK), not triangles."""
+    insufflate: str | None = None
+    """Open the lumen: a diameter ('14mm') or a pressure ('20mmHg', '2.7kPa')."""
+    remesh: bool = False
+    """Fit the size of triangles to curvature and radius."""
     name: str | None = None
     """What to call the colon; the file's name when left out."""
     json: bool = False
@@ -35,43 +45,58 @@ class ColonImport:
     def __call__(self) -> dict:
         """Import, save, and return the measures."""
         from haustra.files import prepare_folder
-        from haustra.models.anatomy.mesh_colon import import_colon
+        from haustra.models.anatomy.insufflation import insufflated, opening_from
+        from haustra.models.anatomy.remesh import remeshed
 
+        opening = None if self.insufflate is None else opening_from(self.insufflate)
         prepare_folder(self.output)
         began = time.perf_counter()
+        extra = {}
         with _stages() as progress:
-            colon = import_colon(
-                self.file,
-                units=self.units,
-                spacing_mm=self.spacing_mm,
+            colon = self._colon(progress)
+            if opening is not None:
+                progress("opening the lumen")
+                colon = insufflated(colon, opening)
+            if self.remesh:
+                progress("fitting the triangles")
+                colon, report = remeshed(colon)
+                extra = {"remesh": report}
+        return {**_save(colon, self.output, began), **extra}
+
+    def _colon(self, progress: Callable[[str], None]) -> "Colon":
+        from haustra.errors import InvalidOptionError
+        from haustra.models.anatomy.label_colon import import_label_map
+        from haustra.models.anatomy.label_map import is_label_map
+        from haustra.models.anatomy.mesh_colon import import_colon
+
+        places = {name: (x, y, z) for name, x, y, z in self.landmark}
+        if any(map(is_label_map, self.files)):
+            if len(self.files) > 1 or self.units or self.spacing_mm or self.points:
+                raise InvalidOptionError(
+                    "A label map is one file and says its own units: leave out --units, --spacing-mm and --points."
+                )
+            return import_label_map(
+                next(iter(self.files)),
+                label=self.label,
                 anus=self.anus,
+                places=places,
                 name=self.name,
                 progress=progress,
             )
-        return _save(colon, self.output, began)
-
-
-@dataclass(frozen=True)
-class ColonGrow:
-    """Grow an anatomical colon from a seed."""
-
-    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
-    """Folder for the colon."""
-    seed: int = 0
-    """Same seed, same colon."""
-    json: bool = False
-    """Print one JSON document on stdout."""
-
-    def __call__(self) -> dict:
-        """Grow, save, and return the measures."""
-        from haustra.files import prepare_folder
-        from haustra.models.anatomy.grown import grow_colon
-
-        prepare_folder(self.output)
-        began = time.perf_counter()
-        with _stages() as progress:
-            colon = grow_colon(seed=self.seed, progress=progress)
-        return _save(colon, self.output, began)
+        if self.units is None:
+            raise InvalidOptionError("Mesh files do not say their units: name them with --units mm, cm, m or voxel.")
+        if self.label is not None:
+            raise InvalidOptionError("--label goes with a label map (NIfTI, NRRD, MHA).")
+        return import_colon(
+            self.files,
+            units=self.units,
+            spacing_mm=self.spacing_mm,
+            anus=self.anus,
+            places=places,
+            cloud=self.points,
+            name=self.name,
+            progress=progress,
+        )
 
 
 def _save(colon: "Colon", folder: Path, began: float) -> dict:

@@ -56,10 +56,14 @@ def _join_verb(arguments: Sequence[str], verbs: Mapping[str, object]) -> list[st
 def _verbs() -> dict[str, Callable[..., Any]]:
     """Every verb is a frozen dataclass of options; calling it does the work and returns JSON values."""
     from haustra.scripts.bench_cost import BenchCost
+    from haustra.scripts.bench_grown import BenchGrown
+    from haustra.scripts.bench_pushes import BenchPushes
     from haustra.scripts.bench_rods import BenchRods
     from haustra.scripts.bench_tracked import BenchTracked
-    from haustra.scripts.colon import ColonGrow, ColonImport
+    from haustra.scripts.colon import ColonImport
+    from haustra.scripts.colon_check import ColonCheck
     from haustra.scripts.doctor import Doctor
+    from haustra.scripts.grow import ColonGrow
     from haustra.scripts.propulsion import Propulsion
     from haustra.scripts.report import Report
     from haustra.scripts.run import Run
@@ -71,6 +75,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
     return {
         "colon import": ColonImport,
         "colon grow": ColonGrow,
+        "colon check": ColonCheck,
         "wall": WallBuild,
         "tread fem": TreadFem,
         "propulsion": Propulsion,
@@ -81,6 +86,8 @@ def _verbs() -> dict[str, Callable[..., Any]]:
         "bench rods": BenchRods,
         "bench cost": BenchCost,
         "bench tracked": BenchTracked,
+        "bench pushes": BenchPushes,
+        "bench grown": BenchGrown,
         "doctor": Doctor,
     }
 

@@ -2,16 +2,23 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
 
+from haustra.errors import InvalidMeshError, InvalidOptionError
 from haustra.models.anatomy.colon import Centreline, ColonSegment
 
 SEGMENTS = ("rectum", "sigmoid", "descending", "transverse", "ascending", "caecum")
 """From anus to caecum."""
 BORDERS = ("rectosigmoid_junction", "descending_sigmoid_junction", "splenic_flexure", "hepatic_flexure", "caecum")
 """Landmark between each segment and the next."""
+VALVE = "ileocaecal_valve"
+"""A landmark that is never found, only given: the caecum begins at it."""
+LARGEST_DISTANCE = 0.08
+"""A landmark farther than this [m] from the centreline is a mistake: the widest caecum is 0.09 m across."""
+VALVE_NOTE = "The caecum's border is its usual share of the length: the surface shows no valve."
 USUAL_SHARE = {
     "rectosigmoid_junction": 0.09,
     "descending_sigmoid_junction": 0.32,
@@ -52,7 +59,7 @@ def find_landmarks(line: Centreline, diameter: Float[np.ndarray, " stations"]) -
     again. The rectum ends where the lumen narrows most within `RECTUM_WINDOW`. The ileocaecal valve leaves no mark on
     a lumen surface, so the caecum is the usual share of the length.
     """
-    length, notes = line.length, ["The caecum's border is its usual share of the length: the surface shows no valve."]
+    length, notes = line.length, [VALVE_NOTE]
     splenic, hepatic, standing = _flexures(line)
     if not standing:
         notes.append("The flexures do not stand out in height (is z up?): segments are usual shares of the length.")
@@ -69,6 +76,58 @@ def find_landmarks(line: Centreline, diameter: Float[np.ndarray, " stations"]) -
         "hepatic_flexure": float(line.arc[hepatic]),
         "caecum": length * (1 - CAECUM_SHARE),
     }
+    return Landmarks(places, tuple(notes))
+
+
+def landmark_positions(
+    places: Mapping[str, tuple[float, float, float]], transform: Float[np.ndarray, "3 3"]
+) -> dict[str, Float[np.ndarray, "3"]]:
+    """Positions [m] of named landmarks from a file's coordinates.
+
+    Raises:
+        InvalidOptionError: when a name is not known or a position is not three finite numbers.
+    """
+    known = ("anus", *BORDERS, VALVE)
+    positions = {}
+    for name, place in places.items():
+        if name not in known:
+            raise InvalidOptionError(f"Landmark '{name}' is not known. Known: {', '.join(known)}.")
+        position = np.asarray(place, dtype=float)
+        if position.shape != (3,) or not np.isfinite(position).all():
+            raise InvalidOptionError(f"The position of the {name} must be three finite numbers.")
+        positions[name] = transform @ position
+    if "caecum" in positions and VALVE in positions:
+        raise InvalidOptionError(f"The caecum begins at the {VALVE}: give one of the two.")
+    return positions
+
+
+def with_places(found: Landmarks, line: Centreline, positions: Mapping[str, Float[np.ndarray, "3"]]) -> Landmarks:
+    """Landmarks that were found, overridden by given positions [m] at the station nearest to each.
+
+    Raises:
+        InvalidMeshError: when a position is far from the colon, or the borders no longer follow each other.
+    """
+    places, notes = dict(found.places), list(found.notes)
+    for name, position in positions.items():
+        if name == "anus":
+            continue  # it decided where the centreline begins
+        distance = np.linalg.norm(line.points - position, axis=1)
+        if distance.min() > LARGEST_DISTANCE:
+            raise InvalidMeshError(
+                f"The given {name} is {distance.min() * 1e3:.0f} mm from the centreline: "
+                "check its coordinates and units."
+            )
+        places[name] = float(line.arc[int(distance.argmin())])
+    if VALVE in positions:
+        places["caecum"] = places[VALVE]
+    if {"caecum", VALVE} & positions.keys():
+        notes.remove(VALVE_NOTE)
+    order = [0.0, *(places[name] for name in BORDERS), line.length]
+    if any(after <= before for before, after in pairwise(order)):
+        along = ", ".join(f"{name} {places[name]:.2f} m" for name in BORDERS)
+        raise InvalidMeshError(
+            f"The landmarks do not follow each other from anus to caecum: {along}. Check those given."
+        )
     return Landmarks(places, tuple(notes))
 
 

@@ -1,6 +1,6 @@
 """A surface mesh becomes a colon."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -12,9 +12,10 @@ from haustra.errors import InvalidMeshError, InvalidOptionError, UnreadableFileE
 from haustra.models.anatomy.centring import smooth_inside
 from haustra.models.anatomy.colon import Colon, Surface
 from haustra.models.anatomy.frames import arc_length, centreline_through
-from haustra.models.anatomy.landmarks import find_landmarks, segments_between
+from haustra.models.anatomy.landmarks import find_landmarks, landmark_positions, segments_between, with_places
 from haustra.models.anatomy.lumen_grid import LumenGraph, lumen_graph
-from haustra.models.anatomy.mesh_file import read_mesh
+from haustra.models.anatomy.mesh_file import read_pieces
+from haustra.models.anatomy.points import read_points, surface_through
 from haustra.models.anatomy.properties import Clearance
 from haustra.models.anatomy.rays import LumenRays, radius_field
 from haustra.models.anatomy.repair import genus, repair, signed_volume
@@ -26,6 +27,8 @@ Units = Literal["mm", "cm", "m", "voxel"]
 """Units of a file's coordinates."""
 METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 """Metres in one unit of the file."""
+Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+"""glTF files have y up and z towards the viewer; here z is up and -y is the patient's front."""
 SHORTEST, LONGEST = 0.8, 2.6
 """Length of a colon [m]: cohorts in assets/numbers/anatomy.toml reach from 0.68 m at laparotomy to 2.6 m by CT."""
 STATION_STEP = 2e-3
@@ -49,45 +52,64 @@ class _Path:
 
 
 def import_colon(
-    file: Path,
+    files: Path | Sequence[Path],
     *,
     units: Units,
     spacing_mm: tuple[float, float, float] | None = None,
     anus: tuple[float, float, float] | None = None,
+    places: Mapping[str, tuple[float, float, float]] | None = None,
+    cloud: bool = False,
     name: str | None = None,
     progress: Callable[[str], None] = lambda stage: None,
 ) -> Colon:
-    """Make a colon of a closed lumen surface in an STL, OBJ or PLY file.
+    """Make a colon of a lumen surface in mesh files, or of points on it.
 
     Args:
-        file: The mesh.
+        files: The mesh; several files are pieces of one surface. Formats: STL, OBJ, PLY, GLB, VTK legacy and XML.
         units: Units of its coordinates.
         spacing_mm: Size of a voxel along x, y and z [mm]; needed with units 'voxel', refused otherwise.
         anus: Position of the anus in the file's units; found automatically when left out.
-        name: What to call the colon; the file's name when left out.
+        places: Positions of landmarks in the file's units, by name; they override what is found.
+        cloud: The files hold points on the surface (also XYZ and CSV): make the surface that they lie on.
+        name: What to call the colon; the first file's name when left out.
         progress: Called with the name of each stage as it begins.
 
     Raises:
-        UnreadableFileError: when the file cannot be read as a mesh.
+        UnreadableFileError: when a file cannot be read as a mesh.
         InvalidMeshError: when the mesh cannot serve as a lumen, or its length is not a colon's in these units.
-        InvalidOptionError: when units, spacing or anus do not fit.
+        InvalidOptionError: when units, spacing, anus or landmarks do not fit.
     """
-    scale = _scale(units, spacing_mm)
-    if anus is not None and not np.isfinite(anus).all():
-        raise InvalidOptionError("The position of the anus must be three finite numbers.")
+    files = (files,) if isinstance(files, Path) else tuple(files)
+    if not files:
+        raise InvalidOptionError("No file is named: name at least one.")
+    transform = np.diag(_scale(units, spacing_mm)) @ (Y_UP if files[0].suffix.lower() == ".glb" else np.eye(3))
+    named = {"anus": anus} if anus is not None else {}
+    positions = landmark_positions({**(places or {}), **named}, transform)
     progress("reading")
-    mesh = read_mesh(file)
-    source_hash = _file_hash(file)
-    progress("repairing")
-    repaired = repair(Surface(vertices=mesh.vertices * scale, faces=mesh.faces))
-    configuration = {"method": "mesh", "units": units, "spacing_mm": spacing_mm, "anus": anus}
+    if cloud:
+        vertices = read_points(files)
+        progress("finding the surface")
+        found = surface_through(vertices @ transform.T)
+        surface, notes = found.surface, found.notes
+    else:
+        mesh = read_pieces(files)
+        progress("repairing")
+        repaired = repair(Surface(vertices=mesh.vertices @ transform.T, faces=mesh.faces))
+        surface, notes = repaired.surface, repaired.notes
+    configuration = {
+        "method": "points" if cloud else "mesh",
+        "units": units,
+        "spacing_mm": spacing_mm,
+        "anus": anus,
+        "places": dict(places or {}),
+    }
     return colon_from_surface(
-        repaired.surface,
-        name=name or file.stem,
-        provenance=Provenance(inputs={file.name: source_hash}, configuration=configuration),
-        anus=None if anus is None else np.asarray(anus, dtype=float) * scale,
+        surface,
+        name=name or files[0].stem,
+        provenance=Provenance(inputs={file.name: file_hash(file) for file in files}, configuration=configuration),
+        positions=positions,
         units=units,
-        notes=repaired.notes,
+        notes=notes,
         progress=progress,
     )
 
@@ -97,7 +119,7 @@ def colon_from_surface(
     *,
     name: str,
     provenance: Provenance,
-    anus: Float[np.ndarray, "3"] | None = None,
+    positions: Mapping[str, Float[np.ndarray, "3"]] | None = None,
     units: Units = "m",
     notes: tuple[str, ...] = (),
     progress: Callable[[str], None] = lambda stage: None,
@@ -108,7 +130,7 @@ def colon_from_surface(
         surface: The lumen [m].
         name: What to call the colon.
         provenance: Where the surface comes from.
-        anus: Position of the anus [m]; found automatically when left out.
+        positions: Positions of landmarks [m] by name, among them perhaps the anus; the others are found automatically.
         units: Units that were assumed, for the message when the scale is not a colon's.
         notes: What was done before, put in front of the colon's warnings.
         progress: Called with the name of each stage as it begins.
@@ -116,10 +138,11 @@ def colon_from_surface(
     Raises:
         InvalidMeshError: when the surface has no lumen from end to end, or its length is not a colon's.
     """
+    positions = positions or {}
     progress("filling the lumen")
     graph = lumen_graph(surface, volume=signed_volume(surface.vertices, surface.faces))
     progress("finding the way through")
-    path = _way_through(graph, anus)
+    path = _way_through(graph, positions.get("anus"))
     check_length(float(arc_length(path.points)[-1]), units)
     progress("smoothing the centreline")
     rays, clearance = LumenRays(surface), Clearance(surface)
@@ -127,7 +150,7 @@ def colon_from_surface(
     line = centreline_through(smooth_inside(trimmed, rays, clearance), STATION_STEP)
     progress("measuring the radius")
     radius = radius_field(rays, line.points, line.frames, ANGLES)
-    landmarks = find_landmarks(line, effective_diameter(line, radius))
+    landmarks = with_places(find_landmarks(line, effective_diameter(line, radius)), line, positions)
     if handles := genus(surface.faces):
         notes += (f"The surface has {handles} handles: loops or folds touch; the centreline keeps to the widest way.",)
     if graph.dropped:
@@ -178,7 +201,12 @@ def _scale(units: Units, spacing_mm: tuple[float, float, float] | None) -> Float
     return np.asarray(spacing_mm, dtype=float) * 1e-3
 
 
-def _file_hash(file: Path) -> str:
+def file_hash(file: Path) -> str:
+    """Hash of a file's content.
+
+    Raises:
+        UnreadableFileError: when it cannot be read.
+    """
     try:
         return content_hash(file.read_bytes())
     except OSError as error:

@@ -1,58 +1,58 @@
 """Reading surface meshes: cheap checks first, the parser in a child process with limits."""
 
-import os
-import subprocess
-import sys
-import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from haustra.errors import InvalidMeshError, UnreadableFileError
+from haustra.models.anatomy.child import arrays_from
 from haustra.models.anatomy.colon import Surface
+from haustra.models.anatomy.vtk_cells import joined
 
-FORMATS = (".stl", ".obj", ".ply")
-"""Suffixes of the formats that are read."""
+FORMATS = (".stl", ".obj", ".ply", ".glb", ".vtk", ".vtp", ".vtu", ".xyz", ".csv")
+"""Suffixes of the formats that are read; the last two hold points only."""
 MAX_BYTES = 2_000_000_000
 """Larger files are refused: ten million triangles take 500 MB as binary STL."""
 MAX_TRIANGLES = 12_000_000
 """More triangles than this do not fit into the memory of a small machine."""
-PARSE_SECONDS = 120
-"""A parser that takes longer hangs: five million triangles load in 20 s."""
 STL_HEADER, STL_TRIANGLE = 84, 50
 """Bytes of a binary STL's header and of each triangle."""
 
 
 def read_mesh(file: Path) -> Surface:
-    """Read the triangles of an STL, OBJ or PLY file, in the file's own units.
+    """Read the triangles of a file (STL, OBJ, PLY, GLB, VTK legacy or XML), in the file's own units.
+
+    A file without triangles gives a surface without triangles: its vertices may be a cloud of points.
 
     Raises:
         UnreadableFileError: when the file is missing, empty, truncated, too large or not a mesh of its kind.
-        InvalidMeshError: when it holds no triangles, or coordinates that are not finite.
+        InvalidMeshError: when it holds coordinates that are not finite, or indices of vertices that it does not hold.
     """
     _check_file(file)
-    with tempfile.TemporaryDirectory() as scratch:
-        target = Path(scratch) / "mesh.npz"
-        command = [sys.executable, "-m", "haustra.models.anatomy.mesh_parser", os.fspath(file.resolve()), str(target)]
-        try:
-            child = subprocess.run(command, capture_output=True, text=True, timeout=PARSE_SECONDS, check=False)
-        except subprocess.TimeoutExpired as error:
-            raise UnreadableFileError(
-                f"'{file}' took more than {PARSE_SECONDS} s to read: simplify the mesh, or convert it to binary STL."
-            ) from error
-        if child.returncode != 0 or not target.is_file():
-            reason = (child.stderr.strip().splitlines() or ["the parser crashed"])[-1]
-            raise UnreadableFileError(
-                f"'{file}' cannot be read as {file.suffix[1:].upper()} ({reason[:160]}): export it again."
-            )
-        with np.load(target, allow_pickle=False) as arrays:
-            vertices, faces = arrays["vertices"], arrays["faces"]
-    if len(faces) == 0:
-        raise InvalidMeshError(f"'{file}' holds no triangles: export the surface, not points or lines.")
+    arrays = arrays_from("haustra.models.anatomy.mesh_parser", file, file.suffix[1:].upper())
+    vertices, faces = arrays["vertices"], arrays["faces"]
     if not np.isfinite(vertices).all():
         raise InvalidMeshError(f"'{file}' holds coordinates that are not finite numbers: export it again.")
-    if faces.min() < 0 or faces.max() >= len(vertices):
+    if len(faces) > MAX_TRIANGLES:
+        raise InvalidMeshError(f"'{file}' has {len(faces)} triangles, more than {MAX_TRIANGLES}: simplify it.")
+    if len(faces) and (faces.min() < 0 or faces.max() >= len(vertices)):
         raise InvalidMeshError(f"'{file}' refers to vertices that it does not hold: export it again.")
+    return Surface(vertices=vertices, faces=faces)
+
+
+def read_pieces(files: Sequence[Path]) -> Surface:
+    """Read several files as pieces of one surface, in the units that they share.
+
+    Raises:
+        UnreadableFileError: as `read_mesh`.
+        InvalidMeshError: as `read_mesh`, or when a file holds no triangles.
+    """
+    pieces = [read_mesh(file) for file in files]
+    for file, piece in zip(files, pieces, strict=True):
+        if len(piece.faces) == 0:
+            raise InvalidMeshError(f"'{file}' holds no triangles: export the surface, not points or lines.")
+    vertices, faces = joined([(piece.vertices, piece.faces) for piece in pieces])
     return Surface(vertices=vertices, faces=faces)
 
 
@@ -74,6 +74,10 @@ def _check_file(file: Path) -> None:
         raise UnreadableFileError(f"'{file}' has {size / 1e9:.1f} GB, more than {MAX_BYTES / 1e9:.0f}: simplify it.")
     if suffix == ".ply" and not head.startswith(b"ply"):
         raise UnreadableFileError(f"'{file}' is not a PLY file: it does not begin with 'ply'.")
+    if suffix == ".glb" and not head.startswith(b"glTF"):
+        raise UnreadableFileError(f"'{file}' is not a GLB file: it does not begin with 'glTF'.")
+    if suffix in (".vtk", ".vtp", ".vtu") and not head.lstrip().startswith((b"# vtk", b"<?xml", b"<VTKFile")):
+        raise UnreadableFileError(f"'{file}' is not a VTK file: neither a legacy nor an XML one begins like this.")
     if suffix == ".stl":
         _check_stl(file, head, size)
 

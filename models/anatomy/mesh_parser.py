@@ -3,34 +3,52 @@
 import sys
 from pathlib import Path
 
-MEMORY_LIMIT = 8_000_000_000
-"""Address space of the child [bytes], where the system can limit it."""
+from haustra.models.anatomy.child import complain, limit_memory
 
 
 def main(source: str, target: str) -> int:
-    """Read `source` with trimesh and write vertices and faces to `target` (npz); 1 and a reason when it cannot."""
-    _limit_memory()
+    """Read `source` and write vertices and faces to `target` (npz); 1 and a reason when it cannot."""
+    limit_memory()
     import numpy as np
-    import trimesh
 
     try:
-        mesh = trimesh.load_mesh(source, process=False)
-    except Exception as error:  # whatever the parser stumbles over is a fault of the file
-        sys.stderr.write(f"{type(error).__name__}: {' '.join(str(error).split())}\n")
-        return 1
-    vertices = np.asarray(getattr(mesh, "vertices", np.empty((0, 3))), dtype=np.float64)
-    faces = np.asarray(getattr(mesh, "faces", np.empty((0, 3))), dtype=np.int64)
+        vertices, faces = _read(Path(source))
+    except (Exception, RecursionError) as error:  # whatever the parser stumbles over is a fault of the file
+        return complain(error)
     np.savez(Path(target), vertices=vertices.reshape(-1, 3), faces=faces.reshape(-1, 3))
     return 0
 
 
-def _limit_memory() -> None:
-    try:
-        import resource
+def _read(file: Path):
+    """Vertices and triangles of a file, by its suffix and, for VTK, by what it begins with."""
+    if file.suffix.lower() in (".vtk", ".vtp", ".vtu"):
+        from haustra.models.anatomy.vtk_legacy import read_vtk_legacy
+        from haustra.models.anatomy.vtk_xml import read_vtk_xml
 
-        resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, MEMORY_LIMIT))
-    except (ImportError, OSError, ValueError):
-        return  # not every system can limit it; the time limit of the parent still holds
+        with file.open("rb") as stream:
+            legacy = stream.read(64).startswith(b"# vtk")
+        return read_vtk_legacy(file) if legacy else read_vtk_xml(file)
+    import numpy as np
+
+    if file.suffix.lower() in (".xyz", ".csv"):
+        lines = file.read_text(encoding="utf-8").replace(",", " ").replace(";", " ").splitlines()
+        if lines and not _is_numbers(lines[0]):
+            lines = lines[1:]  # names of the columns
+        table = np.loadtxt(lines, dtype=float, ndmin=2)
+        return table[:, :3], np.empty((0, 3), np.int64)
+    import trimesh
+
+    mesh = trimesh.load_mesh(file, process=False)
+    vertices = np.asarray(getattr(mesh, "vertices", np.empty((0, 3))), dtype=np.float64)
+    return vertices, np.asarray(getattr(mesh, "faces", np.empty((0, 3))), dtype=np.int64)
+
+
+def _is_numbers(line: str) -> bool:
+    try:
+        list(map(float, line.split()))
+    except ValueError:
+        return False
+    return True
 
 
 if __name__ == "__main__":

@@ -10,11 +10,14 @@ from scipy.sparse.csgraph import connected_components
 
 from haustra.errors import InvalidMeshError
 from haustra.models.anatomy.colon import Surface
+from haustra.models.anatomy.manifold import Sheets, make_sheets, part_doubled_edges
 
 WELD_SHARE = 1e-6
 """Vertices nearer than this share of the largest extent are one: single precision in a mesh file resolves 1e-7."""
 LARGEST_OPENING = 0.35
 """Longest rim that is closed with a lid [m]: an anus or an ileum cut open has less; more is a missing wall."""
+PINHOLE = 0.02
+"""Openings less than this around [m] are counted apart: flaws of the meshing, not ends of the colon."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,7 @@ class Repaired:
 
 
 def repair(surface: Surface) -> Repaired:
-    """Weld, keep the largest piece, close open rims, wind outwards, and check with manifold3d.
+    """Weld, wind alike, part what touches along an edge, keep the largest piece, close rims, check with manifold3d.
 
     Args:
         surface: Triangles with coordinates in [m].
@@ -36,9 +39,13 @@ def repair(surface: Surface) -> Repaired:
         InvalidMeshError: when the result is not a closed surface.
     """
     notes: list[str] = []
-    vertices, faces = _weld(surface, notes)
-    vertices, faces = _main_piece(vertices, faces, notes)
-    vertices, faces = _close_rims(vertices, faces, notes)
+    sheets = make_sheets(*_weld(surface, notes))
+    if sheets.turned:
+        notes.append(f"Turned {sheets.turned} triangles to agree with their neighbours.")
+    if sheets.parted:
+        notes.append(f"Took apart {sheets.parted} edges at which more than two triangles met.")
+    vertices, faces = _close_rims(sheets, notes)
+    vertices, faces = _main_piece(*part_doubled_edges(vertices, faces), notes)
     if signed_volume(vertices, faces) < 0:
         faces = faces[:, ::-1]
         notes.append("Turned the surface outwards.")
@@ -97,42 +104,44 @@ def _weld(surface: Surface, notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _main_piece(vertices: np.ndarray, faces: np.ndarray, notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    """The piece with the largest area: crumbs may have many triangles."""
     edges = faces[:, [0, 1, 1, 2]].reshape(-1, 2).T
     links = coo_array((np.ones(edges.shape[1], np.int8), (edges[0], edges[1])), shape=(len(vertices),) * 2)
     pieces, label = connected_components(links, directed=False)
     if pieces == 1:
-        return vertices, faces
-    size = np.bincount(label[faces[:, 0]], minlength=pieces)
-    notes.append(f"Kept the largest of {pieces} separate pieces ({size.max()} of {size.sum()} triangles).")
-    return _compact(vertices, faces[label[faces[:, 0]] == size.argmax()])
+        return _compact(vertices, faces)
+    corners = vertices[faces]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    size = np.bincount(label[faces[:, 0]], weights=area, minlength=pieces)
+    kept = label[faces[:, 0]] == size.argmax()
+    pieces = len(np.unique(label[faces[:, 0]]))
+    if pieces > 1:
+        notes.append(f"Kept the largest of {pieces} separate pieces ({kept.sum()} of {len(faces)} triangles).")
+    return _compact(vertices, faces[kept])
 
 
-def _close_rims(vertices: np.ndarray, faces: np.ndarray, notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Close each simple open rim by a fan about its centre."""
-    rim = open_edges(faces)
-    if len(rim) == 0:
+def _close_rims(sheets: Sheets, notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Close each rim by a fan about its centre; rims of main interest first, so that crumbs don't stop the repair."""
+    vertices, faces = sheets.vertices, sheets.faces
+    if not sheets.rims:
         return vertices, faces
-    following = dict(zip(rim[:, 0].tolist(), rim[:, 1].tolist(), strict=True))
-    if len(following) < len(rim) or set(following) != set(following.values()):
-        raise InvalidMeshError(
-            f"The surface is open or not a manifold along {len(rim)} edges: close its holes in a mesh editor first."
-        )
-    centres, lids = [], []
-    while following:
-        loop = [next(iter(following))]
-        while (after := following.pop(loop[-1])) != loop[0]:
-            loop.append(after)
-        around = vertices[loop]
+    centres, lids, pinholes = [], [], 0
+    for loop in sheets.rims:
+        around = vertices[list(loop)]
         length = float(np.linalg.norm(around - np.roll(around, 1, axis=0), axis=1).sum())
         if length > LARGEST_OPENING:
             raise InvalidMeshError(
                 f"The surface has an opening {length * 1e3:.0f} mm around, more than {LARGEST_OPENING * 1e3:.0f}: "
                 "a part of the wall is missing."
             )
+        pinholes += length <= PINHOLE
         centre = len(vertices) + len(centres)
         centres.append(around.mean(0))
         lids += [(b, a, centre) for a, b in zip(loop, loop[1:] + loop[:1], strict=True)]
-    notes.append(f"Closed {len(centres)} openings with lids.")
+    if pinholes:
+        notes.append(f"Filled {pinholes} pinholes, up to {PINHOLE * 1e3:.0f} mm around.")
+    if larger := len(centres) - pinholes:
+        notes.append(f"Closed {larger} openings with lids.")
     return np.concatenate([vertices, centres]), np.concatenate([faces, np.array(lids, dtype=faces.dtype)])
 
 

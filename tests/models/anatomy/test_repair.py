@@ -54,11 +54,33 @@ def test_a_missing_wall_is_refused(ball: Surface):
         repair(large)
 
 
-def test_a_fin_on_the_surface_is_refused(ball: Surface):
+def test_a_fin_on_the_surface_is_taken_off(ball: Surface):
     vertices = np.concatenate([ball.vertices, [[0.0, 0.0, 0.05]]])
     fin = [[ball.faces[0, 0], ball.faces[0, 1], len(ball.vertices)]]
-    with pytest.raises(InvalidMeshError, match=r"not closed|not a manifold"):
-        repair(Surface(vertices, np.concatenate([ball.faces, fin])))
+    repaired = repair(Surface(vertices, np.concatenate([ball.faces, fin])))
+    assert is_watertight(repaired.surface.faces)
+    assert len(repaired.surface.faces) == len(ball.faces)
+    assert any("more than two" in note for note in repaired.notes)
+
+
+def test_triangles_wound_at_random_are_turned_to_agree(ball: Surface):
+    turned = np.random.default_rng(0).random(len(ball.faces)) < 0.3
+    faces = np.where(turned[:, None], ball.faces[:, ::-1], ball.faces)
+    repaired = repair(Surface(ball.vertices, faces))
+    volume = signed_volume(repaired.surface.vertices, repaired.surface.faces)
+    assert volume == pytest.approx(signed_volume(ball.vertices, ball.faces))
+    assert any(f"Turned {turned.sum()} triangles" in note for note in repaired.notes)
+
+
+def test_two_boxes_that_touch_along_an_edge_part_there():
+    # Four faces meet at the common edge. Were the wrong two joined, the boxes would be one body.
+    one, two = (as_surface(trimesh.creation.box(bounds=[[x, x, 0], [x + 0.1, x + 0.1, 0.1]])) for x in (0.0, 0.1))
+    both = Surface(
+        np.concatenate([one.vertices, two.vertices]), np.concatenate([one.faces, two.faces + len(one.vertices)])
+    )
+    repaired = repair(both)
+    assert any("largest of 2" in note for note in repaired.notes)
+    assert signed_volume(repaired.surface.vertices, repaired.surface.faces) == pytest.approx(1e-3)
 
 
 def test_genus_counts_handles(ball: Surface):

@@ -1,0 +1,46 @@
+"""`haustra colon check`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+
+@dataclass(frozen=True)
+class ColonCheck:
+    """Say what is good and what is not about a colon, and draw it."""
+
+    folder: tyro.conf.Positional[Path]
+    """Folder of a colon, from `haustra colon import` or `haustra colon grow`."""
+    device_mm: float = 12.8
+    """Diameter of the device that is to pass [mm]; an adult colonoscope's when not given."""
+    picture: Path | None = None
+    """PNG to write; check.png in the colon's folder when not given."""
+    json: bool = False
+    """Print one JSON document on stdout."""
+
+    def __call__(self) -> dict:
+        """Check, draw, and return the verdicts."""
+        import math
+
+        from haustra.envs.picture.check_figure import write_check_figure
+        from haustra.errors import InvalidOptionError
+        from haustra.models.anatomy.check import check_colon
+        from haustra.models.anatomy.store import load_colon
+
+        if not (math.isfinite(self.device_mm) and 0 < self.device_mm <= 100):
+            raise InvalidOptionError(f"A device of {self.device_mm} mm is impossible: give 0-100 mm.")
+        colon = load_colon(self.folder)
+        check = check_colon(colon, device_diameter=self.device_mm * 1e-3)
+        picture = write_check_figure(colon, check, self.picture or self.folder / "check.png")
+        found = check.to_json()
+        if self.json:
+            return {"name": colon.name, **found, "warnings": list(colon.warnings), "picture": str(picture)}
+        table = {verdict.what: f"{verdict.state}: {verdict.finding}" for verdict in check.verdicts}
+        return {
+            "colon": colon.name,
+            "verdict": check.state,
+            **table,
+            "warnings": list(colon.warnings),
+            "picture": str(picture),
+        }
