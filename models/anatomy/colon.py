@@ -49,6 +49,30 @@ class ColonSegment:
 
 
 @dataclass(frozen=True)
+class Lesion:
+    """A lesion that was put into a grown colon: geometry only. SI units."""
+
+    kind: str
+    """stricture, diverticulum or polyp."""
+    type: str
+    """Shape: concentric; sac; sessile, pedunculated or flat."""
+    size_class: str
+    """Name of the class in which its size lies."""
+    size: float
+    """Throat of a stricture, sac of a diverticulum, width of a polyp [m]."""
+    extent: float
+    """Length of a stricture's throat, depth of a diverticulum, height of a polyp [m]."""
+    segment: str
+    """Segment of the colon."""
+    arc: float
+    """Arc length from the anus [m]."""
+    angle: float | None
+    """Direction from the centreline's first normal towards the second [rad]; None all around."""
+    position: tuple[float, float, float]
+    """Its foot on the wall, or the middle of a stricture's throat on the centreline [m]."""
+
+
+@dataclass(frozen=True)
 class Colon:
     """A simulated patient's colon. SI units."""
 
@@ -68,3 +92,5 @@ class Colon:
     """Arc length of named places [m]."""
     warnings: tuple[str, ...] = ()
     """What was repaired, and what a user should know."""
+    lesions: tuple[Lesion, ...] = ()
+    """Strictures, diverticula and polyps that were put in."""

@@ -9,13 +9,15 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
+from haustra.errors import InvalidMeshError
 from haustra.models.anatomy.frames import arc_length, curvature, resample, smooth
 from haustra.models.anatomy.landmarks import SEGMENTS
 from haustra.models.anatomy.recipe import ColonRecipe
+from haustra.models.anatomy.tortuosity import acute_flexures
 
 LINK = 5e-3
 """Length of the chain's links [m]: an eighth of a flexure's radius."""
-ROUNDS = 1000
+ROUNDS = 600
 """Relaxation rounds; lengths, bends and room change by less than 1 % in the last hundred."""
 SWEEPS = 8
 """Times in each round that bends and links are brought to their bounds."""
@@ -31,15 +33,37 @@ DRAFT_SMOOTHING = 0.025
 """Standard deviation by which the draft is smoothed [m]: rounds its corners to about a flexure's radius."""
 STRIDES = (1, 4)
 """Links on either side over which a bend is measured: the longer ones carry corrections across a flexure."""
-GAP_MARGIN, BEND_MARGIN, OUTER_MARGIN = 1.2, 1.05, 1.4
+GAP_MARGIN, BEND_MARGIN, OUTER_MARGIN = 1.2, 1.15, 1.4
 """Room and radius of curvature are aimed this much above what is needed, since relaxation stops short of it: the
 room, the flexure's radius, and the radius of curvature over the lumen's."""
+ENOUGH_ROOM = 0.9
+"""A course is taken when its gap and its bends reach this share of what the recipe asks."""
+RECTAL_FADE = 0.05
+"""The slow widening sets in over this length [m] above the anal canal."""
 NEAR_AHEAD = 2.2
 """Points are neighbours along the colon, not across, within this many times their two radii."""
-MEANDER = 0.009
-"""Standard deviation of the course about its usual places [m]..."""
-MEANDER_WAVES, MEANDER_TERMS = (0.10, 0.25), 3
-"""... swaying with this many wavelengths from this range [m]."""
+SWAY, SWAY_PER_FLEXURE = 0.009, 5.7e-3
+"""Standard deviation of the course about its usual places [m] that gives `PLAIN` flexures a metre, and how much more of
+it gives one more a metre; measured on six colons, and only the first guess."""
+PLAIN = 2.8
+"""Acute flexures a metre of a hardly swaying course."""
+SWAY_LIMITS = (0.003, 0.035)
+"""Least and largest sway [m]."""
+SWAY_WAVES, SWAY_TERMS = (0.12, 0.18), 3
+"""Wavelengths of the sway [m], and how many of them add up."""
+SWAY_LENGTH = 15.0
+"""Share of the length by which loops are drafted shorter for a metre of sway, which itself takes length [1/m]."""
+LOOSE_POINTS = 0.009
+"""Standard deviation of the draft's points about their usual places [m]."""
+ATTEMPTS = 6
+"""Courses that are tried for one case before it is given up."""
+TRIES = 4
+"""Times the sway is corrected towards the flexures that are asked for."""
+NEAR_ENOUGH = 0.75
+"""Flexures more or fewer that are taken."""
+EXACT = 9
+"""Decimals of a metre to which the draft is rounded. The relaxation only adds, multiplies, divides and takes roots,
+which every machine does alike; sines and splines before it may differ in their last bits."""
 BULGE = 1.15
 """Outside of the haustra over the mean radius."""
 
@@ -54,32 +78,93 @@ class Course:
     """Smallest room between the lumens of parts that are not neighbours along the colon [m]."""
     radius_of_curvature: float
     """Smallest radius of curvature [m]."""
+    flexures: int
+    """Acute flexures."""
+
+
+@dataclass(frozen=True)
+class Sway:
+    """What chance decides about a course; the same sway can be laid with any strength."""
+
+    points: tuple[Float[np.ndarray, "_ 3"], ...]
+    """Unit offsets of the draft's points in sigmoid, descending, transverse and ascending colon."""
+    waves: Float[np.ndarray, "terms 1 3"]
+    """Wavelengths along the colon [m]."""
+    phases: Float[np.ndarray, "terms 1 3"]
+    """Their phases [rad]."""
+
+
+def draw_sway(rng: np.random.Generator) -> Sway:
+    """Draw what chance decides about a course."""
+    return Sway(
+        points=tuple(rng.standard_normal((count, 3)) for count in (4, 2, 4, 2)),
+        waves=rng.uniform(*SWAY_WAVES, size=(SWAY_TERMS, 1, 3)),
+        phases=rng.uniform(0, 2 * np.pi, size=(SWAY_TERMS, 1, 3)),
+    )
 
 
 def lay_course(recipe: ColonRecipe, rng: np.random.Generator) -> Course:
-    """Lay the axis: an anatomical draft, relaxed until it has its length, its bends and its room."""
+    """Lay the axis with about as many flexures as the recipe asks, or as near to it as its length and room allow."""
+    sway = draw_sway(rng)
+    strength = SWAY + SWAY_PER_FLEXURE * (recipe.flexures / recipe.length - PLAIN)
+    courses: list[Course] = []
+    for _ in range(TRIES):
+        strength = float(np.clip(strength, *SWAY_LIMITS))
+        courses.append(_lay(recipe, sway, strength))
+        missing = recipe.flexures - courses[-1].flexures
+        if abs(missing) <= NEAR_ENOUGH and is_free(courses[-1], recipe):
+            break
+        strength += SWAY_PER_FLEXURE * missing / recipe.length
+    return min(courses, key=lambda course: (not is_free(course, recipe), abs(recipe.flexures - course.flexures)))
+
+
+def lay_free_course(recipe: ColonRecipe, rng: np.random.Generator) -> Course:
+    """Lay courses until one has room between its loops and bends wide enough.
+
+    Raises:
+        InvalidMeshError: when none of `ATTEMPTS` has.
+    """
+    for _ in range(ATTEMPTS):
+        course = lay_course(recipe, rng)
+        if is_free(course, recipe):
+            return course
+    raise InvalidMeshError(f"No course without self-contact was found in {ATTEMPTS} attempts: take another seed.")
+
+
+def is_free(course: Course, recipe: ColonRecipe) -> bool:
+    """Whether the course has room between its loops and bends wide enough."""
+    roomy = course.gap >= ENOUGH_ROOM * recipe.gap
+    return bool(roomy and course.radius_of_curvature >= ENOUGH_ROOM * recipe.flexure_radius)
+
+
+def _lay(recipe: ColonRecipe, sway: Sway, strength: float) -> Course:
+    """An anatomical draft, relaxed until it has its length, its bends and its room."""
     links = round(recipe.length / LINK)
     arc = np.linspace(0.0, recipe.length, links + 1)
-    outer = BULGE * radius_along(recipe, arc)
-    home = smooth(_draft(recipe, rng, arc), DRAFT_SMOOTHING / LINK) + _meander(rng, arc)
-    points = _relax(home, recipe, outer)
-    points = resample(points, LINK)
+    outer = np.round(BULGE * radius_along(recipe, arc), EXACT)
+    draft = smooth(_draft(recipe, sway, arc, strength), DRAFT_SMOOTHING / LINK)
+    home = np.round(draft + strength * _swaying(sway, arc), EXACT)
+    points = resample(_relax(home, recipe, outer), LINK)
+    points = points * (recipe.length / arc_length(points)[-1])  # wide bends leave the chain 1 to 2 % short
     return Course(
         points=points,
         gap=smallest_gap(points, BULGE * radius_along(recipe, np.linspace(0, recipe.length, len(points)))),
         radius_of_curvature=float(1 / curvature(points)[2:-2].max()),
+        flexures=acute_flexures(points),
     )
 
 
 def radius_along(recipe: ColonRecipe, arc: Float[np.ndarray, " points"]) -> Float[np.ndarray, " points"]:
-    """Mean radius [m] at each arc length, changing smoothly between the middles of the segments."""
+    """Mean radius [m] at each arc length: smooth between the middles of the segments, widening and narrowing slowly."""
     borders = recipe.borders()
     middles = [sum(borders[name]) / 2 for name in SEGMENTS]
     values = [recipe.diameters[name] / 2 for name in SEGMENTS]
     ampulla = np.array([0.25, 0.5, 0.85]) * borders["rectum"][1]
     places = [0.0, *ampulla, *middles[1:], recipe.length]
     radii = [recipe.anus_diameter / 2, 0.75 * values[0], values[0], values[0], *values[1:], values[-1]]
-    return PchipInterpolator(places, radii)(np.clip(arc, 0.0, recipe.length))
+    waves = [share * np.sin(2 * np.pi * arc / wave + phase) for share, wave, phase in recipe.widenings]
+    fading = np.clip((arc - ampulla[0]) / RECTAL_FADE, 0.0, 1.0)
+    return PchipInterpolator(places, radii)(np.clip(arc, 0.0, recipe.length)) * (1 + fading * np.sum(waves, axis=0))
 
 
 def smallest_gap(points: Float[np.ndarray, "points 3"], outer: Float[np.ndarray, " points"]) -> float:
@@ -96,9 +181,9 @@ def _across(outer: Float[np.ndarray, " points"]) -> Bool[np.ndarray, "points poi
 
 
 def _draft(
-    recipe: ColonRecipe, rng: np.random.Generator, arc: Float[np.ndarray, " points"]
+    recipe: ColonRecipe, sway: Sway, arc: Float[np.ndarray, " points"], strength: float
 ) -> Float[np.ndarray, "points 3"]:
-    """Anatomical places along the colon, each segment stretched or folded to its length."""
+    """Anatomical places along the colon, each segment stretched or folded to its length less what its sway takes."""
     left, right = 0.115, -0.110
     junction = np.array([left, 0.015, 0.150])
     splenic = np.array([0.100, 0.035, junction[2] + 0.95 * recipe.lengths["descending"]])
@@ -110,10 +195,11 @@ def _draft(
     transverse = [(0.075, -0.040, splenic[2] - 0.045), (0.030, -0.075, 0), (-0.030, -0.080, 0), (-0.075, -0.050, 0)]
     ascending = [(right - 0.005, 0.030, hepatic[2] + share * (foot[2] - hepatic[2])) for share in (0.35, 0.7)]
     caecum = [foot + np.array([0.008, -0.012, -0.9 * recipe.lengths["caecum"]])]
-    noise = [MEANDER * rng.standard_normal((len(part), 3)) for part in (sigmoid, descending, transverse, ascending)]
+    noise = [LOOSE_POINTS * offsets for offsets in sway.points]
+    taut = 1 - SWAY_LENGTH * (strength - SWAY_LIMITS[0])
     ends = [np.asarray(rectal[-1]), junction, splenic, hepatic, foot]
     middle = (
-        _bow(np.array(sigmoid) + noise[0], ends[0], ends[1], recipe.lengths["sigmoid"]),
+        _bow(np.array(sigmoid) + noise[0], ends[0], ends[1], taut * recipe.lengths["sigmoid"]),
         np.array(descending) + 0.6 * noise[1],
         _sag(np.array(transverse) + noise[2], splenic, hepatic, recipe.lengths["transverse"]),
         np.array(ascending) + 0.6 * noise[3],
@@ -136,12 +222,10 @@ def _draft(
     return CubicSpline(np.concatenate(places), np.concatenate(controls))(arc)
 
 
-def _meander(rng: np.random.Generator, arc: Float[np.ndarray, " points"]) -> Float[np.ndarray, "points 3"]:
-    """Swaying about the draft, fading in from the fixed rectum."""
-    waves = rng.uniform(*MEANDER_WAVES, size=(MEANDER_TERMS, 1, 3))
-    phases = rng.uniform(0, 2 * np.pi, size=(MEANDER_TERMS, 1, 3))
-    sway = np.sin(2 * np.pi * arc[:, None] / waves + phases).sum(0)
-    return MEANDER * np.sqrt(2 / MEANDER_TERMS) * np.clip((arc - 0.08) / 0.05, 0, 1)[:, None] * sway
+def _swaying(sway: Sway, arc: Float[np.ndarray, " points"]) -> Float[np.ndarray, "points 3"]:
+    """Swaying of unit strength about the draft, fading in from the fixed rectum."""
+    waves = np.sin(2 * np.pi * arc[:, None] / sway.waves + sway.phases).sum(0)
+    return np.sqrt(2 / SWAY_TERMS) * np.clip((arc - 0.08) / 0.05, 0, 1)[:, None] * waves
 
 
 def _bow(inner: np.ndarray, start: np.ndarray, end: np.ndarray, length: float) -> np.ndarray:

@@ -1,5 +1,7 @@
 """What a colon measures."""
 
+from dataclasses import asdict
+
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial import KDTree
@@ -49,5 +51,6 @@ def describe(colon: Colon) -> dict:
         "landmarks_m": dict(colon.landmarks),
         "centreline_min_clearance_m": float(Clearance(colon.lumen)(line.points).min()),
         "turning_deg": float(np.degrees(np.trapezoid(curvature(line.points), line.arc))),
+        "lesions": [asdict(lesion) for lesion in colon.lesions],
         "warnings": list(colon.warnings),
     }

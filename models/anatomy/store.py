@@ -9,7 +9,7 @@ import numpy as np
 
 from haustra.errors import UnreadableFileError
 from haustra.files import prepare_folder, write_atomically, write_json
-from haustra.models.anatomy.colon import Centreline, Colon, ColonSegment, Surface
+from haustra.models.anatomy.colon import Centreline, Colon, ColonSegment, Lesion, Surface
 from haustra.provenance import Provenance, content_hash
 
 FORMAT_VERSION = 1
@@ -53,6 +53,7 @@ def save_colon(colon: Colon, folder: Path) -> Path:
             "segments": [asdict(segment) for segment in colon.segments],
             "landmarks": dict(colon.landmarks),
             "warnings": list(colon.warnings),
+            "lesions": [asdict(lesion) for lesion in colon.lesions],
             "provenance": colon.provenance.to_json(),
         },
     )
@@ -78,6 +79,7 @@ def load_colon(folder: Path) -> Colon:
             provenance=Provenance(**metadata["provenance"]),
             landmarks=dict(metadata["landmarks"]),
             warnings=tuple(metadata["warnings"]),
+            lesions=tuple(_lesion(entry) for entry in metadata.get("lesions", ())),
         )
         expected = metadata["hash"]
     except (KeyError, TypeError, AttributeError) as error:
@@ -85,6 +87,10 @@ def load_colon(folder: Path) -> Colon:
     if colon_hash(colon) != expected:
         raise UnreadableFileError(f"The files in '{folder}' do not belong together: make the colon again.")
     return colon
+
+
+def _lesion(entry: dict) -> Lesion:
+    return Lesion(**{**entry, "position": tuple(entry["position"])})
 
 
 def _arrays(colon: Colon) -> dict[str, Any]:

@@ -9,7 +9,7 @@ DOME_HEIGHT = 0.9
 """Height of a rounded end over its mean radius."""
 DOME_RINGS = 5
 """Rings of each rounded end."""
-RESOLUTION = 1e-7
+RESOLUTION = 1e-6
 """Vertices are rounded to this [m], so that the last bits of sine and cosine on another machine do not show."""
 
 
@@ -32,7 +32,7 @@ def tube(
     rings = np.stack([*first[1:], *body, *last[:-1]])
     poles = np.stack([first[0].mean(0), last[-1].mean(0)])
     vertices = np.concatenate([rings.reshape(-1, 3), poles])
-    return Surface(vertices=np.round(vertices / RESOLUTION) * RESOLUTION, faces=_faces(*rings.shape[:2]))
+    return Surface(vertices=np.round(vertices / RESOLUTION) * RESOLUTION + 0.0, faces=_faces(*rings.shape[:2]))
 
 
 def _ring(point: np.ndarray, frame: np.ndarray, radius: np.ndarray) -> np.ndarray:

@@ -1,0 +1,146 @@
+"""`haustra colon grow`: one colon from a seed, or as many as wanted."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import tyro
+
+if TYPE_CHECKING:
+    from haustra.models.anatomy.colon import Colon
+    from haustra.models.anatomy.lesion import LesionOrder
+
+
+@dataclass(frozen=True)
+class ColonGrow:
+    """Grow an anatomical colon from a seed.
+
+    Lesions are ordered as SEGMENT[@SHARE]:SIZE[:TYPE][*COUNT]: sigmoid:small, transverse@0.3:12mm:pedunculated,
+    sigmoid:medium*8. Segments: rectum, sigmoid, descending, transverse, ascending, caecum. Without a SHARE of the
+    segment, from its anal end, chance decides where.
+    """
+
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+    """Folder for the colon; with several cases, for a folder each."""
+    seed: int = 0
+    """Same seed and options, same colon, on any machine."""
+    cases: int = 1
+    """How many colons, from this seed on; those already there are kept."""
+    cohort: Literal["japan-ctc", "us-ctc"] = "japan-ctc"
+    """Whose lengths: 1.50 m on average (Utano 2021) or 1.90 m (Khashab 2009)."""
+    sex: Literal["any", "female", "male"] = "any"
+    """Drawn by the cohort's share when any."""
+    difficulty: Literal["any", "easy", "moderate", "difficult", "hard"] = "any"
+    """Band of tortuosity and redundancy; any draws from all people."""
+    strictures: tuple[str, ...] = ()
+    """Orders; sizes mild, moderate, severe, or the throat's diameter like 11mm."""
+    diverticula: tuple[str, ...] = ()
+    """Orders; sizes small, medium, large, or the sac's diameter like 6mm."""
+    polyps: tuple[str, ...] = ()
+    """Orders; sizes diminutive, small, large, or a width like 8mm; types sessile, pedunculated, flat."""
+    json: bool = False
+    """Print one JSON document on stdout."""
+
+    def __call__(self) -> dict[str, Any]:
+        """Grow, save, and return the measures."""
+        from haustra.errors import InvalidOptionError
+        from haustra.files import prepare_folder
+        from haustra.models.anatomy.lesion import read_orders
+
+        if not 1 <= self.cases <= 1_000_000:
+            raise InvalidOptionError(f"--cases is {self.cases}; give a number from 1 to 1000000.")
+        lesions = (
+            *read_orders("stricture", self.strictures),
+            *read_orders("diverticulum", self.diverticula),
+            *read_orders("polyp", self.polyps),
+        )
+        prepare_folder(self.output)
+        return self._one(lesions) if self.cases == 1 else self._many(lesions)
+
+    def _one(self, lesions: "tuple[LesionOrder, ...]") -> dict[str, Any]:
+        from haustra.models.anatomy.properties import describe
+        from haustra.models.anatomy.store import save_colon
+
+        began = time.perf_counter()
+        with _stages() as progress:
+            colon = self._grow(self.seed, lesions, progress)
+        measures = describe(colon)
+        save_colon(colon, self.output)
+        return {**measures, "folder": str(self.output), "seconds": time.perf_counter() - began}
+
+    def _many(self, lesions: "tuple[LesionOrder, ...]") -> dict[str, Any]:
+        from haustra.errors import HaustraError
+        from haustra.models.anatomy.store import save_colon
+        from haustra.scripts.console import progress_bar
+
+        began, grown, failed = time.perf_counter(), 0, {}
+        with progress_bar("growing", self.cases, unit="colons") as advance:
+            for done in range(self.cases):
+                seed = self.seed + done
+                folder = self.output / f"seed-{seed:06d}"
+                advance(done, folder.name)
+                if self._is_there(folder, seed, lesions):
+                    continue
+                try:
+                    save_colon(self._grow(seed, lesions), folder)
+                    grown += 1
+                except HaustraError as error:
+                    failed[str(seed)] = str(error)
+            advance(self.cases, "")
+        return {
+            "folder": str(self.output),
+            "cases": self.cases,
+            "grown": grown,
+            "kept": self.cases - grown - len(failed),
+            "failed": failed,
+            "seconds": time.perf_counter() - began,
+        }
+
+    def _grow(
+        self, seed: int, lesions: "tuple[LesionOrder, ...]", progress: Callable[[str], None] = lambda stage: None
+    ) -> "Colon":
+        from haustra.models.anatomy.grown import grow_colon
+
+        return grow_colon(
+            seed=seed,
+            cohort=self.cohort,
+            sex=self.sex,
+            difficulty=self.difficulty,
+            lesions=lesions,
+            progress=progress,
+        )
+
+    def _is_there(self, folder: Path, seed: int, lesions: "tuple[LesionOrder, ...]") -> bool:
+        """Whether the folder holds the colon that these options and this version would grow."""
+        from dataclasses import asdict
+
+        from haustra.errors import UnreadableFileError
+        from haustra.models.anatomy.store import load_colon
+        from haustra.provenance import package_versions
+
+        try:
+            made = load_colon(folder).provenance
+        except UnreadableFileError:
+            return False
+        asked = {
+            "method": "grown",
+            "seed": seed,
+            "cohort": self.cohort,
+            "sex": self.sex,
+            "difficulty": self.difficulty,
+            "lesions": [asdict(order) for order in lesions],
+        }
+        same = all(made.configuration.get(name) == value for name, value in asked.items())
+        return same and made.versions == package_versions()
+
+
+@contextmanager
+def _stages() -> Iterator[Callable[[str], None]]:
+    """A spinner on stderr that names the stage at work."""
+    from rich.console import Console
+
+    with Console(stderr=True).status("starting") as status:
+        yield lambda stage: status.update(stage)
