@@ -21,9 +21,10 @@ PLANES = 2
 """Planes a sphere: one for each side of a valley."""
 AWAY = 1e3
 """How far behind the wall a plane waits that nothing is to touch [m]."""
-SLIP_RELAXATION = 0.1
-"""Share of a slip that friction takes away in one step. MuJoCo's cone lifts a body that slides at speed v by
-mu (c + h K) v / K times this; its friction is as much stiffer, so that it holds as well."""
+SLIP_RELAXATION = 0.3
+"""Share of a slip that friction takes away in one step. MuJoCo's cone presses a body that slides at speed v harder, by
+mu (c + h K) v times this: at 1, K = 1500 N/m, h = 5 ms, mu = 0.1 and 0.1 m/s by 0.15 N. Lower, a body comes to rest
+more slowly than by Coulomb's law: at 0.1 it stops up to 9 % late, at 0.3 within 1 %."""
 SAME_SIDE = 0.5
 """Cosine between the normals of both planes above which the second finds nothing new and is parked."""
 

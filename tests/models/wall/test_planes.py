@@ -142,7 +142,7 @@ def test_a_frictionless_capsule_slides_along_a_round_tube_without_drag(tube, loa
 def test_the_press_of_a_sliding_probe_does_not_depend_on_its_speed(tube):
     colon, field = tube
     depths = []
-    for speed in (0.02, 0.1, 0.3):
+    for speed in (0.02, 0.05, 0.1):
         probe = Probe(colon, field, 0.013 * OUTWARDS + [0, 0, 0.05], 0.05, friction=0.1)
         probe.model.dof_damping[:] = [5.0, 5.0, 1e3]
         probe.data.qfrc_applied[:] = 5.0 * OUTWARDS
@@ -152,6 +152,23 @@ def test_the_press_of_a_sliding_probe_does_not_depend_on_its_speed(tube):
         assert probe.force()[2] == pytest.approx(-0.5, rel=0.01)
         depths.append(probe.position() @ OUTWARDS + SPHERE - APOTHEM)
     assert max(depths) - min(depths) < 0.01 * max(depths)
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.3])
+def test_a_sliding_probe_stops_after_m_v_squared_over_2_mu_n(tube, friction):
+    colon, field = tube
+    mass, speed, load = 0.1, 0.5, 1.0
+    probe = Probe(colon, field, 0.013 * OUTWARDS + [0, 0, 0.05], 0.05, friction=friction, mass=mass)
+    probe.data.qfrc_applied[:] = load * OUTWARDS
+    probe.model.dof_damping[:2] = 5.0
+    probe.step(0.3)
+    start = probe.position()[2]
+    probe.data.qvel[2] = speed
+    probe.step(mass * speed / (friction * load) + 0.2)
+    assert abs(probe.data.qvel[2]) < 1e-4
+    first_step = 0.5 * speed * probe.model.opt.timestep  # what semi-implicit steps leave out
+    stop = probe.position()[2] - start + first_step
+    assert stop == pytest.approx(mass * speed**2 / (2 * friction * load), rel=0.01)
 
 
 def test_a_sphere_between_two_walls_touches_both():
