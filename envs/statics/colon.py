@@ -58,7 +58,7 @@ class Settled:
     newton_steps: int
     """Linear systems solved in all."""
     seconds: float
-    """What it took [s]."""
+    """Processor time that it took [s]."""
     bending_energy: float
     """E_c [J]."""
     wall_energy: float
@@ -77,7 +77,7 @@ def settle(engine: NativeEngine, *, feedback: float = 2.0, most_iterations: int 
         NoEquilibriumError: when the scope does not come to rest within `most_iterations`.
         UnsupportedSceneError: when something else in the scene moves.
     """
-    began = time.perf_counter()
+    began = time.process_time()
     search = _Search(engine, feedback)
     newton_steps, moved = 0, np.inf
     for iteration in range(1, most_iterations + 1):
@@ -89,7 +89,7 @@ def settle(engine: NativeEngine, *, feedback: float = 2.0, most_iterations: int 
             data.qvel[:] = 0
             mujoco.mj_forward(engine.model, data)
             energies = engine.observe().energies
-            spent = time.perf_counter() - began
+            spent = time.process_time() - began
             return Settled(data.qpos.copy(), iteration, newton_steps, spent, energies.bending, energies.wall)
     raise NoEquilibriumError(
         f"The scope still moves by {moved * 1e3:.2g} mm after {most_iterations} iterations: raise feedback."
