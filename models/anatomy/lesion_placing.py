@@ -90,7 +90,7 @@ class Placer:
             type=spot.order.type,
             size_class=spot.order.size if isinstance(spot.order.size, str) else size_class(spot.order.kind, spot.size),
             size=round(spot.size, 6),
-            extent=round(extent, 6),
+            extent=round(float(extent), 6),
             segment=spot.order.segment,
             arc=round(spot.arc, 6),
             angle=None if angle is None else round(angle, 6),

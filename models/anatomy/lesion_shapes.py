@@ -9,7 +9,6 @@ from haustra.models.anatomy.colon import Lesion, Surface
 from haustra.models.anatomy.lesion import stricture_length
 from haustra.models.anatomy.lesion_placing import Placer, Spot
 from haustra.models.anatomy.rays import LumenRays
-from haustra.models.anatomy.tube import RESOLUTION
 
 SHOULDER = 0.015
 """Length over which a stricture opens to the lumen on either side [m]."""
@@ -29,8 +28,11 @@ WALL_LEFT = 1.5e-3
 """Tissue that is left between a diverticulum's sac and any other lumen [m]."""
 ROUND = 28
 """Corners of a lesion's cross-section."""
-SLIVER_MM = 5e-3
+SLIVER_MM = 0.02
 """Edges shorter than this are collapsed after cutting [mm]: rounding must not turn a sliver over."""
+
+CUT_RESOLUTION = 1e-8
+"""Vertices are rounded to this after cutting [m]: finer than the tube's, since cutting leaves thin triangles."""
 
 
 def narrow(
@@ -156,7 +158,7 @@ def _solid(lumen: Surface) -> manifold3d.Manifold:
 
 def _surface(solid: manifold3d.Manifold) -> Surface:
     mesh = solid.simplify(SLIVER_MM).to_mesh64()
-    vertices = np.round(1e-3 * np.asarray(mesh.vert_properties)[:, :3] / RESOLUTION) * RESOLUTION + 0.0
+    vertices = np.round(1e-3 * np.asarray(mesh.vert_properties)[:, :3] / CUT_RESOLUTION) * CUT_RESOLUTION + 0.0
     surface = Surface(vertices=vertices, faces=np.asarray(mesh.tri_verts).astype(np.int64))
     if _solid(surface).status() != manifold3d.Error.NoError:
         raise InvalidMeshError("Cutting the lesions did not leave a closed surface: take another seed.")
