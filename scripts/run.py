@@ -31,6 +31,8 @@ class Run:
     """Integration step [s]."""
     steer: Literal["pulls", "wheels"] = "pulls"
     """What bends the tip: pulls as asked for, or the hand wheels, whose wires have slack, stretch and friction."""
+    largest_bend_deg: float | None = None
+    """Largest bend of a shaft joint [degrees], from which joints are spaced for this colon; evenly when not given."""
     gravity: tuple[float, float, float] | None = None
     """Gravity in the colon's frame [m/s^2]; none when not given."""
     json: bool = field(default=False)
@@ -69,7 +71,7 @@ class Run:
         return write_run(folder, scene=scene, wall=wall, run=run, seconds=self.seconds)
 
     def _options(self) -> dict[str, Any]:
-        names = ("friction", "wall_stiffness", "push_limit", "timestep", "gravity")
+        names = ("friction", "wall_stiffness", "push_limit", "timestep", "largest_bend_deg", "gravity")
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 
 

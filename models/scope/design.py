@@ -154,6 +154,9 @@ class ScopeDesign:
             raise InvalidDesignError(f"{where}: the camera lies outside the tip: lower its offset.")
         if self.variable_stiffness > 1:
             raise InvalidDesignError(f"{where}: variable_stiffness is {self.variable_stiffness}; give 0 to 1.")
+        if self.wires.hysteresis >= 1:
+            raise InvalidDesignError(f"{where}: wires.hysteresis is {self.wires.hysteresis}; give less than 1.")
+        self._require_bias_within_limits(where)
         if not self.tip.field_of_view_deg <= 360:
             raise InvalidDesignError(f"{where}: field_of_view_deg is {self.tip.field_of_view_deg}; give at most 360.")
         if self.working_length is not None and not math.isclose(self.working_length, self.length, abs_tol=1e-4):
@@ -164,6 +167,23 @@ class ScopeDesign:
         for section in (*self.shaft, self.bending):
             if section.minimum_bend_radius is not None and section.minimum_bend_radius < radius:
                 raise InvalidDesignError(f"{where}: a minimum_bend_radius is smaller than the scope's own radius.")
+
+    def _require_bias_within_limits(self, where: str) -> None:
+        bending, limits = self.bending, self.limits
+        reach = (
+            (bending.bias_up_deg, limits.up, limits.down),
+            (bending.bias_left_deg, limits.left, limits.right),
+        )
+        if any(not -back < bias < ahead for bias, ahead, back in reach):
+            raise InvalidDesignError(
+                f"{where}: the bending section is pre-curved beyond its own limits: lower its bias or raise the limits."
+            )
+        for section in self.shaft:
+            bias = math.radians(math.hypot(section.bias_up_deg, section.bias_left_deg))
+            if bias * max(section.minimum_bend_radius or 0.0, self.diameter / 2) > section.length:
+                raise InvalidDesignError(
+                    f"{where}: a shaft section is pre-curved tighter than it may bend: lower its bias."
+                )
 
 
 def _require_numbers(where: str, part: object) -> None:
