@@ -1,6 +1,6 @@
 """Write the validation page of the cable from what its tests and benchmarks measured.
 
-python -m pytest tests/physics tests/envs/statics --junitxml=physics.xml -o junit_family=xunit1
+python -m pytest tests/physics tests/envs/{statics,engine,measure} --junitxml=physics.xml -o junit_family=xunit1
 haustra bench rods DIR --json > rods.json
 haustra bench cost --colon DIR --json > cost.json
 python -m haustra.scripts.cable_page physics.xml rods.json cost.json docs/validation/cable.md
