@@ -100,7 +100,7 @@ class Pushes:
         force = LARGEST_FORCE * (1 - rng.random())
         direction = rng.standard_normal(3)
         direction /= np.linalg.norm(direction)
-        feet = around.update(data)
+        outside = around.update(data)
         for _ in range(round(PUSH_TIME / TIMESTEP)):
             # A hand of that force that moves no faster than the largest speed.
             drag = force / LARGEST_SPEED
@@ -108,11 +108,11 @@ class Pushes:
             data.xfrc_applied[1, 3:] = 0.0
             self._model.dof_damping[:3], self._model.dof_damping[3:] = drag, TURN_DAMPING
             mujoco.mj_step(self._model, data)
-            feet = around.update(data)
+            outside = around.update(data)
             if not np.isfinite(data.qpos).all():
                 return Push(arc, force, np.inf, np.inf, force / CONTACT.stiffness)
         travelled = float(np.linalg.norm(data.qpos[:3] - position))
-        return Push(arc, force, travelled, float((feet.outside + RADIUS).max()), force / CONTACT.stiffness)
+        return Push(arc, force, travelled, float((outside + RADIUS).max()), force / CONTACT.stiffness)
 
     def _start(self, rng: np.random.Generator) -> tuple[float, Float[np.ndarray, " 3"], Float[np.ndarray, " 4"]]:
         """Arc length, position and orientation along the centreline, where the tip fits into the lumen."""

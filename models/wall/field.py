@@ -48,6 +48,7 @@ class WallField:
 
     def __init__(self, colon: Colon) -> None:
         """Divide the surface and give every triangle its arc length."""
+        self.anus, self.inwards = colon.centreline.points[0], colon.centreline.frames[0][:, 2]
         solid = Manifold(Mesh64(colon.lumen.vertices, colon.lumen.faces.astype(np.uint64)))
         mesh = solid.refine_to_length(LONGEST_EDGE).to_mesh64()
         vertices = np.asarray(mesh.vert_properties)[:, :3]

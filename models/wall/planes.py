@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.models.contact import IMPEDANCE_RATIO, WallContact, contact_parameters
-from haustra.models.wall.field import Feet, WallField
+from haustra.models.wall.field import WallField
 
 PLANES = 2
 """Planes a sphere: one for each side of a valley."""
@@ -25,6 +25,9 @@ SLIP_RELAXATION = 0.3
 """Share of a slip that friction takes away in one step. MuJoCo's cone presses a body that slides at speed v harder, by
 mu (c + h K) v times this: at 1, K = 1500 N/m, h = 5 ms, mu = 0.1 and 0.1 m/s by 0.15 N. Lower, a body comes to rest
 more slowly than by Coulomb's law: at 0.1 it stops up to 9 % late, at 0.3 within 1 %."""
+ENTRANCE = 0.05
+"""A sphere before the anal end's plane is outside the patient when it was last seen no further in than this [m];
+further in, it lies in a loop that passes behind."""
 SAME_SIDE = 0.5
 """Cosine between the normals of both planes above which the second finds nothing new and is parked."""
 
@@ -133,23 +136,48 @@ class PlaneWall:
             ]
         )
         self.arcs = np.array(arcs, float)
+        self.outside = np.full(count, -np.inf)
+        # No sphere touches before it has moved by the room it had when it was last looked at.
+        self._seen, self._room = np.zeros((count, 3)), np.zeros(count)
 
-    def update(self, data: mujoco.MjData) -> Feet:
-        """Put every plane where its sphere is nearest to the wall; returns the feet of the first planes.
+    def update(self, data: mujoco.MjData) -> Float[np.ndarray, " spheres"]:
+        """Put the planes where their spheres are nearest to the wall.
+
+        Returns how far each centre stands outside the lumen [m], for those away from the wall as last looked at.
 
         To be called before every step: a normal that lags behind the position feeds energy into a body that slides
         along a curved wall.
         """
         mujoco.mj_kinematics(self._model, data)
         centres = data.geom_xpos[self._spheres]
-        first = self._field.nearest(centres, self.arcs)
-        self.arcs = first.arcs
-        second = self._field.nearest(centres + self._radius[:, None] * first.inwards, self.arcs)
-        _place(data, self._planes[:, 0], first.points, first.inwards)
-        beside = np.einsum("ij,ij->i", first.inwards, second.inwards) < SAME_SIDE
-        aside = np.where(beside, 0.0, AWAY)[:, None] * second.inwards
-        _place(data, self._planes[:, 1], second.points - aside, second.inwards)
-        return first
+        along = (centres - self._field.anus) @ self._field.inwards
+        before = (along < 0) & (self.arcs < ENTRANCE)
+        moved = np.linalg.norm(centres - self._seen, axis=1)
+        due = np.flatnonzero(~before & (moved >= self._room))
+        self.arcs[before] = along[before]
+        if len(due):
+            first = self._field.nearest(centres[due], np.maximum(self.arcs[due], 0.0))
+            self.arcs[due], self._seen[due], self.outside[due] = first.arcs, centres[due], first.outside
+            self._room[due] = np.maximum(-first.outside - self._radius[due], 0.0)
+            _place(data, self._planes[due, 0], first.points, first.inwards)
+            touching = first.outside > -self._radius[due]
+            self._place_second(data, due[touching], centres[due[touching]], first.inwards[touching])
+        for idle in (np.flatnonzero(before), due[self._room[due] > 0] if len(due) else due):
+            data.mocap_pos[self._planes[idle, 1]] = [0, 0, -AWAY]
+            data.mocap_quat[self._planes[idle, 1]] = [1, 0, 0, 0]
+        data.mocap_pos[self._planes[before, 0]] = [0, 0, -AWAY]
+        data.mocap_quat[self._planes[before, 0]] = [1, 0, 0, 0]
+        self._room[before] = 0.0
+        return self.outside
+
+    def _place_second(self, data: mujoco.MjData, spheres: np.ndarray, centres: np.ndarray, inwards: np.ndarray) -> None:
+        """Put the second planes of spheres that touch, away from those directions."""
+        if not len(spheres):
+            return
+        feet = self._field.nearest(centres + self._radius[spheres, None] * inwards, self.arcs[spheres])
+        same = np.einsum("ij,ij->i", inwards, feet.inwards) > SAME_SIDE
+        away = np.where(same, AWAY, 0.0)[:, None] * feet.inwards
+        _place(data, self._planes[spheres, 1], feet.points - away, feet.inwards)
 
 
 def _place(data: mujoco.MjData, planes: np.ndarray, points: np.ndarray, normals: np.ndarray) -> None:

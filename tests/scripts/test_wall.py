@@ -61,3 +61,15 @@ def test_a_folder_without_a_colon_ends_in_one_line(tmp_path, capsys):
     shown = capsys.readouterr()
     assert shown.out == ""
     assert len(shown.err.strip().splitlines()) == 1
+
+
+def test_a_wall_over_the_largest_error_is_refused_in_one_line_and_not_written(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("HAUSTRA_CACHE", str(tmp_path / "cache"))
+    folder = save_colon(_tube(), tmp_path / "tube")
+    options = ["--method", "prism", "--tolerance-mm", "3", "--rays", "1000", "--max-error-mm", "0.001", "--json"]
+    assert main(["wall", str(folder), *options]) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert "more than the 0.001 mm asked for" in shown.err
+    assert len([line for line in shown.err.splitlines() if line.startswith("haustra:")]) == 1
+    assert not (folder / "wall-prism" / "wall.json").exists()

@@ -2,17 +2,14 @@
 
 from dataclasses import replace
 
-import pytest
-
 from haustra.envs.bench.pushes import Push, random_pushes, summary
 from tests.tube_colon import straight_tube
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_no_push_of_20_newtons_leaves_a_wall_of_tangent_planes(seed):
-    pushes = random_pushes(straight_tube(0.8), None, count=5, seed=seed)
+def test_no_push_of_20_newtons_leaves_a_wall_of_tangent_planes():
+    pushes = random_pushes(straight_tube(0.8), None, count=4, seed=0)
     found = summary(pushes)
-    assert found["pushes"] == 5
+    assert found["pushes"] == 4
     assert found["escaped"] == 0
     assert found["travelled_median_mm"] > 10  # they did push
 
