@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -19,6 +20,7 @@ from haustra.models.scope.cells import Cell, CellSize, cut_into_cells
 from haustra.models.scope.design import ScopeDesign
 from haustra.models.scope.spacing import adaptive_spacing
 from haustra.models.scope.stops import apply_stops
+from haustra.models.wall.planes import Sample, add_planes, capsule_samples
 from haustra.models.wall.wall import Wall
 from haustra.quantity import load_quantities
 
@@ -26,6 +28,9 @@ _CONTACT = load_quantities(asset("numbers/contact.toml"))
 
 ENTRY_STRETCH = 0.03
 """The scope enters along the mean direction of this much centreline [m]; engineering choice."""
+
+_SAMPLE_SPACING = 0.75
+"""Spheres that meet tangent planes, over the scope's diameter: between two, its outline dips by a sixth of that."""
 
 _WALL_GROUP, _LUMEN_GROUP = 3, 1
 """Geom groups: MuJoCo's viewer hides group 3 (collision pieces) and shows group 1."""
@@ -50,6 +55,8 @@ class SceneOptions:
     """Normal stiffness of a contact with the wall [N/m]."""
     wall_damping_time: float = 0.005
     """Damping over stiffness of the wall [s]; engineering choice; sliding adds mu c v to the normal force."""
+    wall_law: Literal["pieces", "planes"] = "pieces"
+    """What the scope meets: the wall's convex pieces, or tangent planes of the lumen (docs/decisions/wall.md)."""
     friction: float = _CONTACT["contact.friction"].value
     """Coulomb coefficient between scope and wall [1]."""
     push_limit: float = _CONTACT["contact.push_force_peak"].value
@@ -68,6 +75,8 @@ class SceneOptions:
             value = getattr(self, name)
             if not 0 < value < 1e3:
                 raise InvalidOptionError(f"Scene option {name} is {value}; it must be a positive number.")
+        if self.wall_law not in ("pieces", "planes"):
+            raise InvalidOptionError(f"Wall law '{self.wall_law}' is not known. Known: pieces, planes.")
         if self.timestep > 0.02:
             raise InvalidOptionError(f"Scene option timestep is {self.timestep} s; at most 0.02 s is supported.")
         if not all(np.isfinite(self.gravity)):
@@ -95,6 +104,8 @@ class Scene:
     """Unit vector into the patient."""
     pieces: int
     """Convex pieces of the wall."""
+    samples: tuple[Sample, ...] = ()
+    """Spheres of the scope that meet tangent planes; none in a wall of pieces."""
     left_out: Mapping[str, str] = field(default_factory=dict)
     """What the scene does not model, and why that is sound."""
 
@@ -147,7 +158,14 @@ def build_scene(
     bare = spec.compile()
     apply_stops(spec, bare, timestep=options.timestep)
     apply_contact(spec, bare, cable.geoms, options.contact, timestep=options.timestep)
-    add_wall(spec, wall)
+    samples: tuple[Sample, ...] = ()
+    if options.wall_law == "planes":
+        samples = capsule_samples(bare, cable.geoms, spacing=_SAMPLE_SPACING * design.diameter)
+        add_planes(spec, bare, samples, options.contact, timestep=options.timestep)
+        for name in cable.geoms:
+            spec.geom(name).conaffinity = 0
+    else:
+        add_wall(spec, wall)
     if show_lumen:
         _add_lumen(spec, colon)
     left_out = {
@@ -167,7 +185,8 @@ def build_scene(
         options=options,
         entry=entry,
         entry_direction=frame[:, 2],
-        pieces=len(wall.pieces),
+        pieces=0 if samples else len(wall.pieces),
+        samples=samples,
         left_out=left_out,
     )
 

@@ -11,6 +11,8 @@ from haustra.envs.engine.wheels import Wheels
 from haustra.envs.measure.energy import Energies, EnergyMeter
 from haustra.models.scene import Scene
 from haustra.models.scope.wires import WIRE_NAMES, arriving_pulls
+from haustra.models.wall.field import WallField
+from haustra.models.wall.planes import PlaneWall
 
 _LOCK_STRETCH = 0.02
 """A joint is freed over the last stretch before the anus [m]; engineering choice: half a shaft cell."""
@@ -111,6 +113,7 @@ class NativeEngine:
         self._behind = cable.length - cable.joint_positions
         self._start = scene.options.start_depth
         self._lock_outside(self._start)
+        self._planes = self._wall_planes() if scene.samples else None
         mujoco.mj_forward(self.model, self.data)
 
     def step(self, inputs: Inputs, count: int) -> bool:
@@ -125,13 +128,31 @@ class NativeEngine:
         self._lock_outside(self.insertion)
         if inputs.wheels is None:
             control[self._pulls] = self._arrive(inputs.pulls)
-            mujoco.mj_step(self.model, self.data, count)
+            self._advance(count)
             return self.healthy()
         self._wheels = self._wheels or Wheels(self.model, self.scene.cable, self.scene.design.wires)
         for _ in range(count):
             control[self._pulls] = self._arrive(self._wheels.pulls(self.data, inputs.wheels))
-            mujoco.mj_step(self.model, self.data)
+            self._advance(1)
         return self.healthy()
+
+    def _advance(self, count: int) -> None:
+        """Advance by `count` steps; tangent planes follow before each."""
+        if self._planes is None:
+            mujoco.mj_step(self.model, self.data, count)
+            return
+        for _ in range(count):
+            if not np.isfinite(self.data.qpos).all():
+                return
+            self._planes.update(self.data)
+            mujoco.mj_step(self.model, self.data)
+
+    def _wall_planes(self) -> PlaneWall:
+        """The tangent planes of a scope that lies straight at the anus."""
+        mujoco.mj_kinematics(self.model, self.data)
+        spheres = [self.model.geom(f"wall/sphere_{number:04d}").id for number in range(len(self.scene.samples))]
+        arcs = (self.data.geom_xpos[spheres] - self.scene.entry) @ self.scene.entry_direction
+        return PlaneWall(self.model, WallField(self.scene.colon), arcs=arcs)
 
     @property
     def insertion(self) -> float:
