@@ -99,6 +99,8 @@ def lumen_of_label(label_map: LabelMap) -> Repaired:
     smooth = leashed_smoothing(found, LEASH)
     vertices = smooth.vertices @ label_map.to_metres.T + label_map.origin
     surface = simplified(Surface(vertices, smooth.faces), SIMPLIFICATION * float(label_map.spacing.min()))
+    if len(surface.faces) == 0:
+        raise InvalidMeshError("The label is a few voxels, not a colon: choose another label.")
     if signed_volume(surface.vertices, surface.faces) < 0:  # the axes of the voxels may be left-handed
         surface = Surface(surface.vertices, surface.faces[:, ::-1].copy())
     voxel = " x ".join(f"{side * 1e3:.3g}" for side in label_map.spacing)
