@@ -1,5 +1,7 @@
 """`haustra tread fem`: the finite-element reference of the tread, its tables and its figures."""
 
+import json
+import time
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -14,6 +16,7 @@ Part = Literal["table", "two-tips", "passage", "convergence"]
 class TreadFem:
     """Solve a tread pressed on tissue and write forces, stresses and figures (needs the extra 'fem').
 
+    All of it takes some 13 minutes on one core; a part that is done is kept, so a call that was cut short goes on.
     The default tread is the shipped tables' own; its unknown lengths are assumed (docs/theory/tracked.md).
     """
 
@@ -31,8 +34,12 @@ class TreadFem:
     """Indentations of 'table'."""
     phases: int = 8
     """Tooth phases within a pitch."""
+    passage_steps: int = 4
+    """Positions of 'passage' a pitch; the shipped table has 8."""
     friction: float = 0.4
     """Coulomb's coefficient between teeth and tissue."""
+    fresh: bool = False
+    """Solve parts again that lie in the folder already, solved with the same settings."""
     figures: bool = True
     """Draw figures like the paper's 6 to 9 beside the tables."""
     json: bool = False
@@ -41,7 +48,6 @@ class TreadFem:
     def __call__(self) -> dict[str, Any]:
         """Solve the parts asked for."""
         from haustra.files import prepare_folder, write_json
-        from haustra.models.tracked.fem.strip import MeshOptions
         from haustra.provenance import Provenance
         from haustra.scripts.console import progress_bar
 
@@ -52,23 +58,49 @@ class TreadFem:
         solvers: dict[Part, tuple[float, Callable[..., Iterable[dict]]]] = {
             "table": (self.phases * len(self.table_mm), self._table),
             "two-tips": (self.phases * len(self.spacing), self._two_tips),
-            "passage": (41, self._passage),
+            "passage": (5 * self.passage_steps + 1, self._passage),
             "convergence": (9, self._convergence),
         }
+        began = time.process_time()
         for part in self.parts:
             total, solve = solvers[part]
-            with progress_bar(f"tread {part}", total, unit="states") as bar:
-                rows = list(solve(geometry, bar))
-            written.append(str(_write_csv(folder / f"{part}.csv", rows)))
+            settings = self._settings(part, geometry)
+            rows = None if self.fresh else _kept(folder, part, settings)
+            reused = rows is not None
+            if rows is None:
+                with progress_bar(f"tread {part}", total, unit="states") as bar:
+                    rows = list(solve(geometry, bar))
+                _write_csv(folder / f"{part}.csv", rows)
+                write_json(folder / f"{part}.json", {"settings": settings, "rows": rows})
+            written.append(str(folder / f"{part}.csv"))
             result[part] = rows
-        settings = {name: value for name, value in asdict(self).items() if name not in ("out", "json", "figures")}
-        provenance = Provenance({}, settings | {"mesh": asdict(MeshOptions()), "geometry": geometry.to_json()})
-        write_json(folder / "provenance.json", provenance.to_json())
+            result.setdefault("reused", {})[part] = reused
+        result["cpu_s"] = time.process_time() - began
+        settings = {part: self._settings(part, geometry) for part in self.parts}
+        write_json(folder / "provenance.json", Provenance({}, settings).to_json())
         if self.figures:
             from haustra.scripts.tread_figures import draw
 
             written += [str(path) for path in draw(folder, geometry, result, self.indentation_mm * 1e-3, self.friction)]
         return result | {"written": written}
+
+    def _settings(self, part: Part, geometry) -> dict[str, Any]:
+        """All that a part's rows depend on, as plain JSON values."""
+        from haustra import __version__
+        from haustra.models.tracked.fem.strip import MeshOptions
+
+        used = {
+            "table": {"table_mm": list(self.table_mm), "phases": self.phases},
+            "two-tips": {
+                "spacing": list(self.spacing),
+                "indentation_mm": self.indentation_mm,
+                "phases": self.phases,
+            },
+            "passage": {"indentation_mm": self.indentation_mm, "passage_steps": self.passage_steps},
+            "convergence": {"indentation_mm": self.indentation_mm},
+        }[part]
+        common = {"version": __version__, "friction": self.friction, "geometry": geometry.to_json()}
+        return common | {"mesh": asdict(MeshOptions())} | used
 
     def _geometry(self):
         from haustra.models.tracked.tread import TreadGeometry
@@ -92,14 +124,25 @@ class TreadFem:
                 yield {"spacing_pitches": spacing} | row
 
     def _passage(self, geometry, bar):
-        from haustra.models.tracked.fem.study import passage
+        from haustra.models.tracked.fem.study import Passage, passage
 
-        return passage(geometry, self.indentation_mm * 1e-3, friction=self.friction, progress=bar)
+        course = Passage(steps_per_pitch=self.passage_steps)
+        return passage(geometry, self.indentation_mm * 1e-3, course=course, friction=self.friction, progress=bar)
 
     def _convergence(self, geometry, bar):
         from haustra.models.tracked.fem.study import convergence
 
         return convergence(geometry, self.indentation_mm * 1e-3, friction=self.friction, progress=bar)
+
+
+def _kept(folder: Path, part: str, settings: dict[str, Any]) -> list[dict] | None:
+    """Rows of a part that an earlier call solved with the same settings; None where there are none."""
+    try:
+        kept = json.loads((folder / f"{part}.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    same = isinstance(kept, dict) and kept.get("settings") == settings
+    return kept["rows"] if same else None
 
 
 def _write_csv(path: Path, rows: list[dict]) -> Path:

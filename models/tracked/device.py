@@ -24,8 +24,11 @@ _CONTACT_IMPEDANCE = 0.25
 """Constant. With a slide along the normal this halves the pad's own damping, no more (docs/theory/tracked.md)."""
 _CONTACT_DAMPING = 2.5
 """Rate of the contact's direct solref [1/s]: raises the normal force by 0.1 % at 65 mm/s; the joint damps instead."""
-_IMPRATIO = 1000.0
-"""Friction stiffer than the normal direction, so that it saturates at the slowest tread speed."""
+_IMPRATIO = 1e5
+"""Friction stiffer than the normal direction, so that it saturates at the slowest tread speed, also where a track is
+pressed by its full stroke; 1e3 left 17 to 83 % of mu N out there."""
+_LOOP_IMPRATIO = 1e3
+"""The same with loops, whose implicit contacts need less."""
 _PAD_MASS = 0.02
 """Of a pad at 4:1 [kg]: mass scaling. Its own frequency, 70 Hz, is far above every tooth-passing frequency."""
 _PAD_DAMPING = 10.0
@@ -148,7 +151,7 @@ def add_tracked(
         )
     law = PadLaw.fit(load_table(design.tread))
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    spec.option.impratio = max(spec.option.impratio, _IMPRATIO)
+    spec.option.impratio = max(spec.option.impratio, _LOOP_IMPRATIO if loops else _IMPRATIO)
     core = _add_core(spec, design, position, frame, free=free, prefix=prefix)
     pads: list[Pad] = []
     parts: list[LoopPart] = []

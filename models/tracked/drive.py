@@ -8,7 +8,7 @@ import numpy as np
 
 from haustra.errors import InvalidOptionError
 from haustra.models.tracked.design import TRACKS, TrackedDesign
-from haustra.models.tracked.implied import SPEEDS_RPM, STATEMENTS, implied_curves
+from haustra.models.tracked.implied import SPEEDS_RPM, STATEMENTS, best_guaranteed, implied_curves
 from haustra.models.tracked.law import PadLaw, load_table
 
 
@@ -138,10 +138,13 @@ def fit_range(design: TrackedDesign) -> RangeFit:
 def range_error(surface: str, forces: Sequence[float]) -> dict[str, float]:
     """RMSE of five forces [N] against every curve the paper allows, in percent of the measured mean."""
     statement = STATEMENTS[surface]
-    errors = np.sqrt(((implied_curves(statement) - np.asarray(forces)) ** 2).mean(1)) / statement.mean * 100
+    curves = implied_curves(statement)
+    errors = np.sqrt(((curves - np.asarray(forces)) ** 2).mean(1)) / statement.mean * 100
     return {
         "median_percent": float(np.median(errors)),
         "low_percent": float(errors.min()),
         "p95_percent": float(np.quantile(errors, 0.95)),
         "high_percent": float(errors.max()),
+        "within_12_percent_share": float((errors <= 12).mean()),
+        "best_guaranteed_percent": 100 * best_guaranteed(curves) / statement.mean,
     }

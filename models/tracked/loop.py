@@ -93,8 +93,8 @@ def soften(
 
     Pads keep their own stiffness in series with their joint. They get the implicit contact law too: a ball in the seam
     of two pieces touches both, and with the next to undamped contact of the test rigs its friction would rather hold
-    the seams apart than drive (0.05 to 0.3 of mu N was left). It may raise the normal force while sliding; here the
-    bellows set that force, so it cannot.
+    the seams apart than drive (at 2 ms 0.05 to 0.3 of mu N was left). It may raise the normal force while sliding; here
+    the bellows set that force, so it cannot.
 
     Args:
         spec: The scene with the whole robot.

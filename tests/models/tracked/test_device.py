@@ -13,7 +13,7 @@ from haustra.models.tracked.design import TRACKS, Bellows, TrackedDesign
 from haustra.models.tracked.device import add_tracked
 from haustra.models.tracked.drive import drive_point, track_normal
 from haustra.models.tracked.law import PadLaw, load_table
-from haustra.models.tracked.rig import TIMESTEP, flat_rig, tube_rig
+from haustra.models.tracked.rig import TIMESTEP, TUBE_TIMESTEP, flat_rig, tube_rig
 
 DESIGN = TrackedDesign()
 LAW = PadLaw.fit(load_table(DESIGN.tread))
@@ -122,3 +122,20 @@ def test_what_does_not_fit_is_refused() -> None:
         add_tracked(mujoco.MjSpec(), DESIGN, friction=0.4, extension=0.1)
     with pytest.raises(InvalidDesignError, match="lifts"):
         tube_rig(replace(DESIGN, bellows=Bellows(pressure=1e5)), friction=0.4)
+
+
+@pytest.mark.parametrize("diameter", [0.0996, 0.14, 0.149])
+@pytest.mark.parametrize("friction", [0.0, 0.4, 1.0])
+def test_whole_device_is_stable_up_to_twice_the_default_step(diameter: float, friction: float) -> None:
+    """Slow and fast, folded, nominal and spread; friction 1 lifts pads that hardly press (0.26 N a tip)."""
+    fast = 0.065 if friction < 1 or diameter < 0.149 else 0.01625
+    for timestep, speed in ((TUBE_TIMESTEP, fast), (2 * TUBE_TIMESTEP, 0.01625), (2 * TUBE_TIMESTEP, fast)):
+        run = pull(tube_rig(DESIGN, friction=friction, diameter=diameter, timestep=timestep), speed)
+        assert run.outcome == "completed"
+        assert run.string.mean() == pytest.approx(friction * run.normal.mean(), rel=0.01, abs=1e-3)
+
+
+def test_friction_is_mu_n_pressed_by_the_full_stroke() -> None:
+    for friction in (0.4, 1.0):
+        run = track(friction, 0.01625, DESIGN.stroke[1])
+        assert run.mean == pytest.approx(friction * run.normal.mean(), rel=0.005)
