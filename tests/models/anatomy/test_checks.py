@@ -45,7 +45,7 @@ def test_collapsed_place_is_found_with_where_and_how_narrow(colon: Colon):
     assert place.diameter == pytest.approx(2 * THROAT, abs=5e-4)
     assert check.state == "bad"
     verdict = next(v for v in check.verdicts if v.what == "passage")
-    assert "7." in verdict.finding and "--insufflate" in verdict.finding
+    assert f"{place.diameter * 1e3:.1f} mm at" in verdict.finding and "--insufflate" in verdict.finding
     assert check_colon(colon, device_diameter=0.006).state == "note"  # the touching legs remain
 
 
