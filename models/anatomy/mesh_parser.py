@@ -13,9 +13,10 @@ def main(source: str, target: str) -> int:
 
     try:
         vertices, faces = _read(Path(source))
+        vertices, faces = vertices.reshape(-1, 3), faces.reshape(-1, 3)
     except (Exception, RecursionError) as error:  # whatever the parser stumbles over is a fault of the file
         return complain(error)
-    np.savez(Path(target), vertices=vertices.reshape(-1, 3), faces=faces.reshape(-1, 3))
+    np.savez(Path(target), vertices=vertices, faces=faces)
     return 0
 
 
