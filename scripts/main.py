@@ -58,7 +58,6 @@ def _verbs() -> dict[str, Callable[..., Any]]:
     from haustra.scripts.bench_cost import BenchCost
     from haustra.scripts.bench_grown import BenchGrown
     from haustra.scripts.bench_pushes import BenchPushes
-    from haustra.scripts.bench_pushes import BenchPushes
     from haustra.scripts.bench_rods import BenchRods
     from haustra.scripts.bench_tracked import BenchTracked
     from haustra.scripts.colon import ColonImport
@@ -87,7 +86,6 @@ def _verbs() -> dict[str, Callable[..., Any]]:
         "bench rods": BenchRods,
         "bench cost": BenchCost,
         "bench tracked": BenchTracked,
-        "bench pushes": BenchPushes,
         "bench pushes": BenchPushes,
         "bench grown": BenchGrown,
         "doctor": Doctor,
