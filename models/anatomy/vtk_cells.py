@@ -90,7 +90,7 @@ def surface_cells(
 
 
 def joined(
-    pieces: list[tuple[Float[np.ndarray, "vertices 3"], Int[np.ndarray, "triangles 3"]]],
+    pieces: list[tuple[Float[np.ndarray, "_ 3"], Int[np.ndarray, "_ 3"]]],
 ) -> tuple[Float[np.ndarray, "all_vertices 3"], Int[np.ndarray, "all_triangles 3"]]:
     """Several sets of triangles as one, their vertices renumbered.
 

@@ -63,7 +63,7 @@ def check_drives_and_pulls(colon: Colon, wall: Wall, least_share: float) -> None
 
 
 def test_it_drives_and_pulls_in_a_grown_colon() -> None:
-    colon = stretch(grow_colon(seed=0), 0.07, 0.16)
+    colon = stretch(grow_colon(seed=0), 0.36, 0.45)
     check_drives_and_pulls(colon, ring_wall(colon), 0.7)
 
 

@@ -166,7 +166,7 @@ def _in_this_process() -> None:
 
     parsers = {"haustra.models.anatomy.mesh_parser": mesh_parser, "haustra.models.anatomy.label_parser": label_parser}
     for parser in parsers.values():
-        parser.limit_memory = lambda: None
+        setattr(parser, "limit_memory", lambda: None)  # noqa: B010 - a module has no such declared attribute
 
     def arrays_from(module: str, file: Path, kind: str, *arguments: str) -> dict[str, np.ndarray]:
         target = file.with_suffix(".npz")

@@ -19,7 +19,7 @@ from tests.ring_wall import ring_wall
 def colon(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("tracked") / "colon"
     folder.mkdir()
-    part = stretch(grow_colon(seed=0), 0.07, 0.16)
+    part = stretch(grow_colon(seed=0), 0.36, 0.45)
     save_colon(part, folder)
     made_of = Provenance(inputs={"colon": colon_hash(load_colon(folder))}, configuration={})
     save_wall(replace(ring_wall(part), provenance=made_of), folder / "wall-prism")
