@@ -52,8 +52,8 @@ _COST = """\
 Steps of 4 ms a second, one core, all in one run; in brackets the real-time factor. The cable in its colon is pushed at
 4 cm/s for the first seconds of an insertion.
 
-| joints | cable | plugin cable | plain chain | cable in a colon (contacts) |
-|---|---|---|---|---|
+| joints | cable | cable with linear hinges | plugin cable | plain chain | cable in a colon (contacts) |
+|---|---|---|---|---|---|
 """
 
 _PROOFS = """\
@@ -108,7 +108,7 @@ def _cost(cost: dict[str, Any]):
     inside = cost.get("in_colon", [None] * len(cost["alone"]))
     for row, colon in zip(cost["alone"], inside, strict=True):
         last = f"{cell(colon)}, {colon['contacts_mean']:.1f} contacts" if colon else "–"
-        bases = " | ".join(cell(row[kind]) for kind in ("hinges", "cable plugin", "plain chain"))
+        bases = " | ".join(cell(row[kind]) for kind in ("hinges", "linear hinges", "cable plugin", "plain chain"))
         yield f"| {row['joints']} | {bases} | {last} |\n"
 
 
