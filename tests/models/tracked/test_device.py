@@ -127,12 +127,16 @@ def test_what_does_not_fit_is_refused() -> None:
 @pytest.mark.parametrize("diameter", [0.0996, 0.14, 0.149])
 @pytest.mark.parametrize("friction", [0.0, 0.4, 1.0])
 def test_whole_device_is_stable_up_to_twice_the_default_step(diameter: float, friction: float) -> None:
-    """Slow and fast, folded, nominal and spread; friction 1 lifts pads that hardly press (0.26 N a tip)."""
-    fast = 0.065 if friction < 1 or diameter < 0.149 else 0.01625
+    """Slow and fast, folded, nominal and spread; friction 1 lifts pads that hardly press (0.26 N a tip), at any step."""
+    fast = 0.065
+    pressed = []
     for timestep, speed in ((TUBE_TIMESTEP, fast), (2 * TUBE_TIMESTEP, 0.01625), (2 * TUBE_TIMESTEP, fast)):
         run = pull(tube_rig(DESIGN, friction=friction, diameter=diameter, timestep=timestep), speed)
         assert run.outcome == "completed"
-        assert run.string.mean() == pytest.approx(friction * run.normal.mean(), rel=0.01, abs=1e-3)
+        off = 0.01 if run.touching > 0.99 else 0.02  # a pad that lifts does not always slide straight back
+        assert run.string.mean() == pytest.approx(friction * run.normal.mean(), rel=off, abs=1e-3)
+        pressed.append(run.normal.mean())
+    assert pressed == pytest.approx([pressed[0]] * 3, rel=0.02)
 
 
 def test_friction_is_mu_n_pressed_by_the_full_stroke() -> None:
