@@ -127,7 +127,7 @@ def test_what_does_not_fit_is_refused() -> None:
 @pytest.mark.parametrize("diameter", [0.0996, 0.14, 0.149])
 @pytest.mark.parametrize("friction", [0.0, 0.4, 1.0])
 def test_whole_device_is_stable_up_to_twice_the_default_step(diameter: float, friction: float) -> None:
-    """Slow and fast, folded, nominal and spread; friction 1 lifts pads that hardly press (0.26 N a tip), at any step."""
+    """Slow and fast, folded, nominal and spread; friction 1 lifts pads that hardly press (0.26 N a tip)."""
     fast = 0.065
     pressed = []
     for timestep, speed in ((TUBE_TIMESTEP, fast), (2 * TUBE_TIMESTEP, 0.01625), (2 * TUBE_TIMESTEP, fast)):
