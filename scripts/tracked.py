@@ -120,9 +120,9 @@ class TrackedRun:
             moving = max(furthest, 1) * CONTROL_INTERVAL
             treads = design.tread_speed(self.rpm) * moving
             driven = float(free.arc[furthest] - free.arc[0])
-            after = free.time >= SETTLING
-            normal, pressed = free.normal[after], held.normal[after]
-            pull = float(held.leash[after].mean())
+            after, tied = free.time >= SETTLING, held.time >= SETTLING
+            normal, pressed = free.normal[after], held.normal[tied]
+            pull = float(held.leash[tied].mean())
             total = float(pressed.sum(1).mean())
             scores |= {
                 "driven_mm": 1e3 * driven,

@@ -19,8 +19,8 @@ _READ = 1.0
 """Shortest time read [s]: the paper's third step; stretched to whole tooth passages."""
 _TOUCHING = 0.5
 """Least share of the time read for which every pad must touch. With friction 1 in a tube as wide as struts reach, a pad
-lifts for 43 % of the time at any step from 0.2 to 1 ms, and the force does not change: motion. With too large a step pads
-chatter, touch for less than a third of the time, and the force is wrong."""
+lifts for 43 % of the time at any step from 0.2 to 1 ms, and the force does not change: motion. With too large a step
+pads chatter, touch for less than a third of the time, and the force is wrong."""
 _LARGEST_FORCE = 1e4
 """Force [N] beyond which a run counts as diverged: a thousand times the robot's own."""
 

@@ -29,8 +29,9 @@ def colon(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_it_drives_and_leaves_scores_and_a_picture(
     colon: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """For longer than the same device is held to read its pull."""
     assert (
-        main(["tracked", "--colon", str(colon), "--arc", "0.03", "--seconds", "1.5", "-o", str(tmp_path), "--json"])
+        main(["tracked", "--colon", str(colon), "--arc", "0.03", "--seconds", "3.5", "-o", str(tmp_path), "--json"])
         == 0
     )
     scores = json.loads(capsys.readouterr().out)
