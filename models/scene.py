@@ -55,8 +55,11 @@ class SceneOptions:
     """Normal stiffness of a contact with the wall [N/m]."""
     wall_damping_time: float = 0.005
     """Damping over stiffness of the wall [s]; engineering choice; sliding adds mu c v to the normal force."""
-    wall_law: Literal["pieces", "planes"] = "pieces"
-    """What the scope meets: the wall's convex pieces, or tangent planes of the lumen (docs/decisions/wall.md)."""
+    wall_law: Literal["pieces", "planes", "field"] = "pieces"
+    """What the scope meets: the wall's convex pieces, tangent planes of the lumen (docs/decisions/wall.md), or a table
+    of the lumen that an engine of many worlds reads (`haustra.models.wall.radius_field`); such a scene has no wall."""
+    sample_spacing: float | None = None
+    """Distance between the spheres that meet planes or field [m]; three quarters of the scope's diameter when None."""
     friction: float = _CONTACT["contact.friction"].value
     """Coulomb coefficient between scope and wall [1]."""
     push_limit: float = _CONTACT["contact.push_force_peak"].value
@@ -75,8 +78,10 @@ class SceneOptions:
             value = getattr(self, name)
             if not 0 < value < 1e3:
                 raise InvalidOptionError(f"Scene option {name} is {value}; it must be a positive number.")
-        if self.wall_law not in ("pieces", "planes"):
-            raise InvalidOptionError(f"Wall law '{self.wall_law}' is not known. Known: pieces, planes.")
+        if self.wall_law not in ("pieces", "planes", "field"):
+            raise InvalidOptionError(f"Wall law '{self.wall_law}' is not known. Known: pieces, planes, field.")
+        if self.sample_spacing is not None and not 1e-3 <= self.sample_spacing <= 0.1:
+            raise InvalidOptionError(f"Scene option sample_spacing is {self.sample_spacing} m; give 0.001 to 0.1 m.")
         if self.timestep > 0.02:
             raise InvalidOptionError(f"Scene option timestep is {self.timestep} s; at most 0.02 s is supported.")
         if not all(np.isfinite(self.gravity)):
@@ -105,7 +110,7 @@ class Scene:
     pieces: int
     """Convex pieces of the wall."""
     samples: tuple[Sample, ...] = ()
-    """Spheres of the scope that meet tangent planes; none in a wall of pieces."""
+    """Spheres of the scope that meet tangent planes or the field; none in a wall of pieces."""
     left_out: Mapping[str, str] = field(default_factory=dict)
     """What the scene does not model, and why that is sound."""
 
@@ -135,13 +140,18 @@ class Scene:
 
 
 def build_scene(
-    colon: Colon, wall: Wall, design: ScopeDesign, options: SceneOptions | None = None, *, show_lumen: bool = True
+    colon: Colon,
+    wall: Wall | None,
+    design: ScopeDesign,
+    options: SceneOptions | None = None,
+    *,
+    show_lumen: bool = True,
 ) -> Scene:
     """Put a colon's wall and a scope into one scene.
 
     Args:
         colon: the colon.
-        wall: its wall.
+        wall: its wall of pieces; not needed for the other laws.
         design: the scope.
         options: how to model it.
         show_lumen: add the lumen surface as a picture, without contact.
@@ -159,13 +169,18 @@ def build_scene(
     apply_stops(spec, bare, timestep=options.timestep)
     apply_contact(spec, bare, cable.geoms, options.contact, timestep=options.timestep)
     samples: tuple[Sample, ...] = ()
-    if options.wall_law == "planes":
-        samples = capsule_samples(bare, cable.geoms, spacing=_SAMPLE_SPACING * design.diameter)
-        add_planes(spec, bare, samples, options.contact, timestep=options.timestep)
+    if options.wall_law == "pieces":
+        if wall is None:
+            raise InvalidOptionError("Wall law 'pieces' needs a wall: build one, or choose planes or field.")
+        add_wall(spec, wall)
+    else:
+        samples = capsule_samples(
+            bare, cable.geoms, spacing=options.sample_spacing or _SAMPLE_SPACING * design.diameter
+        )
         for name in cable.geoms:
             spec.geom(name).conaffinity = 0
-    else:
-        add_wall(spec, wall)
+        if options.wall_law == "planes":
+            add_planes(spec, bare, samples, options.contact, timestep=options.timestep)
     if show_lumen:
         _add_lumen(spec, colon)
     left_out = {
@@ -185,7 +200,7 @@ def build_scene(
         options=options,
         entry=entry,
         entry_direction=frame[:, 2],
-        pieces=0 if samples else len(wall.pieces),
+        pieces=len(wall.pieces) if wall and not samples else 0,
         samples=samples,
         left_out=left_out,
     )
@@ -258,6 +273,8 @@ def _add_scope(spec, design: ScopeDesign, cells, entry, frame, options: SceneOpt
         push_limit=options.push_limit,
         torque_limit=options.torque_limit,
         timestep=options.timestep,
+        # Engines of many worlds have no cubic springs.
+        cubic=options.wall_law != "field",
     )
 
 

@@ -28,6 +28,8 @@ LEAST_RADIUS = 2e-4
 LEAST_SLOPE = 0.2
 """Least cosine between the ray and the wall's normal: beyond, the ray grazes the wall and the depth along the normal is
 not known from it."""
+MOST_RADIUS = 0.06
+"""No lumen is wider: rays that leave through the anus end here [m]."""
 _MARCH = 24
 _PROBES = 4000
 
@@ -212,7 +214,7 @@ def _first_touch(
         if not len(open_rays):
             break
     high[open_rays] = low[open_rays]
-    return np.maximum(high, LEAST_RADIUS).reshape(stations, angles)
+    return np.clip(high, LEAST_RADIUS, MOST_RADIUS).reshape(stations, angles)
 
 
 def _error(surface, tables: Tables, arcs, radius, rays, device_radius: float, seed: int) -> FieldError:
