@@ -1,16 +1,17 @@
 """The wall as a table: how far from the centreline a device's middle may be, at every arc length and angle.
 
-The lumen is shrunk by the device's radius, so that a sphere that touches the wall is a point on the shrunk surface. That
-surface is tabulated over arc length and angle around the centreline, with its normal. Looking a point up takes a few
-dozen operations and no search, has no seams, and is the same code in numpy and in JAX, where it is differentiable.
+The lumen is shrunk by the device's radius, so that a sphere that touches the wall is a point on the shrunk surface.
+That surface is tabulated over arc length and angle around the centreline, with its normal. Looking a point up takes a
+few dozen operations and no search, has no seams, and is the same code in numpy and in JAX, where it is differentiable.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.interpolate import CubicSpline
 
 from haustra.models.anatomy.colon import Colon
@@ -35,16 +36,20 @@ _PROBES = 4000
 
 
 class Tables(NamedTuple):
-    """The arrays of one colon, or stacked ones of several: a tree that JAX maps over."""
+    """The arrays of one colon, or of several one after the other: a tree that JAX maps over."""
 
     points: Any
     """(stations, 3): the centreline [m]."""
     frames: Any
     """(stations, 3, 3): columns are first normal, second normal, tangent."""
     wall: Any
-    """(stations, angles, 4): radius that the device's middle may have [m], and the wall's inward normal in the frame."""
+    """(stations, angles, 4): largest radius of the device's middle [m], and the wall's inward normal, in the frame."""
     step: Any
-    """Distance between stations [m]."""
+    """Distance between stations [m]: one number, or one a colon."""
+    first: Any
+    """Index of the colon's first station: one number, or one a colon."""
+    count: Any
+    """Stations of the colon: one number, or one a colon."""
 
 
 class Touch(NamedTuple):
@@ -79,7 +84,7 @@ class RadiusField:
     """A colon's table for devices of one radius."""
 
     tables: Tables
-    """In double precision."""
+    """In double precision, in the colon's own coordinates."""
     device_radius: float
     """Radius of the device's spheres [m]."""
     error: FieldError
@@ -90,7 +95,31 @@ class RadiusField:
     @property
     def length(self) -> float:
         """Length of the tabulated centreline [m]."""
-        return float(self.tables.step * (len(self.tables.points) - 1))
+        return float(self.tables.step * (self.tables.count - 1))
+
+    def seen_from(self, origin: Float[np.ndarray, "3"], axes: Float[np.ndarray, "3 3"]) -> Tables:
+        """The tables in coordinates that begin at `origin` [m], with the columns of `axes` as axes.
+
+        With the entry as origin and its direction as last axis, colons can take turns in front of one device.
+        """
+        own = self.tables
+        return own._replace(points=(own.points - origin) @ axes, frames=np.einsum("ij,sik->sjk", axes, own.frames))
+
+
+def stack(tables: Sequence[Tables]) -> Tables:
+    """Tables of several colons as one; `pick` chooses among them."""
+    counts = [int(one.count) for one in tables]
+    return Tables(
+        *(np.concatenate([getattr(one, name) for one in tables]) for name in ("points", "frames", "wall")),
+        step=np.array([float(one.step) for one in tables]),
+        first=np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int32),
+        count=np.array(counts, np.int32),
+    )
+
+
+def pick(tables: Tables, colons: Int[Any, " worlds"]) -> Tables:
+    """One colon a world, for `touch` with points of shape (worlds, points, 3); nothing is copied."""
+    return tables._replace(**{name: getattr(tables, name)[colons][:, None] for name in ("step", "first", "count")})
 
 
 def radius_field(colon: Colon, *, device_radius: float, surface: WallField | None = None, seed: int = 0) -> RadiusField:
@@ -115,7 +144,8 @@ def radius_field(colon: Colon, *, device_radius: float, surface: WallField | Non
     grazing = np.einsum("sai,sai->sa", inwards, -rays) < LEAST_SLOPE
     inwards[grazing] = -rays[grazing]
     local = np.einsum("sij,sai->saj", frames, inwards)
-    tables = Tables(points, frames, np.concatenate([radius[..., None], local], axis=-1), np.float64(step))
+    wall = np.concatenate([radius[..., None], local], axis=-1)
+    tables = Tables(points, frames, wall, np.float64(step), np.int32(0), np.int32(len(points)))
     narrow = arcs[(radius <= LEAST_RADIUS).mean(axis=1) > 0.5]
     return RadiusField(
         tables, device_radius, _error(surface, tables, arcs, radius, rays, device_radius, seed), tuple(narrow.tolist())
@@ -127,7 +157,7 @@ def touch(xp: ModuleType, tables: Tables, points: Float[Any, "*worlds points 3"]
 
     Args:
         xp: numpy or jax.numpy.
-        tables: of one colon; under `jax.vmap`, of one world.
+        tables: of one colon, or of one a world (`pick`).
         points: middles of the device's spheres [m].
         arcs: their arc lengths at the last look [m]; negative before the anus.
     """
@@ -159,10 +189,10 @@ def touch(xp: ModuleType, tables: Tables, points: Float[Any, "*worlds points 3"]
 
 
 def _cell(xp: ModuleType, tables: Tables, arcs: Any) -> tuple[Any, Any]:
-    """Station before an arc length, and the fraction of a step beyond it; below 0 and above 1 outside the table."""
+    """Row of the station before an arc length, and the fraction of a step after it (beyond 0 and 1: outside)."""
     place = arcs / tables.step
-    j = xp.clip(xp.floor(place), 0, tables.points.shape[-2] - 2).astype(np.int32)
-    return j, place - j
+    j = xp.clip(xp.floor(place), 0, tables.count - 2).astype(np.int32)
+    return j + tables.first, place - j
 
 
 def _frame_at(xp: ModuleType, tables: Tables, j: Any, u: Any) -> tuple[Any, Any]:
