@@ -1,0 +1,387 @@
+"""Many scopes in many colons at once, in JAX: the chain of a scope against the tabulated wall.
+
+Every spring and damper that is stiff against a time step is integrated by backward Euler: wall, friction, stops, hand
+and locks add `h J^T A J` to the mass matrix, which costs no more than the composite inertias that are there anyway. So
+the wall has its stiffness to rounding at rest, as in the native engine, and steps of 5 ms are stable.
+"""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from haustra.envs.engine import chain as links
+from haustra.envs.engine.chain import Chain
+from haustra.errors import UnsupportedSceneError
+from haustra.models.scene import Scene
+from haustra.models.scope.cable import HAND_PUSH, HAND_ROLL, LOCK_LOSS_TIME, LOCK_STIFFNESS
+from haustra.models.scope.stops import STOP_LOSS_TIME, STOP_STIFFNESS
+from haustra.models.scope.wires import WIRE_NAMES
+from haustra.models.wall.radius_field import Tables, pick, touch
+
+Array = Any
+
+SLIP_SPEED = 1e-3
+"""Friction is that of Coulomb above this speed and viscous below [m/s]: a scope held by its friction creeps at less.
+Engineering choice; the native engine's own regularisation is 7 mm/s for 1 N (`haustra.models.contact`)."""
+LOCK_STRETCH = 0.02
+"""A joint is freed over the last stretch before the anus [m], as in the native engine."""
+SPEED_LIMIT = 1e4
+"""A generalised speed above this [rad/s or m/s] is divergence, as in the native engine."""
+
+
+class Parameters(NamedTuple):
+    """What may differ from world to world; every entry has shape (worlds,)."""
+
+    colon: Array
+    """Which of the stacked colons."""
+    stiffness: Array
+    """Of the wall [N/m]."""
+    damping_time: Array
+    """Damping over stiffness of the wall [s]."""
+    friction: Array
+    """Coulomb coefficient [1]."""
+    bending: Array
+    """EI of the shaft over that of the design [1]."""
+    tip_bending: Array
+    """EI of the bending section over that of the design [1]."""
+    torsion: Array
+    """GJ over that of the design [1]."""
+    push_limit: Array
+    """Largest push of the hand [N]."""
+
+
+class Worlds(NamedTuple):
+    """State of all worlds; leading axis: worlds."""
+
+    qpos: Array
+    qvel: Array
+    hand: Array
+    """(worlds, 2): where the hand aims, along [m] and about the shaft [rad]."""
+    arcs: Array
+    """(worlds, points + 1): arc length of each sphere, and of the tip [m]."""
+    normal: Array
+    """(worlds, points): force of the wall on each sphere at the end of the last step [N]."""
+    healthy: Array
+    """(worlds,): false once a world has diverged; it then stays as it was last sound."""
+    time: Array
+    """(worlds,) [s]."""
+
+
+class Hands(NamedTuple):
+    """Inputs, until the next call; leading axis: worlds."""
+
+    push_rate: Array
+    """[m/s]."""
+    roll_rate: Array
+    """[rad/s]."""
+    pulls: Array
+    """(worlds, 4): wires up, left, down, right [N]."""
+
+
+class Seen(NamedTuple):
+    """What can be read off; leading axis: worlds."""
+
+    insertion: Array
+    """Length past the anus [m]."""
+    roll: Array
+    """Angle of the handle [rad]."""
+    hand_lead: Array
+    """How far the hand aims ahead of the shaft [m]."""
+    tip: Array
+    """(worlds, 3) in coordinates of the entry [m]."""
+    tip_frame: Array
+    """(worlds, 3, 3): columns are wire 'up', wire 'left', viewing direction."""
+    tip_arc: Array
+    """Arc length of the tip [m]."""
+    bend: Array
+    """(worlds, 2): of the bending section towards 'up' and 'left' [rad]."""
+    push_force: Array
+    """Of the hand [N]."""
+    torque: Array
+    """Of the hand [N m]."""
+    link_forces: Array
+    """(worlds, links): resultant of the wall's normal forces on each link [N]."""
+
+
+@dataclass(frozen=True)
+class ScopeWorlds:
+    """Constants of one scope for any number of worlds: a pure function of state, inputs and parameters."""
+
+    chain: Chain
+    timestep: float
+    start: float
+    """Depth of the tip at the start [m]."""
+    behind: np.ndarray
+    """(joints,) distance of each joint from the tip [m]."""
+    lock_dofs: np.ndarray
+    """(joints, 2)."""
+    stiffness: np.ndarray
+    damping: np.ndarray
+    armature: np.ndarray
+    rest: np.ndarray
+    """(dofs,) angles at rest [rad]."""
+    scale: np.ndarray
+    """(dofs,) which of the parameters scales it: 0 none, 1 bending, 2 tip_bending, 3 torsion."""
+    low: np.ndarray
+    high: np.ndarray
+    """(dofs,) stops [rad]."""
+    arms: np.ndarray
+    """(4, dofs) length of each wire per angle [m/rad]."""
+    sample_body: np.ndarray
+    sample_place: np.ndarray
+    """(points, 3) in the link's frame [m]."""
+    tip_place: np.ndarray
+    bend_dofs: tuple[np.ndarray, np.ndarray]
+    torque_limit: float
+    links: int
+
+    @classmethod
+    def of(cls, scene: Scene) -> "ScopeWorlds":
+        """Read a scene of wall law 'field'; its own colon does not matter.
+
+        Raises:
+            UnsupportedSceneError: when the scene has what this engine cannot honour.
+        """
+        refuse_unsupported(scene)
+        # Colons take turns in front of the scope: it enters at the origin along z.
+        spec = scene.spec.copy()
+        root = spec.body("scope/root")
+        cable = scene.cable
+        root.pos, root.quat = [0, 0, scene.options.start_depth - cable.length], [1, 0, 0, 0]
+        model = spec.compile()
+        chain = Chain.of(model)
+        names = [model.joint(index).name for index in range(model.njnt)]
+        steerable = {index for index, cell in enumerate(cable.cells) if cell.steerable}
+        kinds = [_scale_of(name, steerable) for name in names]
+        arms = np.zeros((len(WIRE_NAMES), model.nv))
+        for wire, name in enumerate(WIRE_NAMES):
+            tendon = model.tendon(f"scope/wire_{name}").id
+            wraps = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
+            arms[wire, model.jnt_dofadr[model.wrap_objid[wraps]]] = model.wrap_prm[wraps]
+        limited = model.jnt_limited.astype(bool)
+        return cls(
+            chain=chain,
+            timestep=scene.options.timestep,
+            start=scene.options.start_depth,
+            behind=cable.length - cable.joint_positions,
+            lock_dofs=np.array(
+                [[names.index(f"scope/bend_{a}_{i:03d}") for a in "xy"] for i in range(len(cable.cells))]
+            ),
+            stiffness=np.asarray(model.jnt_stiffness).reshape(model.nv, -1)[:, 0].copy(),
+            damping=np.asarray(model.dof_damping).reshape(model.nv, -1)[:, 0].copy(),
+            armature=model.dof_armature.copy(),
+            rest=model.qpos_spring.copy(),
+            scale=np.array(kinds),
+            low=np.where(limited, model.jnt_range[:, 0], -np.inf),
+            high=np.where(limited, model.jnt_range[:, 1], np.inf),
+            arms=arms,
+            sample_body=np.array([model.body(sample.body).id - 1 for sample in scene.samples]),
+            sample_place=np.array([sample.position for sample in scene.samples]),
+            tip_place=model.site("scope/tip").pos.copy(),
+            bend_dofs=tuple(
+                np.array([names.index(f"scope/bend_{a}_{i:03d}") for i in sorted(steerable)]) for a in ("y", "x")
+            ),
+            torque_limit=scene.options.torque_limit,
+            links=len(cable.links),
+        )
+
+    def parameters(self, scene: Scene, worlds: int, **changed: Any) -> Parameters:
+        """The scene's own parameters for that many worlds, but for those `changed`: numbers, or one a world."""
+        options = scene.options
+        own = {
+            "colon": 0,
+            "stiffness": options.wall_stiffness,
+            "damping_time": options.wall_damping_time,
+            "friction": options.friction,
+            "bending": 1.0,
+            "tip_bending": 1.0,
+            "torsion": 1.0,
+            "push_limit": options.push_limit,
+        } | changed
+        return Parameters(**{name: jnp.broadcast_to(jnp.asarray(own[name]), (worlds,)) for name in Parameters._fields})
+
+    def begin(self, worlds: int, kind: Any = jnp.float32) -> Worlds:
+        """All scopes straight, their tips at the start depth."""
+        dofs = len(self.chain.axis)
+        qpos = jnp.zeros((worlds, dofs), kind)
+        where = links.pose(self.chain, qpos[:1])
+        arcs = jnp.concatenate([self._samples(where)[..., 2], self._tip(where)[..., 2]], axis=1)
+        return Worlds(
+            qpos=qpos,
+            qvel=jnp.zeros_like(qpos),
+            hand=jnp.zeros((worlds, 2), kind),
+            arcs=jnp.tile(arcs, (worlds, 1)),
+            normal=jnp.zeros((worlds, len(self.sample_body)), kind),
+            healthy=jnp.ones(worlds, bool),
+            time=jnp.zeros(worlds, kind),
+        )
+
+    def step(self, tables: Tables, parameters: Parameters, worlds: Worlds, hands: Hands) -> Worlds:
+        """One time step of all worlds."""
+        chain, h = self.chain, self.timestep
+        where = links.pose(chain, worlds.qpos)
+        own = links.inertias(chain, where)
+        bias = links.bias(chain, where, own, worlds.qvel)
+        points, contact, force, arcs, inwards, law = self._wall(tables, parameters, worlds, where)
+        of_body = self._body_sums(links.wrench(points, force))
+        felt = self._body_sums(links.point_inertia(points, h * contact))
+        torque, damping = self._joints(parameters, worlds, hands)
+        torque = torque + links.joint_forces(chain, where, links.beyond(of_body - bias))
+        matrix = links.mass_matrix(chain, where, links.beyond(own + felt))
+        armature = jnp.asarray(self.armature, torque.dtype) * self._scales(parameters, torque.dtype)
+        matrix = matrix + jnp.eye(len(self.armature), dtype=torque.dtype) * (armature + h * damping)[:, None]
+        qvel = worlds.qvel + h * solve(matrix, torque)
+        qpos = worlds.qpos + h * qvel
+        leaving = self._speeds(where, points, qvel)
+        along = jnp.einsum("wpi,wpi->wp", inwards, leaving)
+        normal = jnp.maximum(law[0] - law[1] * along, 0.0)
+        rates = jnp.stack([hands.push_rate, hands.roll_rate], axis=-1).astype(qpos.dtype)
+        after = Worlds(qpos, qvel, worlds.hand + h * rates, arcs, normal, worlds.healthy, worlds.time + h)
+        sound = worlds.healthy & jnp.isfinite(qvel).all(axis=1) & (jnp.abs(qvel).max(axis=1) < SPEED_LIMIT)
+        kept = [_choose(sound, new, old) for new, old in zip(after[:5], worlds[:5], strict=True)]
+        return Worlds(*kept, healthy=sound, time=jnp.where(sound, after.time, worlds.time))
+
+    def steps(self, tables: Tables, parameters: Parameters, worlds: Worlds, hands: Hands, count: int) -> Worlds:
+        """Several time steps under the same inputs."""
+        return jax.lax.fori_loop(0, count, lambda _, now: self.step(tables, parameters, now, hands), worlds)
+
+    def observe(self, parameters: Parameters, tables: Tables, worlds: Worlds) -> Seen:
+        """Read off all worlds."""
+        where = links.pose(self.chain, worlds.qpos)
+        found = touch(jnp, pick(tables, parameters.colon), self._samples(where), worlds.arcs[:, :-1])
+        forces = self._body_sums(worlds.normal[..., None] * found.inwards)
+        hand = self._hand(parameters, worlds)
+        up, left = (worlds.qpos[:, dofs].sum(axis=1) for dofs in self.bend_dofs)
+        return Seen(
+            insertion=self.start + worlds.qpos[:, 0],
+            roll=worlds.qpos[:, 1],
+            hand_lead=worlds.hand[:, 0] - worlds.qpos[:, 0],
+            tip=self._tip(where)[:, 0],
+            tip_frame=where.rotation[:, -1],
+            tip_arc=worlds.arcs[:, -1],
+            bend=jnp.stack([up, -left], axis=-1),
+            push_force=hand[:, 0],
+            torque=hand[:, 1],
+            link_forces=jnp.linalg.norm(forces, axis=-1),
+        )
+
+    def _wall(self, tables: Tables, parameters: Parameters, worlds: Worlds, where: links.Pose):
+        h = self.timestep
+        points = self._samples(where)
+        found = touch(
+            jnp, pick(tables, parameters.colon), jnp.concatenate([points, self._tip(where)], axis=1), worlds.arcs
+        )
+        depth, inwards = found.depth[:, :-1], found.inwards[:, :-1]
+        speed = self._speeds(where, points, worlds.qvel)
+        away = jnp.einsum("wpi,wpi->wp", inwards, speed)
+        stiffness = parameters.stiffness[:, None]
+        damper = stiffness * (parameters.damping_time[:, None] + h)
+        pressing = (depth > 0) & (stiffness * depth > damper * away)
+        spring = jnp.where(pressing, stiffness * depth, 0.0)
+        damper = jnp.where(pressing, damper, 0.0)
+        sliding = jnp.linalg.norm(speed - away[..., None] * inwards + 1e-12, axis=-1)
+        load = spring - damper * away
+        drag = parameters.friction[:, None] * load / jnp.maximum(sliding, SLIP_SPEED)
+        across = inwards[..., :, None] * inwards[..., None, :]
+        contact = damper[..., None, None] * across
+        contact = contact + drag[..., None, None] * (jnp.eye(3, dtype=depth.dtype) - across)
+        force = spring[..., None] * inwards - jnp.einsum("wpij,wpj->wpi", contact, speed)
+        return points, contact, force, found.arcs, inwards, (spring, damper)
+
+    def _joints(self, parameters: Parameters, worlds: Worlds, hands: Hands) -> tuple[Array, Array]:
+        """Torques of springs, stops, locks, hand and wires, and the damping that goes into the matrix."""
+        kind, h = worlds.qpos.dtype, self.timestep
+        scale = self._scales(parameters, kind)
+        stiffness = jnp.asarray(self.stiffness, kind) * scale
+        damping = jnp.asarray(self.damping, kind) * scale
+        low, high = jnp.asarray(self.low, kind), jnp.asarray(self.high, kind)
+        beyond = jnp.maximum(worlds.qpos - high, 0.0) - jnp.maximum(low - worlds.qpos, 0.0)
+        damping = damping + jnp.where(beyond != 0, STOP_STIFFNESS * (STOP_LOSS_TIME + h), 0.0)
+        torque = -stiffness * (worlds.qpos - jnp.asarray(self.rest, kind)) - STOP_STIFFNESS * beyond
+        held = self._held(worlds)
+        dofs = self.lock_dofs.ravel()
+        torque = torque.at[:, dofs].add(-LOCK_STIFFNESS * held * worlds.qpos[:, dofs])
+        damping = damping.at[:, dofs].add(LOCK_STIFFNESS * LOCK_LOSS_TIME * held)
+        torque = torque - hands.pulls.astype(kind) @ jnp.asarray(self.arms, kind) - damping * worlds.qvel
+        # The hand's damper is in its force already; where the force is at its limit, it damps no more.
+        hand = self._hand(parameters, worlds)
+        free = jnp.abs(hand) < jnp.stack([parameters.push_limit, jnp.full_like(hand[:, 1], self.torque_limit)], axis=-1)
+        torque = torque.at[:, :2].add(hand)
+        damping = damping.at[:, :2].add(jnp.where(free, jnp.array([HAND_PUSH[1], HAND_ROLL[1]], kind), 0.0))
+        return torque, damping
+
+    def _hand(self, parameters: Parameters, worlds: Worlds) -> Float[Array, "worlds 2"]:
+        stiffness, damping = np.array([HAND_PUSH, HAND_ROLL], dtype=worlds.qpos.dtype).T
+        force = stiffness * (worlds.hand - worlds.qpos[:, :2]) - damping * worlds.qvel[:, :2]
+        limit = jnp.stack([parameters.push_limit, jnp.full_like(parameters.push_limit, self.torque_limit)], axis=-1)
+        return jnp.clip(force, -limit, limit)
+
+    def _held(self, worlds: Worlds) -> Array:
+        """How firmly each bending dof is held outside the patient, 0 to 1: (worlds, 2 joints)."""
+        position = self.start + worlds.qpos[:, :1] - jnp.asarray(self.behind, worlds.qpos.dtype)
+        held = jnp.clip(-position / LOCK_STRETCH, 0.0, 1.0) ** 4
+        return jnp.repeat(held, 2, axis=1)
+
+    def _scales(self, parameters: Parameters, kind: Any) -> Float[Array, "worlds dofs"]:
+        one = jnp.ones_like(parameters.bending)
+        choices = jnp.stack([one, parameters.bending, parameters.tip_bending, parameters.torsion], axis=-1)
+        return choices[:, self.scale].astype(kind)
+
+    def _speeds(self, where: links.Pose, points: Array, qvel: Array) -> Float[Array, "worlds points 3"]:
+        velocity = links.velocities(self.chain, where, qvel)[:, self.sample_body]
+        return velocity[..., 3:] + jnp.cross(velocity[..., :3], points)
+
+    def _samples(self, where: links.Pose) -> Float[Array, "worlds points 3"]:
+        return links.points_on(where, self.sample_body, self.sample_place)
+
+    def _tip(self, where: links.Pose) -> Float[Array, "worlds 1 3"]:
+        return links.points_on(where, np.array([len(self.chain.mass) - 1]), self.tip_place[None])
+
+    def _body_sums(self, per_sample: Array) -> Array:
+        """Sums over the spheres of each body."""
+        shape = (per_sample.shape[0], len(self.chain.mass), *per_sample.shape[2:])
+        return jnp.zeros(shape, per_sample.dtype).at[:, self.sample_body].add(per_sample)
+
+
+def refuse_unsupported(scene: Scene) -> None:
+    """Say by name what of a scene this engine cannot honour.
+
+    Raises:
+        UnsupportedSceneError: naming the first such thing.
+    """
+    if scene.options.wall_law != "field":
+        raise UnsupportedSceneError(
+            f"The JAX scope engine has no wall law '{scene.options.wall_law}': build the scene with wall_law='field'."
+        )
+    wires = scene.design.wires
+    if wires.friction or wires.hysteresis:
+        raise UnsupportedSceneError("The JAX scope engine has no friction of wires: use the native engine.")
+    model = scene.compile()
+    cubic = np.asarray(model.jnt_stiffnesspoly) if hasattr(model, "jnt_stiffnesspoly") else np.zeros(1)
+    if np.abs(cubic).max(initial=0) > 0:
+        raise UnsupportedSceneError("The JAX scope engine has linear springs only: build the scope with cubic=False.")
+    if model.nplugin or model.neq:
+        raise UnsupportedSceneError(
+            "The JAX scope engine has no plugins or equality constraints: use the native engine."
+        )
+
+
+def solve(matrix: Float[Array, "worlds dofs dofs"], right: Float[Array, "worlds dofs"]) -> Array:
+    """Solve symmetric positive definite systems."""
+    factor = jnp.linalg.cholesky(matrix)
+    forth = jax.lax.linalg.triangular_solve(factor, right[..., None], left_side=True, lower=True)
+    return jax.lax.linalg.triangular_solve(factor, forth, left_side=True, lower=True, transpose_a=True)[..., 0]
+
+
+def _scale_of(name: str, steerable: set[int]) -> int:
+    if "bend_" in name:
+        return 2 if int(name[-3:]) in steerable else 1
+    return 3 if "twist_" in name else 0
+
+
+def _choose(sound: Array, new: Array, old: Array) -> Array:
+    return jnp.where(sound.reshape(-1, *[1] * (new.ndim - 1)), new, old)
