@@ -15,7 +15,7 @@ from haustra.envs.engine.native import Inputs, Observation
 from haustra.models.anatomy.colon import Centreline
 from haustra.models.scope.design import ScopeDesign
 
-_STEP_FORWARD = 0.003
+STEP_FORWARD = 0.003
 """Gain in arc length that counts as progress [m]; engineering choice above the centreline's spacing of 2 mm."""
 
 
@@ -87,9 +87,9 @@ class LumenFollower:
     def act(self, seen: Observation, arc: float, interval: float) -> Inputs:
         """Inputs for the next `interval` [s], given what was seen and the tip's arc length [m]."""
         self._steer(seen, arc, interval)
-        if arc > self._local_arc + _STEP_FORWARD:
+        if arc > self._local_arc + STEP_FORWARD:
             self._local_arc, self._local_time = arc, seen.time
-        if arc > self._best_arc + _STEP_FORWARD:
+        if arc > self._best_arc + STEP_FORWARD:
             self._best_arc, self.attempts = arc, 0
         if self._retreat_until is None and self._should_back_off(seen):
             self._begin_retreat(seen)

@@ -17,10 +17,10 @@ from haustra.models.scene import Scene
 CONTROL_INTERVAL = 0.02
 """Time between two decisions of the driver, and between two records [s]; engineering choice: 50 Hz."""
 
-_CAECUM_MARGIN = 0.03
+CAECUM_MARGIN = 0.03
 """The caecum counts as reached this far before the end of the centreline [m]; engineering choice."""
 
-_MANY_ATTEMPTS = 3
+MANY_ATTEMPTS = 3
 """A run that ends after this many attempts without progress was stuck."""
 
 Progress = Callable[[float, float], None]
@@ -124,7 +124,7 @@ def run_insertion(
         if ended := _ended(scene, seen, tracker.arc, outside):
             outcome = ended
             break
-    if outcome is Outcome.TIME_UP and follower.attempts >= _MANY_ATTEMPTS:
+    if outcome is Outcome.TIME_UP and follower.attempts >= MANY_ATTEMPTS:
         outcome = Outcome.STUCK
     return Insertion(
         outcome=outcome,
@@ -140,7 +140,7 @@ def run_insertion(
 def _ended(scene: Scene, seen: Observation, arc: float, outside: float) -> Outcome | None:
     if outside > ESCAPE_DEPTH:
         return Outcome.ESCAPED
-    if arc >= scene.colon.centreline.length - _CAECUM_MARGIN:
+    if arc >= scene.colon.centreline.length - CAECUM_MARGIN:
         return Outcome.REACHED_CAECUM
     if seen.insertion >= scene.cable.length - 0.005:
         return Outcome.FULLY_INSERTED

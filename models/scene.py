@@ -160,7 +160,7 @@ def build_scene(
         InvalidOptionError: when the scope does not fit through the entry, or an option cannot be honoured.
     """
     options = options or SceneOptions()
-    entry, frame = _entry(colon)
+    entry, frame = entry_of(colon)
     cells, modelled = _modelled_cells(colon, design, options)
 
     spec = _empty_spec(f"{colon.name} with {design.name}", options)
@@ -206,7 +206,8 @@ def build_scene(
     )
 
 
-def _entry(colon: Colon) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
+def entry_of(colon: Colon) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
+    """Where a scope enters [m], and axes there: two normals and the direction into the patient."""
     line = colon.centreline
     ahead = int(np.searchsorted(line.arc, ENTRY_STRETCH))
     direction = line.points[ahead] - line.points[0]

@@ -60,6 +60,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
     from haustra.scripts.bench_pushes import BenchPushes
     from haustra.scripts.bench_rods import BenchRods
     from haustra.scripts.bench_tracked import BenchTracked
+    from haustra.scripts.bench_worlds import BenchWorlds
     from haustra.scripts.colon import ColonImport
     from haustra.scripts.colon_check import ColonCheck
     from haustra.scripts.doctor import Doctor
@@ -88,6 +89,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
         "bench tracked": BenchTracked,
         "bench pushes": BenchPushes,
         "bench grown": BenchGrown,
+        "bench worlds": BenchWorlds,
         "doctor": Doctor,
     }
 

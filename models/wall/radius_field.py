@@ -188,6 +188,13 @@ def touch(xp: ModuleType, tables: Tables, points: Float[Any, "*worlds points 3"]
     return Touch(arcs, depth, inwards)
 
 
+def axis_at(xp: ModuleType, tables: Tables, arcs: Float[Any, "..."]) -> Float[Any, "..."]:
+    """Points of the centreline at arc lengths [m]; the last one beyond its end."""
+    j, u = _cell(xp, tables, arcs)
+    u = xp.clip(u, 0.0, 1.0)[..., None]
+    return (1 - u) * tables.points[j] + u * tables.points[j + 1]
+
+
 def _cell(xp: ModuleType, tables: Tables, arcs: Any) -> tuple[Any, Any]:
     """Row of the station before an arc length, and the fraction of a step after it (beyond 0 and 1: outside)."""
     place = arcs / tables.step

@@ -1,0 +1,117 @@
+"""How fast many scopes step at once: worlds against rate, compile time, memory and devices."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from haustra.envs.engine.scope_worlds import Hands, Parameters, ScopeWorlds
+from haustra.envs.follower_worlds import WorldsFollower
+from haustra.envs.insertions import InsertionBatch
+from haustra.envs.scope_bank import ScopeBank
+
+Array = Any
+_REPEATS = 3
+_STEPS = 200
+"""Time steps of one timed call."""
+_WARM_UP = 250
+"""Control intervals of driving before anything is timed: five seconds, after which scopes lie against the wall."""
+
+
+@dataclass(frozen=True)
+class Rate:
+    """One row: that many worlds on that many devices."""
+
+    worlds: int
+    devices: int
+    steps_per_s: float
+    """Physics steps of all worlds in a second; median of three calls."""
+    simulated_per_s: float
+    """Simulated seconds of all worlds in a second of wall clock."""
+    driven_per_s: float
+    """The same with the follower's decisions, observations and scores at 50 Hz."""
+    compile_s: float
+    """Tracing and compiling the physics."""
+    first_call_s: float
+    """First call after compilation."""
+    memory_MB: float
+    """Peak of one device since the start; 0 where the device does not say."""
+    healthy: float
+    """Share of worlds that did not diverge."""
+    in_contact: float
+    """Share of worlds that touch the wall while they are timed."""
+
+
+def measure_rates(
+    bank: ScopeBank, worlds: Sequence[int], *, devices: int = 1, progress: Callable[[Rate], None] = lambda rate: None
+) -> list[Rate]:
+    """Time the scopes of a bank in its colons, in single precision.
+
+    Args:
+        bank: a scope and colons.
+        worlds: numbers of worlds to try.
+        devices: number of devices that share them.
+        progress: called with each row.
+    """
+    engine = ScopeWorlds.of(bank.scene)
+    tables = bank.tables_on_device()
+    sharding = jax.sharding.NamedSharding(
+        jax.make_mesh((devices,), ("worlds",), devices=jax.devices()[:devices]), jax.sharding.PartitionSpec("worlds")
+    )
+    rates = []
+    for count in worlds:
+        rates.append(_measure(bank, engine, tables, count, devices, sharding))
+        progress(rates[-1])
+    return rates
+
+
+def _measure(bank: ScopeBank, engine: ScopeWorlds, tables: Any, count: int, devices: int, sharding: Any) -> Rate:
+    colons = np.arange(count) % len(bank.names)
+    parameters = jax.device_put(engine.parameters(bank.scene, count, colon=colons), sharding)
+    follower = WorldsFollower.of(bank.scene.design, tip_links=bank.tip_links)
+    batch = InsertionBatch(engine, follower, tables, longest=bank.scene.cable.length)
+    state = jax.device_put(batch.begin(count), sharding)
+    state = batch.advance(parameters, *state, count=_WARM_UP)
+    worlds = jax.block_until_ready(state)[0]
+    began = time.perf_counter()
+    jax.block_until_ready(batch.advance(parameters, *state, count=_WARM_UP))
+    driven = time.perf_counter() - began
+    steady = jnp.full(count, 0.01, worlds.qpos.dtype)
+    hands = jax.device_put(Hands(steady, 0 * steady, jnp.zeros((count, 4), worlds.qpos.dtype)), sharding)
+
+    def run(parameters: Parameters, worlds: Any, hands: Hands) -> Any:
+        return engine.steps(tables, parameters, worlds, hands, _STEPS)
+
+    began = time.perf_counter()
+    compiled = jax.jit(run).lower(parameters, worlds, hands).compile()
+    compiling = time.perf_counter() - began
+    seconds = []
+    for _ in range(_REPEATS + 1):
+        began = time.perf_counter()
+        after = jax.block_until_ready(compiled(parameters, worlds, hands))
+        seconds.append(time.perf_counter() - began)
+    taken = float(np.median(seconds[1:]))
+    memory = (jax.devices()[0].memory_stats() or {}).get("peak_bytes_in_use", 0)
+    simulated = engine.timestep * _STEPS * count
+    control = round(0.02 / engine.timestep) * engine.timestep
+    return Rate(
+        worlds=count,
+        devices=devices,
+        steps_per_s=_STEPS * count / taken,
+        simulated_per_s=simulated / taken,
+        driven_per_s=control * _WARM_UP * count / driven,
+        compile_s=compiling,
+        first_call_s=seconds[0],
+        memory_MB=memory / 1e6,
+        healthy=float(np.asarray(after.healthy).mean()),
+        in_contact=float((np.asarray(after.normal).max(axis=1) > 0).mean()),
+    )
+
+
+def rate_rows(rates: Sequence[Rate]) -> list[dict[str, float]]:
+    """Rows as plain JSON values."""
+    return [asdict(rate) for rate in rates]

@@ -1,0 +1,47 @@
+"""JAX as this project uses it: there or not, on how many devices, with compiled programs kept."""
+
+from pathlib import Path
+from typing import Any
+
+from haustra.errors import MissingDependencyError, UnsupportedSceneError
+
+
+def use_jax(*, devices: int = 1, cache: Path | None = None) -> list[Any]:
+    """JAX's devices, at least that many.
+
+    Args:
+        devices: how many are needed.
+        cache: folder in which compiled programs are kept for the next time.
+
+    Raises:
+        MissingDependencyError: when JAX is not installed.
+        UnsupportedSceneError: when there are fewer devices.
+    """
+    try:
+        import jax
+    except ImportError as error:
+        raise MissingDependencyError("Many worlds at once need JAX: pip install 'haustra[mjx]'.") from error
+    if cache is not None:
+        jax.config.update("jax_compilation_cache_dir", str(cache))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
+    found = jax.devices()
+    if len(found) < devices:
+        raise UnsupportedSceneError(f"{devices} devices were asked for; JAX finds {len(found)} ({found[0].platform}).")
+    return found[:devices]
+
+
+def describe_device(devices: list[Any]) -> dict[str, str]:
+    """What figures of speed need beside them."""
+    from datetime import UTC, datetime
+    from importlib.metadata import version
+
+    import jax
+
+    return {
+        "kind": devices[0].device_kind,
+        "platform": devices[0].platform,
+        "count": str(len(devices)),
+        "date": datetime.now(UTC).date().isoformat(),
+        "jax": jax.__version__,
+        "mujoco": version("mujoco"),
+    }

@@ -1,0 +1,77 @@
+"""One scope and several colons, ready for engines of many worlds: a scene without wall, and the colons' tables."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from haustra.models.anatomy.colon import Colon
+from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
+from haustra.models.scope.design import ScopeDesign
+from haustra.models.wall.radius_field import FieldError, Tables, radius_field, stack
+
+BATCH_OPTIONS = SceneOptions(
+    wall_law="field", shaft_cell=0.0625, bending_cell=0.034, twist_hinges=2, sample_spacing=0.03
+)
+"""At most sixty dofs for a whole colon: 27 joints in 1.55 m of adult scope. Its error: docs/validation/worlds.md."""
+
+
+@dataclass(frozen=True)
+class ScopeBank:
+    """What engines of many worlds need."""
+
+    scene: Scene
+    """Of the longest colon."""
+    names: tuple[str, ...]
+    """Of the colons, in the order of the tables."""
+    lengths: tuple[float, ...]
+    """Of their centrelines [m]."""
+    tables: Tables
+    """Of all colons, each seen from its entry."""
+    errors: tuple[FieldError, ...]
+    """Of each colon's table against its surface."""
+
+    @property
+    def tip_links(self) -> int:
+        """Links of the bending section."""
+        return sum(cell.steerable for cell in self.scene.cable.cells)
+
+    def tables_on_device(self, kind: Any = np.float32) -> Tables:
+        """Tables in that precision, on JAX's default device."""
+        import jax.numpy as jnp
+
+        return Tables(*(jnp.asarray(part, kind if part.dtype.kind == "f" else None) for part in self.tables))
+
+
+def build_bank(
+    colons: Sequence[Colon],
+    design: ScopeDesign,
+    options: SceneOptions | None = None,
+    *,
+    progress: Callable[[str], None] = lambda name: None,
+) -> ScopeBank:
+    """Tabulate colons for one scope; `progress` is told each colon's name.
+
+    Args:
+        colons: at least one.
+        design: the scope.
+        options: how to model it; the wall law is 'field' whatever they say.
+        progress: called before each colon.
+    """
+    options = replace(options or BATCH_OPTIONS, wall_law="field")
+    longest = max(colons, key=lambda colon: colon.centreline.length)
+    scene = build_scene(longest, None, design, options, show_lumen=False)
+    tables, errors = [], []
+    for colon in colons:
+        progress(colon.name)
+        field = radius_field(colon, device_radius=scene.cable.radius)
+        tables.append(field.seen_from(*entry_of(colon)))
+        errors.append(field.error)
+    return ScopeBank(
+        scene=scene,
+        names=tuple(colon.name for colon in colons),
+        lengths=tuple(colon.centreline.length for colon in colons),
+        tables=stack(tables),
+        errors=tuple(errors),
+    )

@@ -1,0 +1,65 @@
+"""`haustra bench worlds`: how fast many scopes step at once on this machine's devices."""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True)
+class BenchWorlds:
+    """Step many scopes at once in grown colons, by JAX on whatever device it finds, and say how fast."""
+
+    worlds: str = "1,32,128"
+    """Numbers of worlds, separated by commas."""
+    colons: int = 2
+    """Grown colons (seeds 0, 1, ...) that the worlds share."""
+    design: str = "adult"
+    """Name of a scope design, or a file that ends in .toml."""
+    devices: int = 1
+    """Devices that share the worlds."""
+    timestep: float = 0.005
+    """Integration step [s]."""
+    cache: Path | None = None
+    """Folder in which compiled programs are kept for the next time."""
+    json: bool = field(default=False)
+    """Print one JSON document instead of a table."""
+
+    def __call__(self) -> dict[str, Any]:
+        """Build, warm up, time."""
+        from haustra.envs.engine.jax_setup import describe_device, use_jax
+        from haustra.errors import InvalidOptionError
+        from haustra.scripts.bench_rods import joint_counts
+        from haustra.scripts.console import progress_bar
+
+        counts = joint_counts(self.worlds)
+        if not 1 <= self.colons <= 1000:
+            raise InvalidOptionError(f"colons is {self.colons}: give 1 to 1000.")
+        device = use_jax(devices=self.devices, cache=self.cache)
+        from haustra.envs.bench.throughput import measure_rates, rate_rows
+        from haustra.envs.scope_bank import BATCH_OPTIONS, build_bank
+        from haustra.models.anatomy.grown import grow_colon
+        from haustra.models.scope.files import find_design
+
+        with progress_bar("grow", self.colons, unit="colons") as advance:
+            colons = []
+            for seed in range(self.colons):
+                colons.append(grow_colon(seed=seed))
+                advance(seed + 1, "")
+        bank = build_bank(colons, find_design(self.design), replace(BATCH_OPTIONS, timestep=self.timestep))
+        with progress_bar("time", len(counts), unit="sizes") as advance:
+            done: list[int] = []
+            rates = measure_rates(
+                bank,
+                counts,
+                devices=self.devices,
+                progress=lambda rate: (done.append(1), advance(len(done), f"{rate.steps_per_s:.3g} steps/s")),
+            )
+        return {
+            "device": describe_device(device),
+            "dofs": int(bank.scene.compile().nv),
+            "joints": len(bank.scene.cable.cells),
+            "spheres": len(bank.scene.samples),
+            "timestep_s": self.timestep,
+            "field_error_p95_mm": max(error.depth_p95 for error in bank.errors) * 1e3,
+            "rates": rate_rows(rates),
+        }
