@@ -48,8 +48,8 @@ class BenchRods:
         return result
 
 
-def joint_counts(text: str) -> list[int]:
-    """Numbers of joints from text such as '25,50,100', smallest first.
+def joint_counts(text: str, *, option: str = "--joints", low: int = 2, high: int = 1000) -> list[int]:
+    """Numbers of joints, or of something else, from text such as '25,50,100', smallest first.
 
     Raises:
         InvalidOptionError: when it is anything else.
@@ -59,7 +59,7 @@ def joint_counts(text: str) -> list[int]:
     try:
         counts = sorted({int(part) for part in text.split(",")})
     except ValueError:
-        raise InvalidOptionError(f"--joints is '{text}'; give whole numbers such as 25,50,100.") from None
-    if not all(2 <= count <= 1000 for count in counts):
-        raise InvalidOptionError(f"--joints is '{text}'; give numbers from 2 to 1000.")
+        raise InvalidOptionError(f"{option} is '{text}'; give whole numbers such as 25,50,100.") from None
+    if not all(low <= count <= high for count in counts):
+        raise InvalidOptionError(f"{option} is '{text}'; give numbers from {low} to {high}.")
     return counts

@@ -31,7 +31,7 @@ class BenchWorlds:
         from haustra.scripts.bench_rods import joint_counts
         from haustra.scripts.console import progress_bar
 
-        counts = joint_counts(self.worlds)
+        counts = joint_counts(self.worlds, option="--worlds", low=1, high=1_000_000)
         if not 1 <= self.colons <= 1000:
             raise InvalidOptionError(f"colons is {self.colons}: give 1 to 1000.")
         device = use_jax(devices=self.devices, cache=self.cache)

@@ -59,9 +59,8 @@ def measure_rates(
     """
     engine = ScopeWorlds.of(bank.scene)
     tables = bank.tables_on_device()
-    sharding = jax.sharding.NamedSharding(
-        jax.make_mesh((devices,), ("worlds",), devices=jax.devices()[:devices]), jax.sharding.PartitionSpec("worlds")
-    )
+    mesh = jax.sharding.Mesh(np.array(jax.devices()[:devices]), ("worlds",))
+    sharding = jax.sharding.NamedSharding(mesh, jax.sharding.PartitionSpec("worlds"))
     rates = []
     for count in worlds:
         rates.append(_measure(bank, engine, tables, count, devices, sharding))
