@@ -21,6 +21,10 @@ class InvalidOptionError(HaustraError):
     """An option of a call has a value that cannot be honoured."""
 
 
+class InvalidStudyError(HaustraError):
+    """A study's file asks for something that is unknown or impossible; the message starts with the key's path."""
+
+
 class WallError(HaustraError):
     """A wall could not be built, or its error exceeds what was asked."""
 

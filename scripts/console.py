@@ -29,8 +29,8 @@ def _rows(result: Mapping[str, object], prefix: str = ""):
 
 
 @contextmanager
-def progress_bar(title: str, total: float, *, unit: str) -> Iterator[Callable[[float, str], None]]:
-    """A bar on stderr; yields a function that takes what is done so far and a note."""
+def progress_bar(title: str, total: float, *, unit: str) -> Iterator[Callable[..., None]]:
+    """A bar on stderr; yields a function that takes what is done so far, a note, and a new total if that changed."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -43,4 +43,4 @@ def progress_bar(title: str, total: float, *, unit: str) -> Iterator[Callable[[f
     )
     with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(title, total=total, note="")
-        yield lambda done, note: bar.update(task, completed=done, note=note)
+        yield lambda done, note, total=None: bar.update(task, completed=done, note=note, total=total)

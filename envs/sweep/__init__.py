@@ -1,0 +1,1 @@
+"""Designs × conditions → rows, that survive anything."""

@@ -1,0 +1,114 @@
+"""Reading a table of a study's file key by key, so that whatever is wrong is named by its path."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from haustra.errors import InvalidStudyError
+
+_ABSENT = object()
+
+
+class TableReader:
+    """One table; every key must be asked for, or `done` refuses it."""
+
+    def __init__(self, table: Any, where: str, file: str):
+        self._file, self._where = file, where
+        if not isinstance(table, Mapping):
+            raise self.wrong("", "expected a table of keys and values")
+        self._table, self._known = table, list[str]()
+
+    def wrong(self, key: str, complaint: str) -> InvalidStudyError:
+        """The error that names a key of this table."""
+        path = f"{self._where}.{key}".strip(".") or "the file"
+        return InvalidStudyError(f"{self._file}: {path}: {complaint}.")
+
+    def _take(self, key: str, default: Any) -> Any:
+        self._known.append(key)
+        if key in self._table:
+            return self._table[key]
+        if default is _ABSENT:
+            raise self.wrong(key, "is missing: add it")
+        return default
+
+    def text(self, key: str, default: Any = _ABSENT, *, options: Sequence[str] = ()) -> str:
+        """A text, one of `options` when there are any."""
+        value = self._take(key, default)
+        if not isinstance(value, str) or not value:
+            raise self.wrong(key, f"expected text, found {value!r}")
+        if options and value not in options:
+            raise self.wrong(key, f"'{value}' is not known. Known: {', '.join(options)}")
+        return value
+
+    def number(self, key: str, default: Any = _ABSENT, *, least: float = -math.inf) -> float:
+        """A finite number."""
+        return float(self._number(key, self._take(key, default), least))
+
+    def optional(self, key: str, *, least: float = -math.inf) -> float | None:
+        """A finite number, or None where there is none."""
+        value = self._take(key, None)
+        return None if value is None else float(self._number(key, value, least))
+
+    def count(self, key: str, default: Any = _ABSENT, *, least: int = 1) -> int:
+        """A whole number."""
+        value = self._take(key, default)
+        if isinstance(value, bool) or not isinstance(value, int) or value < least:
+            raise self.wrong(key, f"expected a whole number of at least {least}, found {value!r}")
+        return value
+
+    def numbers(self, key: str) -> tuple[float, ...]:
+        """A list of different finite numbers, empty where there is none."""
+        values = self._list(key, [])
+        found = tuple(float(self._number(f"{key}[{index}]", value, -math.inf)) for index, value in enumerate(values))
+        if len(set(found)) < len(found):
+            raise self.wrong(key, "holds a value twice")
+        return found
+
+    def texts(self, key: str) -> tuple[str, ...]:
+        """A list of texts, empty where there is none."""
+        values = self._list(key, [])
+        for index, value in enumerate(values):
+            if not isinstance(value, str):
+                raise self.wrong(f"{key}[{index}]", f"expected text, found {value!r}")
+        return tuple(values)
+
+    def plain(self, key: str) -> dict[str, Any]:
+        """A table of numbers, texts, truths and lists of them, empty where there is none."""
+        table = self.table(key, {})
+        for name, value in table._table.items():
+            entries = value if isinstance(value, list) else [value]
+            for index, entry in enumerate(entries):
+                place = f"{key}.{name}[{index}]" if isinstance(value, list) else f"{key}.{name}"
+                if not isinstance(entry, int | float | str | bool):
+                    raise self.wrong(place, f"expected a number or text, found {entry!r}")
+                if isinstance(entry, float) and not math.isfinite(entry):
+                    raise self.wrong(place, f"is {entry}; give a finite number")
+        return dict(table._table)
+
+    def table(self, key: str, default: Any = _ABSENT) -> "TableReader":
+        """A table inside this one."""
+        return TableReader(self._take(key, default), f"{self._where}.{key}".strip("."), self._file)
+
+    def tables(self, key: str) -> list["TableReader"]:
+        """A list of tables, empty where there is none."""
+        where = f"{self._where}.{key}".strip(".")
+        return [TableReader(entry, f"{where}[{index}]", self._file) for index, entry in enumerate(self._list(key, []))]
+
+    def done(self) -> None:
+        """Refuse keys that nobody asked for."""
+        for key in self._table:
+            if key not in self._known:
+                raise self.wrong(str(key), f"is not known. Known: {', '.join(self._known)}")
+
+    def _list(self, key: str, default: Any) -> list:
+        value = self._take(key, default)
+        if not isinstance(value, list):
+            raise self.wrong(key, f"expected a list, found {value!r}")
+        return value
+
+    def _number(self, key: str, value: Any, least: float) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise self.wrong(key, f"expected a finite number, found {value!r}")
+        if value < least:
+            raise self.wrong(key, f"is {value!r}; give at least {least:g}")
+        return value

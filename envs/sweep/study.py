@@ -1,0 +1,203 @@
+"""What a study is: a base design, what is varied, under which conditions, and what is wanted of it."""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Literal, TypeAlias
+
+from haustra.provenance import content_hash
+
+Value: TypeAlias = float | int | str | bool
+"""What an option, a condition or a value in a row may be."""
+
+Distribution = Literal["uniform", "log-uniform", "normal", "choice"]
+SamplerKind = Literal["grid", "sobol", "latin-hypercube", "list"]
+Goal = Literal["maximise", "minimise"]
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A number of the design that a study varies."""
+
+    name: str
+    """Stem of its column."""
+    path: str
+    """Where it is applied, `design.bellows.pressure`; `*` stands for every section of a scope's shaft."""
+    unit: str
+    """Of all its numbers, '1' when dimensionless."""
+    nominal: float
+    low: float
+    high: float
+    distribution: Distribution = "uniform"
+    """'normal' is cut off at the bounds; 'choice' takes one of `values`."""
+    deviation: float | None = None
+    """Standard deviation of 'normal'; a quarter of the bounds' distance when None."""
+    values: tuple[float, ...] = ()
+    """For a choice, and the levels of a grid when given."""
+    levels: int = 5
+    """Of a grid without `values`: evenly spaced in probability, bounds included."""
+
+    @property
+    def column(self) -> str:
+        """Name of its column: with its unit."""
+        return with_unit(self.name, self.unit)
+
+    def at(self, quantile: float) -> float:
+        """The value below which lies this share of the distribution, for a share from 0 to 1."""
+        if self.distribution == "choice":
+            return self.values[min(int(quantile * len(self.values)), len(self.values) - 1)]
+        if self.distribution == "log-uniform":
+            return float(self.low * (self.high / self.low) ** quantile)
+        if self.distribution == "normal":
+            from scipy.stats import truncnorm
+
+            spread = self.deviation or (self.high - self.low) / 4
+            ends = (self.low - self.nominal) / spread, (self.high - self.nominal) / spread
+            return float(truncnorm.ppf(quantile, *ends, loc=self.nominal, scale=spread))
+        return float(self.low + (self.high - self.low) * quantile)
+
+    def grid(self) -> tuple[float, ...]:
+        """Its values on a grid."""
+        if self.values:
+            return self.values
+        if self.levels == 1:
+            return (self.nominal,)
+        return tuple(self.at(level / (self.levels - 1)) for level in range(self.levels))
+
+
+@dataclass(frozen=True)
+class Sampler:
+    """Which designs are tried."""
+
+    kind: SamplerKind = "grid"
+    count: int = 64
+    """Designs of 'sobol' (a power of two balances it) and 'latin-hypercube'."""
+    seed: int = 0
+    designs: tuple[Mapping[str, Value], ...] = ()
+    """Of 'list': a `name`, and a value for each variable that is not nominal."""
+
+
+@dataclass(frozen=True)
+class Objective:
+    """A score and which way is better."""
+
+    score: str
+    goal: Goal
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What a study may take."""
+
+    jobs: int = 100_000
+    """Largest number of jobs; a study that asks for more is refused."""
+    job_seconds: float | None = None
+    """Longest time for one job [s]; a job that takes longer fails. No limit when None."""
+    trials: int = 64
+    """Designs that `haustra optimise` tries."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """A question, and every choice that shapes its answer. JSON values only."""
+
+    question: str
+    title: str
+    base: str
+    """Name or file of the design that is varied."""
+    variables: tuple[Variable, ...]
+    conditions: Mapping[str, tuple[Value, ...]]
+    """Every design is tried under every combination of these."""
+    objectives: tuple[Objective, ...]
+    sampler: Sampler = field(default_factory=Sampler)
+    scores: tuple[str, ...] = ()
+    """Wanted columns; all that the question has when empty."""
+    changes: Mapping[str, float] = field(default_factory=dict)
+    """Path to value: what the base differs in from the design it names."""
+    options: Mapping[str, Value] = field(default_factory=dict)
+    """How it is simulated; what they may be depends on the question."""
+    budget: Budget = field(default_factory=Budget)
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    """Content hash of every file that the study names."""
+
+    def to_json(self) -> dict:
+        """As plain JSON values."""
+        return asdict(self)
+
+    @property
+    def hash(self) -> str:
+        """Of everything that shapes the rows; what a study is called and what it may take does not."""
+        shaping = {key: value for key, value in self.to_json().items() if key not in ("title", "budget", "objectives")}
+        return content_hash(json.dumps(shaping, sort_keys=True).encode())
+
+    @classmethod
+    def from_json(cls, values: Mapping) -> "Study":
+        """What `to_json` gave, also after JSON has turned tuples into lists."""
+        return cls(
+            **{
+                **values,
+                "variables": tuple(
+                    Variable(**{**entry, "values": tuple(entry["values"])}) for entry in values["variables"]
+                ),
+                "conditions": {name: tuple(entries) for name, entries in values["conditions"].items()},
+                "objectives": tuple(Objective(**entry) for entry in values["objectives"]),
+                "sampler": Sampler(**{**values["sampler"], "designs": tuple(values["sampler"]["designs"])}),
+                "scores": tuple(values["scores"]),
+                "budget": Budget(**values["budget"]),
+            }
+        )
+
+
+@dataclass(frozen=True)
+class Job:
+    """One design under one set of conditions."""
+
+    id: int
+    design: int
+    variables: Mapping[str, float]
+    """By the variables' names."""
+    conditions: Mapping[str, Value]
+
+    def to_json(self) -> dict:
+        """As plain JSON values."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Column:
+    """What a number in a row is."""
+
+    name: str
+    """With its unit at the end."""
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True)
+class Result:
+    """How a job ended."""
+
+    job: int
+    state: Literal["finished", "failed", "diverged"]
+    scores: Mapping[str, Value | None] = field(default_factory=dict)
+    """Empty unless finished: what a diverged simulation computed is no number."""
+    reason: str = ""
+    """Why it failed or diverged, in one line."""
+    curves: Mapping[str, list[float]] = field(default_factory=dict)
+    """The first over which the others are drawn; names carry units."""
+
+    def __post_init__(self) -> None:
+        numbers = [value for value in self.scores.values() if isinstance(value, float)]
+        if not all(map(math.isfinite, numbers)):
+            raise ValueError(f"Job {self.job} has a score that is not finite: a runner must call it diverged.")
+
+    def to_json(self) -> dict:
+        """As plain JSON values."""
+        return asdict(self)
+
+
+def with_unit(name: str, unit: str) -> str:
+    """Name of a column: 'pressure' in 'Pa' is 'pressure_Pa', 'm/s' becomes 'm_s'."""
+    suffix = unit.replace("/", "_").replace("^", "").replace(" ", "")
+    return name if unit == "1" else f"{name}_{suffix}"
