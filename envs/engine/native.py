@@ -14,13 +14,13 @@ from haustra.models.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.wall.field import WallField
 from haustra.models.wall.planes import PlaneWall
 
-_LOCK_STRETCH = 0.02
+LOCK_STRETCH = 0.02
 """A joint is freed over the last stretch before the anus [m]; engineering choice: half a shaft cell."""
 
-_SPEED_LIMIT = 1e4
+SPEED_LIMIT = 1e4
 """A generalised speed above this [rad/s or m/s] is divergence, not motion."""
 
-_FATAL = (
+FATAL_WARNINGS = (
     mujoco.mjtWarning.mjWARN_BADQPOS,
     mujoco.mjtWarning.mjWARN_BADQVEL,
     mujoco.mjtWarning.mjWARN_BADQACC,
@@ -161,10 +161,10 @@ class NativeEngine:
 
     def healthy(self) -> bool:
         """Whether the state is finite, of plausible speed, and free of the engine's own fatal warnings."""
-        if any(self.data.warning[int(kind)].number for kind in _FATAL):
+        if any(self.data.warning[int(kind)].number for kind in FATAL_WARNINGS):
             return False
         speed = np.abs(self.data.qvel).max()
-        return bool(np.isfinite(speed) and speed < _SPEED_LIMIT and np.isfinite(self.data.qpos).all())
+        return bool(np.isfinite(speed) and speed < SPEED_LIMIT and np.isfinite(self.data.qpos).all())
 
     def observe(self) -> Observation:
         """What can be read off at the end of the last step."""
@@ -201,7 +201,7 @@ class NativeEngine:
     def _lock_outside(self, insertion: float) -> None:
         """Hold joints straight that are outside the patient, and free them smoothly as they pass the anus."""
         position = insertion - self._behind
-        held = np.clip(-position / _LOCK_STRETCH, 0.0, 1.0) ** 4
+        held = np.clip(-position / LOCK_STRETCH, 0.0, 1.0) ** 4
         self.data.ctrl[self._locks] = held[:, None]
 
     def _link_forces(self) -> tuple[Float[np.ndarray, " links"], int]:

@@ -53,6 +53,8 @@ def capsule_samples(bare: mujoco.MjModel, geoms: Sequence[str], *, spacing: floa
         axis = np.zeros(9)
         mujoco.mju_quat2Mat(axis, geom.quat)
         direction = axis.reshape(3, 3)[:, 2]
+        if direction @ geom.pos < 0:  # MuJoCo points the axis of some capsules back; the end that is kept is the far one
+            direction = -direction
         count = max(1, int(np.ceil(2 * half / spacing - 1e-9)))
         places = np.linspace(-half, half, count + 1)[0 if number == 0 else 1 :]
         body = bare.body(bare.geom_bodyid[geom.id]).name
@@ -67,6 +69,7 @@ def add_planes(
     contact: WallContact,
     *,
     timestep: float,
+    planes: int = PLANES,
     prefix: str = "wall/",
 ) -> None:
     """Add the spheres and their planes, parked, and the pairs that let each sphere touch its own planes only.
@@ -77,6 +80,7 @@ def add_planes(
         samples: the spheres.
         contact: the law of every contact.
         timestep: the time step it is integrated with [s].
+        planes: planes a sphere.
         prefix: of the names.
     """
     spec.option.impratio = IMPEDANCE_RATIO / SLIP_RELAXATION
@@ -94,7 +98,7 @@ def add_planes(
         )
         inverse_inertia = bare.body_invweight0[bare.body(sample.body).id, 0]
         solref, solimp = contact_parameters(inverse_inertia, contact, timestep=timestep, where=sample.body)
-        for side in range(PLANES):
+        for side in range(planes):
             name = f"{prefix}plane_{number:04d}_{side}"
             body = spec.worldbody.add_body(name=name, pos=[0, 0, -AWAY], mocap=True)
             body.add_geom(
