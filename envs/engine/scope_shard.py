@@ -8,7 +8,6 @@ from jaxtyping import Bool, Float, Int
 from mujoco.batch import Batch
 
 from haustra.envs.engine.native import FATAL_WARNINGS, LOCK_STRETCH, SPEED_LIMIT
-from haustra.models.contact import WallContact, contact_parameters
 from haustra.models.scene import Scene
 from haustra.models.scope.wires import WIRE_NAMES
 from haustra.models.wall.planes import AWAY, SLIP_RELAXATION
@@ -46,7 +45,6 @@ class Shard:
         self._case = np.zeros(worlds, int)
         self._tables = pick(tables, self._case)
         self._stiffness = np.full(worlds, scene.options.wall_stiffness)
-        self._contact_of: dict[float, tuple[np.ndarray, np.ndarray]] = {}
         self.healthy: Bool[np.ndarray, " worlds"] = np.ones(worlds, bool)
         spheres = len(self._spheres)
         self._arcs = np.zeros((worlds, spheres))
@@ -92,8 +90,7 @@ class Shard:
         self._case[worlds] = case
         self._tables = pick(self._stack, self._case)
         self._stiffness[worlds] = conditions.wall_stiffness
-        for row, world in enumerate(worlds):
-            self._set_contact(world, conditions.friction[row], conditions.wall_stiffness[row])
+        self._set_contact(worlds, conditions)
         factor = conditions.shaft_stiffness
         for field, nominal, where in zip(
             self._springs, self._nominal, (self._shaft_joints, self._shaft_dofs, self._shaft_dofs), strict=True
@@ -109,24 +106,18 @@ class Shard:
         self._before[worlds] = centres
         self._depth[worlds], self._normal_force[worlds] = -1.0, 0.0
 
-    def _set_contact(self, world: int, friction: float, stiffness: float) -> None:
-        """Give one world's contacts their law."""
-        if stiffness not in self._contact_of:
-            options = self._scene.options
-            contact = WallContact(stiffness, stiffness * options.wall_damping_time, 0.0)
-            parameters = [
-                contact_parameters(inertia, contact, timestep=options.timestep, where="scope")
-                for inertia in self._inverse_inertia
-            ]
-            self._contact_of[stiffness] = (
-                np.array([solref for solref, _ in parameters]),
-                np.array([solimp for _, solimp in parameters]),
-            )
-        solref, solimp = self._contact_of[stiffness]
-        self._friction[world, self._pairs, :2] = friction
-        self._solref[world, self._pairs] = solref
-        self._solref_friction[world, self._pairs, 1] = SLIP_RELAXATION * solref[:, 1]
-        self._solimp[world, self._pairs] = solimp
+    def _set_contact(self, worlds: Int[np.ndarray, " reset"], conditions: "Conditions") -> None:
+        """Give these worlds' contacts their law: that of `haustra.models.contact.contact_parameters`."""
+        stiffness = conditions.wall_stiffness[:, None]
+        damper = stiffness * (self._scene.options.wall_damping_time + self._step_time)
+        impedance = self._inverse_inertia / (self._inverse_inertia + 1 / (self._step_time * damper))
+        scale = (1 - impedance) * self._inverse_inertia
+        solref = np.stack([-stiffness * scale, -damper * scale], axis=-1)
+        where = np.ix_(worlds, self._pairs)
+        self._friction[(*where, slice(2))] = conditions.friction[:, None, None]
+        self._solref[where] = solref
+        self._solref_friction[(*where, 1)] = SLIP_RELAXATION * solref[..., 1]
+        self._solimp[(*where, slice(2))] = impedance[..., None]
 
     def step(
         self,

@@ -53,7 +53,9 @@ def capsule_samples(bare: mujoco.MjModel, geoms: Sequence[str], *, spacing: floa
         axis = np.zeros(9)
         mujoco.mju_quat2Mat(axis, geom.quat)
         direction = axis.reshape(3, 3)[:, 2]
-        if direction @ geom.pos < 0:  # MuJoCo points the axis of some capsules back; the end that is kept is the far one
+        if (
+            direction @ geom.pos < 0
+        ):  # MuJoCo points the axis of some capsules back; the end that is kept is the far one
             direction = -direction
         count = max(1, int(np.ceil(2 * half / spacing - 1e-9)))
         places = np.linspace(-half, half, count + 1)[0 if number == 0 else 1 :]

@@ -162,13 +162,12 @@ def touch(xp: ModuleType, tables: Tables, points: Float[Any, "*worlds points 3"]
         arcs: their arc lengths at the last look [m]; negative before the anus.
     """
     j, u = _cell(xp, tables, arcs)
-    axis, frame = _frame_at(xp, tables, j, u)
-    ahead = xp.sum((points - axis) * frame[..., 2], axis=-1)
-    arcs = arcs + xp.clip(ahead, -WINDOW, WINDOW)
+    axis, tangent = _line_at(xp, tables, j, u)
+    arcs = arcs + xp.clip(_dot(xp, points - axis, tangent), -WINDOW, WINDOW)
     j, u = _cell(xp, tables, arcs)
     axis, frame = _frame_at(xp, tables, j, u)
     offset = points - axis
-    x, y = xp.sum(offset * frame[..., 0], axis=-1), xp.sum(offset * frame[..., 1], axis=-1)
+    x, y = _dot(xp, offset, frame[..., 0]), _dot(xp, offset, frame[..., 1])
     radius = xp.sqrt(x * x + y * y + 1e-14)
     cos, sin = x / radius, y / radius
     count = tables.wall.shape[-2]
@@ -181,9 +180,9 @@ def touch(xp: ModuleType, tables: Tables, points: Float[Any, "*worlds points 3"]
     wall = (1 - u) * ((1 - w) * tables.wall[j, k] + w * tables.wall[j, after])
     wall = wall + u * ((1 - w) * tables.wall[j + 1, k] + w * tables.wall[j + 1, after])
     normal = wall[..., 1:]
-    normal = normal / xp.sqrt(xp.sum(normal * normal, axis=-1, keepdims=True))
+    normal = normal / xp.sqrt(_dot(xp, normal, normal))[..., None]
     slope = xp.maximum(-(normal[..., 0] * cos + normal[..., 1] * sin), LEAST_SLOPE)
-    inwards = xp.sum(frame * normal[..., None, :], axis=-1)
+    inwards = xp.einsum("...ij,...j->...i", frame, normal)
     depth = xp.where(arcs > 0, (radius - wall[..., 0]) * slope, -1.0)
     return Touch(arcs, depth, inwards)
 
@@ -202,13 +201,27 @@ def _cell(xp: ModuleType, tables: Tables, arcs: Any) -> tuple[Any, Any]:
     return j + tables.first, place - j
 
 
+def _dot(xp: ModuleType, first: Any, second: Any) -> Any:
+    """Products of vectors; several times as fast in numpy as a sum over an axis of three."""
+    return xp.einsum("...i,...i->...", first, second)
+
+
+def _line_at(xp: ModuleType, tables: Tables, j: Any, u: Any) -> tuple[Any, Any]:
+    """The centreline, which goes on straight beyond its ends, and its tangent."""
+    u = u[..., None]
+    axis = (1 - u) * tables.points[j] + u * tables.points[j + 1]
+    u = xp.clip(u, 0.0, 1.0)
+    tangent = (1 - u) * tables.frames[j, ..., 2] + u * tables.frames[j + 1, ..., 2]
+    return axis, tangent / xp.sqrt(_dot(xp, tangent, tangent))[..., None]
+
+
 def _frame_at(xp: ModuleType, tables: Tables, j: Any, u: Any) -> tuple[Any, Any]:
     """The centreline, which goes on straight beyond its ends, and its frame."""
     u = u[..., None]
     axis = (1 - u) * tables.points[j] + u * tables.points[j + 1]
     u = xp.clip(u, 0.0, 1.0)[..., None]
     frame = (1 - u) * tables.frames[j] + u * tables.frames[j + 1]
-    return axis, frame / xp.sqrt(xp.sum(frame * frame, axis=-2, keepdims=True))
+    return axis, frame / xp.sqrt(xp.einsum("...ij,...ij->...j", frame, frame))[..., None, :]
 
 
 def _stations(colon: Colon) -> tuple[np.ndarray, np.ndarray, float]:
