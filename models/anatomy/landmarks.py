@@ -170,7 +170,8 @@ def _foot_of_descending(line: Centreline, splenic: int) -> tuple[float, bool]:
     lowest = np.minimum.accumulate(height)
     climbed = np.flatnonzero(height > lowest + RISE)
     if len(climbed) == 0:
-        return USUAL_SHARE["descending_sigmoid_junction"] / USUAL_SHARE["splenic_flexure"] * line.arc[splenic], False
+        share = USUAL_SHARE["descending_sigmoid_junction"] / USUAL_SHARE["splenic_flexure"]
+        return share * float(line.arc[splenic]), False
     return float(line.arc[stations[int(np.argmin(height[: climbed[0]]))]]), True
 
 

@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.errors import InvalidMeshError, InvalidOptionError, UnreadableFileError
-from haustra.models.anatomy.centring import smooth_inside
+from haustra.models.anatomy.centring import lead_to_ends, smooth_inside
 from haustra.models.anatomy.colon import Colon, Surface
-from haustra.models.anatomy.frames import arc_length, centreline_through
+from haustra.models.anatomy.frames import arc_length, centreline_through, smooth
 from haustra.models.anatomy.landmarks import find_landmarks, landmark_positions, segments_between, with_places
 from haustra.models.anatomy.lumen_grid import LumenGraph, lumen_graph
 from haustra.models.anatomy.mesh_file import read_pieces
@@ -39,6 +39,10 @@ END_CLEARANCE = 7e-3
 """The centreline begins and ends where there is this much room [m]: an adult colonoscope's radius, 6.4 mm, and some."""
 LONGEST_TRIM = 0.15
 """At most this much is left out at either end [m]: an appendix, or a collapsed anal canal."""
+END_GAP = 0.01
+"""An end of the lumen that is nearer to the centreline's than this [m] lies beside it, in the corner of a lid."""
+STAIRCASE = 3.0
+"""Grid points over which a path is smoothed before its length is judged: steps along the grid add up to 8 %."""
 END_STRETCH = 0.25
 """Share of the path at either end whose width tells caecum from rectum."""
 
@@ -143,11 +147,12 @@ def colon_from_surface(
     graph = lumen_graph(surface, volume=signed_volume(surface.vertices, surface.faces))
     progress("finding the way through")
     path = _way_through(graph, positions.get("anus"))
-    check_length(float(arc_length(path.points)[-1]), units)
+    check_length(float(arc_length(smooth(path.points, STAIRCASE))[-1]), units)
     progress("smoothing the centreline")
     rays, clearance = LumenRays(surface), Clearance(surface)
-    trimmed, trim_notes = _trim(path.points, clearance(path.points))
-    line = centreline_through(smooth_inside(trimmed, rays, clearance), STATION_STEP)
+    trimmed = _trim(path.points, clearance(path.points))
+    points = lead_to_ends(smooth_inside(trimmed, rays, clearance), rays)
+    line = centreline_through(points, STATION_STEP)
     progress("measuring the radius")
     radius = radius_field(rays, line.points, line.frames, ANGLES)
     landmarks = with_places(find_landmarks(line, effective_diameter(line, radius)), line, positions)
@@ -163,7 +168,7 @@ def colon_from_surface(
         segments=segments_between(landmarks.places, line.length),
         provenance=provenance,
         landmarks=landmarks.places,
-        warnings=(*notes, *path.notes, *trim_notes, *landmarks.notes),
+        warnings=(*notes, *path.notes, *_ends_note(path.points, points), *landmarks.notes),
     )
 
 
@@ -235,15 +240,21 @@ def _way_through(graph: LumenGraph, anus: Float[np.ndarray, "3"] | None) -> _Pat
 
 def _trim(
     points: Float[np.ndarray, "points 3"], clearance: Float[np.ndarray, " points"]
-) -> tuple[Float[np.ndarray, "kept 3"], tuple[str, ...]]:
-    """Leave out what is too narrow for a scope at either end, and say how much."""
+) -> Float[np.ndarray, "kept 3"]:
+    """Leave out what is too narrow for a scope at either end."""
     arc = arc_length(points)
     enough = np.flatnonzero(clearance >= min(END_CLEARANCE, float(np.median(clearance))))
     first = min(enough[0], int(np.searchsorted(arc, LONGEST_TRIM)))
     last = max(enough[-1], int(np.searchsorted(arc, arc[-1] - LONGEST_TRIM)))
-    at_anus, at_caecum = arc[first] * 1e3, (arc[-1] - arc[last]) * 1e3
-    note = (
-        f"The centreline begins {at_anus:.0f} mm inside the anal end and stops {at_caecum:.0f} mm short of the "
-        "caecal one, where there is room for a scope."
+    return points[first : last + 1]
+
+
+def _ends_note(route: Float[np.ndarray, "route 3"], points: Float[np.ndarray, "points 3"]) -> tuple[str, ...]:
+    """How far the centreline stays from the two places of the lumen that are farthest apart, if it is far."""
+    at_anus, at_caecum = (float(np.linalg.norm(route[end] - points[end])) for end in (0, -1))
+    if max(at_anus, at_caecum) < END_GAP:
+        return ()
+    return (
+        f"The centreline begins {at_anus * 1e3:.0f} mm from the anal end of the lumen and stops {at_caecum * 1e3:.0f} "
+        "mm from the caecal one (straight), where there is room for a scope.",
     )
-    return points[first : last + 1], (note,)

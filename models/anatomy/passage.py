@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from haustra.models.anatomy.colon import Colon
+from haustra.models.anatomy.centring import LONGEST_LEAD
+from haustra.models.anatomy.colon import Centreline, Colon
 from haustra.models.anatomy.landmarks import segment_names
 from haustra.models.anatomy.properties import Clearance
 
@@ -48,6 +49,8 @@ class Passage:
 def passage_of(colon: Colon) -> Passage:
     """Find the largest ball near each station, by a pattern search across the centreline.
 
+    Within `LONGEST_LEAD` of either end, where a lid or a blind end keeps balls away and not the width of the lumen, it
+    is the largest ball that reaches over the station.
     A ball is a short rigid device: a longer one needs more room in bends.
     """
     line, clearance = colon.centreline, Clearance(colon.lumen)
@@ -66,7 +69,16 @@ def passage_of(colon: Colon) -> Passage:
                 break
             centres[better] = trial[choice[better], np.flatnonzero(better)]
             best = np.where(better, room.max(0), best)
-    return Passage(centres, 2 * best)
+    return Passage(centres, 2 * _covered(line, best))
+
+
+def _covered(line: Centreline, best: Float[np.ndarray, " stations"]) -> Float[np.ndarray, " stations"]:
+    """Radius of the largest ball; near an end of the lumen, of the largest one that reaches over the station."""
+    radius = best.copy()
+    for station in np.flatnonzero(np.minimum(line.arc, line.length - line.arc) < LONGEST_LEAD):
+        over = np.abs(line.arc - line.arc[station]) <= best
+        radius[station] = max(best[over].max(initial=0.0), best[station])
+    return radius
 
 
 def narrow_places(colon: Colon, passage: Passage, diameter: float) -> tuple[Narrow, ...]:
