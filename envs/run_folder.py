@@ -20,8 +20,8 @@ from haustra.models.wall.wall import Wall
 from haustra.provenance import Provenance
 
 
-def write_run(folder: Path, *, scene: Scene, wall: Wall, run: Insertion, seconds: float) -> dict[str, object]:
-    """Write a finished run into `folder` and return its scores.
+def write_run(folder: Path, *, scene: Scene, wall: Wall | None, run: Insertion, seconds: float) -> dict[str, object]:
+    """Write a finished run into `folder` and return its scores; `wall` is None where the scene has no pieces.
 
     Files: scores.json, trajectory.npz, scene.xml, outside.png, tip.png, forces.png, report.html.
 
@@ -33,7 +33,7 @@ def write_run(folder: Path, *, scene: Scene, wall: Wall, run: Insertion, seconds
         inputs={"colon": colon_hash(scene.colon), "colon_name": scene.colon.name},
         configuration={
             **scene.configuration(),
-            "wall": wall.method,
+            "wall": wall.method if wall else None,
             "driver": asdict(run.settings),
             "seconds": seconds,
         },

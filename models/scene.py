@@ -53,6 +53,8 @@ class SceneOptions:
     """Hinges that carry the torsional compliance of the whole scope; 0 for stiff in torsion."""
     wall_stiffness: float = _CONTACT["contact.wall_stiffness"].value
     """Normal stiffness of a contact with the wall [N/m]."""
+    segment_stiffness: tuple[tuple[str, float], ...] = ()
+    """Names of segments and their stiffness [N/m], where it is not `wall_stiffness`; tangent planes only."""
     wall_damping_time: float = 0.005
     """Damping over stiffness of the wall [s]; engineering choice; sliding adds mu c v to the normal force."""
     wall_law: Literal["pieces", "planes", "field"] = "pieces"
@@ -80,6 +82,10 @@ class SceneOptions:
                 raise InvalidOptionError(f"Scene option {name} is {value}; it must be a positive number.")
         if self.wall_law not in ("pieces", "planes", "field"):
             raise InvalidOptionError(f"Wall law '{self.wall_law}' is not known. Known: pieces, planes, field.")
+        if self.segment_stiffness and self.wall_law != "planes":
+            raise InvalidOptionError(
+                "Stiffness by segment needs wall law 'planes': pieces and field have one stiffness."
+            )
         if self.sample_spacing is not None and not 1e-3 <= self.sample_spacing <= 0.1:
             raise InvalidOptionError(f"Scene option sample_spacing is {self.sample_spacing} m; give 0.001 to 0.1 m.")
         if self.timestep > 0.02:
@@ -92,6 +98,12 @@ class SceneOptions:
         """The contact law these options ask for."""
         damping = self.wall_stiffness * self.wall_damping_time
         return WallContact(stiffness=self.wall_stiffness, damping=damping, friction=self.friction)
+
+
+def usual_segment_stiffness() -> tuple[tuple[str, float], ...]:
+    """Normal stiffness of a contact in each segment, as in assets/numbers/contact.toml: assumed, not measured [N/m]."""
+    prefix = "contact.segment_stiffness."
+    return tuple((name.removeprefix(prefix), q.value) for name, q in _CONTACT.items() if name.startswith(prefix))
 
 
 @dataclass(frozen=True)

@@ -19,12 +19,16 @@ class Run:
     """Name of a scope design (adult, paediatric, adult-worn, adult-variable), or a file that ends in .toml."""
     wall: Literal["coacd", "prism"] = "coacd"
     """Which wall to use; it is built first if the colon's folder does not have it."""
+    wall_law: Literal["pieces", "planes"] = "pieces"
+    """Convex pieces, or tangent planes: true forces at any depth and no build, at several times the cost a step."""
     seconds: float = 60.0
     """Simulated time [s]."""
     friction: float | None = None
     """Coulomb coefficient between scope and wall; the sourced default when not given."""
     wall_stiffness: float | None = None
     """Normal stiffness of a contact with the wall [N/m]; the sourced default when not given."""
+    segment_stiffness: bool = False
+    """Let the wall's stiffness depend on the segment, by assumed numbers (docs/numbers.md); tangent planes only."""
     push_limit: float | None = None
     """Largest push of the hand [N]."""
     timestep: float | None = None
@@ -54,8 +58,10 @@ class Run:
         _require_seconds(self.seconds)
         colon = load_colon(self.colon)
         folder = prepare_folder(self.output)
-        with wall_bar() as tell:
-            wall = wall_of(self.colon, colon, self.wall, progress=tell)
+        wall = None
+        if self.wall_law == "pieces":
+            with wall_bar() as tell:
+                wall = wall_of(self.colon, colon, self.wall, progress=tell)
         scene = build_scene(colon, wall, design, options)
 
         from haustra.envs.follower import FollowerSettings
@@ -72,7 +78,12 @@ class Run:
 
     def _options(self) -> dict[str, Any]:
         names = ("friction", "wall_stiffness", "push_limit", "timestep", "largest_bend_deg", "gravity")
-        return {name: value for name in names if (value := getattr(self, name)) is not None}
+        chosen = {name: value for name in names if (value := getattr(self, name)) is not None}
+        if self.segment_stiffness:
+            from haustra.models.scene import usual_segment_stiffness
+
+            chosen["segment_stiffness"] = usual_segment_stiffness()
+        return {"wall_law": self.wall_law, **chosen}
 
 
 def _require_seconds(seconds: float) -> None:

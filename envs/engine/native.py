@@ -13,6 +13,7 @@ from haustra.models.scene import Scene
 from haustra.models.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.wall.field import WallField
 from haustra.models.wall.planes import PlaneWall
+from haustra.models.wall.segment_law import SegmentLaw
 
 LOCK_STRETCH = 0.02
 """A joint is freed over the last stretch before the anus [m]; engineering choice: half a shaft cell."""
@@ -109,11 +110,13 @@ class NativeEngine:
         )
         self._hand = self._arriving = np.zeros(len(WIRE_NAMES))
         self._wheels: Wheels | None = None
-        self._energies = EnergyMeter(model, wall_stiffness=scene.options.wall_stiffness)
         self._behind = cable.length - cable.joint_positions
         self._start = scene.options.start_depth
         self._lock_outside(self._start)
         self._planes = self._wall_planes() if scene.samples else None
+        self._law = self._segment_law()
+        stiffness = self._law.by_geom if self._law else scene.options.wall_stiffness
+        self._energies = EnergyMeter(model, wall_stiffness=stiffness)
         mujoco.mj_forward(self.model, self.data)
 
     def step(self, inputs: Inputs, count: int) -> bool:
@@ -145,6 +148,8 @@ class NativeEngine:
             if not np.isfinite(self.data.qpos).all():
                 return
             self._planes.update(self.data)
+            if self._law:
+                self._law.follow(self._planes.arcs)
             mujoco.mj_step(self.model, self.data)
 
     def _wall_planes(self) -> PlaneWall:
@@ -153,6 +158,14 @@ class NativeEngine:
         spheres = [self.model.geom(f"wall/sphere_{number:04d}").id for number in range(len(self.scene.samples))]
         arcs = (self.data.geom_xpos[spheres] - self.scene.entry) @ self.scene.entry_direction
         return PlaneWall(self.model, WallField(self.scene.colon), arcs=arcs)
+
+    def _segment_law(self) -> SegmentLaw | None:
+        """What pushes back by segment, if the scene asks for it."""
+        options = self.scene.options
+        if self._planes is None or not options.segment_stiffness:
+            return None
+        stiffness = dict(options.segment_stiffness)
+        return SegmentLaw(self.model, self.scene.colon, stiffness, options.contact, self._planes)
 
     @property
     def insertion(self) -> float:

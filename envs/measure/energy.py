@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 _BEND, _TWIST = "scope/bend_", "scope/twist_"
 
@@ -33,8 +34,8 @@ class Energies:
 class EnergyMeter:
     """Reads the energies of one compiled scene."""
 
-    def __init__(self, model: mujoco.MjModel, *, wall_stiffness: float) -> None:
-        """Find the scope's joints; `wall_stiffness` is that of one contact [N/m]."""
+    def __init__(self, model: mujoco.MjModel, *, wall_stiffness: float | Float[np.ndarray, " geoms"]) -> None:
+        """Find the scope's joints; `wall_stiffness` is that of one contact [N/m], or of the contacts of each geom."""
         names = [model.joint(joint).name for joint in range(model.njnt)]
         self._bends, self._twists = (
             np.array([index for index, name in enumerate(names) if name.startswith(prefix)], dtype=int)
@@ -49,8 +50,14 @@ class EnergyMeter:
         return Energies(
             bending=self._of_joints(data, self._bends),
             twist=self._of_joints(data, self._twists),
-            wall=float(0.5 * self._wall_stiffness * (depth @ depth)),
+            wall=float(0.5 * np.sum(self._stiffness(data) * depth**2)),
         )
+
+    def _stiffness(self, data: mujoco.MjData) -> float | np.ndarray:
+        """Of each contact [N/m]."""
+        if isinstance(self._wall_stiffness, np.ndarray):
+            return self._wall_stiffness[data.contact.geom].max(axis=1)
+        return self._wall_stiffness
 
     def _of_joints(self, data: mujoco.MjData, joints: np.ndarray) -> float:
         where = self._model.jnt_qposadr[joints]

@@ -133,8 +133,11 @@ class PlaneWall:
         """Find spheres and planes; `arcs` says where along the colon each sphere is at the start [m]."""
         self._model, self._field = model, field
         count = len(arcs)
-        self._spheres = np.array([model.geom(f"{prefix}sphere_{i:04d}").id for i in range(count)])
-        self._radius = model.geom_size[self._spheres, 0]
+        self.spheres = np.array([model.geom(f"{prefix}sphere_{i:04d}").id for i in range(count)])
+        self.pairs = np.array(
+            [[model.pair(f"{prefix}plane_{i:04d}_{side}").id for side in range(PLANES)] for i in range(count)]
+        )
+        self._radius = model.geom_size[self.spheres, 0]
         self._planes = np.array(
             [
                 [model.body_mocapid[model.body(f"{prefix}plane_{i:04d}_{side}").id] for side in range(PLANES)]
@@ -155,7 +158,7 @@ class PlaneWall:
         along a curved wall.
         """
         mujoco.mj_kinematics(self._model, data)
-        centres = data.geom_xpos[self._spheres]
+        centres = data.geom_xpos[self.spheres]
         along = (centres - self._field.anus) @ self._field.inwards
         before = (along < 0) & (self.arcs < ENTRANCE)
         moved = np.linalg.norm(centres - self._seen, axis=1)

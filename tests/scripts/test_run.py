@@ -69,3 +69,15 @@ def test_bad_input_is_one_line_and_code_2(colon_folder, tmp_path, capsys, change
     error = capsys.readouterr().err.strip()
     assert message in error
     assert len(error.splitlines()) == 1
+
+
+def test_tangent_planes_need_no_wall_and_stiffen_by_segment(tmp_path, capsys):
+    save_colon(straight_tube(), tmp_path / "colon")
+    arguments = ["run", "--colon", str(tmp_path / "colon"), "-o", str(tmp_path / "run"), "--seconds", "0.5", "--json"]
+    assert main([*arguments, "--wall-law", "planes", "--segment-stiffness"]) == SUCCESS
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["pieces"] == 0
+    chosen = printed["provenance"]["configuration"]["options"]
+    assert chosen["wall_law"] == "planes" and dict(chosen["segment_stiffness"])["caecum"] == 900
+    assert main([*arguments, "--segment-stiffness"]) == BAD_INPUT
+    assert "planes" in capsys.readouterr().err
