@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import jax.numpy as jnp
 
@@ -12,7 +12,7 @@ from haustra.errors import InvalidOptionError
 from haustra.models.scope.design import ScopeDesign
 from haustra.models.wall.radius_field import Tables, axis_at
 
-Array = Any
+Array: TypeAlias = Any
 _FIRST_WAIT = 0.5
 """It does not back off within this after its last progress [s]."""
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -10,12 +10,14 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.engine.scope_worlds import Parameters, ScopeWorlds, Worlds
+from haustra.envs.follower import FollowerSettings
 from haustra.envs.follower_worlds import Drive, WorldsFollower
 from haustra.envs.insertion import CAECUM_MARGIN, CONTROL_INTERVAL, MANY_ATTEMPTS
 from haustra.envs.outcome import Outcome
+from haustra.envs.scope_bank import ScopeBank
 from haustra.models.wall.radius_field import Tables, pick
 
-Array = Any
+Array: TypeAlias = Any
 _CHUNK = 50
 """Control intervals in one call: a second of simulated time between two reports of progress."""
 _END = 0.005
@@ -103,7 +105,7 @@ class InsertionBatch:
         length = (tables.step * (tables.count - 1))[:, 0].astype(worlds.qpos.dtype)
         interval = self._steps * self._engine.timestep
 
-        def one(_: int, now: tuple[Worlds, Drive, Tally]) -> tuple[Worlds, Drive, Tally]:
+        def one(_: Any, now: tuple[Worlds, Drive, Tally]) -> tuple[Worlds, Drive, Tally]:
             worlds, drive, tally = now
             seen = self._engine.observe(parameters, self._tables, worlds)
             hands, decided = self._follower.act(tables, seen, worlds.time, drive, interval=interval)
@@ -159,6 +161,36 @@ class InsertionBatch:
             wall_force_mean=plain["wall_sum"] / np.maximum(intervals, 1),
             loop_excess_peak=plain["loop_excess_peak"],
         )
+
+
+def run_insertions(
+    bank: ScopeBank,
+    *,
+    worlds: int,
+    seconds: float,
+    settings: FollowerSettings | None = None,
+    progress: Callable[[float], None] = lambda time: None,
+    **changed: Any,
+) -> Insertions:
+    """Drive that many scopes of a bank for up to `seconds` of simulated time, in single precision.
+
+    Args:
+        bank: a scope and colons.
+        worlds: how many.
+        seconds: [s].
+        settings: of the follower.
+        progress: told the simulated time [s].
+        changed: what differs from the bank's scene: entries of `Parameters`, one number or one a world.
+
+    Raises:
+        InvalidOptionError: when something that cannot differ is to.
+        UnsupportedSceneError: when the scope has what this engine cannot honour.
+    """
+    engine = ScopeWorlds.of(bank.scene)
+    follower = WorldsFollower.of(bank.scene.design, tip_links=bank.tip_links, settings=settings)
+    batch = InsertionBatch(engine, follower, bank.tables_on_device(), longest=bank.scene.cable.length)
+    parameters = engine.parameters(bank.scene, worlds, **changed)
+    return batch.run(parameters, seconds=seconds, progress=progress)
 
 
 def _keep(running: Array, new: Any, old: Any) -> Any:

@@ -35,7 +35,7 @@ class BenchWorlds:
         if not 1 <= self.colons <= 1000:
             raise InvalidOptionError(f"colons is {self.colons}: give 1 to 1000.")
         device = use_jax(devices=self.devices, cache=self.cache)
-        from haustra.envs.bench.throughput import measure_rates, rate_rows
+        from haustra.envs.bench.throughput import Rate, measure_rates, rate_rows
         from haustra.envs.scope_bank import BATCH_OPTIONS, build_bank
         from haustra.models.anatomy.grown import grow_colon
         from haustra.models.scope.files import find_design
@@ -47,13 +47,13 @@ class BenchWorlds:
                 advance(seed + 1, "")
         bank = build_bank(colons, find_design(self.design), replace(BATCH_OPTIONS, timestep=self.timestep))
         with progress_bar("time", len(counts), unit="sizes") as advance:
-            done: list[int] = []
-            rates = measure_rates(
-                bank,
-                counts,
-                devices=self.devices,
-                progress=lambda rate: (done.append(1), advance(len(done), f"{rate.steps_per_s:.3g} steps/s")),
-            )
+            done: list[float] = []
+
+            def report(rate: Rate) -> None:
+                done.append(rate.steps_per_s)
+                advance(len(done), f"{rate.steps_per_s:.3g} steps/s")
+
+            rates = measure_rates(bank, counts, devices=self.devices, progress=report)
         return {
             "device": describe_device(device),
             "dofs": int(bank.scene.compile().nv),

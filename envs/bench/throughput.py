@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +14,7 @@ from haustra.envs.follower_worlds import WorldsFollower
 from haustra.envs.insertions import InsertionBatch
 from haustra.envs.scope_bank import ScopeBank
 
-Array = Any
+Array: TypeAlias = Any
 _REPEATS = 3
 _STEPS = 200
 """Time steps of one timed call."""

@@ -9,7 +9,7 @@ Spatial vectors are (angular, linear at the origin); see Featherstone 2008, chap
 """
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 from haustra.errors import UnsupportedSceneError
 
-Array = Any
+Array: TypeAlias = Any
 
 
 @dataclass(frozen=True)

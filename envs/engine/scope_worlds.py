@@ -6,7 +6,7 @@ the wall has its stiffness to rounding at rest, as in the native engine, and ste
 """
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -15,14 +15,14 @@ from jaxtyping import Float
 
 from haustra.envs.engine import chain as links
 from haustra.envs.engine.chain import Chain
-from haustra.errors import UnsupportedSceneError
+from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.scene import Scene
 from haustra.models.scope.cable import HAND_PUSH, HAND_ROLL, LOCK_LOSS_TIME, LOCK_STIFFNESS
 from haustra.models.scope.stops import STOP_LOSS_TIME, STOP_STIFFNESS
 from haustra.models.scope.wires import WIRE_NAMES
 from haustra.models.wall.radius_field import Tables, pick, touch
 
-Array = Any
+Array: TypeAlias = Any
 
 SLIP_SPEED = 1e-3
 """Friction is that of Coulomb above this speed and viscous below [m/s]: a scope held by its friction creeps at less.
@@ -163,6 +163,10 @@ class ScopeWorlds:
             wraps = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
             arms[wire, model.jnt_dofadr[model.wrap_objid[wraps]]] = model.wrap_prm[wraps]
         limited = model.jnt_limited.astype(bool)
+
+        def bend(side: str) -> np.ndarray:
+            return np.array([names.index(f"scope/bend_{side}_{index:03d}") for index in sorted(steerable)])
+
         return cls(
             chain=chain,
             timestep=scene.options.timestep,
@@ -182,15 +186,17 @@ class ScopeWorlds:
             sample_body=np.array([model.body(sample.body).id - 1 for sample in scene.samples]),
             sample_place=np.array([sample.position for sample in scene.samples]),
             tip_place=model.site("scope/tip").pos.copy(),
-            bend_dofs=tuple(
-                np.array([names.index(f"scope/bend_{a}_{i:03d}") for i in sorted(steerable)]) for a in ("y", "x")
-            ),
+            bend_dofs=(bend("y"), bend("x")),
             torque_limit=scene.options.torque_limit,
             links=len(cable.links),
         )
 
     def parameters(self, scene: Scene, worlds: int, **changed: Any) -> Parameters:
-        """The scene's own parameters for that many worlds, but for those `changed`: numbers, or one a world."""
+        """The scene's own parameters for that many worlds, but for those `changed`: numbers, or one a world.
+
+        Raises:
+            InvalidOptionError: when a parameter is not known.
+        """
         options = scene.options
         own = {
             "colon": 0,
@@ -201,7 +207,11 @@ class ScopeWorlds:
             "tip_bending": 1.0,
             "torsion": 1.0,
             "push_limit": options.push_limit,
-        } | changed
+        }
+        for name in changed:
+            if name not in own:
+                raise InvalidOptionError(f"'{name}' cannot differ between worlds. What can: {', '.join(own)}.")
+        own |= changed
         return Parameters(**{name: jnp.broadcast_to(jnp.asarray(own[name]), (worlds,)) for name in Parameters._fields})
 
     def begin(self, worlds: int, kind: Any = jnp.float32) -> Worlds:
