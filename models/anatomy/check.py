@@ -82,6 +82,7 @@ def check_colon(colon: Colon, *, device_diameter: float = DEVICE_DIAMETER) -> Ch
         *_scale(colon),
         _centreline(colon),
         _passage(passage, narrow, device_diameter),
+        _by_segment(colon, passage, device_diameter),
         _contacts(contacts),
     )
     return Check(verdicts, passage, narrow, contacts, device_diameter)
@@ -141,6 +142,18 @@ def _passage(passage: Passage, narrow: tuple[Narrow, ...], device: float) -> Ver
         "bad",
         f"{device * 1e3:.1f} mm cannot pass {len(narrow)} places: {listed}{more}. Open them with --insufflate",
     )
+
+
+def _by_segment(colon: Colon, passage: Passage, device: float) -> Verdict:
+    """The largest ball that passes each segment."""
+    arc = colon.centreline.arc
+    widths = {
+        s.name: float(passage.diameter[inside].min())
+        for s in colon.segments
+        if (inside := (arc >= s.start) & (arc <= s.end)).any()
+    }
+    listed = ", ".join(f"{name} {width * 1e3:.0f}" for name, width in widths.items())
+    return Verdict("narrowest places", "good" if min(widths.values()) >= device else "bad", f"{listed} mm")
 
 
 def _contacts(contacts: tuple[Contact, ...]) -> Verdict:

@@ -46,6 +46,9 @@ def test_collapsed_place_is_found_with_where_and_how_narrow(colon: Colon):
     assert check.state == "bad"
     verdict = next(v for v in check.verdicts if v.what == "passage")
     assert f"{place.diameter * 1e3:.1f} mm at" in verdict.finding and "--insufflate" in verdict.finding
+    by_segment = next(v for v in check.verdicts if v.what == "narrowest places")
+    assert f"{place.segment} 7" in by_segment.finding and by_segment.state == "bad"
+    assert all(segment.name in by_segment.finding for segment in colon.segments)
     assert check_colon(colon, device_diameter=0.006).state == "note"  # the touching legs remain
 
 
