@@ -37,7 +37,7 @@ def progress_bar(title: str, total: float, *, unit: str) -> Iterator[Callable[..
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
-        TextColumn(f"{{task.completed:.4g}}/{{task.total:.4g}} {unit}"),
+        TextColumn(f"{{task.completed:.6g}}/{{task.total:.6g}} {unit}"),
         TimeRemainingColumn(),
         TextColumn("{task.fields[note]}"),
     )

@@ -68,7 +68,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
     from haustra.scripts.propulsion import Propulsion
     from haustra.scripts.report import Report
     from haustra.scripts.run import Run
-    from haustra.scripts.sweep import Sweep
+    from haustra.scripts.sweep import Optimise, Sensitivity, Sweep
     from haustra.scripts.tracked import TrackedRun
     from haustra.scripts.tread import TreadFem
     from haustra.scripts.view import View
@@ -84,6 +84,8 @@ def _verbs() -> dict[str, Callable[..., Any]]:
         "run": Run,
         "tracked": TrackedRun,
         "sweep": Sweep,
+        "optimise": Optimise,
+        "sensitivity": Sensitivity,
         "report": Report,
         "view": View,
         "bench rods": BenchRods,

@@ -1,23 +1,36 @@
-"""`haustra report`: write a run's report again."""
+"""`haustra report`: write the report of a run or a sweep again, or compare designs of a sweep."""
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
 
 @dataclass(frozen=True)
 class Report:
-    """Write report.html again from what a run's folder holds."""
+    """Write report.html again from what the folder of a run or a sweep holds."""
 
-    run: Annotated[Path, tyro.conf.Positional]
-    """Folder that `haustra run` wrote."""
+    folder: Annotated[Path, tyro.conf.Positional]
+    """Folder that `haustra run`, `sweep`, `optimise` or `sensitivity` wrote."""
+    compare: tuple[str, ...] = ()
+    """Two or more designs of a sweep, by name or number, to put side by side; its best three when not given."""
     json: bool = False
     """Print one JSON document instead of a table."""
 
-    def __call__(self) -> dict[str, str]:
+    def __call__(self) -> dict[str, Any]:
         """Write the report."""
+        from haustra.envs.sweep.store import FILE
+        from haustra.errors import InvalidOptionError
+
+        if (self.folder / FILE).is_file():
+            from haustra.envs.report.sweep_report import report_sweep
+
+            path, comparison = report_sweep(self.folder, designs=self.compare)
+            return {"report": str(path), **({"comparison": comparison} if self.compare else {})}
+        if self.compare:
+            raise InvalidOptionError(f"'{self.folder}' holds no sweep, so there is nothing to --compare.")
+
         from haustra.envs.report.run_report import report_run
 
-        return {"report": str(report_run(self.run))}
+        return {"report": str(report_run(self.folder))}

@@ -1,5 +1,8 @@
-"""`haustra sweep`: every design of a study under all its conditions."""
+"""`haustra sweep`, `optimise` and `sensitivity`: what a study's file asks for."""
 
+from abc import abstractmethod
+from collections.abc import Callable
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -8,11 +11,9 @@ import tyro
 
 
 @dataclass(frozen=True)
-class Sweep:
-    """Run a study: designs × conditions, on every core or on many machines; nothing is lost when it is stopped."""
-
+class _StudyVerb:
     study: Annotated[str, tyro.conf.Positional]
-    """Name of a shipped study (propulsion), or a file that ends in .toml or .yaml."""
+    """Name of a shipped study (propulsion, scope), or a file that ends in .toml or .yaml."""
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for jobs and results."""
     resume: bool = False
@@ -34,38 +35,73 @@ class Sweep:
 
     def __call__(self) -> dict[str, Any]:
         """Run the study."""
-        from haustra.envs.sweep.run import Computing, run_sweep
+        from haustra.envs.sweep.run import Computing
         from haustra.envs.sweep.study_file import load_study
 
         study = load_study(self.study)
         computing = Computing(
             engine=self.engine,
-            workers=self.workers if self.workers is not None else cores(),
+            workers=self.workers if self.workers is not None else _cores(),
             on=self.on,
             partition=self.partition,
             address=self.address,
         )
-        with sweep_bar(study.title) as progress:
-            result = run_sweep(study, self.output, computing, resume=self.resume, progress=progress)
-        return {"study": study.title, **result}
+        with _bar(study.title) as progress:
+            result = self._runner()(study, self.output, computing, resume=self.resume, progress=progress)
+        return {"study": study.title, **result, **(_report(self.output) if self.report else {})}
+
+    @abstractmethod
+    def _runner(self) -> Callable[..., dict[str, Any]]:
+        """What runs the study."""
 
 
-def cores() -> int:
+@dataclass(frozen=True)
+class Sweep(_StudyVerb):
+    """Run a study: designs × conditions, on every core or on many machines; nothing is lost when it is stopped."""
+
+    def _runner(self) -> Callable[..., dict[str, Any]]:
+        from haustra.envs.sweep.run import run_sweep
+
+        return run_sweep
+
+
+@dataclass(frozen=True)
+class Optimise(_StudyVerb):
+    """Look for a study's best designs, each try informed by those before; nothing is lost when it is stopped."""
+
+    def _runner(self) -> Callable[..., dict[str, Any]]:
+        from haustra.envs.sweep.optimise import run_optimise
+
+        return run_optimise
+
+
+@dataclass(frozen=True)
+class Sensitivity(_StudyVerb):
+    """Find how much of each score's variance each variable makes (Sobol's indices), with confidence."""
+
+    def _runner(self) -> Callable[..., dict[str, Any]]:
+        from haustra.envs.sweep.sensitivity import run_sensitivity
+
+        return run_sensitivity
+
+
+def _report(folder: Path) -> dict[str, str]:
+    from haustra.envs.report.sweep_report import report_sweep
+
+    return {"report": str(report_sweep(folder)[0])}
+
+
+def _cores() -> int:
     """Cores that this process may use."""
     import os
 
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def sweep_bar(title: str):
+@contextmanager
+def _bar(title: str):
     """A bar on stderr that takes jobs done, jobs in all, and a note."""
-    from contextlib import contextmanager
-
     from haustra.scripts.console import progress_bar
 
-    @contextmanager
-    def bar():
-        with progress_bar(title, 1, unit="jobs") as advance:
-            yield lambda done, total, note: advance(done, note, total)
-
-    return bar()
+    with progress_bar(title, 1, unit="jobs") as advance:
+        yield lambda done, total, note: advance(done, note, total)

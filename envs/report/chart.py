@@ -1,10 +1,14 @@
 """Interactive curves in a page, with the plotting library inside the page."""
 
 from itertools import cycle
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from haustra.envs.report.sections import Chart
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
 
 _COLOURS = ("#c2413b", "#2f6f8f", "#3b7d4f", "#8a6d1f", "#6b4a8a")
 _PANEL_HEIGHT, _MARGIN = 210, 90  # [pixels]
@@ -41,6 +45,11 @@ def chart_html(chart: Chart, element: str) -> str:
         legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"},
         font={"family": "inherit", "color": "#30343b"},
     )
+    return figure_html(figure, element)
+
+
+def figure_html(figure: "Figure", element: str) -> str:
+    """The same for a figure that is there already."""
     return figure.to_html(
         full_html=False, include_plotlyjs=False, div_id=element, config={"displaylogo": False, "responsive": True}
     )

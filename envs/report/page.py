@@ -7,8 +7,8 @@ from html import escape
 from importlib.resources import files
 from pathlib import Path
 
-from haustra.envs.report.chart import chart_html, plotly_script
-from haustra.envs.report.sections import Chart, Gallery, Highlights, Picture, Section, Table, Text, Warnings
+from haustra.envs.report.chart import chart_html, figure_html, plotly_script
+from haustra.envs.report.sections import Chart, Gallery, Highlights, Picture, Plot, Section, Table, Text, Warnings
 from haustra.errors import UnreadableFileError
 from haustra.files import write_atomically
 
@@ -37,7 +37,7 @@ def report_html(*, title: str, subtitle: str = "", sections: Sequence[Section]) 
     """The page as text."""
     style = files("haustra.envs.report").joinpath("style.css").read_text(encoding="utf-8")
     body = "\n".join(_section(section, index) for index, section in enumerate(sections))
-    script = plotly_script() if any(isinstance(section, Chart) for section in sections) else ""
+    script = plotly_script() if any(isinstance(section, Chart | Plot) for section in sections) else ""
     written = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     return (
         f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -67,6 +67,8 @@ def _section(section: Section, index: int) -> str:
             return _titled(section.title, f'<div class="gallery">{figures}</div>')
         case Chart():
             return _titled(section.title, chart_html(section, f"chart-{index}"))
+        case Plot():
+            return _titled(section.title, figure_html(section.figure, f"chart-{index}") + _note(section.note))
 
 
 def _titled(title: str, content: str) -> str:
@@ -83,8 +85,11 @@ def _highlights(section: Highlights) -> str:
 def _table(table: Table) -> str:
     head = "".join(f"<th>{escape(cell)}</th>" for cell in table.header)
     rows = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in table.rows)
-    note = f'<p class="note">{escape(table.note)}</p>' if table.note else ""
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>{note}"
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>{_note(table.note)}"
+
+
+def _note(text: str) -> str:
+    return f'<p class="note">{escape(text)}</p>' if text else ""
 
 
 def _figure(picture: Picture, *, titled: bool = False) -> str:

@@ -3,10 +3,13 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
 
 
 @dataclass(frozen=True)
@@ -77,4 +80,14 @@ class Chart:
     """For each panel, from top to bottom, its axis label with unit, and its curves by name."""
 
 
-Section: TypeAlias = Highlights | Text | Warnings | Table | Picture | Gallery | Chart
+@dataclass(frozen=True)
+class Plot:
+    """A figure of the plotting library, which a reader can zoom and read values from."""
+
+    title: str
+    figure: "Figure"
+    note: str = ""
+    """Plain text below it."""
+
+
+Section: TypeAlias = Highlights | Text | Warnings | Table | Picture | Gallery | Chart | Plot

@@ -27,7 +27,7 @@ def slurm_map(
     workers: int,
     batch: int,
     partition: str | None = None,
-    cluster: Literal["slurm", "local", "debug"] = "slurm",
+    cluster: Literal["slurm", "local"] = "slurm",
     minutes: int = 240,
 ) -> Iterator[JobMap]:
     """A map over Slurm's jobs; what is still running at the end is cancelled.
@@ -38,7 +38,7 @@ def slurm_map(
         workers: Slurm jobs at a time.
         batch: Jobs that the runner likes best.
         partition: Of Slurm.
-        cluster: 'local' and 'debug' run on this machine, for trying out.
+        cluster: 'local' runs on this machine, for trying out.
         minutes: Longest time of a Slurm job.
 
     Raises:

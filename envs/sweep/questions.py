@@ -42,9 +42,11 @@ class Question:
 
 _QUESTIONS = {
     "propulsion": "haustra.envs.sweep.propulsion:QUESTION",
+    "scope": "haustra.envs.sweep.scope:QUESTION",
 }
 _ENGINES = {
     ("propulsion", "native"): "haustra.envs.sweep.propulsion:NATIVE",
+    ("scope", "native"): "haustra.envs.sweep.scope:NATIVE",
 }
 """Where an engine for a question is found; loaded when it is asked for."""
 

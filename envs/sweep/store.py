@@ -54,8 +54,10 @@ class SweepStore:
         facts = dict(connection.execute("select name, value from facts"))
         if facts.get("format_version") != str(FORMAT_VERSION):
             raise UnreadableFileError(f"'{folder / FILE}' is of another version: run the sweep into a new folder.")
-        self.kind = facts["kind"]
-        self.study = Study.from_json(json.loads(facts["study"]))
+        try:
+            self.kind, self.study = facts["kind"], Study.from_json(json.loads(facts["study"]))
+        except (KeyError, ValueError, TypeError) as error:
+            raise UnreadableFileError(f"'{folder / FILE}' is damaged ({error}): run the sweep again.") from error
 
     def begin_session(self, *, engine: str, pool: str) -> None:
         """Note who computes from now on; jobs that died with an earlier claimant wait again."""
@@ -203,7 +205,7 @@ def read_store(folder: Path) -> Iterator[SweepStore]:
     try:
         with _connected(folder / FILE) as connection:
             yield SweepStore(connection, folder)
-    except (sqlite3.Error, KeyError, ValueError, TypeError) as error:
+    except sqlite3.Error as error:
         raise UnreadableFileError(f"'{folder / FILE}' cannot be read ({error}): run the sweep again.") from error
 
 

@@ -128,7 +128,7 @@ class Study:
     @property
     def hash(self) -> str:
         """Of everything that shapes the rows; what a study is called and what it may take does not."""
-        shaping = {key: value for key, value in self.to_json().items() if key not in ("title", "budget", "objectives")}
+        shaping = {key: value for key, value in self.to_json().items() if key not in ("title", "budget")}
         return content_hash(json.dumps(shaping, sort_keys=True).encode())
 
     @classmethod

@@ -30,7 +30,7 @@ def _set(path: str, value):
 @pytest.mark.parametrize(
     ("path", "value", "complaint"),
     [
-        ("question", "propulsoin", "question: 'propulsoin' is not known. Known: propulsion"),
+        ("question", "propulsoin", "question: 'propulsoin' is not known. Known: propulsion, scope"),
         ("variables.0.low", "two", r"variables\[0\].low: expected a finite number"),
         ("variables.0.low", float("nan"), r"variables\[0\].low: expected a finite number"),
         ("variables.0.nominal", 9, r"variables\[0\].nominal: 9 is not from low 2 to high 4"),
