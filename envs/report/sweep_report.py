@@ -176,8 +176,8 @@ def _ranking(sweep: _Sweep, places: Int[np.ndarray, " ranked"], front: Bool[np.n
         means = [_with_bounds(interval(table.scores[score][place])) for score in scores]
         rows.append((str(rank + 1), table.names[place], *values, *means, "Pareto" if front[rank] else ""))
     note = (
-        "Means over the conditions, in brackets with 95 % confidence by bootstrap. First the Pareto front, then the others, "
-        f"each by mean rank over the objectives. {len(places)} designs finished under all conditions."
+        "Means over the conditions, in brackets with 95 % confidence by bootstrap. First the Pareto front, then the "
+        f"others, each by mean rank over the objectives. {len(places)} designs finished under all conditions."
     )
     return Table("Ranked designs", header, rows, note)
 
