@@ -4,6 +4,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+_FINE_CELL = 0.0112
+"""Distance between joints [m] that makes 140 of an adult scope in a colon of 1.5 m."""
+
 
 @dataclass(frozen=True)
 class BenchWorlds:
@@ -19,6 +22,8 @@ class BenchWorlds:
     """Devices that share the worlds."""
     timestep: float = 0.005
     """Integration step [s]."""
+    compare: float = 0.0
+    """Simulated time over which one scope is compared with a native one of 140 joints under the same inputs [s]."""
     cache: Path | None = None
     """Folder in which compiled programs are kept for the next time."""
     json: bool = field(default=False)
@@ -36,6 +41,7 @@ class BenchWorlds:
             raise InvalidOptionError(f"colons is {self.colons}: give 1 to 1000.")
         device = use_jax(devices=self.devices, cache=self.cache)
         from haustra.envs.bench.throughput import Rate, measure_rates, rate_rows
+        from haustra.envs.bench.worlds_accuracy import compare_with_native
         from haustra.envs.scope_bank import BATCH_OPTIONS, build_bank
         from haustra.models.anatomy.grown import grow_colon
         from haustra.models.scope.files import find_design
@@ -54,6 +60,12 @@ class BenchWorlds:
                 advance(len(done), f"{rate.steps_per_s:.3g} steps/s")
 
             rates = measure_rates(bank, counts, devices=self.devices, progress=report)
+        compared = {}
+        if self.compare > 0:
+            found = compare_with_native(
+                colons[0], bank.scene.design, bank.scene.options, cell=_FINE_CELL, seconds=self.compare
+            )
+            compared = {"accuracy": found.summary()}
         return {
             "device": describe_device(device),
             "dofs": int(bank.scene.compile().nv),
@@ -62,4 +74,5 @@ class BenchWorlds:
             "timestep_s": self.timestep,
             "field_error_p95_mm": max(error.depth_p95 for error in bank.errors) * 1e3,
             "rates": rate_rows(rates),
+            **compared,
         }

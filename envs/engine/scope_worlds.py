@@ -137,7 +137,6 @@ class ScopeWorlds:
     tip_place: np.ndarray
     bend_dofs: tuple[np.ndarray, np.ndarray]
     torque_limit: float
-    links: int
 
     @classmethod
     def of(cls, scene: Scene) -> "ScopeWorlds":
@@ -188,7 +187,6 @@ class ScopeWorlds:
             tip_place=model.site("scope/tip").pos.copy(),
             bend_dofs=(bend("y"), bend("x")),
             torque_limit=scene.options.torque_limit,
-            links=len(cable.links),
         )
 
     def parameters(self, scene: Scene, worlds: int, **changed: Any) -> Parameters:
