@@ -1,1 +1,12 @@
-"""How a scene runs: engines, measures, environments."""
+"""How a scene runs: engines, measures, environments.
+
+Importing this registers the Gymnasium ids Haustra/Colonoscopy-v0, Haustra/Withdrawal-v0 and
+Haustra/TrackedColonoscopy-v0, where Gymnasium is installed (extra `rl`).
+"""
+
+from importlib.util import find_spec
+
+if find_spec("gymnasium"):
+    from haustra.envs.registration import register_environments
+
+    register_environments()

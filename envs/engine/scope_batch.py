@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from haustra.envs.engine.conditions import Conditions, Snapshot
 from haustra.envs.engine.log import log_to_stderr_only
 from haustra.envs.engine.scope_shard import Shard
 from haustra.errors import UnsupportedSceneError
@@ -24,18 +25,6 @@ from haustra.models.wall.radius_field import Tables
 SOLVER_TOLERANCE = 1e-5
 """Of the dual solver. With the few dozen contacts of one scope it is 1.5 times as fast as CG at 1e-8; tip paths over
 20 s in a grown colon are the same to 1 mm from 1e-8 to 1e-4."""
-
-
-@dataclass(frozen=True)
-class Conditions:
-    """What differs between worlds besides the colon, one value a world."""
-
-    friction: Float[np.ndarray, " worlds"]
-    """Coulomb coefficient between scope and wall [1]."""
-    wall_stiffness: Float[np.ndarray, " worlds"]
-    """Normal stiffness of a contact [N/m]."""
-    shaft_stiffness: Float[np.ndarray, " worlds"]
-    """Bending stiffness of the shaft over the design's [1]."""
 
 
 @dataclass(frozen=True)
@@ -112,10 +101,7 @@ class ScopeBatch:
         for part, shard in zip(self._slices, self._shards, strict=True):
             mine = (worlds >= part.start) & (worlds < part.stop)
             if mine.any():
-                chosen = Conditions(
-                    conditions.friction[mine], conditions.wall_stiffness[mine], conditions.shaft_stiffness[mine]
-                )
-                shard.reset(worlds[mine] - part.start, case[mine], chosen)
+                shard.reset(worlds[mine] - part.start, case[mine], conditions.of(mine))
 
     def step(self, inputs: BatchInputs, count: int) -> Bool[np.ndarray, " worlds"]:
         """Advance all worlds by `count` time steps; False for those that have diverged, which stand still from then."""
@@ -135,10 +121,23 @@ class ScopeBatch:
         parts = [shard.observe() for shard in self._shards]
         return BatchObservation(**{name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
 
+    def snapshot(self, world: int) -> Snapshot:
+        """Where one world is now."""
+        return self._shard_of(world)[0].snapshot(self._shard_of(world)[1])
+
+    def restore(self, world: int, snapshot: Snapshot) -> None:
+        """Put one world, which was reset to the same colon, where another was."""
+        shard, row = self._shard_of(world)
+        shard.restore(row, snapshot)
+
     def world_data(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Model and data of one world as MuJoCo's own values, to draw or to check."""
+        shard, row = self._shard_of(world)
+        return shard.world_data(row)
+
+    def _shard_of(self, world: int) -> tuple[Shard, int]:
         index = next(i for i, part in enumerate(self._slices) if part.start <= world < part.stop)
-        return self._shards[index].world_data(world - self._slices[index].start)
+        return self._shards[index], world - self._slices[index].start
 
     def close(self) -> None:
         """End the threads."""

@@ -1,20 +1,16 @@
 """The worlds of one thread: planes placed, locks set, MuJoCo stepped, divergence caught."""
 
-from typing import TYPE_CHECKING
-
 import mujoco
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from mujoco.batch import Batch
 
+from haustra.envs.engine.conditions import Conditions, Snapshot
 from haustra.envs.engine.native import FATAL_WARNINGS, LOCK_STRETCH, SPEED_LIMIT
 from haustra.models.scene import Scene
 from haustra.models.scope.wires import WIRE_NAMES
 from haustra.models.wall.planes import AWAY, SLIP_RELAXATION
 from haustra.models.wall.radius_field import Tables, pick, touch
-
-if TYPE_CHECKING:
-    from haustra.envs.engine.scope_batch import Conditions
 
 ROOM = 0.01
 """A plane is parked while its sphere has more room than this [m]: two steps at 1 m/s, well above any motion here."""
@@ -80,9 +76,7 @@ class Shard:
             np.array([model.joint(f"scope/bend_{side}_{i:03d}").qposadr[0] for i in steerable]) for side in "yx"
         )
 
-    def reset(
-        self, worlds: Int[np.ndarray, " reset"], case: Int[np.ndarray, " reset"], conditions: "Conditions"
-    ) -> None:
+    def reset(self, worlds: Int[np.ndarray, " reset"], case: Int[np.ndarray, " reset"], conditions: Conditions) -> None:
         """Begin again in these worlds."""
         self._batch.state[worlds] = self._start_state
         self._batch.warning[worlds] = 0
@@ -97,6 +91,8 @@ class Shard:
         ):
             scale = factor.reshape(-1, *[1] * nominal.ndim)
             field[np.ix_(worlds, where)] = scale * nominal[where]
+        if conditions.roll is not None:
+            self._qpos[worlds, 1] = self._act[worlds, 1] = conditions.roll
         self._lock_outside()
         self._mocap_pos[worlds] = [0, 0, -AWAY]
         ids = np.sort(worlds)
@@ -106,7 +102,7 @@ class Shard:
         self._before[worlds] = centres
         self._depth[worlds], self._normal_force[worlds] = -1.0, 0.0
 
-    def _set_contact(self, worlds: Int[np.ndarray, " reset"], conditions: "Conditions") -> None:
+    def _set_contact(self, worlds: Int[np.ndarray, " reset"], conditions: Conditions) -> None:
         """Give these worlds' contacts their law: that of `haustra.models.contact.contact_parameters`."""
         stiffness = conditions.wall_stiffness[:, None]
         damper = stiffness * (self._scene.options.wall_damping_time + self._step_time)
@@ -195,6 +191,18 @@ class Shard:
             "link_forces": np.linalg.norm(links, axis=2),
             "deepest": self._depth.max(axis=1),
         }
+
+    def snapshot(self, world: int) -> Snapshot:
+        """Where one world is now."""
+        return Snapshot(self._batch.state[world].copy(), self._before[world].copy(), self._arcs[world].copy())
+
+    def restore(self, world: int, snapshot: Snapshot) -> None:
+        """Put one world where another was."""
+        self._batch.state[world] = snapshot.state
+        self._time[world] = 0.0
+        self._batch.forward(np.array([world]))
+        self._before[world], self._arcs[world] = self._geom_xpos[world, self._spheres], snapshot.arcs
+        self._depth[world], self._normal_force[world] = -1.0, 0.0
 
     def world_data(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Model and data of one world."""

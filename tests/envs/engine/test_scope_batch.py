@@ -4,8 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from haustra.envs.engine.conditions import Conditions
 from haustra.envs.engine.native import Inputs, NativeEngine
-from haustra.envs.engine.scope_batch import BatchInputs, Conditions, ScopeBatch
+from haustra.envs.engine.scope_batch import BatchInputs, ScopeBatch
 from haustra.errors import UnsupportedSceneError
 from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
 from haustra.models.scope.library import named_design

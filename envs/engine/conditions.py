@@ -1,0 +1,37 @@
+"""What differs between worlds of one batch besides the colon."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """One value a world."""
+
+    friction: Float[np.ndarray, " worlds"]
+    """Coulomb coefficient between scope and wall [1]."""
+    wall_stiffness: Float[np.ndarray, " worlds"]
+    """Normal stiffness of a contact [N/m]."""
+    shaft_stiffness: Float[np.ndarray, " worlds"]
+    """Bending stiffness of the shaft over the design's [1]."""
+    roll: Float[np.ndarray, " worlds"] | None = None
+    """Angle of the handle at the start [rad]; zero when None."""
+
+    def of(self, rows: np.ndarray) -> "Conditions":
+        """Those of some worlds."""
+        roll = None if self.roll is None else self.roll[rows]
+        return Conditions(self.friction[rows], self.wall_stiffness[rows], self.shaft_stiffness[rows], roll)
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """A scope somewhere in a colon, to begin from."""
+
+    state: Float[np.ndarray, " state"]
+    """MuJoCo's integration state."""
+    spheres: Float[np.ndarray, "spheres 3"]
+    """Where each sphere was before the last step [m]."""
+    arcs: Float[np.ndarray, " spheres"]
+    """Arc length of each sphere [m]."""

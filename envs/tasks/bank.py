@@ -1,0 +1,109 @@
+"""Cases that were built before: grown once, kept in the cache, read in milliseconds."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from haustra.assets import asset
+from haustra.envs.scope_bank import BATCH_OPTIONS
+from haustra.envs.tasks.case import Case, case_of, load_case, save_case
+from haustra.errors import HaustraError, InvalidOptionError
+from haustra.models.anatomy.grown import grow_colon
+from haustra.models.scene import Scene, SceneOptions, build_scene
+from haustra.models.scope.design import ScopeDesign
+from haustra.models.wall.cache import cache_folder
+from haustra.models.wall.radius_field import ANGLES, STATION_STEP, Tables, stack
+from haustra.provenance import content_hash, package_versions
+
+TASK_OPTIONS = replace(BATCH_OPTIONS, sample_spacing=0.0315)
+"""Two spheres a link of the shaft instead of three: a fifth less time, the same path."""
+_FORMAT = 2
+"""Of the files; a bank of another format is built anew."""
+
+
+@dataclass(frozen=True)
+class Bank:
+    """Colons that episodes draw from, and the scope that goes into all of them."""
+
+    cases: tuple[Case, ...]
+    design: ScopeDesign
+    options: SceneOptions
+
+    def __deepcopy__(self, memo: object) -> "Bank":
+        """Itself: it never changes, and Gymnasium copies what it is asked to make an environment from."""
+        return self
+
+    @cached_property
+    def tables(self) -> Tables:
+        """Of all cases, one after the other."""
+        return stack([case.tables for case in self.cases])
+
+    @cached_property
+    def lengths(self) -> np.ndarray:
+        """Of the centrelines [m]."""
+        return np.array([case.length for case in self.cases])
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The scope, as much of it as the longest colon takes."""
+        longest = self.cases[int(self.lengths.argmax())]
+        return build_scene(longest.colon(), None, self.design, self.options, show_lumen=False)
+
+
+def make_bank(cases: Sequence[Case], design: ScopeDesign, options: SceneOptions | None = None) -> Bank:
+    """A bank of cases that are at hand.
+
+    Raises:
+        InvalidOptionError: when there is none, or one was made for a scope of another diameter.
+    """
+    if not cases:
+        raise InvalidOptionError("A bank needs at least one colon.")
+    if any(abs(case.device_radius - design.diameter / 2) > 1e-9 for case in cases):
+        raise InvalidOptionError(f"A case was made for a scope of another diameter than '{design.name}': make it anew.")
+    return Bank(tuple(cases), design, replace(options or TASK_OPTIONS, wall_law="field"))
+
+
+def grown_bank(
+    seeds: Sequence[int],
+    design: ScopeDesign,
+    *,
+    difficulty: str = "any",
+    options: SceneOptions | None = None,
+    progress: Callable[[int], None] = lambda done: None,
+) -> Bank:
+    """Grown colons of these seeds; those that were not built before take about four seconds each.
+
+    Args:
+        seeds: of the colons.
+        design: the scope.
+        difficulty: band of tortuosity they are drawn from.
+        options: how the scope is modelled.
+        progress: told how many are there.
+    """
+    cases = []
+    for done, seed in enumerate(seeds):
+        progress(done)
+        cases.append(_grown_case(int(seed), difficulty, design.diameter / 2))
+    progress(len(seeds))
+    return make_bank(cases, design, options)
+
+
+def _grown_case(seed: int, difficulty: str, device_radius: float) -> Case:
+    numbers = content_hash(asset("numbers/anatomy.toml").read_bytes())
+    made_by = [_FORMAT, seed, difficulty, device_radius, STATION_STEP, ANGLES, numbers, package_versions()]
+    path = cache_folder() / "cases" / f"{content_hash(json.dumps(made_by, sort_keys=True).encode())}.npz"
+    if path.exists():
+        try:
+            return load_case(path)
+        except HaustraError:
+            path.unlink(missing_ok=True)  # a broken entry of a cache is made again
+    case = case_of(grow_colon(seed=seed, difficulty=difficulty), device_radius=device_radius)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        save_case(path, case)
+    except (OSError, HaustraError):
+        return case  # a cache that cannot be written is no reason to fail
+    return case

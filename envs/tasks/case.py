@@ -1,0 +1,131 @@
+"""One colon as an episode needs it: its wall as a table seen from its entry, and what a camera sees of it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from haustra.errors import UnreadableFileError
+from haustra.files import write_atomically
+from haustra.models.anatomy.colon import Centreline, Colon, Surface
+from haustra.models.scene import entry_of
+from haustra.models.wall.radius_field import Tables, radius_field
+from haustra.provenance import Provenance
+
+_ARRAYS = ("points", "frames", "wall", "sight", "step", "device_radius")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A colon, seen from its entry: the scope comes in at the origin along z."""
+
+    name: str
+    """What a person calls the colon."""
+    points: Float[np.ndarray, "stations 3"]
+    """The centreline [m]."""
+    frames: Float[np.ndarray, "stations 3 3"]
+    """Columns: first normal, second normal, tangent."""
+    wall: Float[np.ndarray, "stations angles 4"]
+    """As in `haustra.models.wall.radius_field.Tables`."""
+    sight: Float[np.ndarray, "stations angles"]
+    """Distance from the centreline to the lumen surface itself [m]."""
+    step: float
+    """Distance between stations [m]."""
+    device_radius: float
+    """Radius of the spheres that the wall is for [m]."""
+
+    @property
+    def length(self) -> float:
+        """Length of the centreline [m]."""
+        return self.step * (len(self.points) - 1)
+
+    @property
+    def line(self) -> Centreline:
+        """The centreline as every other part of haustra knows it."""
+        return Centreline(self.points, self.step * np.arange(len(self.points)), self.frames)
+
+    @property
+    def tables(self) -> Tables:
+        """What the engines of many worlds look points up in."""
+        return Tables(
+            self.points, self.frames, self.wall, np.float64(self.step), np.int32(0), np.int32(len(self.points))
+        )
+
+    def colon(self) -> Colon:
+        """The case as a colon: the surface that a camera sees, ring by ring, without segments and landmarks."""
+        stations, angles = self.sight.shape
+        turn = 2 * np.pi * np.arange(angles) / angles
+        across = np.einsum("sij,aj->sai", self.frames[:, :, :2], np.column_stack([np.cos(turn), np.sin(turn)]))
+        rings = self.points[:, None] + self.sight[..., None] * across
+        vertices = np.vstack([rings.reshape(-1, 3), self.points[:1], self.points[-1:]])
+        first, last = len(vertices) - 2, len(vertices) - 1
+        one, beside = np.arange(angles), np.roll(np.arange(angles), -1)
+        row = angles * np.arange(stations - 1)[:, None]
+        low, low_beside = row + one, row + beside
+        sides = np.stack([low, low_beside, low_beside + angles, low, low_beside + angles, low + angles], axis=-1)
+        end = angles * (stations - 1)
+        lids = np.concatenate(
+            [
+                np.stack([np.full(angles, first), beside, one], axis=1),
+                np.stack([np.full(angles, last), end + one, end + beside], axis=1),
+            ]
+        )
+        return Colon(
+            name=self.name,
+            lumen=Surface(vertices, np.concatenate([sides.reshape(-1, 3), lids]).astype(np.int64)),
+            centreline=self.line,
+            radius=self.sight,
+            segments=(),
+            provenance=Provenance(inputs={}, configuration={"method": "case", "name": self.name}),
+        )
+
+
+def case_of(colon: Colon, *, device_radius: float) -> Case:
+    """Tabulate a colon for devices of one radius [m]."""
+    found = radius_field(colon, device_radius=device_radius)
+    tables = found.seen_from(*entry_of(colon))
+    step = float(tables.step)
+    rows = np.rint(step * np.arange(len(tables.points)) / colon.centreline.arc[1]).astype(int)
+    count, angles = tables.wall.shape[1], colon.radius.shape[1]
+    columns = np.rint(np.arange(count) / count * angles).astype(int) % angles
+    return Case(
+        name=colon.name,
+        points=tables.points,
+        frames=tables.frames,
+        wall=tables.wall,
+        sight=colon.radius[rows.clip(0, len(colon.radius) - 1)][:, columns],
+        step=step,
+        device_radius=device_radius,
+    )
+
+
+def save_case(path: Path, case: Case) -> Path:
+    """Write a case as one file of arrays, in one step."""
+
+    def write(temporary: Path) -> None:
+        with temporary.open("wb") as file:
+            np.savez_compressed(file, name=np.array(case.name), **{key: getattr(case, key) for key in _ARRAYS})
+
+    return write_atomically(path, write)
+
+
+def load_case(path: Path) -> Case:
+    """Read a case; nothing in the file is run.
+
+    Raises:
+        UnreadableFileError: when it is no case.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays: dict[str, Any] = {key: file[key] for key in _ARRAYS}
+            name = str(file["name"])
+        step, radius = float(arrays.pop("step")), float(arrays.pop("device_radius"))
+        case = Case(name=name, step=step, device_radius=radius, **arrays)
+        shaped = case.points.shape[1:] == (3,) and case.wall.shape[:2] == (*case.points.shape[:1], case.sight.shape[1])
+    except (OSError, ValueError, KeyError, EOFError) as error:
+        raise UnreadableFileError(f"'{path}' is no case ({error}): delete it.") from error
+    if not shaped or not all(np.isfinite(getattr(case, key)).all() for key in _ARRAYS):
+        raise UnreadableFileError(f"'{path}' is no case (its arrays do not fit): delete it.")
+    return case

@@ -1,0 +1,156 @@
+"""What an episode is: who is examined with what, how an action becomes motion, what is paid, and when it ends."""
+
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any
+
+from haustra.assets import asset
+from haustra.errors import InvalidOptionError
+from haustra.quantity import load_quantities
+
+_CONTACT = load_quantities(asset("numbers/contact.toml"))
+
+OBSERVATIONS = ("state", "lumen", "pixels", "dict")
+"""What a learner sees: what scope and hand can measure; what a depth camera gives; pictures; or all of the first two
+(and pictures, when asked for) under names."""
+
+TASKS = ("insertion", "withdrawal")
+
+HELD_OUT_SEEDS = 100_000
+"""Colons with seeds from here on are for evaluation only: no shipped training draws them."""
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Weights of the reward's terms (`haustra.envs.tasks.rewards`)."""
+
+    progress: float = 100.0
+    """For the whole colon, in proportion [1]."""
+    reached: float = 20.0
+    """Once, in the caecum; withdrawn, at the anus [1]."""
+    time: float = 0.01
+    """A control step [1]."""
+    wall_force: float = 0.02
+    """A control step, times the square of the largest wall force over `Limits.safe_force` [1]."""
+    looping: float = 0.0
+    """A control step, a metre of scope beyond the colon passed [1/m]."""
+    perforation: float = 20.0
+    """Once [1]."""
+    coverage: float = 0.0
+    """For the whole surface, in proportion [1]; 100 in withdrawal."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """When an episode ends, and what counts as safe."""
+
+    seconds: float = 90.0
+    """Longest episode [s]; then it is truncated."""
+    perforation_force: float = _CONTACT["contact.perforation_force"].high
+    """Resultant wall force on one link that ends an episode as a perforation [N]: the highest measured, since a link
+    of the model gathers the load of 6 cm of scope."""
+    safe_force: float = _CONTACT["contact.perforation_force"].value
+    """Peak up to which an episode counts as safe [N]: the lowest force that perforated."""
+    caecum_margin: float = 0.03
+    """The caecum counts as reached this far before the end of the centreline [m], as in a single run."""
+
+
+@dataclass(frozen=True)
+class Randomisation:
+    """Ranges that each episode draws from, evenly."""
+
+    friction: tuple[float, float] = (0.03, 0.1)
+    """Coulomb coefficient [1]."""
+    wall_stiffness: tuple[float, float] = (700.0, 2400.0)
+    """Of a contact [N/m]: the measured range."""
+    shaft_stiffness: tuple[float, float] = (0.85, 1.15)
+    """Over the design's [1]; engineering choice."""
+    wire_gain: tuple[float, float] = (0.85, 1.0)
+    """Pull that arrives over pull asked for [1]; engineering choice."""
+    wire_slack: tuple[float, float] = (0.0, 0.05)
+    """Share of a wheel's travel that does nothing [1]; engineering choice."""
+    start_roll: tuple[float, float] = (-3.14159, 3.14159)
+    """Angle of the colon about its entry, as the scope sees it at the start [rad]."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """How actions, each from -1 to 1, become motion."""
+
+    control_interval: float = 0.04
+    """Between two actions [s]: 25 Hz. Physics takes steps of its own, `SceneOptions.timestep`."""
+    push_rate: float = 0.06
+    """Of the hand at full action [m/s]; engineering choice."""
+    roll_rate: float = 1.57
+    """Of the hand at full action [rad/s]; engineering choice."""
+    wheel_rate: float = 4.0
+    """Largest change of a tip action in a second [1/s]: a wheel goes from neutral to full in a quarter second."""
+    hand_lead: float = 0.01
+    """The hand aims at most this far beyond where the shaft is [m]: it then presses with 40 N."""
+
+
+@dataclass(frozen=True)
+class TaskConfig:
+    """An episode's rules. Everything here is a plain value: JSON in, JSON out."""
+
+    task: str = "insertion"
+    """One of `TASKS`."""
+    design: str = "paediatric"
+    """A shipped scope design."""
+    difficulty: str = "any"
+    """Band of tortuosity that colons are drawn from."""
+    seeds: tuple[int, int] = (0, 16)
+    """Colons: from the first seed up to, not including, the last."""
+    observation: str = "dict"
+    """One of `OBSERVATIONS`."""
+    privileged: bool = False
+    """Add what no device knows: arc length, the way ahead, the wall's place. For teachers and baselines."""
+    picture_size: int = 64
+    """Rows and columns of pictures."""
+    pictures: bool = False
+    """In mode dict: pictures too."""
+    drive: Drive = field(default_factory=Drive)
+    limits: Limits = field(default_factory=Limits)
+    randomisation: Randomisation = field(default_factory=Randomisation)
+    weights: Weights = field(default_factory=Weights)
+
+    def __post_init__(self) -> None:
+        for name, known in (("observation", OBSERVATIONS), ("task", TASKS)):
+            if getattr(self, name) not in known:
+                raise InvalidOptionError(
+                    f"{name.capitalize()} '{getattr(self, name)}' is not known. Known: {', '.join(known)}."
+                )
+        if not 0 <= self.seeds[0] < self.seeds[1]:
+            raise InvalidOptionError(f"Seeds {self.seeds} hold no colon: give a first and a larger last one.")
+        if not 8 <= self.picture_size <= 512:
+            raise InvalidOptionError(f"picture_size is {self.picture_size}; give 8 to 512.")
+        for name in (entry.name for entry in fields(Randomisation)):
+            low, high = getattr(self.randomisation, name)
+            if not low <= high:
+                raise InvalidOptionError(f"The range of {name} is empty: {low} to {high}.")
+
+    def to_json(self) -> dict[str, Any]:
+        """As plain JSON values."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, values: dict[str, Any]) -> "TaskConfig":
+        """Read what `to_json` wrote.
+
+        Raises:
+            InvalidOptionError: naming a value that is not known.
+        """
+        parts = {"drive": Drive, "limits": Limits, "weights": Weights, "randomisation": Randomisation}
+        read = {name: _read(parts[name], value) if name in parts else value for name, value in values.items()}
+        if "seeds" in read:
+            read["seeds"] = tuple(read["seeds"])
+        return _read(cls, read)
+
+
+def _read(kind: Any, values: dict[str, Any]) -> Any:
+    known = {entry.name for entry in fields(kind)}
+    if unknown := set(values) - known:
+        raise InvalidOptionError(
+            f"{kind.__name__} has no value '{sorted(unknown)[0]}'. Known: {', '.join(sorted(known))}."
+        )
+    pairs = {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
+    return kind(**pairs)

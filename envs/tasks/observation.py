@@ -1,0 +1,107 @@
+"""What a learner sees, as arrays over worlds, scaled to about one. Nothing here needs a map, unless it says so."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float
+
+from haustra.envs.engine.scope_batch import BatchObservation
+from haustra.envs.tasks.config import TaskConfig
+from haustra.envs.tasks.sight import RANGE, RAYS, RINGS_DEG, ray_directions
+from haustra.errors import InvalidOptionError
+
+STATE = (
+    *("bend up [2 rad]", "bend left [2 rad]", "wheel up", "wheel left"),
+    *("push force [20 N]", "torque [0.5 N m]", "hand lead [10 mm]", "sin roll", "cos roll"),
+    *("insertion [m]", "insertion speed [0.1 m/s]"),
+    *("tip force up [10 N]", "tip force left [10 N]", "tip force ahead [10 N]"),
+    *("last push", "last roll", "last tip up", "last tip left"),
+)
+"""Entries of the state: what scope and hand can measure."""
+LUMEN_SIZE = 1 + RAYS * len(RINGS_DEG) + 2
+"""Distances along the rays over `RANGE`, then the direction, up and left, in which the lumen is deep."""
+AHEAD = (0.02, 0.04, 0.06, 0.08, 0.10)
+"""Distances along the centreline of the places ahead that the privileged part gives [m]."""
+PRIVILEGED_SIZE = 3 + 3 * len(AHEAD)
+"""Progress, largest wall force [10 N], friction; places ahead in the tip's frame over `RANGE`."""
+_LARGEST = 10.0
+
+Observation = Mapping[str, np.ndarray]
+
+
+def sizes(config: TaskConfig) -> dict[str, tuple[int, ...]]:
+    """Shape of each part that this configuration shows.
+
+    Raises:
+        InvalidOptionError: when privileged entries are asked for without names.
+    """
+    every = {"state": (len(STATE),), "lumen": (LUMEN_SIZE,), "pixels": (config.picture_size, config.picture_size, 4)}
+    if config.observation != "dict":
+        if config.privileged:
+            raise InvalidOptionError("Privileged entries come under a name: ask for observation 'dict' with them.")
+        return {config.observation: every[config.observation]}
+    parts = {"state": every["state"], "lumen": every["lumen"]}
+    if config.privileged:
+        parts["privileged"] = (PRIVILEGED_SIZE,)
+    if config.pictures:
+        parts["pixels"] = every["pixels"]
+    return parts
+
+
+def flat(parts: Observation) -> Float[np.ndarray, "worlds size"]:
+    """The parts side by side, in the order of their names, as Gymnasium flattens a Dict."""
+    return np.concatenate([parts[name] for name in sorted(parts)], axis=1)
+
+
+def state(
+    seen: BatchObservation,
+    wheels: Float[np.ndarray, "worlds 2"],
+    action: Float[np.ndarray, "worlds 4"],
+    speed: Float[np.ndarray, " worlds"],
+) -> Float[np.ndarray, "worlds state"]:
+    """What scope and hand can measure (`STATE`)."""
+    columns = np.column_stack(
+        [
+            seen.bend / 2.0,
+            wheels,
+            seen.push_force / 20.0,
+            seen.torque / 0.5,
+            seen.hand_lead / 0.01,
+            np.sin(seen.roll),
+            np.cos(seen.roll),
+            seen.insertion,
+            speed / 0.1,
+            seen.tip_force / 10.0,
+            action,
+        ]
+    )
+    return bounded(columns)
+
+
+def lumen(distances: Float[np.ndarray, "worlds rays"]) -> Float[np.ndarray, "worlds lumen"]:
+    """Distances along rays, and where the lumen is deep: the rays' mean direction, weighted by the cube of distance."""
+    near = distances / RANGE
+    weight = near**3 + 1e-6
+    towards = (weight @ ray_directions()[:, :2]) / weight.sum(axis=1, keepdims=True)
+    return bounded(np.column_stack([near, towards]))
+
+
+def privileged(
+    progress: Float[np.ndarray, " worlds"],
+    wall_force: Float[np.ndarray, " worlds"],
+    friction: Float[np.ndarray, " worlds"],
+    ahead: Float[np.ndarray, "worlds places 3"],
+) -> Float[np.ndarray, "worlds privileged"]:
+    """What no device knows; `ahead` are places of the centreline in the tip's frame [m]."""
+    columns = [progress, wall_force / 10.0, friction, ahead.reshape(len(ahead), -1) / RANGE]
+    return bounded(np.column_stack(columns))
+
+
+def bounded(values: np.ndarray) -> np.ndarray:
+    """Within the space's bounds, in single precision."""
+    return np.clip(values, -_LARGEST, _LARGEST).astype(np.float32)
+
+
+def bound() -> float:
+    """Largest absolute value of an entry."""
+    return _LARGEST

@@ -1,0 +1,262 @@
+"""Episodes of many worlds at once: actions in; observations, rewards and endings out. Gymnasium is a coat on this."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from haustra.envs.engine.conditions import Conditions, Snapshot
+from haustra.envs.engine.scope_batch import BatchInputs, BatchObservation, ScopeBatch
+from haustra.envs.tasks import observation as seen_by
+from haustra.envs.tasks.bank import Bank, grown_bank
+from haustra.envs.tasks.config import TaskConfig
+from haustra.envs.tasks.coverage import Coverage
+from haustra.envs.tasks.pictures import Pictures
+from haustra.envs.tasks.rewards import Moment, reward
+from haustra.envs.tasks.sight import Sight, ray_directions
+from haustra.models.scope.library import named_design
+from haustra.models.wall.radius_field import axis_at, pick
+
+ACTIONS = ("push", "roll", "tip up", "tip left")
+"""Each from -1 to 1."""
+_LOOK_EVERY = 5
+"""Control steps from one look for coverage to the next: 0.2 s, in which a tip moves by 12 mm at most."""
+_ANUS = 0.04
+"""A withdrawn scope has reached the anus when its tip is less than this far in [m]."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """What one action led to; arrays over worlds."""
+
+    observation: seen_by.Observation
+    reward: Float[np.ndarray, " worlds"]
+    terminated: Bool[np.ndarray, " worlds"]
+    """The end of the way was reached, the wall was perforated, or the world diverged."""
+    truncated: Bool[np.ndarray, " worlds"]
+    """Time is up."""
+    info: dict[str, np.ndarray]
+    """Ground truth that no device knows, terms of the reward, and why an episode ended."""
+
+
+class ScopeTask:
+    """Worlds of one task. The caller says which worlds begin anew; nothing resets by itself."""
+
+    def __init__(
+        self,
+        config: TaskConfig,
+        *,
+        worlds: int = 1,
+        threads: int = 1,
+        bank: Bank | None = None,
+        progress: Callable[[int], None] = lambda done: None,
+    ) -> None:
+        """Get the bank, growing what is not in the cache, and compile.
+
+        Args:
+            config: the rules.
+            worlds: how many.
+            threads: for physics.
+            bank: colons; those of the configuration's seeds when None.
+            progress: told how many colons are there.
+        """
+        self.config, self.worlds = config, worlds
+        self.parts = seen_by.sizes(config)
+        design = named_design(config.design)
+        self.bank = bank or grown_bank(range(*config.seeds), design, difficulty=config.difficulty, progress=progress)
+        self.engine = ScopeBatch(self.bank.scene, self.bank.tables, worlds=worlds, threads=threads)
+        self.sight = Sight(self.bank)
+        self.pictures = Pictures(self.bank, self.sight, design.tip.field_of_view_deg)
+        self.steps = max(1, round(config.drive.control_interval / self.bank.scene.options.timestep))
+        self.interval = self.steps * self.bank.scene.options.timestep
+        self._covers = config.task == "withdrawal" or config.weights.coverage != 0
+        self._coverage = Coverage(
+            self.bank, self.sight, worlds, field_of_view_deg=self.bank.design.tip.field_of_view_deg
+        )
+        self._starts: tuple[Snapshot, ...] | None = None
+        self._random = [np.random.default_rng() for _ in range(worlds)]
+        self.case = np.zeros(worlds, int)
+        self._gain, self._slack, self.friction = np.ones(worlds), np.zeros(worlds), np.zeros(worlds)
+        self._wheels, self._action = np.zeros((worlds, 2)), np.zeros((worlds, len(ACTIONS)))
+        self._best, self._from = np.zeros(worlds), np.zeros(worlds)
+        self._share, self._speed, self._age = np.zeros(worlds), np.zeros(worlds), np.zeros(worlds, int)
+        self.seen: BatchObservation = self.engine.observe()
+        self._moment = self._now(np.ones(worlds, bool))
+
+    def reset(
+        self, worlds: Int[np.ndarray, " reset"] | None = None, seeds: list[int] | None = None, case: int | None = None
+    ) -> seen_by.Observation:
+        """Begin anew in some worlds, or all.
+
+        Args:
+            worlds: which, in rising order.
+            seeds: of their random draws from now on; the streams that they have go on when None.
+            case: which colon of the bank; drawn when None.
+
+        Returns:
+            What all worlds see now.
+        """
+        worlds = np.arange(self.worlds) if worlds is None else worlds
+        drawn = []
+        for row, world in enumerate(worlds):
+            if seeds is not None:
+                self._random[world] = np.random.default_rng(seeds[row])
+            drawn.append(self._draw(self._random[world]))
+        table = np.array(drawn)
+        chosen = table[:, 0].astype(int) if case is None else np.full(len(worlds), case)
+        self.case[worlds] = chosen
+        self.friction[worlds], self._gain[worlds], self._slack[worlds] = table[:, 1], table[:, 4], table[:, 5]
+        self.engine.reset(worlds, chosen, Conditions(table[:, 1], table[:, 2], table[:, 3], table[:, 6]))
+        if self.config.task == "withdrawal":
+            self._starts = self._starts or self._inserted()
+            for world in worlds:
+                self.engine.restore(int(world), self._starts[self.case[world]])
+        for array in (self._wheels, self._action, self._share, self._speed, self._age):
+            array[worlds] = 0
+        self.seen = self.engine.observe()
+        self._from[worlds] = self.seen.tip_arc[worlds]
+        self._best[worlds] = 0.0
+        if self._covers:
+            for world in worlds:
+                self._coverage.begin(int(world), int(self.case[world]))
+                self._look(int(world))
+        self._moment = self._now(np.ones(self.worlds, bool))
+        return self.observe()
+
+    def step(self, action: Float[np.ndarray, "worlds 4"]) -> Step:
+        """Apply one action in each world. Worlds whose episode is over go on regardless until they are reset."""
+        before, insertion = self._moment, self.seen.insertion
+        action = np.clip(np.nan_to_num(np.asarray(action, float)), -1.0, 1.0)
+        healthy = self.engine.step(self._inputs(action), self.steps)
+        self._action, self._age = action, self._age + 1
+        self.seen = self.engine.observe()
+        self._speed = (self.seen.insertion - insertion) / self.interval
+        if self._covers:
+            for world in np.flatnonzero(self._age % _LOOK_EVERY == 0):
+                self._look(int(world))
+        after = self._moment = self._now(healthy)
+        terms = reward(before, after, self.config.weights, self.config.limits)
+        ended = after.reached | after.perforated | ~healthy
+        late = ~ended & (self._age * self.interval >= self.config.limits.seconds - 1e-9)
+        return Step(
+            observation=self.observe(),
+            reward=np.where(healthy, sum(terms.values(), np.zeros(self.worlds)), 0.0),
+            terminated=ended,
+            truncated=late,
+            info=self._info(after, healthy, late, terms),
+        )
+
+    def observe(self) -> seen_by.Observation:
+        """What all worlds see."""
+        made = {"state": self._state, "lumen": self._lumen, "privileged": self._privileged, "pixels": self._pixels}
+        return {name: made[name]() for name in self.parts}
+
+    def way_ahead(self, distances: Float[np.ndarray, " places"]) -> Float[np.ndarray, "worlds places 3"]:
+        """Places of the centreline that far ahead of the tip, from the entry [m]. No device knows them."""
+        return axis_at(np, pick(self.bank.tables, self.case), self.seen.tip_arc[:, None] + distances)
+
+    def render_depth(self, world: int, size: int) -> Float[np.ndarray, "size size"]:
+        """Depth along the camera's rays [m]."""
+        return self.pictures.depth(int(self.case[world]), self._eye(world), float(self.seen.tip_arc[world]), size)
+
+    def render(self, world: int, size: int) -> np.ndarray:
+        """What the camera shows, RGB."""
+        return self.pictures.colour(int(self.case[world]), self._eye(world), size)
+
+    def close(self) -> None:
+        """End the threads."""
+        self.engine.close()
+
+    def _draw(self, random: np.random.Generator) -> list[float]:
+        ranges = self.config.randomisation
+        case = float(random.integers(len(self.bank.cases)))
+        names = ("friction", "wall_stiffness", "shaft_stiffness", "wire_gain", "wire_slack", "start_roll")
+        return [case, *(float(random.uniform(*getattr(ranges, name))) for name in names)]
+
+    def _inputs(self, action: np.ndarray) -> BatchInputs:
+        drive, lead = self.config.drive, self.seen.hand_lead
+        most = drive.wheel_rate * self.interval
+        self._wheels = self._wheels + np.clip(action[:, 2:] - self._wheels, -most, most)
+        slack = self._slack[:, None]
+        pull = np.sign(self._wheels) * np.maximum(np.abs(self._wheels) - slack, 0.0) / (1 - slack)
+        pull = pull * self._gain[:, None] * self.bank.design.wires.pull_limit
+        push = np.clip(
+            action[:, 0] * drive.push_rate,
+            (-drive.hand_lead - lead) / self.interval,
+            (drive.hand_lead - lead) / self.interval,
+        )
+        pulls = np.concatenate([np.maximum(pull, 0.0), np.maximum(-pull, 0.0)], axis=1)
+        return BatchInputs(push, action[:, 1] * drive.roll_rate, pulls)
+
+    def _now(self, healthy: np.ndarray) -> Moment:
+        arc, length = self.seen.tip_arc, self.bank.lengths[self.case]
+        if self.config.task == "insertion":
+            way = length - self.config.limits.caecum_margin - self._from
+            share, reached = (arc - self._from) / way, arc >= length - self.config.limits.caecum_margin
+        else:
+            share = (self._from - arc) / np.maximum(self._from - _ANUS, 1e-6)
+            reached = arc <= _ANUS
+        self._best = np.where(healthy, np.maximum(self._best, np.clip(share, 0.0, 1.0)), self._best)
+        force = self.seen.link_forces.max(axis=1)
+        return Moment(
+            progress=self._best.copy(),
+            wall_force=force,
+            excess=self.seen.insertion - arc,
+            coverage=self._share.copy(),
+            reached=reached & healthy,
+            perforated=(force > self.config.limits.perforation_force) & healthy,
+        )
+
+    def _info(self, after: Moment, healthy: np.ndarray, late: np.ndarray, terms: dict) -> dict[str, np.ndarray]:
+        return {
+            "time": self._age * self.interval,
+            "case": self.case.copy(),
+            "friction": self.friction.copy(),
+            "tip": self.seen.tip,
+            "tip_arc": self.seen.tip_arc,
+            "progress": after.progress,
+            "wall_force": after.wall_force,
+            "push_force": self.seen.push_force,
+            "excess": after.excess,
+            "coverage": after.coverage,
+            "reached": after.reached,
+            "perforated": after.perforated,
+            "diverged": ~healthy,
+            "time_up": late,
+            **{f"reward_{name}": value for name, value in terms.items()},
+        }
+
+    def _state(self) -> np.ndarray:
+        return seen_by.state(self.seen, self._wheels, self._action, self._speed)
+
+    def _lumen(self) -> np.ndarray:
+        directions = np.einsum("wij,rj->wri", self.seen.tip_frame, ray_directions())
+        return seen_by.lumen(self.sight.distances(self.case, self.seen.tip, directions, self.seen.tip_arc))
+
+    def _privileged(self) -> np.ndarray:
+        ahead = self.way_ahead(np.array(seen_by.AHEAD)) - self.seen.tip[:, None]
+        ahead = np.einsum("wij,wpi->wpj", self.seen.tip_frame, ahead)
+        return seen_by.privileged(self._best, self._moment.wall_force, self.friction, ahead)
+
+    def _pixels(self) -> np.ndarray:
+        size = self.config.picture_size
+        return np.stack(
+            [
+                self.pictures.both(int(self.case[world]), self._eye(world), float(self.seen.tip_arc[world]), size)
+                for world in range(self.worlds)
+            ]
+        )
+
+    def _eye(self, world: int) -> tuple[np.ndarray, np.ndarray]:
+        return self.seen.tip[world], self.seen.tip_frame[world]
+
+    def _look(self, world: int) -> None:
+        eye, frame = self._eye(world)
+        arc = float(self.seen.tip_arc[world])
+        self._share[world] = self._coverage.look(world, int(self.case[world]), eye, frame[:, 2], arc)
+
+    def _inserted(self) -> tuple[Snapshot, ...]:
+        from haustra.envs.tasks.inserted import inserted_starts
+
+        return inserted_starts(replace(self.config, task="insertion", observation="state"), self.bank)
