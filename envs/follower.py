@@ -65,9 +65,7 @@ class LumenFollower:
         self.settings = settings or FollowerSettings()
         self._line = line
         self._tip_links = tip_links
-        bending = design.bending
-        # Constant curvature under a wire's pull F: angle = F r L / EI.
-        self._pull_per_angle = design.bending_stiffness(bending) / (design.wires.routing_radius * bending.length)
+        self._pull_per_angle = design.pull_per_angle
         self._wires = design.wires
         lead = self.settings.steer_lead
         if self.settings.steer == "wheels":  # what slack and stretch may take up counts as lead

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import jax.numpy as jnp
 
-from haustra.envs.engine.scope_worlds import Hands, Seen
+from haustra.envs.engine.scope_worlds import Hands, Parameters, Seen
 from haustra.envs.follower import STEP_FORWARD, FollowerSettings
 from haustra.errors import InvalidOptionError
 from haustra.models.scope.design import ScopeDesign
@@ -37,7 +37,6 @@ class WorldsFollower:
     """Push, steer along the lumen ahead, rotate, back off when the wall force rises."""
 
     settings: FollowerSettings
-    pull_per_angle: float
     pull_limit: float
     bend_limit: float
     tip_links: int
@@ -52,10 +51,8 @@ class WorldsFollower:
         settings = settings or FollowerSettings()
         if settings.steer != "pulls":
             raise InvalidOptionError("Many worlds are steered by pulls; steering by wheels needs the native engine.")
-        bending = design.bending
         return cls(
             settings=settings,
-            pull_per_angle=design.bending_stiffness(bending) / (design.wires.routing_radius * bending.length),
             pull_limit=design.wires.pull_limit,
             bend_limit=math.radians(min(design.limits.smallest, settings.steer_limit_deg)),
             tip_links=tip_links,
@@ -67,10 +64,13 @@ class WorldsFollower:
         never = jnp.full(worlds, -1e3, kind)
         return Drive(jnp.zeros((worlds, 2), kind), never, never, zero, never, zero, jnp.zeros(worlds, jnp.int32))
 
-    def act(self, tables: Tables, seen: Seen, time: Array, drive: Drive, *, interval: float) -> tuple[Hands, Drive]:
+    def act(
+        self, parameters: Parameters, tables: Tables, seen: Seen, time: Array, drive: Drive, *, interval: float
+    ) -> tuple[Hands, Drive]:
         """Inputs for the next `interval` [s].
 
         Args:
+            parameters: of the worlds.
             tables: of each world's colon (`pick`).
             seen: what was seen.
             time: simulated time of each world [s].
@@ -101,7 +101,7 @@ class WorldsFollower:
         rate = jnp.minimum(rate, (own.hand_lead_limit - seen.hand_lead) / interval)
         rate = jnp.where(until >= 0, -own.retreat_rate, rate)
         roll_rate = jnp.clip((roll_goal - seen.roll) / interval, -own.roll_rate, own.roll_rate)
-        up, left = bend[:, 0] * self.pull_per_angle, bend[:, 1] * self.pull_per_angle
+        up, left = (bend * (parameters.scope.pull_per_angle * parameters.tip_bending)[:, None]).T
         pulls = jnp.clip(jnp.stack([up, left, -up, -left], axis=-1), 0.0, self.pull_limit)
         kept = (bend, best, local_arc, local_time, until, roll_goal)
         return Hands(rate, roll_rate, pulls), Drive(*(new.astype(bend.dtype) for new in kept), attempts=attempts)

@@ -64,32 +64,32 @@ class Insertions:
 class InsertionBatch:
     """One scope, stacked colons, many worlds: compiled once, run as often as wanted."""
 
-    def __init__(self, engine: ScopeWorlds, follower: WorldsFollower, tables: Tables, *, longest: float) -> None:
+    def __init__(self, engine: ScopeWorlds, follower: WorldsFollower, tables: Tables) -> None:
         """Prepare; nothing is compiled before the first run.
 
         Args:
             engine: the scope.
             follower: who drives.
             tables: of all colons (`stack`), seen from their entries.
-            longest: length of the modelled scope [m].
         """
-        self._engine, self._follower, self._tables, self._longest = engine, follower, tables, longest
+        self._engine, self._follower, self._tables = engine, follower, tables
         self._steps = max(1, round(CONTROL_INTERVAL / engine.timestep))
         self.advance = jax.jit(self._advance, static_argnames="count")
 
-    def begin(self, worlds: int, kind: Any = jnp.float32) -> tuple[Worlds, Drive, Tally]:
+    def begin(self, parameters: Parameters) -> tuple[Worlds, Drive, Tally]:
         """All scopes at the start, nothing scored."""
-        zero = jnp.zeros(worlds, kind)
+        worlds = len(parameters.friction)
+        zero = jnp.zeros_like(parameters.friction)
         no = jnp.zeros(worlds, bool)
         start = zero + self._engine.start
         tally = Tally(start, zero, zero, zero, zero, zero, jnp.zeros(worlds, jnp.int32), no, no)
-        return self._engine.begin(worlds, kind), self._follower.begin(worlds, kind), tally
+        return self._engine.begin(parameters), self._follower.begin(worlds, zero.dtype), tally
 
     def run(
         self, parameters: Parameters, *, seconds: float, progress: Callable[[float], None] = lambda time: None
     ) -> Insertions:
         """Drive all worlds for up to `seconds` of simulated time; `progress` is told the time [s]."""
-        worlds, drive, tally = self.begin(len(parameters.colon), parameters.friction.dtype)
+        worlds, drive, tally = self.begin(parameters)
         intervals = round(seconds / (self._steps * self._engine.timestep))
         for first in range(0, intervals, _CHUNK):
             count = min(_CHUNK, intervals - first)
@@ -103,23 +103,24 @@ class InsertionBatch:
     def _advance(self, parameters: Parameters, worlds: Worlds, drive: Drive, tally: Tally, *, count: int):
         tables = pick(self._tables, parameters.colon)
         length = (tables.step * (tables.count - 1))[:, 0].astype(worlds.qpos.dtype)
+        longest = parameters.scope.length
         interval = self._steps * self._engine.timestep
 
         def one(_: Any, now: tuple[Worlds, Drive, Tally]) -> tuple[Worlds, Drive, Tally]:
             worlds, drive, tally = now
             seen = self._engine.observe(parameters, self._tables, worlds)
-            hands, decided = self._follower.act(tables, seen, worlds.time, drive, interval=interval)
+            hands, decided = self._follower.act(parameters, tables, seen, worlds.time, drive, interval=interval)
             stepped = self._engine.steps(self._tables, parameters, worlds, hands, self._steps)
             # A world that has ended stays as it is, as a single run would.
             running = ~(tally.reached | tally.inserted) & stepped.healthy
             worlds = _keep(running, stepped, worlds)._replace(healthy=stepped.healthy)
             drive = _keep(running, decided, drive)
             after = self._engine.observe(parameters, self._tables, worlds)
-            return worlds, drive, _keep(running, self._score(tally, after, length), tally)
+            return worlds, drive, _keep(running, self._score(tally, after, length, longest), tally)
 
         return jax.lax.fori_loop(0, count, one, (worlds, drive, tally))
 
-    def _score(self, tally: Tally, seen: Any, length: Array) -> Tally:
+    def _score(self, tally: Tally, seen: Any, length: Array, longest: Array) -> Tally:
         wall = seen.link_forces.max(axis=1)
         return Tally(
             tip_arc_max=jnp.maximum(tally.tip_arc_max, seen.tip_arc),
@@ -130,7 +131,7 @@ class InsertionBatch:
             loop_excess_peak=jnp.maximum(tally.loop_excess_peak, seen.insertion - seen.tip_arc),
             intervals=tally.intervals + 1,
             reached=seen.tip_arc >= length - CAECUM_MARGIN,
-            inserted=seen.insertion >= self._longest - _END,
+            inserted=seen.insertion >= longest - _END,
         )
 
     def _finish(self, worlds: Worlds, drive: Drive, tally: Tally) -> Insertions:
@@ -188,7 +189,7 @@ def run_insertions(
     """
     engine = ScopeWorlds.of(bank.scene)
     follower = WorldsFollower.of(bank.scene.design, tip_links=bank.tip_links, settings=settings)
-    batch = InsertionBatch(engine, follower, bank.tables_on_device(), longest=bank.scene.cable.length)
+    batch = InsertionBatch(engine, follower, bank.tables_on_device())
     parameters = engine.parameters(bank.scene, worlds, **changed)
     return batch.run(parameters, seconds=seconds, progress=progress)
 

@@ -70,10 +70,10 @@ def measure_rates(
 
 def _measure(bank: ScopeBank, engine: ScopeWorlds, tables: Any, count: int, devices: int, sharding: Any) -> Rate:
     colons = np.arange(count) % len(bank.names)
-    parameters = jax.device_put(engine.parameters(bank.scene, count, colon=colons), sharding)
+    parameters = _share(engine.parameters(bank.scene, count, colon=colons), count, sharding)
     follower = WorldsFollower.of(bank.scene.design, tip_links=bank.tip_links)
-    batch = InsertionBatch(engine, follower, tables, longest=bank.scene.cable.length)
-    state = jax.device_put(batch.begin(count), sharding)
+    batch = InsertionBatch(engine, follower, tables)
+    state = jax.device_put(batch.begin(parameters), sharding)
     state = batch.advance(parameters, *state, count=_WARM_UP)
     worlds = jax.block_until_ready(state)[0]
     began = time.perf_counter()
@@ -108,6 +108,15 @@ def _measure(bank: ScopeBank, engine: ScopeWorlds, tables: Any, count: int, devi
         memory_MB=memory / 1e6,
         healthy=float(np.asarray(after.healthy).mean()),
         in_contact=float((np.asarray(after.normal).max(axis=1) > 0).mean()),
+    )
+
+
+def _share(parameters: Parameters, count: int, sharding: Any) -> Parameters:
+    """Arrays of one entry a world go to the world's device, the one design of all worlds to every device."""
+    everywhere = jax.sharding.NamedSharding(sharding.mesh, jax.sharding.PartitionSpec())
+    return jax.tree.map(
+        lambda part: jax.device_put(part, sharding if part.ndim == 1 and len(part) == count > 1 else everywhere),
+        parameters,
     )
 
 

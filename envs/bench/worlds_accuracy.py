@@ -70,7 +70,7 @@ def compare_with_native(
     steps = round(_INTERVAL / coarse.timestep)
     go = jax.jit(lambda now, hands: engine.steps(tables, parameters, now, hands, steps))
     look = jax.jit(lambda now: engine.observe(parameters, tables, now))
-    worlds = engine.begin(1)
+    worlds = engine.begin(parameters)
     entry, axes = entry_of(colon)
     rows = []
     for _ in range(round(seconds / _INTERVAL)):

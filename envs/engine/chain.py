@@ -22,28 +22,41 @@ from haustra.errors import UnsupportedSceneError
 Array: TypeAlias = Any
 
 
+class Links(NamedTuple):
+    """Lengths and masses of a chain's links; leading axis: worlds, or 1 where all worlds have the same."""
+
+    offset: Array
+    """(worlds, bodies, 3) origin of each body in its parent [m]."""
+    mass: Array
+    """(worlds, bodies) [kg]."""
+    centre: Array
+    """(worlds, bodies, 3) centre of mass in the body's frame [m]."""
+    inertia: Array
+    """(worlds, bodies, 3, 3) about the centre, in the body's frame [kg m^2]."""
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel) -> "Links":
+        """Read a compiled chain, in double precision."""
+        bodies = np.arange(1, model.nbody)
+        frames = np.array([_matrix(quat) for quat in model.body_iquat[bodies]])
+        inertia = np.einsum("bij,bj,bkj->bik", frames, model.body_inertia[bodies], frames)
+        parts = (model.body_pos[bodies], model.body_mass[bodies], model.body_ipos[bodies], inertia)
+        return cls(*(part.copy()[None] for part in parts))
+
+
 @dataclass(frozen=True)
 class Chain:
-    """A serial chain of slides and hinges: constants of the compiled model. Bodies are counted without the world."""
+    """How a serial chain of slides and hinges hangs together. Bodies are counted without the world."""
 
     body_of_dof: np.ndarray
-    first_dof: np.ndarray
-    """(bodies,) index of each body's first dof."""
     last_dof: np.ndarray
+    """(bodies,) index of each body's last dof."""
     hinge: np.ndarray
     """(dofs,) true for hinges, false for slides."""
     axis: np.ndarray
     """(dofs, 3) in the body's frame."""
     turn: np.ndarray
     """(dofs, 3, 3) constant rotation before each dof: that of its body in its parent, at the body's first dof."""
-    offset: np.ndarray
-    """(bodies, 3) origin of each body in its parent [m]."""
-    mass: np.ndarray
-    """(bodies,) [kg]."""
-    centre: np.ndarray
-    """(bodies, 3) centre of mass in the body's frame [m]."""
-    inertia: np.ndarray
-    """(bodies, 3, 3) about the centre, in the body's frame [kg m^2]."""
     gravity: np.ndarray
     """(3,) [m/s^2]."""
 
@@ -65,18 +78,12 @@ class Chain:
         first = model.body_dofadr[bodies]
         turn = np.tile(np.eye(3), (model.nv, 1, 1))
         turn[first] = [_matrix(model.body_quat[body]) for body in bodies]
-        frames = np.array([_matrix(quat) for quat in model.body_iquat[bodies]])
         return cls(
             body_of_dof=model.dof_bodyid - 1,
-            first_dof=first,
             last_dof=first + model.body_dofnum[bodies] - 1,
             hinge=model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE,
             axis=model.jnt_axis.copy(),
             turn=turn,
-            offset=model.body_pos[bodies].copy(),
-            mass=model.body_mass[bodies].copy(),
-            centre=model.body_ipos[bodies].copy(),
-            inertia=np.einsum("bij,bj,bkj->bik", frames, model.body_inertia[bodies], frames),
             gravity=model.opt.gravity.copy(),
         )
 
@@ -92,7 +99,7 @@ class Pose(NamedTuple):
     """(worlds, dofs, 6): velocity of what lies beyond a dof, per speed of that dof."""
 
 
-def pose(chain: Chain, qpos: Float[Array, "worlds dofs"]) -> Pose:
+def pose(chain: Chain, own: Links, qpos: Float[Array, "worlds dofs"]) -> Pose:
     """Forward kinematics."""
     kind = qpos.dtype
     axis = jnp.asarray(chain.axis, kind)
@@ -101,7 +108,7 @@ def pose(chain: Chain, qpos: Float[Array, "worlds dofs"]) -> Pose:
     rotation = total[:, chain.last_dof]
     direction = jnp.einsum("wdij,dj->wdi", total, axis)
     behind = jnp.concatenate([jnp.broadcast_to(jnp.eye(3, dtype=kind), (len(qpos), 1, 3, 3)), rotation[:, :-1]], axis=1)
-    moves = jnp.einsum("wbij,bj->wbi", behind, jnp.asarray(chain.offset, kind))
+    moves = _turned(behind, own.offset)
     slides = np.flatnonzero(~chain.hinge)
     for dof in slides:
         moves = moves.at[:, chain.body_of_dof[dof]].add(qpos[:, dof, None] * direction[:, dof])
@@ -112,10 +119,9 @@ def pose(chain: Chain, qpos: Float[Array, "worlds dofs"]) -> Pose:
     return Pose(rotation, origin, jnp.concatenate([turning, linear], axis=-1))
 
 
-def points_on(where: Pose, body: np.ndarray, local: Float[Any, "points 3"]) -> Float[Array, "worlds points 3"]:
-    """Positions of points that are fixed to bodies [m]."""
-    offset = jnp.einsum("wpij,pj->wpi", where.rotation[:, body], jnp.asarray(local, where.origin.dtype))
-    return where.origin[:, body] + offset
+def points_on(where: Pose, body: np.ndarray, local: Float[Any, "any points 3"]) -> Float[Array, "worlds points 3"]:
+    """Positions of points that are fixed to bodies [m]; `local` has one row a world, or one row for all."""
+    return where.origin[:, body] + _turned(where.rotation[:, body], local)
 
 
 def velocities(chain: Chain, where: Pose, qvel: Float[Array, "worlds dofs"]) -> Float[Array, "worlds bodies 6"]:
@@ -123,12 +129,12 @@ def velocities(chain: Chain, where: Pose, qvel: Float[Array, "worlds dofs"]) -> 
     return jnp.cumsum(where.screw * qvel[..., None], axis=1)[:, chain.last_dof]
 
 
-def inertias(chain: Chain, where: Pose) -> Float[Array, "worlds bodies 6 6"]:
+def inertias(own: Links, where: Pose) -> Float[Array, "worlds bodies 6 6"]:
     """Spatial inertia of each body about the origin."""
     kind = where.origin.dtype
-    centre = points_on(where, np.arange(len(chain.mass)), chain.centre)
-    mass = jnp.asarray(chain.mass, kind)[:, None, None]
-    turned = jnp.einsum("wbij,bjk,wblk->wbil", where.rotation, jnp.asarray(chain.inertia, kind), where.rotation)
+    centre = points_on(where, np.arange(own.mass.shape[1]), own.centre)
+    mass = jnp.asarray(own.mass, kind)[..., None, None]
+    turned = where.rotation @ jnp.asarray(own.inertia, kind) @ jnp.swapaxes(where.rotation, -1, -2)
     side = mass * _skew(centre)
     top = jnp.concatenate([turned - side @ _skew(centre), side], axis=-1)
     bottom = jnp.concatenate([-side, jnp.broadcast_to(mass * jnp.eye(3, dtype=kind), side.shape)], axis=-1)
@@ -174,6 +180,11 @@ def bias(chain: Chain, where: Pose, inertia: Array, qvel: Array) -> Float[Array,
 def joint_forces(chain: Chain, where: Pose, composite: Float[Array, "worlds bodies 6"]) -> Array:
     """Generalised forces (worlds, dofs) of wrenches summed over what lies beyond (`beyond`)."""
     return jnp.einsum("wdi,wdi->wd", where.screw, composite[:, chain.body_of_dof])
+
+
+def _turned(rotation: Array, vectors: Array) -> Array:
+    """Vectors (any, n, 3) of frames turned by (worlds, n, 3, 3), in the frames' surroundings."""
+    return (rotation @ jnp.asarray(vectors, rotation.dtype)[..., None])[..., 0]
 
 
 def _motion_cross(first: Array, second: Array) -> Array:

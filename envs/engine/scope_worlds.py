@@ -5,16 +5,18 @@ and locks add `h J^T A J` to the mass matrix, which costs no more than the compo
 the wall has its stiffness to rounding at rest, as in the native engine, and steps of 5 ms are stable.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
+import mujoco
 import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.engine import chain as links
-from haustra.envs.engine.chain import Chain
+from haustra.envs.engine.chain import Chain, Links
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.scene import Scene
 from haustra.models.scope.cable import HAND_PUSH, HAND_ROLL, LOCK_LOSS_TIME, LOCK_STIFFNESS
@@ -33,9 +35,39 @@ SPEED_LIMIT = 1e4
 """A generalised speed above this [rad/s or m/s] is divergence, as in the native engine."""
 
 
-class Parameters(NamedTuple):
-    """What may differ from world to world; every entry has shape (worlds,)."""
+class Scope(NamedTuple):
+    """Numbers of one design, or of one a world: leading axis 1 or worlds. Scopes of one kind differ in these only."""
 
+    links: Links
+    stiffness: Array
+    """(any, dofs) of the springs [N m/rad]."""
+    damping: Array
+    armature: Array
+    rest: Array
+    """(any, dofs) angles at rest [rad]."""
+    low: Array
+    high: Array
+    """(any, dofs) stops [rad]."""
+    arms: Array
+    """(any, 4, dofs) length of each wire per angle [m/rad]."""
+    behind: Array
+    """(any, joints) distance of each joint from the tip [m]."""
+    sample_place: Array
+    """(any, points, 3) spheres, in their links' frames [m]."""
+    radius: Array
+    """(any,) of the spheres [m]."""
+    tip_place: Array
+    """(any, 1, 3) in the last link's frame [m]."""
+    pull_per_angle: Array
+    """(any,) pull that bends the bending section by an angle [N/rad]."""
+    length: Array
+    """(any,) of the modelled scope [m]."""
+
+
+class Parameters(NamedTuple):
+    """What may differ from world to world; numbers have shape (worlds,)."""
+
+    scope: Scope
     colon: Array
     """Which of the stacked colons."""
     stiffness: Array
@@ -109,32 +141,20 @@ class Seen(NamedTuple):
 
 @dataclass(frozen=True)
 class ScopeWorlds:
-    """Constants of one scope for any number of worlds: a pure function of state, inputs and parameters."""
+    """How one kind of scope hangs together, for any number of worlds: a pure function of state, inputs, parameters."""
 
     chain: Chain
     timestep: float
     start: float
     """Depth of the tip at the start [m]."""
-    behind: np.ndarray
-    """(joints,) distance of each joint from the tip [m]."""
+    table_radius: float
+    """Radius of the spheres that the colons' tables were made for [m]."""
     lock_dofs: np.ndarray
     """(joints, 2)."""
-    stiffness: np.ndarray
-    damping: np.ndarray
-    armature: np.ndarray
-    rest: np.ndarray
-    """(dofs,) angles at rest [rad]."""
     scale: np.ndarray
     """(dofs,) which of the parameters scales it: 0 none, 1 bending, 2 tip_bending, 3 torsion."""
-    low: np.ndarray
-    high: np.ndarray
-    """(dofs,) stops [rad]."""
-    arms: np.ndarray
-    """(4, dofs) length of each wire per angle [m/rad]."""
     sample_body: np.ndarray
-    sample_place: np.ndarray
-    """(points, 3) in the link's frame [m]."""
-    tip_place: np.ndarray
+    """(points,) body of each sphere."""
     bend_dofs: tuple[np.ndarray, np.ndarray]
     torque_limit: float
 
@@ -145,52 +165,46 @@ class ScopeWorlds:
         Raises:
             UnsupportedSceneError: when the scene has what this engine cannot honour.
         """
-        refuse_unsupported(scene)
-        # Colons take turns in front of the scope: it enters at the origin along z.
-        spec = scene.spec.copy()
-        root = spec.body("scope/root")
-        cable = scene.cable
-        root.pos, root.quat = [0, 0, scene.options.start_depth - cable.length], [1, 0, 0, 0]
-        model = spec.compile()
-        chain = Chain.of(model)
+        model = _compile(scene)
         names = [model.joint(index).name for index in range(model.njnt)]
-        steerable = {index for index, cell in enumerate(cable.cells) if cell.steerable}
-        kinds = [_scale_of(name, steerable) for name in names]
-        arms = np.zeros((len(WIRE_NAMES), model.nv))
-        for wire, name in enumerate(WIRE_NAMES):
-            tendon = model.tendon(f"scope/wire_{name}").id
-            wraps = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
-            arms[wire, model.jnt_dofadr[model.wrap_objid[wraps]]] = model.wrap_prm[wraps]
-        limited = model.jnt_limited.astype(bool)
+        cells = scene.cable.cells
+        steerable = {index for index, cell in enumerate(cells) if cell.steerable}
 
         def bend(side: str) -> np.ndarray:
             return np.array([names.index(f"scope/bend_{side}_{index:03d}") for index in sorted(steerable)])
 
         return cls(
-            chain=chain,
+            chain=Chain.of(model),
             timestep=scene.options.timestep,
             start=scene.options.start_depth,
-            behind=cable.length - cable.joint_positions,
-            lock_dofs=np.array(
-                [[names.index(f"scope/bend_{a}_{i:03d}") for a in "xy"] for i in range(len(cable.cells))]
-            ),
-            stiffness=np.asarray(model.jnt_stiffness).reshape(model.nv, -1)[:, 0].copy(),
-            damping=np.asarray(model.dof_damping).reshape(model.nv, -1)[:, 0].copy(),
-            armature=model.dof_armature.copy(),
-            rest=model.qpos_spring.copy(),
-            scale=np.array(kinds),
-            low=np.where(limited, model.jnt_range[:, 0], -np.inf),
-            high=np.where(limited, model.jnt_range[:, 1], np.inf),
-            arms=arms,
+            table_radius=scene.cable.radius,
+            lock_dofs=np.array([[names.index(f"scope/bend_{a}_{i:03d}") for a in "xy"] for i in range(len(cells))]),
+            scale=np.array([_scale_of(name, steerable) for name in names]),
             sample_body=np.array([model.body(sample.body).id - 1 for sample in scene.samples]),
-            sample_place=np.array([sample.position for sample in scene.samples]),
-            tip_place=model.site("scope/tip").pos.copy(),
             bend_dofs=(bend("y"), bend("x")),
             torque_limit=scene.options.torque_limit,
         )
 
-    def parameters(self, scene: Scene, worlds: int, **changed: Any) -> Parameters:
+    def same_topology(self, other: "ScopeWorlds") -> bool:
+        """Whether both kinds of scope can share a batch: the same joints in the same order, and as many spheres."""
+        return (
+            self.timestep == other.timestep
+            and np.array_equal(self.chain.axis, other.chain.axis)
+            and np.array_equal(self.scale, other.scale)
+            and np.array_equal(self.sample_body, other.sample_body)
+        )
+
+    def parameters(
+        self, scene: Scene, worlds: int, *, scope: Scope | None = None, kind: Any = jnp.float32, **changed: Any
+    ) -> Parameters:
         """The scene's own parameters for that many worlds, but for those `changed`: numbers, or one a world.
+
+        Args:
+            scene: the scene.
+            worlds: how many.
+            scope: one design, or one a world (`stack_scopes`); the scene's own when not given.
+            kind: precision.
+            changed: entries of `Parameters`.
 
         Raises:
             InvalidOptionError: when a parameter is not known.
@@ -210,29 +224,33 @@ class ScopeWorlds:
             if name not in own:
                 raise InvalidOptionError(f"'{name}' cannot differ between worlds. What can: {', '.join(own)}.")
         own |= changed
-        return Parameters(**{name: jnp.broadcast_to(jnp.asarray(own[name]), (worlds,)) for name in Parameters._fields})
+        numbers = {name: jnp.broadcast_to(jnp.asarray(value), (worlds,)) for name, value in own.items()}
+        numbers = {name: value if name == "colon" else value.astype(kind) for name, value in numbers.items()}
+        design: Scope = jax.tree.map(lambda part: jnp.asarray(part, kind), scope or read_scope(scene))
+        return Parameters(scope=design, **numbers)
 
-    def begin(self, worlds: int, kind: Any = jnp.float32) -> Worlds:
+    def begin(self, parameters: Parameters) -> Worlds:
         """All scopes straight, their tips at the start depth."""
-        dofs = len(self.chain.axis)
-        qpos = jnp.zeros((worlds, dofs), kind)
-        where = links.pose(self.chain, qpos[:1])
-        arcs = jnp.concatenate([self._samples(where)[..., 2], self._tip(where)[..., 2]], axis=1)
+        count, kind = len(parameters.friction), parameters.friction.dtype
+        qpos = jnp.zeros((count, len(self.chain.axis)), kind)
+        where = links.pose(self.chain, parameters.scope.links, qpos)
+        scope = parameters.scope
+        arcs = jnp.concatenate([self._samples(scope, where)[..., 2], self._tip(scope, where)[..., 2]], axis=1)
         return Worlds(
             qpos=qpos,
             qvel=jnp.zeros_like(qpos),
-            hand=jnp.zeros((worlds, 2), kind),
-            arcs=jnp.tile(arcs, (worlds, 1)),
-            normal=jnp.zeros((worlds, len(self.sample_body)), kind),
-            healthy=jnp.ones(worlds, bool),
-            time=jnp.zeros(worlds, kind),
+            hand=jnp.zeros((count, 2), kind),
+            arcs=arcs,
+            normal=jnp.zeros((count, len(self.sample_body)), kind),
+            healthy=jnp.ones(count, bool),
+            time=jnp.zeros(count, kind),
         )
 
     def step(self, tables: Tables, parameters: Parameters, worlds: Worlds, hands: Hands) -> Worlds:
         """One time step of all worlds."""
-        chain, h = self.chain, self.timestep
-        where = links.pose(chain, worlds.qpos)
-        own = links.inertias(chain, where)
+        chain, h, scope = self.chain, self.timestep, parameters.scope
+        where = links.pose(chain, scope.links, worlds.qpos)
+        own = links.inertias(scope.links, where)
         bias = links.bias(chain, where, own, worlds.qvel)
         points, contact, force, arcs, inwards, law = self._wall(tables, parameters, worlds, where)
         of_body = self._body_sums(links.wrench(points, force))
@@ -240,8 +258,8 @@ class ScopeWorlds:
         torque, damping = self._joints(parameters, worlds, hands)
         torque = torque + links.joint_forces(chain, where, links.beyond(of_body - bias))
         matrix = links.mass_matrix(chain, where, links.beyond(own + felt))
-        armature = jnp.asarray(self.armature, torque.dtype) * self._scales(parameters, torque.dtype)
-        matrix = matrix + jnp.eye(len(self.armature), dtype=torque.dtype) * (armature + h * damping)[:, None]
+        armature = scope.armature * self._scales(parameters)
+        matrix = matrix + jnp.eye(armature.shape[1], dtype=torque.dtype) * (armature + h * damping)[:, None]
         qvel = worlds.qvel + h * solve(matrix, torque)
         qpos = worlds.qpos + h * qvel
         leaving = self._speeds(where, points, qvel)
@@ -259,8 +277,9 @@ class ScopeWorlds:
 
     def observe(self, parameters: Parameters, tables: Tables, worlds: Worlds) -> Seen:
         """Read off all worlds."""
-        where = links.pose(self.chain, worlds.qpos)
-        found = touch(jnp, pick(tables, parameters.colon), self._samples(where), worlds.arcs[:, :-1])
+        scope = parameters.scope
+        where = links.pose(self.chain, scope.links, worlds.qpos)
+        found = touch(jnp, pick(tables, parameters.colon), self._samples(scope, where), worlds.arcs[:, :-1])
         forces = self._body_sums(worlds.normal[..., None] * found.inwards)
         hand = self._hand(parameters, worlds)
         up, left = (worlds.qpos[:, dofs].sum(axis=1) for dofs in self.bend_dofs)
@@ -268,7 +287,7 @@ class ScopeWorlds:
             insertion=self.start + worlds.qpos[:, 0],
             roll=worlds.qpos[:, 1],
             hand_lead=worlds.hand[:, 0] - worlds.qpos[:, 0],
-            tip=self._tip(where)[:, 0],
+            tip=self._tip(scope, where)[:, 0],
             tip_frame=where.rotation[:, -1],
             tip_arc=worlds.arcs[:, -1],
             bend=jnp.stack([up, -left], axis=-1),
@@ -279,11 +298,13 @@ class ScopeWorlds:
 
     def _wall(self, tables: Tables, parameters: Parameters, worlds: Worlds, where: links.Pose):
         h = self.timestep
-        points = self._samples(where)
-        found = touch(
-            jnp, pick(tables, parameters.colon), jnp.concatenate([points, self._tip(where)], axis=1), worlds.arcs
-        )
-        depth, inwards = found.depth[:, :-1], found.inwards[:, :-1]
+        scope = parameters.scope
+        points = self._samples(scope, where)
+        places = jnp.concatenate([points, self._tip(scope, where)], axis=1)
+        found = touch(jnp, pick(tables, parameters.colon), places, worlds.arcs)
+        # A thicker scope touches sooner, by as much as it is thicker: the table holds distances.
+        depth = found.depth[:, :-1] + (scope.radius - self.table_radius)[:, None]
+        inwards = found.inwards[:, :-1]
         speed = self._speeds(where, points, worlds.qvel)
         away = jnp.einsum("wpi,wpi->wp", inwards, speed)
         stiffness = parameters.stiffness[:, None]
@@ -302,19 +323,18 @@ class ScopeWorlds:
 
     def _joints(self, parameters: Parameters, worlds: Worlds, hands: Hands) -> tuple[Array, Array]:
         """Torques of springs, stops, locks, hand and wires, and the damping that goes into the matrix."""
-        kind, h = worlds.qpos.dtype, self.timestep
-        scale = self._scales(parameters, kind)
-        stiffness = jnp.asarray(self.stiffness, kind) * scale
-        damping = jnp.asarray(self.damping, kind) * scale
-        low, high = jnp.asarray(self.low, kind), jnp.asarray(self.high, kind)
-        beyond = jnp.maximum(worlds.qpos - high, 0.0) - jnp.maximum(low - worlds.qpos, 0.0)
-        damping = damping + jnp.where(beyond != 0, STOP_STIFFNESS * (STOP_LOSS_TIME + h), 0.0)
-        torque = -stiffness * (worlds.qpos - jnp.asarray(self.rest, kind)) - STOP_STIFFNESS * beyond
-        held = self._held(worlds)
+        kind, h, scope = worlds.qpos.dtype, self.timestep, parameters.scope
+        scale = self._scales(parameters)
+        stiffness, damping = scope.stiffness * scale, scope.damping * scale
+        over = jnp.maximum(worlds.qpos - scope.high, 0.0) - jnp.maximum(scope.low - worlds.qpos, 0.0)
+        damping = damping + jnp.where(over != 0, STOP_STIFFNESS * (STOP_LOSS_TIME + h), 0.0)
+        torque = -stiffness * (worlds.qpos - scope.rest) - STOP_STIFFNESS * over
+        held = self.held(parameters, worlds)
         dofs = self.lock_dofs.ravel()
         torque = torque.at[:, dofs].add(-LOCK_STIFFNESS * held * worlds.qpos[:, dofs])
         damping = damping.at[:, dofs].add(LOCK_STIFFNESS * LOCK_LOSS_TIME * held)
-        torque = torque - hands.pulls.astype(kind) @ jnp.asarray(self.arms, kind) - damping * worlds.qvel
+        pulled = (hands.pulls.astype(kind)[:, None] @ scope.arms)[:, 0]
+        torque = torque - pulled - damping * worlds.qvel
         # The hand's damper is in its force already; where the force is at its limit, it damps no more.
         hand = self._hand(parameters, worlds)
         free = jnp.abs(hand) < jnp.stack([parameters.push_limit, jnp.full_like(hand[:, 1], self.torque_limit)], axis=-1)
@@ -328,31 +348,77 @@ class ScopeWorlds:
         limit = jnp.stack([parameters.push_limit, jnp.full_like(parameters.push_limit, self.torque_limit)], axis=-1)
         return jnp.clip(force, -limit, limit)
 
-    def _held(self, worlds: Worlds) -> Array:
+    def held(self, parameters: Parameters, worlds: Worlds) -> Array:
         """How firmly each bending dof is held outside the patient, 0 to 1: (worlds, 2 joints)."""
-        position = self.start + worlds.qpos[:, :1] - jnp.asarray(self.behind, worlds.qpos.dtype)
+        position = self.start + worlds.qpos[:, :1] - parameters.scope.behind
         held = jnp.clip(-position / LOCK_STRETCH, 0.0, 1.0) ** 4
         return jnp.repeat(held, 2, axis=1)
 
-    def _scales(self, parameters: Parameters, kind: Any) -> Float[Array, "worlds dofs"]:
+    def _scales(self, parameters: Parameters) -> Float[Array, "worlds dofs"]:
         one = jnp.ones_like(parameters.bending)
         choices = jnp.stack([one, parameters.bending, parameters.tip_bending, parameters.torsion], axis=-1)
-        return choices[:, self.scale].astype(kind)
+        return choices[:, self.scale]
 
     def _speeds(self, where: links.Pose, points: Array, qvel: Array) -> Float[Array, "worlds points 3"]:
         velocity = links.velocities(self.chain, where, qvel)[:, self.sample_body]
         return velocity[..., 3:] + jnp.cross(velocity[..., :3], points)
 
-    def _samples(self, where: links.Pose) -> Float[Array, "worlds points 3"]:
-        return links.points_on(where, self.sample_body, self.sample_place)
+    def _samples(self, scope: Scope, where: links.Pose) -> Float[Array, "worlds points 3"]:
+        return links.points_on(where, self.sample_body, scope.sample_place)
 
-    def _tip(self, where: links.Pose) -> Float[Array, "worlds 1 3"]:
-        return links.points_on(where, np.array([len(self.chain.mass) - 1]), self.tip_place[None])
+    def _tip(self, scope: Scope, where: links.Pose) -> Float[Array, "worlds 1 3"]:
+        return links.points_on(where, np.array([where.origin.shape[1] - 1]), scope.tip_place)
 
     def _body_sums(self, per_sample: Array) -> Array:
         """Sums over the spheres of each body."""
-        shape = (per_sample.shape[0], len(self.chain.mass), *per_sample.shape[2:])
+        shape = (per_sample.shape[0], len(self.chain.last_dof), *per_sample.shape[2:])
         return jnp.zeros(shape, per_sample.dtype).at[:, self.sample_body].add(per_sample)
+
+
+def read_scope(scene: Scene) -> Scope:
+    """Numbers of a scene's scope, in double precision.
+
+    Raises:
+        UnsupportedSceneError: when the scene has what this engine cannot honour.
+    """
+    model = _compile(scene)
+    cable, design = scene.cable, scene.design
+    arms = np.zeros((len(WIRE_NAMES), model.nv))
+    for wire, name in enumerate(WIRE_NAMES):
+        tendon = model.tendon(f"scope/wire_{name}").id
+        wraps = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
+        arms[wire, model.jnt_dofadr[model.wrap_objid[wraps]]] = model.wrap_prm[wraps]
+    limited = model.jnt_limited.astype(bool)
+    parts = {
+        "stiffness": np.asarray(model.jnt_stiffness).reshape(model.nv, -1)[:, 0].copy(),
+        "damping": np.asarray(model.dof_damping).reshape(model.nv, -1)[:, 0].copy(),
+        "armature": model.dof_armature.copy(),
+        "rest": model.qpos_spring.copy(),
+        "low": np.where(limited, model.jnt_range[:, 0], -np.inf),
+        "high": np.where(limited, model.jnt_range[:, 1], np.inf),
+        "arms": arms,
+        "behind": cable.length - cable.joint_positions,
+        "sample_place": np.array([sample.position for sample in scene.samples]),
+        "radius": np.float64(cable.radius),
+        "tip_place": model.site("scope/tip").pos.copy()[None],
+        "pull_per_angle": np.float64(design.pull_per_angle),
+        "length": np.float64(cable.length),
+    }
+    return Scope(links=Links.of(model), **{name: np.asarray(part)[None] for name, part in parts.items()})
+
+
+def stack_scopes(scopes: Sequence[Scope]) -> Scope:
+    """One design a world."""
+    return jax.tree.map(lambda *parts: np.concatenate(parts), *scopes)
+
+
+def _compile(scene: Scene) -> mujoco.MjModel:
+    """The scene with its scope at the origin, along z: colons take turns in front of it."""
+    refuse_unsupported(scene)
+    spec = scene.spec.copy()
+    root = spec.body("scope/root")
+    root.pos, root.quat = [0, 0, scene.options.start_depth - scene.cable.length], [1, 0, 0, 0]
+    return spec.compile()
 
 
 def refuse_unsupported(scene: Scene) -> None:

@@ -122,6 +122,11 @@ class ScopeDesign:
         setting = 1 + self.variable_stiffness * (section.stiffening - 1)
         return section.flexural_rigidity * setting * self.temperature_factor_bending
 
+    @property
+    def pull_per_angle(self) -> float:
+        """Pull that bends the free bending section by an angle [N/rad]: constant curvature, angle = F r L / EI."""
+        return self.bending_stiffness(self.bending) / (self.wires.routing_radius * self.bending.length)
+
     def torsional_stiffness(self, section: ScopeSection) -> float:
         """GJ of a section in use [N m^2]."""
         return section.torsional_rigidity * self.temperature_factor_torsion

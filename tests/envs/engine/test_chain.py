@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from haustra.envs.engine import chain as links
-from haustra.envs.engine.chain import Chain
+from haustra.envs.engine.chain import Chain, Links
 from haustra.errors import UnsupportedSceneError
 from haustra.models.scene import SceneOptions, build_scene
 from haustra.models.scope.library import named_design
@@ -25,12 +25,12 @@ def test_mass_bias_and_places_are_those_of_mujoco(model: mujoco.MjModel, kind: t
     """Relative to the largest entry; single precision loses what subtracting distant moments loses."""
     random = np.random.default_rng(0)
     qpos, qvel = 0.3 * random.normal(size=(2, model.nv)), random.normal(size=(2, model.nv))
-    chain = Chain.of(model)
+    chain, own = Chain.of(model), Links.of(model)
     with jax.enable_x64(kind is np.float64):
-        where = links.pose(chain, jnp.asarray(qpos, kind))
-        own = links.inertias(chain, where)
-        mass = np.asarray(links.mass_matrix(chain, where, links.beyond(own)))
-        wrenches = links.bias(chain, where, own, jnp.asarray(qvel, kind))
+        where = links.pose(chain, own, jnp.asarray(qpos, kind))
+        inertia = links.inertias(own, where)
+        mass = np.asarray(links.mass_matrix(chain, where, links.beyond(inertia)))
+        wrenches = links.bias(chain, where, inertia, jnp.asarray(qvel, kind))
         bias = np.asarray(links.joint_forces(chain, where, links.beyond(wrenches)))
         origin = np.asarray(where.origin)
     data = mujoco.MjData(model)
