@@ -28,8 +28,8 @@ from haustra.envs.sweep.ranking import (
     Interval,
     compare,
     design_table,
+    effects_of,
     interval,
-    main_effect,
     ranked,
 )
 from haustra.envs.sweep.sampling import conditions_of
@@ -190,7 +190,8 @@ def _plots(sweep: _Sweep, places: Int[np.ndarray, " ranked"], front: Bool[np.nda
         sections.append(pareto_plot(table, drawn, front[:_MOST_LINES], label))
     if study.variables:
         sections.append(parallel_plot(table, drawn, label))
-    if effects := _effects(sweep):
+    effects = effects_of(sweep.frame, study, _numeric_conditions(sweep))
+    if any(effects.values()):
         sections.append(effects_plot(effects, label))
     best = {table.names[place]: int(table.designs[place]) for place in places[:_CURVES]}
     for column in _numeric_conditions(sweep):
@@ -201,16 +202,6 @@ def _plots(sweep: _Sweep, places: Int[np.ndarray, " ranked"], front: Bool[np.nda
 def _numeric_conditions(sweep: _Sweep) -> list[str]:
     found = find_question(sweep.study.question).conditions
     return [c.name for name, c in found.items() if c.unit != "text" and len(sweep.study.conditions[name]) > 1]
-
-
-def _effects(sweep: _Sweep) -> dict:
-    factors = [variable.column for variable in sweep.study.variables] + _numeric_conditions(sweep)
-    scores = {o.score: sweep.frame[o.score].fill_null(float("nan")).to_numpy() for o in sweep.study.objectives}
-    columns = {factor: sweep.frame[factor].cast(float).to_numpy() for factor in factors}
-    return {
-        score: [main_effect(factor, at, values) for factor, at in columns.items() if len(np.unique(at)) > 1]
-        for score, values in scores.items()
-    }
 
 
 def _curves(sweep: _Sweep, designs: Mapping[str, int]) -> list[Section]:

@@ -18,9 +18,8 @@ RESAMPLES = 4000
 """Of a bootstrap: a bound's own scatter is then a few hundredths of the interval."""
 _MANY = 200
 """Values from which on a mean is taken as normal: a bootstrap's bounds then differ by less than their own scatter."""
-_MOST_LEVELS = 12
-"""A variable with more values than this is cut into bins for its effect."""
 _BINS = 8
+"""Into which a variable that is not on a grid is cut for its effect."""
 
 
 @dataclass(frozen=True)
@@ -172,13 +171,27 @@ class Effect:
     means: tuple[Interval, ...]
 
 
-def main_effect(factor: str, at: Float[np.ndarray, " jobs"], score: Float[np.ndarray, " jobs"]) -> Effect:
-    """Mean of a score at each value of a factor, or in bins of equal number when it has many."""
+def main_effect(
+    factor: str, at: Float[np.ndarray, " jobs"], score: Float[np.ndarray, " jobs"], *, exact: bool
+) -> Effect:
+    """Mean of a score at each value of a factor if `exact`, else in bins of about equally many values."""
     kept = np.isfinite(score)
     at, score = at[kept], score[kept]
     levels = np.unique(at)
-    if len(levels) <= _MOST_LEVELS:
-        groups = [score[at == level] for level in levels]
-        return Effect(factor, levels, tuple(map(interval, groups)))
-    order = np.array_split(np.argsort(at, kind="stable"), _BINS)
-    return Effect(factor, np.array([at[part].mean() for part in order]), tuple(interval(score[part]) for part in order))
+    groups = np.array_split(levels, len(levels) if exact else min(len(levels), _BINS))
+    members = [(at >= group[0]) & (at <= group[-1]) for group in groups if len(group)]
+    places = np.array([at[chosen].mean() for chosen in members])
+    return Effect(factor, places, tuple(interval(score[chosen]) for chosen in members))
+
+
+def effects_of(frame: "polars.DataFrame", study: Study, conditions: Sequence[str]) -> dict[str, list[Effect]]:
+    """What each variable and each of these conditions (columns) that takes several values does to each objective."""
+    steps = study.sampler.kind in ("grid", "list")
+    exact = {v.column: steps or v.distribution == "choice" for v in study.variables} | dict.fromkeys(conditions, True)
+    columns = {factor: frame[factor].cast(float).to_numpy() for factor in exact}
+    found: dict[str, list[Effect]] = {}
+    for objective in study.objectives:
+        score = frame[objective.score].cast(float).fill_null(float("nan")).to_numpy()
+        varied = {factor: at for factor, at in columns.items() if len(np.unique(at[np.isfinite(score)])) > 1}
+        found[objective.score] = [main_effect(name, at, score, exact=exact[name]) for name, at in varied.items()]
+    return found
