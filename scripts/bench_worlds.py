@@ -18,8 +18,10 @@ class BenchWorlds:
     """Grown colons (seeds 0, 1, ...) that the worlds share."""
     design: str = "adult"
     """Name of a scope design, or a file that ends in .toml."""
-    devices: int = 1
-    """Devices that share the worlds."""
+    devices: str = "1"
+    """Numbers of devices that share the worlds, separated by commas."""
+    insertions: int = 0
+    """Insertions of 30 s by the lumen follower that are timed as a whole, compilation included."""
     timestep: float = 0.005
     """Integration step [s]."""
     compare: float = 0.0
@@ -39,8 +41,9 @@ class BenchWorlds:
         counts = joint_counts(self.worlds, option="--worlds", low=1, high=1_000_000)
         if not 1 <= self.colons <= 1000:
             raise InvalidOptionError(f"colons is {self.colons}: give 1 to 1000.")
-        device = use_jax(devices=self.devices, cache=self.cache)
-        from haustra.envs.bench.throughput import Rate, measure_rates, rate_rows
+        shares = joint_counts(self.devices, option="--devices", low=1, high=4096)
+        device = use_jax(devices=max(shares), cache=self.cache)
+        from haustra.envs.bench.throughput import Rate, measure_insertions, measure_rates, rate_rows
         from haustra.envs.bench.worlds_accuracy import compare_with_native
         from haustra.envs.scope_bank import BATCH_OPTIONS, build_bank
         from haustra.models.anatomy.grown import grow_colon
@@ -52,20 +55,26 @@ class BenchWorlds:
                 colons.append(grow_colon(seed=seed))
                 advance(seed + 1, "")
         bank = build_bank(colons, find_design(self.design), replace(BATCH_OPTIONS, timestep=self.timestep))
-        with progress_bar("time", len(counts), unit="sizes") as advance:
+        with progress_bar("time", len(counts) * len(shares), unit="sizes") as advance:
             done: list[float] = []
 
             def report(rate: Rate) -> None:
                 done.append(rate.steps_per_s)
                 advance(len(done), f"{rate.steps_per_s:.3g} steps/s")
 
-            rates = measure_rates(bank, counts, devices=self.devices, progress=report)
-        compared = {}
+            rates = [
+                rate
+                for share in shares
+                for rate in measure_rates(bank, [n for n in counts if n >= share], devices=share, progress=report)
+            ]
+        further: dict[str, Any] = {}
+        if self.insertions > 0:
+            further["insertions"] = measure_insertions(bank, self.insertions, seconds=30.0)
         if self.compare > 0:
             found = compare_with_native(
                 colons[0], bank.scene.design, bank.scene.options, cell=_FINE_CELL, seconds=self.compare
             )
-            compared = {"accuracy": found.summary()}
+            further["accuracy"] = found.summary()
         return {
             "device": describe_device(device),
             "dofs": int(bank.scene.compile().nv),
@@ -74,5 +83,5 @@ class BenchWorlds:
             "timestep_s": self.timestep,
             "field_error_p95_mm": max(error.depth_p95 for error in bank.errors) * 1e3,
             "rates": rate_rows(rates),
-            **compared,
+            **further,
         }

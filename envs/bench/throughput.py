@@ -1,6 +1,7 @@
 """How fast many scopes step at once: worlds against rate, compile time, memory and devices."""
 
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, TypeAlias
@@ -11,7 +12,7 @@ import numpy as np
 
 from haustra.envs.engine.scope_worlds import Hands, Parameters, ScopeWorlds
 from haustra.envs.follower_worlds import WorldsFollower
-from haustra.envs.insertions import InsertionBatch
+from haustra.envs.insertions import InsertionBatch, run_insertions
 from haustra.envs.scope_bank import ScopeBank
 
 Array: TypeAlias = Any
@@ -109,6 +110,31 @@ def _measure(bank: ScopeBank, engine: ScopeWorlds, tables: Any, count: int, devi
         healthy=float(np.asarray(after.healthy).mean()),
         in_contact=float((np.asarray(after.normal).max(axis=1) > 0).mean()),
     )
+
+
+def measure_insertions(bank: ScopeBank, count: int, *, seconds: float) -> dict[str, Any]:
+    """Time that many insertions from the first call to the last score, with friction from 0.03 to 0.1.
+
+    Args:
+        bank: a scope and colons, which the insertions share.
+        count: how many.
+        seconds: simulated time of each [s].
+    """
+    colons = np.arange(count) % len(bank.names)
+    began = time.perf_counter()
+    runs = run_insertions(bank, worlds=count, seconds=seconds, colon=colons, friction=np.linspace(0.03, 0.1, count))
+    taken = time.perf_counter() - began
+    reach = runs.tip_arc_max / np.array(bank.lengths)[colons]
+    return {
+        "count": count,
+        "simulated_s_each": seconds,
+        "wall_clock_s": taken,
+        "outcomes": dict(Counter(outcome.value for outcome in runs.outcome)),
+        "reach_mean": float(reach.mean()),
+        "reach_max": float(reach.max()),
+        "push_force_peak_mean_N": float(runs.push_force_peak.mean()),
+        "wall_force_peak_mean_N": float(runs.wall_force_peak.mean()),
+    }
 
 
 def _share(parameters: Parameters, count: int, sharding: Any) -> Parameters:

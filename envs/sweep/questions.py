@@ -21,6 +21,8 @@ class Engine:
     """Called once in each process that computes: the study, and the folder for what jobs share."""
     batch: int = 1
     """Jobs that one call of the runner likes best."""
+    most_workers: int | None = None
+    """More processes than this would be in each other's way."""
     prepare: Callable[[Study, Path, Callable[[str], None]], None] = lambda study, folder, tell: None
     """Called once before any job, to put what jobs share into the folder; tells what it does."""
 
@@ -47,6 +49,7 @@ _QUESTIONS = {
 _ENGINES = {
     ("propulsion", "native"): "haustra.envs.sweep.propulsion:NATIVE",
     ("scope", "native"): "haustra.envs.sweep.scope:NATIVE",
+    ("scope", "mjx-jax"): "haustra.envs.sweep.scope_worlds:WORLDS",
 }
 """Where an engine for a question is found; loaded when it is asked for."""
 

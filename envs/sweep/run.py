@@ -117,7 +117,7 @@ def job_map(
     if computing.on == "here":
         pool = WorkerPool(
             asked,
-            workers=computing.workers,
+            workers=min(computing.workers, engine.most_workers or computing.workers),
             batch=engine.batch,
             log=folder / LOG,
             job_seconds=study.budget.job_seconds,

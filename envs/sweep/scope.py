@@ -65,7 +65,7 @@ SCORES = (
 
 
 @dataclass(frozen=True)
-class _Setup:
+class Setup:
     """A scope, the scene's options and its driver, after the variables were applied."""
 
     design: ScopeDesign
@@ -73,7 +73,7 @@ class _Setup:
     driver: FollowerSettings
 
 
-def build_setup(study: Study, variables: Mapping[str, float], conditions: Mapping[str, Value]) -> _Setup:
+def build_setup(study: Study, variables: Mapping[str, float], conditions: Mapping[str, Value]) -> Setup:
     """The design with the variables applied, and how it is simulated.
 
     Paths: `design.*` are fields of `ScopeDesign` (`design.shaft.*.flexural_rigidity`: every section of the shaft);
@@ -111,7 +111,7 @@ def build_setup(study: Study, variables: Mapping[str, float], conditions: Mappin
     design = find_design("adult" if study.base == "default" else study.base)
     if diameter is not None:
         design = _with_diameter(design, diameter)
-    return _Setup(
+    return Setup(
         design=with_values(design, rooms["design"]) if rooms["design"] else design,
         options=with_values(options, rooms["scene"]) if rooms["scene"] else options,
         driver=with_values(FollowerSettings(), rooms["driver"]) if rooms["driver"] else FollowerSettings(),

@@ -1,0 +1,164 @@
+"""Thousands of scopes at once for studies: designs of one kind share a batch, whatever their numbers."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from haustra.envs.engine.scope_worlds import Scope, ScopeWorlds, read_scope, stack_scopes
+from haustra.envs.follower import FollowerSettings
+from haustra.envs.follower_worlds import WorldsFollower
+from haustra.envs.insertions import InsertionBatch, Insertions
+from haustra.envs.outcome import Outcome
+from haustra.envs.scope_bank import BATCH_OPTIONS
+from haustra.envs.sweep.questions import Engine, Runner
+from haustra.envs.sweep.scope import SCORES, Setup, build_setup
+from haustra.envs.sweep.study import Job, Result, Study
+from haustra.errors import HaustraError
+from haustra.models.anatomy.colon import Colon
+from haustra.models.anatomy.grown import grow_colon
+from haustra.models.anatomy.store import load_colon
+from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
+from haustra.models.scope.files import find_design
+from haustra.models.wall.radius_field import Tables, radius_field, stack
+
+BATCH = 4096
+"""Jobs in one call; a GPU is full with 1,000 to 8,000 scopes."""
+_OUT_OF_MEMORY = "RESOURCE_EXHAUSTED"
+
+
+@dataclass(frozen=True)
+class _World:
+    """One job, ready to share a batch."""
+
+    job: Job
+    kind: ScopeWorlds
+    scope: Scope
+    scene: Scene
+    driver: FollowerSettings
+
+
+class _Colons:
+    """The study's colons, stacked once for the base design's radius."""
+
+    def __init__(self, study: Study) -> None:
+        self.names = tuple(map(str, study.conditions["colon"]))
+        colons = [_colon(name) for name in self.names]
+        self.radius = find_design("adult" if study.base == "default" else study.base).diameter / 2
+        seen = [radius_field(colon, device_radius=self.radius).seen_from(*entry_of(colon)) for colon in colons]
+        self.lengths = np.array([colon.centreline.length for colon in colons])
+        self.longest = max(colons, key=lambda colon: colon.centreline.length)
+        self.tables: Tables = Tables(*(np.asarray(part) for part in stack(seen)))
+
+
+def _start(study: Study, folder: Path) -> Runner:
+    colons = _Colons(study)
+    seconds = float(study.options["seconds"])
+
+    def run(jobs: Sequence[Job]) -> Iterable[Result]:
+        worlds: list[_World] = []
+        for job in jobs:
+            try:
+                worlds.append(_world(study, colons, job))
+            except HaustraError as error:
+                yield Result(job.id, "failed", reason=" ".join(str(error).split()))
+        for group in _groups(worlds):
+            yield from _halved(lambda some: _answer(colons, some, seconds), group)
+
+    return run
+
+
+def _world(study: Study, colons: _Colons, job: Job) -> _World:
+    setup: Setup = build_setup(study, job.variables, job.conditions)
+    scene = build_scene(colons.longest, None, setup.design, _options(setup.options), show_lumen=False)
+    kind = replace(ScopeWorlds.of(scene), table_radius=colons.radius)
+    return _World(job, kind, read_scope(scene), scene, setup.driver)
+
+
+def _options(asked: SceneOptions) -> SceneOptions:
+    """What was asked, in the field of the lumen and with the joints of a batch where the study names none."""
+    usual = SceneOptions()
+    own = {
+        name: getattr(BATCH_OPTIONS, name)
+        for name in ("shaft_cell", "bending_cell", "twist_hinges", "sample_spacing")
+        if getattr(asked, name) == getattr(usual, name)
+    }
+    return replace(asked, wall_law="field", **own)
+
+
+def _groups(worlds: Sequence[_World]) -> Iterator[list[_World]]:
+    """Worlds that can share a batch."""
+    left = list(worlds)
+    while left:
+        first = left[0]
+        same = [one for one in left if one.driver == first.driver and one.kind.same_topology(first.kind)]
+        yield same
+        taken = {one.job.id for one in same}
+        left = [one for one in left if one.job.id not in taken]
+
+
+def _halved(answer: Callable[[Sequence[_World]], list[Result]], worlds: Sequence[_World]) -> list[Result]:
+    """All at once, or in halves where the device's memory does not hold them."""
+    try:
+        return answer(worlds)
+    except jax.errors.JaxRuntimeError as error:
+        if _OUT_OF_MEMORY not in str(error) or len(worlds) == 1:
+            raise
+    middle = len(worlds) // 2
+    return [*_halved(answer, worlds[:middle]), *_halved(answer, worlds[middle:])]
+
+
+def _answer(colons: _Colons, worlds: Sequence[_World], seconds: float) -> list[Result]:
+    first = worlds[0]
+    # Few sizes of batch, so that few programs are compiled; the last world fills up.
+    count = 1 << (len(worlds) - 1).bit_length()
+    filled = [*worlds, *[worlds[-1]] * (count - len(worlds))]
+    each: dict[str, Any] = {
+        "colon": np.array([colons.names.index(str(one.job.conditions["colon"])) for one in filled]),
+        "stiffness": np.array([one.scene.options.wall_stiffness for one in filled]),
+        "damping_time": np.array([one.scene.options.wall_damping_time for one in filled]),
+        "friction": np.array([one.scene.options.friction for one in filled]),
+        "push_limit": np.array([one.scene.options.push_limit for one in filled]),
+    }
+    parameters = first.kind.parameters(first.scene, count, scope=stack_scopes([one.scope for one in filled]), **each)
+    tip_links = sum(cell.steerable for cell in first.scene.cable.cells)
+    follower = WorldsFollower.of(first.scene.design, tip_links=tip_links, settings=first.driver)
+    tables = jax.tree.map(
+        lambda part: jax.numpy.asarray(part, None if part.dtype.kind == "i" else "float32"), colons.tables
+    )
+    runs = InsertionBatch(first.kind, follower, tables).run(parameters, seconds=seconds)
+    return [
+        _result(one.job, runs, index, float(colons.lengths[each["colon"][index]])) for index, one in enumerate(worlds)
+    ]
+
+
+def _result(job: Job, runs: Insertions, index: int, length: float) -> Result:
+    outcome = runs.outcome[index]
+    if outcome is Outcome.DIVERGED:
+        return Result(job.id, "diverged", reason=outcome.advice)
+    known: dict[str, Any] = {
+        "outcome": outcome.value,
+        "reach": float(runs.tip_arc_max[index]) / length,
+        "tip_arc_max_m": float(runs.tip_arc_max[index]),
+        "insertion_m": float(runs.insertion[index]),
+        "push_force_peak_N": float(runs.push_force_peak[index]),
+        "torque_peak_Nm": float(runs.torque_peak[index]),
+        "wall_force_peak_N": float(runs.wall_force_peak[index]),
+        "wall_force_mean_N": float(runs.wall_force_mean[index]),
+        "loop_excess_peak_m": float(runs.loop_excess_peak[index]),
+        "simulated_s": float(runs.simulated[index]),
+    }
+    # What this engine does not measure stays empty.
+    return Result(job.id, "finished", scores={column.name: known.get(column.name) for column in SCORES})
+
+
+def _colon(name: str) -> Colon:
+    seed = name.removeprefix("grown-")
+    return load_colon(Path(name)) if seed == name else grow_colon(seed=int(seed))
+
+
+WORLDS = Engine(start=_start, batch=BATCH, most_workers=1)
+"""One process: it fills the device by itself."""

@@ -1,0 +1,60 @@
+"""Studies of scopes on the engine of many worlds: one batch for designs of a kind, halved where memory is short."""
+
+from pathlib import Path
+
+import jax
+import pytest
+
+from haustra.envs.sweep import scope_worlds
+from haustra.envs.sweep.study import Job, Objective, Study, Variable
+from haustra.models.anatomy.store import save_colon
+from tests.bent_colon import winding
+from tests.models.wall.conftest import swept_colon
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Study:
+    colon = save_colon(swept_colon(winding([(0.1, 0.0), (0.12, 1.2), (0.1, 0.0)]), name="bend"), tmp_path / "bend")
+    return Study(
+        question="scope",
+        title="bend",
+        base="paediatric",
+        variables=(
+            Variable(
+                name="EI", path="design.shaft.*.flexural_rigidity", unit="N m^2", nominal=0.02, low=0.01, high=0.1
+            ),
+            Variable(name="diameter", path="scaled.diameter", unit="m", nominal=0.011, low=0.008, high=0.013),
+        ),
+        conditions={"colon": (str(colon),), "friction": (0.1,)},
+        objectives=(Objective("reach", "maximise"),),
+        options={"seconds": 6.0, "wall": "prism", "timestep": 0.005},
+    )
+
+
+def _jobs(study: Study) -> list[Job]:
+    designs = [{"EI": 0.015, "diameter": 0.011}, {"EI": 0.06, "diameter": 0.011}, {"EI": 0.02, "diameter": -1.0}]
+    conditions = {name: values[0] for name, values in study.conditions.items()}
+    return [
+        Job(id=index, design=index, variables=design, conditions=conditions) for index, design in enumerate(designs)
+    ]
+
+
+def test_designs_share_a_batch_and_differ(study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stiffer shaft needs more push in the bend; an impossible design fails alone; short memory changes no row."""
+    results = {result.job: result for result in scope_worlds.WORLDS.start(study, tmp_path)(_jobs(study))}
+    assert [results[index].state for index in range(3)] == ["finished", "finished", "failed"]
+    assert "diameter" in results[2].reason
+    soft, stiff = (results[index].scores["push_force_peak_N"] for index in range(2))
+    assert stiff > 1.5 * soft > 0
+    answer, seen = scope_worlds._answer, []
+
+    def short_of_memory(colons, worlds, seconds):
+        seen.append(len(worlds))
+        if len(worlds) > 1:
+            raise jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED: Out of memory allocating 1 byte")
+        return answer(colons, worlds, seconds)
+
+    monkeypatch.setattr(scope_worlds, "_answer", short_of_memory)
+    again = {result.job: result for result in scope_worlds.WORLDS.start(study, tmp_path)(_jobs(study))}
+    assert seen == [2, 1, 1]
+    assert again[0].scores["push_force_peak_N"] == pytest.approx(soft, rel=1e-3)
