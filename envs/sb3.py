@@ -4,19 +4,22 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium.spaces import flatten_space
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 
 from haustra.envs.navigation import action_space, observation_space
+from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.scope_task import ScopeTask
 
 
 class ScopeVecEnv(VecEnv):
     """Worlds of one task; an episode that is over begins anew at once, its last observation in `info`."""
 
-    def __init__(self, task: ScopeTask) -> None:
-        """Wrap a task."""
-        self.task, self.render_mode = task, None
-        super().__init__(task.worlds, observation_space(task.config), action_space())
+    def __init__(self, task: ScopeTask, *, flat: bool = False) -> None:
+        """Wrap a task; `flat` puts the parts of an observation side by side, as `Driver`s and policies read them."""
+        self.task, self.render_mode, self._flat = task, None, flat
+        space = observation_space(task.config)
+        super().__init__(task.worlds, flatten_space(space) if flat else space, action_space())
         self._action = np.zeros((task.worlds, 4))
         self._return, self._length = np.zeros(task.worlds), np.zeros(task.worlds, int)
 
@@ -76,6 +79,8 @@ class ScopeVecEnv(VecEnv):
         return range(self.num_envs) if indices is None else np.atleast_1d(indices).tolist()
 
     def _shown(self, seen: Any) -> Any:
+        if self._flat:
+            return seen_by.flat(seen)
         if self.task.config.observation == "dict":
             return {name: seen[name] for name in self.task.parts}
         return next(iter(seen.values()))

@@ -64,12 +64,14 @@ def _verbs() -> dict[str, Callable[..., Any]]:
     from haustra.scripts.colon import ColonImport
     from haustra.scripts.colon_check import ColonCheck
     from haustra.scripts.doctor import Doctor
+    from haustra.scripts.evaluate import Evaluate
     from haustra.scripts.grow import ColonGrow
     from haustra.scripts.propulsion import Propulsion
     from haustra.scripts.report import Report
     from haustra.scripts.run import Run
     from haustra.scripts.sweep import Optimise, Sensitivity, Sweep
     from haustra.scripts.tracked import TrackedRun
+    from haustra.scripts.train import Train
     from haustra.scripts.tread import TreadFem
     from haustra.scripts.view import View
     from haustra.scripts.wall import WallBuild
@@ -94,6 +96,8 @@ def _verbs() -> dict[str, Callable[..., Any]]:
         "bench pushes": BenchPushes,
         "bench grown": BenchGrown,
         "bench worlds": BenchWorlds,
+        "train": Train,
+        "evaluate": Evaluate,
         "doctor": Doctor,
     }
 

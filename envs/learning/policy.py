@@ -1,0 +1,117 @@
+"""A trained policy as two files that hold only numbers: weights (safetensors) and what they are for (JSON)."""
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from haustra.envs.tasks import observation as seen_by
+from haustra.envs.tasks.config import TaskConfig
+from haustra.envs.tasks.scope_task import ACTIONS
+from haustra.errors import HaustraError, UnreadableFileError
+from haustra.files import prepare_folder, write_atomically, write_json
+
+WEIGHTS, ABOUT = "policy.safetensors", "policy.json"
+"""Names of the two files."""
+_LARGEST_FILE = 200_000_000
+"""No policy of this kind is larger [bytes]."""
+
+
+@dataclass(frozen=True)
+class MlpPolicy:
+    """Layers with tanh or ReLU between them: a flat observation in, the mean action out."""
+
+    weights: tuple[Float[np.ndarray, "_ _"], ...]
+    """Outputs times inputs, layer by layer."""
+    biases: tuple[Float[np.ndarray, " _"], ...]
+    activation: str
+    """tanh or relu."""
+    squashed: bool
+    """The last layer goes through tanh (SAC); otherwise it is clipped to -1 .. 1 (PPO)."""
+    config: TaskConfig
+    """What it was trained on."""
+    about: dict[str, Any] = field(default_factory=dict)
+    """How it was trained: JSON values."""
+
+    def act(self, seen: seen_by.Observation) -> Float[np.ndarray, "worlds 4"]:
+        """Actions for what all worlds see."""
+        value = seen_by.flat(seen).astype(np.float32)
+        for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
+            value = value @ weight.T + bias
+            value = np.tanh(value) if self.activation == "tanh" else np.maximum(value, 0.0)
+        value = value @ self.weights[-1].T + self.biases[-1]
+        return (np.tanh(value) if self.squashed else np.clip(value, -1.0, 1.0)).astype(float)
+
+
+def save_policy(folder: Path, policy: MlpPolicy) -> Path:
+    """Write both files into a folder.
+
+    Raises:
+        OutputError: when it cannot be written.
+    """
+    from safetensors.numpy import save
+
+    prepare_folder(folder)
+    arrays: dict[str, np.ndarray] = {}
+    for layer, (weight, bias) in enumerate(zip(policy.weights, policy.biases, strict=True)):
+        arrays |= {f"{layer}.weight": np.ascontiguousarray(weight), f"{layer}.bias": np.ascontiguousarray(bias)}
+    write_atomically(folder / WEIGHTS, lambda temporary: temporary.write_bytes(save(arrays)))
+    document = {
+        "format": "haustra policy 1",
+        "layers": len(policy.weights),
+        "activation": policy.activation,
+        "squashed": policy.squashed,
+        "task": policy.config.to_json(),
+        "about": policy.about,
+    }
+    write_json(folder / ABOUT, document)
+    return folder
+
+
+def load_policy(folder: Path) -> MlpPolicy:
+    """Read a policy; nothing in the files is run.
+
+    Raises:
+        UnreadableFileError: when there is none, or its layers do not fit each other or the task.
+    """
+    from safetensors import SafetensorError
+    from safetensors.numpy import load
+
+    try:
+        if (folder / WEIGHTS).stat().st_size > _LARGEST_FILE:
+            raise UnreadableFileError(f"'{folder / WEIGHTS}' is larger than any policy: name another.")
+        document = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
+        arrays = load((folder / WEIGHTS).read_bytes())
+        layers = range(int(document["layers"]))
+        policy = MlpPolicy(
+            weights=tuple(arrays[f"{layer}.weight"] for layer in layers),
+            biases=tuple(arrays[f"{layer}.bias"] for layer in layers),
+            activation=str(document["activation"]),
+            squashed=bool(document["squashed"]),
+            config=TaskConfig.from_json(document["task"]),
+            about=dict(document["about"]),
+        )
+        fits = _fits(policy)
+    except HaustraError as error:
+        raise UnreadableFileError(f"'{folder}' is no policy ({error})") from error
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, SafetensorError) as error:
+        raise UnreadableFileError(
+            f"'{folder}' is no policy ({type(error).__name__}: {error}): give a folder that `haustra train` wrote."
+        ) from error
+    if not fits:
+        raise UnreadableFileError(f"The layers of '{folder}' fit neither each other nor the task: train it anew.")
+    return policy
+
+
+def _fits(policy: MlpPolicy) -> bool:
+    seen = sum(int(np.prod(shape)) for shape in seen_by.sizes(policy.config).values())
+    widths = [seen, *(len(bias) for bias in policy.biases)]
+    shaped = all(
+        weight.shape == (after, before)
+        for weight, before, after in zip(policy.weights, widths[:-1], widths[1:], strict=True)
+    )
+    finite = all(np.isfinite(array).all() for array in (*policy.weights, *policy.biases))
+    return bool(policy.weights) and shaped and finite and widths[-1] == len(ACTIONS)

@@ -1,0 +1,92 @@
+"""How a policy is trained: the algorithm's numbers and the task, as one JSON value; the shipped configurations."""
+
+import json
+from dataclasses import asdict, dataclass, field, fields, replace
+from typing import Any
+
+from haustra.assets import asset
+from haustra.envs.tasks.config import TaskConfig
+from haustra.errors import InvalidOptionError
+
+ALGORITHMS = ("ppo", "sac")
+SHIPPED = ("insertion-ppo", "insertion-sac", "quick")
+"""Configurations in assets/training."""
+
+
+@dataclass(frozen=True)
+class Training:
+    """One training run."""
+
+    algorithm: str = "ppo"
+    """One of `ALGORITHMS`."""
+    steps: int = 2_000_000
+    """Environment steps over all worlds."""
+    leg: int = 200_000
+    """Steps between two checkpoints; episodes begin anew there, so that a resumed run is the same run."""
+    worlds: int = 32
+    seed: int = 0
+    imitate: int = 60_000
+    """Steps in which the policy first learns from the lumen follower, driving itself (DAgger); 0 for none."""
+    layers: tuple[int, ...] = (128, 128)
+    learning_rate: float = 3e-4
+    gamma: float = 0.99
+    rollout: int = 128
+    """PPO: steps of each world between two updates."""
+    batch: int = 512
+    epochs: int = 6
+    """PPO: passes over a rollout."""
+    entropy: float = 0.0
+    """PPO: weight of the entropy bonus."""
+    log_std: float = -1.0
+    """PPO: logarithm of the exploration at the start."""
+    buffer: int = 300_000
+    """SAC: transitions remembered."""
+    task: TaskConfig = field(default_factory=TaskConfig)
+
+    def __post_init__(self) -> None:
+        if self.algorithm not in ALGORITHMS:
+            raise InvalidOptionError(f"Algorithm '{self.algorithm}' is not known. Known: {', '.join(ALGORITHMS)}.")
+        for name in ("steps", "leg", "worlds", "rollout", "batch", "epochs", "buffer"):
+            if getattr(self, name) < 1:
+                raise InvalidOptionError(f"{name} is {getattr(self, name)}; give at least 1.")
+        if self.task.observation == "pixels" or self.task.pictures:
+            raise InvalidOptionError("The shipped training has no network for pictures: choose state, lumen or dict.")
+
+    def to_json(self) -> dict[str, Any]:
+        """As plain JSON values."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, values: dict[str, Any]) -> "Training":
+        """Read what `to_json` wrote.
+
+        Raises:
+            InvalidOptionError: naming a value that is not known.
+        """
+        known = {entry.name for entry in fields(cls)}
+        if unknown := set(values) - known:
+            raise InvalidOptionError(
+                f"A training has no value '{sorted(unknown)[0]}'. Known: {', '.join(sorted(known))}."
+            )
+        read = dict(values)
+        if "task" in read:
+            read["task"] = TaskConfig.from_json(read["task"])
+        if "layers" in read:
+            read["layers"] = tuple(read["layers"])
+        return cls(**read)
+
+
+def shipped(name: str) -> Training:
+    """A configuration that ships.
+
+    Raises:
+        InvalidOptionError: when there is none of that name.
+    """
+    if name not in SHIPPED:
+        raise InvalidOptionError(f"Training '{name}' is not known. Known: {', '.join(SHIPPED)}.")
+    return Training.from_json(json.loads(asset(f"training/{name}.json").read_text(encoding="utf-8")))
+
+
+def changed(training: Training, **values: Any) -> Training:
+    """The training with those values that are not None."""
+    return replace(training, **{name: value for name, value in values.items() if value is not None})

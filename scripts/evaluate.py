@@ -1,0 +1,121 @@
+"""`haustra evaluate`: how well somebody drives, by protocol."""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """Let drivers insert a scope into held-out grown colons, the same episodes for all, and compare them."""
+
+    drivers: Annotated[tuple[str, ...], tyro.conf.Positional]
+    """Folders of policies, or random, push, follower."""
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+    """Folder for table, episodes and pictures."""
+    colons: int = 80
+    """Held-out colons: grown from seeds 100000, 100001, ..."""
+    episodes: int = 5
+    """In each colon."""
+    design: str | None = None
+    """Scope; that of the first policy, or adult, when not given."""
+    difficulty: Literal["any", "easy", "moderate", "difficult", "hard"] | None = None
+    """Band of tortuosity; that of the first policy, or any, when not given."""
+    friction: tuple[float, float] | None = None
+    """Range of Coulomb's coefficient."""
+    seconds: float = 90.0
+    """Longest episode [s]."""
+    threads: int = 2
+    """For physics."""
+    algorithm: Literal["ppo", "sac"] = "ppo"
+    """Of Stable-Baselines3 files."""
+    trust: bool = False
+    """Load Stable-Baselines3's .zip files, which run code that they contain."""
+    json: bool = field(default=False)
+    """Print one JSON document instead of a table."""
+
+    def __call__(self) -> dict[str, Any]:
+        """Evaluate all, write everything."""
+        from haustra.scripts.console import progress_bar
+        from haustra.scripts.learning_extra import require_learning
+
+        require_learning()
+        from haustra.envs.learning.evaluate import evaluate
+        from haustra.envs.learning.figures import draw_evaluations
+        from haustra.envs.tasks.bank import grown_bank
+        from haustra.envs.tasks.config import HELD_OUT_SEEDS
+        from haustra.errors import InvalidOptionError
+        from haustra.files import prepare_folder, write_json
+        from haustra.models.scope.library import named_design
+        from haustra.provenance import Provenance
+
+        if self.colons < 1 or self.episodes < 1 or not 0 < self.seconds <= 3600:
+            raise InvalidOptionError("Give at least one colon, one episode and a time up to 3600 s.")
+        folder = prepare_folder(self.output)
+        found = [self._driver(name) for name in self.drivers]
+        config = self._config(next((task for _, task in found if task), None))
+        seeds = range(HELD_OUT_SEEDS, HELD_OUT_SEEDS + self.colons)
+        with progress_bar("grow", self.colons, unit="colons") as advance:
+            bank = grown_bank(
+                seeds,
+                named_design(config.design),
+                difficulty=config.difficulty,
+                progress=lambda done: advance(done, ""),
+            )
+        done = []
+        for name, (make, own) in zip(self.drivers, found, strict=True):
+            seeing = replace(config, observation=own.observation, privileged=own.privileged) if own else config
+            with progress_bar(name, self.colons * self.episodes, unit="episodes") as advance:
+                done.append(
+                    evaluate(
+                        make,
+                        name,
+                        seeing,
+                        bank,
+                        episodes=self.episodes,
+                        threads=self.threads,
+                        progress=lambda count, _, tell=advance: tell(count, ""),
+                    )
+                )
+        result = {"task": config.to_json(), "drivers": [one.summary() for one in done]}
+        provenance = Provenance(inputs={}, configuration={"task": config.to_json(), "colons": self.colons})
+        write_json(folder / "evaluation.json", result | {"provenance": provenance.to_json()})
+        write_json(folder / "episodes.json", {one.driver: one.rows() for one in done})
+        draw_evaluations(done, folder / "evaluation.png")
+        return {one.driver: _row(one.summary()) for one in done}
+
+    def _driver(self, name: str) -> tuple[Any, Any]:
+        """How to make the driver, and the task that it was trained for."""
+        from haustra.envs.learning.drivers import PolicyDriver
+        from haustra.envs.learning.policy import load_policy
+        from haustra.envs.learning.sb3_zip import load_zip
+        from haustra.envs.learning.settings import Training
+        from haustra.envs.tasks.drivers import FollowerDriver, PushDriver, RandomDriver
+
+        simple = {"random": RandomDriver, "push": PushDriver, "follower": FollowerDriver}
+        if name in simple:
+            return simple[name], None
+        path = Path(name)
+        if path.suffix == ".zip":
+            policy = load_zip(path, Training(algorithm=self.algorithm), trust=self.trust)
+        else:
+            policy = load_policy(path)
+        return (lambda task: PolicyDriver(policy)), policy.config
+
+    def _config(self, own: Any) -> Any:
+        from haustra.envs.tasks.config import Limits, TaskConfig
+
+        base = own or TaskConfig(design="adult", observation="state")
+        named = {name: value for name in ("design", "difficulty") if (value := getattr(self, name)) is not None}
+        ranges = replace(base.randomisation, friction=self.friction) if self.friction else base.randomisation
+        return replace(base, **named, randomisation=ranges, limits=Limits(seconds=self.seconds))
+
+
+def _row(summary: dict[str, Any]) -> dict[str, Any]:
+    names = ("episodes", "completion", "safe_completion", "progress", "seconds_when_reached", "peak_force_N")
+    return {name: summary[name] for name in (*names, "mean_force_N", "share_over_2N", "share_over_safe", "reasons")} | {
+        "completion_95": summary["completion_bootstrap"],
+        "progress_95": summary["progress_bootstrap"],
+    }

@@ -1,0 +1,18 @@
+"""Whether the packages for learning are there."""
+
+from importlib.util import find_spec
+
+
+def require_learning() -> None:
+    """Say in one line what is missing.
+
+    Raises:
+        MissingDependencyError: naming the extra.
+    """
+    from haustra.errors import MissingDependencyError
+
+    missing = [name for name in ("gymnasium", "stable_baselines3", "torch", "safetensors") if not find_spec(name)]
+    if missing:
+        raise MissingDependencyError(
+            f"Learning needs {', '.join(missing)}: install haustra[rl] (CPU torch: docs/how-to/navigation.md)."
+        )

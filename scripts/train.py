@@ -1,0 +1,82 @@
+"""`haustra train`: learn to drive a scope."""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Train:
+    """Train a policy with Stable-Baselines3; leave checkpoints, the learning curve and the policy in a folder."""
+
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+    """Folder for the run."""
+    config: str = "insertion-ppo"
+    """A shipped training (insertion-ppo, insertion-sac, quick), or a JSON file like the training.json of a run."""
+    steps: int | None = None
+    """Environment steps over all worlds."""
+    worlds: int | None = None
+    """Scopes stepped at once."""
+    seed: int | None = None
+    """Of everything random."""
+    imitate: int | None = None
+    """Steps in which the policy first learns from the lumen follower; 0 for none."""
+    design: str | None = None
+    """Scope design."""
+    difficulty: Literal["any", "easy", "moderate", "difficult", "hard"] | None = None
+    """Band of tortuosity that colons are grown from."""
+    colons: int | None = None
+    """Number of grown colons (seeds 0, 1, ...)."""
+    threads: int = 2
+    """For physics."""
+    resume: bool = False
+    """Go on from the folder's last checkpoint, up to --steps."""
+    tensorboard: bool = False
+    """Write TensorBoard's logs into the folder."""
+    json: bool = field(default=False)
+    """Print one JSON document instead of a table."""
+
+    def __call__(self) -> dict[str, Any]:
+        """Train."""
+        from haustra.scripts.console import progress_bar
+        from haustra.scripts.learning_extra import require_learning
+
+        require_learning()
+        from haustra.envs.learning.settings import changed
+        from haustra.envs.learning.train import train
+
+        training = self._training()
+        task = training.task
+        if self.colons is not None:
+            task = replace(task, seeds=(0, self.colons))
+        task = replace(
+            task, **{name: value for name in ("design", "difficulty") if (value := getattr(self, name)) is not None}
+        )
+        training = changed(
+            training, task=task, steps=self.steps, worlds=self.worlds, seed=self.seed, imitate=self.imitate
+        )
+        with progress_bar("train", training.steps, unit="steps") as advance:
+            return train(
+                training,
+                self.output,
+                resume=self.resume,
+                threads=self.threads,
+                tensorboard=self.tensorboard,
+                progress=lambda done, note: advance(done, note),
+            )
+
+    def _training(self) -> Any:
+        import json
+
+        from haustra.envs.learning.settings import Training, shipped
+        from haustra.errors import UnreadableFileError
+
+        if not self.config.endswith(".json"):
+            return shipped(self.config)
+        try:
+            values = json.loads(Path(self.config).read_text(encoding="utf-8"))
+            return Training.from_json(values)
+        except (OSError, ValueError, TypeError, AttributeError) as error:
+            raise UnreadableFileError(f"'{self.config}' is no training ({error}).") from error

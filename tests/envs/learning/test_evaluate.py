@@ -1,0 +1,51 @@
+"""The protocol: the same episodes for all drivers, intervals that cover, reasons for what failed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from haustra.envs.learning.evaluate import evaluate
+from haustra.envs.learning.statistics import bootstrap, wilson
+from haustra.envs.tasks.config import Limits, TaskConfig
+from haustra.envs.tasks.drivers import FollowerDriver, PushDriver
+from tests.task_bank import DESIGN, short_bank
+
+CONFIG = TaskConfig(design=DESIGN, observation="state", limits=Limits(seconds=12.0))
+
+
+def test_wilson_covers_as_often_as_it_says():
+    assert wilson(8, 10) == pytest.approx((0.4902, 0.9433), abs=1e-3)  # Wilson 1927, worked by hand
+    assert wilson(0, 0) == (0.0, 1.0)
+    random = np.random.default_rng(0)
+    for share in (0.5, 0.95):
+        hits = random.binomial(80, share, 2000)
+        covered = [low <= share <= high for low, high in (wilson(int(k), 80) for k in hits)]
+        assert np.mean(covered) > 0.93
+
+
+def test_bootstrap_takes_colons_as_what_varies():
+    values = np.repeat(np.random.default_rng(0).normal(size=(30, 1)), 5, axis=1)  # episodes of a colon are the same
+    low, high = bootstrap(values)
+    assert high - low == pytest.approx(2 * 1.96 * values[:, 0].std() / np.sqrt(30), rel=0.15)
+
+
+def test_all_drivers_get_the_same_episodes_in_any_order():
+    few = evaluate(PushDriver, "push", CONFIG, short_bank(), episodes=2, threads=1, most_worlds=1)
+    many = evaluate(FollowerDriver, "follower", CONFIG, short_bank(), episodes=2, threads=1)
+    assert [(one.colon, one.seed, one.friction) for one in few.episodes] == [
+        (one.colon, one.seed, one.friction) for one in many.episodes
+    ]
+    found = many.summary()
+    assert found["completion"] == 1.0 and found["reasons"] == {"reached": 4}
+    assert found["peak_force_N"] > 0 and found["seconds_when_reached"] < 12
+    assert all(one.safe == (one.reached and one.peak_force_N <= 14.1) for one in many.episodes)
+
+
+def test_failures_are_named():
+    short = replace(CONFIG, limits=Limits(seconds=1.0))
+    found = evaluate(PushDriver, "push", short, short_bank(), episodes=1, threads=1).summary()
+    assert found["completion"] == 0 and found["reasons"] == {"time up": 2}
+    weak = replace(CONFIG, limits=Limits(seconds=12.0, perforation_force=0.2))
+    found = evaluate(PushDriver, "push", weak, short_bank(), episodes=1, threads=1).summary()
+    assert found["perforated"] == 1 and found["safe_completion"] == 0

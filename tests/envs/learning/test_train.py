@@ -1,0 +1,104 @@
+"""Training at a size for tests: it learns, resumes to the bit, and leaves a policy of plain numbers."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+pytest.importorskip("safetensors")
+
+from haustra.envs.learning.drivers import PolicyDriver
+from haustra.envs.learning.evaluate import evaluate
+from haustra.envs.learning.policy import load_policy, save_policy
+from haustra.envs.learning.settings import SHIPPED, Training, shipped
+from haustra.envs.learning.train import train
+from haustra.envs.tasks.config import Limits, TaskConfig
+from haustra.envs.tasks.drivers import FollowerDriver, RandomDriver
+from haustra.errors import InvalidOptionError, UnreadableFileError
+from tests.task_bank import DESIGN, short_bank
+
+TASK = TaskConfig(design=DESIGN, limits=Limits(seconds=8.0))
+SMALL = Training(
+    steps=256, leg=128, worlds=4, imitate=0, rollout=16, batch=32, epochs=2, layers=(16,), buffer=512, task=TASK
+)
+
+
+def run(training: Training, folder: Path, **options) -> dict:
+    return train(training, folder, bank=short_bank(), threads=1, **options)
+
+
+@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+def test_a_resumed_run_is_the_same_run(tmp_path, algorithm):
+    training = replace(SMALL, algorithm=algorithm, steps=384 if algorithm == "ppo" else 256)
+    run(training, tmp_path / "whole")
+    run(replace(training, steps=128), tmp_path / "parts")
+    run(training, tmp_path / "parts", resume=True)
+    whole, parts = load_policy(tmp_path / "whole"), load_policy(tmp_path / "parts")
+    for one, other in zip(whole.weights, parts.weights, strict=True):
+        assert np.array_equal(one, other)
+    first = run(replace(training, steps=128), tmp_path / "less")
+    assert first["steps"] == 128
+    assert not np.array_equal(load_policy(tmp_path / "less").weights[0], whole.weights[0])
+
+
+def test_a_folder_with_a_run_is_not_overwritten(tmp_path):
+    run(replace(SMALL, steps=64, leg=64), tmp_path)
+    with pytest.raises(InvalidOptionError, match="resume"):
+        run(SMALL, tmp_path)
+    with pytest.raises(UnreadableFileError, match="checkpoint"):
+        run(SMALL, tmp_path / "empty", resume=True)
+
+
+def test_a_short_training_beats_chance(tmp_path):
+    training = replace(SMALL, steps=2048, leg=2048, worlds=8, imitate=4800, layers=(64,), rollout=64, batch=256)
+    run(training, tmp_path)
+    policy = load_policy(tmp_path)
+    config = replace(TASK, limits=Limits(seconds=12.0))
+    drivers = {"policy": lambda task: PolicyDriver(policy), "random": RandomDriver, "follower": FollowerDriver}
+    ways = {
+        name: evaluate(make, name, config, short_bank(), episodes=3, threads=1).summary()["progress"]
+        for name, make in drivers.items()
+    }
+    assert ways["policy"] > ways["random"] + 0.3
+    assert ways["follower"] > 0.9
+
+
+def test_a_policy_reads_as_it_was_written_and_rubbish_is_refused(tmp_path):
+    run(replace(SMALL, steps=64, leg=64), tmp_path)
+    policy = load_policy(tmp_path)
+    save_policy(tmp_path / "again", policy)
+    seen = {"state": np.ones((2, 18), np.float32), "lumen": np.zeros((2, 27), np.float32)}
+    assert np.array_equal(policy.act(seen), load_policy(tmp_path / "again").act(seen))
+    document = json.loads((tmp_path / "policy.json").read_text())
+    for spoiled in ("", "{}", json.dumps(document | {"layers": 5}), json.dumps(document | {"task": {"smell": 1}})):
+        (tmp_path / "policy.json").write_text(spoiled)
+        with pytest.raises(UnreadableFileError, match="policy"):
+            load_policy(tmp_path)
+    (tmp_path / "policy.json").write_text(json.dumps(document))
+    (tmp_path / "policy.safetensors").write_bytes(b"\x08\x00\x00\x00\x00\x00\x00\x00rubbish!")
+    with pytest.raises(UnreadableFileError):
+        load_policy(tmp_path)
+
+
+def test_stable_baselines_files_need_trust(tmp_path):
+    from haustra.envs.learning.sb3_zip import load_zip
+
+    with pytest.raises(InvalidOptionError, match="--trust"):
+        load_zip(tmp_path / "model.zip", SMALL, trust=False)
+    (tmp_path / "model.zip").write_bytes(b"no zip")
+    with pytest.raises(UnreadableFileError):
+        load_zip(tmp_path / "model.zip", SMALL, trust=True)
+
+
+def test_shipped_trainings_are_read_and_never_draw_held_out_colons():
+    for name in SHIPPED:
+        training = shipped(name)
+        assert Training.from_json(json.loads(json.dumps(training.to_json()))) == training
+        assert training.task.seeds[1] <= 100_000
+    with pytest.raises(InvalidOptionError, match="quick"):
+        shipped("slow")
+    with pytest.raises(InvalidOptionError, match="stepz"):
+        Training.from_json({"stepz": 3})
