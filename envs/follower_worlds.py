@@ -6,6 +6,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import jax.numpy as jnp
 
+from haustra.envs.engine.precision import precise
 from haustra.envs.engine.scope_worlds import Hands, Parameters, Seen
 from haustra.envs.follower import STEP_FORWARD, FollowerSettings
 from haustra.errors import InvalidOptionError
@@ -64,6 +65,7 @@ class WorldsFollower:
         never = jnp.full(worlds, -1e3, kind)
         return Drive(jnp.zeros((worlds, 2), kind), never, never, zero, never, zero, jnp.zeros(worlds, jnp.int32))
 
+    @precise
     def act(
         self, parameters: Parameters, tables: Tables, seen: Seen, time: Array, drive: Drive, *, interval: float
     ) -> tuple[Hands, Drive]:

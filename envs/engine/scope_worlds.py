@@ -17,6 +17,7 @@ from jaxtyping import Float
 
 from haustra.envs.engine import chain as links
 from haustra.envs.engine.chain import Chain, Links
+from haustra.envs.engine.precision import precise
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.scene import Scene
 from haustra.models.scope.cable import HAND_PUSH, HAND_ROLL, LOCK_LOSS_TIME, LOCK_STIFFNESS
@@ -229,6 +230,7 @@ class ScopeWorlds:
         design: Scope = jax.tree.map(lambda part: jnp.asarray(part, kind), scope or read_scope(scene))
         return Parameters(scope=design, **numbers)
 
+    @precise
     def begin(self, parameters: Parameters) -> Worlds:
         """All scopes straight, their tips at the start depth."""
         count, kind = len(parameters.friction), parameters.friction.dtype
@@ -246,6 +248,7 @@ class ScopeWorlds:
             time=jnp.zeros(count, kind),
         )
 
+    @precise
     def step(self, tables: Tables, parameters: Parameters, worlds: Worlds, hands: Hands) -> Worlds:
         """One time step of all worlds."""
         chain, h, scope = self.chain, self.timestep, parameters.scope
@@ -275,6 +278,7 @@ class ScopeWorlds:
         """Several time steps under the same inputs."""
         return jax.lax.fori_loop(0, count, lambda _, now: self.step(tables, parameters, now, hands), worlds)
 
+    @precise
     def observe(self, parameters: Parameters, tables: Tables, worlds: Worlds) -> Seen:
         """Read off all worlds."""
         scope = parameters.scope
