@@ -15,3 +15,5 @@ def register_environments() -> None:
                 vector_entry_point="haustra.envs.vector:NavigationVectorEnv",
                 kwargs=options,
             )
+    if "Haustra/TrackedColonoscopy-v0" not in registry:
+        register(id="Haustra/TrackedColonoscopy-v0", entry_point="haustra.envs.tracked_navigation:TrackedNavigationEnv")

@@ -107,7 +107,7 @@ def drive_in_colon(
     tracked = stand_in_colon(spec, colon, design, arc=arc, friction=friction)
     if held:
         _hold(spec, tracked)
-    run = _Run(spec.compile(), tracked, colon, arc, speed)
+    run = TrackedRun(spec.compile(), tracked, colon, arc, speed)
     steering = AxisSteering(colon.centreline, design) if steered else None
     end = colon.centreline.length - design.core_length / 2
     ended: EndedBy = "time"
@@ -152,10 +152,11 @@ def _hold(spec: mujoco.MjSpec, tracked: Tracked) -> None:
     )
 
 
-class _Run:
+class TrackedRun:
     """A model being stepped, one native call a control interval, and what is kept of it."""
 
     def __init__(self, model: mujoco.MjModel, tracked: Tracked, colon: Colon, arc: float, speed: float) -> None:
+        """Begin with the robot at an arc length [m]; `speed` is that of its treads [m/s]."""
         self.model, self.tracked, self.speed = model, tracked, speed
         self.shares = np.ones(TRACKS)
         self.tracker = ArcTracker(colon.centreline, start=arc)
@@ -180,6 +181,7 @@ class _Run:
 
     @property
     def time(self) -> float:
+        """Simulated time [s]."""
         return float(self._state[0])
 
     def pose(self) -> tuple[np.ndarray, np.ndarray]:
@@ -222,14 +224,21 @@ class _Run:
         return sound
 
     def stands(self) -> bool:
+        """Whether it made no headway for `PATIENCE`."""
         looks = round(PATIENCE / CONTROL_INTERVAL)
         return len(self._arcs) > looks and max(self._arcs[-looks:]) - self._arcs[-looks - 1] < _HEADWAY
+
+    def latest(self) -> tuple[Float[np.ndarray, " tracks"], float, Float[np.ndarray, " tracks"]]:
+        """Mean force of each track and of the core over the last interval [N], and where the struts are [m]."""
+        kept = self._kept[-1]
+        return kept[2].mean(axis=0), float(kept[3].mean()), kept[5][-1]
 
     def last(self, which: int) -> np.ndarray:
         """One of the kept values over the last `PATIENCE`."""
         return np.concatenate([kept[which] for kept in self._kept[-round(PATIENCE / CONTROL_INTERVAL) :]])
 
     def record(self, ended: EndedBy) -> Drive:
+        """All that was kept."""
         time, core, normal, core_force, leash, _ = (np.concatenate(values) for values in zip(*self._kept, strict=True))
         tension = np.zeros(len(time))
         if self._leash >= 0:
@@ -247,7 +256,7 @@ class _Run:
         )
 
 
-def _why_it_stands(run: _Run) -> EndedBy:
+def _why_it_stands(run: TrackedRun) -> EndedBy:
     design = run.tracked.design
     low, high = design.stroke
     ranges = np.array([run.model.joint(f"tracked/strut{track}").range for track in range(TRACKS)])

@@ -56,6 +56,7 @@ def _join_verb(arguments: Sequence[str], verbs: Mapping[str, object]) -> list[st
 def _verbs() -> dict[str, Callable[..., Any]]:
     """Every verb is a frozen dataclass of options; calling it does the work and returns JSON values."""
     from haustra.scripts.bench_cost import BenchCost
+    from haustra.scripts.bench_episodes import BenchEpisodes
     from haustra.scripts.bench_grown import BenchGrown
     from haustra.scripts.bench_pushes import BenchPushes
     from haustra.scripts.bench_rods import BenchRods
@@ -96,6 +97,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
         "bench pushes": BenchPushes,
         "bench grown": BenchGrown,
         "bench worlds": BenchWorlds,
+        "bench episodes": BenchEpisodes,
         "train": Train,
         "evaluate": Evaluate,
         "doctor": Doctor,

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from jaxtyping import Float
@@ -118,13 +119,13 @@ def load_case(path: Path) -> Case:
         UnreadableFileError: when it is no case.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             arrays: dict[str, Any] = {key: file[key] for key in _ARRAYS}
             name = str(file["name"])
         step, radius = float(arrays.pop("step")), float(arrays.pop("device_radius"))
         case = Case(name=name, step=step, device_radius=radius, **arrays)
         shaped = case.points.shape[1:] == (3,) and case.wall.shape[:2] == (*case.points.shape[:1], case.sight.shape[1])
-    except (OSError, ValueError, KeyError, EOFError) as error:
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise UnreadableFileError(f"'{path}' is no case ({error}): delete it.") from error
     if not shaped or not all(np.isfinite(getattr(case, key)).all() for key in _ARRAYS):
         raise UnreadableFileError(f"'{path}' is no case (its arrays do not fit): delete it.")

@@ -66,7 +66,7 @@ class ScopeTask:
         design = named_design(config.design)
         self.bank = bank or grown_bank(range(*config.seeds), design, difficulty=config.difficulty, progress=progress)
         self.engine = ScopeBatch(self.bank.scene, self.bank.tables, worlds=worlds, threads=threads)
-        self.sight = Sight(self.bank)
+        self.sight = Sight(self.bank.cases)
         self.pictures = Pictures(self.bank, self.sight, design.tip.field_of_view_deg)
         self.steps = max(1, round(config.drive.control_interval / self.bank.scene.options.timestep))
         self.interval = self.steps * self.bank.scene.options.timestep

@@ -5,11 +5,13 @@ but nothing is seen round the corner of an overhang. Light, mucus and motion blu
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from haustra.envs.tasks.bank import Bank
+from haustra.envs.tasks.case import Case
+from haustra.models.wall.radius_field import stack
 
 RANGE = 0.12
 """Farthest distance that is measured [m]: the lamps show little beyond; engineering choice."""
@@ -34,14 +36,14 @@ def ray_directions() -> Float[np.ndarray, "rays 3"]:
 
 
 class Sight:
-    """Rays into the colons of a bank."""
+    """Rays into some colons."""
 
-    def __init__(self, bank: Bank) -> None:
+    def __init__(self, cases: Sequence[Case]) -> None:
         """Keep the tables in single precision, which is exact to a micrometre here."""
-        tables = bank.tables
+        tables = stack([case.tables for case in cases])
         self._points = tables.points.astype(np.float32)
         self._frames = tables.frames.astype(np.float32)
-        self._sight = np.concatenate([case.sight for case in bank.cases]).astype(np.float32)
+        self._sight = np.concatenate([case.sight for case in cases]).astype(np.float32)
         self._first, self._count, self._step = tables.first, tables.count, tables.step
         self._angles = self._sight.shape[1]
 

@@ -1,0 +1,58 @@
+"""What a camera sees: distances in tubes of known shape, and which of the wall has been in view."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from haustra.envs.tasks.coverage import Coverage
+from haustra.envs.tasks.sight import RANGE, Sight, ray_directions
+from tests.task_bank import short_bank
+
+TUBE = 0.02
+"""Radius of the tubes [m]."""
+
+
+def straight_ahead(arc: float) -> tuple[np.ndarray, np.ndarray]:
+    case = short_bank().cases[0]
+    station = round(arc / case.step)
+    return case.points[station], case.frames[station]
+
+
+def test_rays_end_at_the_wall_of_a_tube():
+    sight, arc = Sight(short_bank().cases), 0.04
+    eye, frame = straight_ahead(arc)
+    rays = ray_directions()
+    found = sight.distances(np.array([0]), eye[None], (rays @ frame.T)[None], np.array([arc]))[0]
+    assert found.shape == (25,) and (found <= RANGE).all()
+    assert found[17:] == pytest.approx(TUBE / np.sin(np.radians(60)), rel=0.03)  # between two folds
+    assert found[0] > 0.06
+
+
+def test_a_bend_is_seen_on_its_outer_side():
+    sight, arc = Sight(short_bank().cases), 0.05
+    eye, frame = straight_ahead(arc)
+    towards = short_bank().cases[0].points[round((arc + 0.08) / short_bank().cases[0].step)] - eye
+    side = frame.T @ towards
+    found = sight.distances(np.array([0]), eye[None], (ray_directions() @ frame.T)[None], np.array([arc]))[0]
+    ring = found[1:9]
+    turn = 2 * np.pi * np.arange(8) / 8
+    deep = np.array([ring @ np.cos(turn), ring @ np.sin(turn)])
+    assert deep @ side[:2] > 0.5 * np.linalg.norm(deep) * np.linalg.norm(side[:2])
+
+
+def test_coverage_grows_with_what_was_in_view_and_stays():
+    bank = short_bank()
+    coverage = Coverage(bank, Sight(bank.cases), 1, field_of_view_deg=140.0)
+    coverage.begin(0, 0)
+    shares = []
+    for arc in np.linspace(0.25, 0.02, 24):
+        eye, frame = straight_ahead(arc)
+        shares.append(coverage.look(0, 0, eye, frame[:, 2], arc))
+    assert all(after >= before for before, after in pairwise(shares))
+    assert 0.05 < shares[0] < 0.25  # 3 cm of 28 ahead, less what lies beside the camera and behind folds
+    assert shares[-1] > 0.85
+    blind = Coverage(bank, Sight(bank.cases), 1, field_of_view_deg=140.0)
+    blind.begin(0, 0)
+    eye, frame = straight_ahead(0.1)
+    assert blind.look(0, 0, eye + 0.05 * frame[:, 0], frame[:, 2], 0.1) == 0.0  # behind the wall nothing is seen
