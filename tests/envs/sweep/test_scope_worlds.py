@@ -44,7 +44,7 @@ def test_designs_share_a_batch_and_differ(study: Study, tmp_path: Path, monkeypa
     results = {result.job: result for result in scope_worlds.WORLDS.start(study, tmp_path)(_jobs(study))}
     assert [results[index].state for index in range(3)] == ["finished", "finished", "failed"]
     assert "diameter" in results[2].reason
-    soft, stiff = (results[index].scores["push_force_peak_N"] for index in range(2))
+    soft, stiff = (float(results[index].scores["push_force_peak_N"] or 0) for index in range(2))
     assert stiff > 1.5 * soft > 0
     answer, seen = scope_worlds._answer, []
 
