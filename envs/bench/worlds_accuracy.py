@@ -41,6 +41,7 @@ class Apart:
             "insertion_m": float(self.insertion[-1]),
             "tip_error_median_share": float(np.median(share)),
             "tip_error_p95_share": float(np.percentile(share, 95)),
+            "tip_error_median_mm": float(np.median(self.tip)) * 1e3,
             "tip_error_max_mm": float(self.tip.max()) * 1e3,
             "push_mean_N": float(self.push[:, 0].mean()),
             "push_mean_reference_N": float(self.push[:, 1].mean()),
