@@ -14,6 +14,8 @@ from haustra.models.wall.radius_field import Tables, pick, touch
 
 ROOM = 0.01
 """A plane is parked while its sphere has more room than this [m]: two steps at 1 m/s, well above any motion here."""
+_OUTSIDE = 0.03
+"""A sphere is not looked up while it is farther than this before the anus [m]: in one step none comes that far."""
 _FATAL = [int(kind) for kind in FATAL_WARNINGS]
 
 
@@ -141,15 +143,24 @@ class Shard:
         seen = self._geom_xpos[:, self._spheres]
         centres = 2 * seen - self._before
         self._before = seen
-        found = touch(np, self._tables, centres, self._arcs)
-        rate = (found.depth - self._depth) / self._step_time
-        damping = self._stiffness[:, None] * self._scene.options.wall_damping_time
-        force = self._stiffness[:, None] * found.depth + damping * np.where(self._depth > -ROOM, rate, 0.0)
-        self._normal_force = np.where(found.depth > 0, np.maximum(force, 0.0), 0.0)
-        self._arcs, self._depth, self._inwards = found.arcs, found.depth, found.inwards
+        world, sphere = near = np.nonzero(self._arcs > -_OUTSIDE)
+        points = centres[near]
+        found = touch(np, self._tables_of(world), points, self._arcs[near])
+        stiffness, before = self._stiffness[world], self._depth[near]
+        rate = np.where(before > -ROOM, (found.depth - before) / self._step_time, 0.0)
+        force = stiffness * (found.depth + self._scene.options.wall_damping_time * rate)
+        self._arcs = centres[..., 2].copy()  # before the anus a scope is straight
+        self._arcs[near], self._depth[near], self._inwards[near] = found.arcs, found.depth, found.inwards
+        self._normal_force[near] = np.where(found.depth > 0, np.maximum(force, 0.0), 0.0)
         away = np.where(found.depth < -ROOM, AWAY, self._radius - found.depth)
-        self._mocap_pos[:, self._planes] = centres - away[..., None] * found.inwards
-        self._mocap_quat[:, self._planes] = _turn_to(found.inwards)
+        self._mocap_pos[world, self._planes[sphere]] = points - away[:, None] * found.inwards
+        self._mocap_quat[world, self._planes[sphere]] = _turn_to(found.inwards)
+
+    def _tables_of(self, world: Int[np.ndarray, " points"]) -> Tables:
+        """Tables with one colon a point."""
+        rows = self._tables
+        chosen = {name: getattr(rows, name)[world, 0] for name in ("step", "first", "count")}
+        return rows._replace(**chosen)
 
     def _catch_divergence(self) -> None:
         state = np.abs(self._qvel).max(axis=1)
