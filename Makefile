@@ -3,6 +3,7 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
+LEARNING := gymnasium stable-baselines3 torch tensorboard safetensors
 LOCKED := --disable-pip-version-check --quiet --require-hashes
 UV_COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
 	--no-emit-package haustra --custom-compile-command 'make lock' $(UPGRADE) pyproject.toml -
@@ -74,7 +75,8 @@ $(VENV)/.installed: requirements.lock pyproject.toml | $(VENV)/.created
 	@touch $@
 
 # Holds everything of .installed at the same versions, so that one stands for both.
-$(VENV)/.installed-dev: requirements-dev.lock requirements.lock pyproject.toml | $(VENV)/.created
+$(VENV)/.installed-dev: requirements-dev.lock requirements.lock constraints-rl.txt pyproject.toml | $(VENV)/.created
 	$(BIN)/python -m pip install $(LOCKED) -r requirements-dev.lock
 	$(BIN)/python -m pip install --disable-pip-version-check --quiet --no-deps --no-build-isolation -e .
+	$(BIN)/python -m pip install --disable-pip-version-check --quiet -c constraints-rl.txt $(LEARNING)
 	@touch $@ $(VENV)/.installed

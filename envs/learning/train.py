@@ -87,6 +87,7 @@ def _train(training, folder: Path, task: ScopeTask, document, tensorboard: bool,
     curve = _Curve(folder / "curve.csv", fresh=document is None)
     while model.num_timesteps < training.steps:
         set_random_seed(training.seed + 1000 * (leg + 1))
+        _hold_actor(model, training, leg)
         worlds.seed(training.seed + 1_000_000 * (leg + 1))
         model._last_obs = None
         count = min(training.leg, training.steps - model.num_timesteps)
@@ -136,6 +137,7 @@ def _model(training: Training, worlds: ScopeVecEnv, log: Path | None) -> Any:
             n_steps=training.rollout,
             n_epochs=training.epochs,
             ent_coef=training.entropy,
+            target_kl=training.target_kl,
             policy_kwargs={"net_arch": {"pi": layers, "vf": layers}, "log_std_init": training.log_std},
             **common,
         )
@@ -175,6 +177,16 @@ def _warm_up(model: Any, training: Training, task: ScopeTask, progress: Progress
         seed=training.seed,
         progress=lambda done, loss: progress(0, f"learning from the follower: {done} steps, error {loss:.3f}"),
     )
+
+
+def _hold_actor(model: Any, training: Training, leg: int) -> None:
+    """In the first leg after imitation only PPO's critic learns: a critic that knows nothing unteaches the policy."""
+    if training.algorithm != "ppo":
+        return
+    policy = model.policy
+    held = bool(training.imitate) and leg == 0 and training.steps > training.leg
+    for part in (*policy.mlp_extractor.policy_net.parameters(), *policy.action_net.parameters(), policy.log_std):
+        part.requires_grad_(not held)
 
 
 class _Curve:
