@@ -12,6 +12,8 @@ class BenchEpisodes:
     """Scopes stepped at once."""
     threads: int = 2
     """For physics."""
+    engine: Literal["native", "mjx-jax"] = "native"
+    """What computes: MuJoCo on threads, or JAX on its device."""
     seconds: float = 20.0
     """Simulated time of each world [s]."""
     colons: int = 4
@@ -41,7 +43,9 @@ class BenchEpisodes:
         config = TaskConfig(design=self.design, observation=self.observation, seeds=(0, self.colons))
         with progress_bar("grow", self.colons, unit="colons") as advance:
             bank = grown_bank(range(self.colons), named_design(self.design), progress=lambda done: advance(done, ""))
-        rate = step_rate(config, bank, worlds=self.worlds, threads=self.threads, seconds=self.seconds)
+        rate = step_rate(
+            config, bank, worlds=self.worlds, threads=self.threads, seconds=self.seconds, engine=self.engine
+        )
         result: dict[str, Any] = {"dofs": int(bank.scene.compile().nv), "spheres": len(bank.scene.samples)}
         result |= asdict(rate)
         if self.memory_steps or self.memory_resets:

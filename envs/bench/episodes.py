@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -10,7 +11,7 @@ from jaxtyping import Float
 from haustra.envs.tasks.bank import Bank
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.drivers import FollowerDriver
-from haustra.envs.tasks.scope_task import ScopeTask
+from haustra.envs.tasks.scope_task import ACTIONS, ScopeTask
 from haustra.errors import UnsupportedSceneError
 
 _WARM_UP = 20
@@ -32,13 +33,22 @@ class StepRate:
     """Mean arc length of the tips at the end [m]: contacts, and with them the cost, grow with it."""
 
 
-def step_rate(config: TaskConfig, bank: Bank, *, worlds: int, threads: int, seconds: float) -> StepRate:
+def step_rate(
+    config: TaskConfig,
+    bank: Bank,
+    *,
+    worlds: int,
+    threads: int,
+    seconds: float,
+    engine: Literal["native", "mjx-jax"] = "native",
+) -> StepRate:
     """Let the follower insert scopes for `seconds` of simulated time, and time the environment's own part."""
-    task = ScopeTask(config, worlds=worlds, threads=threads, bank=bank)
+    task = ScopeTask(config, worlds=worlds, threads=threads, engine=engine, bank=bank)
     seen = task.reset(seeds=list(range(worlds)))
     driver = FollowerDriver(task)
     driver.begin(np.ones(worlds, bool))
     wall = cpu = 0.0
+    task.step(np.zeros((worlds, len(ACTIONS))))  # compilation, where there is one, is not the rate
     steps = max(1, round(seconds / task.interval))
     for _ in range(steps):
         action = driver.act(seen)

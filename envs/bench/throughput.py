@@ -89,7 +89,7 @@ def _measure(bank: ScopeBank, engine: ScopeWorlds, tables: Any, count: int, devi
     began = time.perf_counter()
     compiled = jax.jit(run).lower(parameters, worlds, hands).compile()
     compiling = time.perf_counter() - began
-    seconds = []
+    seconds, after = [], worlds
     for _ in range(_REPEATS + 1):
         began = time.perf_counter()
         after = jax.block_until_ready(compiled(parameters, worlds, hands))

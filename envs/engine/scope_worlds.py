@@ -136,8 +136,12 @@ class Seen(NamedTuple):
     """Of the hand [N]."""
     torque: Array
     """Of the hand [N m]."""
+    tip_force: Array
+    """(worlds, 3): resultant normal force on the bending section and tip, in the tip's frame [N]."""
     link_forces: Array
     """(worlds, links): resultant of the wall's normal forces on each link [N]."""
+    deepest: Array
+    """Largest depth of the scope in the wall [m]."""
 
 
 @dataclass(frozen=True)
@@ -274,8 +278,8 @@ class ScopeWorlds:
         kept = [_choose(sound, new, old) for new, old in zip(after[:5], worlds[:5], strict=True)]
         return Worlds(*kept, healthy=sound, time=jnp.where(sound, after.time, worlds.time))
 
-    def steps(self, tables: Tables, parameters: Parameters, worlds: Worlds, hands: Hands, count: int) -> Worlds:
-        """Several time steps under the same inputs."""
+    def steps(self, tables: Tables, parameters: Parameters, worlds: Worlds, hands: Hands, count: Any) -> Worlds:
+        """Several time steps under the same inputs; differentiable when `count` is a number and not an array."""
         return jax.lax.fori_loop(0, count, lambda _, now: self.step(tables, parameters, now, hands), worlds)
 
     @precise
@@ -297,7 +301,9 @@ class ScopeWorlds:
             bend=jnp.stack([up, -left], axis=-1),
             push_force=hand[:, 0],
             torque=hand[:, 1],
+            tip_force=jnp.einsum("wij,wi->wj", where.rotation[:, -1], forces[:, -len(self.bend_dofs[0]) :].sum(axis=1)),
             link_forces=jnp.linalg.norm(forces, axis=-1),
+            deepest=found.depth.max(axis=1) + scope.radius - self.table_radius,
         )
 
     def _wall(self, tables: Tables, parameters: Parameters, worlds: Worlds, where: links.Pose):

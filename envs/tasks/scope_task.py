@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -15,8 +16,12 @@ from haustra.envs.tasks.coverage import Coverage
 from haustra.envs.tasks.pictures import Pictures
 from haustra.envs.tasks.rewards import Moment, reward
 from haustra.envs.tasks.sight import Sight, ray_directions
+from haustra.errors import InvalidOptionError
 from haustra.models.scope.library import named_design
 from haustra.models.wall.radius_field import axis_at, pick
+
+if TYPE_CHECKING:
+    from haustra.envs.engine.device_batch import DeviceBatch
 
 ACTIONS = ("push", "roll", "tip up", "tip left")
 """Each from -1 to 1."""
@@ -49,6 +54,7 @@ class ScopeTask:
         *,
         worlds: int = 1,
         threads: int = 1,
+        engine: str = "native",
         bank: Bank | None = None,
         progress: Callable[[int], None] = lambda done: None,
     ) -> None:
@@ -57,7 +63,8 @@ class ScopeTask:
         Args:
             config: the rules.
             worlds: how many.
-            threads: for physics.
+            threads: for physics on the CPU.
+            engine: 'native', MuJoCo on threads, or 'mjx-jax', JAX on its device.
             bank: colons; those of the configuration's seeds when None.
             progress: told how many colons are there.
         """
@@ -65,7 +72,7 @@ class ScopeTask:
         self.parts = seen_by.sizes(config)
         design = named_design(config.design)
         self.bank = bank or grown_bank(range(*config.seeds), design, difficulty=config.difficulty, progress=progress)
-        self.engine = ScopeBatch(self.bank.scene, self.bank.tables, worlds=worlds, threads=threads)
+        self.engine = _engine(engine, self.bank, worlds, threads)
         self.sight = Sight(self.bank.cases)
         self.pictures = Pictures(self.bank, self.sight, design.tip.field_of_view_deg)
         self.steps = max(1, round(config.drive.control_interval / self.bank.scene.options.timestep))
@@ -260,3 +267,13 @@ class ScopeTask:
         from haustra.envs.tasks.inserted import inserted_starts
 
         return inserted_starts(replace(self.config, task="insertion", observation="state"), self.bank)
+
+
+def _engine(name: str, bank: Bank, worlds: int, threads: int) -> "ScopeBatch | DeviceBatch":
+    if name == "native":
+        return ScopeBatch(bank.scene, bank.tables, worlds=worlds, threads=threads)
+    if name != "mjx-jax":
+        raise InvalidOptionError(f"Engine '{name}' is not known. Known: native, mjx-jax.")
+    from haustra.envs.engine.device_batch import DeviceBatch
+
+    return DeviceBatch(bank.scene, bank.tables, worlds=worlds)

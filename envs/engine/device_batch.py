@@ -1,0 +1,121 @@
+"""Many scopes at once on JAX's device, with the interface of `haustra.envs.engine.scope_batch`."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+from jaxtyping import Bool, Int
+
+from haustra.envs.engine.conditions import Conditions, Snapshot
+from haustra.envs.engine.scope_batch import BatchInputs, BatchObservation
+from haustra.envs.engine.scope_worlds import Hands, Parameters, ScopeWorlds, Seen, Worlds
+from haustra.errors import UnsupportedSceneError
+from haustra.models.scene import Scene
+from haustra.models.wall.radius_field import Tables
+
+
+class DeviceBatch:
+    """Worlds that are stepped together on a GPU, or wherever JAX computes. Only inputs and observations travel."""
+
+    def __init__(self, scene: Scene, tables: Tables, *, worlds: int) -> None:
+        """Read the scope; compilation comes with the first step.
+
+        Args:
+            scene: scope and options, built with wall_law "field" for any of the colons.
+            tables: the colons, seen from their entries and stacked.
+            worlds: how many.
+
+        Raises:
+            UnsupportedSceneError: when the scene has what this engine cannot honour.
+        """
+        self.scene, self.tables, self.worlds = scene, tables, worlds
+        self._engine = ScopeWorlds.of(scene)
+        own = Tables(*(jnp.asarray(part, None if part.dtype.kind == "i" else jnp.float32) for part in tables))
+        self._parameters = self._engine.parameters(scene, worlds, colon=np.zeros(worlds, np.int32))
+        self._state = self._engine.begin(self._parameters)
+        engine = self._engine
+
+        def advance(parameters: Parameters, state: Worlds, hands: Hands, count: Any) -> tuple[Worlds, Seen]:
+            state = engine.steps(own, parameters, state, hands, count)
+            return state, engine.observe(parameters, own, state)
+
+        def begin(parameters: Parameters, state: Worlds, roll: Any, anew: Any) -> tuple[Worlds, Seen]:
+            fresh = engine.begin(parameters)
+            fresh = fresh._replace(qpos=fresh.qpos.at[:, 1].set(roll), hand=fresh.hand.at[:, 1].set(roll))
+            state = jax.tree.map(
+                lambda new, old: jnp.where(anew.reshape(-1, *[1] * (new.ndim - 1)), new, old), fresh, state
+            )
+            return state, engine.observe(parameters, own, state)
+
+        self._advance = jax.jit(advance)
+        self._begin = jax.jit(begin)
+        none = jnp.zeros(worlds, bool)
+        self._state, self._seen = self._begin(self._parameters, self._state, jnp.zeros(worlds), none)
+
+    def reset(self, worlds: Int[np.ndarray, " reset"], case: Int[np.ndarray, " reset"], conditions: Conditions) -> None:
+        """Lay the scopes of some worlds straight, tips at the start depth, in the colons of those numbers."""
+        changed = {
+            "colon": case,
+            "friction": conditions.friction,
+            "stiffness": conditions.wall_stiffness,
+            "bending": conditions.shaft_stiffness,
+        }
+        now = {}
+        for name, values in changed.items():
+            all_worlds = np.array(getattr(self._parameters, name))
+            all_worlds[worlds] = values
+            now[name] = jnp.asarray(all_worlds)
+        self._parameters = self._parameters._replace(**now)
+        roll, anew = np.zeros(self.worlds, np.float32), np.zeros(self.worlds, bool)
+        anew[worlds] = True
+        if conditions.roll is not None:
+            roll[worlds] = conditions.roll
+        self._state, self._seen = self._begin(self._parameters, self._state, jnp.asarray(roll), jnp.asarray(anew))
+
+    def step(self, inputs: BatchInputs, count: int) -> Bool[np.ndarray, " worlds"]:
+        """Advance all worlds by `count` time steps; False for those that have diverged, which stand still from then."""
+        parts = (inputs.push_rate, inputs.roll_rate, inputs.pulls)
+        hands = Hands(*(jnp.asarray(part, jnp.float32) for part in parts))
+        self._state, self._seen = self._advance(self._parameters, self._state, hands, count)
+        return np.array(self._state.healthy)
+
+    def observe(self) -> BatchObservation:
+        """What can be read off at the end of the last step."""
+        seen, time = jax.device_get((self._seen, self._state.time))
+        return BatchObservation(
+            time=time.astype(float),
+            **{name: np.array(getattr(seen, name), float) for name in Seen._fields},
+        )
+
+    def snapshot(self, world: int) -> Snapshot:
+        """Not kept by this engine.
+
+        Raises:
+            UnsupportedSceneError: always.
+        """
+        raise UnsupportedSceneError(
+            "Withdrawal begins where scopes stood, which the engine 'mjx-jax' does not keep: use 'native'."
+        )
+
+    def restore(self, world: int, snapshot: Snapshot) -> None:
+        """Not kept by this engine.
+
+        Raises:
+            UnsupportedSceneError: always.
+        """
+        self.snapshot(world)
+
+    def world_data(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        """Model and data of one world as MuJoCo's own values, to draw or to check."""
+        from haustra.envs.engine.scope_batch import batch_model
+
+        model = batch_model(self.scene)
+        data = mujoco.MjData(model)
+        data.qpos[:] = np.asarray(self._state.qpos[world])
+        mujoco.mj_forward(model, data)
+        return model, data
+
+    def close(self) -> None:
+        """Nothing is held open."""
