@@ -25,7 +25,7 @@ def ray_map(order: str, *, workers: int, batch: int, address: str | None) -> Ite
         InvalidOptionError: when the cluster cannot be reached.
     """
     try:
-        import ray
+        import ray  # pyright: ignore[reportMissingImports]  # an extra that CI does not install
     except ImportError as error:
         raise MissingDependencyError("This needs Ray: install it with 'pip install haustra[ray]'.") from error
     try:
