@@ -33,6 +33,7 @@ class Containment:
         reach = int(np.ceil(_BLUR / (line.arc[1] - line.arc[0])))
         windows = np.lib.stride_tricks.sliding_window_view(np.pad(widest, reach, mode="edge"), 2 * reach + 1)
         self._room = windows.max(axis=1) - radius
+        self._squares = np.einsum("ij,ij->i", self._points, self._points)
 
     def outside(
         self, nodes: Float[np.ndarray, "nodes 3"], behind: Float[np.ndarray, " nodes"], tip_arc: float
@@ -50,5 +51,7 @@ class Containment:
         low, high = tip_arc - most * behind - _BLUR, tip_arc - least * behind + _BLUR
         candidates = (self._arc >= low[:, None]) & (self._arc <= high[:, None])
         candidates[:, 0] |= ~candidates.any(axis=1)
-        distance = np.linalg.norm(nodes[:, None] - self._points, axis=2) - self._room
+        # One product of matrices instead of a difference for every pair: half the time of a check.
+        squares = np.einsum("ij,ij->i", nodes, nodes)[:, None] - 2 * nodes @ self._points.T + self._squares
+        distance = np.sqrt(np.maximum(squares, 0.0)) - self._room
         return float(np.where(candidates, distance, np.inf).min(axis=1).max())
