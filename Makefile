@@ -27,9 +27,9 @@ demo: $(VENV)/.installed
 	@echo
 	@echo 'Open $(CURDIR)/demo/run/report.html'
 
-# One thread for numpy's BLAS: on small matrices and two cores, more of them wait for each other far longer than they compute.
+# A process a core, and one thread for numpy's BLAS: on small matrices and two cores, more of them wait for each other far longer than they compute.
 test: lint types
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(PYTEST_ARGUMENTS)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto $(PYTEST_ARGUMENTS)
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check
