@@ -33,8 +33,8 @@ _SAMPLE_SPACING = 0.75
 """Spheres that meet tangent planes, over the scope's diameter: between two, its outline dips by a sixth of that."""
 
 _TOLERANCE = 1e-6
-"""Of the solver: in 30 s of insertion into grown seed 0 the path is that of MuJoCo's default of 1e-8, and peak forces differ
-by 1e-4, in a tenth less time (docs/decisions/integrator.md)."""
+"""Of the solver: 30 s of insertion into grown seed 0 go as at MuJoCo's default of 1e-8, with peak forces 1e-4
+apart, in a tenth less time (docs/decisions/integrator.md)."""
 
 _WALL_GROUP, _LUMEN_GROUP = 3, 1
 """Geom groups: MuJoCo's viewer hides group 3 (collision pieces) and shows group 1."""
