@@ -48,7 +48,7 @@ class ReleaseErrors:
     tip_mean: float
     """Mean distance at the tip over length [1]."""
     real_time_factor: float
-    """Simulated time over the time that stepping took."""
+    """Simulated time over the processor time that stepping took."""
 
 
 def release_errors(
@@ -131,7 +131,7 @@ def _sample(
 def _step_through(
     model: mujoco.MjModel, data: mujoco.MjData, points: list, steps: int, *, corrected: bool
 ) -> tuple[Float[np.ndarray, "steps points 3"], float]:
-    """Positions of points at every step, and the time that took.
+    """Positions of points at every step, and the processor time that took [s].
 
     MuJoCo's Euler step is a leapfrog: positions live on whole steps, velocities on half steps between them, and the
     spring force is of second order. Two things are not. A velocity of zero at the start belongs to time zero, not to
@@ -151,7 +151,7 @@ def _step_through(
     bodies = [model.body(name).id for name, _ in points]
     places = np.array([place for _, place in points])
     track = np.empty((steps, len(points), 3))
-    began = time.perf_counter()
+    began = time.process_time()
     for index in range(steps):
         before = data.qvel.copy()
         data.qfrc_applied[:] = lead * acceleration
@@ -160,7 +160,7 @@ def _step_through(
         # Positions of bodies are still those at the start of the step.
         turns = data.xmat[bodies].reshape(-1, 3, 3)
         track[index] = data.xpos[bodies] + np.einsum("pij,pj->pi", turns, places)
-    return track, time.perf_counter() - began
+    return track, time.process_time() - began
 
 
 def _implicit_acceleration(

@@ -8,6 +8,9 @@ import numpy as np
 
 Value = str | int | float | bool | None
 
+Ended = Literal["completed", "diverged", "refused"]
+"""How a setting fared."""
+
 
 @dataclass(frozen=True)
 class Table:
@@ -30,7 +33,7 @@ class Point:
     """Processor seconds per simulated second, or per solution where nothing moves."""
     group: str = ""
     """The knob that is swept, for the colour."""
-    outcome: Literal["completed", "diverged", "refused"] = "completed"
+    outcome: Ended = "completed"
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,7 @@ class Bar:
         """False as well when nothing finite was measured."""
         if not np.isfinite(self.measured):
             return False
-        return self.measured >= self.bound if self.sense == "at least" else self.measured <= self.bound
+        return bool(self.measured >= self.bound if self.sense == "at least" else self.measured <= self.bound)
 
 
 @dataclass(frozen=True)

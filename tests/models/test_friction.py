@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from haustra.envs.bench.accuracy.capstan import rope_round_a_bend
 from haustra.models.contact import WallContact, apply_contact
 
 GRAVITY = 9.81
@@ -59,58 +60,6 @@ def test_a_sliding_body_stops_after_v_squared_over_2_mu_g(friction, speed):
     assert data.qpos[0] - start + first_step == pytest.approx(speed**2 / (2 * friction * GRAVITY), rel=0.01)
 
 
-CELL, ROPE, DRUM = 0.003, 0.002, 0.030
-"""Length of a link, radius of the rope, and of what it is bent round [m]."""
-
-
-def rope_round_a_bend(turn: float, friction: float) -> float:
-    """Pull over hold of a rope without stiffness that is drawn round a drum through an angle `turn` [rad]."""
-    spec = mujoco.MjSpec()
-    spec.compiler.degree = False
-    spec.option.timestep = 0.001
-    spec.option.gravity = [0, 0, 0]
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    around = DRUM + ROPE
-    straight, bent = 8, round(turn * around / CELL)
-    # Drawn along +x from its first link, which touches the drum's top; the rest lies round it.
-    parent = spec.worldbody.add_body(name="link_0", pos=[straight * CELL, 0, around])
-    parent.add_joint(name="pull", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1, 0, 0])
-    names = []
-    count = 2 * straight + bent
-    for index in range(count):
-        name = f"ball_{index}"
-        parent.add_geom(
-            name=name, type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[ROPE, 0, 0], mass=1e-3, contype=0, conaffinity=1
-        )
-        names.append(name)
-        angle = turn / bent if straight <= index < straight + bent else 0.0
-        parent = parent.add_body(name=f"link_{index + 1}", pos=[-CELL, 0, 0])
-        parent.quat = [np.cos(angle / 2), 0, -np.sin(angle / 2), 0]
-        hinge = parent.add_joint(name=f"hinge_{index}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0])
-        hinge.damping = [1e-5, 0, 0]
-    parent.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[ROPE, 0, 0], mass=1e-3, contype=0, conaffinity=0)
-    contact = WallContact(stiffness=1500.0, damping=7.5, friction=friction)
-    apply_contact(spec, spec.compile(), names, contact, timestep=0.001)
-    drum = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[DRUM, 0.05, 0], conaffinity=0)
-    drum.quat = [np.sqrt(0.5), np.sqrt(0.5), 0, 0]
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    speed, grip, hold = 0.02, 200.0, 1.0
-    pulled = model.joint("pull").dofadr[0]
-    model.dof_damping[pulled] = grip  # a hand that draws at that speed, whatever resists
-    last = model.body(f"link_{count}").id
-    pulls = []
-    mujoco.mj_kinematics(model, data)
-    data.xfrc_applied[last, :3] = -hold * data.xmat[last].reshape(3, 3)[:, 0]
-    for step in range(1200):
-        data.qfrc_applied[pulled] = grip * speed
-        mujoco.mj_step(model, data)
-        if step >= 600:
-            pulls.append(grip * (speed - data.qvel[pulled]))
-    return float(np.mean(pulls)) / hold
-
-
 @pytest.mark.parametrize(("turn", "friction"), [(np.pi / 2, 0.1), (np.pi / 2, 0.3), (np.pi, 0.1)])
 def test_a_rope_round_a_bend_follows_the_capstan_equation(turn, friction):
-    assert rope_round_a_bend(turn, friction) == pytest.approx(np.exp(friction * turn), rel=0.03)
+    assert rope_round_a_bend(turn, friction).ratio == pytest.approx(np.exp(friction * turn), rel=0.03)

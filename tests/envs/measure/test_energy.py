@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from haustra.envs.bench.accuracy.clamped_rod import EI, LENGTH, clamped, settle, uniform_design
 from haustra.envs.measure.energy import EnergyMeter
 from haustra.models.contact import WallContact, apply_contact
-from tests.physics.clamped_rod import EI, LENGTH, clamped, settle, uniform_design
 
 
 def test_bending_energy_is_that_of_a_beam():
