@@ -18,9 +18,11 @@ from haustra.models.contact import WallContact, apply_contact
 from haustra.models.scope.cable import Cable, add_scope
 from haustra.models.scope.cells import Cell, CellSize, cut_into_cells
 from haustra.models.scope.design import ScopeDesign
+from haustra.models.scope.outside import Outside, leave_out
 from haustra.models.scope.spacing import adaptive_spacing
 from haustra.models.scope.stops import apply_stops
 from haustra.models.wall.planes import Sample, add_planes, capsule_samples
+from haustra.models.wall.reach import within_reach
 from haustra.models.wall.wall import Wall
 from haustra.quantity import load_quantities
 
@@ -162,6 +164,7 @@ def build_scene(
     options: SceneOptions | None = None,
     *,
     show_lumen: bool = True,
+    deepest: float | None = None,
 ) -> Scene:
     """Put a colon's wall and a scope into one scene.
 
@@ -171,6 +174,8 @@ def build_scene(
         design: the scope.
         options: how to model it.
         show_lumen: add the lumen surface as a picture, without contact.
+        deepest: the most scope that can be past the anus during the run [m]. Shaft that stays outside is left out, and
+            wall that the scope cannot reach; None when nothing bounds it.
 
     Raises:
         InvalidOptionError: when the scope does not fit through the entry, or an option cannot be honoured.
@@ -178,17 +183,25 @@ def build_scene(
     options = options or SceneOptions()
     entry, frame = entry_of(colon)
     cells, modelled = _modelled_cells(colon, design, options)
+    outside = None
+    # Under gravity the shaft outside would lean on what is not there: the scene keeps it.
+    if deepest is not None and not any(options.gravity):
+        cells, outside = leave_out(cells, design, deepest=deepest, twist_hinges=options.twist_hinges)
 
     spec = _empty_spec(f"{colon.name} with {design.name}", options)
-    cable = _add_scope(spec, design, cells, entry, frame, options)
+    cable = _add_scope(spec, design, cells, entry, frame, options, outside)
     bare = spec.compile()
     apply_stops(spec, bare, timestep=options.timestep)
     apply_contact(spec, bare, cable.geoms, options.contact, timestep=options.timestep)
     samples: tuple[Sample, ...] = ()
+    pieces = unreached = 0
     if options.wall_law == "pieces":
         if wall is None:
             raise InvalidOptionError("Wall law 'pieces' needs a wall: build one, or choose planes or field.")
-        add_wall(spec, wall)
+        reached = within_reach(wall, entry, deepest=deepest) if deepest is not None else wall
+        add_wall(spec, reached)
+        pieces = len(reached.pieces)
+        unreached = len(wall.pieces) - pieces
     else:
         samples = capsule_samples(
             bare, cable.geoms, spacing=options.sample_spacing or _SAMPLE_SPACING * design.diameter
@@ -199,14 +212,6 @@ def build_scene(
             add_planes(spec, bare, samples, options.contact, timestep=options.timestep)
     if show_lumen:
         _add_lumen(spec, colon)
-    left_out = {
-        "self-contact": "the scope does not touch itself: loops are held apart by the wall",
-        "mesentery": "the colon gives way by its wall's stiffness only; sigmoid and transverse colon do not swing",
-    }
-    if modelled < design.length - 1e-9:
-        left_out["shaft outside"] = f"the last {design.length - modelled:.3f} m of shaft never enter this colon"
-    if not any(options.gravity):
-        left_out["gravity"] = "the patient's posture is not known; the scope's weight is about 3 N per metre"
     return Scene(
         # Through text and back, so that the scene that runs is, to the bit, the scene that is saved.
         spec=mujoco.MjSpec.from_string(spec.to_xml()),
@@ -216,10 +221,30 @@ def build_scene(
         options=options,
         entry=entry,
         entry_direction=frame[:, 2],
-        pieces=len(wall.pieces) if wall and not samples else 0,
+        pieces=pieces,
         samples=samples,
-        left_out=left_out,
+        left_out=_left_out(design, options, modelled, outside, unreached),
     )
+
+
+def _left_out(
+    design: ScopeDesign, options: SceneOptions, modelled: float, outside: Outside | None, unreached: int
+) -> dict[str, str]:
+    left_out = {
+        "self-contact": "the scope does not touch itself: loops are held apart by the wall",
+        "mesentery": "the colon gives way by its wall's stiffness only; sigmoid and transverse colon do not swing",
+    }
+    if modelled < design.length - 1e-9:
+        left_out["shaft outside"] = f"the last {design.length - modelled:.3f} m of shaft never enter this colon"
+    if outside and outside.length:
+        left_out["shaft held outside"] = f"{outside.length:.3f} m stay outside in this run: their mass and twist count"
+    if unreached:
+        left_out["wall out of reach"] = f"{unreached} pieces are further from the anus than the scope can get"
+    if not options.friction:
+        left_out["friction"] = "none was asked for: contacts have a normal force only"
+    if not any(options.gravity):
+        left_out["gravity"] = "the patient's posture is not known; the scope's weight is about 3 N per metre"
+    return left_out
 
 
 def entry_of(colon: Colon) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
@@ -279,7 +304,7 @@ def _empty_spec(name: str, options: SceneOptions) -> mujoco.MjSpec:
     return spec
 
 
-def _add_scope(spec, design: ScopeDesign, cells, entry, frame, options: SceneOptions) -> Cable:
+def _add_scope(spec, design: ScopeDesign, cells, entry, frame, options: SceneOptions, outside: Outside | None) -> Cable:
     return add_scope(
         spec,
         design,
@@ -293,6 +318,7 @@ def _add_scope(spec, design: ScopeDesign, cells, entry, frame, options: SceneOpt
         timestep=options.timestep,
         # Engines of many worlds have no cubic springs.
         cubic=options.wall_law != "field",
+        outside=outside,
     )
 
 

@@ -61,6 +61,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
     from haustra.scripts.bench_grown import BenchGrown
     from haustra.scripts.bench_pushes import BenchPushes
     from haustra.scripts.bench_rods import BenchRods
+    from haustra.scripts.bench_skip import BenchSkip
     from haustra.scripts.bench_tracked import BenchTracked
     from haustra.scripts.bench_worlds import BenchWorlds
     from haustra.scripts.colon import ColonImport
@@ -95,6 +96,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
         "bench rods": BenchRods,
         "bench cost": BenchCost,
         "bench accuracy": BenchAccuracy,
+        "bench skip": BenchSkip,
         "bench tracked": BenchTracked,
         "bench pushes": BenchPushes,
         "bench grown": BenchGrown,

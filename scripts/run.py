@@ -44,6 +44,8 @@ class Run:
 
     def __call__(self) -> dict[str, Any]:
         """Build the scene, run it, write everything."""
+        from haustra.envs.follower import FollowerSettings
+        from haustra.envs.insertion import run_insertion
         from haustra.envs.run_folder import write_run
         from haustra.files import prepare_folder
         from haustra.models.anatomy.store import load_colon
@@ -62,16 +64,15 @@ class Run:
         if self.wall_law == "pieces":
             with wall_bar() as tell:
                 wall = wall_of(self.colon, colon, self.wall, progress=tell)
-        scene = build_scene(colon, wall, design, options)
-
-        from haustra.envs.follower import FollowerSettings
-        from haustra.envs.insertion import run_insertion
+        settings = FollowerSettings(steer=self.steer)
+        deepest = options.start_depth + settings.advance_rate * self.seconds
+        scene = build_scene(colon, wall, design, options, deepest=deepest)
 
         with progress_bar("simulate", self.seconds, unit="s") as advance:
             run = run_insertion(
                 scene,
                 seconds=self.seconds,
-                settings=FollowerSettings(steer=self.steer),
+                settings=settings,
                 progress=lambda time, arc: advance(time, f"tip at {arc:.2f} m"),
             )
         return write_run(folder, scene=scene, wall=wall, run=run, seconds=self.seconds)

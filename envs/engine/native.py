@@ -10,13 +10,11 @@ from haustra.envs.engine.log import log_to_stderr_only
 from haustra.envs.engine.wheels import Wheels
 from haustra.envs.measure.energy import Energies, EnergyMeter
 from haustra.models.scene import Scene
+from haustra.models.scope.cable import LOCK_STRETCH
 from haustra.models.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.wall.field import WallField
 from haustra.models.wall.planes import PlaneWall
 from haustra.models.wall.segment_law import SegmentLaw
-
-LOCK_STRETCH = 0.02
-"""A joint is freed over the last stretch before the anus [m]; engineering choice: half a shaft cell."""
 
 SPEED_LIMIT = 1e4
 """A generalised speed above this [rad/s or m/s] is divergence, not motion."""

@@ -6,8 +6,9 @@ from jaxtyping import Bool, Float, Int
 from mujoco.batch import Batch
 
 from haustra.envs.engine.conditions import Conditions, Snapshot
-from haustra.envs.engine.native import FATAL_WARNINGS, LOCK_STRETCH, SPEED_LIMIT
+from haustra.envs.engine.native import FATAL_WARNINGS, SPEED_LIMIT
 from haustra.models.scene import Scene
+from haustra.models.scope.cable import LOCK_STRETCH
 from haustra.models.scope.wires import WIRE_NAMES
 from haustra.models.wall.planes import AWAY, SLIP_RELAXATION
 from haustra.models.wall.radius_field import Tables, pick, touch

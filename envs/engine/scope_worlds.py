@@ -20,7 +20,7 @@ from haustra.envs.engine.chain import Chain, Links
 from haustra.envs.engine.precision import precise
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.scene import Scene
-from haustra.models.scope.cable import HAND_PUSH, HAND_ROLL, LOCK_LOSS_TIME, LOCK_STIFFNESS
+from haustra.models.scope.cable import HAND_PUSH, HAND_ROLL, LOCK_LOSS_TIME, LOCK_STIFFNESS, LOCK_STRETCH
 from haustra.models.scope.stops import STOP_LOSS_TIME, STOP_STIFFNESS
 from haustra.models.scope.wires import WIRE_NAMES
 from haustra.models.wall.radius_field import Tables, pick, touch
@@ -30,8 +30,6 @@ Array: TypeAlias = Any
 SLIP_SPEED = 1e-3
 """Friction is that of Coulomb above this speed and viscous below [m/s]: a scope held by its friction creeps at less.
 Engineering choice; the native engine's own regularisation is 7 mm/s for 1 N (`haustra.models.contact`)."""
-LOCK_STRETCH = 0.02
-"""A joint is freed over the last stretch before the anus [m], as in the native engine."""
 SPEED_LIMIT = 1e4
 """A generalised speed above this [rad/s or m/s] is divergence, as in the native engine."""
 

@@ -15,11 +15,16 @@ from jaxtyping import Float
 
 from haustra.models.scope.cells import Cell
 from haustra.models.scope.design import ScopeDesign
+from haustra.models.scope.outside import Outside
+from haustra.models.scope.twist import twist_stiffness
 from haustra.models.scope.wires import WIRE_NAMES
 
-LOCK_STIFFNESS = 2.0e4
-"""Stiffness of a joint held straight outside the patient [N m/rad]; engineering choice: over 10^4 times that of a shaft
-joint, so that the shaft outside stays straight under any push."""
+LOCK_STRETCH = 0.06
+"""A joint outside is freed over this stretch before the anus, its lock falling as distance to the fourth power [m]."""
+
+LOCK_STIFFNESS = 1.6e6
+"""Stiffness of a joint held straight further outside [N m/rad]; engineering choice. Across a metre of shaft with joints
+every 11 mm the scope gives way at the anus by 0.02 mm/N; were all held by 2e4, by 1.5 mm/N."""
 
 LOCK_LOSS_TIME = 0.01
 """Damping over stiffness of a lock [s]; engineering choice, above the time step so that it is linearly implicit."""
@@ -92,6 +97,7 @@ def add_scope(
     torque_limit: float,
     timestep: float | None,
     cubic: bool = True,
+    outside: Outside | None = None,
 ) -> Cable:
     """Add a straight scope to a scene, its tip `inserted` metres past the entry.
 
@@ -116,6 +122,7 @@ def add_scope(
             contact forces right [s]; None for the damping of the design and no armature.
         cubic: let hinges of the shaft soften (`SOFTENING`); not every engine has such springs, and without it bends of
             9 degrees a joint are 0.2 % too stiff.
+        outside: shaft between the handle and the first cell that is left out; it says where the rest twists.
 
     Returns:
         What was added, by name.
@@ -123,9 +130,9 @@ def add_scope(
     radius = design.diameter / 2
     length = cells[-1].start + cells[-1].length + design.tip.length
     ends = [*(cell.joint for cell in cells), length]
-    twists = _twist_stiffness(cells, twist_hinges)
+    twists = outside.twists if outside else twist_stiffness(cells, twist_hinges)
 
-    body = _add_root(spec, design, entry=entry, frame=frame, behind=length - inserted)
+    body = _add_root(spec, outside or Outside(), entry=entry, frame=frame, behind=length - inserted)
     links, geoms = [body.name], [_add_link(body, design, ends[0], "root")]
     _add_handle_actuators(spec, push_limit=push_limit, torque_limit=torque_limit)
     locks = []
@@ -150,12 +157,14 @@ def add_scope(
     )
 
 
-def _add_root(spec: mujoco.MjSpec, design: ScopeDesign, *, entry, frame, behind: float):
+def _add_root(spec: mujoco.MjSpec, outside: Outside, *, entry, frame, behind: float):
     quat = np.zeros(4)
     mujoco.mju_mat2Quat(quat, np.ascontiguousarray(frame, dtype=float).ravel())
     root = spec.worldbody.add_body(name="scope/root", pos=entry - behind * frame[:, 2], quat=quat)
-    root.add_joint(name="scope/push", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1], armature=HANDLE_MASS)
-    root.add_joint(name="scope/roll", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1], armature=HANDLE_INERTIA)
+    along = {"axis": [0, 0, 1], "armature": HANDLE_MASS + outside.mass}
+    about = {"axis": [0, 0, 1], "armature": HANDLE_INERTIA + outside.inertia}
+    root.add_joint(name="scope/push", type=mujoco.mjtJoint.mjJNT_SLIDE, **along)
+    root.add_joint(name="scope/roll", type=mujoco.mjtJoint.mjJNT_HINGE, **about)
     return root
 
 
@@ -261,18 +270,6 @@ def _add_handle_actuators(spec, *, push_limit: float, torque_limit: float) -> No
             forcelimited=True,
             forcerange=[-limit, limit],
         )
-
-
-def _twist_stiffness(cells: Sequence[Cell], count: int) -> dict[int, float]:
-    """Cells that carry a twist hinge, and the stiffness of each: its share of the compliance of the whole length."""
-    total = cells[-1].start + cells[-1].length
-    stiffness: dict[int, float] = {}
-    for lump in range(count):
-        share = [cell for cell in cells if total * lump / count <= cell.joint < total * (lump + 1) / count]
-        if share:
-            middle = cells.index(share[len(share) // 2])
-            stiffness[middle] = 1 / sum(cell.length / cell.torsional_rigidity for cell in share)
-    return stiffness
 
 
 def _add_tip(body, design: ScopeDesign, length: float) -> None:
