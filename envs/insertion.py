@@ -3,11 +3,13 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
+import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from haustra.envs.engine.native import NativeEngine, Observation
+from haustra.envs.engine.native import Inputs, NativeEngine, Observation
 from haustra.envs.follower import FollowerSettings, LumenFollower
 from haustra.envs.measure.containment import ESCAPE_DEPTH, Containment
 from haustra.envs.measure.progress import ArcTracker
@@ -87,19 +89,75 @@ class Insertion:
     """How it was driven."""
 
 
+@runtime_checkable
+class Engine(Protocol):
+    """One scene being stepped: the native engine, or another that steps the same scope."""
+
+    @property
+    def scene(self) -> Scene:
+        """What is stepped."""
+        ...
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """Its scope as MuJoCo knows it."""
+        ...
+
+    @property
+    def qpos(self) -> Float[np.ndarray, " positions"]:
+        """Generalised positions [m, rad]."""
+        ...
+
+    @property
+    def ctrl(self) -> Float[np.ndarray, " actuators"]:
+        """Controls of the last step [m/s, rad/s, N, 1]."""
+        ...
+
+    def step(self, inputs: Inputs, count: int) -> bool:
+        """Advance by `count` time steps; False when the simulation has diverged."""
+        ...
+
+    def observe(self) -> Observation:
+        """What can be read off."""
+        ...
+
+    def shape(self) -> Float[np.ndarray, "nodes 3"]:
+        """Points along the scope's axis [m]."""
+        ...
+
+
 def run_insertion(
-    scene: Scene, *, seconds: float, settings: FollowerSettings | None = None, progress: Progress | None = None
+    scene: Scene,
+    *,
+    seconds: float,
+    settings: FollowerSettings | None = None,
+    engine: Callable[[Scene], Engine] = NativeEngine,
+    progress: Progress | None = None,
 ) -> Insertion:
     """Let the lumen follower drive the scope for up to `seconds` of simulated time.
 
     A diverged run ends at once; its last, unsound state is not recorded.
+
+    Args:
+        scene: colon, wall and scope.
+        seconds: simulated time [s].
+        settings: of the follower.
+        engine: what steps the scene.
+        progress: told now and then how far it is.
+
+    Raises:
+        UnsupportedSceneError: when the engine cannot honour the scene.
     """
-    engine = NativeEngine(scene)
+    stepped = engine(scene)
+    return _drive(stepped, seconds, settings or FollowerSettings(), progress)
+
+
+def _drive(engine: Engine, seconds: float, settings: FollowerSettings, progress: Progress | None) -> Insertion:
+    scene = engine.scene
     line = scene.colon.centreline
     start = scene.options.start_depth
     tracker = ArcTracker(line, start=start)
     tip_links = sum(cell.steerable for cell in scene.cable.cells)
-    settings = settings or FollowerSettings()
     follower = LumenFollower(line, scene.design, tip_links=tip_links, settings=settings)
     steps = max(1, round(CONTROL_INTERVAL / scene.options.timestep))
     interval = steps * scene.options.timestep
@@ -147,13 +205,13 @@ def _ended(scene: Scene, seen: Observation, arc: float, outside: float) -> Outco
     return None
 
 
-def _record(engine: NativeEngine, seen: Observation, arc: float, outside: float) -> tuple:
+def _record(engine: Engine, seen: Observation, arc: float, outside: float) -> tuple:
     worst = int(np.argmax(seen.link_forces))
     behind = engine.scene.cable.node_distances[worst]
     return (
         seen.time,
-        engine.data.qpos.copy(),
-        engine.data.ctrl.copy(),
+        engine.qpos,
+        engine.ctrl,
         seen.tip,
         seen.insertion,
         arc,
@@ -168,7 +226,7 @@ def _record(engine: NativeEngine, seen: Observation, arc: float, outside: float)
     )
 
 
-def _trajectory(rows: list[tuple], engine: NativeEngine) -> Trajectory:
+def _trajectory(rows: list[tuple], engine: Engine) -> Trajectory:
     if not rows:
         empty = np.zeros(0)
         model = engine.model

@@ -236,6 +236,8 @@ def _left_out(
     }
     if modelled < design.length - 1e-9:
         left_out["shaft outside"] = f"the last {design.length - modelled:.3f} m of shaft never enter this colon"
+    if options.wall_law == "field":
+        left_out["wall"] = "its table is the engine's: stock MuJoCo moves the saved scope without one"
     if outside and outside.length:
         left_out["shaft held outside"] = f"{outside.length:.3f} m stay outside in this run: their mass and twist count"
     if unreached:

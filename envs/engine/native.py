@@ -170,6 +170,16 @@ class NativeEngine:
         """Length of scope past the anus [m]."""
         return self._start + float(self.data.qpos[0])
 
+    @property
+    def qpos(self) -> Float[np.ndarray, " positions"]:
+        """Generalised positions [m, rad]."""
+        return self.data.qpos.copy()
+
+    @property
+    def ctrl(self) -> Float[np.ndarray, " actuators"]:
+        """Controls of the last step [m/s, rad/s, N, 1]."""
+        return self.data.ctrl.copy()
+
     def healthy(self) -> bool:
         """Whether the state is finite, of plausible speed, and free of the engine's own fatal warnings."""
         if any(self.data.warning[int(kind)].number for kind in FATAL_WARNINGS):
