@@ -8,12 +8,13 @@ LOCKED := --disable-pip-version-check --quiet --require-hashes
 UV_COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
 	--no-emit-package haustra --custom-compile-command 'make lock' $(UPGRADE) pyproject.toml -
 
-.PHONY: help demo test lint format types docs wheel lock clean
+.PHONY: help demo test bench lint format types docs wheel lock clean
 .DELETE_ON_ERROR:
 
 help:
 	@echo 'make demo    grow a colon, build its wall, run a colonoscope through it, write a report'
 	@echo 'make test    lint, types and tests, as the project checks itself'
+	@echo 'make bench   run time against error, stability, skipping: some ten minutes, one page'
 	@echo 'make docs    build the documentation into site/'
 	@echo 'make wheel   build the wheel and try it in an empty environment'
 	@echo 'make format  format and fix what ruff can'
@@ -30,6 +31,11 @@ demo: $(VENV)/.installed
 # A process a core, and one thread for numpy's BLAS: on small matrices and two cores, more of them wait for each other far longer than they compute.
 test: lint types
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto $(PYTEST_ARGUMENTS)
+
+bench: $(VENV)/.installed-dev
+	$(BIN)/haustra bench --quick -o bench
+	@echo
+	@echo 'Open $(CURDIR)/bench/report.html'
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check

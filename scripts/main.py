@@ -56,6 +56,7 @@ def _join_verb(arguments: Sequence[str], verbs: Mapping[str, object]) -> list[st
 def _verbs() -> dict[str, Callable[..., Any]]:
     """Every verb is a frozen dataclass of options; calling it does the work and returns JSON values."""
     from haustra.scripts.bench_accuracy import BenchAccuracy
+    from haustra.scripts.bench_all import BenchAll
     from haustra.scripts.bench_cost import BenchCost
     from haustra.scripts.bench_episodes import BenchEpisodes
     from haustra.scripts.bench_grown import BenchGrown
@@ -93,6 +94,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
         "sensitivity": Sensitivity,
         "report": Report,
         "view": View,
+        "bench": BenchAll,
         "bench rods": BenchRods,
         "bench cost": BenchCost,
         "bench accuracy": BenchAccuracy,

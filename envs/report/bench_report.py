@@ -41,8 +41,15 @@ def report_bench(folder: Path, benches: Sequence[Bench]) -> Path:
 
 def said(bar: Bar) -> str:
     """A bar in one line, without its verdict."""
-    measured = f"{bar.measured:.3g}" if np.isfinite(bar.measured) else "nothing finite"
-    return f"{bar.what}: {measured} {bar.unit}, {bar.sense} {bar.bound:g} {bar.unit}"
+    measured, bound = measured_and_bound(bar)
+    return f"{bar.what}: {measured}, {bound}"
+
+
+def measured_and_bound(bar: Bar) -> tuple[str, str]:
+    """Both with their unit."""
+    unit = "" if bar.unit == "1" else f" {bar.unit}"
+    measured = f"{bar.measured:.3g}{unit}" if np.isfinite(bar.measured) else f"nothing finite{unit}"
+    return measured, f"{bar.sense} {bar.bound:g}{unit}"
 
 
 def rows_table(table: Table) -> page.Table:
@@ -53,11 +60,8 @@ def rows_table(table: Table) -> page.Table:
 
 
 def _bars(bars: Sequence[Bar]) -> page.Table:
-    rows = [
-        (bar.what, shown(bar.measured), f"{bar.sense} {bar.bound:g}", bar.unit, "met" if bar.met else "NOT met")
-        for bar in bars
-    ]
-    return page.Table("Bars", ("what", "measured", "bar", "unit", "verdict"), rows)
+    rows = [(bar.what, *measured_and_bound(bar), "met" if bar.met else "NOT met") for bar in bars]
+    return page.Table("Bars", ("what", "measured", "bar", "verdict"), rows)
 
 
 def _pairs(values: Mapping[str, Value]) -> list[tuple[str, str]]:
