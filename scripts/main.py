@@ -61,6 +61,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
     from haustra.scripts.bench_episodes import BenchEpisodes
     from haustra.scripts.bench_grown import BenchGrown
     from haustra.scripts.bench_pushes import BenchPushes
+    from haustra.scripts.bench_rigs import BenchRigs
     from haustra.scripts.bench_rods import BenchRods
     from haustra.scripts.bench_skip import BenchSkip
     from haustra.scripts.bench_tracked import BenchTracked
@@ -100,6 +101,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
         "bench accuracy": BenchAccuracy,
         "bench skip": BenchSkip,
         "bench tracked": BenchTracked,
+        "bench rigs": BenchRigs,
         "bench pushes": BenchPushes,
         "bench grown": BenchGrown,
         "bench worlds": BenchWorlds,

@@ -1,10 +1,14 @@
 """What every test may use. Importing haustra here, and nowhere earlier, puts the runtime type checks on it."""
 
 import os
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from jaxtyping import install_import_hook
+
+with suppress(ImportError):  # compiled for the GPU from its source, which the checks would change
+    import haustra.envs.engine.warp_kernels  # noqa: F401
 
 install_import_hook("haustra", "runtime_types.check")
 

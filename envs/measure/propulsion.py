@@ -15,9 +15,9 @@ Outcome = Literal["completed", "diverged"]
 
 SETTLING = 0.5
 """Simulated time before anything is read [s]: the slowest motion, a strut on its bellows, settles within 0.2 s."""
-_READ = 1.0
+READ = 1.0
 """Shortest time read [s]: the paper's third step; stretched to whole tooth passages."""
-_TOUCHING = 0.5
+TOUCHING = 0.5
 """Least share of the time read for which every pad must touch. With friction 1 in a tube as wide as struts reach, a pad
 lifts for 43 % of the time at any step from 0.2 to 1 ms, and the force does not change: motion. With too large a step
 pads chatter, touch for less than a third of the time, and the force is wrong."""
@@ -86,8 +86,8 @@ def pull_model(model: mujoco.MjModel, rig: Rig, speed: float, *, roll_torque: fl
     log_to_stderr_only()
     step = model.opt.timestep
     frequency = speed / rig.tracked.design.tread.pitch
-    periods = max(1, np.ceil(_READ * frequency)) if speed > 0 else 1
-    read = round((periods / frequency if speed > 0 else _READ) / step)
+    periods = max(1, np.ceil(READ * frequency)) if speed > 0 else 1
+    read = round((periods / frequency if speed > 0 else READ) / step)
     settling = round(SETTLING / step)
     controls = np.zeros((settling + read, model.nu))
     travel = speed * step * np.arange(settling + read)
@@ -112,7 +112,7 @@ def _read(model, rig: Rig, states, sensors, frequency: float) -> Pull:
     roll = float(states[:, 1 + model.nq + 3].mean()) if free else 0.0
     finite = bool(np.isfinite(states).all() and np.isfinite(sensors).all() and np.abs(forces).max() < _LARGEST_FORCE)
     touching = float((forces[..., 0].sum(2) > 0).mean(0).min())
-    sound = finite and touching >= _TOUCHING
+    sound = finite and touching >= TOUCHING
     return Pull(
         outcome="completed" if sound else "diverged",
         force=friction,

@@ -1,0 +1,96 @@
+# pyright: reportInvalidTypeForm=false
+"""What runs on the GPU beside MuJoCo Warp: the rigs' controls, and the reading of their forces."""
+
+import warp as wp
+
+HARMONICS = 3
+"""Multiples of the tooth-passing frequency that are read."""
+SUMS = 4 + 4 * HARMONICS
+"""Of each world: steps read, normal force, friction, string; then of each harmonic friction times cosine and sine, and
+cosine and sine alone."""
+
+
+@wp.func
+def _passages(now: wp.array(dtype=int), step: float, pitch: float, speed: float) -> float:
+    """Teeth that have passed since the start [1]."""
+    return float(now[0]) * step * speed / pitch
+
+
+@wp.kernel
+def steer(
+    now: wp.array(dtype=int),
+    step: float,
+    pitch: float,
+    speed: wp.array(dtype=float),
+    table: wp.array2d(dtype=float),
+    columns: wp.array(dtype=int),
+    ctrl: wp.array2d(dtype=float),
+):
+    """Scale the pads' springs by their tooth phases."""
+    world, pad = wp.tid()
+    passed = _passages(now, step, pitch, speed[world])
+    place = (passed - wp.floor(passed)) * float(table.shape[0] - 1)
+    low = wp.min(int(place), table.shape[0] - 2)
+    share = place - float(low)
+    ctrl[world, columns[pad]] = (1.0 - share) * table[low, pad] + share * table[low + 1, pad]
+
+
+@wp.kernel
+def read_forces(
+    now: wp.array(dtype=int),
+    step: float,
+    pitch: float,
+    speed: wp.array(dtype=float),
+    window: wp.array(dtype=wp.vec2i),
+    sensors: wp.array2d(dtype=float),
+    pads: wp.array(dtype=int),
+    string: int,
+    stiffness: float,
+    slack: float,
+    rows: wp.array(dtype=int),
+    most_rows: int,
+    contacts: wp.array(dtype=int),
+    most_contacts: int,
+    sums: wp.array2d(dtype=float),
+    touching: wp.array2d(dtype=float),
+    broken: wp.array(dtype=int),
+):
+    """Add this step's forces to what a world has summed."""
+    world = wp.tid()
+    if rows[world] > most_rows or contacts[0] > most_contacts:
+        broken[world] = 1
+    normal = wp.float32(0.0)  # Warp takes plain numbers for constants
+    force = wp.float32(0.0)
+    inside = now[0] >= window[world][0] and now[0] < window[world][1]
+    for pad in range(pads.shape[0]):
+        pressed = wp.float32(0.0)
+        for contact in range(2):
+            at = pads[pad] + 3 * contact
+            pressed += sensors[world, at]
+            force += wp.sqrt(sensors[world, at + 1] ** 2.0 + sensors[world, at + 2] ** 2.0)
+        normal += pressed
+        if inside and pressed > 0.0:
+            touching[world, pad] += 1.0
+    if not wp.isfinite(normal) or not wp.isfinite(force):
+        broken[world] = 1
+    if not inside:
+        return
+    sums[world, 0] += 1.0
+    sums[world, 1] += normal
+    sums[world, 2] += force
+    if string >= 0:
+        sums[world, 3] += stiffness * wp.max(sensors[world, string] - slack, 0.0)
+    passed = _passages(now, step, pitch, speed[world])
+    for harmonic in range(wp.static(HARMONICS)):
+        angle = 2.0 * wp.pi * float(harmonic + 1) * (passed - wp.floor(passed))
+        cosine, sine = wp.cos(angle), wp.sin(angle)
+        sums[world, 4 + 4 * harmonic] += force * cosine
+        sums[world, 5 + 4 * harmonic] += force * sine
+        sums[world, 6 + 4 * harmonic] += cosine
+        sums[world, 7 + 4 * harmonic] += sine
+
+
+@wp.kernel
+def count_step(now: wp.array(dtype=int)):
+    """One time step is over."""
+    now[0] = now[0] + 1
