@@ -72,6 +72,7 @@ class WarpRigs:
                 self._warp = mujoco_warp.put_model(self.model)
             except NotImplementedError as error:
                 raise UnsupportedSceneError(f"The engine 'mjx-warp' cannot honour this rig: {error}") from error
+            self._warp.opt.warn_overflow = 0  # overflows are counted here, not printed at every step
             self._rows = _ROWS[whole]
             self._data = mujoco_warp.put_data(
                 self.model, mujoco.MjData(self.model), nworld=worlds, nconmax=_CONTACTS[whole], njmax=self._rows
