@@ -45,8 +45,14 @@ class Sample:
 
 
 def capsule_samples(bare: mujoco.MjModel, geoms: Sequence[str], *, spacing: float) -> tuple[Sample, ...]:
-    """Spheres along capsules, ends included, at most `spacing` [m] apart; one where two capsules of a chain join."""
+    """Spheres along capsules, ends included, at most `spacing` [m] apart; one where two capsules of a chain join.
+
+    Where capsules are shorter than that, some ends go without, so that the wall does not get stiffer, a sphere having
+    one stiffness, as the chain is cut more finely.
+    """
     samples = []
+    lengths = [2 * bare.geom(name).size[1] for name in geoms]
+    since = 0.0
     for number, name in enumerate(geoms):
         geom = bare.geom(name)
         radius, half = geom.size[0], geom.size[1]
@@ -57,6 +63,10 @@ def capsule_samples(bare: mujoco.MjModel, geoms: Sequence[str], *, spacing: floa
             direction @ geom.pos < 0
         ):  # MuJoCo points the axis of some capsules back; the end that is kept is the far one
             direction = -direction
+        since += 2 * half
+        if number + 1 < len(geoms) and 0 < number and since + lengths[number + 1] <= spacing:
+            continue  # the next capsule's end is near enough to the sphere before
+        since = 0.0
         count = max(1, int(np.ceil(2 * half / spacing - 1e-9)))
         places = np.linspace(-half, half, count + 1)[0 if number == 0 else 1 :]
         body = bare.body(bare.geom_bodyid[geom.id]).name

@@ -28,6 +28,7 @@ QUESTIONS: Mapping[str, str] = {
     "capstan": "a rope round a drum against the capstan equation",
     "buckling": "onset of snaking and winding up in a tube",
     "propulsion": "force and ripple of the tracked robot",
+    "insertion": "a scripted insertion against a converged one",
 }
 """Every question, by the name of its module, and what it asks."""
 
