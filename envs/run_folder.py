@@ -15,6 +15,7 @@ from haustra.envs.picture.tip import tip_view
 from haustra.envs.report.run_report import report_run
 from haustra.files import prepare_folder, write_atomically, write_json
 from haustra.models.anatomy.store import colon_hash
+from haustra.models.presets import preset_of
 from haustra.models.scene import Scene
 from haustra.models.wall.wall import Wall
 from haustra.provenance import Provenance
@@ -33,6 +34,7 @@ def write_run(folder: Path, *, scene: Scene, wall: Wall | None, run: Insertion, 
         inputs={"colon": colon_hash(scene.colon), "colon_name": scene.colon.name},
         configuration={
             **scene.configuration(),
+            "preset": preset_of(scene.options),
             "wall": wall.method if wall else None,
             "driver": asdict(run.settings),
             "seconds": seconds,

@@ -1,6 +1,6 @@
 """`haustra run`: drive a scope through a colon and score it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -19,9 +19,12 @@ class Run:
     """Name of a scope design (adult, paediatric, adult-worn, adult-variable), or a file that ends in .toml."""
     wall: Literal["coacd", "prism"] = "coacd"
     """Which wall to use; it is built first if the colon's folder does not have it."""
-    wall_law: Literal["pieces", "planes", "field"] = "pieces"
+    preset: Literal["fast", "balanced", "accurate"] = "balanced"
+    """How finely the scene is modelled; errors and speed: docs/validation/accuracy.md."""
+    wall_law: Literal["pieces", "planes", "field"] | None = None
     """Convex pieces; tangent planes: true forces at any depth and no build, at several times the cost a step; or a
-    table of the lumen: no build, several times faster, stepped by JAX (extra mjx)."""
+    table of the lumen: no build, several times faster, stepped by JAX (extra mjx). As the preset says when not given.
+    """
     seconds: float = 60.0
     """Simulated time [s]."""
     friction: float | None = None
@@ -33,7 +36,7 @@ class Run:
     push_limit: float | None = None
     """Largest push of the hand [N]."""
     timestep: float | None = None
-    """Integration step [s]."""
+    """Integration step [s]; that of the preset when not given."""
     steer: Literal["pulls", "wheels"] = "pulls"
     """What bends the tip: pulls as asked for, or the hand wheels, whose wires have slack, stretch and friction."""
     largest_bend_deg: float | None = None
@@ -51,19 +54,20 @@ class Run:
         from haustra.envs.run_folder import write_run
         from haustra.files import prepare_folder
         from haustra.models.anatomy.store import load_colon
-        from haustra.models.scene import SceneOptions, build_scene
+        from haustra.models.presets import find_preset
+        from haustra.models.scene import build_scene
         from haustra.models.scope.files import find_design
         from haustra.models.wall.folder import wall_of
         from haustra.scripts.console import progress_bar
         from haustra.scripts.wall import wall_bar
 
         design = find_design(self.design)
-        options = SceneOptions(**self._options())
+        options = replace(find_preset(self.preset).apply(), **self._options())
         _require_seconds(self.seconds)
         colon = load_colon(self.colon)
         folder = prepare_folder(self.output)
         wall = None
-        if self.wall_law == "pieces":
+        if options.wall_law == "pieces":
             with wall_bar() as tell:
                 wall = wall_of(self.colon, colon, self.wall, progress=tell)
         settings = FollowerSettings(steer=self.steer)
@@ -82,13 +86,13 @@ class Run:
         return write_run(folder, scene=scene, wall=wall, run=run, seconds=self.seconds)
 
     def _options(self) -> dict[str, Any]:
-        names = ("friction", "wall_stiffness", "push_limit", "timestep", "largest_bend_deg", "gravity")
+        names = ("wall_law", "friction", "wall_stiffness", "push_limit", "timestep", "largest_bend_deg", "gravity")
         chosen = {name: value for name in names if (value := getattr(self, name)) is not None}
         if self.segment_stiffness:
             from haustra.models.scene import usual_segment_stiffness
 
             chosen["segment_stiffness"] = usual_segment_stiffness()
-        return {"wall_law": self.wall_law, **chosen}
+        return chosen
 
 
 def _field_engine():

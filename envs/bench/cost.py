@@ -70,7 +70,7 @@ def cost_in_colon(
     """Steps per second and real-time factor while a scope is pushed into a colon at 4 cm/s."""
     rows = []
     for number, count in enumerate(counts):
-        engine = NativeEngine(build_scene(colon, wall, design, _options(colon, design, count), show_lumen=False))
+        engine = NativeEngine(build_scene(colon, wall, design, options_for(colon, design, count), show_lumen=False))
         steps = round(seconds / TIMESTEP)
         began = time.perf_counter()
         done, contacts, inputs = 0, 0, Inputs(push_rate=0.04, roll_rate=0.0, pulls=np.zeros(4))
@@ -92,7 +92,7 @@ def cost_in_colon(
     return rows
 
 
-def _options(colon: Colon, design: ScopeDesign, count: int) -> SceneOptions:
+def options_for(colon: Colon, design: ScopeDesign, count: int) -> SceneOptions:
     """Scene with about `count` joints: a quarter of them in the bending section, at most 8."""
     steered = min(8, max(2, count // 4))
     modelled = min(design.length, colon.centreline.length + SceneOptions.start_depth)

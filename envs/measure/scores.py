@@ -8,6 +8,7 @@ import numpy as np
 from haustra.envs.insertion import Insertion, Trajectory
 from haustra.envs.measure.looping import looping
 from haustra.envs.measure.progress import segment_at
+from haustra.models.presets import error_class
 from haustra.models.scene import Scene
 from haustra.provenance import Provenance
 
@@ -22,6 +23,7 @@ def score(scene: Scene, run: Insertion, provenance: Provenance) -> dict[str, obj
     `loop_excess_m` is the scope inside less the colon passed, `loop_writhe_peak_turns` how much the scope coiled:
     neither needs axes. `loop_N_s` and so on say how long a loop of that name was there, seen along y, which is assumed
     to run from front to back. `pull_back_shortening_m` is the most scope that was pulled back while the tip stayed.
+    `preset` and its errors say how far the model itself was off in a reference insertion (docs/validation/accuracy.md).
     """
     recorded = run.trajectory
     simulated = float(recorded.time[-1]) if len(recorded.time) else 0.0
@@ -55,6 +57,7 @@ def score(scene: Scene, run: Insertion, provenance: Provenance) -> dict[str, obj
         "joints": len(scene.cable.cells),
         "pieces": scene.pieces,
         "timestep_s": scene.options.timestep,
+        **error_class(scene.options),
         "peak_memory_MB": peak_memory() / 1e6,
         "provenance": provenance.to_json(),
     }

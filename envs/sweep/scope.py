@@ -21,6 +21,7 @@ from haustra.errors import InvalidOptionError, InvalidStudyError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.store import METADATA, load_colon, save_colon
+from haustra.models.presets import find_preset
 from haustra.models.scene import Scene, SceneOptions, build_scene
 from haustra.models.scope.design import ScopeDesign
 from haustra.models.scope.files import find_design
@@ -107,7 +108,9 @@ def build_setup(study: Study, variables: Mapping[str, float], conditions: Mappin
         raise InvalidStudyError(f"options.seconds is {study.options['seconds']}: give a time up to 3600 s")
     if study.options["wall"] not in ("prism", "coacd"):
         raise InvalidStudyError(f"options.wall is '{study.options['wall']}'. Known: prism, coacd")
-    options = SceneOptions(friction=friction, timestep=float(study.options["timestep"]))
+    options = find_preset(str(study.options["preset"])).apply(SceneOptions(friction=friction))
+    if (timestep := float(study.options["timestep"])) != SceneOptions.timestep:
+        options = replace(options, timestep=timestep)
     design = find_design("adult" if study.base == "default" else study.base)
     if diameter is not None:
         design = _with_diameter(design, diameter)
@@ -214,7 +217,7 @@ QUESTION = Question(
         "colon": Column("colon", "text", "grown-<seed>, or the folder of a colon"),
         "friction": Column("friction", "1", "Coulomb's coefficient between scope and wall"),
     },
-    options={"seconds": 30.0, "wall": "prism", "timestep": SceneOptions.timestep},
+    options={"seconds": 30.0, "wall": "prism", "timestep": SceneOptions.timestep, "preset": "balanced"},
     check=build_setup,
 )
 NATIVE = Engine(start=_start, prepare=prepare)

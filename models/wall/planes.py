@@ -64,7 +64,7 @@ def capsule_samples(bare: mujoco.MjModel, geoms: Sequence[str], *, spacing: floa
         ):  # MuJoCo points the axis of some capsules back; the end that is kept is the far one
             direction = -direction
         since += 2 * half
-        if number + 1 < len(geoms) and 0 < number and since + lengths[number + 1] <= spacing:
+        if number + 1 < len(geoms) and number > 0 and since + lengths[number + 1] <= spacing:
             continue  # the next capsule's end is near enough to the sphere before
         since = 0.0
         count = max(1, int(np.ceil(2 * half / spacing - 1e-9)))

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from haustra.envs.bench.accuracy.knobs import Tweak, unchanged
 from haustra.envs.bench.accuracy.timing import processor_seconds
 from haustra.envs.engine.native import Inputs, NativeEngine
-from haustra.envs.follower import LumenFollower
+from haustra.envs.follower import FollowerSettings, LumenFollower
 from haustra.envs.measure.progress import ArcTracker
 from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import SceneOptions, build_scene
@@ -38,6 +38,10 @@ class Script:
     def seconds(self) -> float:
         """How long it lasts [s]."""
         return len(self) * INTERVAL
+
+    def deepest(self, start: float) -> float:
+        """The most scope that can be past the anus when the tip starts at that depth [m]."""
+        return start + max(0.0, float(np.cumsum(self.push_rate).max()) * INTERVAL)
 
 
 @dataclass(frozen=True)
@@ -75,7 +79,8 @@ class Errors:
 
 def record_script(colon: Colon, design: ScopeDesign, options: SceneOptions, *, seconds: float) -> Script:
     """What the lumen follower does in tangent planes, where it feels true forces."""
-    engine = NativeEngine(build_scene(colon, None, design, options, show_lumen=False))
+    deepest = options.start_depth + FollowerSettings.advance_rate * seconds
+    engine = NativeEngine(build_scene(colon, None, design, options, show_lumen=False, deepest=deepest))
     links = sum(cell.steerable for cell in engine.scene.cable.cells)
     follower = LumenFollower(colon.centreline, design, tip_links=links)
     tracker = ArcTracker(colon.centreline, start=options.start_depth)
@@ -99,13 +104,15 @@ def replay(
     tweak: Tweak = unchanged,
 ) -> Track:
     """Drive one model by a script; records end where it diverges."""
-    scene = build_scene(colon, wall, design, options, show_lumen=False)
+    deepest = script.deepest(options.start_depth)
+    scene = build_scene(colon, wall, design, options, show_lumen=False, deepest=deepest)
     tweak(scene.spec)
     engine = NativeEngine(scene)
     steps = round(INTERVAL / options.timestep)
     rows, spent, healthy = [], 0.0, True
     for index in range(len(script)):
         inputs = Inputs(float(script.push_rate[index]), float(script.roll_rate[index]), script.pulls[index])
+
         def advance(inputs: Inputs = inputs) -> None:
             nonlocal healthy
             healthy = engine.step(inputs, steps)

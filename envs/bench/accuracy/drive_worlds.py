@@ -47,7 +47,9 @@ def _replay(script: Script, colon: Colon, design: ScopeDesign, options: SceneOpt
         seen = look(worlds)
         normal = np.asarray(worlds.normal[0], float)
         tip = entry + axes @ np.asarray(seen.tip[0], float)
-        rows.append((*tip, float(seen.insertion[0]), float(seen.push_force[0]), normal.sum(), float((normal > 0).sum())))
+        rows.append(
+            (*tip, float(seen.insertion[0]), float(seen.push_force[0]), normal.sum(), float((normal > 0).sum()))
+        )
     table = np.array(rows).reshape(-1, 7)
     return Track(
         tip=table[:, :3],

@@ -111,7 +111,8 @@ def _xml(
           <body name="hand">
             <joint name="push" type="slide" axis="0 0 1"/>
             <geom size="0.005" mass="{HANDLE_MASS}" contype="0" conaffinity="0"/>
-            <composite type="cable" curve="0 0 s" count="{segments + 1} 1 1" size="{length}" initial="none" prefix="rod">
+            <composite type="cable" curve="0 0 s" count="{segments + 1} 1 1" size="{length}" initial="none"
+              prefix="rod">
               <plugin plugin="mujoco.elasticity.cable">
                 <config key="twist" value="{section.torsional_rigidity / (2 * inertia)}"/>
                 <config key="bend" value="{section.flexural_rigidity / inertia}"/>

@@ -29,10 +29,13 @@ QUESTIONS: Mapping[str, str] = {
     "buckling": "onset of snaking and winding up in a tube",
     "propulsion": "force and ripple of the tracked robot",
     "insertion": "a scripted insertion against a converged one",
+    "nodes": "a physics step against nodes, in a colon of 623,805 triangles",
+    "growth": "cost against length, pieces, contacts and worlds",
+    "plain": "balanced against the scene that a competent user would write",
 }
 """Every question, by the name of its module, and what it asks."""
 
-_CODE = Path(__file__).parents[3]
+_CODE, _ROOMS = Path(__file__).parents[3], ("models", "envs/engine", "envs/measure", "envs/statics")
 """Where models and engines stand; another state of them asks every question anew."""
 
 
@@ -55,13 +58,12 @@ def run_questions(
         InvalidOptionError: when a question is not known.
     """
     chosen = chosen_questions(names)
-    state = _state(effort)
     parts = []
     with silent_engine():
         for done, name in enumerate(chosen):
             progress(done, QUESTIONS[name])
             telling = replace(effort, tell=lambda note, done=done: progress(done, note))
-            parts.append(_answered(name, telling, folder, state))
+            parts.append(_answered(name, telling, folder, _state(effort, name)))
     progress(len(chosen), "")
     return Bench(
         name="accuracy",
@@ -152,8 +154,10 @@ def _answered(name: str, effort: Effort, folder: Path | None, state: str) -> Ben
     return part
 
 
-def _state(effort: Effort) -> str:
-    """A hash of the effort, of versions, and of all code that shapes an answer."""
+def _state(effort: Effort, name: str) -> str:
+    """A hash of the effort, of versions, and of the code that shapes an answer: other questions do not."""
     asked = [effort.quick, [str(path.resolve()) for path in effort.colons], str(effort.rods), package_versions()]
-    files = sorted(path for room in ("models", "envs", "assets") for path in (_CODE / room).rglob("*.py"))
-    return content_hash(json.dumps(asked).encode(), *(path.read_bytes() for path in files))
+    here = Path(__file__).parent
+    files = [path for room in _ROOMS for path in (_CODE / room).rglob("*.py")]
+    files += [path for path in here.glob("*.py") if path.stem == name or path.stem not in QUESTIONS]
+    return content_hash(json.dumps(asked).encode(), *(path.read_bytes() for path in sorted(files)))

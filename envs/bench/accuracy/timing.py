@@ -39,10 +39,10 @@ def processor_seconds(work: Callable[[], object]) -> float:
     return time.process_time() - began
 
 
-def in_turns(blocks: Sequence[Block], *, repeats: int = REPEATS) -> list[float]:
-    """Median cost of each block, all run in turn `repeats` times after one turn that does not count."""
-    costs = [[block() for block in blocks] for _ in range(repeats + 1)]
-    return [float(np.median(column)) for column in zip(*costs[1:], strict=True)]
+def in_turns(blocks: Sequence[Block], *, repeats: int = REPEATS, warm_up: bool = True) -> list[float]:
+    """Median cost of each block, all run in turn `repeats` times, by default after one turn that does not count."""
+    costs = [[block() for block in blocks] for _ in range(repeats + warm_up)]
+    return [float(np.median(column)) for column in zip(*costs[-repeats:], strict=True)]
 
 
 def timed_front(
@@ -53,11 +53,14 @@ def timed_front(
     error_unit: str,
     cost_unit: str = "processor s / simulated s",
     repeats: int = REPEATS,
+    warm_up: bool = True,
 ) -> Front:
     """Time what ran, in turns, and make a front of it all."""
     ran = [candidate for candidate in candidates if candidate.block is not None]
     blocks = [candidate.block for candidate in ran if candidate.block is not None]
-    costs = dict(zip((id(candidate) for candidate in ran), in_turns(blocks, repeats=repeats), strict=True))
+    costs = dict(
+        zip((id(candidate) for candidate in ran), in_turns(blocks, repeats=repeats, warm_up=warm_up), strict=True)
+    )
     points = tuple(
         Point(each.setting, each.error, costs.get(id(each), np.inf), each.group, each.outcome) for each in candidates
     )
