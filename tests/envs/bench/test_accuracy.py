@@ -1,16 +1,27 @@
 """Run time against error: references are right, knobs do what their names say, finished questions are kept."""
 
 import json
+from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 
 from haustra.envs.bench.accuracy import elastica, motion, propulsion
+from haustra.envs.bench.accuracy.drive import compare, record_script, replay
+from haustra.envs.bench.accuracy.insertion import refined
+from haustra.envs.bench.accuracy.plain_scope import plain_scope
 from haustra.envs.bench.accuracy.question import Effort
+from haustra.envs.bench.accuracy.refined_mesh import with_triangles
 from haustra.envs.bench.accuracy.run import QUESTIONS, run_questions
 from haustra.envs.bench.accuracy.timing import Candidate, timed_front
 from haustra.errors import InvalidOptionError
+from haustra.models.anatomy.repair import is_watertight
+from haustra.models.scope.library import named_design
+from haustra.scripts.accuracy_page import accuracy_page, draw
 from haustra.scripts.main import BAD_INPUT, SUCCESS, main
+from tests.bent_colon import bent_colon
+from tests.tube_colon import straight_tube, wedge_wall
 
 
 @pytest.mark.parametrize(
@@ -95,6 +106,59 @@ def test_the_verb_writes_what_it_prints(tmp_path, capsys):
     assert json.loads((tmp_path / "accuracy.json").read_text()) == result
     assert [bar["met"] for bar in result["bars"]] == [True, True]
     assert result["machine"]["processor"]
+
+
+def test_a_finer_model_is_nearer_to_a_converged_one_under_the_same_script():
+    colon, _ = bent_colon([(0.05, 0.0), (0.06, 1.4), (0.1, 0.0)])
+    design = named_design("adult")
+    usual = refined(1, 1, 0.005)
+    coarse = replace(usual, shaft_cell=0.1, bending_cell=0.05)
+    script = record_script(colon, design, usual, seconds=2.0)
+    finer, first, second = (replay(script, colon, None, design, each) for each in (refined(2, 2, 0.005), usual, coarse))
+    assert compare(first, finer).tip < 0.6 * compare(second, finer).tip
+    assert script.deepest(0.03) >= finer.insertion.max()
+
+
+def test_the_plain_scene_is_the_same_scope():
+    """Its tip goes where ours goes, through the same wall, and it has neither our damping nor our contact."""
+    colon, wall = straight_tube(), wedge_wall()
+    design = named_design("adult")
+    plain = plain_scope(colon, wall, design, segments=30, timestep=0.002, damped=True)
+    data = plain.begin()
+    for _ in range(250):
+        data.ctrl[0] = 0.04 * data.time
+        mujoco.mj_step(plain.model, data)
+    mujoco.mj_kinematics(plain.model, data)
+    assert plain.tip_of(data) == pytest.approx([0, 0, 0.03 + 0.04 * 0.5], abs=2e-3)
+    assert plain.model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
+    assert plain.model.body_mass[2:].sum() == pytest.approx(0.5 + design.mass_per_length * 0.63, rel=0.1)
+
+
+@pytest.mark.parametrize("count", [30_000, 30_001])
+def test_a_mesh_is_cut_into_exactly_so_many_triangles_and_stays_where_it_was(count):
+    colon = straight_tube()
+    fine = with_triangles(colon, count)
+    assert len(fine.lumen.faces) == count - count % 2
+    assert is_watertight(fine.lumen.faces)
+    assert area(fine.lumen) == pytest.approx(area(colon.lumen), rel=1e-12)
+    with pytest.raises(InvalidOptionError, match="triangles already"):
+        with_triangles(fine, 100)
+
+
+def area(surface) -> float:
+    corners = surface.vertices[surface.faces]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return float(np.linalg.norm(across, axis=1).sum()) / 2
+
+
+def test_the_page_shows_every_bar_and_the_best_of_every_front(tmp_path):
+    bench = run_questions(["buckling", "wires"], Effort(quick=True)).to_json()
+    page = accuracy_page(bench)
+    for bar in bench["bars"]:
+        assert bar["what"] in page
+    for front in bench["fronts"]:
+        assert all(f"| {name} |" in page for name in front["best"])
+    assert draw(tmp_path / "a.png", bench["fronts"]).stat().st_size > 10_000
 
 
 def test_every_question_has_its_module():

@@ -11,6 +11,7 @@ from haustra.envs.sweep.study import Study
 from haustra.envs.sweep.study_file import read_study
 from haustra.errors import InvalidStudyError
 from haustra.models.anatomy.store import colon_hash, save_colon
+from haustra.models.presets import preset_of
 from haustra.models.scope.library import named_design
 from haustra.models.wall.store import save_wall
 from haustra.provenance import Provenance
@@ -40,6 +41,12 @@ def colon_folder(tmp_path_factory) -> Path:
     fitting = Provenance(inputs={colon.name: colon_hash(colon)}, configuration={})
     save_wall(type(wall)(wall.method, wall.pieces, wall.error, fitting, {}), folder / "wall-prism")
     return folder
+
+
+def test_a_study_may_name_a_preset() -> None:
+    setup = build_setup(_study(options={"preset": "fast"}), {}, {"colon": "grown-0", "friction": 0.3})
+    assert preset_of(setup.options) == "fast"
+    assert setup.options.friction == 0.3
 
 
 def test_variables_reach_the_design(tmp_path: Path) -> None:
