@@ -1,7 +1,9 @@
 """Write the page on run time against error, and its picture, from what the benchmark measured.
 
 haustra bench accuracy -o DIR --rods RODS --colons COLON
-python -m haustra.scripts.accuracy_page DIR/accuracy.json docs/validation/accuracy.md docs/images/accuracy.png
+python -m haustra.scripts.accuracy_page DIR/accuracy.json … docs/validation/accuracy.md docs/images/accuracy.png
+
+Of several files the first that holds a question counts.
 """
 
 import json
@@ -44,6 +46,25 @@ def accuracy_page(result: Mapping[str, Any]) -> str:
     parts += [_front(front) for front in result["fronts"]]
     parts += ["## Tables\n\n", *(_table(table) for table in result["tables"])]
     return "".join(parts).rstrip() + "\n"
+
+
+def merged(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Several benchmarks as one: of each bar, front and table, the first."""
+
+    def first(kind: str, name: str) -> list[Any]:
+        found: dict[str, Any] = {}
+        for result in results:
+            for each in result[kind]:
+                found.setdefault(each[name], each)
+        return list(found.values())
+
+    return {
+        "machine": results[0]["machine"],
+        "summary": list(dict.fromkeys(line for result in results for line in result["summary"])),
+        "bars": first("bars", "what"),
+        "fronts": first("fronts", "question"),
+        "tables": first("tables", "title"),
+    }
 
 
 def _where(machine: Mapping[str, Any]) -> str:
@@ -162,7 +183,8 @@ def _panel(axis: Any, front: Mapping[str, Any]) -> None:
 
 
 if __name__ == "__main__":
-    measured = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
+    *sources, target, picture = map(Path, sys.argv[1:])
+    measured = merged([json.loads(source.read_text(encoding="utf-8")) for source in sources])
     page = accuracy_page(measured)
-    write_atomically(Path(sys.argv[2]), lambda temporary: temporary.write_text(page, encoding="utf-8"))
-    draw(Path(sys.argv[3]), measured["fronts"])
+    write_atomically(target, lambda temporary: temporary.write_text(page, encoding="utf-8"))
+    draw(picture, measured["fronts"])

@@ -73,7 +73,7 @@ class Run:
         settings = FollowerSettings(steer=self.steer)
         deepest = options.start_depth + settings.advance_rate * self.seconds
         scene = build_scene(colon, wall, design, options, deepest=deepest)
-        engine = NativeEngine if self.wall_law != "field" else _field_engine()
+        engine = NativeEngine if options.wall_law != "field" else _field_engine()
 
         with progress_bar("simulate", self.seconds, unit="s") as advance:
             run = run_insertion(

@@ -77,6 +77,12 @@ class Errors:
     """The same of the wall's force [1]."""
 
 
+def steady_push(seconds: float, rate: float) -> Script:
+    """Push at one speed [m/s] and leave the wires alone."""
+    count = round(seconds / INTERVAL)
+    return Script(np.full(count, rate), np.zeros(count), np.zeros((count, 4)))
+
+
 def record_script(colon: Colon, design: ScopeDesign, options: SceneOptions, *, seconds: float) -> Script:
     """What the lumen follower does in tangent planes, where it feels true forces."""
     deepest = options.start_depth + FollowerSettings.advance_rate * seconds

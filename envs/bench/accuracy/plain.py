@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from haustra.envs.bench.accuracy.drive import INTERVAL, Script, replay, set_tolerance
+from haustra.envs.bench.accuracy.drive import INTERVAL, replay, set_tolerance, steady_push
 from haustra.envs.bench.accuracy.insertion import refined
 from haustra.envs.bench.accuracy.places import Place, grown
 from haustra.envs.bench.accuracy.plain_scope import PlainScope, plain_scope
@@ -52,7 +52,7 @@ def answer(effort: Effort) -> Answer:
     """Push the shaft in, compare tips with a converged run, and time steps in turns."""
     place, design = grown(effort), find_design("adult")
     seconds = 2.0 if effort.quick else 5.0
-    script = _script(seconds)
+    script = steady_push(seconds, RATE)
     wall = place.wall("prism" if effort.quick else "coacd")
     effort.tell("plain scene: reference")
     finest = refined(2, 2, SceneOptions.timestep) if effort.quick else refined(6, 4, SceneOptions.timestep / 4)
@@ -86,16 +86,11 @@ def answer(effort: Effort) -> Answer:
     )
 
 
-def _script(seconds: float) -> Script:
-    count = round(seconds / INTERVAL)
-    return Script(np.full(count, RATE), np.zeros(count), np.zeros((count, 4)))
-
-
 def _balanced(place: Place, wall: Wall, design: ScopeDesign, seconds: float) -> tuple[NativeEngine, Inputs]:
     """The preset's engine at the end of the script."""
     options = PRESETS["balanced"].apply()
     scene_wall = wall if options.wall_law == "pieces" else None
-    deepest = _script(seconds).deepest(options.start_depth)
+    deepest = steady_push(seconds, RATE).deepest(options.start_depth)
     engine = NativeEngine(build_scene(place.colon, scene_wall, design, options, show_lumen=False, deepest=deepest))
     inputs = Inputs(RATE, 0.0)
     for _ in range(round(seconds / INTERVAL)):

@@ -72,7 +72,7 @@ def run_questions(
         bars=tuple(bar for part in parts for bar in part.bars),
         fronts=tuple(front for part in parts for front in part.fronts),
         tables=tuple(table for part in parts for table in part.tables),
-        machine=machine(),
+        machine={**machine(), "effort": "quick" if effort.quick else "full"},
     )
 
 
