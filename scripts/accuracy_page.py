@@ -164,6 +164,8 @@ def draw(path: Path, fronts: Sequence[Mapping[str, Any]]) -> Path:
 
 
 def _panel(axis: Any, front: Mapping[str, Any]) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
     drawn = [point for point in front["points"] if point["error"] and point["cost"]]
     groups = list(dict.fromkeys(point["group"] for point in drawn))
     for number, group in enumerate(groups):
@@ -178,6 +180,10 @@ def _panel(axis: Any, front: Mapping[str, Any]) -> None:
     axis.set_xlabel(front["cost_unit"], fontsize=8)
     axis.set_ylabel(front["error_unit"], fontsize=8)
     axis.tick_params(labelsize=7)
+    axis.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
+    axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.xaxis.set_minor_formatter(NullFormatter())
+    axis.yaxis.set_minor_formatter(NullFormatter())
     axis.grid(alpha=0.25)
     axis.legend(fontsize=6, frameon=False)
 
