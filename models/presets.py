@@ -39,9 +39,12 @@ class Preset:
 
     def apply(self, options: SceneOptions | None = None) -> SceneOptions:
         """Those options, computed as the preset says; what is in the scene stays."""
-        defaults = SceneOptions()
-        modelled = {name: getattr(defaults, name) for name in MODELLING} | dict(self.changes)
-        return replace(options or defaults, **modelled)
+        return replace(options or SceneOptions(), **self.modelling)
+
+    @property
+    def modelling(self) -> dict[str, Any]:
+        """Value of every option of `MODELLING`."""
+        return {name: getattr(SceneOptions(), name) for name in MODELLING} | dict(self.changes)
 
     def measured(self) -> dict[str, Quantity]:
         """Errors and speed in an insertion, by name; empty for a preset that was never measured.
@@ -85,7 +88,7 @@ def find_preset(name: str) -> Preset:
 def preset_of(options: SceneOptions) -> str:
     """Name of the preset that computes a scene as those options do; `custom` when none does."""
     for preset in PRESETS.values():
-        if preset.apply(options) == options:
+        if all(getattr(options, entry) == value for entry, value in preset.modelling.items()):
             return preset.name
     return CUSTOM
 

@@ -53,7 +53,7 @@ def test_a_run_leaves_scores_trajectory_scene_pictures_and_a_report(colon_folder
 
 
 @pytest.mark.parametrize(
-    ("options", "preset"), [([], "fast"), (["--timestep", "0.005"], "custom"), (["--wall-law", "planes"], "custom")]
+    ("options", "preset"), [([], "fast"), (["--timestep", "0.0025"], "custom"), (["--wall-law", "planes"], "custom")]
 )
 def test_a_run_says_its_preset_and_how_far_that_is_off(options, preset, colon_folder, tmp_path, capsys):
     call = ["run", "--colon", str(colon_folder), "--wall", "prism", "--preset", "fast", "--seconds", "0.2"]
