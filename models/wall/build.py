@@ -30,6 +30,8 @@ Progress = Callable[[str, int, int], None]
 """Told what is being done, how much of it is done, and how much there is."""
 ALGORITHM = "3"
 """Part of every cache key; raised when the same options give other pieces."""
+_MEASUREMENT = "2"
+"""Part of the key of a whole wall, whose error is kept with it; raised when the same pieces give another error."""
 TOLERANCE: dict[Method, float] = {"coacd": 1.5e-3, "prism": 0.8e-3}
 """Default tolerance [m]: what keeps the 95th percentile of the intrusion below 1.0 mm and 0.4 mm (docs/decisions)."""
 WIDENING = 0.3
@@ -118,7 +120,9 @@ def build_wall(
         raise InvalidOptionError(f"A wall needs at least 1000 rays and 1 worker, not {rays} and {workers}.")
     tell = progress or (lambda what, done, total: None)
     digest = colon_hash(colon)
-    key = content_hash(ALGORITHM.encode(), digest.encode(), repr((asdict(options), rays)).encode())
+    key = content_hash(
+        ALGORITHM.encode(), _MEASUREMENT.encode(), digest.encode(), repr((asdict(options), rays)).encode()
+    )
     wall = _from_cache(key) if use_cache else None
     if wall is None:
         pieces, counts = _make_pieces(colon, options, workers or os.cpu_count() or 1, use_cache, tell)

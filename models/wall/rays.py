@@ -41,10 +41,20 @@ class Caster:
     def entry(
         self, origin: Float[np.ndarray, " 3"], directions: Float[np.ndarray, "rays 3"]
     ) -> Float[np.ndarray, " rays"]:
-        """As `distance`, but 0 where the first hit is met from within the solid: the origin stands inside it."""
-        distance, normals = self._cast(origin, directions)
-        within = np.isfinite(distance) & (np.einsum("ij,ij->i", normals, directions) > 0)
+        """As `distance`, but 0 where the first hit is met from within the solid: the origin stands inside it.
+
+        Where a solid ends in an edge thinner than rounding, its far face may be met before its near one. From inside,
+        the other way is met from within as well.
+        """
+        distance, within = self._seen(origin, directions)
+        if within.any():
+            within[within] = self._seen(origin, -directions[within])[1]
         return np.where(within, 0.0, distance)
+
+    def _seen(self, origin: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distances, and whether each hit is met from within."""
+        distance, normals = self._cast(origin, directions)
+        return distance, np.isfinite(distance) & (np.einsum("ij,ij->i", normals, directions) > 0)
 
     def _cast(self, origin: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         count = len(directions)
