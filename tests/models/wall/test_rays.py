@@ -1,0 +1,30 @@
+"""Rays say where a solid begins, or that they start inside it."""
+
+import numpy as np
+import pytest
+from manifold3d import Manifold
+
+from haustra.models.wall.rays import Caster, joined_hulls
+
+
+def box(low: list[float], high: list[float]) -> np.ndarray:
+    size = np.subtract(high, low)
+    mesh = Manifold.cube(tuple(size)).translate(tuple(low)).to_mesh64()
+    return np.asarray(mesh.vert_properties)[:, :3]
+
+
+def test_from_inside_a_solid_begins_at_once() -> None:
+    caster = Caster(joined_hulls([box([-0.01, -0.01, -0.01], [0.01, 0.01, 0.01])]))
+    directions = np.random.default_rng(0).normal(size=(50, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    assert (caster.entry(np.zeros(3), directions) == 0).all()
+
+
+def test_a_solid_thinner_than_rounding_is_not_taken_for_the_inside() -> None:
+    """Either of its faces may be met first."""
+    corners = np.array([[x, y, z] for x in (0.05, 0.05 + 1e-9) for y in (-0.02, 0.02) for z in (-0.02, 0.02)])
+    caster = Caster(joined_hulls([corners * [1, 1, 1] + [0, 0.001 * y, 0] for y in range(3)]))
+    spread = np.linspace(-0.3, 0.3, 41)
+    directions = np.array([[1.0, y, z] for y in spread for z in spread])
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    assert caster.entry(np.zeros(3), directions) * directions[:, 0] == pytest.approx(np.full(len(directions), 0.05))
