@@ -96,6 +96,11 @@ class SceneOptions:
             raise InvalidOptionError(f"Scene option sample_spacing is {self.sample_spacing} m; give 0.001 to 0.1 m.")
         if self.timestep > 0.02:
             raise InvalidOptionError(f"Scene option timestep is {self.timestep} s; at most 0.02 s is supported.")
+        for name in ("insertion_limit", "largest_bend_deg"):
+            value = getattr(self, name)
+            if value is not None and not 0 < value < 1e3:
+                raise InvalidOptionError(f"Scene option {name} is {value}; it must be a positive number.")
+        _ = self.contact  # says what is wrong with stiffness, damping or friction
         if not all(np.isfinite(self.gravity)):
             raise InvalidOptionError(f"Scene option gravity is {self.gravity}; give three finite numbers.")
 

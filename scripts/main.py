@@ -64,6 +64,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
     from haustra.scripts.bench_rigs import BenchRigs
     from haustra.scripts.bench_rods import BenchRods
     from haustra.scripts.bench_skip import BenchSkip
+    from haustra.scripts.bench_stability import BenchStability
     from haustra.scripts.bench_tracked import BenchTracked
     from haustra.scripts.bench_worlds import BenchWorlds
     from haustra.scripts.colon import ColonImport
@@ -100,6 +101,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
         "bench cost": BenchCost,
         "bench accuracy": BenchAccuracy,
         "bench skip": BenchSkip,
+        "bench stability": BenchStability,
         "bench tracked": BenchTracked,
         "bench rigs": BenchRigs,
         "bench pushes": BenchPushes,

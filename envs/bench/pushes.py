@@ -27,6 +27,9 @@ CONTACT = WallContact(stiffness=1500.0, damping=7.5, friction=0.1)
 TIMESTEP = 0.005
 PUSH_TIME = 0.8
 """Time of a push [s]: at full speed it would move the tip by 0.24 m."""
+SETTLE_TIME = 1.0
+"""How much longer a tip is pushed that is too deep in the end [s]. One that strikes the wall at 0.3 m/s just then goes
+in by v sqrt(m / K) = 0.8 mm more than pressed, and comes back; one that has got out stays out."""
 TURN_DAMPING = 2e-3
 """Resistance of the tip to turning [N m s/rad]; engineering choice: the shaft behind it."""
 FROM_ANUS, FROM_CAECUM = 0.26, 0.03
@@ -101,7 +104,10 @@ class Pushes:
         direction = rng.standard_normal(3)
         direction /= np.linalg.norm(direction)
         outside = around.update(data)
-        for _ in range(round(PUSH_TIME / TIMESTEP)):
+        pressing = force / CONTACT.stiffness
+        for step in range(round((PUSH_TIME + SETTLE_TIME) / TIMESTEP)):
+            if step >= round(PUSH_TIME / TIMESTEP) and (outside + RADIUS).max() <= pressing + ALLOWANCE:
+                break
             # A hand of that force that moves no faster than the largest speed.
             drag = force / LARGEST_SPEED
             data.xfrc_applied[1, :3] = force * direction
@@ -110,9 +116,9 @@ class Pushes:
             mujoco.mj_step(self._model, data)
             outside = around.update(data)
             if not np.isfinite(data.qpos).all():
-                return Push(arc, force, np.inf, np.inf, force / CONTACT.stiffness)
+                return Push(arc, force, np.inf, np.inf, pressing)
         travelled = float(np.linalg.norm(data.qpos[:3] - position))
-        return Push(arc, force, travelled, float((outside + RADIUS).max()), force / CONTACT.stiffness)
+        return Push(arc, force, travelled, float((outside + RADIUS).max()), pressing)
 
     def _start(self, rng: np.random.Generator) -> tuple[float, Float[np.ndarray, " 3"], Float[np.ndarray, " 4"]]:
         """Arc length, position and orientation along the centreline, where the tip fits into the lumen."""

@@ -5,10 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from haustra.errors import InvalidOptionError
+
 
 @dataclass(frozen=True)
 class Conditions:
-    """One value a world."""
+    """One value a world.
+
+    Raises:
+        InvalidOptionError: when a value is not a number that a world can have.
+    """
 
     friction: Float[np.ndarray, " worlds"]
     """Coulomb coefficient between scope and wall [1]."""
@@ -18,6 +24,14 @@ class Conditions:
     """Bending stiffness of the shaft over the design's [1]."""
     roll: Float[np.ndarray, " worlds"] | None = None
     """Angle of the handle at the start [rad]; zero when None."""
+
+    def __post_init__(self) -> None:
+        for name, values in vars(self).items():
+            if values is None:
+                continue
+            fine = np.isfinite(values) & ((values >= 0) if name == "friction" else (values > 0) | (name == "roll"))
+            if not fine.all():
+                raise InvalidOptionError(f"{name} is {values[~fine][0]} in a world: give a finite, positive number.")
 
     def of(self, rows: np.ndarray) -> "Conditions":
         """Those of some worlds."""

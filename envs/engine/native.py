@@ -9,6 +9,7 @@ from jaxtyping import Float
 from haustra.envs.engine.log import log_to_stderr_only
 from haustra.envs.engine.wheels import Wheels
 from haustra.envs.measure.energy import Energies, EnergyMeter
+from haustra.errors import InvalidOptionError
 from haustra.models.scene import Scene
 from haustra.models.scope.cable import LOCK_STRETCH
 from haustra.models.scope.wires import WIRE_NAMES, arriving_pulls
@@ -122,7 +123,9 @@ class NativeEngine:
 
         Raises:
             InvalidDesignError: when wheels steer wires that do not stretch.
+            InvalidOptionError: when an input is not a finite number; MuJoCo would take all controls for zero.
         """
+        _require_finite(inputs)
         control = self.data.ctrl
         control[self._push] = inputs.push_rate
         control[self._roll] = inputs.roll_rate
@@ -136,6 +139,18 @@ class NativeEngine:
             control[self._pulls] = self._arrive(self._wheels.pulls(self.data, inputs.wheels))
             self._advance(1)
         return self.healthy()
+
+    def put(self, qpos: Float[np.ndarray, " positions"]) -> None:
+        """Lay the scope as those generalised positions say, at rest; the hand goes along [m, rad].
+
+        Tangent planes are looked for where each part lies when the scope follows the centreline.
+        """
+        data = self.data
+        data.qpos[:], data.qvel[:], data.act[:2] = qpos, 0.0, qpos[:2]
+        self._lock_outside(self.insertion)
+        if self._planes:
+            self._planes.begin(self._straight_arcs + self.insertion - self._start)
+        mujoco.mj_forward(self.model, data)
 
     def _advance(self, count: int) -> None:
         """Advance by `count` steps; tangent planes follow before each."""
@@ -154,8 +169,8 @@ class NativeEngine:
         """The tangent planes of a scope that lies straight at the anus."""
         mujoco.mj_kinematics(self.model, self.data)
         spheres = [self.model.geom(f"wall/sphere_{number:04d}").id for number in range(len(self.scene.samples))]
-        arcs = (self.data.geom_xpos[spheres] - self.scene.entry) @ self.scene.entry_direction
-        return PlaneWall(self.model, WallField(self.scene.colon), arcs=arcs)
+        self._straight_arcs = (self.data.geom_xpos[spheres] - self.scene.entry) @ self.scene.entry_direction
+        return PlaneWall(self.model, WallField(self.scene.colon), arcs=self._straight_arcs)
 
     def _segment_law(self) -> SegmentLaw | None:
         """What pushes back by segment, if the scene asks for it."""
@@ -237,3 +252,9 @@ class NativeEngine:
         links = self._link_of_body[self.model.geom_bodyid[contact.geom[active]]].max(axis=1)
         np.add.at(total, links, contact.frame[active, :3] * normal[:, None])
         return np.linalg.norm(total, axis=1), int((normal > 0).sum())
+
+
+def _require_finite(inputs: Inputs) -> None:
+    for name, value in vars(inputs).items():
+        if value is not None and not np.isfinite(value).all():
+            raise InvalidOptionError(f"The input {name} is {value}: give finite numbers.")

@@ -43,7 +43,7 @@ class Shard:
         self._start_state = batch.state[0].copy()
         self._case = np.zeros(worlds, int)
         self._tables = pick(tables, self._case)
-        self._stiffness = np.full(worlds, scene.options.wall_stiffness)
+        self._stiffness = np.full(worlds, float(scene.options.wall_stiffness))
         self.healthy: Bool[np.ndarray, " worlds"] = np.ones(worlds, bool)
         spheres = len(self._spheres)
         self._arcs = np.zeros((worlds, spheres))
@@ -125,7 +125,12 @@ class Shard:
         pulls: Float[np.ndarray, "worlds 4"],
         count: int,
     ) -> None:
-        """Advance by `count` time steps."""
+        """Advance by `count` time steps. A world with inputs that are not finite is lost: MuJoCo zeroes them."""
+        sound = np.isfinite(push_rate) & np.isfinite(roll_rate) & np.isfinite(pulls).all(axis=1)
+        if not sound.all():
+            self._lose(self.healthy & ~sound)
+            push_rate, roll_rate = np.where(sound, push_rate, 0.0), np.where(sound, roll_rate, 0.0)
+            pulls = np.where(sound[:, None], pulls, 0.0)
         self._ctrl[:, self._push] = push_rate
         self._ctrl[:, self._roll] = roll_rate
         self._ctrl[:, self._pulls] = pulls
@@ -168,13 +173,15 @@ class Shard:
         sound = (state < SPEED_LIMIT) & np.isfinite(self._qpos).all(axis=1)
         sound &= ~self._batch.warning[:, _FATAL, 1].any(axis=1)
         if not sound.all():
-            lost = self.healthy & ~sound
-            self.healthy &= sound
-            # What is left of them is finite and stands still, so that nothing of it reaches the other worlds.
-            self._batch.state[lost] = self._start_state
-            self._batch.warning[lost] = 0
-            self._batch.forward(np.flatnonzero(lost))
-            self._before[lost] = self._geom_xpos[lost][:, self._spheres]
+            self._lose(self.healthy & ~sound)
+
+    def _lose(self, lost: Bool[np.ndarray, " worlds"]) -> None:
+        """Take worlds out until they are reset. What is left of them is finite and stands still."""
+        self.healthy &= ~lost
+        self._batch.state[lost] = self._start_state
+        self._batch.warning[lost] = 0
+        self._batch.forward(np.flatnonzero(lost))
+        self._before[lost] = self._geom_xpos[lost][:, self._spheres]
 
     def _lock_outside(self) -> None:
         """Hold joints straight that are outside the patient, and free them smoothly as they pass the anus."""

@@ -20,7 +20,7 @@ from haustra.envs.engine.chain import Chain, Links
 from haustra.envs.engine.precision import precise
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.scene import Scene
-from haustra.models.scope.cable import HAND_PUSH, HAND_ROLL, LOCK_LOSS_TIME, LOCK_STIFFNESS, LOCK_STRETCH
+from haustra.models.scope.cable import HAND_PUSH, HAND_ROLL, LOCK_STRETCH
 from haustra.models.scope.stops import STOP_LOSS_TIME, STOP_STIFFNESS
 from haustra.models.scope.wires import WIRE_NAMES
 from haustra.models.wall.radius_field import Tables, pick, touch
@@ -51,6 +51,9 @@ class Scope(NamedTuple):
     """(any, 4, dofs) length of each wire per angle [m/rad]."""
     behind: Array
     """(any, joints) distance of each joint from the tip [m]."""
+    lock_stiffness: Array
+    lock_damping: Array
+    """(any, 2 joints) of the locks of the shaft outside [N m/rad], [N m s/rad]."""
     sample_place: Array
     """(any, points, 3) spheres, in their links' frames [m]."""
     radius: Array
@@ -339,8 +342,8 @@ class ScopeWorlds:
         torque = -stiffness * (worlds.qpos - scope.rest) - STOP_STIFFNESS * over
         held = self.held(parameters, worlds)
         dofs = self.lock_dofs.ravel()
-        torque = torque.at[:, dofs].add(-LOCK_STIFFNESS * held * worlds.qpos[:, dofs])
-        damping = damping.at[:, dofs].add(LOCK_STIFFNESS * LOCK_LOSS_TIME * held)
+        torque = torque.at[:, dofs].add(-scope.lock_stiffness * held * worlds.qpos[:, dofs])
+        damping = damping.at[:, dofs].add(scope.lock_damping * held)
         pulled = (hands.pulls.astype(kind)[:, None] @ scope.arms)[:, 0]
         torque = torque - pulled - damping * worlds.qvel
         # The hand's damper is in its force already; where the force is at its limit, it damps no more.
@@ -397,6 +400,7 @@ def read_scope(scene: Scene) -> Scope:
         wraps = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
         arms[wire, model.jnt_dofadr[model.wrap_objid[wraps]]] = model.wrap_prm[wraps]
     limited = model.jnt_limited.astype(bool)
+    locks = [model.actuator(name).id for pair in cable.locks for name in pair]
     parts = {
         "stiffness": np.asarray(model.jnt_stiffness).reshape(model.nv, -1)[:, 0].copy(),
         "damping": np.asarray(model.dof_damping).reshape(model.nv, -1)[:, 0].copy(),
@@ -406,6 +410,8 @@ def read_scope(scene: Scene) -> Scope:
         "high": np.where(limited, model.jnt_range[:, 1], np.inf),
         "arms": arms,
         "behind": cable.length - cable.joint_positions,
+        "lock_stiffness": -model.actuator_gainprm[locks, 1],
+        "lock_damping": -model.actuator_gainprm[locks, 2],
         "sample_place": np.array([sample.position for sample in scene.samples]),
         "radius": np.float64(cable.radius),
         "tip_place": model.site("scope/tip").pos.copy()[None],

@@ -18,7 +18,6 @@ from haustra.envs.engine.native import NativeEngine
 from haustra.envs.statics.chain import SerialChain
 from haustra.envs.statics.descent import find_minimum
 from haustra.envs.statics.newton import NoEquilibriumError
-from haustra.models.scope.cable import LOCK_STIFFNESS
 from haustra.models.scope.stops import STOP_STIFFNESS
 
 _HELD = 2
@@ -116,7 +115,7 @@ class _Search:
         for index in range(model.nu):
             name = model.actuator(index).name
             if name.startswith("scope/lock"):
-                lock[model.actuator_trnid[index, 0]] = LOCK_STIFFNESS * data.ctrl[index]
+                lock[model.actuator_trnid[index, 0]] = -model.actuator_gainprm[index, 1] * data.ctrl[index]
             elif name.startswith("scope/pull"):
                 moment = np.zeros(model.nv)
                 tendon = model.actuator_trnid[index, 0]

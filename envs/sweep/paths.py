@@ -50,6 +50,6 @@ def _changed(value: object, inner: dict[str, float], name: str, *, whole: bool) 
     new = inner[""]
     if isinstance(value, bool) or not isinstance(value, int | float | None):
         raise InvalidDesignError(f"'{name}' is not a number: lengthen the path.")
-    if whole and new != int(new):
+    if whole and not float(new).is_integer():
         raise InvalidDesignError(f"'{name}' counts something: {new:g} is not a whole number.")
     return int(new) if whole else float(new)

@@ -132,10 +132,17 @@ class ScopeTask:
         return self.observe()
 
     def step(self, action: Float[np.ndarray, "worlds 4"]) -> Step:
-        """Apply one action in each world. Worlds whose episode is over go on regardless until they are reset."""
+        """Apply one action in each world. Worlds whose episode is over go on regardless until they are reset.
+
+        A world whose action is not finite is lost, as if it had diverged: no policy means that.
+        """
         before, insertion = self._moment, self.seen.insertion
-        action = np.clip(np.nan_to_num(np.asarray(action, float)), -1.0, 1.0)
-        healthy = self.engine.step(self._inputs(action), self.steps)
+        action = np.asarray(action, float)
+        sound = np.all(np.isfinite(action), axis=1)
+        action = np.clip(np.where(sound[:, None], action, 0.0), -1.0, 1.0)
+        inputs = self._inputs(action)
+        inputs.push_rate[~sound] = np.nan
+        healthy = self.engine.step(inputs, self.steps)
         self._action, self._age = action, self._age + 1
         self.seen = self.engine.observe()
         self._speed = (self.seen.insertion - insertion) / self.interval

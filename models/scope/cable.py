@@ -26,8 +26,24 @@ LOCK_STIFFNESS = 1.6e6
 """Stiffness of a joint held straight further outside [N m/rad]; engineering choice. Across a metre of shaft with joints
 every 11 mm the scope gives way at the anus by 0.02 mm/N; were all held by 2e4, by 1.5 mm/N."""
 
+LOCK_GROWTH = 2.0e4
+"""Bound of a lock's stiffness, times the cube of its distance from the tip [N m/rad/m^3]: that is how the inertia grows
+which it holds. The contact solver sees a lock's torque, but not that the step is implicit in it; locks as firm near the
+tip as far from it threw the links inside about, from time steps of 5 ms."""
+
+LOCK_REACH = 0.15
+"""Distance from the tip beyond which locks grow by its sixth power more, at time steps up to `LOCK_STEP` [m]: so firm
+that shaft outside might as well be left out, to 0.1 % of what is asked (`tests/models/test_left_out.py`)."""
+
+LOCK_STEP = 0.005
+"""Longest time step of such locks [s]. With them three of five scopes diverged at 6 to 9 ms, without them none."""
+
+LEAST_LOCK = 20.0
+"""Stiffness of a lock near the tip [N m/rad]: a full pull of a wire, 0.3 N m, bends it by a degree."""
+
 LOCK_LOSS_TIME = 0.01
-"""Damping over stiffness of a lock [s]; engineering choice, above the time step so that it is linearly implicit."""
+"""Damping over stiffness of a lock [s], or two time steps if that is more; engineering choice, so that it is linearly
+implicit."""
 
 ARMATURE_FACTOR = 1.0
 """Armature of a sprung hinge over (damping x time step). Measured: without, contacts chatter at 4 ms; 0.25 stills them
@@ -42,6 +58,10 @@ SOFTENING = 1 / 9
 """Cubic part of a shaft hinge's spring, torque K (q - q^3 / 9). With axes turned so, a bend phi of a joint costs
 K phi^2 / 2 + K phi^4 / 48, averaged over two joints, in every direction; this takes the second term off. Pre-curved
 joints go without: their springs act on the bend from rest, the second term on the whole bend."""
+
+SOFTEST = 1.4
+"""Stop of a hinge that softens and has no tighter one [rad]. Its torque K (q - q^3 / 9) would fall beyond 1.73 and push
+outwards beyond 3: pressed so far, it flew round. A scope bent so within a cell has kinked."""
 
 STOP_SHARE = 1 / (math.sqrt(2) * math.cos(math.pi / 8))
 """Stop of one hinge of a shaft joint over the joint's largest bend. Hinges give a square of angles; the squares of
@@ -140,7 +160,9 @@ def add_scope(
         previous = cells[index - 1].joint if index else 0.0
         body = body.add_body(name=f"scope/link_{index:03d}", pos=[0, 0, cell.joint - previous])
         twist = twists.get(index)
-        locks.append(_add_joints(spec, body, design, cell, index=index, twist=twist, cubic=cubic, timestep=timestep))
+        _add_joints(body, design, cell, index=index, twist=twist, cubic=cubic, timestep=timestep)
+        lock = lock_spring(length - cell.joint, timestep)
+        locks.append(tuple(_add_lock(spec, f"scope/bend_{side}_{index:03d}", lock) for side in "xy"))
         last = index + 1 == len(cells)
         geoms.append(_add_link(body, design, ends[index + 1] - cell.joint, f"{index:03d}", last=last))
         links.append(body.name)
@@ -184,8 +206,8 @@ def _add_link(body, design: ScopeDesign, length: float, label: str, *, last: boo
 
 
 def _add_joints(
-    spec, body, design: ScopeDesign, cell: Cell, *, index: int, twist: float | None, cubic: bool, timestep: float | None
-) -> tuple[str, str]:
+    body, design: ScopeDesign, cell: Cell, *, index: int, twist: float | None, cubic: bool, timestep: float | None
+) -> None:
     turn = 0.0 if cell.steerable else TURNS[index % len(TURNS)]
     hinges = []
     for name, angle in (("bend_x", turn), ("bend_y", turn + math.pi / 2)):
@@ -194,6 +216,7 @@ def _add_joints(
         joint["springref"] = float(axis[:2] @ [-cell.bias_left, cell.bias_up])
         if cubic and not (cell.steerable or cell.bias_up or cell.bias_left):
             joint["stiffness"] = [cell.bending_stiffness, 0, -SOFTENING * cell.bending_stiffness]
+            joint |= {"limited": True, "range": [-SOFTEST, SOFTEST]}
         hinges.append({**joint, **_stop(cell, name)})
     if cell.steerable and index % 2:
         hinges.reverse()
@@ -202,7 +225,6 @@ def _add_joints(
         hinges.insert(2 * (index % 2), joint)
     for joint in hinges:
         body.add_joint(**joint)
-    return _add_lock(spec, f"scope/bend_x_{index:03d}"), _add_lock(spec, f"scope/bend_y_{index:03d}")
 
 
 def _stop(cell: Cell, name: str) -> dict[str, object]:
@@ -211,7 +233,7 @@ def _stop(cell: Cell, name: str) -> dict[str, object]:
         return {}
     up, left, down, right = cell.largest
     if not cell.steerable:
-        up = left = down = right = STOP_SHARE * up
+        up = left = down = right = min(STOP_SHARE * up, SOFTEST)
     return {"limited": True, "range": [-left, right] if name == "bend_x" else [-down, up]}
 
 
@@ -233,7 +255,15 @@ def _hinge(name: str, axis: np.ndarray, stiffness: float, loss_time: float, time
     }
 
 
-def _add_lock(spec, joint: str) -> str:
+def lock_spring(from_tip: float, timestep: float | None) -> tuple[float, float]:
+    """Stiffness [N m/rad] and damping [N m s/rad] of the lock of a joint that far from the tip [m]."""
+    step = timestep or 0.0
+    firmer = 1 + (from_tip / LOCK_REACH) ** 6 if step <= LOCK_STEP else 1.0
+    stiffness = min(LOCK_STIFFNESS, max(LOCK_GROWTH * from_tip**3 * firmer, LEAST_LOCK))
+    return stiffness, stiffness * max(LOCK_LOSS_TIME, 2 * step)
+
+
+def _add_lock(spec, joint: str, lock: tuple[float, float]) -> str:
     """An actuator with force = ctrl * (-K q - B dq): a spring that its control switches on.
 
     Being a control and not an edit of the model, it keeps the run a function of plain MJCF and its inputs.
@@ -244,7 +274,7 @@ def _add_lock(spec, joint: str) -> str:
         trntype=mujoco.mjtTrn.mjTRN_JOINT,
         target=joint,
         gaintype=mujoco.mjtGain.mjGAIN_AFFINE,
-        gainprm=[0, -LOCK_STIFFNESS, -LOCK_STIFFNESS * LOCK_LOSS_TIME, *[0] * 7],
+        gainprm=[0, -lock[0], -lock[1], *[0] * 7],
         ctrllimited=True,
         ctrlrange=[0, 1],
         group=3,

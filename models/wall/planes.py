@@ -154,6 +154,11 @@ class PlaneWall:
                 for i in range(count)
             ]
         )
+        self.begin(arcs)
+
+    def begin(self, arcs: Float[np.ndarray, " spheres"]) -> None:
+        """Look for every sphere anew, near these arc lengths along the colon [m]."""
+        count = len(arcs)
         self.arcs = np.array(arcs, float)
         self.outside = np.full(count, -np.inf)
         # No sphere touches before it has moved by the room it had when it was last looked at.

@@ -1,0 +1,55 @@
+"""`haustra bench stability`: whether simulations stay stable, whatever is asked of them."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+
+@dataclass(frozen=True)
+class BenchStability:
+    """Try random settings, shocks, poisoned inputs, laws of physics, long runs, escapes: does anything blow up?"""
+
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("bench-stability")
+    """Folder of results; an interrupted run goes on in the same one."""
+    only: str = ""
+    """Parts, separated by commas: conservation, nan, shocks, escapes, ranges, long. All when empty."""
+    quick: bool = False
+    """Fewer and shorter runs: minutes instead of hours."""
+    workers: int = 1
+    """Child processes of the parts that have many independent runs."""
+    colon: Path | None = None
+    """Folder of a colon to push a tip about in besides the grown one."""
+    seed: int = 0
+    """Of everything drawn."""
+    json: bool = field(default=False)
+    """Print one JSON document instead of a table."""
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the parts and write stability.json."""
+        from haustra.envs.bench.stability.bench import PARTS, stability
+        from haustra.envs.bench.stability.part import Order
+        from haustra.errors import InvalidOptionError
+        from haustra.files import prepare_folder, write_json
+        from haustra.scripts.console import progress_bar
+
+        if not 1 <= self.workers <= 256:
+            raise InvalidOptionError(f"workers is {self.workers}: give 1 to 256.")
+        names = [name.strip() for name in self.only.split(",") if name.strip()]
+        order = Order(prepare_folder(self.output), self.quick, self.workers, self.seed, self.colon)
+        asked = names or list(PARTS)
+        with progress_bar("stability", len(asked), unit="parts") as advance:
+            found = stability(
+                order, names, lambda part, done, note: advance(asked.index(part) + done, f"{part} {note}")
+            )
+        result = found.to_json()
+        write_json(self.output / "stability.json", result)
+        if self.json:
+            return result
+        marks = {True: "met", False: "NOT MET"}
+        bars = {
+            bar.what: f"{bar.measured:.3g} {bar.unit} ({bar.sense} {bar.bound:g}: {marks[bar.met]})"
+            for bar in found.bars
+        }
+        return {**bars, "written": str(self.output / "stability.json")}

@@ -1,0 +1,63 @@
+"""A shocked scope comes to rest, and one that does not is told."""
+
+import numpy as np
+
+from haustra.envs.bench.stability.escapes import escapes
+from haustra.envs.bench.stability.laying import lay_along
+from haustra.envs.bench.stability.long import judge as judge_long
+from haustra.envs.bench.stability.part import Order
+from haustra.envs.bench.stability.shocks import SHOCKS, Shocked, judge, shock
+from haustra.envs.engine.native import NativeEngine
+from haustra.models.anatomy.store import save_colon
+from haustra.models.scene import SceneOptions, build_scene
+from haustra.models.scope.library import named_design
+from tests.bent_colon import winding
+from tests.models.wall.conftest import swept_colon
+from tests.tube_colon import straight_tube
+
+BEND = swept_colon(winding([(0.08, 0.0), (0.1, 1.6), (0.3, 0.0)]), name="bend")
+
+
+def test_a_tip_released_from_full_bend_ends_at_rest_inside():
+    (name,) = (name for name in SHOCKS if "full bend" in name)
+    found = shock(straight_tube(0.4), None, name, quick=True)
+    assert found.outcome == "at rest"
+    assert 1 < found.fastest < 100
+    assert [bar.met for bar in judge([found]).bars] == [True, True, True]
+
+
+def test_what_diverged_or_moves_on_misses_its_bar():
+    def told(outcome, fastest):
+        return Shocked("x", "planes", outcome, "", fastest, 0.1, 0.2, 0.1, 1.0)
+
+    assert [bar.met for bar in judge([told("diverged", np.inf), told("moving", 5.0)]).bars] == [False, False, False]
+    assert [bar.measured for bar in judge([told("diverged", 1.0), told("moving", 5.0)]).bars] == [1, 1, 5.0]
+
+
+def test_a_scope_is_laid_along_the_centreline():
+    options = SceneOptions(wall_law="planes")
+    engine = NativeEngine(build_scene(BEND, None, named_design("adult"), options, show_lumen=False))
+    lay_along(engine, 0.25)
+    shape = engine.shape()[engine.scene.cable.node_distances < 0.24]
+    apart = np.linalg.norm(shape[:, None] - BEND.centreline.points, axis=2).min(axis=1)
+    assert apart.max() < 0.008
+    assert np.linalg.norm(shape[-1] - shape[0]) < 0.235  # bent, not straight
+
+
+def test_pushes_are_counted_in_every_colon_that_is_given(tmp_path, monkeypatch):
+    monkeypatch.setattr("haustra.envs.bench.stability.escapes.QUICK_PUSHES", 3)
+    for place in (tmp_path / "colons" / "grown-0", tmp_path / "other"):
+        save_colon(straight_tube(0.8), place)
+    part = escapes(Order(tmp_path, quick=True, colon=tmp_path / "other"), lambda done, note: None)
+    assert [bar.measured for bar in part.bars] == [0, 0]
+    assert part.counts["pushes"] == sum(int(row["pushes"] or 0) for row in part.tables[0].rows)
+
+
+def test_memory_that_grows_and_a_run_that_ends_early_miss_their_bars():
+    rows = [
+        {"steps": step, "memory_MiB": 100 + 3e-6 * step, "healthy": True, "insertion_m": 0.1}
+        for step in range(100_000, 1_000_001, 100_000)
+    ]
+    assert [bar.met for bar in judge_long(rows, 1_000_000).bars] == [True, False]
+    flat = [{**row, "memory_MiB": 100.0} for row in rows]
+    assert [bar.met for bar in judge_long(flat, 2_000_000).bars] == [False, True]
