@@ -66,6 +66,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
     from haustra.scripts.bench_skip import BenchSkip
     from haustra.scripts.bench_stability import BenchStability
     from haustra.scripts.bench_tracked import BenchTracked
+    from haustra.scripts.bench_view import BenchView
     from haustra.scripts.bench_worlds import BenchWorlds
     from haustra.scripts.colon import ColonImport
     from haustra.scripts.colon_check import ColonCheck
@@ -106,6 +107,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
         "bench rigs": BenchRigs,
         "bench pushes": BenchPushes,
         "bench grown": BenchGrown,
+        "bench view": BenchView,
         "bench worlds": BenchWorlds,
         "bench episodes": BenchEpisodes,
         "train": Train,

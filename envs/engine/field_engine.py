@@ -37,7 +37,7 @@ class FieldEngine:
             raise UnsupportedSceneError("The JAX scope engine has no gravity: use the native engine.")
         self.scene = scene
         self.model = scene.compile()
-        self._data = mujoco.MjData(self.model)
+        self.data = mujoco.MjData(self.model)
         field = radius_field(scene.colon, device_radius=scene.cable.radius)
         self.table_error = field.error
         tables = stack([field.seen_from(*entry_of(scene.colon))])
@@ -81,12 +81,12 @@ class FieldEngine:
         if inputs.wheels is not None:
             raise UnsupportedSceneError("The JAX scope engine steers by pulls: use the native engine for wheels.")
         self._hand = inputs.pulls
-        angle = float(np.hypot(*self._data.qpos[self._sheath]).sum())
+        angle = float(np.hypot(*self.data.qpos[self._sheath]).sum())
         self._arriving = arriving_pulls(self.scene.design.wires, inputs.pulls, self._arriving, sheath_angle=angle)
         asked = np.array([inputs.push_rate, inputs.roll_rate, *self._arriving], np.float32)
         self._step(asked, count)
-        self._data.ctrl[self._controls] = asked
-        self._data.ctrl[self._locks] = self._held.reshape(-1, 2)
+        self.data.ctrl[self._controls] = asked
+        self.data.ctrl[self._locks] = self._held.reshape(-1, 2)
         self._place()
         return self.healthy()
 
@@ -107,21 +107,21 @@ class FieldEngine:
     @property
     def insertion(self) -> float:
         """Length of scope past the anus [m]."""
-        return self.scene.options.start_depth + float(self._data.qpos[0])
+        return self.scene.options.start_depth + float(self.data.qpos[0])
 
     @property
     def qpos(self) -> Float[np.ndarray, " positions"]:
         """Generalised positions [m, rad]."""
-        return self._data.qpos.copy()
+        return self.data.qpos.copy()
 
     @property
     def ctrl(self) -> Float[np.ndarray, " actuators"]:
         """Controls of the last step, as the native engine's [m/s, rad/s, N, 1]."""
-        return self._data.ctrl.copy()
+        return self.data.ctrl.copy()
 
     def observe(self) -> Observation:
         """What can be read off at the end of the last step."""
-        seen, data = self._seen, self._data
+        seen, data = self._seen, self.data
         joints = self._energies.read(data)
         return Observation(
             time=self._time,
@@ -145,9 +145,9 @@ class FieldEngine:
 
     def shape(self) -> Float[np.ndarray, "nodes 3"]:
         """Points along the scope's axis, from the handle end of the modelled part to the tip [m]."""
-        return np.vstack([self._data.xpos[self._links], self._data.site_xpos[self._tip]])
+        return np.vstack([self.data.xpos[self._links], self.data.site_xpos[self._tip]])
 
     def _place(self) -> None:
         """Put MuJoCo's scope where JAX's is."""
-        self._data.qpos[:] = self._qpos
-        mujoco.mj_kinematics(self.model, self._data)
+        self.data.qpos[:] = self._qpos
+        mujoco.mj_kinematics(self.model, self.data)

@@ -7,14 +7,13 @@ from manifold3d import Manifold
 from haustra.models.wall.rays import Caster, joined_hulls
 
 
-def box(low: list[float], high: list[float]) -> np.ndarray:
-    size = np.subtract(high, low)
-    mesh = Manifold.cube(tuple(size)).translate(tuple(low)).to_mesh64()
+def cube(edge: float) -> np.ndarray:
+    mesh = Manifold.cube((edge, edge, edge), True).to_mesh64()
     return np.asarray(mesh.vert_properties)[:, :3]
 
 
 def test_from_inside_a_solid_begins_at_once() -> None:
-    caster = Caster(joined_hulls([box([-0.01, -0.01, -0.01], [0.01, 0.01, 0.01])]))
+    caster = Caster(joined_hulls([cube(0.02)]))
     directions = np.random.default_rng(0).normal(size=(50, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     assert (caster.entry(np.zeros(3), directions) == 0).all()
