@@ -39,7 +39,12 @@ _COLOURS = ("#2f5d8a", "#c9731b", "#4b8b4b", "#8a5cb8", "#b03a48", "#5a5a5a", "#
 
 def accuracy_page(result: Mapping[str, Any]) -> str:
     """The page as Markdown."""
-    parts = [_HEAD, _where(result["machine"]), "![Fronts](../images/accuracy.png)\n\n"]
+    parts = [
+        _HEAD,
+        _where(result["machine"]),
+        _efforts(result.get("full", [])),
+        "![Fronts](../images/accuracy.png)\n\n",
+    ]
     parts += ["## Bars\n\n", _bars(result["bars"]), "\n", _PRESETS, _presets(result), "\n## How it was measured\n\n"]
     parts += [f"* {line}\n" for line in result["summary"][1:]]
     parts += ["\n## Fronts\n\n", "Settings that no other beats in both error and cost, cheapest first.\n\n"]
@@ -60,6 +65,15 @@ def merged(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
     return {
         "machine": results[0]["machine"],
+        "full": [
+            name
+            for result in results
+            if result["machine"].get("effort") == "full"
+            for name in (
+                *(each["question"] for each in result["fronts"]),
+                *(each["title"] for each in result["tables"]),
+            )
+        ],
         "summary": list(dict.fromkeys(line for result in results for line in result["summary"])),
         "bars": first("bars", "what"),
         "fronts": first("fronts", "question"),
@@ -72,6 +86,11 @@ def _where(machine: Mapping[str, Any]) -> str:
         f"Measured {machine['date']} on {machine['cores']} cores of {machine['processor']} (load {machine['load']}), "
         f"MuJoCo {machine['mujoco']}, Python {machine['python']}.\n\n"
     )
+
+
+def _efforts(full: Sequence[str]) -> str:
+    named = f"At full effort: {'; '.join(full)}. All else" if full else "All"
+    return f"{named} by `--quick`: coarser references and fewer settings than the command gives without it.\n\n"
 
 
 def _bars(bars: Sequence[Mapping[str, Any]]) -> str:
