@@ -19,7 +19,7 @@ from haustra.models.scene import SceneOptions, build_scene
 from haustra.models.scope.library import named_design
 from haustra.models.wall.folder import wall_of
 
-STEPS, QUICK_STEPS = 10_000_000, 20_000
+STEPS, QUICK_STEPS = 10_000_000, 100_000
 RECORDS = 100
 """Looks at memory and state."""
 CYCLE = 8.0
