@@ -141,7 +141,7 @@ def test_label_that_is_not_there_and_voxels_that_are_too_large(tmp_path: Path):
     [
         ("empty.nii", b""),
         ("noise.nrrd", b"\x81" * 500),
-        ("short.nii.gz", gzip.compress(b"x" * 100)[:-9]),
+        ("short.nii.gz", gzip.compress(b"x" * 100, mtime=0)[:-9]),
         ("mesh.mha", b"solid mesh\nendsolid"),
         ("away.mhd", b"ObjectType = Image\nNDims = 3\nDimSize = 9 9 9\nElementDataFile = ../../../etc/passwd\n"),
     ],
