@@ -27,7 +27,7 @@ def study(tmp_path: Path) -> Study:
         ),
         conditions={"colon": (str(colon),), "friction": (0.1,)},
         objectives=(Objective("reach", "maximise"),),
-        options={"seconds": 6.0, "wall": "prism", "timestep": 0.005},
+        options={"seconds": 6.0, "wall": "prism", "timestep": 0.005, "preset": "balanced"},
     )
 
 
