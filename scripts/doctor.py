@@ -30,10 +30,13 @@ class Doctor:
 
 
 def _engines() -> dict[str, str]:
-    """Each engine and whether haustra can run it here."""
-    needs = {"mjx-jax": ("mujoco-mjx", "mujoco.mjx"), "mjx-warp": ("warp-lang", "warp")}
-    verdicts = {"native": "works"}
-    for engine, (package, module) in needs.items():
-        installed = find_spec(module) is not None
-        verdicts[engine] = f"{package} is installed; this version runs native only" if installed else f"no {package}"
+    """Each engine, and what of haustra it can run here."""
+    needs = {
+        "mjx-jax": ("jax", "mjx", "scopes against the tabulated lumen, one or many: run, sweep, vector environments"),
+        "mjx-warp": ("warp", "warp", "the tracked robot's rigs, many at once: bench rigs; fast on NVIDIA GPUs only"),
+    }
+    verdicts = {"native": "works: everything"}
+    for engine, (module, extra, use) in needs.items():
+        installed = find_spec("mujoco.mjx") is not None and find_spec(module) is not None
+        verdicts[engine] = f"installed: {use}" if installed else f"not installed: pip install 'haustra[{extra}]'"
     return verdicts
