@@ -28,9 +28,9 @@ demo: $(VENV)/.installed
 	@echo
 	@echo 'Open $(CURDIR)/demo/run/report.html'
 
-# A process a core, and one thread for numpy's BLAS: on small matrices and two cores, more of them wait for each other far longer than they compute.
+# A process a core, up to four since each takes a gigabyte, and one thread for numpy's BLAS: on small matrices and two cores, more of them wait for each other far longer than they compute.
 test: lint types
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto $(PYTEST_ARGUMENTS)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 $(PYTEST_ARGUMENTS)
 
 bench: $(VENV)/.installed-dev
 	$(BIN)/haustra bench --quick -o bench
