@@ -157,7 +157,7 @@ def _drive(engine: Engine, seconds: float, settings: FollowerSettings, progress:
     line = scene.colon.centreline
     start = scene.options.start_depth
     tracker = ArcTracker(line, start=start)
-    tip_links = sum(cell.steerable for cell in scene.cable.cells)
+    tip_links = scene.cable.tip_links
     follower = LumenFollower(line, scene.design, tip_links=tip_links, settings=settings)
     steps = max(1, round(CONTROL_INTERVAL / scene.options.timestep))
     interval = steps * scene.options.timestep

@@ -35,7 +35,7 @@ class ScopeBank:
     @property
     def tip_links(self) -> int:
         """Links of the bending section."""
-        return sum(cell.steerable for cell in self.scene.cable.cells)
+        return self.scene.cable.tip_links
 
     def tables_on_device(self, kind: Any = np.float32) -> Tables:
         """Tables in that precision, on JAX's default device."""

@@ -9,9 +9,11 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.bench.machine import machine
 from haustra.envs.bench.result import Bar, Bench, Table
 from haustra.envs.engine.native import Inputs, NativeEngine
 from haustra.envs.follower import LumenFollower
+from haustra.envs.insertion import CONTROL_INTERVAL
 from haustra.envs.measure.progress import ArcTracker
 from haustra.errors import HaustraError
 from haustra.models.anatomy.colon import Colon
@@ -26,7 +28,6 @@ ADVANCE = 0.04
 BOUND = 1e-3
 """Largest change of a score that leaving something out may cause [1]."""
 
-_INTERVAL = 0.02
 _SETTLED = 0.5
 """Peaks are read after this time [s]: at the start there is nothing to compare."""
 
@@ -105,6 +106,7 @@ def bench_skip(
         ),
         bars=tuple(bars),
         tables=(Table("What is left out", tuple(rows)),),
+        machine=machine(),
     )
 
 
@@ -121,7 +123,7 @@ def compare(lever: Lever, *, seconds: float, repeats: int) -> dict[str, Any]:
     gains = [whole.cost / gone.cost for whole, gone in zip(runs["whole"], runs["gone"], strict=True)]
     whole, gone = runs["whole"][0], runs["gone"][0]
     inside = SceneOptions.start_depth + ADVANCE * seconds
-    late = slice(int(_SETTLED / _INTERVAL), None)
+    late = slice(int(_SETTLED / CONTROL_INTERVAL), None)
     return {
         "left_out": lever.name,
         "use": lever.use,
@@ -204,13 +206,13 @@ def _drive(scene: Scene, seconds: float, *, steered: bool) -> tuple[list[str], F
     """Names of a scene's actuators, and their controls while the follower drives it."""
     engine = NativeEngine(scene)
     line = scene.colon.centreline
-    follower = LumenFollower(line, scene.design, tip_links=sum(cell.steerable for cell in scene.cable.cells))
+    follower = LumenFollower(line, scene.design, tip_links=scene.cable.tip_links)
     tracker = ArcTracker(line, start=scene.options.start_depth)
-    steps = round(_INTERVAL / scene.options.timestep)
+    steps = round(CONTROL_INTERVAL / scene.options.timestep)
     rows = []
-    for _ in range(round(seconds / _INTERVAL)):
+    for _ in range(round(seconds / CONTROL_INTERVAL)):
         seen = engine.observe()
-        inputs = follower.act(seen, tracker.update(seen.tip), _INTERVAL)
+        inputs = follower.act(seen, tracker.update(seen.tip), CONTROL_INTERVAL)
         rate = min(inputs.push_rate, ADVANCE)
         if not engine.step(inputs if steered else Inputs(rate, 0.0), steps):
             raise HaustraError("The scene to compare with diverged: choose another colon, design or time.")
@@ -226,7 +228,7 @@ def _replay(
     known = {name: column for column, name in enumerate(names)}
     columns = [known[_shifted(model.actuator(number).name, shift)] for number in range(model.nu)]
     data = mujoco.MjData(model)
-    steps = round(_INTERVAL / timestep)
+    steps = round(CONTROL_INTERVAL / timestep)
     push, tip = model.actuator("scope/push").id, model.site("scope/tip").id
     spent, rows = 0.0, []
     for control in controls[:, columns]:
@@ -240,7 +242,7 @@ def _replay(
     found = np.array(rows)
     if not np.isfinite(found).all():
         raise HaustraError("A replay of the controls diverged: choose another colon, design or time.")
-    return Replay(spent / (len(controls) * _INTERVAL), found[:, :3], found[:, 3], found[:, 4])
+    return Replay(spent / (len(controls) * CONTROL_INTERVAL), found[:, :3], found[:, 3], found[:, 4])
 
 
 def _shifted(name: str, shift: int) -> str:

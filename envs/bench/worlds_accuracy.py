@@ -10,13 +10,12 @@ from jaxtyping import Float
 from haustra.envs.engine.native import NativeEngine
 from haustra.envs.engine.scope_worlds import Hands, ScopeWorlds
 from haustra.envs.follower import LumenFollower
+from haustra.envs.insertion import CONTROL_INTERVAL
 from haustra.envs.measure.progress import ArcTracker
 from haustra.envs.scope_bank import build_bank
 from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import SceneOptions, build_scene, entry_of
 from haustra.models.scope.design import ScopeDesign
-
-_INTERVAL = 0.02
 
 
 @dataclass(frozen=True)
@@ -63,20 +62,20 @@ def compare_with_native(
     bank = build_bank([colon], design, coarse)
     fine = replace(coarse, wall_law="planes", shaft_cell=cell, bending_cell=cell, sample_spacing=None)
     native = NativeEngine(build_scene(colon, None, design, fine, show_lumen=False))
-    links = sum(one.steerable for one in native.scene.cable.cells)
+    links = native.scene.cable.tip_links
     follower = LumenFollower(colon.centreline, design, tip_links=links)
     tracker = ArcTracker(colon.centreline, start=fine.start_depth)
     engine = ScopeWorlds.of(bank.scene)
     tables, parameters = bank.tables_on_device(), engine.parameters(bank.scene, 1)
-    steps = round(_INTERVAL / coarse.timestep)
+    steps = round(CONTROL_INTERVAL / coarse.timestep)
     go = jax.jit(lambda now, hands: engine.steps(tables, parameters, now, hands, steps))
     look = jax.jit(lambda now: engine.observe(parameters, tables, now))
     worlds = engine.begin(parameters)
     entry, axes = entry_of(colon)
     rows = []
-    for _ in range(round(seconds / _INTERVAL)):
+    for _ in range(round(seconds / CONTROL_INTERVAL)):
         known = native.observe()
-        inputs = follower.act(known, tracker.update(known.tip), _INTERVAL)
+        inputs = follower.act(known, tracker.update(known.tip), CONTROL_INTERVAL)
         if not native.step(inputs, steps):
             break
         hands = Hands(jnp.array([inputs.push_rate]), jnp.array([inputs.roll_rate]), jnp.asarray(inputs.pulls)[None])

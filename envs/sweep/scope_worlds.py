@@ -124,7 +124,7 @@ def _answer(colons: _Colons, worlds: Sequence[_World], seconds: float) -> list[R
         "push_limit": np.array([one.scene.options.push_limit for one in filled]),
     }
     parameters = first.kind.parameters(first.scene, count, scope=stack_scopes([one.scope for one in filled]), **each)
-    tip_links = sum(cell.steerable for cell in first.scene.cable.cells)
+    tip_links = first.scene.cable.tip_links
     follower = WorldsFollower.of(first.scene.design, tip_links=tip_links, settings=first.driver)
     tables = jax.tree.map(
         lambda part: jax.numpy.asarray(part, None if part.dtype.kind == "i" else "float32"), colons.tables

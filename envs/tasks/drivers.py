@@ -65,7 +65,7 @@ class FollowerDriver:
     def __init__(self, task: ScopeTask, *, settings: FollowerSettings | None = None) -> None:
         """Drive the worlds of a task."""
         self._task, self._settings = task, settings
-        self._tip_links = sum(cell.steerable for cell in task.bank.scene.cable.cells)
+        self._tip_links = task.bank.scene.cable.tip_links
         self._followers: list[LumenFollower] = [self._new(0)] * task.worlds
 
     def begin(self, worlds: Bool[np.ndarray, " worlds"]) -> None:

@@ -99,6 +99,11 @@ class Cable:
     """Two actuators a joint, which hold it straight while it is outside the patient."""
 
     @property
+    def tip_links(self) -> int:
+        """Links of the bending section, the last ones."""
+        return sum(cell.steerable for cell in self.cells)
+
+    @property
     def node_distances(self) -> Float[np.ndarray, " nodes"]:
         """Distance from the tip of the handle end, of each joint, and of the tip itself [m]."""
         return self.length - np.concatenate([[0.0], self.joint_positions, [self.length]])

@@ -10,14 +10,12 @@ from haustra.envs.bench.accuracy.knobs import Tweak, unchanged
 from haustra.envs.bench.accuracy.timing import processor_seconds
 from haustra.envs.engine.native import Inputs, NativeEngine
 from haustra.envs.follower import FollowerSettings, LumenFollower
+from haustra.envs.insertion import CONTROL_INTERVAL
 from haustra.envs.measure.progress import ArcTracker
 from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import SceneOptions, build_scene
 from haustra.models.scope.design import ScopeDesign
 from haustra.models.wall.wall import Wall
-
-INTERVAL = 0.02
-"""Between two inputs, and between two records [s]: 50 Hz, as runs are driven."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +35,11 @@ class Script:
     @property
     def seconds(self) -> float:
         """How long it lasts [s]."""
-        return len(self) * INTERVAL
+        return len(self) * CONTROL_INTERVAL
 
     def deepest(self, start: float) -> float:
         """The most scope that can be past the anus when the tip starts at that depth [m]."""
-        return start + max(0.0, float(np.cumsum(self.push_rate).max()) * INTERVAL)
+        return start + max(0.0, float(np.cumsum(self.push_rate).max()) * CONTROL_INTERVAL)
 
 
 @dataclass(frozen=True)
@@ -79,7 +77,7 @@ class Errors:
 
 def steady_push(seconds: float, rate: float) -> Script:
     """Push at one speed [m/s] and leave the wires alone."""
-    count = round(seconds / INTERVAL)
+    count = round(seconds / CONTROL_INTERVAL)
     return Script(np.full(count, rate), np.zeros(count), np.zeros((count, 4)))
 
 
@@ -87,14 +85,14 @@ def record_script(colon: Colon, design: ScopeDesign, options: SceneOptions, *, s
     """What the lumen follower does in tangent planes, where it feels true forces."""
     deepest = options.start_depth + FollowerSettings.advance_rate * seconds
     engine = NativeEngine(build_scene(colon, None, design, options, show_lumen=False, deepest=deepest))
-    links = sum(cell.steerable for cell in engine.scene.cable.cells)
+    links = engine.scene.cable.tip_links
     follower = LumenFollower(colon.centreline, design, tip_links=links)
     tracker = ArcTracker(colon.centreline, start=options.start_depth)
     rows = []
-    for _ in range(round(seconds / INTERVAL)):
+    for _ in range(round(seconds / CONTROL_INTERVAL)):
         seen = engine.observe()
-        inputs = follower.act(seen, tracker.update(seen.tip), INTERVAL)
-        engine.step(inputs, round(INTERVAL / options.timestep))
+        inputs = follower.act(seen, tracker.update(seen.tip), CONTROL_INTERVAL)
+        engine.step(inputs, round(CONTROL_INTERVAL / options.timestep))
         rows.append([inputs.push_rate, inputs.roll_rate, *inputs.pulls])
     table = np.array(rows)
     return Script(table[:, 0], table[:, 1], table[:, 2:])
@@ -114,7 +112,7 @@ def replay(
     scene = build_scene(colon, wall, design, options, show_lumen=False, deepest=deepest)
     tweak(scene.spec)
     engine = NativeEngine(scene)
-    steps = round(INTERVAL / options.timestep)
+    steps = round(CONTROL_INTERVAL / options.timestep)
     rows, spent, healthy = [], 0.0, True
     for index in range(len(script)):
         inputs = Inputs(float(script.push_rate[index]), float(script.roll_rate[index]), script.pulls[index])
@@ -128,7 +126,7 @@ def replay(
             break
         rows.append(_read(engine))
     table = np.array(rows).reshape(-1, 7)
-    done = max(1, len(rows)) * INTERVAL
+    done = max(1, len(rows)) * CONTROL_INTERVAL
     return Track(
         tip=table[:, :3],
         insertion=table[:, 3],

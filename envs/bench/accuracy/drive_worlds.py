@@ -6,9 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from haustra.envs.bench.accuracy.drive import INTERVAL, Script, Track
+from haustra.envs.bench.accuracy.drive import Script, Track
 from haustra.envs.bench.accuracy.timing import processor_seconds
 from haustra.envs.engine.scope_worlds import Hands, ScopeWorlds
+from haustra.envs.insertion import CONTROL_INTERVAL
 from haustra.envs.scope_bank import build_bank
 from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import SceneOptions, entry_of
@@ -27,7 +28,7 @@ def _replay(script: Script, colon: Colon, design: ScopeDesign, options: SceneOpt
     bank = build_bank([colon], design, options)
     engine = ScopeWorlds.of(bank.scene)
     tables, parameters = bank.tables_on_device(kind), engine.parameters(bank.scene, 1, kind=kind)
-    steps = round(INTERVAL / options.timestep)
+    steps = round(CONTROL_INTERVAL / options.timestep)
     go = jax.jit(lambda now, hands: engine.steps(tables, parameters, now, hands, steps))
     look = jax.jit(lambda now: engine.observe(parameters, tables, now))
     worlds = engine.begin(parameters)
@@ -57,7 +58,7 @@ def _replay(script: Script, colon: Colon, design: ScopeDesign, options: SceneOpt
         push=table[:, 4],
         wall=table[:, 5],
         contacts=float(table[:, 6].mean()) if len(table) else 0.0,
-        cost=spent / (max(1, len(rows)) * INTERVAL),
+        cost=spent / (max(1, len(rows)) * CONTROL_INTERVAL),
     )
 
 

@@ -5,12 +5,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from haustra.envs.bench.accuracy.drive import INTERVAL
 from haustra.envs.bench.accuracy.places import Place, grown
 from haustra.envs.bench.accuracy.question import Answer, Effort
 from haustra.envs.bench.accuracy.timing import in_turns, processor_seconds, stepping
 from haustra.envs.bench.result import Table, Value
 from haustra.envs.engine.native import Inputs, NativeEngine
+from haustra.envs.insertion import CONTROL_INTERVAL
 from haustra.errors import HaustraError
 from haustra.models.presets import PRESETS
 from haustra.models.scene import SceneOptions, build_scene
@@ -40,8 +40,8 @@ def _pushed(
     place: Place, wall: Wall, design: ScopeDesign, options: SceneOptions, seconds: float, deepest: float | None = None
 ) -> NativeEngine:
     engine = NativeEngine(build_scene(place.colon, wall, design, options, show_lumen=False, deepest=deepest))
-    for _ in range(round(seconds / INTERVAL)):
-        engine.step(Inputs(RATE, 0.0), round(INTERVAL / options.timestep))
+    for _ in range(round(seconds / CONTROL_INTERVAL)):
+        engine.step(Inputs(RATE, 0.0), round(CONTROL_INTERVAL / options.timestep))
     return engine
 
 
@@ -85,10 +85,10 @@ def _contacts(place: Place, design: ScopeDesign, effort: Effort, seconds: float)
     effort.tell("growth: contacts")
     wall, options = place.wall("prism"), PRESETS["balanced"].apply()
     engine = NativeEngine(build_scene(place.colon, wall, design, options, show_lumen=False))
-    steps, found = round(INTERVAL / options.timestep), []
-    for _ in range(round(seconds / INTERVAL)):
+    steps, found = round(CONTROL_INTERVAL / options.timestep), []
+    for _ in range(round(seconds / CONTROL_INTERVAL)):
         spent = processor_seconds(lambda: engine.step(Inputs(RATE, 0.0), steps))
-        found.append((engine.data.ncon, spent / INTERVAL))
+        found.append((engine.data.ncon, spent / CONTROL_INTERVAL))
     contacts, costs = np.array(found).T
     edges = np.unique(np.quantile(contacts, [0, 0.25, 0.5, 0.75, 1]))
     rows: list[dict[str, Value]] = []

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from haustra.envs.bench.accuracy.drive import INTERVAL, steady_push
+from haustra.envs.bench.accuracy.drive import steady_push
 from haustra.envs.bench.accuracy.places import grown
 from haustra.envs.bench.accuracy.question import Answer, Effort
 from haustra.envs.bench.accuracy.refined_mesh import with_triangles
@@ -18,6 +18,7 @@ from haustra.envs.bench.accuracy.timing import Block, in_turns, stepping
 from haustra.envs.bench.cost import options_for
 from haustra.envs.bench.result import Bar, Table, Value
 from haustra.envs.engine.native import Inputs, NativeEngine
+from haustra.envs.insertion import CONTROL_INTERVAL
 from haustra.models.anatomy.colon import Colon
 from haustra.models.presets import PRESETS
 from haustra.models.scene import build_scene
@@ -111,8 +112,8 @@ def _pushed(colon: Colon, wall: Wall, design: ScopeDesign, count: int) -> tuple[
     options = replace(options_for(colon, design, count), timestep=PRESETS["balanced"].apply().timestep)
     engine = NativeEngine(build_scene(colon, wall, design, options, show_lumen=False))
     inputs = Inputs(RATE, 0.0)
-    for _ in range(round(SECONDS / INTERVAL)):
-        engine.step(inputs, round(INTERVAL / options.timestep))
+    for _ in range(round(SECONDS / CONTROL_INTERVAL)):
+        engine.step(inputs, round(CONTROL_INTERVAL / options.timestep))
     return engine, inputs
 
 

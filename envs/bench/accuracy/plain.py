@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from haustra.envs.bench.accuracy.drive import INTERVAL, replay, set_tolerance, steady_push
+from haustra.envs.bench.accuracy.drive import replay, set_tolerance, steady_push
 from haustra.envs.bench.accuracy.insertion import refined
 from haustra.envs.bench.accuracy.places import Place, grown
 from haustra.envs.bench.accuracy.plain_scope import PlainScope, plain_scope
@@ -19,6 +19,7 @@ from haustra.envs.bench.accuracy.question import Answer, Effort
 from haustra.envs.bench.accuracy.timing import Block, in_turns, sound, stepping
 from haustra.envs.bench.result import Bar, Table, Value
 from haustra.envs.engine.native import Inputs, NativeEngine
+from haustra.envs.insertion import CONTROL_INTERVAL
 from haustra.errors import HaustraError
 from haustra.models.presets import PRESETS
 from haustra.models.scene import SceneOptions, build_scene
@@ -95,8 +96,8 @@ def _balanced(place: Place, wall: Wall, design: ScopeDesign, seconds: float) -> 
     deepest = steady_push(seconds, RATE).deepest(options.start_depth)
     engine = NativeEngine(build_scene(place.colon, scene_wall, design, options, show_lumen=False, deepest=deepest))
     inputs = Inputs(RATE, 0.0)
-    for _ in range(round(seconds / INTERVAL)):
-        engine.step(inputs, round(INTERVAL / options.timestep))
+    for _ in range(round(seconds / CONTROL_INTERVAL)):
+        engine.step(inputs, round(CONTROL_INTERVAL / options.timestep))
     return engine, inputs
 
 
@@ -110,8 +111,8 @@ def _pushed(place: Place, wall: Wall, design: ScopeDesign, segments: int, second
     for step in STEPS:
         scope = plain_scope(place.colon, wall, design, segments=segments, timestep=step, damped=True)
         data, tips = scope.begin(), []
-        for _ in range(round(seconds / INTERVAL)):
-            for _ in range(round(INTERVAL / step)):
+        for _ in range(round(seconds / CONTROL_INTERVAL)):
+            for _ in range(round(CONTROL_INTERVAL / step)):
                 data.ctrl[0] = RATE * (data.time + step)
                 if not _stepped(scope.model, data):
                     break

@@ -1,19 +1,17 @@
 """Ask the questions one after another; finished ones are kept, so that a benchmark that was stopped goes on."""
 
 import json
-import os
-import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from datetime import UTC, datetime
 from importlib import import_module
 from pathlib import Path
 
 import mujoco
 
 from haustra.envs.bench.accuracy.question import Answer, Effort
-from haustra.envs.bench.result import Bench, Value, bench_from_json
+from haustra.envs.bench.machine import machine
+from haustra.envs.bench.result import Bench, bench_from_json
 from haustra.envs.engine.log import log_to_stderr_only
 from haustra.errors import InvalidOptionError
 from haustra.files import write_json
@@ -106,26 +104,6 @@ _SUMMARY = (
     "Each question turns one knob at a time around the defaults and measures the error against a reference. Costs are "
     "processor time, all settings of a front in turn, median of several turns."
 )
-
-
-def machine() -> dict[str, Value]:
-    """Date, versions and processor, which figures of speed need beside them."""
-    return {
-        "date": datetime.now(UTC).date().isoformat(),
-        "processor": _processor(),
-        "cores": os.cpu_count(),
-        "load": round(os.getloadavg()[0], 1),
-        **package_versions(),
-    }
-
-
-def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return platform.processor() or platform.machine()
-    named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return named[0] if named else platform.machine()
 
 
 def _answered(name: str, effort: Effort, folder: Path | None, state: str) -> Bench:

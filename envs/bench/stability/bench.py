@@ -1,8 +1,8 @@
 """All parts of the stability benchmark, or some, as one result."""
 
 from collections.abc import Callable, Sequence
-from datetime import UTC, datetime
 
+from haustra.envs.bench.machine import machine
 from haustra.envs.bench.result import Bench
 from haustra.envs.bench.stability.conservation import conservation
 from haustra.envs.bench.stability.escapes import escapes
@@ -12,7 +12,6 @@ from haustra.envs.bench.stability.poison import poison
 from haustra.envs.bench.stability.random_runs import random_runs
 from haustra.envs.bench.stability.shocks import shocks
 from haustra.errors import InvalidOptionError
-from haustra.provenance import package_versions
 
 PARTS: dict[str, Callable[[Order, Progress], Part]] = {
     "conservation": conservation,
@@ -47,5 +46,5 @@ def stability(order: Order, only: Sequence[str], progress: Callable[[str, float,
         summary=(extent, *(part.summary for part in found if part.summary)),
         bars=tuple(bar for part in found for bar in part.bars),
         tables=tuple(table for part in found for table in part.tables),
-        machine={**package_versions(), "date": datetime.now(UTC).date().isoformat()},
+        machine=machine(),
     )

@@ -67,7 +67,7 @@ def test_pulling_back_shortens_a_bowed_scope_while_its_tip_stays(record_property
     scene = build_scene(colon, wall, named_design("adult"), SceneOptions(friction=0.1), show_lumen=False)
     engine = NativeEngine(scene)
     tracker = ArcTracker(colon.centreline, start=scene.options.start_depth)
-    tip_links = sum(cell.steerable for cell in scene.cable.cells)
+    tip_links = scene.cable.tip_links
     driver = LumenFollower(colon.centreline, scene.design, tip_links=tip_links)
     seen = engine.observe()
     while tracker.arc < 0.55 and seen.time < 30:

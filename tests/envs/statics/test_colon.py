@@ -42,7 +42,7 @@ def drive_to(engine: NativeEngine, arc: float) -> np.ndarray:
     """Let the follower bring the tip to an arc length; the pulls that it left."""
     scene = engine.scene
     tracker = ArcTracker(scene.colon.centreline, start=scene.options.start_depth)
-    tip_links = sum(cell.steerable for cell in scene.cable.cells)
+    tip_links = scene.cable.tip_links
     driver, inputs = LumenFollower(scene.colon.centreline, scene.design, tip_links=tip_links), None
     while tracker.arc < arc and engine.data.time < 30:
         inputs = driver.act(engine.observe(), tracker.arc, 0.02)
