@@ -15,9 +15,15 @@ from haustra.envs.tasks.scope_task import ScopeTask
 class ScopeVecEnv(VecEnv):
     """Worlds of one task; an episode that is over begins anew at once, its last observation in `info`."""
 
-    def __init__(self, task: ScopeTask, *, flat: bool = False) -> None:
-        """Wrap a task; `flat` puts the parts of an observation side by side, as `Driver`s and policies read them."""
-        self.task, self.render_mode, self._flat = task, None, flat
+    def __init__(self, task: ScopeTask, *, flat: bool = False, stagger: bool = False) -> None:
+        """Wrap a task.
+
+        Args:
+            task: the worlds.
+            flat: put the parts of an observation side by side, as `Driver`s and policies read them.
+            stagger: cut the first episodes after a reset at even chances, so that worlds are not all equally far.
+        """
+        self.task, self.render_mode, self._flat, self._stagger = task, None, flat, stagger
         space = observation_space(task.config)
         super().__init__(task.worlds, flatten_space(space) if flat else space, action_space())
         self._action = np.zeros((task.worlds, 4))
@@ -27,6 +33,8 @@ class ScopeVecEnv(VecEnv):
         """Begin anew everywhere, with the seeds that `seed` set."""
         seeds = [int(seed) for seed in self._seeds if seed is not None]
         seen = self.task.reset(seeds=seeds if len(seeds) == self.num_envs else None)
+        if self._stagger:
+            self.task.stagger(seeds[0] if seeds else 0)
         self._reset_seeds()
         self._return[:], self._length[:] = 0.0, 0
         return self._shown(seen)

@@ -27,8 +27,12 @@ class Evaluate:
     """Range of Coulomb's coefficient."""
     seconds: float = 90.0
     """Longest episode [s]."""
+    engine: Literal["native", "mjx-jax"] = "native"
+    """Of the physics: MuJoCo on threads, or JAX on its device, all episodes at once."""
     threads: int = 2
-    """For physics."""
+    """For physics on the CPU."""
+    processes: int = 2
+    """That grow colons which are not in the cache."""
     algorithm: Literal["ppo", "sac"] = "ppo"
     """Of Stable-Baselines3 files."""
     trust: bool = False
@@ -62,6 +66,7 @@ class Evaluate:
                 seeds,
                 named_design(config.design),
                 difficulty=config.difficulty,
+                processes=self.processes,
                 progress=lambda done: advance(done, ""),
             )
         done = []
@@ -76,6 +81,7 @@ class Evaluate:
                         bank,
                         episodes=self.episodes,
                         threads=self.threads,
+                        engine=self.engine,
                         progress=lambda count, _, tell=advance: tell(count, ""),
                     )
                 )

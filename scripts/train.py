@@ -14,7 +14,7 @@ class Train:
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for the run."""
     config: str = "insertion-ppo"
-    """A shipped training (insertion-ppo, insertion-sac, quick), or a JSON file like the training.json of a run."""
+    """A shipped training: insertion-ppo, insertion-gpu, insertion-sac, quick; or a JSON file like a training.json."""
     steps: int | None = None
     """Environment steps over all worlds."""
     worlds: int | None = None
@@ -29,8 +29,16 @@ class Train:
     """Band of tortuosity that colons are grown from."""
     colons: int | None = None
     """Number of grown colons (seeds 0, 1, ...)."""
+    engine: Literal["native", "mjx-jax"] | None = None
+    """Of the physics: MuJoCo on threads, or JAX on its device."""
+    device: Literal["cpu", "cuda"] | None = None
+    """Of the networks."""
     threads: int = 2
-    """For physics."""
+    """For physics on the CPU."""
+    processes: int = 2
+    """That grow colons which are not in the cache."""
+    minutes: float | None = None
+    """Stop cleanly after this time; --resume goes on."""
     resume: bool = False
     """Go on from the folder's last checkpoint, up to --steps."""
     tensorboard: bool = False
@@ -55,7 +63,14 @@ class Train:
             task, **{name: value for name in ("design", "difficulty") if (value := getattr(self, name)) is not None}
         )
         training = changed(
-            training, task=task, steps=self.steps, worlds=self.worlds, seed=self.seed, imitate=self.imitate
+            training,
+            task=task,
+            steps=self.steps,
+            worlds=self.worlds,
+            engine=self.engine,
+            device=self.device,
+            seed=self.seed,
+            imitate=self.imitate,
         )
         with progress_bar("train", training.steps, unit="steps") as advance:
             return train(
@@ -63,6 +78,8 @@ class Train:
                 self.output,
                 resume=self.resume,
                 threads=self.threads,
+                processes=self.processes,
+                minutes=self.minutes,
                 tensorboard=self.tensorboard,
                 progress=lambda done, note: advance(done, note),
             )

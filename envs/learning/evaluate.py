@@ -14,6 +14,8 @@ from haustra.envs.tasks.scope_task import ScopeTask
 
 FELT = 2.0
 """Wall force above which a step counts as pressing [N]."""
+MOST_WORLDS = {"native": 40, "mjx-jax": 8192}
+"""Episodes that run at once on an engine."""
 
 
 @dataclass(frozen=True)
@@ -79,12 +81,14 @@ def evaluate(
     *,
     episodes: int = 5,
     threads: int = 2,
-    most_worlds: int = 40,
+    engine: str = "native",
+    most_worlds: int | None = None,
     progress: Callable[[int, int], None] = lambda done, all_of_them: None,
 ) -> Evaluation:
     """Let a driver drive `episodes` times in every colon of a bank.
 
-    Episode e in colon k draws friction, stiffness, wires and roll by the seed 1000 k + e, whoever drives.
+    Episode e in colon k draws friction, stiffness, wires and roll by the seed 1000 k + e, whoever drives, and on
+    whichever engine.
 
     Args:
         make_driver: given the task.
@@ -92,26 +96,31 @@ def evaluate(
         config: the rules, among them what the driver sees.
         bank: the colons.
         episodes: in each.
-        threads: for physics.
-        most_worlds: stepped at once.
+        threads: for physics on the CPU.
+        engine: 'native', MuJoCo on threads, or 'mjx-jax', JAX on its device.
+        most_worlds: stepped at once; what suits the engine when None.
         progress: told episodes done and their number.
     """
     plan = [(case, episode) for case in range(len(bank.cases)) for episode in range(episodes)]
-    worlds = min(most_worlds, len(plan))
-    task = ScopeTask(config, worlds=worlds, threads=threads, bank=bank)
+    worlds = min(most_worlds or MOST_WORLDS[engine], len(plan))
+    task = ScopeTask(config, worlds=worlds, threads=threads, engine=engine, bank=bank)
     driver, ended = make_driver(task), {}
     waiting = list(range(len(plan)))[::-1]
     running: dict[int, _Record] = {}
+    history = _History()
 
     def begin(places: list[int]) -> None:
         for world in places:
-            if not waiting:
-                running.pop(world, None)
-                continue
-            number = waiting.pop()
-            case, episode = plan[number]
-            task.reset(np.array([world]), [1000 * case + episode], case=case)
-            running[world] = _Record(number, 1000 * case + episode)
+            running.pop(world, None)
+        places = places[: len(waiting)]
+        numbers = [waiting.pop() for _ in places]
+        if not places:
+            return
+        cases, seeds = np.array([plan[k][0] for k in numbers]), [1000 * plan[k][0] + plan[k][1] for k in numbers]
+        task.reset(np.array(places), seeds, case=cases)
+        running.update(
+            {world: _Record(k, seed, history.steps) for world, k, seed in zip(places, numbers, seeds, strict=True)}
+        )
         mask = np.zeros(worlds, bool)
         mask[places] = True
         driver.begin(mask)
@@ -120,12 +129,12 @@ def evaluate(
     seen = task.observe()
     while running:
         done = task.step(driver.act(seen))
-        over = []
-        for world, record in running.items():
-            record.add({key: values[world] for key, values in done.info.items()})
-            if done.terminated[world] or done.truncated[world]:
-                ended[record.number] = record.episode(task, bank)
-                over.append(world)
+        history.add(done.info)
+        over = [world for world in np.flatnonzero(done.terminated | done.truncated).tolist() if world in running]
+        for world in over:
+            last = {key: values[world] for key, values in done.info.items()}
+            record = running[world]
+            ended[record.number] = record.episode(last, history.of(world, record.began), task, bank)
         seen = done.observation
         if over:
             begin(over)
@@ -135,45 +144,58 @@ def evaluate(
     return Evaluation(name, tuple(ended[number] for number in range(len(plan))), len(bank.cases))
 
 
+class _History:
+    """Largest wall force and progress of all worlds, step by step."""
+
+    def __init__(self) -> None:
+        self._columns: list[np.ndarray] = []
+
+    @property
+    def steps(self) -> int:
+        return len(self._columns)
+
+    def add(self, info: dict[str, np.ndarray]) -> None:
+        force = np.where(info["diverged"], np.nan, info["wall_force"])
+        self._columns.append(np.stack([force, info["progress"]]))
+
+    def of(self, world: int, began: int) -> np.ndarray:
+        """Rows: force [N], not a number where the world has diverged, and progress; of one world since a step."""
+        return np.array([column[:, world] for column in self._columns[began:]]).T
+
+
+@dataclass(frozen=True)
 class _Record:
-    """What is kept of a running episode."""
+    """A running episode: which it is, and at which step of the whole it began."""
 
-    def __init__(self, number: int, seed: int) -> None:
-        self.number, self._seed = number, seed
-        self._forces: list[float] = []
-        self._progress: list[float] = []
-        self._last: dict[str, Any] = {}
+    number: int
+    seed: int
+    began: int
 
-    def add(self, info: dict[str, Any]) -> None:
-        self._last = info
-        if not info["diverged"]:
-            self._forces.append(float(info["wall_force"]))
-        self._progress.append(float(info["progress"]))
-
-    def episode(self, task: ScopeTask, bank: Bank) -> Episode:
-        info, limits = self._last, task.config.limits
-        force = np.array(self._forces or [0.0])
-        reached, perforated = bool(info["reached"]), bool(info["perforated"])
+    def episode(self, last: dict[str, Any], history: np.ndarray, task: ScopeTask, bank: Bank) -> Episode:
+        limits = task.config.limits
+        force = history[0][np.isfinite(history[0])] if np.isfinite(history[0]).any() else np.zeros(1)
+        reached, perforated = bool(last["reached"]), bool(last["perforated"])
         return Episode(
-            colon=bank.cases[int(info["case"])].name,
-            seed=self._seed,
-            friction=float(info["friction"]),
+            colon=bank.cases[int(last["case"])].name,
+            seed=self.seed,
+            friction=float(last["friction"]),
             reached=reached,
-            progress=float(info["progress"]),
-            seconds=float(info["time"]),
+            progress=float(last["progress"]),
+            seconds=float(last["time"]),
             peak_force_N=float(force.max()),
             mean_force_N=float(force.mean()),
             share_over_2N=float((force > FELT).mean()),
             share_over_safe=float((force > limits.safe_force).mean()),
             perforated=perforated,
             safe=reached and not perforated and bool(force.max() <= limits.safe_force),
-            reason=self._reason(task.interval),
-            failed_at_m=float(info["tip_arc"]),
+            reason=_reason(last, history[1], task.interval),
+            failed_at_m=float(last["tip_arc"]),
         )
 
-    def _reason(self, interval: float) -> str:
-        for name in ("diverged", "perforated", "reached"):
-            if self._last[name]:
-                return name
-        recent = self._progress[-round(20 / interval) :]
-        return "stuck" if recent[-1] - recent[0] < 1e-3 else "time up"
+
+def _reason(last: dict[str, Any], progress: np.ndarray, interval: float) -> str:
+    for name in ("diverged", "perforated", "reached"):
+        if last[name]:
+            return name
+    recent = progress[-round(20 / interval) :]
+    return "stuck" if recent[-1] - recent[0] < 1e-3 else "time up"

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from haustra.envs.learning.models import policy_of
 from haustra.envs.learning.policy import MlpPolicy
 from haustra.envs.learning.settings import Training
-from haustra.envs.learning.train import policy_of
 from haustra.errors import InvalidOptionError, UnreadableFileError
 
 

@@ -9,7 +9,9 @@ from haustra.envs.tasks.config import TaskConfig
 from haustra.errors import InvalidOptionError
 
 ALGORITHMS = ("ppo", "sac")
-SHIPPED = ("insertion-ppo", "insertion-sac", "quick")
+ENGINES = ("native", "mjx-jax")
+DEVICES = ("cpu", "cuda")
+SHIPPED = ("insertion-ppo", "insertion-gpu", "insertion-sac", "quick")
 """Configurations in assets/training."""
 
 
@@ -24,11 +26,17 @@ class Training:
     leg: int = 200_000
     """Steps between two checkpoints; episodes begin anew there, so that a resumed run is the same run."""
     worlds: int = 32
+    engine: str = "native"
+    """Of the physics: MuJoCo on threads, or 'mjx-jax', thousands of worlds on JAX's device."""
+    device: str = "cpu"
+    """Of the networks: 'cpu', or 'cuda', PyTorch's GPU."""
     seed: int = 0
     imitate: int = 60_000
     """Steps in which the policy first learns from the lumen follower, driving itself (DAgger); 0 for none."""
     layers: tuple[int, ...] = (128, 128)
     learning_rate: float = 3e-4
+    anneal: bool = False
+    """The learning rate falls evenly to a tenth over all steps."""
     gamma: float = 0.99
     rollout: int = 128
     """PPO: steps of each world between two updates."""
@@ -41,6 +49,14 @@ class Training:
     """PPO: logarithm of the exploration at the start; at -1 a policy that imitates pushes its tip through walls."""
     target_kl: float = 0.03
     """PPO: an update stops when the policy has changed by more than this."""
+    normalise: bool = False
+    """PPO: observations and rewards are divided by their running deviation; the saved policy has it in its layers."""
+    first_push: float = 0.0
+    """PPO: push action that the untrained policy's mean begins with [1]."""
+    stagger: bool = False
+    """The first episodes of a leg are cut at even chances, so that worlds do not all stand at the same depth."""
+    ease: tuple[float, float] | None = None
+    """Perforation limit at the start [N], and share of the steps over which it falls evenly to the task's."""
     buffer: int = 300_000
     """SAC: transitions remembered."""
     task: TaskConfig = field(default_factory=TaskConfig)
@@ -48,11 +64,18 @@ class Training:
     def __post_init__(self) -> None:
         if self.algorithm not in ALGORITHMS:
             raise InvalidOptionError(f"Algorithm '{self.algorithm}' is not known. Known: {', '.join(ALGORITHMS)}.")
+        for name, known in (("engine", ENGINES), ("device", DEVICES)):
+            if getattr(self, name) not in known:
+                raise InvalidOptionError(f"The {name} '{getattr(self, name)}' is not known. Known: {', '.join(known)}.")
         for name in ("steps", "leg", "worlds", "rollout", "batch", "epochs", "buffer"):
             if getattr(self, name) < 1:
                 raise InvalidOptionError(f"{name} is {getattr(self, name)}; give at least 1.")
         if self.task.observation == "pixels" or self.task.pictures:
             raise InvalidOptionError("The shipped training has no network for pictures: choose state, lumen or dict.")
+        if self.normalise and (self.imitate or self.algorithm != "ppo"):
+            raise InvalidOptionError("normalise is for PPO without imitation, which learns from bare observations.")
+        if self.ease and not (self.ease[0] >= self.task.limits.perforation_force and 0 < self.ease[1] <= 1):
+            raise InvalidOptionError(f"ease is {self.ease}: give a force above the task's limit and a share up to 1.")
 
     def to_json(self) -> dict[str, Any]:
         """As plain JSON values."""
@@ -73,8 +96,9 @@ class Training:
         read = dict(values)
         if "task" in read:
             read["task"] = TaskConfig.from_json(read["task"])
-        if "layers" in read:
-            read["layers"] = tuple(read["layers"])
+        for name in ("layers", "ease"):
+            if read.get(name) is not None:
+                read[name] = tuple(read[name])
         return cls(**read)
 
 

@@ -1,29 +1,41 @@
 """Training with Stable-Baselines3 on the worlds of one process."""
 
-import csv
+import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.utils import set_random_seed
 
 from haustra.envs.learning.checkpoint import load_checkpoint, restore, save_checkpoint
-from haustra.envs.learning.imitate import imitate
-from haustra.envs.learning.policy import MlpPolicy, save_policy
+from haustra.envs.learning.curve import Curve
+from haustra.envs.learning.models import (
+    build_model,
+    hold_actor,
+    learning_rate,
+    normalised,
+    perforation_force,
+    policy_of,
+    warm_up,
+)
+from haustra.envs.learning.policy import save_policy
 from haustra.envs.learning.settings import Training
 from haustra.envs.sb3 import ScopeVecEnv
-from haustra.envs.tasks.bank import Bank
+from haustra.envs.tasks.bank import Bank, grown_bank
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import InvalidOptionError
 from haustra.files import prepare_folder, write_json
+from haustra.models.scope.library import named_design
 from haustra.provenance import Provenance
 
 Progress = Callable[[int, str], None]
 """Told environment steps done, and a note."""
+_SAVE_EVERY = 120.0
+"""On 'mjx-jax', whose runs are not the same to the bit anyway, what is lost to an interruption at most [s]."""
 
 
 def train(
@@ -33,20 +45,24 @@ def train(
     resume: bool = False,
     bank: Bank | None = None,
     threads: int = 2,
+    processes: int = 1,
+    minutes: float | None = None,
     tensorboard: bool = False,
     progress: Progress = lambda done, note: None,
 ) -> dict[str, Any]:
     """Train, leaving checkpoints, the learning curve and the policy in a folder.
 
-    Every leg begins with new episodes and random streams made from seed and leg, so that a run that was interrupted
-    and resumed does, to the bit, what it would have done.
+    Every leg begins with new episodes and random streams made from seed and leg, so that a run on the CPU that was
+    interrupted and resumed does, to the bit, what it would have done.
 
     Args:
         training: what to do.
         folder: for everything.
         resume: go on from the folder's last checkpoint, with its configuration.
         bank: colons; grown from the task's seeds when None.
-        threads: for physics.
+        threads: for physics on the CPU.
+        processes: that grow colons.
+        minutes: stop cleanly, with checkpoint and policy, once that much time has passed since the call.
         tensorboard: write TensorBoard's logs too.
         progress: told how far it is.
 
@@ -56,6 +72,7 @@ def train(
     Raises:
         InvalidOptionError: when the folder holds another run and `resume` is not set.
     """
+    deadline = None if minutes is None else time.monotonic() + 60 * minutes
     prepare_folder(folder)
     torch.set_num_threads(1)
     document: dict[str, Any] | None = None
@@ -65,173 +82,142 @@ def train(
         training = Training.from_json(document["training"] | {"steps": max(steps, int(document["steps_done"]))})
     elif (folder / "checkpoint.json").exists():
         raise InvalidOptionError(f"'{folder}' holds a training run: go on with --resume, or name another folder.")
-    task = ScopeTask(training.task, worlds=training.worlds, threads=threads, bank=bank)
+    own = training.task
+    bank = bank or grown_bank(
+        range(*own.seeds),
+        named_design(own.design),
+        difficulty=own.difficulty,
+        processes=processes,
+        progress=lambda done: progress(0, f"{done} colons grown"),
+    )
+    task = ScopeTask(own, worlds=training.worlds, threads=threads, engine=training.engine, bank=bank)
     try:
-        return _train(training, folder, task, document, tensorboard, progress)
+        run = _Run(training, folder, task, document, tensorboard, progress)
+        return run.go(deadline)
     finally:
         task.close()
 
 
-def _train(training, folder: Path, task: ScopeTask, document, tensorboard: bool, progress: Progress) -> dict[str, Any]:
-    worlds = ScopeVecEnv(task, flat=True)
-    set_random_seed(training.seed)
-    model = _model(training, worlds, folder / "tensorboard" if tensorboard else None)
-    leg = 0
-    if document is None:
-        write_json(folder / "training.json", training.to_json())
-        if training.imitate:
-            _warm_up(model, training, task, progress)
-    else:
-        restore(folder, model, document)
-        leg = int(document["leg"])
-    curve = _Curve(folder / "curve.csv", fresh=document is None)
-    while model.num_timesteps < training.steps:
-        set_random_seed(training.seed + 1000 * (leg + 1))
-        _hold_actor(model, training, leg)
-        worlds.seed(training.seed + 1_000_000 * (leg + 1))
-        model._last_obs = None
-        count = min(training.leg, training.steps - model.num_timesteps)
-        model.learn(count, callback=_Watch(curve, progress), reset_num_timesteps=False, progress_bar=False)
-        leg += 1
-        save_checkpoint(folder, model, {"steps_done": model.num_timesteps, "leg": leg, "training": training.to_json()})
-    about = {
-        "training": training.to_json(),
-        "steps": model.num_timesteps,
-        "provenance": Provenance(inputs={}, configuration={}).to_json(),
-    }
-    save_policy(folder, policy_of(model, training, about))
-    return {"steps": model.num_timesteps, "legs": leg, "policy": str(folder), **curve.last()}
+class _Run:
+    """One model and its worlds."""
 
+    def __init__(
+        self,
+        training: Training,
+        folder: Path,
+        task: ScopeTask,
+        document: dict[str, Any] | None,
+        tensorboard: bool,
+        progress: Progress,
+    ) -> None:
+        self.training, self.folder, self.task, self.progress = training, folder, task, progress
+        worlds = ScopeVecEnv(task, flat=True, stagger=training.stagger)
+        self.normaliser = normalised(training, worlds)
+        self.worlds = self.normaliser or worlds
+        set_random_seed(training.seed)
+        self.model = build_model(training, self.worlds, folder / "tensorboard" if tensorboard else None)
+        self.model.lr_schedule = lambda _: learning_rate(training, self.model.num_timesteps)
+        self.leg = 0
+        if document is None:
+            write_json(folder / "training.json", training.to_json())
+            if training.imitate:
+                warm_up(self.model, training, task, progress)
+        else:
+            restore(folder, self.model, document)
+            self.leg = int(document["leg"])
+            self._take_up(document.get("normaliser"))
+        # Thousands of worlds end episodes at every step: rows of a few seconds each.
+        enough = max(16, training.worlds // 4)
+        self.curve = Curve(folder / "curve.csv", fresh=document is None, episodes_a_row=enough)
 
-def policy_of(model: Any, training: Training, about: dict[str, Any]) -> MlpPolicy:
-    """The deterministic policy of a model of Stable-Baselines3, as plain layers."""
-    if training.algorithm == "ppo":
-        parts = [*model.policy.mlp_extractor.policy_net, model.policy.action_net]
-    else:
-        parts = [*model.actor.latent_pi, model.actor.mu]
-    layers = [part for part in parts if isinstance(part, torch.nn.Linear)]
-    return MlpPolicy(
-        weights=tuple(layer.weight.detach().numpy().copy() for layer in layers),
-        biases=tuple(layer.bias.detach().numpy().copy() for layer in layers),
-        activation="tanh" if training.algorithm == "ppo" else "relu",
-        squashed=training.algorithm == "sac",
-        config=training.task,
-        about=about,
-    )
+    def go(self, deadline: float | None) -> dict[str, Any]:
+        """Learn leg by leg until the steps are done or time is up."""
+        training, model = self.training, self.model
+        watch = _Watch(self, deadline)
+        while model.num_timesteps < training.steps and not watch.late:
+            set_random_seed(training.seed + 1000 * (self.leg + 1), using_cuda=training.device == "cuda")
+            hold_actor(model, training, self.leg)
+            self.worlds.seed(training.seed + 1_000_000 * (self.leg + 1))
+            model._last_obs = None
+            count = min(training.leg, training.steps - model.num_timesteps)
+            model.learn(count, callback=watch, reset_num_timesteps=False, progress_bar=False)
+            self.leg += 1
+            self.save()
+        self.save_policy()
+        done = {"steps": model.num_timesteps, "legs": self.leg, "policy": str(self.folder), "time_up": watch.late}
+        return done | {"steps_per_second": watch.rate(), **self.curve.last()}
 
+    def save(self) -> None:
+        """Write a checkpoint from which the next leg can begin."""
+        document: dict[str, Any] = {
+            "steps_done": self.model.num_timesteps,
+            "leg": self.leg,
+            "training": self.training.to_json(),
+        }
+        if self.normaliser is not None:
+            seen, paid = self.normaliser.obs_rms, self.normaliser.ret_rms
+            document["normaliser"] = {
+                "seen": [seen.mean.tolist(), seen.var.tolist(), float(seen.count)],
+                "paid": [float(paid.mean), float(paid.var), float(paid.count)],
+            }
+        save_checkpoint(self.folder, self.model, document)
 
-def _model(training: Training, worlds: ScopeVecEnv, log: Path | None) -> Any:
-    common: dict[str, Any] = {
-        "learning_rate": training.learning_rate,
-        "gamma": training.gamma,
-        "batch_size": training.batch,
-        "seed": training.seed,
-        "device": "cpu",
-        "tensorboard_log": str(log) if log else None,
-    }
-    layers = list(training.layers)
-    if training.algorithm == "ppo":
-        return PPO(
-            "MlpPolicy",
-            worlds,
-            n_steps=training.rollout,
-            n_epochs=training.epochs,
-            ent_coef=training.entropy,
-            target_kl=training.target_kl,
-            policy_kwargs={"net_arch": {"pi": layers, "vf": layers}, "log_std_init": training.log_std},
-            **common,
-        )
-    return SAC(
-        "MlpPolicy",
-        worlds,
-        buffer_size=training.buffer,
-        train_freq=1,
-        gradient_steps=2,
-        learning_starts=20 * training.worlds,
-        policy_kwargs={"net_arch": layers},
-        **common,
-    )
+    def save_policy(self) -> None:
+        """Write the policy as it is now."""
+        about = {
+            "training": self.training.to_json(),
+            "steps": self.model.num_timesteps,
+            "provenance": Provenance(inputs={}, configuration={}).to_json(),
+        }
+        save_policy(self.folder, policy_of(self.model, self.training, about, self.normaliser))
 
+    def ease(self) -> None:
+        """Set the perforation limit for the steps that come."""
+        own = self.training.task
+        force = perforation_force(self.training, self.model.num_timesteps)
+        self.task.config = replace(own, limits=replace(own.limits, perforation_force=force))
 
-def _warm_up(model: Any, training: Training, task: ScopeTask, progress: Progress) -> None:
-    """Learn from the follower before learning from reward."""
-    if training.algorithm == "ppo":
-        policy = model.policy
-
-        def mean(seen: torch.Tensor) -> torch.Tensor:
-            return policy.action_net(policy.mlp_extractor.forward_actor(seen))
-
-        parameters = [*policy.mlp_extractor.policy_net.parameters(), *policy.action_net.parameters()]
-    else:
-        actor = model.actor
-
-        def mean(seen: torch.Tensor) -> torch.Tensor:
-            return torch.tanh(actor.mu(actor.latent_pi(seen)))
-
-        parameters = [*actor.latent_pi.parameters(), *actor.mu.parameters()]
-    imitate(
-        mean,
-        parameters,
-        task,
-        steps=training.imitate,
-        seed=training.seed,
-        progress=lambda done, loss: progress(0, f"learning from the follower: {done} steps, error {loss:.3f}"),
-    )
-
-
-def _hold_actor(model: Any, training: Training, leg: int) -> None:
-    """In the first leg after imitation only PPO's critic learns: a critic that knows nothing unteaches the policy."""
-    if training.algorithm != "ppo":
-        return
-    policy = model.policy
-    held = bool(training.imitate) and leg == 0 and training.steps > training.leg
-    for part in (*policy.mlp_extractor.policy_net.parameters(), *policy.action_net.parameters(), policy.log_std):
-        part.requires_grad_(not held)
-
-
-class _Curve:
-    """Finished episodes, as rows of a CSV file."""
-
-    def __init__(self, path: Path, *, fresh: bool) -> None:
-        self._path, self._recent = path, []
-        if fresh:
-            path.write_text("steps,episodes,return,progress,reached,perforated,seconds\n", encoding="utf-8")
-
-    def add(self, steps: int, ended: list[dict[str, Any]]) -> None:
-        self._recent += [
-            [one["episode"]["r"], one["progress"], float(one["reached"]), float(one["perforated"]), one["time"]]
-            for one in ended
-        ]
-        if len(self._recent) >= 16 or (not ended and self._recent):
-            means = np.mean(self._recent, axis=0)
-            with self._path.open("a", encoding="utf-8", newline="") as file:
-                csv.writer(file).writerow([steps, len(self._recent), *(f"{value:.5g}" for value in means)])
-            self._recent = []
-
-    def last(self) -> dict[str, float]:
-        with self._path.open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
-        if not rows:
-            return {}
-        return {f"last_{name}": float(rows[-1][name]) for name in ("return", "progress", "reached")}
+    def _take_up(self, kept: dict[str, Any] | None) -> None:
+        if self.normaliser is None or kept is None:
+            return
+        for entry, values in ((self.normaliser.obs_rms, kept["seen"]), (self.normaliser.ret_rms, kept["paid"])):
+            entry.mean, entry.var, entry.count = np.array(values[0]), np.array(values[1]), float(values[2])
 
 
 class _Watch(BaseCallback):
-    """Notes episodes that end, and says how far it is."""
+    """Notes episodes that end, says how far it is, keeps what was learned, and stops when time is up."""
 
-    def __init__(self, curve: _Curve, progress: Progress) -> None:
+    def __init__(self, run: _Run, deadline: float | None) -> None:
         super().__init__()
-        self._curve, self._progress = curve, progress
+        self._run, self._deadline = run, deadline
+        self._began = self._kept = time.monotonic()
+        self._steps = run.model.num_timesteps
+        self.late = False
+
+    def rate(self) -> float:
+        """Environment steps in a second of wall clock, learning included."""
+        return (self._run.model.num_timesteps - self._steps) / (time.monotonic() - self._began)
+
+    def _on_rollout_start(self) -> None:
+        self._run.ease()
+        if self._run.training.engine != "native" and time.monotonic() > self._kept + _SAVE_EVERY:
+            self._run.leg += 1  # whoever goes on from here draws other episodes
+            self._run.save()
+            self._run.save_policy()
+            self._kept = time.monotonic()
+
+    def _on_rollout_end(self) -> None:
+        self.late = self._deadline is not None and time.monotonic() > self._deadline
 
     def _on_step(self) -> bool:
         ended = [info for info in self.locals["infos"] if "episode" in info]
         if ended:
-            self._curve.add(self.num_timesteps, ended)
+            self._run.curve.add(self.num_timesteps, ended)
             best = np.mean([info["progress"] for info in ended])
-            self._progress(self.num_timesteps, f"progress {best:.2f}")
+            self._run.progress(self.num_timesteps, f"progress {best:.2f}")
         elif self.n_calls % 20 == 0:
-            self._progress(self.num_timesteps, "")
-        return True
+            self._run.progress(self.num_timesteps, "")
+        return not self.late
 
     def _on_training_end(self) -> None:
-        self._curve.add(self.num_timesteps, [])
+        self._run.curve.add(self.num_timesteps, [])

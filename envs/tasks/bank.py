@@ -2,8 +2,11 @@
 
 import json
 from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from functools import cached_property
+from multiprocessing import get_context
+from pathlib import Path
 
 import numpy as np
 
@@ -72,6 +75,7 @@ def grown_bank(
     *,
     difficulty: str = "any",
     options: SceneOptions | None = None,
+    processes: int = 1,
     progress: Callable[[int], None] = lambda done: None,
 ) -> Bank:
     """Grown colons of these seeds; those that were not built before take about four seconds each.
@@ -81,20 +85,46 @@ def grown_bank(
         design: the scope.
         difficulty: band of tortuosity they are drawn from.
         options: how the scope is modelled.
+        processes: that grow what is not in the cache.
         progress: told how many are there.
     """
+    radius = design.diameter / 2
+    missing = [int(seed) for seed in seeds if not _path(int(seed), difficulty, radius).exists()]
+    if processes > 1 and len(missing) > 1:
+        _grow_beside(missing, difficulty, radius, min(processes, len(missing)), progress)
     cases = []
     for done, seed in enumerate(seeds):
         progress(done)
-        cases.append(_grown_case(int(seed), difficulty, design.diameter / 2))
+        cases.append(_grown_case(int(seed), difficulty, radius))
     progress(len(seeds))
     return make_bank(cases, design, options)
 
 
-def _grown_case(seed: int, difficulty: str, device_radius: float) -> Case:
+def _grow_beside(
+    seeds: list[int], difficulty: str, radius: float, processes: int, progress: Callable[[int], None]
+) -> None:
+    """Grow into the cache, in new processes: what threads this one has does not matter to them."""
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        waiting = [pool.submit(_grow, seed, difficulty, radius) for seed in seeds]
+        for done, one in enumerate(as_completed(waiting)):
+            one.result()
+            progress(done)
+
+
+def _grow(seed: int, difficulty: str, radius: float) -> None:
+    """One colon into the cache."""
+    _grown_case(seed, difficulty, radius)
+
+
+def _path(seed: int, difficulty: str, device_radius: float) -> Path:
+    """Where a colon is kept."""
     numbers = content_hash(asset("numbers/anatomy.toml").read_bytes())
     made_by = [_FORMAT, seed, difficulty, device_radius, STATION_STEP, ANGLES, numbers, package_versions()]
-    path = cache_folder() / "cases" / f"{content_hash(json.dumps(made_by, sort_keys=True).encode())}.npz"
+    return cache_folder() / "cases" / f"{content_hash(json.dumps(made_by, sort_keys=True).encode())}.npz"
+
+
+def _grown_case(seed: int, difficulty: str, device_radius: float) -> Case:
+    path = _path(seed, difficulty, device_radius)
     if path.exists():
         try:
             return load_case(path)

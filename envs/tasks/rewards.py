@@ -53,6 +53,11 @@ def wall_force(before: Moment, after: Moment, limits: Limits) -> Float[np.ndarra
     return -((after.wall_force / limits.safe_force) ** 2)
 
 
+def overload(before: Moment, after: Moment, limits: Limits) -> Float[np.ndarray, " worlds"]:
+    """Minus the fourth power of the largest wall force over the safe one: next to nothing below, a wall above."""
+    return -((after.wall_force / limits.safe_force) ** 4)
+
+
 def looping(before: Moment, after: Moment, limits: Limits) -> Float[np.ndarray, " worlds"]:
     """Minus the length of scope inside beyond the colon passed."""
     return -np.maximum(after.excess, 0.0)
@@ -73,6 +78,7 @@ TERMS: Mapping[str, Term] = {
     "reached": reached,
     "time": time,
     "wall_force": wall_force,
+    "overload": overload,
     "looping": looping,
     "perforation": perforation,
     "coverage": coverage,

@@ -15,13 +15,14 @@ from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.coverage import Coverage
 from haustra.envs.tasks.pictures import Pictures
 from haustra.envs.tasks.rewards import Moment, reward
-from haustra.envs.tasks.sight import Sight, ray_directions
+from haustra.envs.tasks.sight import Sight
 from haustra.errors import InvalidOptionError
 from haustra.models.scope.library import named_design
 from haustra.models.wall.radius_field import axis_at, pick
 
 if TYPE_CHECKING:
     from haustra.envs.engine.device_batch import DeviceBatch
+    from haustra.envs.tasks.device_sight import DeviceSight
 
 ACTIONS = ("push", "roll", "tip up", "tip left")
 """Each from -1 to 1."""
@@ -74,6 +75,7 @@ class ScopeTask:
         self.bank = bank or grown_bank(range(*config.seeds), design, difficulty=config.difficulty, progress=progress)
         self.engine = _engine(engine, self.bank, worlds, threads)
         self.sight = Sight(self.bank.cases)
+        self._eyes = _eyes(engine, self.sight)
         self.pictures = Pictures(self.bank, self.sight, design.tip.field_of_view_deg)
         self.steps = max(1, round(config.drive.control_interval / self.bank.scene.options.timestep))
         self.interval = self.steps * self.bank.scene.options.timestep
@@ -92,14 +94,17 @@ class ScopeTask:
         self._moment = self._now(np.ones(worlds, bool))
 
     def reset(
-        self, worlds: Int[np.ndarray, " reset"] | None = None, seeds: list[int] | None = None, case: int | None = None
+        self,
+        worlds: Int[np.ndarray, " reset"] | None = None,
+        seeds: list[int] | None = None,
+        case: int | Int[np.ndarray, " reset"] | None = None,
     ) -> seen_by.Observation:
         """Begin anew in some worlds, or all.
 
         Args:
             worlds: which, in rising order.
             seeds: of their random draws from now on; the streams that they have go on when None.
-            case: which colon of the bank; drawn when None.
+            case: which colon of the bank, for all or for each; drawn when None.
 
         Returns:
             What all worlds see now.
@@ -111,7 +116,7 @@ class ScopeTask:
                 self._random[world] = np.random.default_rng(seeds[row])
             drawn.append(self._draw(self._random[world]))
         table = np.array(drawn)
-        chosen = table[:, 0].astype(int) if case is None else np.full(len(worlds), case)
+        chosen = table[:, 0].astype(int) if case is None else np.full(len(worlds), case, int)
         self.case[worlds] = chosen
         self.friction[worlds], self._gain[worlds], self._slack[worlds] = table[:, 1], table[:, 4], table[:, 5]
         self.engine.reset(worlds, chosen, Conditions(table[:, 1], table[:, 2], table[:, 3], table[:, 6]))
@@ -130,6 +135,11 @@ class ScopeTask:
                 self._look(int(world))
         self._moment = self._now(np.ones(self.worlds, bool))
         return self.observe()
+
+    def stagger(self, seed: int) -> None:
+        """Let the running episodes end as if each had begun at some time of its own within the longest episode."""
+        longest = round(self.config.limits.seconds / self.interval)
+        self._age = np.random.default_rng(seed).integers(0, longest, self.worlds)
 
     def step(self, action: Float[np.ndarray, "worlds 4"]) -> Step:
         """Apply one action in each world. Worlds whose episode is over go on regardless until they are reset.
@@ -245,8 +255,8 @@ class ScopeTask:
         return seen_by.state(self.seen, self._wheels, self._action, self._speed)
 
     def _lumen(self) -> np.ndarray:
-        directions = np.einsum("wij,rj->wri", self.seen.tip_frame, ray_directions())
-        return seen_by.lumen(self.sight.distances(self.case, self.seen.tip, directions, self.seen.tip_arc))
+        seen = self.seen
+        return seen_by.lumen(self._eyes.tip_distances(self.case, seen.tip, seen.tip_frame, seen.tip_arc))
 
     def _privileged(self) -> np.ndarray:
         ahead = self.way_ahead(np.array(seen_by.AHEAD)) - self.seen.tip[:, None]
@@ -281,6 +291,18 @@ def _engine(name: str, bank: Bank, worlds: int, threads: int) -> "ScopeBatch | D
         return ScopeBatch(bank.scene, bank.tables, worlds=worlds, threads=threads)
     if name != "mjx-jax":
         raise InvalidOptionError(f"Engine '{name}' is not known. Known: native, mjx-jax.")
+    from haustra.envs.engine.jax_setup import share_memory
+
+    share_memory()
     from haustra.envs.engine.device_batch import DeviceBatch
 
     return DeviceBatch(bank.scene, bank.tables, worlds=worlds)
+
+
+def _eyes(engine: str, sight: Sight) -> "Sight | DeviceSight":
+    """Rays are followed where the physics is."""
+    if engine == "native":
+        return sight
+    from haustra.envs.tasks.device_sight import DeviceSight
+
+    return DeviceSight(sight)

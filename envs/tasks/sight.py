@@ -6,6 +6,8 @@ but nothing is seen round the corner of an overhang. Light, mucus and motion blu
 
 import math
 from collections.abc import Sequence
+from types import ModuleType
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -19,7 +21,7 @@ RINGS_DEG = (20.0, 40.0, 60.0)
 """Angles of the rays from the viewing direction [degrees], within a camera's 140 degrees."""
 RAYS = 8
 """Rays on each ring; one more goes straight ahead."""
-_STEPS = RANGE * (np.arange(1, 25) / 24) ** 1.5
+STEPS = RANGE * (np.arange(1, 25) / 24) ** 1.5
 """Places along a ray where the wall is looked for: 1 mm apart near the tip, 7 mm apart far off [m]."""
 _WINDOW = 0.02
 """Largest change of arc length from one place on a ray to the next [m]."""
@@ -35,17 +37,47 @@ def ray_directions() -> Float[np.ndarray, "rays 3"]:
     return np.vstack(rays)
 
 
+class Lumens(NamedTuple):
+    """The arrays of all colons, one after the other, in single precision: exact to a micrometre here."""
+
+    points: Any
+    """(stations, 3): the centrelines [m]."""
+    frames: Any
+    """(stations, 3, 3): columns are first normal, second normal, tangent."""
+    sight: Any
+    """(stations, angles): distance from the centreline to the lumen surface [m]."""
+    first: Any
+    """(colons,): index of a colon's first station."""
+    count: Any
+    """(colons,): its stations."""
+    step: Any
+    """(colons,): distance between its stations [m]."""
+
+
 class Sight:
     """Rays into some colons."""
 
     def __init__(self, cases: Sequence[Case]) -> None:
-        """Keep the tables in single precision, which is exact to a micrometre here."""
+        """Keep the tables."""
         tables = stack([case.tables for case in cases])
-        self._points = tables.points.astype(np.float32)
-        self._frames = tables.frames.astype(np.float32)
-        self._sight = np.concatenate([case.sight for case in cases]).astype(np.float32)
-        self._first, self._count, self._step = tables.first, tables.count, tables.step
-        self._angles = self._sight.shape[1]
+        self.lumens = Lumens(
+            points=tables.points.astype(np.float32),
+            frames=tables.frames.astype(np.float32),
+            sight=np.concatenate([case.sight for case in cases]).astype(np.float32),
+            first=tables.first,
+            count=tables.count,
+            step=tables.step.astype(np.float32),
+        )
+
+    def tip_distances(
+        self,
+        case: Int[np.ndarray, " worlds"],
+        eye: Float[np.ndarray, "worlds 3"],
+        frame: Float[np.ndarray, "worlds 3 3"],
+        arc: Float[np.ndarray, " worlds"],
+    ) -> Float[np.ndarray, "worlds rays"]:
+        """Distance to the wall along the rays of `ray_directions` [m], for tips with these frames."""
+        return self.distances(case, eye, np.einsum("wij,rj->wri", frame, ray_directions()), arc)
 
     def distances(
         self,
@@ -64,22 +96,14 @@ class Sight:
             arc: arc length of the eye [m].
             steps: distances at which the wall is looked for [m].
         """
-        steps = _STEPS if steps is None else steps
-        arcs = np.broadcast_to(arc[:, None], directions.shape[:2]).astype(np.float32)
-        start, way = eye[:, None].astype(np.float32), directions.astype(np.float32)
-        found = np.full(arcs.shape, steps[-1], np.float32)
-        open_rays = np.ones(arcs.shape, bool)
-        room_before, before = np.full(arcs.shape, 1e-3, np.float32), 0.0
+        steps = (STEPS if steps is None else steps).astype(np.float32)
+        eye, directions = eye.astype(np.float32), directions.astype(np.float32)
+        now = begin_march(np, arc, directions.shape[1], float(steps[-1]))
         for distance in steps:
-            arcs, room = self._room(case, start + np.float32(distance) * way, arcs)
-            hit = open_rays & (room <= 0)
-            share = room_before / np.maximum(room_before - room, 1e-9)
-            np.copyto(found, before + np.clip(share, 0, 1) * (distance - before), where=hit)
-            open_rays &= ~hit
-            if not open_rays.any():
+            now = march(np, self.lumens, case, eye, directions, now, distance)
+            if not now.open.any():
                 break
-            room_before, before = np.maximum(room, 1e-6), distance
-        return found.astype(float)
+        return now.found.astype(float)
 
     def inside(
         self,
@@ -88,30 +112,93 @@ class Sight:
         arcs: Float[np.ndarray, "worlds points"],
     ) -> Bool[np.ndarray, "worlds points"]:
         """Whether points near those arc lengths [m] lie in the lumen."""
-        return self._room(case, points.astype(np.float32), arcs.astype(np.float32))[1] > 0
+        return _room(np, self.lumens, case, points.astype(np.float32), arcs.astype(np.float32))[1] > 0
 
     def surface(
         self, case: int, rows: Int[np.ndarray, " cells"], columns: Int[np.ndarray, " cells"]
     ) -> Float[np.ndarray, "cells 3"]:
         """Places of the wall at stations and angles of one colon [m]."""
-        row = self._first[case] + rows
-        turn = 2 * np.pi * columns / self._angles
-        across = self._frames[row, :, 0] * np.cos(turn)[:, None] + self._frames[row, :, 1] * np.sin(turn)[:, None]
-        return (self._points[row] + self._sight[row, columns][:, None] * across).astype(float)
+        points, frames, sight = self.lumens[:3]
+        row = self.lumens.first[case] + rows
+        turn = 2 * np.pi * columns / sight.shape[1]
+        across = frames[row, :, 0] * np.cos(turn)[:, None] + frames[row, :, 1] * np.sin(turn)[:, None]
+        return (points[row] + sight[row, columns][:, None] * across).astype(float)
 
-    def _room(self, case: np.ndarray, points: np.ndarray, arcs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Arc length of points that were near `arcs`, and the distance from there to the wall along the radius."""
-        first, last = self._first[case][:, None], self._count[case][:, None] - 1
-        step = self._step[case][:, None].astype(np.float32)
-        row = first + np.clip(np.rint(arcs / step), 0, last).astype(np.int32)
-        ahead = np.einsum("wpi,wpi->wp", points - self._points[row], self._frames[row, :, 2])
-        arcs = (row - first) * step + np.clip(ahead, -_WINDOW, _WINDOW)
-        inner = np.clip(np.rint(arcs / step), 0, last)
-        row = first + inner.astype(np.int32)
-        offset = points - self._points[row]
-        x = np.einsum("wpi,wpi->wp", offset, self._frames[row, :, 0])
-        y = np.einsum("wpi,wpi->wp", offset, self._frames[row, :, 1])
-        column = np.rint(np.arctan2(y, x) * (self._angles / (2 * np.pi))).astype(np.int32) % self._angles
-        room = self._sight[row, column] - np.sqrt(x * x + y * y)
-        # The caecum's end is a wall too; before the anus it is open.
-        return arcs, np.minimum(room, (last + 0.5) * step - arcs)
+
+class March(NamedTuple):
+    """Rays on their way; shapes (worlds, rays)."""
+
+    arcs: Any
+    """Arc length where each ray is [m]."""
+    room: Any
+    """Distance from there to the wall along the radius [m]."""
+    distance: Any
+    """How far they have come [m]: one number."""
+    found: Any
+    """Distance to the wall [m]; the farthest that is looked at where there was none yet."""
+    open: Any
+    """Whether a ray is still in the lumen."""
+
+
+def begin_march(xp: ModuleType, arc: Float[Any, " worlds"], rays: int, farthest: float) -> March:
+    """Rays at their eyes, at arc length `arc` [m].
+
+    Args:
+        xp: numpy or jax.numpy.
+        arc: of each eye [m].
+        rays: from each eye.
+        farthest: distance that stands for no wall [m].
+    """
+    shape = (arc.shape[0], rays)
+    return March(
+        arcs=xp.broadcast_to(arc[:, None], shape).astype(np.float32),
+        room=xp.full(shape, 1e-3, np.float32),
+        distance=xp.zeros((), np.float32),
+        found=xp.full(shape, farthest, np.float32),
+        open=xp.ones(shape, bool),
+    )
+
+
+def march(
+    xp: ModuleType,
+    lumens: Lumens,
+    case: Int[Any, " worlds"],
+    eye: Float[Any, "worlds 3"],
+    directions: Float[Any, "worlds rays 3"],
+    now: March,
+    distance: Any,
+) -> March:
+    """Take all rays on to one more distance from their eyes.
+
+    Args:
+        xp: numpy or jax.numpy.
+        lumens: the colons.
+        case: which colon each world is in.
+        eye: where the rays begin [m].
+        directions: unit vectors.
+        now: how far they are.
+        distance: where to look next [m].
+    """
+    arcs, room = _room(xp, lumens, case, eye[:, None] + distance * directions, now.arcs)
+    hit = now.open & (room <= 0)
+    share = now.room / xp.maximum(now.room - room, 1e-9)
+    found = xp.where(hit, now.distance + xp.clip(share, 0, 1) * (distance - now.distance), now.found)
+    return March(arcs, xp.maximum(room, 1e-6), distance, found, now.open & ~hit)
+
+
+def _room(xp: ModuleType, lumens: Lumens, case: Any, points: Any, arcs: Any) -> tuple[Any, Any]:
+    """Arc length of points that were near `arcs`, and the distance from there to the wall along the radius."""
+    first, last, step = lumens.first[case][:, None], lumens.count[case][:, None] - 1, lumens.step[case][:, None]
+    row = first + xp.clip(xp.rint(arcs / step), 0, last).astype(np.int32)
+    ahead = xp.einsum("wpi,wpi->wp", points - lumens.points[row], lumens.frames[row, :, 2])
+    arcs = (row - first) * step + xp.clip(ahead, -_WINDOW, _WINDOW)
+    arcs = arcs.astype(np.float32)
+    row = first + xp.clip(xp.rint(arcs / step), 0, last).astype(np.int32)
+    offset = points - lumens.points[row]
+    x = xp.einsum("wpi,wpi->wp", offset, lumens.frames[row, :, 0])
+    y = xp.einsum("wpi,wpi->wp", offset, lumens.frames[row, :, 1])
+    angles = lumens.sight.shape[1]
+    column = xp.rint(xp.arctan2(y, x) * (angles / (2 * np.pi))).astype(np.int32) % angles
+    room = lumens.sight[row, column] - xp.sqrt(x * x + y * y)
+    # The caecum's end is a wall too; before the anus it is open.
+    return arcs, xp.minimum(room, (last + 0.5) * step - arcs).astype(np.float32)

@@ -42,6 +42,25 @@ def test_all_drivers_get_the_same_episodes_in_any_order():
     assert all(one.safe == (one.reached and one.peak_force_N <= 14.1) for one in many.episodes)
 
 
+def test_both_engines_give_the_same_table():
+    """The follower in two tubes: the same episodes, all completed, ways and times within a tenth, peaks within half."""
+    pytest.importorskip("jax")
+    found = [
+        evaluate(FollowerDriver, "follower", CONFIG, short_bank(), episodes=2, engine=engine)
+        for engine in ("native", "mjx-jax")
+    ]
+    ours, theirs = (one.summary() for one in found)
+    assert ours.keys() == theirs.keys()
+    assert [(a.colon, a.seed, a.friction) for a in found[0].episodes] == [
+        (b.colon, b.seed, b.friction) for b in found[1].episodes
+    ]
+    assert ours["reasons"] == theirs["reasons"]
+    assert ours["progress"] == pytest.approx(theirs["progress"], abs=0.02)
+    assert ours["seconds_when_reached"] == pytest.approx(theirs["seconds_when_reached"], rel=0.1)
+    for name in ("peak_force_N", "mean_force_N"):
+        assert ours[name] == pytest.approx(theirs[name], rel=0.5)
+
+
 def test_failures_are_named():
     short = replace(CONFIG, limits=Limits(seconds=1.0))
     found = evaluate(PushDriver, "push", short, short_bank(), episodes=1, threads=1).summary()

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ pytest.importorskip("safetensors")
 
 from haustra.envs.learning.drivers import PolicyDriver
 from haustra.envs.learning.evaluate import evaluate
+from haustra.envs.learning.models import learning_rate, perforation_force
 from haustra.envs.learning.policy import load_policy, save_policy
 from haustra.envs.learning.settings import SHIPPED, Training, shipped
 from haustra.envs.learning.train import train
@@ -42,6 +44,56 @@ def test_a_resumed_run_is_the_same_run(tmp_path, algorithm):
     first = run(replace(training, steps=128), tmp_path / "less")
     assert first["steps"] == 128
     assert not np.array_equal(load_policy(tmp_path / "less").weights[0], whole.weights[0])
+
+
+def test_thousands_of_worlds_at_a_size_for_tests(tmp_path):
+    """The shipped GPU training, but for its sizes: runs on JAX, stops when time is up, and resumes."""
+    pytest.importorskip("jax")
+    training = replace(
+        shipped("insertion-gpu"), device="cpu", worlds=16, steps=1024, leg=1024, rollout=16, batch=64, layers=(16,)
+    )
+    training = replace(training, task=replace(training.task, design=DESIGN, limits=Limits(seconds=8.0)))
+    first = run(training, tmp_path, minutes=0.0)
+    assert first["time_up"] and first["steps"] == 16 * 17  # a whole rollout, and the step at which it stops
+    before = json.loads((tmp_path / "checkpoint.json").read_text())["normaliser"]["seen"]
+    done = run(training, tmp_path, resume=True)
+    assert not done["time_up"] and done["steps"] >= 1024
+    after = json.loads((tmp_path / "checkpoint.json").read_text())["normaliser"]["seen"]
+    assert after[2] > before[2] and before[0] != after[0]
+    assert load_policy(tmp_path).config == training.task
+
+
+def test_a_policy_has_the_scaling_of_its_inputs_in_its_layers():
+    from stable_baselines3.common.vec_env import VecNormalize
+
+    from haustra.envs.learning.models import build_model, normalised, policy_of
+    from haustra.envs.sb3 import ScopeVecEnv
+    from haustra.envs.tasks.scope_task import ScopeTask
+
+    training = replace(SMALL, normalise=True, first_push=0.3, log_std=-20.0)
+    worlds = normalised(training, ScopeVecEnv(ScopeTask(TASK, worlds=4, bank=short_bank()), flat=True))
+    assert isinstance(worlds, VecNormalize)
+    model = build_model(training, worlds, None)
+    worlds.seed(0)
+    worlds.reset()
+    for _ in range(5):
+        worlds.step(np.random.default_rng(0).uniform(-1, 1, (4, 4)).astype(np.float32))
+    bare: Any = worlds.get_original_obs()
+    ours = policy_of(model, training, {}, worlds).act({"state": bare})
+    theirs, _ = model.predict(worlds.normalize_obs(bare), deterministic=True)
+    assert ours == pytest.approx(theirs, abs=1e-5)
+    assert ours[:, 0] == pytest.approx(0.3, abs=0.2)
+
+
+def test_what_changes_over_a_training():
+    training = replace(SMALL, steps=1000, anneal=True, ease=(47.0, 0.5))
+    last = training.task.limits.perforation_force
+    assert [perforation_force(training, steps) for steps in (0, 250, 500, 900)] == [47.0, (47.0 + last) / 2, last, last]
+    assert [learning_rate(training, steps) for steps in (0, 1000)] == pytest.approx([3e-4, 3e-5])
+    with pytest.raises(InvalidOptionError, match="ease"):
+        replace(SMALL, ease=(1.0, 0.5))
+    with pytest.raises(InvalidOptionError, match="normalise"):
+        replace(SMALL, normalise=True, imitate=100)
 
 
 def test_a_folder_with_a_run_is_not_overwritten(tmp_path):

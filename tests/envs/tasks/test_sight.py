@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from haustra.envs.tasks.coverage import Coverage
 from haustra.envs.tasks.sight import RANGE, Sight, ray_directions
@@ -56,3 +57,22 @@ def test_coverage_grows_with_what_was_in_view_and_stays():
     blind.begin(0, 0)
     eye, frame = straight_ahead(0.1)
     assert blind.look(0, 0, eye + 0.05 * frame[:, 0], frame[:, 2], 0.1) == 0.0  # behind the wall nothing is seen
+
+
+def test_the_device_sees_what_the_host_sees():
+    """Tips off the middle, turned at random, in two colons: the same distances but for rounding at a fold's edge."""
+    pytest.importorskip("jax")
+    from haustra.envs.tasks.device_sight import DeviceSight
+
+    sight, random, worlds = Sight(short_bank().cases), np.random.default_rng(0), 40
+    case = random.integers(0, 2, worlds)
+    arc = random.uniform(0.0, 0.25, worlds)
+    stations = [(short_bank().cases[k], round(s / short_bank().cases[k].step)) for k, s in zip(case, arc, strict=True)]
+    eye = np.array([one.points[row] for one, row in stations]) + random.normal(size=(worlds, 3)) * 0.003
+    frame = np.array([one.frames[row] @ Rotation.random(rng=random).as_matrix() for one, row in stations])
+    host = sight.tip_distances(case, eye, frame, arc)
+    device = DeviceSight(sight).tip_distances(case, eye, frame, arc)
+    apart = np.abs(host - device)
+    assert np.median(apart) < 1e-6
+    assert (apart > 1e-4).mean() < 0.01
+    assert host.std() > 0.005

@@ -1,0 +1,148 @@
+"""Models of Stable-Baselines3 from a training's numbers, and the plain policy in them."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.vec_env import VecNormalize
+from stable_baselines3.common.vec_env.base_vec_env import VecEnv
+
+from haustra.envs.learning.imitate import imitate
+from haustra.envs.learning.policy import MlpPolicy
+from haustra.envs.learning.settings import Training
+from haustra.envs.tasks.scope_task import ACTIONS, ScopeTask
+from haustra.errors import UnsupportedSceneError
+
+_LEAST_DEVIATION = 0.1
+"""An observation is divided by no less: entries are scaled to about one, and some hardly ever change."""
+_LEAST_RATE = 0.1
+"""Of the first learning rate, at the end of annealing."""
+
+
+def normalised(training: Training, worlds: VecEnv) -> Any:
+    """The worlds as a `VecNormalize`: observations and rewards over their running deviation, or None."""
+    if not training.normalise:
+        return None
+    # Observations are bounded, so that they need no clipping, which plain layers could not take over.
+    return VecNormalize(worlds, gamma=training.gamma, epsilon=_LEAST_DEVIATION**2, clip_obs=np.inf)
+
+
+def build_model(training: Training, worlds: VecEnv, log: Path | None) -> Any:
+    """An untrained model.
+
+    Raises:
+        UnsupportedSceneError: when PyTorch finds no GPU and the training wants one.
+    """
+    if training.device == "cuda" and not torch.cuda.is_available():
+        raise UnsupportedSceneError("PyTorch finds no GPU: use --device cpu, or install PyTorch with CUDA.")
+    common: dict[str, Any] = {
+        "learning_rate": training.learning_rate,
+        "gamma": training.gamma,
+        "batch_size": training.batch,
+        "seed": training.seed,
+        "device": training.device,
+        "tensorboard_log": str(log) if log else None,
+    }
+    layers = list(training.layers)
+    if training.algorithm == "sac":
+        return SAC(
+            "MlpPolicy",
+            worlds,
+            buffer_size=training.buffer,
+            train_freq=1,
+            gradient_steps=2,
+            learning_starts=20 * training.worlds,
+            policy_kwargs={"net_arch": layers},
+            **common,
+        )
+    model: Any = PPO(
+        "MlpPolicy",
+        worlds,
+        n_steps=training.rollout,
+        n_epochs=training.epochs,
+        ent_coef=training.entropy,
+        target_kl=training.target_kl,
+        policy_kwargs={"net_arch": {"pi": layers, "vf": layers}, "log_std_init": training.log_std},
+        **common,
+    )
+    if training.first_push:
+        with torch.no_grad():
+            model.policy.action_net.bias[ACTIONS.index("push")] = training.first_push
+    return model
+
+
+def learning_rate(training: Training, steps: int) -> float:
+    """After that many steps of the whole run."""
+    share = min(1.0, steps / training.steps) if training.anneal else 0.0
+    return training.learning_rate * (1 - (1 - _LEAST_RATE) * share)
+
+
+def perforation_force(training: Training, steps: int) -> float:
+    """The limit after that many steps of the whole run [N]."""
+    last = training.task.limits.perforation_force
+    if training.ease is None:
+        return last
+    first, share = training.ease
+    return last + (first - last) * max(0.0, 1 - steps / (share * training.steps))
+
+
+def policy_of(model: Any, training: Training, about: dict[str, Any], worlds: Any = None) -> MlpPolicy:
+    """The deterministic policy of a model of Stable-Baselines3, as plain layers that read bare observations."""
+    if training.algorithm == "ppo":
+        parts = [*model.policy.mlp_extractor.policy_net, model.policy.action_net]
+    else:
+        parts = [*model.actor.latent_pi, model.actor.mu]
+    layers = [part for part in parts if isinstance(part, torch.nn.Linear)]
+    weights = [layer.weight.detach().cpu().numpy().copy() for layer in layers]
+    biases = [layer.bias.detach().cpu().numpy().copy() for layer in layers]
+    if worlds is not None:
+        scaled = weights[0] / np.sqrt(worlds.obs_rms.var + worlds.epsilon)
+        biases[0] = (biases[0] - scaled @ worlds.obs_rms.mean).astype(np.float32)
+        weights[0] = scaled.astype(np.float32)
+    return MlpPolicy(
+        weights=tuple(weights),
+        biases=tuple(biases),
+        activation="tanh" if training.algorithm == "ppo" else "relu",
+        squashed=training.algorithm == "sac",
+        config=training.task,
+        about=about,
+    )
+
+
+def warm_up(model: Any, training: Training, task: ScopeTask, progress: Any) -> None:
+    """Learn from the follower before learning from reward."""
+    device = model.device
+    if training.algorithm == "ppo":
+        policy = model.policy
+
+        def mean(seen: torch.Tensor) -> torch.Tensor:
+            return policy.action_net(policy.mlp_extractor.forward_actor(seen.to(device))).cpu()
+
+        parameters = [*policy.mlp_extractor.policy_net.parameters(), *policy.action_net.parameters()]
+    else:
+        actor = model.actor
+
+        def mean(seen: torch.Tensor) -> torch.Tensor:
+            return torch.tanh(actor.mu(actor.latent_pi(seen.to(device)))).cpu()
+
+        parameters = [*actor.latent_pi.parameters(), *actor.mu.parameters()]
+    imitate(
+        mean,
+        parameters,
+        task,
+        steps=training.imitate,
+        seed=training.seed,
+        progress=lambda done, loss: progress(0, f"learning from the follower: {done} steps, error {loss:.3f}"),
+    )
+
+
+def hold_actor(model: Any, training: Training, leg: int) -> None:
+    """In the first leg after imitation only PPO's critic learns: a critic that knows nothing unteaches the policy."""
+    if training.algorithm != "ppo":
+        return
+    policy = model.policy
+    held = bool(training.imitate) and leg == 0 and training.steps > training.leg
+    for part in (*policy.mlp_extractor.policy_net.parameters(), *policy.action_net.parameters(), policy.log_std):
+        part.requires_grad_(not held)
