@@ -5,10 +5,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.engine.growing import GrowingEngine
 from haustra.envs.engine.native import Inputs, NativeEngine, Observation
 from haustra.envs.follower import FollowerSettings, LumenFollower
 from haustra.envs.measure.containment import ESCAPE_DEPTH, Containment
@@ -87,6 +87,8 @@ class Insertion:
     """Times that the driver had backed off since its last progress."""
     settings: FollowerSettings
     """How it was driven."""
+    shaft_added: tuple[float, ...] = ()
+    """When shaft was added to the scene [s]: from then on stock MuJoCo repeats it closely, but not to the bit."""
 
 
 @runtime_checkable
@@ -96,11 +98,6 @@ class Engine(Protocol):
     @property
     def scene(self) -> Scene:
         """What is stepped."""
-        ...
-
-    @property
-    def model(self) -> mujoco.MjModel:
-        """Its scope as MuJoCo knows it."""
         ...
 
     @property
@@ -192,6 +189,7 @@ def _drive(engine: Engine, seconds: float, settings: FollowerSettings, progress:
         wall_clock=time.perf_counter() - began,
         attempts=follower.attempts,
         settings=settings,
+        shaft_added=tuple(engine.added) if isinstance(engine, GrowingEngine) else (),
     )
 
 
@@ -229,7 +227,6 @@ def _record(engine: Engine, seen: Observation, arc: float, outside: float) -> tu
 def _trajectory(rows: list[tuple], engine: Engine) -> Trajectory:
     if not rows:
         empty = np.zeros(0)
-        model = engine.model
-        wide = (np.zeros((0, model.nq)), np.zeros((0, model.nu)), np.zeros((0, 3)))
+        wide = (np.zeros((0, engine.qpos.size)), np.zeros((0, engine.ctrl.size)), np.zeros((0, 3)))
         return Trajectory(empty, *wide, *[empty] * 14)
     return Trajectory(*(np.array(column, dtype=float) for column in zip(*rows, strict=True)))

@@ -38,6 +38,7 @@ def write_run(folder: Path, *, scene: Scene, wall: Wall | None, run: Insertion, 
             "wall": wall.method if wall else None,
             "driver": asdict(run.settings),
             "seconds": seconds,
+            "shaft_added_s": list(run.shaft_added),
         },
     )
     scores = score(scene, run, provenance)

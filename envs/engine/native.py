@@ -152,6 +152,15 @@ class NativeEngine:
             self._planes.begin(self._straight_arcs + self.insertion - self._start)
         mujoco.mj_forward(self.model, data)
 
+    def resume(self, other: "NativeEngine") -> None:
+        """Go on with the hands of an engine of the same scope, whose positions and speeds this one was given."""
+        self._hand, self._arriving = other._hand, other._arriving
+        self._lock_outside(self.insertion)
+        if self._planes and other._planes:
+            # This scope may have more shaft; straight, both lie with their tips in the same place.
+            self._planes.begin(np.interp(self._straight_arcs, other._straight_arcs, other._planes.arcs))
+        mujoco.mj_forward(self.model, self.data)
+
     def _advance(self, count: int) -> None:
         """Advance by `count` steps; tangent planes follow before each."""
         if self._planes is None:

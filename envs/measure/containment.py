@@ -49,9 +49,10 @@ class Containment:
             return -float(self._room.min())
         least, most = _PATH_STRETCH
         low, high = tip_arc - most * behind - _BLUR, tip_arc - least * behind + _BLUR
-        candidates = (self._arc >= low[:, None]) & (self._arc <= high[:, None])
+        passed = slice(0, max(1, int(np.searchsorted(self._arc, high.max(), side="right"))))
+        candidates = (self._arc[passed] >= low[:, None]) & (self._arc[passed] <= high[:, None])
         candidates[:, 0] |= ~candidates.any(axis=1)
         # One product of matrices instead of a difference for every pair: half the time of a check.
-        squares = np.einsum("ij,ij->i", nodes, nodes)[:, None] - 2 * nodes @ self._points.T + self._squares
-        distance = np.sqrt(np.maximum(squares, 0.0)) - self._room
+        squares = np.einsum("ij,ij->i", nodes, nodes)[:, None] - 2 * nodes @ self._points[passed].T
+        distance = np.sqrt(np.maximum(squares + self._squares[passed], 0.0)) - self._room[passed]
         return float(np.where(candidates, distance, np.inf).min(axis=1).max())

@@ -10,6 +10,7 @@ from typing import cast
 
 import numpy as np
 
+from haustra.envs.engine.growing import growing
 from haustra.envs.follower import FollowerSettings
 from haustra.envs.insertion import Insertion, Trajectory, run_insertion
 from haustra.envs.measure.scores import score
@@ -135,8 +136,10 @@ def answer(study: Study, folder: Path, job: Job) -> Result:
     """Drive one scope into one colon."""
     setup = build_setup(study, job.variables, job.conditions)
     colon, wall = _colon_and_wall(folder, str(job.conditions["colon"]), str(study.options["wall"]))
-    scene = build_scene(colon, wall, setup.design, setup.options, show_lumen=False)
-    run = run_insertion(scene, seconds=float(study.options["seconds"]), settings=setup.driver)
+    seconds = float(study.options["seconds"])
+    deepest = setup.options.start_depth + setup.driver.advance_rate * seconds
+    scene = build_scene(colon, wall, setup.design, setup.options, show_lumen=False, deepest=deepest)
+    run = run_insertion(scene, seconds=seconds, settings=setup.driver, engine=growing(wall, deepest=deepest))
     if run.outcome is Outcome.DIVERGED:
         return Result(job.id, "diverged", reason=run.outcome.advice)
     return Result(job.id, "finished", scores=_scores(scene, run), curves=_curves(run.trajectory))

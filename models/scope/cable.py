@@ -7,6 +7,7 @@ without a word).
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import mujoco
@@ -103,7 +104,7 @@ class Cable:
         """Links of the bending section, the last ones."""
         return sum(cell.steerable for cell in self.cells)
 
-    @property
+    @cached_property
     def node_distances(self) -> Float[np.ndarray, " nodes"]:
         """Distance from the tip of the handle end, of each joint, and of the tip itself [m]."""
         return self.length - np.concatenate([[0.0], self.joint_positions, [self.length]])
