@@ -14,7 +14,7 @@ class BenchAccuracy:
 
     questions: str = "all"
     """Names of questions, separated by commas: elastica, motion, release, wires, press, capstan, buckling, propulsion,
-    insertion, plain, nodes, growth."""
+    insertion, field, plain, nodes, growth."""
     quick: bool = False
     """A few minutes instead of an hour: coarser references, fewer settings."""
     colons: str = ""

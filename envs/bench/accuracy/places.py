@@ -14,7 +14,7 @@ from haustra.models.wall.folder import wall_of
 from haustra.models.wall.wall import Wall
 
 SEED = 0
-"""Of the grown colon."""
+"""Of the grown colon that most questions are asked in."""
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,10 @@ class Place:
         return build_wall(self.colon, method="prism", tolerance=1.5e-3)
 
 
-def grown(effort: Effort) -> Place:
-    """The grown colon of seed 0, in the folder where answers are kept."""
-    folder = (effort.kept or Path(tempfile.mkdtemp())) / "colons" / f"grown-{SEED}"
+def grown(effort: Effort, seed: int = SEED) -> Place:
+    """A grown colon, in the folder where answers are kept."""
+    folder = (effort.kept or Path(tempfile.mkdtemp())) / "colons" / f"grown-{seed}"
     if not (folder / METADATA).is_file():
-        effort.tell(f"growing colon {SEED}")
-        save_colon(grow_colon(seed=SEED), folder)
+        effort.tell(f"growing colon {seed}")
+        save_colon(grow_colon(seed=seed), folder)
     return Place(folder)
