@@ -9,7 +9,7 @@ import tyro
 
 @dataclass(frozen=True)
 class Evaluate:
-    """Let drivers insert a scope into held-out grown colons, the same episodes for all, and compare them."""
+    """Let drivers insert a scope into held-out grown colons, or yours; the same episodes for all; compare them."""
 
     drivers: Annotated[tuple[str, ...], tyro.conf.Positional]
     """Folders of policies, or random, push, follower."""
@@ -17,6 +17,8 @@ class Evaluate:
     """Folder for table, episodes and pictures."""
     colons: int = 80
     """Held-out colons: grown from seeds 100000, 100001, ..."""
+    colon_folders: tuple[Path, ...] = ()
+    """Folders of `haustra colon import` to drive in, instead of grown colons."""
     episodes: int = 5
     """In each colon."""
     design: str | None = None
@@ -48,11 +50,8 @@ class Evaluate:
         require_learning()
         from haustra.envs.learning.evaluate import evaluate
         from haustra.envs.learning.figures import draw_evaluations
-        from haustra.envs.tasks.bank import grown_bank
-        from haustra.envs.tasks.config import HELD_OUT_SEEDS
         from haustra.errors import InvalidOptionError
         from haustra.files import prepare_folder, write_json
-        from haustra.models.scope.library import named_design
         from haustra.provenance import Provenance
 
         if self.colons < 1 or self.episodes < 1 or not 0 < self.seconds <= 3600:
@@ -60,19 +59,11 @@ class Evaluate:
         folder = prepare_folder(self.output)
         found = [self._driver(name) for name in self.drivers]
         config = self._config(next((task for _, task in found if task), None))
-        seeds = range(HELD_OUT_SEEDS, HELD_OUT_SEEDS + self.colons)
-        with progress_bar("grow", self.colons, unit="colons") as advance:
-            bank = grown_bank(
-                seeds,
-                named_design(config.design),
-                difficulty=config.difficulty,
-                processes=self.processes,
-                progress=lambda done: advance(done, ""),
-            )
+        bank = self._bank(config)
         done = []
         for name, (make, own) in zip(self.drivers, found, strict=True):
             seeing = replace(config, observation=own.observation, privileged=own.privileged) if own else config
-            with progress_bar(name, self.colons * self.episodes, unit="episodes") as advance:
+            with progress_bar(name, len(bank.cases) * self.episodes, unit="episodes") as advance:
                 done.append(
                     evaluate(
                         make,
@@ -85,12 +76,38 @@ class Evaluate:
                         progress=lambda count, _, tell=advance: tell(count, ""),
                     )
                 )
-        result = {"task": config.to_json(), "drivers": [one.summary() for one in done]}
-        provenance = Provenance(inputs={}, configuration={"task": config.to_json(), "colons": self.colons})
+        result = {
+            "task": config.to_json(),
+            "drivers": [one.summary() | {"by_colon": one.by_colon()} for one in done],
+        }
+        colons = [str(path) for path in self.colon_folders] or self.colons
+        provenance = Provenance(inputs={}, configuration={"task": config.to_json(), "colons": colons})
         write_json(folder / "evaluation.json", result | {"provenance": provenance.to_json()})
         write_json(folder / "episodes.json", {one.driver: one.rows() for one in done})
         draw_evaluations(done, folder / "evaluation.png")
-        return {one.driver: _row(one.summary()) for one in done}
+        own = bool(self.colon_folders)
+        return {one.driver: _row(one.summary()) | ({"colons": one.by_colon()} if own else {}) for one in done}
+
+    def _bank(self, config: Any) -> Any:
+        """The colons to drive in."""
+        from haustra.envs.tasks.bank import folder_bank, grown_bank
+        from haustra.envs.tasks.config import HELD_OUT_SEEDS
+        from haustra.models.scope.library import named_design
+        from haustra.scripts.console import progress_bar
+
+        design = named_design(config.design)
+        if self.colon_folders:
+            with progress_bar("read", len(self.colon_folders), unit="colons") as advance:
+                return folder_bank(self.colon_folders, design, progress=lambda done: advance(done, ""))
+        seeds = range(HELD_OUT_SEEDS, HELD_OUT_SEEDS + self.colons)
+        with progress_bar("grow", self.colons, unit="colons") as advance:
+            return grown_bank(
+                seeds,
+                design,
+                difficulty=config.difficulty,
+                processes=self.processes,
+                progress=lambda done: advance(done, ""),
+            )
 
     def _driver(self, name: str) -> tuple[Any, Any]:
         """How to make the driver, and the task that it was trained for."""

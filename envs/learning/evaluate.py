@@ -55,18 +55,35 @@ class Evaluation:
         rows: dict[str, Any] = {"driver": self.driver, "colons": self.colons, "episodes": len(self.episodes)}
         for name, column in (("completion", "reached"), ("safe_completion", "safe"), ("perforated", "perforated")):
             low, high = wilson(int(found[column].sum()), len(self.episodes))
-            by_colon = bootstrap(found[column].astype(float).reshape(self.colons, -1))
             rows[name] = float(found[column].mean())
             rows[f"{name}_wilson"] = [low, high]
-            rows[f"{name}_bootstrap"] = list(by_colon)
+            rows[f"{name}_bootstrap"] = self._over_colons(found[column])
         for column in ("progress", "peak_force_N", "mean_force_N", "share_over_2N", "share_over_safe"):
             rows[column] = float(found[column].mean())
-            rows[f"{column}_bootstrap"] = list(bootstrap(found[column].astype(float).reshape(self.colons, -1)))
+            rows[f"{column}_bootstrap"] = self._over_colons(found[column])
         done = found["seconds"][found["reached"]]
         rows["seconds_when_reached"] = float(np.median(done)) if len(done) else None
         reasons, counts = np.unique(found["reason"], return_counts=True)
         rows["reasons"] = {str(reason): int(count) for reason, count in zip(reasons, counts, strict=True)}
         return rows
+
+    def by_colon(self) -> dict[str, dict[str, float]]:
+        """Shares of episodes and means, colon by colon, as JSON values."""
+        each = len(self.episodes) // self.colons
+        groups = [self.episodes[k * each : (k + 1) * each] for k in range(self.colons)]
+        return {
+            own[0].colon: {
+                "completion": float(np.mean([one.reached for one in own])),
+                "safe_completion": float(np.mean([one.safe for one in own])),
+                "progress": float(np.mean([one.progress for one in own])),
+                "peak_force_N": float(np.mean([one.peak_force_N for one in own])),
+            }
+            for own in groups
+        }
+
+    def _over_colons(self, values: np.ndarray) -> list[float] | None:
+        """Interval of the mean; none from a single colon, which says nothing of others."""
+        return list(bootstrap(values.astype(float).reshape(self.colons, -1))) if self.colons > 1 else None
 
     def rows(self) -> list[dict[str, Any]]:
         """Every episode as JSON values."""

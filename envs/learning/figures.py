@@ -18,7 +18,7 @@ def draw_evaluations(evaluations: Sequence[Evaluation], path: Path) -> Path:
     for row, one in enumerate(evaluations):
         found = one.summary()
         for shift, name, mark in ((-0.1, "completion", "o"), (0.1, "safe_completion", "s")):
-            low, high = found[f"{name}_bootstrap"]
+            low, high = found[f"{name}_bootstrap"] or found[f"{name}_wilson"]
             shares.plot([low, high], [row + shift] * 2, color="grey")
             shares.plot(found[name], row + shift, mark, color="tab:blue", label=name if row == 0 else None)
         way = np.sort([episode.progress for episode in one.episodes])

@@ -14,7 +14,9 @@ from haustra.assets import asset
 from haustra.envs.scope_bank import BATCH_OPTIONS
 from haustra.envs.tasks.case import Case, case_of, load_case, save_case
 from haustra.errors import HaustraError, InvalidOptionError
+from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
+from haustra.models.anatomy.store import colon_hash, load_colon
 from haustra.models.scene import Scene, SceneOptions, build_scene
 from haustra.models.scope.design import ScopeDesign
 from haustra.models.wall.cache import cache_folder
@@ -89,7 +91,7 @@ def grown_bank(
         progress: told how many are there.
     """
     radius = design.diameter / 2
-    missing = [int(seed) for seed in seeds if not _path(int(seed), difficulty, radius).exists()]
+    missing = [int(seed) for seed in seeds if not _path([int(seed), difficulty], radius).exists()]
     if processes > 1 and len(missing) > 1:
         _grow_beside(missing, difficulty, radius, min(processes, len(missing)), progress)
     cases = []
@@ -97,6 +99,49 @@ def grown_bank(
         progress(done)
         cases.append(_grown_case(int(seed), difficulty, radius))
     progress(len(seeds))
+    return make_bank(cases, design, options)
+
+
+def folder_bank(
+    folders: Sequence[Path],
+    design: ScopeDesign,
+    *,
+    options: SceneOptions | None = None,
+    progress: Callable[[int], None] = lambda done: None,
+) -> Bank:
+    """Colons that were imported or grown into folders; a colon that was not tabulated before takes some seconds.
+
+    Args:
+        folders: each written by `haustra colon import` or `colon grow`.
+        design: the scope.
+        options: how the scope is modelled.
+        progress: told how many are there.
+
+    Raises:
+        UnreadableFileError: when a folder holds no colon.
+        InvalidOptionError: when a colon is too short for the scope, or two have the same name.
+    """
+    radius = design.diameter / 2
+    colons = [load_colon(folder) for folder in folders]
+    shortest = design.bending.length + design.tip.length
+    named: dict[str, Path] = {}
+    for folder, colon in zip(folders, colons, strict=True):
+        if colon.centreline.length <= shortest:
+            raise InvalidOptionError(
+                f"The colon in '{folder}' is {colon.centreline.length:.3f} m long, no longer than the bending section "
+                f"and tip of '{design.name}' ({shortest:.3f} m): leave it out."
+            )
+        if colon.name in named:
+            raise InvalidOptionError(
+                f"The colons in '{named[colon.name]}' and '{folder}' are both named '{colon.name}': leave one out."
+            )
+        named[colon.name] = folder
+    cases = []
+    for done, colon in enumerate(colons):
+        progress(done)
+        key = ["colon", colon_hash(colon), colon.name]
+        cases.append(_kept_case(_path(key, radius), lambda own=colon: own, radius))
+    progress(len(colons))
     return make_bank(cases, design, options)
 
 
@@ -116,21 +161,26 @@ def _grow(seed: int, difficulty: str, radius: float) -> None:
     _grown_case(seed, difficulty, radius)
 
 
-def _path(seed: int, difficulty: str, device_radius: float) -> Path:
-    """Where a colon is kept."""
+def _path(key: Sequence[str | int], device_radius: float) -> Path:
+    """Where a colon is kept, given what it is made from."""
     numbers = content_hash(asset("numbers/anatomy.toml").read_bytes())
-    made_by = [_FORMAT, seed, difficulty, device_radius, STATION_STEP, ANGLES, numbers, package_versions()]
+    made_by = [_FORMAT, *key, device_radius, STATION_STEP, ANGLES, numbers, package_versions()]
     return cache_folder() / "cases" / f"{content_hash(json.dumps(made_by, sort_keys=True).encode())}.npz"
 
 
 def _grown_case(seed: int, difficulty: str, device_radius: float) -> Case:
-    path = _path(seed, difficulty, device_radius)
+    path = _path([seed, difficulty], device_radius)
+    return _kept_case(path, lambda: grow_colon(seed=seed, difficulty=difficulty), device_radius)
+
+
+def _kept_case(path: Path, make: Callable[[], Colon], device_radius: float) -> Case:
+    """The case kept there, made now if it is not."""
     if path.exists():
         try:
             return load_case(path)
         except HaustraError:
             path.unlink(missing_ok=True)  # a broken entry of a cache is made again
-    case = case_of(grow_colon(seed=seed, difficulty=difficulty), device_radius=device_radius)
+    case = case_of(make(), device_radius=device_radius)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         save_case(path, case)
