@@ -27,13 +27,13 @@ class BenchAll:
         from haustra.envs.report.bench_report import report_bench, said
         from haustra.files import prepare_folder, write_json
         from haustra.scripts.bench_accuracy import BenchAccuracy
+        from haustra.scripts.bench_profile import BenchProfile
         from haustra.scripts.bench_skip import BenchSkip
         from haustra.scripts.bench_stability import BenchStability
 
         folder = prepare_folder(self.output)
-        found = [
-            verb(output=folder, quick=self.quick, json=True)() for verb in (BenchAccuracy, BenchStability, BenchSkip)
-        ]
+        verbs = (BenchAccuracy, BenchStability, BenchSkip, BenchProfile)
+        found = [verb(output=folder, quick=self.quick, json=True)() for verb in verbs]
         write_json(folder / "bench.json", {"benches": found})
         benches = [bench_from_json(values) for values in found]
         report = report_bench(folder, benches)

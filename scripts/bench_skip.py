@@ -41,7 +41,7 @@ class BenchSkip:
                 f"--seconds {seconds}, --repeats {repeats}: give 1 to 60 s, and 1 or more repeats."
             )
         folder = prepare_folder(self.output) if self.output else None
-        colon, wall = self._colon_and_wall()
+        colon, wall = colon_and_wall(self.colon)
         with progress_bar("skip", 1, unit="levers") as advance:
             bench = bench_skip(colon, wall, named_design("adult"), seconds=seconds, repeats=repeats, progress=advance)
         result = bench.to_json()
@@ -49,20 +49,22 @@ class BenchSkip:
             write_json(folder / "skip.json", result)
         return result if self.json else {row["left_out"]: _said(row) for row in result["tables"][0]["rows"]}
 
-    def _colon_and_wall(self):
-        from haustra.models.anatomy.store import load_colon
-        from haustra.models.wall.build import build_wall
-        from haustra.models.wall.folder import wall_of
-        from haustra.scripts.wall import wall_bar
 
-        with wall_bar() as tell:
-            if self.colon:
-                colon = load_colon(self.colon)
-                return colon, wall_of(self.colon, colon, "prism", progress=tell)
-            from haustra.models.anatomy.grown import grow_colon
+def colon_and_wall(folder: Path | None):
+    """The colon of that folder, or grown seed 0 when there is none, with a wall of prisms."""
+    from haustra.models.anatomy.store import load_colon
+    from haustra.models.wall.build import build_wall
+    from haustra.models.wall.folder import wall_of
+    from haustra.scripts.wall import wall_bar
 
-            colon = grow_colon(seed=0)
-            return colon, build_wall(colon, method="prism", progress=tell)
+    with wall_bar() as tell:
+        if folder:
+            colon = load_colon(folder)
+            return colon, wall_of(folder, colon, "prism", progress=tell)
+        from haustra.models.anatomy.grown import grow_colon
+
+        colon = grow_colon(seed=0)
+        return colon, build_wall(colon, method="prism", progress=tell)
 
 
 def _said(row: dict[str, Any]) -> str:

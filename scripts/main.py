@@ -60,6 +60,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
     from haustra.scripts.bench_cost import BenchCost
     from haustra.scripts.bench_episodes import BenchEpisodes
     from haustra.scripts.bench_grown import BenchGrown
+    from haustra.scripts.bench_profile import BenchProfile
     from haustra.scripts.bench_pushes import BenchPushes
     from haustra.scripts.bench_rigs import BenchRigs
     from haustra.scripts.bench_rods import BenchRods
@@ -102,6 +103,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
         "bench cost": BenchCost,
         "bench accuracy": BenchAccuracy,
         "bench skip": BenchSkip,
+        "bench profile": BenchProfile,
         "bench stability": BenchStability,
         "bench tracked": BenchTracked,
         "bench rigs": BenchRigs,

@@ -29,6 +29,8 @@ FATAL_WARNINGS = (
     mujoco.mjtWarning.mjWARN_INERTIA,
 )
 
+_FATAL = [int(kind) for kind in FATAL_WARNINGS]
+
 
 @dataclass(frozen=True)
 class Inputs:
@@ -206,7 +208,7 @@ class NativeEngine:
 
     def healthy(self) -> bool:
         """Whether the state is finite, of plausible speed, and free of the engine's own fatal warnings."""
-        if any(self.data.warning[int(kind)].number for kind in FATAL_WARNINGS):
+        if self.data.warning.number[_FATAL].any():
             return False
         speed = np.abs(self.data.qvel).max()
         return bool(np.isfinite(speed) and speed < SPEED_LIMIT and np.isfinite(self.data.qpos).all())
@@ -251,16 +253,14 @@ class NativeEngine:
 
     def _link_forces(self) -> tuple[Float[np.ndarray, " links"], int]:
         data = self.data
-        total = np.zeros((len(self.scene.cable.links), 3))
-        contact = data.contact
+        contact, count = data.contact, len(self.scene.cable.links)
         rows = contact.efc_address
         active = rows >= 0
-        if not active.any():
-            return np.zeros(len(total)), 0
         normal = data.efc_force[rows[active]]
         links = self._link_of_body[self.model.geom_bodyid[contact.geom[active]]].max(axis=1)
-        np.add.at(total, links, contact.frame[active, :3] * normal[:, None])
-        return np.linalg.norm(total, axis=1), int((normal > 0).sum())
+        forces = contact.frame[active, :3] * normal[:, None]
+        total = [np.bincount(links, weights=forces[:, axis], minlength=count) for axis in range(3)]
+        return np.linalg.norm(total, axis=0), int((normal > 0).sum())
 
 
 def _require_finite(inputs: Inputs) -> None:
