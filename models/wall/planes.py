@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.models.contact import IMPEDANCE_RATIO, WallContact, contact_parameters
-from haustra.models.wall.field import WallField
+from haustra.models.wall.field import CANDIDATES, Feet, WallField
 
 PLANES = 2
 """Planes a sphere: one for each side of a valley."""
@@ -134,6 +134,10 @@ def add_planes(
             )
 
 
+ASK_AGAIN = 1e-3
+"""Once a sphere has moved this far [m], the triangles next to it are looked for anew: they are 6 mm wide."""
+
+
 class PlaneWall:
     """Moves the planes of one compiled scene to where their spheres are."""
 
@@ -163,6 +167,8 @@ class PlaneWall:
         self.outside = np.full(count, -np.inf)
         # No sphere touches before it has moved by the room it had when it was last looked at.
         self._seen, self._room = np.zeros((count, 3)), np.zeros(count)
+        self._asked = np.full((PLANES, count, 3), np.inf)
+        self._candidates = np.zeros((PLANES, count, CANDIDATES), int)
 
     def update(self, data: mujoco.MjData) -> Float[np.ndarray, " spheres"]:
         """Put the planes where their spheres are nearest to the wall.
@@ -180,7 +186,7 @@ class PlaneWall:
         due = np.flatnonzero(~before & (moved >= self._room))
         self.arcs[before] = along[before]
         if len(due):
-            first = self._field.nearest(centres[due], np.maximum(self.arcs[due], 0.0))
+            first = self._nearest(0, due, centres[due])
             self.arcs[due], self._seen[due], self.outside[due] = first.arcs, centres[due], first.outside
             self._room[due] = np.maximum(-first.outside - self._radius[due], 0.0)
             _place(data, self._planes[due, 0], first.points, first.inwards)
@@ -194,11 +200,21 @@ class PlaneWall:
         self._room[before] = 0.0
         return self.outside
 
+    def _nearest(self, side: int, spheres: np.ndarray, places: np.ndarray) -> Feet:
+        """The wall next to those spheres' places, among triangles that are asked for now and then."""
+        moved = places - self._asked[side, spheres]
+        if (np.einsum("ij,ij->i", moved, moved) > ASK_AGAIN**2).any():
+            # All at once: asking for one costs as much as asking for all.
+            arcs = np.maximum(self.arcs[spheres], 0.0)
+            self._candidates[side, spheres] = self._field.candidates(places, arcs)
+            self._asked[side, spheres] = places
+        return self._field.nearest_of(places, self._candidates[side, spheres])
+
     def _place_second(self, data: mujoco.MjData, spheres: np.ndarray, centres: np.ndarray, inwards: np.ndarray) -> None:
         """Put the second planes of spheres that touch, away from those directions."""
         if not len(spheres):
             return
-        feet = self._field.nearest(centres + self._radius[spheres, None] * inwards, self.arcs[spheres])
+        feet = self._nearest(1, spheres, centres + self._radius[spheres, None] * inwards)
         same = np.einsum("ij,ij->i", inwards, feet.inwards) > SAME_SIDE
         away = np.where(same, AWAY, 0.0)[:, None] * feet.inwards
         _place(data, self._planes[spheres, 1], feet.points - away, feet.inwards)
