@@ -39,6 +39,8 @@ class Evaluate:
     """Of Stable-Baselines3 files."""
     trust: bool = False
     """Load Stable-Baselines3's .zip files, which run code that they contain."""
+    video: bool = True
+    """Draw the best episode of each driver as animated WebP: about a minute for each minute driven."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 
@@ -73,6 +75,7 @@ class Evaluate:
                         episodes=self.episodes,
                         threads=self.threads,
                         engine=self.engine,
+                        record=self.video,
                         progress=lambda count, _, tell=advance: tell(count, ""),
                     )
                 )
@@ -85,6 +88,9 @@ class Evaluate:
         write_json(folder / "evaluation.json", result | {"provenance": provenance.to_json()})
         write_json(folder / "episodes.json", {one.driver: one.rows() for one in done})
         draw_evaluations(done, folder / "evaluation.png")
+        if self.video:
+            for number, one in enumerate(done, start=1):
+                _draw_video(folder / f"video-{number}-{Path(one.driver).name}.webp", one, bank, config)
         own = bool(self.colon_folders)
         return {one.driver: _row(one.summary()) | ({"colons": one.by_colon()} if own else {}) for one in done}
 
@@ -134,6 +140,26 @@ class Evaluate:
         named = {name: value for name in ("design", "difficulty") if (value := getattr(self, name)) is not None}
         ranges = replace(base.randomisation, friction=self.friction) if self.friction else base.randomisation
         return replace(base, **named, randomisation=ranges, limits=Limits(seconds=self.seconds))
+
+
+def _draw_video(path: Path, evaluation: Any, bank: Any, config: Any) -> None:
+    from haustra.envs.learning.video import write_video
+    from haustra.scripts.console import progress_bar
+
+    recording = evaluation.recording
+    if recording is None:
+        return
+    episode = evaluation.episodes[recording.number]
+    with progress_bar(f"draw {path.name}", len(recording.time), unit="frames") as advance:
+        write_video(
+            path,
+            recording,
+            bank,
+            title=f"{Path(evaluation.driver).name} in {episode.colon}",
+            ending="reached, and safe" if episode.safe else episode.reason,
+            limits=config.limits,
+            progress=lambda done, _: advance(done, ""),
+        )
 
 
 def _row(summary: dict[str, Any]) -> dict[str, Any]:

@@ -3,6 +3,11 @@
 from dataclasses import replace
 from functools import cache
 
+import mujoco
+import numpy as np
+
+from haustra.envs.engine.scope_batch import batch_model
+from haustra.envs.learning.recording import Recording
 from haustra.envs.tasks.bank import TASK_OPTIONS, Bank, make_bank
 from haustra.envs.tasks.case import case_of
 from haustra.models.scope.library import named_design
@@ -20,3 +25,16 @@ def short_bank() -> Bank:
     ]
     cases = [case_of(colon, device_radius=design.diameter / 2) for colon in colons]
     return make_bank(cases, design, replace(TASK_OPTIONS, insertion_limit=0.32))
+
+
+def tip_arcs(recording: Recording) -> np.ndarray:
+    """Arc length of the centreline's station nearest to the tip, frame by frame [m], from the joint positions."""
+    case, model = short_bank().cases[recording.case], batch_model(short_bank().scene)
+    data = mujoco.MjData(model)
+    found = []
+    for qpos in recording.qpos:
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(model, data)
+        away = np.linalg.norm(case.points - data.site("scope/tip").xpos, axis=1)
+        found.append(case.step * int(away.argmin()))
+    return np.array(found)

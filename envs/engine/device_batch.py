@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import mujoco
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 
 from haustra.envs.engine.conditions import Conditions, Snapshot
 from haustra.envs.engine.scope_batch import BatchInputs, BatchObservation
@@ -88,6 +88,10 @@ class DeviceBatch:
             time=time.astype(float),
             **{name: np.array(getattr(seen, name), float) for name in Seen._fields},
         )
+
+    def positions(self) -> Float[np.ndarray, "worlds joints"]:
+        """Joint positions of all scopes, as MuJoCo counts them."""
+        return np.asarray(self._state.qpos)
 
     def snapshot(self, world: int) -> Snapshot:
         """Not kept by this engine.

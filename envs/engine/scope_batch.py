@@ -121,6 +121,10 @@ class ScopeBatch:
         parts = [shard.observe() for shard in self._shards]
         return BatchObservation(**{name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
 
+    def positions(self) -> Float[np.ndarray, "worlds joints"]:
+        """Joint positions of all scopes, as MuJoCo counts them."""
+        return np.concatenate([shard.positions() for shard in self._shards])
+
     def snapshot(self, world: int) -> Snapshot:
         """Where one world is now."""
         return self._shard_of(world)[0].snapshot(self._shard_of(world)[1])

@@ -211,6 +211,10 @@ class Shard:
             "deepest": self._depth.max(axis=1),
         }
 
+    def positions(self) -> Float[np.ndarray, "worlds joints"]:
+        """Joint positions."""
+        return self._qpos.copy()
+
     def snapshot(self, world: int) -> Snapshot:
         """Where one world is now."""
         return Snapshot(self._batch.state[world].copy(), self._before[world].copy(), self._arcs[world].copy())

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from haustra.envs.learning.recording import Recorder, Recording
 from haustra.envs.learning.statistics import bootstrap, wilson
 from haustra.envs.tasks.bank import Bank
 from haustra.envs.tasks.config import TaskConfig
@@ -48,6 +49,8 @@ class Evaluation:
     driver: str
     episodes: tuple[Episode, ...]
     colons: int
+    recording: Recording | None = None
+    """Of the best episode, when it was asked for."""
 
     def summary(self) -> dict[str, Any]:
         """Figures with 95 % intervals, and why episodes failed, as JSON values."""
@@ -100,6 +103,7 @@ def evaluate(
     threads: int = 2,
     engine: str = "native",
     most_worlds: int | None = None,
+    record: bool = False,
     progress: Callable[[int, int], None] = lambda done, all_of_them: None,
 ) -> Evaluation:
     """Let a driver drive `episodes` times in every colon of a bank.
@@ -116,6 +120,7 @@ def evaluate(
         threads: for physics on the CPU.
         engine: 'native', MuJoCo on threads, or 'mjx-jax', JAX on its device.
         most_worlds: stepped at once; what suits the engine when None.
+        record: keep the states of the best episode.
         progress: told episodes done and their number.
     """
     plan = [(case, episode) for case in range(len(bank.cases)) for episode in range(episodes)]
@@ -125,6 +130,7 @@ def evaluate(
     waiting = list(range(len(plan)))[::-1]
     running: dict[int, _Record] = {}
     history = _History()
+    recorder = Recorder(task) if record else None
 
     def begin(places: list[int]) -> None:
         for world in places:
@@ -141,6 +147,8 @@ def evaluate(
         mask = np.zeros(worlds, bool)
         mask[places] = True
         driver.begin(mask)
+        if recorder:
+            recorder.begin(places)
 
     begin(list(range(worlds)))
     seen = task.observe()
@@ -148,17 +156,22 @@ def evaluate(
         done = task.step(driver.act(seen))
         history.add(done.info)
         over = [world for world in np.flatnonzero(done.terminated | done.truncated).tolist() if world in running]
+        if recorder:
+            recorder.look(done.info, over)
         for world in over:
             last = {key: values[world] for key, values in done.info.items()}
-            record = running[world]
-            ended[record.number] = record.episode(last, history.of(world, record.began), task, bank)
+            now = running[world]
+            ended[now.number] = now.episode(last, history.of(world, now.began), task, bank)
+            if recorder:
+                recorder.end(world, now.number, ended[now.number])
         seen = done.observation
         if over:
             begin(over)
             seen = task.observe()
             progress(len(ended), len(plan))
     task.close()
-    return Evaluation(name, tuple(ended[number] for number in range(len(plan))), len(bank.cases))
+    kept = recorder.best if recorder else None
+    return Evaluation(name, tuple(ended[number] for number in range(len(plan))), len(bank.cases), kept)
 
 
 class _History:

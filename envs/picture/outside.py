@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Int, UInt8
 
 from haustra.envs.picture.camera import Camera, looking, unit
 from haustra.envs.picture.raster import DepthBuffer, fragments, vertex_normals
@@ -68,16 +68,36 @@ def outside_view(
         The picture, RGB.
     """
     rotation = default_rotation(lumen, scope_points) if rotation is None else rotation
-    camera = _framing(lumen.vertices, rotation, width / height)
-    canvas = _Canvas(camera, width * _SAMPLES, height * _SAMPLES)
-    scope = _draw_scope(canvas, scope_points, scope_radius, bending_length)
-    behind, before, gloss = _draw_colon(canvas, lumen, scope.depth)
-    colour = canvas.background()
-    colour = behind.over(colour)
-    colour = np.where(np.isfinite(scope.depth)[:, None], scope.colour, colour)
-    colour = before.over(colour) + gloss[:, None]
-    fine = np.clip(colour, 0, 1).reshape(height, _SAMPLES, width, _SAMPLES, 3).mean(axis=(1, 3))
-    return (255 * fine + 0.5).astype(np.uint8)
+    view = OutsideView(lumen, rotation, width=width, height=height)
+    return view.draw(scope_points, scope_radius, bending_length=bending_length)
+
+
+class OutsideView:
+    """A colon that stands still, to be drawn with many scopes: what does not change is worked out once."""
+
+    def __init__(
+        self, lumen: Surface, rotation: Float[np.ndarray, "3 3"], *, width: int = 900, height: int = 700
+    ) -> None:
+        """Look at a colon [m] by a camera's rotation, in a picture of that size."""
+        self._width, self._height = width, height
+        camera = _framing(lumen.vertices, rotation, width / height)
+        self._canvas = _Canvas(camera, width * _SAMPLES, height * _SAMPLES)
+        self._wall = _wall_of(self._canvas, lumen)
+        self._empty = self._wall.over(self._canvas.background(), np.arange(len(self._wall.gloss)))
+
+    def draw(
+        self, points: Float[np.ndarray, "points 3"] | None, radius: float, *, bending_length: float
+    ) -> UInt8[np.ndarray, "height width 3"]:
+        """The picture with a scope along `points` [m] of that radius [m] in it; None for the empty colon."""
+        colour = self._empty
+        if points is not None:
+            scope = _draw_scope(self._canvas, points, radius, bending_length)
+            hit = np.flatnonzero(np.isfinite(scope.depth))
+            colour = self._empty.copy()
+            colour[hit] = self._wall.before(scope.depth).over(scope.colour[hit], hit)
+        shape = (self._height, _SAMPLES, self._width, _SAMPLES, 3)
+        fine = np.clip(colour, 0, 1).reshape(shape).mean(axis=(1, 3))
+        return (255 * fine + 0.5).astype(np.uint8)
 
 
 def _framing(vertices: np.ndarray, rotation: np.ndarray, aspect: float) -> Camera:
@@ -105,17 +125,33 @@ class _Canvas:
 
 
 @dataclass(frozen=True)
-class _Layers:
-    """Translucent layers of one pixel in any order: summed colours weighted by opacity, and summed optical depth."""
+class _Wall:
+    """Translucent layers of all pixels, in any order."""
 
-    colour: Float[np.ndarray, "pixels 3"]
-    weight: Float[np.ndarray, " pixels"]
-    optical_depth: Float[np.ndarray, " pixels"]
+    pixel: Int[np.ndarray, " layers"]
+    depth: Float[np.ndarray, " layers"]
+    colour: Float[np.ndarray, "layers 3"]
+    opacity: Float[np.ndarray, " layers"]
+    weight: Float[np.ndarray, " layers"]
+    """Of a layer's colour in its pixel: by opacity, more for near layers."""
+    gloss: Float[np.ndarray, " pixels"]
+    """Of the nearest layer."""
 
-    def over(self, below: np.ndarray) -> np.ndarray:
-        through = np.exp(-self.optical_depth)[:, None]
-        mean = self.colour / np.maximum(self.weight, 1e-12)[:, None]
-        return below * through + mean * (1 - through)
+    def before(self, depth: Float[np.ndarray, " pixels"]) -> "_Wall":
+        """The layers that are nearer than something finite in their pixel."""
+        limit = depth[self.pixel]
+        kept = np.isfinite(limit) & (self.depth < limit)
+        return _Wall(
+            self.pixel[kept], self.depth[kept], self.colour[kept], self.opacity[kept], self.weight[kept], self.gloss
+        )
+
+    def over(self, below: Float[np.ndarray, "hit 3"], hit: Int[np.ndarray, " hit"]) -> Float[np.ndarray, "hit 3"]:
+        """Colours of the pixels `hit`, given what is below the layers there."""
+        count = len(self.gloss)
+        weight = np.bincount(self.pixel, self.weight, count)[hit]
+        through = np.exp(-np.bincount(self.pixel, -np.log1p(-self.opacity), count)[hit])[:, None]
+        colour = np.stack([np.bincount(self.pixel, part * self.weight, count)[hit] for part in self.colour.T], axis=1)
+        return below * through + colour / np.maximum(weight, 1e-12)[:, None] * (1 - through) + self.gloss[hit, None]
 
 
 @dataclass(frozen=True)
@@ -124,11 +160,9 @@ class _Scope:
     colour: Float[np.ndarray, "pixels 3"]
 
 
-def _draw_scope(canvas: _Canvas, points: np.ndarray | None, radius: float, bending_length: float) -> _Scope:
+def _draw_scope(canvas: _Canvas, points: np.ndarray, radius: float, bending_length: float) -> _Scope:
     buffer = DepthBuffer(width=canvas.width, height=canvas.height)
     colour = np.zeros((canvas.width * canvas.height, 3))
-    if points is None:
-        return _Scope(buffer.depth, colour)
     body = tube(points, radius, bending_length=bending_length)
     image, depth = canvas.project(body.vertices)
     for batch in fragments(image[body.faces], width=canvas.width, height=canvas.height):
@@ -143,8 +177,8 @@ def _draw_scope(canvas: _Canvas, points: np.ndarray | None, radius: float, bendi
     return _Scope(buffer.depth, colour)
 
 
-def _draw_colon(canvas: _Canvas, lumen: Surface, scope_depth: np.ndarray) -> tuple[_Layers, _Layers, np.ndarray]:
-    """Layers behind and before the scope, and the gloss of the nearest one."""
+def _wall_of(canvas: _Canvas, lumen: Surface) -> _Wall:
+    """Every layer of the colon, and the gloss of the nearest ones."""
     image, depth = canvas.project(lumen.vertices)
     normals = vertex_normals(lumen.vertices, lumen.faces)
     view = unit(canvas.camera.position - lumen.vertices)
@@ -152,26 +186,18 @@ def _draw_colon(canvas: _Canvas, lumen: Surface, scope_depth: np.ndarray) -> tup
     local = normals @ canvas.camera.rotation
     nearness = (depth.max() - depth) / np.ptp(depth)
     values = np.concatenate([depth[:, None], facing[:, None], local, nearness[:, None]], axis=1)
-    pixels = canvas.width * canvas.height
-    sums = np.zeros((2, 5, pixels))
     front = DepthBuffer(width=canvas.width, height=canvas.height)
+    parts = []
     for batch in fragments(image[lumen.faces], width=canvas.width, height=canvas.height):
         at = np.einsum("fk,fkc->fc", batch.weights, values[lumen.faces[batch.triangle]])
         front.add(batch, at[:, 0])
         opacity, colour = _layer(at)
-        weight = opacity * np.exp(2.5 * at[:, 5])
-        before = at[:, 0] < scope_depth[batch.pixel]
-        for side in (0, 1):
-            chosen = before if side else ~before
-            where = batch.pixel[chosen]
-            parts = (*(colour[chosen] * weight[chosen, None]).T, weight[chosen], -np.log1p(-opacity[chosen]))
-            for total, part in zip(sums[side], parts, strict=True):
-                np.add.at(total, where, part)
+        parts.append((batch.pixel, at[:, 0], colour, opacity, opacity * np.exp(2.5 * at[:, 5])))
     hit = np.flatnonzero(np.isfinite(front.depth))
-    gloss = np.zeros(pixels)
+    gloss = np.zeros(canvas.width * canvas.height)
     gloss[hit] = 0.30 * np.clip(unit(front.interpolate(lumen.faces, local, hit)) @ _HALFWAY, 0, 1) ** 50
-    behind, before_layers = (_Layers(total[:3].T, total[3], total[4]) for total in sums)
-    return behind, before_layers, gloss
+    pixel, own_depth, colour, opacity, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return _Wall(pixel, own_depth, colour, opacity, weight, gloss)
 
 
 def _layer(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ from haustra.envs.picture.raster import DepthBuffer, fragments, vertex_normals
 from haustra.models.anatomy.colon import Surface
 
 _SAMPLES = 2
-"""Pixels are drawn this many times finer along each side, then averaged."""
+"""Pixels are drawn this many times finer along each side, then averaged, unless asked otherwise."""
 _LAMPS = np.array([[-0.004, 0.0, 0.0], [0.004, 0.0, 0.0]])
 """Two light guides beside the lens, in the camera's frame [m]."""
 _NEAR = 0.006
@@ -29,6 +29,7 @@ def tip_view(
     field_of_view_deg: float = 140.0,
     *,
     size: int = 480,
+    samples: int = _SAMPLES,
 ) -> UInt8[np.ndarray, "size size 3"]:
     """Draw the inside of the lumen through a fisheye lens.
 
@@ -41,12 +42,13 @@ def tip_view(
         rotation: columns are the camera's right, up and backward directions (MuJoCo's convention: it looks along -z).
         field_of_view_deg: full angle over the diameter of the picture [degrees].
         size: rows and columns of the picture.
+        samples: pixels are drawn this many times finer along each side, then averaged.
 
     Returns:
         The picture, RGB; black outside the lens's circle and where no light comes back.
     """
     camera = Camera(position, rotation, field_of_view_deg)
-    fine = size * _SAMPLES
+    fine = size * samples
     buffer, faces = _nearest_wall(lumen, camera, fine)
     inside_circle = _circle(fine)
     hit = np.flatnonzero(np.isfinite(buffer.depth) & (inside_circle > 0))
@@ -57,7 +59,7 @@ def tip_view(
         outwards = unit(buffer.interpolate(faces, normals, hit))
         picture[hit] = _tone(_light(points, -outwards, camera))
     picture *= inside_circle[:, None]
-    mean = picture.reshape(size, _SAMPLES, size, _SAMPLES, 3).mean(axis=(1, 3))
+    mean = picture.reshape(size, samples, size, samples, 3).mean(axis=(1, 3))
     return (255 * np.clip(mean, 0, 1) + 0.5).astype(np.uint8)
 
 

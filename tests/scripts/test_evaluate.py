@@ -35,7 +35,7 @@ def evaluate(output: Path, *options: str) -> int:
 
 
 def test_drivers_are_compared_in_the_colons_that_a_user_brings(folders, tmp_path, capsys):
-    assert evaluate(tmp_path, "follower", "--colon-folders", *folders) == SUCCESS
+    assert evaluate(tmp_path, "follower", "--no-video", "--colon-folders", *folders) == SUCCESS
     printed = json.loads(capsys.readouterr().out)["follower"]
     assert printed["episodes"] == 4
     assert list(printed["colons"]) == list(BENDS)
@@ -43,6 +43,7 @@ def test_drivers_are_compared_in_the_colons_that_a_user_brings(folders, tmp_path
     episodes = json.loads((tmp_path / "episodes.json").read_text())["follower"]
     assert [one["colon"] for one in episodes] == ["left", "left", "right", "right"]
     assert (tmp_path / "evaluation.png").stat().st_size > 1000
+    assert not list(tmp_path.glob("*.webp"))
 
 
 def test_one_colon_gives_no_interval_over_colons(folders, tmp_path, capsys):

@@ -9,7 +9,7 @@ from haustra.envs.learning.evaluate import evaluate
 from haustra.envs.learning.statistics import bootstrap, wilson
 from haustra.envs.tasks.config import Limits, TaskConfig
 from haustra.envs.tasks.drivers import FollowerDriver, PushDriver
-from tests.task_bank import DESIGN, short_bank
+from tests.task_bank import DESIGN, short_bank, tip_arcs
 
 CONFIG = TaskConfig(design=DESIGN, observation="state", limits=Limits(seconds=12.0))
 
@@ -46,7 +46,7 @@ def test_both_engines_give_the_same_table():
     """The follower in two tubes: the same episodes, all completed, ways and times within a tenth, peaks within half."""
     pytest.importorskip("jax")
     found = [
-        evaluate(FollowerDriver, "follower", CONFIG, short_bank(), episodes=2, engine=engine)
+        evaluate(FollowerDriver, "follower", CONFIG, short_bank(), episodes=2, engine=engine, record=True)
         for engine in ("native", "mjx-jax")
     ]
     ours, theirs = (one.summary() for one in found)
@@ -59,6 +59,9 @@ def test_both_engines_give_the_same_table():
     assert ours["seconds_when_reached"] == pytest.approx(theirs["seconds_when_reached"], rel=0.1)
     for name in ("peak_force_N", "mean_force_N"):
         assert ours[name] == pytest.approx(theirs[name], rel=0.5)
+    for one in found:
+        kept = one.recording
+        assert kept is not None and tip_arcs(kept) == pytest.approx(kept.tip_arc, abs=0.005)
 
 
 def test_failures_are_named():

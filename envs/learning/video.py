@@ -1,0 +1,171 @@
+"""An episode as a moving picture: the tip camera beside the colon from outside, and what hand and wall feel."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from haustra.envs.engine.scope_batch import batch_model
+from haustra.envs.learning.recording import Recording
+from haustra.envs.picture.camera import looking
+from haustra.envs.picture.outside import OutsideView, default_rotation
+from haustra.envs.picture.tip import tip_view
+from haustra.envs.tasks.bank import Bank
+from haustra.envs.tasks.config import Limits
+from haustra.files import write_atomically
+from haustra.models.anatomy.colon import Surface
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+WIDTH, HEIGHT = 480, 300
+"""Of the picture [pixels]."""
+_SIDE = 192
+"""Of the tip's picture [pixels]."""
+_FRAME_MS, _LAST_MS = 100, 2000
+"""A frame is shown for half the simulated time that it stands for; the last one stays."""
+_QUALITY = 60
+"""Of WebP: some 8 kB a frame."""
+_NEAR = 0.2
+"""Wall farther from the tip is not drawn in its picture [m]: a fiftieth of the light that the near wall gives."""
+_BEFORE_ANUS = 0.03
+"""Length of shaft that is drawn outside the patient [m]."""
+_INK, _PAPER, _RAIL, _FILL, _ALARM = "#30343b", "#ffffff", "#dfe3e8", "#2f6f8f", "#c2413b"
+
+
+def write_video(
+    path: Path,
+    recording: Recording,
+    bank: Bank,
+    *,
+    title: str,
+    ending: str,
+    limits: Limits,
+    progress: Callable[[int, int], None] = lambda done, frames: None,
+) -> Path:
+    """Draw an episode as animated WebP, twice as fast as it was.
+
+    No OpenGL is needed: the renderers are those of `haustra.envs.picture`. The wall is drawn as the episode's physics
+    and camera know it: as its table of distances from the centreline.
+
+    Args:
+        path: file to write.
+        recording: the episode.
+        bank: the colons that it was driven in.
+        title: of the picture.
+        ending: how the episode ended.
+        limits: of the task, marked beside the wall force.
+        progress: told frames drawn and their number.
+
+    Raises:
+        OutputError: when the file cannot be written.
+    """
+    count = len(recording.time)
+
+    def write(temporary: Path) -> None:
+        frames = _frames(recording, bank, title, ending, limits, progress)
+        first = next(frames)
+        shown = [_FRAME_MS] * (count - 1) + [_LAST_MS]
+        first.save(
+            temporary, format="WEBP", save_all=True, append_images=frames, duration=shown, loop=0, quality=_QUALITY
+        )
+
+    return write_atomically(path, write)
+
+
+def _frames(
+    recording: Recording,
+    bank: Bank,
+    title: str,
+    ending: str,
+    limits: Limits,
+    progress: Callable[[int, int], None],
+) -> "Iterator[Image]":
+    from PIL import Image
+
+    colon = bank.cases[recording.case].colon()
+    scope = _Scope(bank)
+    rotation = default_rotation(colon.lumen, colon.centreline.points)
+    outside = OutsideView(colon.lumen, rotation, width=WIDTH - _SIDE, height=HEIGHT)
+    view = min(bank.design.tip.field_of_view_deg, 170.0)
+    count, peak = len(recording.time), 0.0
+    for index in range(count):
+        shape, tip, frame = scope.at(recording.qpos[index])
+        picture = Image.new("RGB", (WIDTH, HEIGHT), _PAPER)
+        eye = tip_view(_near(colon.lumen, tip), tip, looking(frame[:, 2], frame[:, 0]), view, size=_SIDE, samples=1)
+        picture.paste(Image.fromarray(eye), (0, 0))
+        drawn = outside.draw(shape, bank.design.diameter / 2, bending_length=bank.design.bending.length)
+        picture.paste(Image.fromarray(drawn), (_SIDE, 0))
+        peak = max(peak, float(recording.wall_force[index]))
+        _read_out(picture, recording, index, title, ending if index == count - 1 else "", limits, peak)
+        progress(index + 1, count)
+        yield picture
+
+
+def _near(lumen: Surface, place: Float[np.ndarray, "3"]) -> Surface:
+    """The part of a surface around a place: all that its picture needs, in a fraction of the time."""
+    close = np.linalg.norm(lumen.vertices - place, axis=1) < _NEAR
+    return Surface(lumen.vertices, lumen.faces[close[lumen.faces].any(axis=1)])
+
+
+class _Scope:
+    """From joint positions to a shape."""
+
+    def __init__(self, bank: Bank) -> None:
+        self._model = batch_model(bank.scene)
+        self._data = mujoco.MjData(self._model)
+        self._links = [self._model.body(name).id for name in bank.scene.cable.links]
+        self._tip = self._model.site("scope/tip").id
+
+    def at(
+        self, qpos: Float[np.ndarray, " joints"]
+    ) -> tuple[Float[np.ndarray, "nodes 3"], Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
+        """Axis from shortly before the anus to the tip [m], the tip, and its frame."""
+        self._data.qpos[:] = qpos
+        mujoco.mj_kinematics(self._model, self._data)
+        tip = self._data.site_xpos[self._tip].copy()
+        shape = np.vstack([self._data.xpos[self._links], tip])
+        inside = shape[:, 2] > -_BEFORE_ANUS
+        first = int(np.argmin(inside[::-1])) if not inside.all() else len(shape)
+        nodes = np.vstack([[0.0, 0.0, -_BEFORE_ANUS], shape[len(shape) - first :]])
+        return nodes, tip, self._data.site_xmat[self._tip].reshape(3, 3).copy()
+
+
+def _read_out(
+    picture: "Image", recording: Recording, index: int, title: str, ending: str, limits: Limits, peak: float
+) -> None:
+    """Numbers and bars under the tip's picture."""
+    from PIL import ImageDraw, ImageFont
+
+    draw, font = ImageDraw.Draw(picture), ImageFont.load_default(11)
+    force, way = float(recording.wall_force[index]), float(recording.progress[index])
+    row, left = _SIDE + 4, 6
+    draw.text((left, row), title[:34], fill=_INK, font=font)
+    said = f"{recording.time[index]:.1f} s (shown 2x)   tip {recording.tip_arc[index]:.2f} m in"
+    draw.text((left, row + 16), said, fill=_INK, font=font)
+    draw.text((left, row + 32), "way", fill=_INK, font=font)
+    _bar(draw, row + 35, way, _FILL)
+    draw.text((150, row + 32), f"{way:.0%}", fill=_INK, font=font)
+    most = 1.1 * limits.perforation_force
+    draw.text((left, row + 48), "wall", fill=_INK, font=font)
+    _bar(draw, row + 51, force / most, _ALARM if force > limits.safe_force else _FILL)
+    for limit in (limits.safe_force, limits.perforation_force):
+        at = _BAR[0] + limit / most * (_BAR[1] - _BAR[0])
+        draw.line([(at, row + 49), (at, row + 61)], fill=_INK)
+    draw.text((150, row + 48), f"{force:.1f} N", fill=_INK, font=font)
+    said = f"peak {peak:.1f} N   hand {recording.push_force[index]:.1f} N"
+    draw.text((left, row + 64), said, fill=_INK, font=font)
+    draw.text((left, row + 80), ending, fill=_ALARM, font=font)
+
+
+_BAR = (36, 144)
+"""Columns where a bar begins and ends."""
+
+
+def _bar(draw, row: int, share: float, colour: str) -> None:
+    left, right = _BAR
+    draw.rectangle([(left, row), (right, row + 8)], fill=_RAIL)
+    draw.rectangle([(left, row), (left + round(min(max(share, 0.0), 1.0) * (right - left)), row + 8)], fill=colour)

@@ -1,0 +1,71 @@
+"""The best episode as a recording and as a moving picture."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from haustra.envs.learning.evaluate import Evaluation, evaluate
+from haustra.envs.learning.recording import Recording
+from haustra.envs.learning.video import HEIGHT, WIDTH, write_video
+from haustra.envs.tasks.config import Limits, TaskConfig
+from haustra.envs.tasks.drivers import FollowerDriver, PushDriver
+from tests.task_bank import DESIGN, short_bank, tip_arcs
+
+CONFIG = TaskConfig(design=DESIGN, observation="state", limits=Limits(seconds=12.0))
+
+
+def driven(driver, *, seconds: float = 12.0) -> tuple[Evaluation, Recording]:
+    config = TaskConfig(design=DESIGN, observation="state", limits=Limits(seconds=seconds))
+    found = evaluate(driver, "someone", config, short_bank(), episodes=2, threads=1, record=True)
+    assert found.recording is not None
+    return found, found.recording
+
+
+def draw(path, recording: Recording, **options):
+    return write_video(
+        path, recording, short_bank(), title="someone", ending="time up", limits=CONFIG.limits, **options
+    )
+
+
+def test_the_best_episode_is_kept_to_its_end():
+    found, kept = driven(FollowerDriver)
+    ranks = [(one.safe, one.reached, one.progress, -one.seconds) for one in found.episodes]
+    best = found.episodes[kept.number]
+    assert ranks[kept.number] == max(ranks)
+    assert short_bank().cases[kept.case].name == best.colon
+    assert kept.time[-1] == pytest.approx(best.seconds) and kept.progress[-1] == pytest.approx(best.progress)
+    assert np.diff(kept.time)[:-1] == pytest.approx(0.2, abs=1e-5)
+    assert kept.wall_force.max() == pytest.approx(best.peak_force_N, rel=1e-6), "no peak falls between two states"
+
+
+def test_recorded_joints_put_the_tip_where_it_was():
+    _, kept = driven(PushDriver, seconds=2.0)
+    assert tip_arcs(kept) == pytest.approx(kept.tip_arc, abs=0.005)
+
+
+def test_a_video_shows_the_scope_moving_and_how_it_ended(tmp_path):
+    _, kept = driven(PushDriver, seconds=1.0)
+    with Image.open(draw(tmp_path / "push.webp", kept)) as video:
+        assert (getattr(video, "n_frames", 1), video.size) == (len(kept.time), (WIDTH, HEIGHT))
+        pictures = []
+        for frame in (0, len(kept.time) - 2, len(kept.time) - 1):
+            video.seek(frame)
+            pictures.append(np.asarray(video.convert("RGB")).astype(int))
+    first, before, last = pictures
+    outside, ending = np.s_[:, 200:], np.s_[277:, :190]
+    darker = (first - last)[outside].max(axis=2) > 60
+    assert darker.sum() > 20, "the scope is farther in at the end"
+    assert np.abs(first - last)[:190, :190].mean() > 1, "the tip sees something else"
+    assert np.abs(before - last)[ending].max() > 100, "the ending is written below the last frame"
+    assert np.abs(first - before)[ending].max() < 30
+
+
+def test_a_drawing_that_is_interrupted_leaves_nothing(tmp_path):
+    _, kept = driven(PushDriver, seconds=0.6)
+
+    def stop(done: int, frames: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        draw(tmp_path / "push.webp", kept, progress=stop)
+    assert not list(tmp_path.iterdir())
