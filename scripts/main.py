@@ -80,6 +80,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
     from haustra.scripts.sweep import Optimise, Sensitivity, Sweep
     from haustra.scripts.tracked import TrackedRun
     from haustra.scripts.train import Train
+    from haustra.scripts.train_curves import TrainCurves
     from haustra.scripts.tread import TreadFem
     from haustra.scripts.view import View
     from haustra.scripts.wall import WallBuild
@@ -113,6 +114,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
         "bench worlds": BenchWorlds,
         "bench episodes": BenchEpisodes,
         "train": Train,
+        "train curves": TrainCurves,
         "evaluate": Evaluate,
         "doctor": Doctor,
     }

@@ -1,10 +1,19 @@
-"""The learning curve: finished episodes as rows of a CSV file."""
+"""The learning curve: finished episodes as rows of a CSV file; several runs on one grid of steps."""
 
 import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
+
+from haustra.errors import InvalidOptionError, UnreadableFileError
+
+COLUMNS = ("steps", "episodes", "return", "progress", "reached", "perforated", "seconds")
+_MOST_BINS = 40
+"""Of a common grid of steps: finer bins show the chance of single episodes."""
 
 
 class Curve:
@@ -15,7 +24,7 @@ class Curve:
         self._path, self._enough = path, episodes_a_row
         self._recent: list[list[float]] = []
         if fresh:
-            path.write_text("steps,episodes,return,progress,reached,perforated,seconds\n", encoding="utf-8")
+            path.write_text(",".join(COLUMNS) + "\n", encoding="utf-8")
 
     def add(self, steps: int, ended: list[dict[str, Any]]) -> None:
         """Note episodes that have ended after `steps`; with none, write what is left."""
@@ -36,3 +45,62 @@ class Curve:
         if not rows:
             return {}
         return {f"last_{name}": float(rows[-1][name]) for name in ("return", "progress", "reached", "perforated")}
+
+
+def read_curve(path: Path) -> dict[str, np.ndarray]:
+    """The columns of a curve.csv, each (rows,).
+
+    Raises:
+        UnreadableFileError: when it is none, or no episode has ended yet.
+    """
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        table = np.array([[float(row[name]) for name in COLUMNS] for row in rows]).reshape(-1, len(COLUMNS))
+    except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
+        raise UnreadableFileError(f"'{path}' is no learning curve ({error}): name the folder of a training.") from error
+    if len(table) == 0:
+        raise UnreadableFileError(f"'{path}' has no rows yet: no episode of that training has ended.")
+    if not np.isfinite(table).all() or (np.diff(table[:, 0]) < 0).any() or (table[:, 1] < 1).any():
+        raise UnreadableFileError(f"'{path}' is no learning curve (its rows do not follow each other).")
+    return dict(zip(COLUMNS, table.T, strict=True))
+
+
+@dataclass(frozen=True)
+class SeedCurves:
+    """The same training with several seeds, on one grid of steps that all of them have done."""
+
+    steps: Float[np.ndarray, " bins"]
+    """Upper ends of the bins."""
+    columns: dict[str, Float[np.ndarray, "runs bins"]]
+    """Means over the episodes that ended in a bin, by the name of a column of curve.csv."""
+
+
+def seed_curves(curves: Sequence[dict[str, np.ndarray]]) -> SeedCurves:
+    """Put curves on one grid of steps, as fine as the coarsest of them allows.
+
+    Raises:
+        InvalidOptionError: when there is none.
+    """
+    if not curves:
+        raise InvalidOptionError("Learning curves need at least one training.")
+    count = min([_MOST_BINS, *(len(one["steps"]) for one in curves)])
+    ends = min(one["steps"][-1] for one in curves) * np.arange(1, count + 1) / count
+    columns = {
+        name: np.stack([_binned(one["steps"], one[name], one["episodes"], ends) for one in curves])
+        for name in COLUMNS
+        if name not in ("steps", "episodes")
+    }
+    return SeedCurves(ends, columns)
+
+
+def _binned(steps: np.ndarray, values: np.ndarray, episodes: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Means by episodes; a bin in which no row was written lies on the line between its neighbours."""
+    done = steps <= ends[-1]
+    place = np.searchsorted(ends, steps[done])
+    weight = np.bincount(place, episodes[done], len(ends))
+    total = np.bincount(place, (values * episodes)[done], len(ends))
+    full = weight > 0
+    if not full.any():  # its first row comes after the other's last
+        return np.full(len(ends), values[0])
+    return np.interp(ends, ends[full], total[full] / weight[full])

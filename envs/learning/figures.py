@@ -1,12 +1,13 @@
 """Pictures of an evaluation and of a learning curve."""
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from haustra.envs.learning.curve import SeedCurves
 from haustra.envs.learning.evaluate import Evaluation
+from haustra.files import prepare_folder, write_atomically
 
 
 def draw_evaluations(evaluations: Sequence[Evaluation], path: Path) -> Path:
@@ -31,24 +32,28 @@ def draw_evaluations(evaluations: Sequence[Evaluation], path: Path) -> Path:
     ways.set(xlabel="share of the way", ylabel="share of episodes below")
     forces.set(xlabel="peak wall force on a link [N]")
     ways.legend(fontsize="small")
-    figure.savefig(path, dpi=120)
-    return path
+    return write_atomically(path, lambda temporary: figure.savefig(temporary, dpi=120))
 
 
-def draw_curve(curves: Sequence[Path], path: Path) -> Path:
-    """Progress and completion over environment steps, one line a training run."""
+def draw_curves(curves: SeedCurves, names: Sequence[str], path: Path) -> Path:
+    """Way, completion and perforation over environment steps: each run, their mean, and their range.
+
+    Raises:
+        OutputError: when the file cannot be written.
+    """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7, 3), layout="constrained")
-    ways, shares = figure.subplots(1, 2)
-    for file in curves:
-        with file.open(encoding="utf-8", newline="") as stream:
-            rows = list(csv.DictReader(stream))
-        steps = [float(row["steps"]) for row in rows]
-        ways.plot(steps, [float(row["progress"]) for row in rows], label=file.parent.name)
-        shares.plot(steps, [float(row["reached"]) for row in rows])
-    ways.set(xlabel="environment steps", ylabel="share of the way", ylim=(0, 1))
-    shares.set(xlabel="environment steps", ylabel="caecum reached", ylim=(0, 1))
-    ways.legend(fontsize="small")
-    figure.savefig(path, dpi=120)
-    return path
+    figure = Figure(figsize=(10, 3.2), layout="constrained")
+    panels = figure.subplots(1, 3)
+    labels = {"progress": "share of the way", "reached": "caecum reached", "perforated": "perforated"}
+    for panel, (column, label) in zip(panels, labels.items(), strict=True):
+        runs = curves.columns[column]
+        for run, name in zip(runs, names, strict=True):
+            panel.plot(curves.steps, run, linewidth=0.8, alpha=0.6, label=name)
+        panel.plot(curves.steps, runs.mean(axis=0), color="black", linewidth=1.8, label="mean")
+        panel.fill_between(curves.steps, runs.min(axis=0), runs.max(axis=0), color="grey", alpha=0.25, linewidth=0)
+        panel.set(xlabel="environment steps", ylabel=label, ylim=(-0.02, 1.02))
+        panel.ticklabel_format(axis="x", style="sci", scilimits=(0, 4))
+    panels[0].legend(fontsize="small")
+    prepare_folder(path.parent)
+    return write_atomically(path, lambda temporary: figure.savefig(temporary, dpi=120))
