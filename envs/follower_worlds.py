@@ -65,7 +65,6 @@ class WorldsFollower:
         never = jnp.full(worlds, -1e3, kind)
         return Drive(jnp.zeros((worlds, 2), kind), never, never, zero, never, zero, jnp.zeros(worlds, jnp.int32))
 
-    @precise
     def act(
         self, parameters: Parameters, tables: Tables, seen: Seen, time: Array, drive: Drive, *, interval: float
     ) -> tuple[Hands, Drive]:
@@ -79,6 +78,14 @@ class WorldsFollower:
             drive: what it remembers.
             interval: time to the next decision [s].
         """
+        pull_per_angle = parameters.scope.pull_per_angle * parameters.tip_bending
+        return self.decide(pull_per_angle, tables, seen, time, drive, interval=interval)
+
+    @precise
+    def decide(
+        self, pull_per_angle: Array, tables: Tables, seen: Seen, time: Array, drive: Drive, *, interval: float
+    ) -> tuple[Hands, Drive]:
+        """As `act`, given the pull of a wire per bend of each world's bending section [N/rad]."""
         own, arc = self.settings, seen.tip_arc
         bend = self._steer(tables, seen, drive.bend, interval)
         forward = arc > drive.local_arc + STEP_FORWARD
@@ -103,7 +110,7 @@ class WorldsFollower:
         rate = jnp.minimum(rate, (own.hand_lead_limit - seen.hand_lead) / interval)
         rate = jnp.where(until >= 0, -own.retreat_rate, rate)
         roll_rate = jnp.clip((roll_goal - seen.roll) / interval, -own.roll_rate, own.roll_rate)
-        up, left = (bend * (parameters.scope.pull_per_angle * parameters.tip_bending)[:, None]).T
+        up, left = (bend * pull_per_angle[:, None]).T
         pulls = jnp.clip(jnp.stack([up, left, -up, -left], axis=-1), 0.0, self.pull_limit)
         kept = (bend, best, local_arc, local_time, until, roll_goal)
         return Hands(rate, roll_rate, pulls), Drive(*(new.astype(bend.dtype) for new in kept), attempts=attempts)

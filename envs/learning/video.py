@@ -30,7 +30,7 @@ _FRAME_MS, _LAST_MS = 100, 2000
 _QUALITY = 60
 """Of WebP: some 8 kB a frame."""
 _NEAR = 0.2
-"""Wall farther from the tip is not drawn in its picture [m]: a fiftieth of the light that the near wall gives."""
+"""Wall farther from the tip is not drawn in its picture [m]: wall at 3 cm sends back forty times as much light."""
 _BEFORE_ANUS = 0.03
 """Length of shaft that is drawn outside the patient [m]."""
 _INK, _PAPER, _RAIL, _FILL, _ALARM = "#30343b", "#ffffff", "#dfe3e8", "#2f6f8f", "#c2413b"

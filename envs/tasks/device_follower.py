@@ -1,0 +1,56 @@
+"""The lumen follower of `haustra.envs.tasks.drivers` where JAX computes: thousands of worlds in one call."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float
+
+from haustra.envs.engine.scope_worlds import Seen
+from haustra.envs.follower import FollowerSettings
+from haustra.envs.follower_worlds import Drive, WorldsFollower
+from haustra.envs.tasks.observation import Observation
+from haustra.envs.tasks.scope_task import ScopeTask
+from haustra.models.wall.radius_field import Tables, pick
+
+
+class DeviceFollowerDriver:
+    """The follower's rules in single precision; the centreline ahead is interpolated instead of its next station."""
+
+    def __init__(self, task: ScopeTask, *, settings: FollowerSettings | None = None) -> None:
+        """Drive the worlds of a task, whichever engine steps them."""
+        self._task = task
+        design = task.bank.design
+        follower = WorldsFollower.of(design, tip_links=task.bank.scene.cable.tip_links, settings=settings)
+        tables = Tables(
+            *(jnp.asarray(part, None if part.dtype.kind == "i" else jnp.float32) for part in task.bank.tables)
+        )
+        pull_per_angle = jnp.full(task.worlds, design.pull_per_angle, jnp.float32)
+        interval, drive, most = task.interval, task.config.drive, design.wires.pull_limit
+
+        def act(case: Any, seen: Seen, time: Any, memory: Drive) -> tuple[Any, Drive]:
+            hands, memory = follower.decide(pull_per_angle, pick(tables, case), seen, time, memory, interval=interval)
+            pull = (hands.pulls[:, :2] - hands.pulls[:, 2:]) / most
+            rates = [hands.push_rate / drive.push_rate, hands.roll_rate / drive.roll_rate]
+            return jnp.clip(jnp.column_stack([*rates, pull]), -1, 1), memory
+
+        self._act = jax.jit(act)
+        self._fresh = self._memory = follower.begin(task.worlds)
+
+    def begin(self, worlds: Bool[np.ndarray, " worlds"]) -> None:
+        """New colons, new followers."""
+        anew = jnp.asarray(worlds)
+        self._memory = jax.tree.map(
+            lambda fresh, old: jnp.where(anew.reshape(-1, *[1] * (fresh.ndim - 1)), fresh, old),
+            self._fresh,
+            self._memory,
+        )
+
+    def act(self, seen: Observation) -> Float[np.ndarray, "worlds 4"]:
+        """What each follower asks for, as actions."""
+        own = self._task.seen
+        parts = Seen(*(np.asarray(getattr(own, name), np.float32) for name in Seen._fields))
+        case, time = self._task.case.astype(np.int32), own.time.astype(np.float32)
+        actions, self._memory = self._act(case, parts, time, self._memory)
+        return np.asarray(actions, float)
