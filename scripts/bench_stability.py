@@ -1,5 +1,7 @@
 """`haustra bench stability`: whether simulations stay stable, whatever is asked of them."""
 
+import math
+import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,11 +16,14 @@ class BenchStability:
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("bench-stability")
     """Folder of results; an interrupted run goes on in the same one."""
     only: str = ""
-    """Parts, separated by commas: conservation, nan, shocks, escapes, ranges, long. All when empty."""
+    """Parts, separated by commas: conservation, nan, shocks, step, escapes, ranges, long. All when empty."""
     quick: bool = False
     """Fewer and shorter runs: minutes instead of hours."""
     workers: int = 1
     """Child processes of the parts that have many independent runs."""
+    minutes: float | None = None
+    """Begin no further run after that long, and say what is missing; the same command goes on from there. Parts without
+    independent runs (conservation, nan) are not cut short."""
     colon: Path | None = None
     """Folder of a colon to push a tip about in besides the grown one."""
     seed: int = 0
@@ -28,6 +33,7 @@ class BenchStability:
 
     def __call__(self) -> dict[str, Any]:
         """Run the parts and write stability.json."""
+        from haustra.envs.bench.result import Bench
         from haustra.envs.bench.stability.bench import PARTS, stability
         from haustra.envs.bench.stability.part import Order
         from haustra.errors import InvalidOptionError
@@ -37,14 +43,30 @@ class BenchStability:
         if not 1 <= self.workers <= 256:
             raise InvalidOptionError(f"workers is {self.workers}: give 1 to 256.")
         names = [name.strip() for name in self.only.split(",") if name.strip()]
-        order = Order(prepare_folder(self.output), self.quick, self.workers, self.seed, self.colon)
+        if self.minutes is not None and not 0 < self.minutes < 1e5:
+            raise InvalidOptionError(f"minutes is {self.minutes}: give a positive number.")
+        order = Order(
+            folder=prepare_folder(self.output),
+            quick=self.quick,
+            workers=self.workers,
+            deadline=math.inf if self.minutes is None else time.monotonic() + 60 * self.minutes,
+            seed=self.seed,
+            colon=self.colon,
+        )
+        target = self.output / "stability.json"
+
+        def keep(so_far: Bench) -> None:
+            write_json(target, so_far.to_json())
+
         asked = names or list(PARTS)
         with progress_bar("stability", len(asked), unit="parts") as advance:
             found = stability(
-                order, names, lambda part, done, note: advance(asked.index(part) + done, f"{part} {note}")
+                order,
+                names,
+                lambda part, done, note: advance(asked.index(part) + done, f"{part} {note}"),
+                keep=keep,
             )
         result = found.to_json()
-        write_json(self.output / "stability.json", result)
         if self.json:
             return result
         marks = {True: "met", False: "NOT MET"}
@@ -52,4 +74,4 @@ class BenchStability:
             bar.what: f"{bar.measured:.3g} {bar.unit} ({bar.sense} {bar.bound:g}: {marks[bar.met]})"
             for bar in found.bars
         }
-        return {**bars, "written": str(self.output / "stability.json")}
+        return {**bars, "extent": found.summary[0], "written": str(target)}

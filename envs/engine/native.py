@@ -11,7 +11,7 @@ from haustra.envs.engine.wheels import Wheels
 from haustra.envs.measure.energy import Energies, EnergyMeter
 from haustra.errors import InvalidOptionError
 from haustra.models.scene import Scene
-from haustra.models.scope.cable import LOCK_STRETCH
+from haustra.models.scope.cable import LOCK_STRETCH, PULL_OUT_LIMIT
 from haustra.models.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.wall.field import WallField
 from haustra.models.wall.planes import PlaneWall
@@ -125,9 +125,10 @@ class NativeEngine:
 
         Raises:
             InvalidDesignError: when wheels steer wires that do not stretch.
-            InvalidOptionError: when an input is not a finite number; MuJoCo would take all controls for zero.
+            InvalidOptionError: when an input is not a finite number; MuJoCo would take all controls for zero. Also
+                when the shaft is to be pulled out faster than `PULL_OUT_LIMIT`.
         """
-        _require_finite(inputs)
+        _require_possible(inputs)
         control = self.data.ctrl
         control[self._push] = inputs.push_rate
         control[self._roll] = inputs.roll_rate
@@ -263,7 +264,11 @@ class NativeEngine:
         return np.linalg.norm(total, axis=0), int((normal > 0).sum())
 
 
-def _require_finite(inputs: Inputs) -> None:
+def _require_possible(inputs: Inputs) -> None:
     for name, value in vars(inputs).items():
         if value is not None and not np.isfinite(value).all():
             raise InvalidOptionError(f"The input {name} is {value}: give finite numbers.")
+    if inputs.push_rate < -PULL_OUT_LIMIT:
+        raise InvalidOptionError(
+            f"The input push_rate is {inputs.push_rate} m/s: pull the scope out at {PULL_OUT_LIMIT:g} m/s at most."
+        )

@@ -46,6 +46,11 @@ LOCK_LOSS_TIME = 0.01
 """Damping over stiffness of a lock [s], or two time steps if that is more; engineering choice, so that it is linearly
 implicit."""
 
+PULL_OUT_LIMIT = 1.0
+"""Fastest that a bent shaft may be pulled out of the patient [m/s], three times as fast as hands do. Joints outside are
+held over `LOCK_STRETCH`. At 1.5 m/s a bent one passes it within eight time steps of 5 ms: its lock stiffens faster than
+it straightens, and throws the shaft about (`haustra bench stability --only shocks`)."""
+
 ARMATURE_FACTOR = 1.0
 """Armature of a sprung hinge over (damping x time step). Measured: without, contacts chatter at 4 ms; 0.25 stills them
 at rest, but a scope jammed in a real colon still diverged within 20 to 50 s; with 1 it did not."""

@@ -1,11 +1,13 @@
 """Laws that must hold whatever the setting: energy, momentum, frames, mirrors, units, repeats."""
 
+import mujoco
+
 from haustra.envs.bench.result import Table
 from haustra.envs.bench.stability.free import JOINTS, ROD, TIMESTEP, free_bars, momentum_drift
 from haustra.envs.bench.stability.part import Order, Part, Progress
 from haustra.envs.bench.stability.passive import passive_bars
 from haustra.envs.bench.stability.random_runs import prepare_colons
-from haustra.envs.bench.stability.symmetry import symmetry_bars
+from haustra.envs.bench.stability.symmetry import mirror_bars, symmetry_bars
 from haustra.models.anatomy.store import load_colon
 
 
@@ -18,16 +20,25 @@ def conservation(order: Order, progress: Progress) -> Part:
     progress(0.2, "free rods")
     bars += passive_bars(colon)
     progress(0.5, "scope at rest in a colon")
-    bars += symmetry_bars(colon)
+    mirrors, handed = mirror_bars(colon)
+    bars += symmetry_bars(colon) + mirrors
     progress(1.0, "symmetries")
     steps = [TIMESTEP, TIMESTEP / 2, TIMESTEP / 4, TIMESTEP / 8]
     drift = Table(
         "Momentum of a free rod",
-        tuple({"timestep_s": step, "drift": momentum_drift(ROD, step)} for step in steps),
-        note="Of order one in the time step.",
+        tuple(
+            {
+                "timestep_s": step,
+                "drift": momentum_drift(ROD, step),
+                "without_armature": momentum_drift(ROD, step, armature=False),
+                "runge_kutta": momentum_drift(ROD, step, integrator=mujoco.mjtIntegrator.mjINT_RK4),
+            }
+            for step in steps
+        ),
+        note="Of order one in the time step, with armature or without: the step's error, not the model's.",
     )
     text = (
         f"Rods of {JOINTS} joints in empty space, damped as in scenes; scopes in grown colon 0, tangent planes. "
         "Energy counts motion, springs, wall, hand and locks; a rod gains what it rises above its least until then."
     )
-    return Part(bars, (drift,), summary=text)
+    return Part(bars, (drift, handed), summary=text)

@@ -21,11 +21,14 @@ def escapes(order: Order, progress: Progress) -> Part:
     count = QUICK_PUSHES if order.quick else PUSHES
     prepare_colons(order.folder / "colons", 1, lambda seed: progress(0.0, "growing colon 0"), walls=False)
     colons = [order.folder / "colons" / "grown-0", *([order.colon] if order.colon else [])]
-    bars, found = [], []
+    bars, found, done = [], [], 0
     for index, folder in enumerate(colons):
         name, pushes = _pushes(
             order, folder, count, lambda done, note, index=index: progress((index + done) / len(colons), note)
         )
+        if not pushes:
+            continue
+        done += len(pushes)
         figures = summary(pushes)
         found.append({"colon": name, **figures})
         bars.append(Bar(f"escapes through tangent planes in {name}", figures["escaped"], 0, "pushes", "at most"))
@@ -34,15 +37,23 @@ def escapes(order: Order, progress: Progress) -> Part:
         f"and {LARGEST_SPEED:g} m/s against tangent planes; out is what stays more than 1 mm deeper than force over "
         "stiffness."
     )
-    return Part(tuple(bars), (Table("Pushes", tuple(found)),), summary=text, counts={"pushes": count * len(colons)})
+    return Part(
+        tuple(bars),
+        (Table("Pushes", tuple(found)),),
+        summary=text,
+        counts={"pushes": done},
+        planned={"pushes": count * len(colons)},
+    )
 
 
 def _pushes(order: Order, folder: Path, count: int, progress: Progress) -> tuple[str, tuple[Push, ...]]:
     colon = load_colon(folder)
     kept = order.folder / f"escapes-{content_hash(colon.lumen.vertices.tobytes())}.jsonl"
     rows = Rows(kept, {"seed": order.seed, "colon": colon.name})
-    fill(rows, count, begin, (str(folder), order.seed), workers=order.workers, progress=progress)
-    return colon.name, tuple(_push(row) for row in rows.in_order(count))
+    fill(
+        rows, count, begin, (str(folder), order.seed), workers=order.workers, deadline=order.deadline, progress=progress
+    )
+    return colon.name, tuple(_push(row) for row in rows.first(count))
 
 
 def begin(folder: str, seed: int) -> Answer:

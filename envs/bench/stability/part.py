@@ -1,6 +1,7 @@
 """What one part of the stability benchmark is given, and what it finds."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,6 +21,8 @@ class Order:
     """Fewer and shorter: minutes instead of hours."""
     workers: int = 1
     """Child processes of the parts that have many independent runs."""
+    deadline: float = math.inf
+    """No run of a part that has many is begun after that [s, as `time.monotonic` counts]."""
     seed: int = 0
     """Of everything drawn."""
     colon: Path | None = None
@@ -34,5 +37,13 @@ class Part:
     tables: tuple[Table, ...] = ()
     summary: str = ""
     """How it was measured."""
-    counts: dict[str, float] = field(default_factory=dict)
+    counts: Mapping[str, float] = field(default_factory=dict)
     """How much was run, by name."""
+    planned: Mapping[str, float] = field(default_factory=dict)
+    """How much was to be run, of the same names; what is short of it is said with the result."""
+
+    @property
+    def unfinished(self) -> str:
+        """What is short of the plan; empty when nothing is."""
+        short = [(name, self.counts.get(name, 0.0), plan) for name, plan in self.planned.items()]
+        return ", ".join(f"{done:,.0f} of {plan:,.0f} {name}" for name, done, plan in short if done < plan)

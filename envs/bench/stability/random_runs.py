@@ -43,8 +43,8 @@ def random_runs(order: Order, progress: Progress) -> Part:
     setting = {"seed": order.seed, "count": count, "seconds": seconds, "colons": colons}
     rows = Rows(order.folder / "ranges.jsonl", setting)
     given = (str(order.folder / "colons"), order.seed, count, seconds, colons)
-    fill(rows, count, begin, given, workers=order.workers, progress=progress)
-    return judge(rows.in_order(count), seconds)
+    fill(rows, count, begin, given, workers=order.workers, deadline=order.deadline, progress=progress)
+    return judge(rows.first(count), seconds, count)
 
 
 def prepare_colons(folder: Path, count: int, tell: Callable[[int], None], *, walls: bool = True) -> None:
@@ -139,9 +139,12 @@ def unseen(engine: NativeEngine) -> bool:
     return not finite or resets
 
 
-def judge(rows: list[Row], seconds: float) -> Part:
-    """Bars and tables of finished rows."""
-    inside = [row for row in rows if not row["beyond"]]
+def judge(rows: list[Row], seconds: float, planned: int) -> Part:
+    """Bars and tables of the finished rows of the planned."""
+    counted = {"runs inside the ranges": sum(not row.get("beyond", row["number"] % 2) for row in rows)}
+    counted["runs beyond them"] = len(rows) - counted["runs inside the ranges"]
+    wanted = {"runs inside the ranges": (planned + 1) // 2, "runs beyond them": planned // 2}
+    inside = [row for row in rows if not row.get("beyond", row["number"] % 2)]
     bad = ("diverged", "crashed")
     unnamed = [row for row in rows if row["outcome"] == "diverged" and not row["reason"]]
     silent = [row for row in rows if row.get("unseen") or row["outcome"] == "crashed"]
@@ -175,7 +178,7 @@ def judge(rows: list[Row], seconds: float) -> Part:
         ),
         note=f"Generalised speed, rad/s or m/s; above {PLAUSIBLE_SPEED:g} is no motion of a scope.",
     )
-    return Part(bars, (table, fastest, _table(ranges())), summary=_SUMMARY, counts={"runs": len(rows)})
+    return Part(bars, (table, fastest, _table(ranges())), summary=_SUMMARY, counts=counted, planned=wanted)
 
 
 def _count(rows: list[Row], *outcomes: str) -> int:

@@ -1,6 +1,8 @@
 """Finished rows of a long benchmark, one a line of JSON, so that an interrupted run goes on where it stopped."""
 
 import json
+import math
+import time
 from collections.abc import Callable, Mapping
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
@@ -41,9 +43,9 @@ class Rows:
         with self._path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(row) + "\n")
 
-    def in_order(self, count: int) -> list[Row]:
-        """The first `count` rows."""
-        return [self.found[number] for number in range(count)]
+    def first(self, count: int) -> list[Row]:
+        """Of the first `count` rows those that are finished, in order."""
+        return [self.found[number] for number in range(count) if number in self.found]
 
 
 def _row(line: str) -> Row | None:
@@ -61,8 +63,9 @@ def fill(
     *,
     workers: int,
     progress: Callable[[float, str], None],
+    deadline: float = math.inf,
 ) -> None:
-    """Answer all of the first `count` rows that are missing, in this process or in children.
+    """Answer all of the first `count` rows that are missing, in this process or in children, as time allows.
 
     A row whose child dies is kept as `crashed`: native code can end a process, and that is a finding.
 
@@ -74,23 +77,27 @@ def fill(
         given: arguments of `begin`.
         workers: child processes; none for 1.
         progress: told the share that is done.
+        deadline: no row is begun after that [s, as `time.monotonic` counts]; those begun are finished.
     """
     missing = [number for number in range(count) if number not in rows.found]
 
     def keep(row: Row) -> None:
         rows.add(row)
-        progress(1 - len(missing) / count, f"{row['number']}: {row.get('outcome', '')}")
+        progress(len(rows.first(count)) / count, f"{row['number']}: {row.get('outcome', '')}")
+
+    def more() -> bool:
+        return bool(missing) and time.monotonic() < deadline
 
     if workers == 1:
-        answer = begin(*given) if missing else None
-        while missing and answer:
+        answer = begin(*given) if more() else None
+        while answer and more():
             keep(answer(missing.pop(0)))
         return
-    children = [_Child(begin, given) for _ in range(min(workers, len(missing)))]
+    children = [_Child(begin, given) for _ in range(min(workers, len(missing)) if more() else 0)]
     try:
         while children:
             for child in children:
-                if child.number is None and missing:
+                if child.number is None and more():
                     child.ask(missing.pop(0))
             busy = {child.pipe: child for child in children if child.number is not None}
             if not busy:

@@ -1,18 +1,23 @@
 """Random runs: drawn from the whole ranges, finished rows kept, divergence named and counted."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from haustra.envs.bench.stability import random_runs
+from haustra.envs.bench.stability.bench import stability
+from haustra.envs.bench.stability.part import Order
 from haustra.envs.bench.stability.random_runs import judge, run_setting
 from haustra.envs.bench.stability.ranges import BEYOND, build_setting, draw, ranges
 from haustra.envs.bench.stability.rows import Rows, fill
 from haustra.errors import HaustraError
+from haustra.models.anatomy.store import save_colon
 from haustra.models.scene import SceneOptions
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
+from tests.tube_colon import straight_tube
 
 MIDDLE = {variable.path: variable.at(0.5) for variable in ranges()}
 TURN = np.array([0.6, 0.48, 0.64])
@@ -57,7 +62,7 @@ def test_a_scope_that_flies_apart_is_named_and_not_averaged(bend, monkeypatch):
     row = run_setting(setting, bend, None, np.random.default_rng(0), seconds=0.5)
     assert row["outcome"] == "diverged"
     assert row["reason"]
-    bars = {bar.what: bar for bar in judge([{"number": 0, "beyond": False, "wall": "planes", **row}], 0.5).bars}
+    bars = {bar.what: bar for bar in judge([{"number": 0, "beyond": False, "wall": "planes", **row}], 0.5, 1).bars}
     assert bars["runs that diverged inside the ranges"].measured == 1
     assert not bars["runs that diverged inside the ranges"].met
     assert bars["divergences without a name, inside or beyond"].met
@@ -81,7 +86,7 @@ def test_finished_rows_are_not_run_again(tmp_path):
     def run(count: int, setting: dict):
         rows = Rows(tmp_path / "rows.jsonl", setting)
         fill(rows, count, begin, (10,), workers=1, progress=lambda done, note: None)
-        return rows.in_order(count)
+        return rows.first(count)
 
     assert [row["value"] for row in run(3, {"seed": 0})] == [10, 11, 12]
     with (tmp_path / "rows.jsonl").open("a") as file:
@@ -92,10 +97,27 @@ def test_finished_rows_are_not_run_again(tmp_path):
     assert asked == [0, 1, 2, 3, 4, 0, 1]
 
 
+def test_time_that_is_up_leaves_rows_for_the_next_call_and_says_so(tmp_path):
+    def run(deadline: float):
+        rows = Rows(tmp_path / "rows.jsonl", {})
+        fill(rows, 3, dying, (9,), workers=1, progress=lambda done, note: None, deadline=deadline)
+        return [row["number"] for row in rows.first(3)]
+
+    assert run(time.monotonic() - 1) == []
+    assert run(time.monotonic() + 60) == [0, 1, 2]
+    order = Order(tmp_path, deadline=time.monotonic() - 1)
+    kept = []
+    save_colon(straight_tube(0.8), tmp_path / "colons" / "grown-0")
+    found = stability(order, ["shocks", "escapes"], lambda part, done, note: None, kept.append)
+    assert len(kept) == 2
+    assert "0 of 10,000 pushes" in found.summary[0]
+    assert all("so far, 0 of" in bar.what for bar in found.bars)
+
+
 def test_a_row_whose_process_dies_is_kept_as_crashed(tmp_path):
     rows = Rows(tmp_path / "rows.jsonl", {})
     fill(rows, 3, dying, (1,), workers=2, progress=lambda done, note: None)
-    assert [row.get("outcome") for row in rows.in_order(3)] == ["fine", "crashed", "fine"]
+    assert [row.get("outcome") for row in rows.first(3)] == ["fine", "crashed", "fine"]
 
 
 def dying(fatal: int):
