@@ -1,4 +1,6 @@
-"""Put figures into docs/validation/stability.md: `python -m haustra.scripts.stability_page stability.json PAGE`.
+"""Put figures into the page on stability, all or those named.
+
+python -m haustra.scripts.stability_page stability.json docs/validation/stability.md [bars] [steps] [shocks]
 
 They stand between `<!-- NAME -->` and `<!-- /NAME -->`; the rest of the page is written by hand.
 """
@@ -6,7 +8,7 @@ They stand between `<!-- NAME -->` and `<!-- /NAME -->`; the rest of the page is
 import json
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +20,7 @@ from haustra.envs.report.values import shown
 from haustra.files import write_atomically
 
 
-def with_figures(page: str, bench: Bench) -> str:
+def with_figures(page: str, bench: Bench, only: Sequence[str] = ()) -> str:
     """The page with what the benchmark found; what has no table in it stays as it is."""
     tables = {table.title: table for table in bench.tables}
     blocks = {"bars": "\n".join(_bars(bench))}
@@ -28,7 +30,8 @@ def with_figures(page: str, bench: Bench) -> str:
         shocks = rows_table(tables["Shocks"])
         head = [f"| {' | '.join(shocks.header)} |", f"|{'---|' * len(shocks.header)}"]
         blocks["shocks"] = "\n".join([*head, *(f"| {' | '.join(row)} |" for row in shocks.rows)])
-    for name, text in blocks.items():
+    for name in only or blocks:
+        text = blocks[name]
         pattern = rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)"
         page = re.sub(pattern, lambda found, text=text: f"{found[1]}\n{text}\n\n{found[2]}", page, flags=re.DOTALL)
     return page
@@ -68,7 +71,7 @@ def _at_least(row: Mapping[str, Any]) -> str:
 
 
 if __name__ == "__main__":
-    source, target = (Path(name) for name in sys.argv[1:])
+    source, target = (Path(name) for name in sys.argv[1:3])
     found = bench_from_json(json.loads(source.read_text(encoding="utf-8")))
-    text = with_figures(target.read_text(encoding="utf-8"), found)
+    text = with_figures(target.read_text(encoding="utf-8"), found, sys.argv[3:])
     write_atomically(target, lambda path: path.write_text(text, encoding="utf-8"))
