@@ -42,6 +42,8 @@ limit creeps. Speeds tell less: a tip in a crease of the lumen's triangles is pu
 changes facets, by 0.2 rad/s in single steps and by microns."""
 STEP_PUSH, STEP_TIME = 50.0, 0.5
 """Force along the shaft [N], and how long it lasts [s]."""
+STILL_SPEED = 0.05
+"""Bar of generalised speeds over the last second, set before that of `AT_REST` and kept beside it [rad/s or m/s]."""
 PULL_OUT = PULL_OUT_LIMIT, 0.12
 """Speed [m/s] and length [m] of a sudden pull: the fastest that the shaft's locks are made for."""
 LARGEST_SPEED = 1000.0
@@ -187,10 +189,12 @@ def judge(found: list[Shocked], planned: int) -> Part:
     """Bars and table of what was run of the planned."""
     lost = [each for each in found if each.outcome in ("diverged", "escaped")]
     restless = [each for each in found if each.outcome == "moving"]
+    turning = [each for each in found if not each.speed_end < STILL_SPEED]
     fastest = max((each.fastest for each in found), default=np.inf)
     bars = (
         Bar("shocks after which a scope diverged or left the colon", len(lost), 0, "shocks", "at most"),
         Bar("shocks after which a scope did not come to rest", len(restless), 0, "shocks", "at most"),
+        Bar(f"shocks after which a joint still turned at {STILL_SPEED:g} rad/s", len(turning), 0, "shocks", "at most"),
         Bar("largest generalised speed after a shock", fastest, LARGEST_SPEED, "rad/s or m/s", "at most"),
     )
     rows = tuple(

@@ -26,15 +26,20 @@ def test_a_tip_released_from_full_bend_ends_at_rest_inside():
     found = shock(straight_tube(0.4), None, name, quick=True)
     assert found.outcome == "at rest"
     assert 1 < found.fastest < 100
-    assert [bar.met for bar in judge([found], 1).bars] == [True, True, True]
+    assert [bar.met for bar in judge([found], 1).bars] == [True, True, True, True]
 
 
 def test_what_diverged_or_moves_on_misses_its_bar():
     def told(outcome, fastest):
         return Shocked("x", "planes", outcome, "", fastest, 0.1, 0.2, 0.1, 0.01, 1.0)
 
-    assert [bar.met for bar in judge([told("diverged", np.inf), told("moving", 5.0)], 2).bars] == [False, False, False]
-    assert [bar.measured for bar in judge([told("diverged", 1.0), told("moving", 5.0)], 2).bars] == [1, 1, 5.0]
+    assert [bar.met for bar in judge([told("diverged", np.inf), told("moving", 5.0)], 2).bars] == [
+        False,
+        False,
+        False,
+        False,
+    ]
+    assert [bar.measured for bar in judge([told("diverged", 1.0), told("moving", 5.0)], 2).bars] == [1, 1, 2, 5.0]
 
 
 def test_shocks_are_spread_and_kept(tmp_path, monkeypatch):
