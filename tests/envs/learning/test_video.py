@@ -1,5 +1,7 @@
 """The best episode as a recording and as a moving picture."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -11,6 +13,7 @@ from haustra.envs.tasks.config import Limits, TaskConfig
 from haustra.envs.tasks.drivers import FollowerDriver, PushDriver
 from tests.task_bank import DESIGN, short_bank, tip_arcs
 
+SERIES = ("time", "tip_arc", "progress", "push_force", "wall_force")
 CONFIG = TaskConfig(design=DESIGN, observation="state", limits=Limits(seconds=12.0))
 
 
@@ -58,6 +61,28 @@ def test_a_video_shows_the_scope_moving_and_how_it_ended(tmp_path):
     assert np.abs(first - last)[:190, :190].mean() > 1, "the tip sees something else"
     assert np.abs(before - last)[ending].max() > 100, "the ending is written below the last frame"
     assert np.abs(first - before)[ending].max() < 30
+
+
+def test_a_tip_that_has_pressed_the_wall_away_sees_wall(tmp_path):
+    """A scope that is bent by hand until its tip stands outside the tube, as in a soft wall."""
+    _, kept = driven(PushDriver, seconds=2.0)
+    model = short_bank().scene.cable
+    bend = np.tile(kept.qpos[-1], (2, 1))
+    bend[:, -2 * model.tip_links :] += 0.25
+    bent = replace(kept, qpos=bend, **{name: getattr(kept, name)[-2:] for name in SERIES})
+    with Image.open(draw(tmp_path / "bent.webp", bent)) as video:
+        picture = np.asarray(video.convert("RGB")).astype(int)[:192, :192]
+    rows, columns = np.mgrid[:192, :192] - 95.5
+    lens = np.hypot(rows, columns) < 85
+    assert (picture[lens].max(axis=1) > 40).mean() > 0.7, "the rest is the depth of the lumen"
+
+
+def test_a_scope_that_was_pulled_out_is_drawn(tmp_path):
+    _, kept = driven(PushDriver, seconds=0.4)
+    out = kept.qpos.copy()
+    out[:, 0] -= 0.1
+    draw(tmp_path / "out.webp", replace(kept, qpos=out, tip_arc=kept.tip_arc - 0.1))
+    assert (tmp_path / "out.webp").stat().st_size > 1000
 
 
 def test_a_drawing_that_is_interrupted_leaves_nothing(tmp_path):
