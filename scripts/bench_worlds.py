@@ -25,7 +25,8 @@ class BenchWorlds:
     timestep: float = 0.005
     """Integration step [s]."""
     compare: float = 0.0
-    """Simulated time over which one scope is compared with a native one of 140 joints under the same inputs [s]."""
+    """Simulated time over which one scope in each colon is compared with a native one of 140 joints under the same
+    inputs [s]."""
     cache: Path | None = None
     """Folder in which compiled programs are kept for the next time."""
     json: bool = field(default=False)
@@ -71,10 +72,11 @@ class BenchWorlds:
         if self.insertions > 0:
             further["insertions"] = measure_insertions(bank, self.insertions, seconds=30.0)
         if self.compare > 0:
-            found = compare_with_native(
-                colons[0], bank.scene.design, bank.scene.options, cell=_FINE_CELL, seconds=self.compare
-            )
-            further["accuracy"] = found.summary()
+            scope = (bank.scene.design, bank.scene.options)
+            further["accuracy"] = {
+                colon.name: compare_with_native(colon, *scope, cell=_FINE_CELL, seconds=self.compare).summary()
+                for colon in colons
+            }
         return {
             "device": describe_device(device),
             "dofs": int(bank.scene.compile().nv),
