@@ -10,6 +10,8 @@ def summary(result: Mapping[str, object]) -> None:
     from rich.table import Table
 
     table = Table(show_header=False, box=None, pad_edge=False)
+    for _ in range(2):
+        table.add_column(overflow="fold")  # a name that is cut off names nothing
     for name, value in _rows({name: value for name, value in result.items() if name != "provenance"}):
         table.add_row(f"[bold]{name}[/bold]", value)
     console = Console()

@@ -90,7 +90,7 @@ class Evaluate:
         draw_evaluations(done, folder / "evaluation.png")
         if self.video:
             for number, one in enumerate(done, start=1):
-                _draw_video(folder / f"video-{number}-{Path(one.driver).name}.webp", one, bank, config)
+                _draw_video(folder / f"video-{number}-{Path(one.driver).resolve().stem}.webp", one, bank, config)
         own = bool(self.colon_folders)
         return {one.driver: _row(one.summary()) | ({"colons": one.by_colon()} if own else {}) for one in done}
 
@@ -159,7 +159,7 @@ def _draw_video(path: Path, evaluation: Any, bank: Any, config: Any) -> None:
             path,
             recording,
             bank,
-            title=f"{Path(evaluation.driver).name} in {episode.colon}",
+            title=f"{Path(evaluation.driver).resolve().stem} in {episode.colon}",
             ending="reached, and safe" if episode.safe else episode.reason,
             limits=config.limits,
             progress=lambda done, _: advance(done, ""),

@@ -165,7 +165,9 @@ def _read_out(
     draw, font = ImageDraw.Draw(picture), ImageFont.load_default(11)
     force, way = float(recording.wall_force[index]), float(recording.progress[index])
     row, left = _SIDE + 4, 6
-    draw.text((left, row), title[:34], fill=_INK, font=font)
+    while draw.textlength(title, font=font) > _SIDE - left:
+        title = title.removesuffix("…")[:-1] + "…"
+    draw.text((left, row), title, fill=_INK, font=font)
     said = f"{recording.time[index]:.1f} s (shown 2x)   tip {recording.tip_arc[index]:.2f} m in"
     draw.text((left, row + 16), said, fill=_INK, font=font)
     draw.text((left, row + 32), "way", fill=_INK, font=font)

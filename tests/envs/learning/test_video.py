@@ -26,7 +26,13 @@ def driven(driver, *, seconds: float = 12.0) -> tuple[Evaluation, Recording]:
 
 def draw(path, recording: Recording, **options):
     return write_video(
-        path, recording, short_bank(), title="someone", ending="time up", limits=CONFIG.limits, **options
+        path,
+        recording,
+        short_bank(),
+        title="someone in a colon with a long name",
+        ending="time up",
+        limits=CONFIG.limits,
+        **options,
     )
 
 
