@@ -40,6 +40,9 @@ class Episode:
     """reached, perforated, diverged, stuck (no progress in the last 20 s) or time up."""
     failed_at_m: float
     """Where the tip was when it failed [m]; the way's end when it did not."""
+    tip_ahead_m: float
+    """How far the tip's arc length was ahead of the inserted length at most [m]. Cutting corners gains a little; where
+    loops touch, several centimetres mean that the tip went through a wall from one loop to the next."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,7 @@ class Evaluation:
             rows[name] = float(found[column].mean())
             rows[f"{name}_wilson"] = [low, high]
             rows[f"{name}_bootstrap"] = self._over_colons(found[column])
-        for column in ("progress", "peak_force_N", "mean_force_N", "share_over_2N", "share_over_safe"):
+        for column in ("progress", "peak_force_N", "mean_force_N", "share_over_2N", "share_over_safe", "tip_ahead_m"):
             rows[column] = float(found[column].mean())
             rows[f"{column}_bootstrap"] = self._over_colons(found[column])
         done = found["seconds"][found["reached"]]
@@ -80,6 +83,7 @@ class Evaluation:
                 "safe_completion": float(np.mean([one.safe for one in own])),
                 "progress": float(np.mean([one.progress for one in own])),
                 "peak_force_N": float(np.mean([one.peak_force_N for one in own])),
+                "tip_ahead_m": float(np.mean([one.tip_ahead_m for one in own])),
             }
             for own in groups
         }
@@ -175,7 +179,7 @@ def evaluate(
 
 
 class _History:
-    """Largest wall force and progress of all worlds, step by step."""
+    """Largest wall force, progress, and lead of the tip over the shaft of all worlds, step by step."""
 
     def __init__(self) -> None:
         self._columns: list[np.ndarray] = []
@@ -186,10 +190,10 @@ class _History:
 
     def add(self, info: dict[str, np.ndarray]) -> None:
         force = np.where(info["diverged"], np.nan, info["wall_force"])
-        self._columns.append(np.stack([force, info["progress"]]))
+        self._columns.append(np.stack([force, info["progress"], -info["excess"]]))
 
     def of(self, world: int, began: int) -> np.ndarray:
-        """Rows: force [N], not a number where the world has diverged, and progress; of one world since a step."""
+        """Rows: force [N], not a number where the world has diverged, progress, lead [m]; of one world since a step."""
         return np.array([column[:, world] for column in self._columns[began:]]).T
 
 
@@ -220,6 +224,7 @@ class _Record:
             safe=reached and not perforated and bool(force.max() <= limits.safe_force),
             reason=_reason(last, history[1], task.interval),
             failed_at_m=float(last["tip_arc"]),
+            tip_ahead_m=float(history[2].max()),
         )
 
 

@@ -40,6 +40,7 @@ def test_all_drivers_get_the_same_episodes_in_any_order():
     assert found["completion"] == 1.0 and found["reasons"] == {"reached": 4}
     assert found["peak_force_N"] > 0 and found["seconds_when_reached"] < 12
     assert all(one.safe == (one.reached and one.peak_force_N <= 14.1) for one in many.episodes)
+    assert all(0 <= one.tip_ahead_m < 0.02 for one in many.episodes), "a tube without loops allows no short cut"
 
 
 def test_both_engines_give_the_same_table():
