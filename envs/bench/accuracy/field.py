@@ -2,7 +2,7 @@
 
 Asked in ten grown colons, twice. Under one script of hand and wires, step by step: what the tables' wall changes. And
 with the lumen follower at the wheels of each engine, where small differences grow: whether the scores of an insertion
-are the same on average. Tangent planes, which are exact, say how far the pieces themselves are off.
+are the same on average. Tangent planes of the surface itself say which of the two is right where they differ.
 """
 
 from collections.abc import Mapping
@@ -128,13 +128,16 @@ def _difference(rows: list[dict[str, Value]], score: str) -> dict[str, Value]:
 
 def _bars(paths: list[dict[str, Value]], scores: list[dict[str, Value]]) -> tuple[Bar, ...]:
     def median(name: str) -> float:
-        return float(np.median([float(row[f"field_against_pieces_{name}"] or 0.0) for row in paths]))
+        return float(np.median([float(row[name] or 0.0) for row in paths]))
 
-    found = [
-        Bar("Field against pieces, tips under one script", median("tip_mm"), TIP_TOLERANCE, "mm", "at most"),
-        Bar("Field against pieces, mean push", median("push"), FORCE_TOLERANCE, "1", "at most"),
-        Bar("Field against pieces, mean wall force", median("wall"), FORCE_TOLERANCE, "1", "at most"),
-    ]
+    found = []
+    for other, what in (("planes", "exact planes"), ("pieces", "pieces")):
+        of = f"field_against_{other}"
+        found += [
+            Bar(f"Field against {what}, tips under one script", median(f"{of}_tip_mm"), TIP_TOLERANCE, "mm", "at most"),
+            Bar(f"Field against {what}, mean push", median(f"{of}_push"), FORCE_TOLERANCE, "1", "at most"),
+            Bar(f"Field against {what}, mean wall force", median(f"{of}_wall"), FORCE_TOLERANCE, "1", "at most"),
+        ]
     for score in _SCORES:
         row = _difference(scores, score)
         off = abs(float(row["difference"] or 0.0)) / max(float(row["interval_95"] or 0.0), 1e-12)
