@@ -81,7 +81,7 @@ def _spread(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _rate(kind: str, count: int, device: str | None) -> dict[str, Any]:
     began = time.perf_counter()
-    rigs = WarpRigs(RIGS[kind](0.4), worlds=count, device=device)
+    rigs = WarpRigs([RIGS[kind](0.4)], which=np.zeros(count, int), device=device)
     pulls = rigs.pull(*_spread(count))
     first = time.perf_counter() - began
     began = time.perf_counter()
@@ -100,7 +100,7 @@ def _rate(kind: str, count: int, device: str | None) -> dict[str, Any]:
 
 def _parity(kind: str, device: str | None) -> list[dict[str, Any]]:
     speeds, frictions = _spread(_COMPARED)
-    many = WarpRigs(RIGS[kind](0.4), worlds=_COMPARED, device=device).pull(speeds, frictions)
+    many = WarpRigs([RIGS[kind](0.4)], which=np.zeros(_COMPARED, int), device=device).pull(speeds, frictions)
     rows = []
     for world, (speed, friction) in enumerate(zip(speeds, frictions, strict=True)):
         alone = pull(RIGS[kind](friction), speed)

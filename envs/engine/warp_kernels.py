@@ -11,36 +11,36 @@ cosine and sine alone."""
 
 
 @wp.func
-def _passages(now: wp.array(dtype=int), step: float, pitch: float, speed: float) -> float:
+def _passages(now: wp.array(dtype=int), step: float, frequency: float) -> float:
     """Teeth that have passed since the start [1]."""
-    return float(now[0]) * step * speed / pitch
+    return float(now[0]) * step * frequency
 
 
 @wp.kernel
 def steer(
     now: wp.array(dtype=int),
     step: float,
-    pitch: float,
-    speed: wp.array(dtype=float),
-    table: wp.array2d(dtype=float),
+    frequency: wp.array(dtype=float),
+    which: wp.array(dtype=int),
+    table: wp.array3d(dtype=float),
     columns: wp.array(dtype=int),
     ctrl: wp.array2d(dtype=float),
 ):
-    """Scale the pads' springs by their tooth phases."""
+    """Scale the pads' springs by their tooth phases, as the table of the world's own rig says."""
     world, pad = wp.tid()
-    passed = _passages(now, step, pitch, speed[world])
-    place = (passed - wp.floor(passed)) * float(table.shape[0] - 1)
-    low = wp.min(int(place), table.shape[0] - 2)
+    passed = _passages(now, step, frequency[world])
+    place = (passed - wp.floor(passed)) * float(table.shape[1] - 1)
+    low = wp.min(int(place), table.shape[1] - 2)
     share = place - float(low)
-    ctrl[world, columns[pad]] = (1.0 - share) * table[low, pad] + share * table[low + 1, pad]
+    rig = which[world]
+    ctrl[world, columns[pad]] = (1.0 - share) * table[rig, low, pad] + share * table[rig, low + 1, pad]
 
 
 @wp.kernel
 def read_forces(
     now: wp.array(dtype=int),
     step: float,
-    pitch: float,
-    speed: wp.array(dtype=float),
+    frequency: wp.array(dtype=float),
     window: wp.array(dtype=wp.vec2i),
     sensors: wp.array2d(dtype=float),
     pads: wp.array(dtype=int),
@@ -80,7 +80,7 @@ def read_forces(
     sums[world, 2] += force
     if string >= 0:
         sums[world, 3] += stiffness * wp.max(sensors[world, string] - slack, 0.0)
-    passed = _passages(now, step, pitch, speed[world])
+    passed = _passages(now, step, frequency[world])
     for harmonic in range(wp.static(HARMONICS)):
         angle = 2.0 * wp.pi * float(harmonic + 1) * (passed - wp.floor(passed))
         cosine, sine = wp.cos(angle), wp.sin(angle)

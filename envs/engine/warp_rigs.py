@@ -1,16 +1,18 @@
 """Many test rigs of the tracked robot at once on an NVIDIA GPU, by MuJoCo Warp.
 
-Rigs share geometry; tread speed and friction are each world's own. Forces are read on the device as the rigs run, so
-only means and amplitudes travel. Without a GPU the same kernels run on the CPU, slowly: for tests.
+Worlds may be of several designs, as long as their rigs have the same parts; tread speed and friction are each world's
+own. Forces are read on the device as the rigs run, so only means and amplitudes travel. Without a GPU the same
+kernels run on the CPU, slowly: for tests.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
 import warp as wp
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Complex, Float, Int
 from mujoco.mjx.third_party import mujoco_warp
 
 from haustra.envs.engine.warp_kernels import HARMONICS, SUMS, count_step, read_forces, steer
@@ -41,30 +43,36 @@ class Pulls:
     """Mean tension of the string [N]; the friction itself on a fixed core."""
     ripple: Float[np.ndarray, "worlds harmonics"]
     """Amplitudes of the propulsion force at the tooth-passing frequency and its multiples [N]."""
+    waves: Complex[np.ndarray, "worlds harmonics"]
+    """The same with their phases at the first step that is read: the force is its mean and the real part of the sum of
+    waves times exp(2 pi i n t / T) [N]."""
+    touching: Float[np.ndarray, " worlds"]
+    """Share of the time for which the pad that lifts most touches the wall."""
     steps: int
     """Time steps of each world."""
 
 
 class WarpRigs:
-    """Worlds of one rig."""
+    """Worlds of one rig, or of several that differ in their numbers only."""
 
-    def __init__(self, rig: Rig, *, worlds: int, device: str | None = None) -> None:
+    def __init__(self, rigs: Sequence[Rig], *, which: Int[np.ndarray, " worlds"], device: str | None = None) -> None:
         """Put the worlds on a device; kernels compile with the first steps, for a minute or more, and are then kept.
 
         Args:
-            rig: From `flat_rig` or `tube_rig`.
-            worlds: How many.
+            rigs: From `flat_rig` or `tube_rig`.
+            which: Number of each world's rig.
             device: As Warp names them, 'cuda:0' or 'cpu'; its own choice when None.
 
         Raises:
-            InvalidOptionError: when there are no worlds.
-            UnsupportedSceneError: when MuJoCo Warp cannot honour the rig; it says what.
+            InvalidOptionError: when there are no worlds, or rigs that a batch cannot share.
+            UnsupportedSceneError: when MuJoCo Warp cannot honour a rig; it says what.
         """
-        if worlds < 1:
-            raise InvalidOptionError(f"worlds is {worlds}: give at least 1.")
+        if not len(rigs) or not len(which):
+            raise InvalidOptionError(f"{len(rigs)} rigs in {len(which)} worlds: give at least 1 of each.")
         wp.config.quiet = True
-        self.rig, self.worlds = rig, worlds
-        self.model = _model(rig)
+        self.rigs, self.which, self.worlds = tuple(rigs), np.asarray(which), len(which)
+        rig, models = rigs[0], [_model(each) for each in rigs]
+        self.model = models[0]
         self._device = wp.get_device(device)
         whole = bool(rig.string)
         with wp.ScopedDevice(self._device):
@@ -73,16 +81,44 @@ class WarpRigs:
             except NotImplementedError as error:
                 raise UnsupportedSceneError(f"The engine 'mjx-warp' cannot honour this rig: {error}") from error
             self._warp.opt.warn_overflow = 0  # overflows are counted here, not printed at every step
+            self._give_each_its_own(models)
             self._rows = _ROWS[whole]
             self._data = mujoco_warp.put_data(
-                self.model, mujoco.MjData(self.model), nworld=worlds, nconmax=_CONTACTS[whole], njmax=self._rows
+                self.model, mujoco.MjData(self.model), nworld=self.worlds, nconmax=_CONTACTS[whole], njmax=self._rows
             )
+            self._place_what_stands(models)
+            tables = [
+                each.tracked.phase_controls(np.linspace(0.0, each.tracked.design.tread.pitch, _PHASES + 1))
+                for each in rigs
+            ]
+            self._table, self._which = wp.array(np.array(tables, np.float32), dtype=float), wp.array(which, dtype=int)
             pads = rig.tracked.pads
-            phases = np.linspace(0.0, rig.tracked.design.tread.pitch, _PHASES + 1)
-            self._table = wp.array(rig.tracked.phase_controls(phases).astype(np.float32), dtype=float)
             self._columns = wp.array([self.model.actuator(pad.actuator).id for pad in pads], dtype=int)
             self._sensors = wp.array([self.model.sensor(pad.contact).adr[0] for pad in pads], dtype=int)
         self._string = int(self.model.sensor(rig.string).adr[0]) if whole else -1
+
+    def _place_what_stands(self, models: Sequence[mujoco.MjModel]) -> None:
+        """Geoms that cannot move where each world's rig has them: Warp reads their places from its data once."""
+        placed = [mujoco.MjData(model) for model in models]
+        for model, data in zip(models, placed, strict=True):
+            mujoco.mj_kinematics(model, data)
+        for name in ("geom_xpos", "geom_xmat"):
+            kept: Any = getattr(self._data, name)
+            each = np.array([getattr(data, name) for data in placed], np.float32)
+            rows = each[self.which].reshape(self.worlds, *kept.numpy().shape[1:])
+            setattr(self._data, name, wp.array(rows, dtype=kept.dtype))
+
+    def _give_each_its_own(self, models: Sequence[mujoco.MjModel]) -> None:
+        """Every array in which the models differ, a row for each world."""
+        for name in _differing(models):
+            if not hasattr(self._warp, name):
+                continue  # Warp does not read it
+            shared: Any = getattr(self._warp, name)
+            if not isinstance(shared, wp.array) or shared.shape[0] != 1:
+                raise UnsupportedSceneError(f"The engine 'mjx-warp' cannot vary '{name}' from world to world.")
+            each = np.array([np.asarray(getattr(model, name)) for model in models], np.float32)
+            rows = each[self.which].reshape(self.worlds, *shared.numpy().shape[1:])
+            setattr(self._warp, name, wp.array(rows, dtype=shared.dtype))
 
     def pull(self, speeds: Float[np.ndarray, " worlds"], friction: Float[np.ndarray, " worlds"]) -> Pulls:
         """Run the treads at steady speeds and read a second or more of whole tooth passages, after settling.
@@ -95,23 +131,23 @@ class WarpRigs:
             InvalidOptionError: when a speed or friction cannot be honoured.
         """
         _require(speeds, friction, self.worlds)
-        step, pitch = float(self.model.opt.timestep), self.rig.tracked.design.tread.pitch
-        frequency = speeds / pitch
+        step = float(self.model.opt.timestep)
+        frequency = speeds / np.array([rig.tracked.design.tread.pitch for rig in self.rigs])[self.which]
         read = np.round(np.ceil(READ * frequency) / frequency / step).astype(np.int32)
         settling = round(SETTLING / step)
         steps = -(-(settling + int(read.max())) // _STEPS) * _STEPS
         with wp.ScopedDevice(self._device):
             self._set(speeds, friction)
             sums = wp.zeros((self.worlds, SUMS), dtype=float)
-            touching = wp.zeros((self.worlds, len(self.rig.tracked.pads)), dtype=float)
+            pads = (self.worlds, len(self.rigs[0].tracked.pads))
+            touching = wp.zeros(pads, dtype=float)
             broken = wp.zeros(self.worlds, dtype=int)
-            now, speed = wp.zeros(1, dtype=int), wp.array(speeds, dtype=float)
+            now, passing = wp.zeros(1, dtype=int), wp.array(frequency, dtype=float)
             window = wp.array(np.stack([np.full_like(read, settling), settling + read], axis=1), dtype=wp.vec2i)
 
             def one() -> None:
-                data, time = self._data, (now, float(step), float(pitch), speed)
-                pads = (self.worlds, len(self.rig.tracked.pads))
-                wp.launch(steer, pads, inputs=[*time, self._table, self._columns], outputs=[data.ctrl])
+                data, time = self._data, (now, step, passing)
+                wp.launch(steer, pads, inputs=[*time, self._which, self._table, self._columns], outputs=[data.ctrl])
                 mujoco_warp.step(self._warp, data)
                 seen = [data.sensordata, self._sensors, self._string, STRING_STIFFNESS, STRING_LENGTH]
                 limits = [data.nefc, self._rows, data.nacon, data.naconmax]
@@ -122,14 +158,14 @@ class WarpRigs:
 
             self._repeat(one, steps)
             parts = [part.numpy() for part in (sums, touching, broken)]
-        return self._pulls(*parts, steps=steps)
+        return self._pulls(*parts, begin=settling * step * frequency, steps=steps)
 
     def _set(self, speeds: np.ndarray, friction: np.ndarray) -> None:
         """Back to the start, every world with its own treads."""
         mujoco_warp.reset_data(self._warp, self._data)
         surface = np.repeat(self.model.geom_surfacevel[None].astype(np.float32), self.worlds, axis=0)
         coefficients = np.repeat(self.model.geom_friction[None].astype(np.float32), self.worlds, axis=0)
-        for pad in self.rig.tracked.pads:
+        for pad in self.rigs[0].tracked.pads:
             geom = self.model.geom(pad.geom).id
             surface[:, geom, 0], coefficients[:, geom, 0] = -speeds, friction
         self._warp.geom_surfacevel = wp.array(surface, dtype=self._warp.geom_surfacevel.dtype)
@@ -150,20 +186,28 @@ class WarpRigs:
             wp.capture_launch(capture.graph)
         wp.synchronize_device()
 
-    def _pulls(self, sums: np.ndarray, touching: np.ndarray, broken: np.ndarray, *, steps: int) -> Pulls:
+    def _pulls(
+        self, sums: np.ndarray, touching: np.ndarray, broken: np.ndarray, *, begin: np.ndarray, steps: int
+    ) -> Pulls:
         read = np.maximum(sums[:, :1].astype(float), 1.0)
         normal, force, string = (sums[:, 1:4].astype(float) / read).T
-        waves = sums[:, 4:].astype(float).reshape(-1, HARMONICS, 4) / read[..., None]
-        cosine = waves[..., 0] - force[:, None] * waves[..., 2]
-        sine = waves[..., 1] - force[:, None] * waves[..., 3]
-        sound = (broken == 0) & np.isfinite(sums).all(axis=1) & ((touching / read).min(axis=1) >= TOUCHING)
+        parts = sums[:, 4:].astype(float).reshape(-1, HARMONICS, 4) / read[..., None]
+        cosine = parts[..., 0] - force[:, None] * parts[..., 2]
+        sine = parts[..., 1] - force[:, None] * parts[..., 3]
+        # Phases were counted from the start; `begin` teeth had passed when reading began.
+        turned = np.exp(2j * np.pi * begin[:, None] * np.arange(1, HARMONICS + 1))
+        touched = (touching / read).min(axis=1)
+        sound = (broken == 0) & np.isfinite(sums).all(axis=1) & (touched >= TOUCHING)
         blank = np.where(sound, 1.0, np.nan)
+        waves = 2 * (cosine - 1j * sine) * turned * blank[:, None]
         return Pulls(
             sound=sound,
             force=force * blank,
             normal=normal * blank,
             string=(string if self._string >= 0 else force) * blank,
-            ripple=2 * np.hypot(cosine, sine) * blank[:, None],
+            ripple=np.abs(waves),
+            waves=waves,
+            touching=touched,
             steps=steps,
         )
 
@@ -173,6 +217,27 @@ def _model(rig: Rig) -> mujoco.MjModel:
     spec = rig.spec.copy()
     spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     return spec.compile()
+
+
+def _differing(models: Sequence[mujoco.MjModel]) -> list[str]:
+    """Names of arrays that are not the same in all models, but for friction and tread speed, which are set anyway.
+
+    Raises:
+        InvalidOptionError: when their parts are not the same.
+    """
+    first, names = models[0], []
+    for name in sorted(set(dir(first)) - {"geom_friction", "geom_surfacevel"}):
+        value = getattr(first, name) if not name.startswith("_") else None
+        if not isinstance(value, np.ndarray):
+            continue
+        others = [np.asarray(getattr(model, name)) for model in models[1:]]
+        if any(other.shape != value.shape for other in others):
+            raise InvalidOptionError(f"Rigs that share a batch must have the same parts; '{name}' differs in size.")
+        if not all(np.array_equal(value, other) for other in others):
+            if value.dtype.kind != "f":
+                raise InvalidOptionError(f"Rigs that share a batch must have the same parts; '{name}' differs.")
+            names.append(name)
+    return names
 
 
 def _require(speeds: np.ndarray, friction: np.ndarray, worlds: int) -> None:

@@ -7,7 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 
 from haustra.envs.measure.propulsion import Pull, pull_model
 from haustra.envs.sweep.paths import with_values
@@ -42,7 +42,7 @@ SCORES = (
 
 
 @dataclass(frozen=True)
-class _Case:
+class Case:
     """A design under its conditions, ready to be put on a rig."""
 
     design: TrackedDesign
@@ -55,7 +55,29 @@ class _Case:
     table: TreadTable
 
 
-def build_case(study: Study, variables: Mapping[str, float], conditions: Mapping[str, Value]) -> _Case:
+@dataclass(frozen=True)
+class Steady:
+    """What is read from a steady run, by whatever engine."""
+
+    force: float
+    """Mean friction of all pads along the track [N]."""
+    normal: float
+    """Mean sum of all pads' normal forces [N]."""
+    string: float
+    """Mean tension of the string; the friction itself on a fixed core [N]."""
+    ripple: Float[np.ndarray, " harmonics"]
+    """Amplitudes of the friction at the tooth-passing frequency and its multiples [N]."""
+    waves: Complex[np.ndarray, " harmonics"]
+    """Amplitudes and phases of what pulls, string or friction [N]."""
+    tooth_frequency: float
+    """[Hz]."""
+    roll: float
+    """Of a free core [rad/s]."""
+    touching: float
+    """Share of the time for which the pad that lifts most touches the wall."""
+
+
+def build_case(study: Study, variables: Mapping[str, float], conditions: Mapping[str, Value]) -> Case:
     """The design with the variables applied, and what its conditions ask of it.
 
     Paths: `design.*` are fields of `TrackedDesign`; `drive.starts` sets the worm's starts and with them pitch and tooth
@@ -110,7 +132,7 @@ def build_case(study: Study, variables: Mapping[str, float], conditions: Mapping
         )
     if study.options["rig"] not in ("flat", "tube"):
         raise InvalidStudyError(f"options.rig is '{study.options['rig']}'. Known: flat, tube")
-    return _Case(design, speed, friction, PadLaw.fit(table).indentation(pressing / 2), table)
+    return Case(design, speed, friction, PadLaw.fit(table).indentation(pressing / 2), table)
 
 
 @lru_cache(maxsize=64)
@@ -128,26 +150,49 @@ def _with_drive(design: TrackedDesign, drive: Mapping[str, float]) -> TrackedDes
     return replace(design, tread=tread, worm=replace(design.worm, starts=int(starts)))
 
 
+def touches_too_little(touching: float, step: float) -> str:
+    """Why a run counts as diverged."""
+    return (
+        f"A value is not finite, or a pad touched for {touching:.0%} of the time: "
+        f"lower options.timestep{f' of {step:g} s' if step else ''}."
+    )
+
+
 def answer(study: Study, job: Job) -> Result:
     """Pull one design under one set of conditions."""
     case = build_case(study, job.variables, job.conditions)
-    rig, step = _rig(study, case), float(study.options["timestep"])
+    rig, step = rig_of(study, case), float(study.options["timestep"])
     model = rig.spec.compile()
     rig.tracked.set_speed(model, case.speed)
-    lever, torque = _lever(case.design), 0.0
+    torque, lever = 0.0, _lever(case.design)
     if rig.string:
         # The worm's torque is known beforehand: friction on all tracks, less its part around the tube.
         grip = case.friction * TRACKS * track_normal(case.design, case.design.nominal_diameter)
         torque = lever * grip / math.hypot(1.0, 2 * lever / case.design.nominal_diameter)
     run = pull_model(model, rig, case.speed, roll_torque=torque)
     if run.outcome == "diverged":
-        return Result(
-            job.id,
-            "diverged",
-            reason=f"A value is not finite, or a pad touched for {run.touching:.0%} of the time: "
-            f"lower options.timestep{f' of {step:g} s' if step else ''}.",
-        )
-    return Result(job.id, "finished", scores=_scores(case, rig, run, lever), curves=_curves(case, rig, run))
+        return Result(job.id, "diverged", reason=touches_too_little(run.touching, step))
+    return result_of(job, case, _steady(run, whole=bool(rig.string)), whole=bool(rig.string))
+
+
+def result_of(job: Job, case: Case, run: Steady, *, whole: bool) -> Result:
+    """A finished job's row; `whole` for a device in its tube, otherwise one track of four."""
+    return Result(job.id, "finished", scores=_scores(case, run, whole=whole), curves=_curves(run, whole=whole))
+
+
+def _steady(run: Pull, *, whole: bool) -> Steady:
+    pulling = run.string if whole else run.force
+    angles = math.tau * run.tooth_frequency * run.timestep * np.arange(len(pulling))
+    return Steady(
+        force=run.mean,
+        normal=float(run.normal.mean()),
+        string=float(run.string.mean()),
+        ripple=run.ripple(),
+        waves=np.array([2 * (pulling * np.exp(-1j * order * angles)).mean() for order in (1, 2, 3)]),
+        tooth_frequency=float(run.tooth_frequency),
+        roll=float(run.roll),
+        touching=float(run.touching),
+    )
 
 
 def _lever(design: TrackedDesign) -> float:
@@ -155,42 +200,41 @@ def _lever(design: TrackedDesign) -> float:
     return design.worm.lead / (math.tau * design.worm.efficiency)
 
 
-def _rig(study: Study, case: _Case) -> Rig:
+def rig_of(study: Study, case: Case) -> Rig:
+    """The rig that a study's options ask for."""
     step = float(study.options["timestep"])
     if study.options["rig"] == "tube":
         return tube_rig(case.design, friction=case.friction, timestep=step or TUBE_TIMESTEP)
     return flat_rig(case.design, friction=case.friction, indentation=case.indentation, timestep=step or TIMESTEP)
 
 
-def _scores(case: _Case, rig: Rig, run: Pull, lever: float) -> dict[str, Value | None]:
-    whole = bool(rig.string)
-    share = TRACKS if not whole else 1  # the flat rig holds one track of four
-    ripple = run.ripple()
-    force = float(run.string.mean()) if whole else share * run.mean
-    fractions = ripple / run.mean
+def _scores(case: Case, run: Steady, *, whole: bool) -> dict[str, Value | None]:
+    share = 1 if whole else TRACKS  # the flat rig holds one track of four
+    force = run.string if whole else share * run.force
+    fractions = run.ripple / run.force
     # Harmonic n of four equal tracks out of phase by starts x azimuth survives where n x starts is a multiple of four.
-    order = np.arange(1, len(ripple) + 1)
-    together = np.ones(len(ripple), bool) if whole else order * case.design.worm.starts % TRACKS == 0
+    order = np.arange(1, len(run.ripple) + 1)
+    together = np.ones(len(run.ripple), bool) if whole else order * case.design.worm.starts % TRACKS == 0
     stress = _stress(case)
     return {
         "force_N": force,
-        "ripple_N": float(ripple[0]),
+        "ripple_N": float(run.ripple[0]),
         "ripple_fraction": float(np.sqrt((fractions**2).sum())),
         "device_ripple_fraction": float(np.sqrt((fractions[together] ** 2).sum())),
-        "ripple_Hz": float(run.tooth_frequency),
-        "normal_N": share * float(run.normal.mean()),
+        "ripple_Hz": run.tooth_frequency,
+        "normal_N": share * run.normal,
         "effective_friction": float(case.friction),
-        "worm_torque_Nm": force * lever,
-        "roll_rad_s": float(run.roll),
+        "worm_torque_Nm": force * _lever(case.design),
+        "roll_rad_s": run.roll,
         "indentation_mm": case.indentation * 1e3,
         "stress_mean_kPa": None if stress is None else float(stress.mean()) / 1e3,
         "stress_peak_kPa": None if stress is None else float(stress.max()) / 1e3,
         "beyond_table": float(stress is None),
-        "touching": float(run.touching),
+        "touching": run.touching,
     }
 
 
-def _stress(case: _Case) -> Float[np.ndarray, " phases"] | None:
+def _stress(case: Case) -> Float[np.ndarray, " phases"] | None:
     """Of the belt at each tooth phase of the table [Pa]; None beyond its deepest indentation."""
     table = case.table
     if case.indentation > table.indentations[-1]:
@@ -199,16 +243,13 @@ def _stress(case: _Case) -> Float[np.ndarray, " phases"] | None:
     return np.array([np.interp(case.indentation, depths, row) for row in stresses])
 
 
-def _curves(case: _Case, rig: Rig, run: Pull) -> dict[str, list[float]]:
+def _curves(run: Steady, *, whole: bool) -> dict[str, list[float]]:
     """Propulsion over a tooth's passage, from the mean and the first three harmonics at their phases."""
-    force = run.string if rig.string else run.force
-    angles = math.tau * run.tooth_frequency * run.timestep * np.arange(len(force))
     places = math.tau * np.arange(CURVE_POINTS) / CURVE_POINTS
-    curve = np.full(CURVE_POINTS, force.mean())
-    for order in (1, 2, 3):
-        weight = 2 * (force * np.exp(-1j * order * angles)).mean()
-        curve = curve + (weight * np.exp(1j * order * places)).real
-    name = "force_N" if rig.string else "force_per_track_N"
+    curve = np.full(CURVE_POINTS, run.string if whole else run.force)
+    for order, wave in enumerate(run.waves, start=1):
+        curve = curve + (wave * np.exp(1j * order * places)).real
+    name = "force_N" if whole else "force_per_track_N"
     return {
         "passage_pitches": [float(value) for value in np.round(places / math.tau, 6)],
         name: [float(value) for value in np.round(curve, 9)],

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from haustra.envs.sweep.study import Column, Job, Result, Study, Value
-from haustra.errors import HaustraError, InvalidOptionError, InvalidStudyError
+from haustra.errors import HaustraError, InvalidOptionError, InvalidStudyError, MissingDependencyError
 
 Runner: TypeAlias = Callable[[Sequence[Job]], Iterable[Result]]
 """Answers some jobs at once, each exactly once, in any order and as soon as each is known."""
@@ -48,10 +48,14 @@ _QUESTIONS = {
 }
 _ENGINES = {
     ("propulsion", "native"): "haustra.envs.sweep.propulsion:NATIVE",
+    ("propulsion", "mjx-warp"): "haustra.envs.sweep.propulsion_worlds:WORLDS",
     ("scope", "native"): "haustra.envs.sweep.scope:NATIVE",
     ("scope", "mjx-jax"): "haustra.envs.sweep.scope_worlds:WORLDS",
 }
 """Where an engine for a question is found; loaded when it is asked for."""
+
+_EXTRAS = {"mjx-jax": "mjx", "mjx-warp": "warp"}
+"""Extras that engines need."""
 
 QUESTIONS = tuple(_QUESTIONS)
 
@@ -72,11 +76,18 @@ def find_engine(question: str, name: str) -> Engine:
 
     Raises:
         InvalidOptionError: when it has none of that name.
+        MissingDependencyError: when what it computes with is not installed.
     """
     known = [engine for asked, engine in _ENGINES if asked == question]
     if name not in known:
         raise InvalidOptionError(f"Engine '{name}' does not answer '{question}'. Known: {', '.join(known)}.")
-    return _load(_ENGINES[question, name])
+    try:
+        return _load(_ENGINES[question, name])
+    except ModuleNotFoundError as error:
+        extra = _EXTRAS.get(name, "sweep")
+        raise MissingDependencyError(
+            f"The engine '{name}' needs {error.name}: pip install 'haustra[{extra}]'."
+        ) from error
 
 
 def one_by_one(answer: Callable[[Job], Result]) -> Runner:

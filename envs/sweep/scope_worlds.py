@@ -1,6 +1,6 @@
 """Thousands of scopes at once for studies: designs of one kind share a batch, whatever their numbers."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from haustra.envs.follower_worlds import WorldsFollower
 from haustra.envs.insertions import InsertionBatch, Insertions
 from haustra.envs.outcome import Outcome
 from haustra.envs.scope_bank import BATCH_OPTIONS
+from haustra.envs.sweep.halving import halved
 from haustra.envs.sweep.questions import Engine, Runner
 from haustra.envs.sweep.scope import SCORES, Setup, build_setup
 from haustra.envs.sweep.study import Job, Result, Study
@@ -66,7 +67,7 @@ def _start(study: Study, folder: Path) -> Runner:
             except HaustraError as error:
                 yield Result(job.id, "failed", reason=" ".join(str(error).split()))
         for group in _groups(worlds):
-            yield from _halved(lambda some: _answer(colons, some, seconds), group)
+            yield from halved(lambda some: _answer(colons, some, seconds), group, full=_out_of_memory)
 
     return run
 
@@ -89,6 +90,10 @@ def _options(asked: SceneOptions) -> SceneOptions:
     return replace(asked, wall_law="field", **own)
 
 
+def _out_of_memory(error: Exception) -> bool:
+    return isinstance(error, jax.errors.JaxRuntimeError) and _OUT_OF_MEMORY in str(error)
+
+
 def _groups(worlds: Sequence[_World]) -> Iterator[list[_World]]:
     """Worlds that can share a batch."""
     left = list(worlds)
@@ -98,17 +103,6 @@ def _groups(worlds: Sequence[_World]) -> Iterator[list[_World]]:
         yield same
         taken = {one.job.id for one in same}
         left = [one for one in left if one.job.id not in taken]
-
-
-def _halved(answer: Callable[[Sequence[_World]], list[Result]], worlds: Sequence[_World]) -> list[Result]:
-    """All at once, or in halves where the device's memory does not hold them."""
-    try:
-        return answer(worlds)
-    except jax.errors.JaxRuntimeError as error:
-        if _OUT_OF_MEMORY not in str(error) or len(worlds) == 1:
-            raise
-    middle = len(worlds) // 2
-    return [*_halved(answer, worlds[:middle]), *_halved(answer, worlds[middle:])]
 
 
 def _answer(colons: _Colons, worlds: Sequence[_World], seconds: float) -> list[Result]:

@@ -10,7 +10,7 @@ from haustra.envs.measure.propulsion import pull
 from haustra.errors import InvalidOptionError
 from haustra.models.tracked.design import TrackedDesign
 from haustra.models.tracked.law import PadLaw, load_table
-from haustra.models.tracked.rig import Rig, flat_rig
+from haustra.models.tracked.rig import Rig, flat_rig, tube_rig
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
 
@@ -25,7 +25,7 @@ def track(friction: float) -> Rig:
 def test_each_world_pulls_as_it_does_alone() -> None:
     """Single against double precision: forces within 1e-4, ripple within 1e-3."""
     speeds, frictions = np.array([0.065, 0.0325, 0.065]), np.array([0.4, 0.4, 0.2])
-    many = WarpRigs(track(0.4), worlds=3, device="cpu").pull(speeds, frictions)
+    many = WarpRigs([track(0.4)], which=np.zeros(3, int), device="cpu").pull(speeds, frictions)
     assert many.sound.all()
     for world in range(3):
         alone = pull(track(frictions[world]), speeds[world])
@@ -35,10 +35,15 @@ def test_each_world_pulls_as_it_does_alone() -> None:
 
 
 def test_impossible_inputs_are_refused() -> None:
-    rigs = WarpRigs(track(0.4), worlds=2, device="cpu")
+    rigs = WarpRigs([track(0.4)], which=np.zeros(2, int), device="cpu")
     with pytest.raises(InvalidOptionError, match="each of the 2 worlds"):
         rigs.pull(np.array([0.03]), np.array([0.4]))
     with pytest.raises(InvalidOptionError, match="speeds"):
         rigs.pull(np.array([0.03, np.nan]), np.array([0.4, 0.4]))
     with pytest.raises(InvalidOptionError, match="at least 1"):
-        WarpRigs(track(0.4), worlds=0)
+        WarpRigs([track(0.4)], which=np.zeros(0, int))
+
+
+def test_rigs_with_other_parts_do_not_share_a_batch() -> None:
+    with pytest.raises(InvalidOptionError, match="the same parts"):
+        WarpRigs([track(0.4), tube_rig(TrackedDesign(), friction=0.4)], which=np.array([0, 1]), device="cpu")

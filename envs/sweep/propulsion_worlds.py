@@ -1,0 +1,85 @@
+"""Thousands of tracked designs at once for studies, on an NVIDIA GPU by MuJoCo Warp."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from haustra.envs.engine.warp_rigs import WarpRigs
+from haustra.envs.sweep.halving import halved
+from haustra.envs.sweep.propulsion import Case, Steady, build_case, result_of, rig_of, touches_too_little
+from haustra.envs.sweep.questions import Engine, Runner
+from haustra.envs.sweep.study import Job, Result, Study
+from haustra.errors import HaustraError, UnsupportedSceneError
+
+BATCH = 16384
+"""Jobs in one call; a GPU is full with 8,000 to 32,000 tracks."""
+_OUT_OF_MEMORY = "Failed to allocate"
+
+
+@dataclass(frozen=True)
+class _World:
+    """One job, ready to share a batch."""
+
+    job: Job
+    case: Case
+
+    @property
+    def rig(self) -> tuple[Any, float]:
+        """What its rig depends on; speed and friction are a world's own."""
+        return self.case.design, self.case.indentation
+
+
+def _start(study: Study, folder: Path) -> Runner:
+    if study.options["rig"] != "flat":
+        raise UnsupportedSceneError(
+            f"The engine 'mjx-warp' answers studies of the flat rig, not of the {study.options['rig']}: use 'native'."
+        )
+
+    def run(jobs: Sequence[Job]) -> Iterable[Result]:
+        worlds: list[_World] = []
+        for job in jobs:
+            try:
+                worlds.append(_World(job, build_case(study, job.variables, job.conditions)))
+            except HaustraError as error:
+                yield Result(job.id, "failed", reason=" ".join(str(error).split()))
+        if worlds:
+            yield from halved(lambda some: list(_answer(study, some)), worlds, full=_out_of_memory)
+
+    return run
+
+
+def _answer(study: Study, worlds: Sequence[_World]) -> Iterator[Result]:
+    kinds = {world.rig: world.case for world in worlds}
+    numbers = {rig: number for number, rig in enumerate(kinds)}
+    rigs = WarpRigs(
+        [rig_of(study, case) for case in kinds.values()], which=np.array([numbers[world.rig] for world in worlds])
+    )
+    cases = [world.case for world in worlds]
+    pulls = rigs.pull(np.array([case.speed for case in cases]), np.array([case.friction for case in cases]))
+    for row, world in enumerate(worlds):
+        if not pulls.sound[row]:
+            reason = touches_too_little(float(pulls.touching[row]), float(study.options["timestep"]))
+            yield Result(world.job.id, "diverged", reason=reason)
+            continue
+        steady = Steady(
+            force=float(pulls.force[row]),
+            normal=float(pulls.normal[row]),
+            string=float(pulls.string[row]),
+            ripple=pulls.ripple[row],
+            waves=pulls.waves[row],
+            tooth_frequency=world.case.speed / world.case.design.tread.pitch,
+            roll=0.0,
+            touching=float(pulls.touching[row]),
+        )
+        yield result_of(world.job, world.case, steady, whole=False)
+
+
+def _out_of_memory(error: Exception) -> bool:
+    return isinstance(error, RuntimeError) and _OUT_OF_MEMORY in str(error)
+
+
+WORLDS = Engine(start=_start, batch=BATCH, most_workers=1)
+"""One process: it fills the device by itself."""

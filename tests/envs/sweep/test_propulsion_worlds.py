@@ -1,0 +1,42 @@
+"""A study of tracked designs on MuJoCo Warp gives the native engine's rows. On a CPU its kernels compile slowly."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("warp", reason="the extra warp is not installed")
+
+from haustra.envs.sweep.propulsion import answer
+from haustra.envs.sweep.propulsion_worlds import WORLDS
+from haustra.envs.sweep.sampling import designs_of, jobs_of
+from haustra.envs.sweep.study_file import load_study
+from haustra.errors import UnsupportedSceneError
+
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+
+
+@pytest.fixture(scope="module")
+def study():
+    return load_study("propulsion")
+
+
+@pytest.mark.slow
+def test_rows_are_those_of_the_native_engine(study) -> None:
+    """Single against double precision, designs of four pitches in one batch: means within 1e-4, ripple within 2e-3, curves within 3e-3."""
+    jobs = list(jobs_of(study, designs_of(study)))[:: 10_000 // 7]
+    rows = {result.job: result for result in WORLDS.start(study, Path())(jobs)}
+    assert len({job.variables["worm_starts"] for job in jobs}) > 2
+    for job in jobs:
+        alone, many = answer(study, job), rows[job.id]
+        assert many.state == alone.state
+        for name, value in alone.scores.items():
+            loose = "ripple" in name
+            assert many.scores[name] == pytest.approx(value, rel=2e-3 if loose else 1e-4, abs=1e-5), (job, name)
+        for name, curve in alone.curves.items():
+            assert many.curves[name] == pytest.approx(curve, rel=3e-3, abs=1e-5), name
+
+
+def test_the_device_in_its_tube_is_refused(study) -> None:
+    with pytest.raises(UnsupportedSceneError, match="flat rig"):
+        WORLDS.start(replace(study, options={**study.options, "rig": "tube"}), Path())
