@@ -15,6 +15,8 @@ class BenchRigs:
     """Numbers of worlds, separated by commas."""
     rigs: str = "track,device"
     """Which rigs: track, device."""
+    study: int = 0
+    """Jobs of the propulsion study that ships, spread over all of it, that are answered and timed; 10000 is all."""
     device: str | None = None
     """As Warp names it: cuda:0, cpu; its own choice when not given."""
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
@@ -40,6 +42,10 @@ class BenchRigs:
         folder = prepare_folder(self.output) if self.output else None
         with progress_bar("rigs", len(counts) * len(kinds), unit="sizes") as advance:
             result = bench_rigs(kinds, counts, device=self.device, progress=advance)
+        if self.study > 0:
+            from haustra.envs.bench.rigs import time_study
+
+            result["study"] = time_study(self.study)
         if folder:
             write_json(folder / "rigs.json", result)
         return result

@@ -1,16 +1,22 @@
 """Many rigs of the tracked robot at once: how fast, and how near to the native engine's forces."""
 
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
-from typing import Any
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import warp as wp
 
 from haustra.envs.engine.warp_rigs import WarpRigs
 from haustra.envs.measure.propulsion import pull
+from haustra.envs.sweep.propulsion import answer
+from haustra.envs.sweep.propulsion_worlds import WORLDS
+from haustra.envs.sweep.sampling import designs_of, jobs_of
+from haustra.envs.sweep.study_file import load_study
 from haustra.models.tracked.design import TrackedDesign
 from haustra.models.tracked.law import PadLaw, load_table
 from haustra.models.tracked.rig import Rig, flat_rig, tube_rig
@@ -19,6 +25,8 @@ _SPEEDS = (16.25e-3, 65e-3)
 """Slowest and fastest tread of the published study [m/s]."""
 _FRICTION = (0.2, 0.4)
 """Plastic and tissue."""
+_STUDY_COMPARED = 40
+"""Jobs of a study that the native engine repeats."""
 _COMPARED = 4
 """Worlds that the native engine repeats, spread over all speeds and frictions."""
 
@@ -68,6 +76,33 @@ def bench_rigs(
         "warp": wp.__version__,
         "mujoco": version("mujoco"),
         "mujoco-mjx": version("mujoco-mjx"),
+    }
+
+
+def time_study(jobs: int) -> dict[str, Any]:
+    """Answer the propulsion study that ships, or a part that is spread over it, and some of its jobs natively.
+
+    Args:
+        jobs: how many of its 10,000.
+    """
+    study = load_study("propulsion")
+    every = list(jobs_of(study, designs_of(study)))
+    chosen = every[:: max(1, len(every) // jobs)]
+    began = time.perf_counter()
+    rows = {result.job: result for result in WORLDS.start(study, Path())(chosen)}
+    spent = time.perf_counter() - began
+    compared = [job for job in chosen[:: max(1, len(chosen) // _STUDY_COMPARED)] if rows[job.id].state == "finished"]
+    apart = [
+        float(cast(float, rows[job.id].scores["force_N"])) / float(cast(float, answer(study, job).scores["force_N"]))
+        - 1
+        for job in compared
+    ]
+    return {
+        "jobs": len(chosen),
+        "seconds": spent,
+        "states": dict(Counter(result.state for result in rows.values())),
+        "compared": len(compared),
+        "largest_force_apart": float(np.abs(apart).max()),
     }
 
 
