@@ -23,7 +23,7 @@ def study():
 
 @pytest.mark.slow
 def test_rows_are_those_of_the_native_engine(study) -> None:
-    """Designs of four pitches in one batch: means within 1e-4, ripple within 2e-3, curves within 3e-3 (single precision)."""
+    """Designs of four pitches in one batch: means within 1e-4, ripple 2e-3, curves 3e-3 (single precision)."""
     jobs = list(jobs_of(study, designs_of(study)))[:: 10_000 // 7]
     rows = {result.job: result for result in WORLDS.start(study, Path())(jobs)}
     assert len({job.variables["worm_starts"] for job in jobs}) > 2
