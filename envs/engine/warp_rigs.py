@@ -20,6 +20,8 @@ from haustra.envs.measure.propulsion import READ, SETTLING, TOUCHING
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.tracked.rig import STRING_LENGTH, STRING_STIFFNESS, Rig
 
+wp.config.log_level = wp.LOG_WARNING  # it tells of every kernel on stdout, where results go
+
 _PHASES = 2048
 """Tooth phases at which controls are tabulated; between them they are linear, 1e-6 of their range off."""
 _CONTACTS, _ROWS = {False: 4, True: 32}, {False: 16, True: 96}
@@ -69,7 +71,6 @@ class WarpRigs:
         """
         if not len(rigs) or not len(which):
             raise InvalidOptionError(f"{len(rigs)} rigs in {len(which)} worlds: give at least 1 of each.")
-        wp.config.quiet = True
         self.rigs, self.which, self.worlds = tuple(rigs), np.asarray(which), len(which)
         rig, models = rigs[0], [_model(each) for each in rigs]
         self.model = models[0]
