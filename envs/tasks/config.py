@@ -31,8 +31,6 @@ class Weights:
     """A control step [1]."""
     wall_force: float = 0.02
     """A control step, times the square of the largest wall force over `Limits.safe_force` [1]."""
-    overload: float = 0.0
-    """A control step, times the fourth power of the same [1]."""
     looping: float = 0.0
     """A control step, a metre of scope beyond the colon passed [1/m]."""
     perforation: float = 20.0

@@ -19,7 +19,7 @@ class Moment:
     progress: Float[np.ndarray, " worlds"]
     """Share of the way that the tip has come, the furthest so far [1]."""
     wall_force: Float[np.ndarray, " worlds"]
-    """Largest resultant on one link since the last action [N]."""
+    """Largest resultant on one link at the end of the last action [N]; a peak between two actions is not seen."""
     excess: Float[np.ndarray, " worlds"]
     """Scope inside beyond the colon passed [m]."""
     coverage: Float[np.ndarray, " worlds"]
@@ -53,11 +53,6 @@ def wall_force(before: Moment, after: Moment, limits: Limits) -> Float[np.ndarra
     return -((after.wall_force / limits.safe_force) ** 2)
 
 
-def overload(before: Moment, after: Moment, limits: Limits) -> Float[np.ndarray, " worlds"]:
-    """Minus the fourth power of the largest wall force over the safe one: next to nothing below, a wall above."""
-    return -((after.wall_force / limits.safe_force) ** 4)
-
-
 def looping(before: Moment, after: Moment, limits: Limits) -> Float[np.ndarray, " worlds"]:
     """Minus the length of scope inside beyond the colon passed."""
     return -np.maximum(after.excess, 0.0)
@@ -78,7 +73,6 @@ TERMS: Mapping[str, Term] = {
     "reached": reached,
     "time": time,
     "wall_force": wall_force,
-    "overload": overload,
     "looping": looping,
     "perforation": perforation,
     "coverage": coverage,
