@@ -276,6 +276,8 @@ class ScopeWorlds:
         rates = jnp.stack([hands.push_rate, hands.roll_rate], axis=-1).astype(qpos.dtype)
         after = Worlds(qpos, qvel, worlds.hand + h * rates, arcs, normal, worlds.healthy, worlds.time + h)
         sound = worlds.healthy & jnp.isfinite(qvel).all(axis=1) & (jnp.abs(qvel).max(axis=1) < SPEED_LIMIT)
+        # Infinite speeds of the hand would pass: its force is limited.
+        sound &= jnp.isfinite(after.hand).all(axis=1)
         kept = [_choose(sound, new, old) for new, old in zip(after[:5], worlds[:5], strict=True)]
         return Worlds(*kept, healthy=sound, time=jnp.where(sound, after.time, worlds.time))
 

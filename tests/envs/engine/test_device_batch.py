@@ -46,6 +46,11 @@ def test_both_engines_see_the_same() -> None:
     seen = engines[1].observe()
     assert seen.insertion[0] == pytest.approx(insertion)
     assert seen.insertion[1] == pytest.approx(0.03)
+    # A hand that is asked to push without end: its force is limited, so that only its place gives it away.
+    endless = BatchInputs(np.array([0.0, np.inf]), np.zeros(2), np.zeros((2, 4)))
+    for engine in engines:
+        assert engine.step(endless, 4).tolist() == [True, False]
+        assert np.isfinite(engine.observe().hand_lead).all()
 
 
 def test_a_vector_environment_runs_on_either_engine() -> None:
