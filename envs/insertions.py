@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.engine.device_arrays import chosen
 from haustra.envs.engine.scope_worlds import Parameters, ScopeWorlds, Worlds
 from haustra.envs.follower import FollowerSettings
 from haustra.envs.follower_worlds import Drive, WorldsFollower
@@ -113,10 +114,10 @@ class InsertionBatch:
             stepped = self._engine.steps(self._tables, parameters, worlds, hands, self._steps)
             # A world that has ended stays as it is, as a single run would.
             running = ~(tally.reached | tally.inserted) & stepped.healthy
-            worlds = _keep(running, stepped, worlds)._replace(healthy=stepped.healthy)
-            drive = _keep(running, decided, drive)
+            worlds = chosen(running, stepped, worlds)._replace(healthy=stepped.healthy)
+            drive = chosen(running, decided, drive)
             after = self._engine.observe(parameters, self._tables, worlds)
-            return worlds, drive, _keep(running, self._score(tally, after, length, longest), tally)
+            return worlds, drive, chosen(running, self._score(tally, after, length, longest), tally)
 
         return jax.lax.fori_loop(0, count, one, (worlds, drive, tally))
 
@@ -192,8 +193,3 @@ def run_insertions(
     batch = InsertionBatch(engine, follower, bank.tables_on_device())
     parameters = engine.parameters(bank.scene, worlds, **changed)
     return batch.run(parameters, seconds=seconds, progress=progress)
-
-
-def _keep(running: Array, new: Any, old: Any) -> Any:
-    """New values where a world runs, old ones where it has ended."""
-    return jax.tree.map(lambda a, b: jnp.where(running.reshape(-1, *[1] * (a.ndim - 1)), a, b), new, old)

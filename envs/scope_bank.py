@@ -40,9 +40,9 @@ class ScopeBank:
 
     def tables_on_device(self, kind: Any = np.float32) -> Tables:
         """Tables in that precision, on JAX's default device."""
-        import jax.numpy as jnp
+        from haustra.envs.engine.device_arrays import on_device
 
-        return Tables(*(jnp.asarray(part, kind if part.dtype.kind == "f" else None) for part in self.tables))
+        return on_device(self.tables, kind)
 
 
 def build_bank(

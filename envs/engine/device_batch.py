@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from haustra.envs.engine.conditions import Conditions, Snapshot
+from haustra.envs.engine.device_arrays import chosen, on_device
 from haustra.envs.engine.scope_batch import BatchInputs, BatchObservation
 from haustra.envs.engine.scope_worlds import Hands, Parameters, ScopeWorlds, Seen, Worlds
 from haustra.errors import UnsupportedSceneError
@@ -32,7 +33,7 @@ class DeviceBatch:
         """
         self.scene, self.tables, self.worlds = scene, tables, worlds
         self._engine = ScopeWorlds.of(scene)
-        own = Tables(*(jnp.asarray(part, None if part.dtype.kind == "i" else jnp.float32) for part in tables))
+        own = on_device(tables)
         self._parameters = self._engine.parameters(scene, worlds, colon=np.zeros(worlds, np.int32))
         self._state = self._engine.begin(self._parameters)
         engine = self._engine
@@ -44,9 +45,7 @@ class DeviceBatch:
         def begin(parameters: Parameters, state: Worlds, roll: Any, anew: Any) -> tuple[Worlds, Seen]:
             fresh = engine.begin(parameters)
             fresh = fresh._replace(qpos=fresh.qpos.at[:, 1].set(roll), hand=fresh.hand.at[:, 1].set(roll))
-            state = jax.tree.map(
-                lambda new, old: jnp.where(anew.reshape(-1, *[1] * (new.ndim - 1)), new, old), fresh, state
-            )
+            state = chosen(anew, fresh, state)
             return state, engine.observe(parameters, own, state)
 
         self._advance = jax.jit(advance)

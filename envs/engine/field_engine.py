@@ -12,13 +12,14 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.engine.device_arrays import on_device
 from haustra.envs.engine.native import Inputs, Observation
 from haustra.envs.engine.scope_worlds import Array, Hands, ScopeWorlds, Seen, Worlds
 from haustra.envs.measure.energy import Energies, EnergyMeter
 from haustra.errors import UnsupportedSceneError
 from haustra.models.scene import Scene, entry_of
 from haustra.models.scope.wires import WIRE_NAMES, arriving_pulls
-from haustra.models.wall.radius_field import FieldError, Tables, radius_field, stack
+from haustra.models.wall.radius_field import FieldError, radius_field, stack
 
 
 class FieldEngine:
@@ -42,7 +43,7 @@ class FieldEngine:
         self.table_error = field.error
         tables = stack([field.seen_from(*entry_of(scene.colon))])
         self._engine = ScopeWorlds.of(scene)
-        own = Tables(*(jnp.asarray(part, jnp.float32 if part.dtype.kind == "f" else None) for part in tables))
+        own = on_device(tables)
         parameters = self._engine.parameters(scene, 1)
 
         self._shapes: list[tuple[int, ...]] = []

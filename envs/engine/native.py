@@ -20,16 +20,18 @@ from haustra.models.wall.segment_law import SegmentLaw
 SPEED_LIMIT = 1e4
 """A generalised speed above this [rad/s or m/s] is divergence, not motion."""
 
-FATAL_WARNINGS = (
-    mujoco.mjtWarning.mjWARN_BADQPOS,
-    mujoco.mjtWarning.mjWARN_BADQVEL,
-    mujoco.mjtWarning.mjWARN_BADQACC,
-    mujoco.mjtWarning.mjWARN_CONTACTFULL,
-    mujoco.mjtWarning.mjWARN_CNSTRFULL,
-    mujoco.mjtWarning.mjWARN_INERTIA,
-)
-
-_FATAL = [int(kind) for kind in FATAL_WARNINGS]
+FATAL_WARNINGS = [
+    int(kind)
+    for kind in (
+        mujoco.mjtWarning.mjWARN_BADQPOS,
+        mujoco.mjtWarning.mjWARN_BADQVEL,
+        mujoco.mjtWarning.mjWARN_BADQACC,
+        mujoco.mjtWarning.mjWARN_CONTACTFULL,
+        mujoco.mjtWarning.mjWARN_CNSTRFULL,
+        mujoco.mjtWarning.mjWARN_INERTIA,
+    )
+]
+"""Numbers of MuJoCo's warnings after which a state is not sound."""
 
 
 @dataclass(frozen=True)
@@ -209,7 +211,7 @@ class NativeEngine:
 
     def healthy(self) -> bool:
         """Whether the state is finite, of plausible speed, and free of the engine's own fatal warnings."""
-        if self.data.warning.number[_FATAL].any():
+        if self.data.warning.number[FATAL_WARNINGS].any():
             return False
         speed = np.abs(self.data.qvel).max()
         return bool(np.isfinite(speed) and speed < SPEED_LIMIT and np.isfinite(self.data.qpos).all())

@@ -17,7 +17,6 @@ ROOM = 0.01
 """A plane is parked while its sphere has more room than this [m]: two steps at 1 m/s, well above any motion here."""
 _OUTSIDE = 0.03
 """A sphere is not looked up while it is farther than this before the anus [m]: in one step none comes that far."""
-_FATAL = [int(kind) for kind in FATAL_WARNINGS]
 
 
 class Shard:
@@ -171,7 +170,7 @@ class Shard:
     def _catch_divergence(self) -> None:
         state = np.abs(self._qvel).max(axis=1)
         sound = (state < SPEED_LIMIT) & np.isfinite(self._qpos).all(axis=1)
-        sound &= ~self._batch.warning[:, _FATAL, 1].any(axis=1)
+        sound &= ~self._batch.warning[:, FATAL_WARNINGS, 1].any(axis=1)
         if not sound.all():
             self._lose(self.healthy & ~sound)
 

@@ -17,6 +17,7 @@ from jaxtyping import Float
 
 from haustra.envs.engine import chain as links
 from haustra.envs.engine.chain import Chain, Links
+from haustra.envs.engine.device_arrays import chosen
 from haustra.envs.engine.precision import precise
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.scene import Scene
@@ -278,7 +279,7 @@ class ScopeWorlds:
         sound = worlds.healthy & jnp.isfinite(qvel).all(axis=1) & (jnp.abs(qvel).max(axis=1) < SPEED_LIMIT)
         # Infinite speeds of the hand would pass: its force is limited.
         sound &= jnp.isfinite(after.hand).all(axis=1)
-        kept = [_choose(sound, new, old) for new, old in zip(after[:5], worlds[:5], strict=True)]
+        kept = chosen(sound, tuple(after[:5]), tuple(worlds[:5]))
         return Worlds(*kept, healthy=sound, time=jnp.where(sound, after.time, worlds.time))
 
     def steps(self, tables: Tables, parameters: Parameters, worlds: Worlds, hands: Hands, count: Any) -> Worlds:
@@ -471,7 +472,3 @@ def _scale_of(name: str, steerable: set[int]) -> int:
     if "bend_" in name:
         return 2 if int(name[-3:]) in steerable else 1
     return 3 if "twist_" in name else 0
-
-
-def _choose(sound: Array, new: Array, old: Array) -> Array:
-    return jnp.where(sound.reshape(-1, *[1] * (new.ndim - 1)), new, old)

@@ -8,6 +8,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from haustra.envs.engine.device_arrays import on_device
 from haustra.envs.engine.scope_worlds import Scope, ScopeWorlds, read_scope, stack_scopes
 from haustra.envs.follower import FollowerSettings
 from haustra.envs.follower_worlds import WorldsFollower
@@ -120,9 +121,7 @@ def _answer(colons: _Colons, worlds: Sequence[_World], seconds: float) -> list[R
     parameters = first.kind.parameters(first.scene, count, scope=stack_scopes([one.scope for one in filled]), **each)
     tip_links = first.scene.cable.tip_links
     follower = WorldsFollower.of(first.scene.design, tip_links=tip_links, settings=first.driver)
-    tables = jax.tree.map(
-        lambda part: jax.numpy.asarray(part, None if part.dtype.kind == "i" else "float32"), colons.tables
-    )
+    tables = on_device(colons.tables)
     runs = InsertionBatch(first.kind, follower, tables).run(parameters, seconds=seconds)
     return [
         _result(one.job, runs, index, float(colons.lengths[each["colon"][index]])) for index, one in enumerate(worlds)

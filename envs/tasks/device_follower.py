@@ -7,12 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
+from haustra.envs.engine.device_arrays import chosen, on_device
 from haustra.envs.engine.scope_worlds import Seen
 from haustra.envs.follower import FollowerSettings
 from haustra.envs.follower_worlds import Drive, WorldsFollower
 from haustra.envs.tasks.observation import Observation
 from haustra.envs.tasks.scope_task import ScopeTask
-from haustra.models.wall.radius_field import Tables, pick
+from haustra.models.wall.radius_field import pick
 
 
 class DeviceFollowerDriver:
@@ -23,9 +24,7 @@ class DeviceFollowerDriver:
         self._task = task
         design = task.bank.design
         follower = WorldsFollower.of(design, tip_links=task.bank.scene.cable.tip_links, settings=settings)
-        tables = Tables(
-            *(jnp.asarray(part, None if part.dtype.kind == "i" else jnp.float32) for part in task.bank.tables)
-        )
+        tables = on_device(task.bank.tables)
         pull_per_angle = jnp.full(task.worlds, design.pull_per_angle, jnp.float32)
         interval, drive, most = task.interval, task.config.drive, design.wires.pull_limit
 
@@ -40,12 +39,7 @@ class DeviceFollowerDriver:
 
     def begin(self, worlds: Bool[np.ndarray, " worlds"]) -> None:
         """New colons, new followers."""
-        anew = jnp.asarray(worlds)
-        self._memory = jax.tree.map(
-            lambda fresh, old: jnp.where(anew.reshape(-1, *[1] * (fresh.ndim - 1)), fresh, old),
-            self._fresh,
-            self._memory,
-        )
+        self._memory = chosen(jnp.asarray(worlds), self._fresh, self._memory)
 
     def act(self, seen: Observation) -> Float[np.ndarray, "worlds 4"]:
         """What each follower asks for, as actions."""
