@@ -19,6 +19,10 @@ STEP_FORWARD = 0.003
 """Gain in arc length that counts as progress [m]; engineering choice above the centreline's spacing of 2 mm."""
 
 
+LEAST_RETREAT = 0.03
+"""A retreat that straightens goes at least this far [m]: sooner, a slip of the tip says nothing."""
+
+
 @dataclass(frozen=True)
 class FollowerSettings:
     """How the follower drives. Engineering choices, tuned on grown colons."""
@@ -53,6 +57,13 @@ class FollowerSettings:
     """What it steers by: pulls of wires that it knows to be right, or wheels, which the wires follow as they can."""
     patience: float = 4.0
     """Time without progress after which it backs off [s]."""
+    straighten: bool = False
+    """Back off as endoscopists do: go on pulling while the hooked tip holds, so that a colon that may move is gathered
+    on the shaft and straightened, and stop when the tip slips. For colons on their mesentery."""
+    straighten_distance: float = 0.35
+    """How far it then backs off at most [m]."""
+    slip: float = 0.02
+    """Loss of arc length after which the tip counts as slipping [m]."""
 
 
 class LumenFollower:
@@ -79,6 +90,7 @@ class LumenFollower:
         self._best_arc = self._local_arc = -math.inf
         self._local_time = 0.0
         self._retreat_until: float | None = None
+        self._retreat_from = self._held_arc = -math.inf
         self.attempts = 0
         """Times that it backed off since the last progress."""
 
@@ -90,10 +102,10 @@ class LumenFollower:
         if arc > self._best_arc + STEP_FORWARD:
             self._best_arc, self.attempts = arc, 0
         if self._retreat_until is None and self._should_back_off(seen):
-            self._begin_retreat(seen)
-        if self._retreat_until is not None and seen.insertion <= self._retreat_until:
+            self._begin_retreat(seen, arc)
+        if self._retreat_until is not None and self._retreat_over(seen, arc, self._retreat_until):
             self._retreat_until, self._local_arc, self._local_time = None, arc, seen.time
-        push_rate = self._advance_rate(seen, interval) if self._retreat_until is None else -self.settings.retreat_rate
+        push_rate = self._advance_rate(seen, interval) if self._retreat_until is None else self._retreat_rate(seen)
         turn = self.settings.roll_rate
         roll_rate = float(np.clip((self._roll_goal - seen.roll) / interval, -turn, turn))
         if self.settings.steer == "wheels":
@@ -107,7 +119,8 @@ class LumenFollower:
 
     def _steer(self, seen: Observation, arc: float, interval: float) -> None:
         station = np.searchsorted(self._line.arc, arc + self.settings.look_ahead)
-        target = self._line.points[min(station, len(self._line.points) - 1)]
+        way = self._line.points if seen.way is None else seen.way
+        target = way[min(station, len(way) - 1)]
         ahead = seen.tip_frame.T @ (target - seen.tip)
         sideways = np.linalg.norm(ahead[:2])
         if sideways > 0:
@@ -131,12 +144,30 @@ class LumenFollower:
             )
         )
 
-    def _begin_retreat(self, seen: Observation) -> None:
+    def _begin_retreat(self, seen: Observation, arc: float) -> None:
         self.attempts += 1
         distance = self.settings.retreat_distance * min(self.attempts, 4)
+        if self.settings.straighten:
+            distance = self.settings.straighten_distance
         self._retreat_until = max(0.02, seen.insertion - distance)
+        self._retreat_from, self._held_arc = seen.insertion, arc
         # Alternate: a turn one way, twice back, and so on, so that the shaft does not wind up.
         self._roll_goal = self.settings.roll_step * ((self.attempts + 1) // 2) * (-1) ** self.attempts
+
+    def _retreat_over(self, seen: Observation, arc: float, until: float) -> bool:
+        self._held_arc = max(self._held_arc, arc)
+        if not self.settings.straighten:
+            return seen.insertion <= until
+        slipped = arc < self._held_arc - self.settings.slip or seen.insertion <= arc
+        return seen.insertion <= until or (slipped and seen.insertion <= self._retreat_from - LEAST_RETREAT)
+
+    def _retreat_rate(self, seen: Observation) -> float:
+        if not self.settings.straighten:
+            return -self.settings.retreat_rate
+        spare = 1 - max(
+            seen.link_forces.max() / self.settings.wall_force_limit, -seen.push_force / self.settings.push_force_limit
+        )
+        return -self.settings.retreat_rate * float(np.clip(2 * spare, 0.0, 1.0))
 
     def _advance_rate(self, seen: Observation, interval: float) -> float:
         spare = 1 - max(

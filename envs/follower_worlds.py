@@ -6,9 +6,10 @@ from typing import Any, NamedTuple, TypeAlias
 
 import jax.numpy as jnp
 
+from haustra.envs.engine import moving_colon
 from haustra.envs.engine.precision import precise
 from haustra.envs.engine.scope_worlds import Hands, Parameters, Seen
-from haustra.envs.follower import STEP_FORWARD, FollowerSettings
+from haustra.envs.follower import LEAST_RETREAT, STEP_FORWARD, FollowerSettings
 from haustra.errors import InvalidOptionError
 from haustra.models.scope.design import ScopeDesign
 from haustra.models.wall.radius_field import Tables, axis_at
@@ -28,6 +29,10 @@ class Drive(NamedTuple):
     local_time: Array
     retreat_until: Array
     """Insertion at which it goes on again [m]; negative while it does not retreat."""
+    retreat_from: Array
+    """Insertion at which it began to retreat [m]."""
+    held_arc: Array
+    """Largest arc length of the tip since [m]."""
     roll_goal: Array
     attempts: Array
     """Times that it backed off since the last progress."""
@@ -63,7 +68,8 @@ class WorldsFollower:
         """Nothing seen yet."""
         zero = jnp.zeros(worlds, kind)
         never = jnp.full(worlds, -1e3, kind)
-        return Drive(jnp.zeros((worlds, 2), kind), never, never, zero, never, zero, jnp.zeros(worlds, jnp.int32))
+        none = jnp.zeros(worlds, jnp.int32)
+        return Drive(jnp.zeros((worlds, 2), kind), never, never, zero, never, never, never, zero, none)
 
     def act(
         self, parameters: Parameters, tables: Tables, seen: Seen, time: Array, drive: Drive, *, interval: float
@@ -99,25 +105,29 @@ class WorldsFollower:
         retreating = drive.retreat_until >= 0
         back = ~retreating & (waiting > _FIRST_WAIT) & ((load > 1) | (waiting > own.patience))
         attempts = jnp.where(back, attempts + 1, attempts)
-        goal = jnp.maximum(0.02, seen.insertion - own.retreat_distance * jnp.minimum(attempts, 4))
-        until = jnp.where(back, goal, drive.retreat_until)
+        far = own.straighten_distance if own.straighten else own.retreat_distance * jnp.minimum(attempts, 4)
+        until = jnp.where(back, jnp.maximum(0.02, seen.insertion - far), drive.retreat_until)
+        begun = jnp.where(back, seen.insertion, drive.retreat_from)
+        held = jnp.maximum(jnp.where(back, arc, drive.held_arc), arc)
         sign = jnp.where(attempts % 2 == 0, 1.0, -1.0)
         roll_goal = jnp.where(back, own.roll_step * ((attempts + 1) // 2) * sign, drive.roll_goal)
-        done = (until >= 0) & (seen.insertion <= until)
+        done = (until >= 0) & ((seen.insertion <= until) | self._slipped(seen, begun, held))
         until = jnp.where(done, -1e3, until)
         local_arc, local_time = jnp.where(done, arc, local_arc), jnp.where(done, time, local_time)
         rate = own.advance_rate * jnp.clip(2 * (1 - load), 0.15, 1.0)
         rate = jnp.minimum(rate, (own.hand_lead_limit - seen.hand_lead) / interval)
-        rate = jnp.where(until >= 0, -own.retreat_rate, rate)
+        rate = jnp.where(until >= 0, self._retreat_rate(seen), rate)
         roll_rate = jnp.clip((roll_goal - seen.roll) / interval, -own.roll_rate, own.roll_rate)
         up, left = (bend * pull_per_angle[:, None]).T
         pulls = jnp.clip(jnp.stack([up, left, -up, -left], axis=-1), 0.0, self.pull_limit)
-        kept = (bend, best, local_arc, local_time, until, roll_goal)
+        kept = (bend, best, local_arc, local_time, until, begun, held, roll_goal)
         return Hands(rate, roll_rate, pulls), Drive(*(new.astype(bend.dtype) for new in kept), attempts=attempts)
 
     def _steer(self, tables: Tables, seen: Seen, bend: Array, interval: float) -> Array:
         own = self.settings
-        target = axis_at(jnp, tables, seen.tip_arc[:, None] + own.look_ahead)[:, 0]
+        ahead = (seen.tip_arc + own.look_ahead)[:, None]
+        place = axis_at(jnp, tables, ahead) if seen.shift is None else moving_colon.axis_at(tables, seen.shift, ahead)
+        target = place[:, 0]
         ahead = jnp.einsum("wij,wi->wj", seen.tip_frame, target - seen.tip)
         sideways = jnp.linalg.norm(ahead[:, :2] + 1e-9, axis=-1)
         turn = own.steer_gain * interval * jnp.arctan2(sideways, ahead[:, 2]) / sideways
@@ -125,6 +135,20 @@ class WorldsFollower:
         bend = jnp.clip(bend, seen.bend - own.steer_lead, seen.bend + own.steer_lead)
         size = jnp.linalg.norm(bend + 1e-12, axis=-1, keepdims=True)
         return bend * jnp.minimum(1.0, self.bend_limit / size)
+
+    def _slipped(self, seen: Seen, begun: Array, held: Array) -> Array | bool:
+        own = self.settings
+        if not own.straighten:
+            return False
+        slipped = (seen.tip_arc < held - own.slip) | (seen.insertion <= seen.tip_arc)
+        return slipped & (seen.insertion <= begun - LEAST_RETREAT)
+
+    def _retreat_rate(self, seen: Seen) -> Array | float:
+        own = self.settings
+        if not own.straighten:
+            return -own.retreat_rate
+        wall = seen.link_forces.max(axis=1) / own.wall_force_limit
+        return -own.retreat_rate * jnp.clip(2 * (1 - jnp.maximum(wall, -seen.push_force / own.push_force_limit)), 0, 1)
 
     def _load(self, seen: Seen) -> Array:
         """The largest force over its limit."""

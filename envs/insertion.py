@@ -14,6 +14,7 @@ from haustra.envs.follower import FollowerSettings, LumenFollower
 from haustra.envs.measure.containment import ESCAPE_DEPTH, Containment
 from haustra.envs.measure.progress import ArcTracker
 from haustra.envs.outcome import Outcome
+from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import Scene
 
 CONTROL_INTERVAL = 0.02
@@ -69,6 +70,8 @@ class Trajectory:
     """Bend of the bending section towards wire 'up' [rad]."""
     bend_left: Float[np.ndarray, " records"]
     """The same towards wire 'left' [rad]."""
+    colon_moved: Float[np.ndarray, " records"]
+    """Farthest that a place of the colon's centreline is from where it was at rest [m]."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,8 @@ class Insertion:
     """Times that the driver had backed off since its last progress."""
     settings: FollowerSettings
     """How it was driven."""
+    colon: Colon
+    """As it lay at the end."""
     shaft_added: tuple[float, ...] = ()
     """When shaft was added to the scene [s]: from then on stock MuJoCo repeats it closely, but not to the bit."""
 
@@ -120,6 +125,10 @@ class Engine(Protocol):
 
     def shape(self) -> Float[np.ndarray, "nodes 3"]:
         """Points along the scope's axis [m]."""
+        ...
+
+    def colon(self) -> Colon:
+        """The colon as it lies now."""
         ...
 
 
@@ -169,11 +178,12 @@ def _drive(engine: Engine, seconds: float, settings: FollowerSettings, progress:
             outcome = Outcome.DIVERGED
             break
         seen, shape = engine.observe(), engine.shape()
-        tracker.update(seen.tip)
+        tracker.update(seen.tip, seen.way)
         behind = scene.cable.node_distances
         inside = behind < seen.insertion
-        outside = containment.outside(shape[inside], behind[inside], tracker.arc)
-        rows.append((*_record(engine, seen, tracker.arc, outside), *follower.asked, *seen.bend))
+        outside = containment.outside(shape[inside], behind[inside], tracker.arc, seen.way)
+        moved = 0.0 if seen.way is None else float(np.linalg.norm(seen.way - line.points, axis=1).max())
+        rows.append((*_record(engine, seen, tracker.arc, outside), *follower.asked, *seen.bend, moved))
         if progress and len(rows) % 25 == 0:
             progress(seen.time, tracker.arc)
         if ended := _ended(scene, seen, tracker.arc, outside):
@@ -189,6 +199,7 @@ def _drive(engine: Engine, seconds: float, settings: FollowerSettings, progress:
         wall_clock=time.perf_counter() - began,
         attempts=follower.attempts,
         settings=settings,
+        colon=engine.colon(),
         shaft_added=tuple(engine.added) if isinstance(engine, GrowingEngine) else (),
     )
 
@@ -228,5 +239,5 @@ def _trajectory(rows: list[tuple], engine: Engine) -> Trajectory:
     if not rows:
         empty = np.zeros(0)
         wide = (np.zeros((0, engine.qpos.size)), np.zeros((0, engine.ctrl.size)), np.zeros((0, 3)))
-        return Trajectory(empty, *wide, *[empty] * 14)
+        return Trajectory(empty, *wide, *[empty] * 15)
     return Trajectory(*(np.array(column, dtype=float) for column in zip(*rows, strict=True)))

@@ -84,7 +84,7 @@ class InsertionBatch:
         no = jnp.zeros(worlds, bool)
         start = zero + self._engine.start
         tally = Tally(start, zero, zero, zero, zero, zero, jnp.zeros(worlds, jnp.int32), no, no)
-        return self._engine.begin(parameters), self._follower.begin(worlds, zero.dtype), tally
+        return self._engine.begin(parameters, self._tables), self._follower.begin(worlds, zero.dtype), tally
 
     def run(
         self, parameters: Parameters, *, seconds: float, progress: Callable[[float], None] = lambda time: None

@@ -52,13 +52,13 @@ def write_run(folder: Path, *, scene: Scene, wall: Wall | None, run: Insertion, 
 
 
 def _draw(folder: Path, scene: Scene, run: Insertion) -> None:
-    lumen, frame, seen = scene.colon.lumen, run.tip_frame, run.trajectory
+    lumen, frame, seen = run.colon.lumen, run.tip_frame, run.trajectory
     outside = outside_view(
         lumen,
         run.shape,
         scene.cable.radius,
         bending_length=scene.design.bending.length,
-        rotation=default_rotation(lumen, scene.colon.centreline.points),
+        rotation=default_rotation(lumen, run.colon.centreline.points),
     )
     write_png(folder / "outside.png", outside)
     # A camera looks along its own -z, with up along y.

@@ -66,7 +66,7 @@ def build_bank(
     tables, errors = [], []
     for colon in colons:
         progress(colon.name)
-        field = radius_field(colon, device_radius=scene.cable.radius)
+        field = radius_field(colon, device_radius=scene.cable.radius, hung=options.mesentery)
         tables.append(field.seen_from(*entry_of(colon)))
         errors.append(field.error)
     return ScopeBank(

@@ -66,6 +66,9 @@ class SceneOptions:
     wall_law: Literal["pieces", "planes", "field"] = "pieces"
     """What the scope meets: the wall's convex pieces, tangent planes of the lumen (docs/decisions/wall.md), or a table
     of the lumen that an engine of many worlds reads (`haustra.models.wall.radius_field`); such a scene has no wall."""
+    mesentery: bool = False
+    """Let the colon swing, stretch and pleat on its mesentery (`haustra.models.wall.mesentery`); otherwise it is fixed
+    in space and gives way by its wall's stiffness only. Law 'field' only."""
     sample_spacing: float | None = None
     """Distance between the spheres that meet planes or field [m]; three quarters of the scope's diameter when None."""
     friction: float = _CONTACT["contact.friction"].value
@@ -88,6 +91,10 @@ class SceneOptions:
                 raise InvalidOptionError(f"Scene option {name} is {value}; it must be a positive number.")
         if self.wall_law not in ("pieces", "planes", "field"):
             raise InvalidOptionError(f"Wall law '{self.wall_law}' is not known. Known: pieces, planes, field.")
+        if self.mesentery and self.wall_law != "field":
+            raise InvalidOptionError(
+                f"A colon that moves on its mesentery needs wall law 'field': '{self.wall_law}' is fixed in space."
+            )
         if self.segment_stiffness and self.wall_law != "planes":
             raise InvalidOptionError(
                 "Stiffness by segment needs wall law 'planes': pieces and field have one stiffness."
@@ -239,8 +246,14 @@ def _left_out(
 ) -> dict[str, str]:
     left_out = {
         "self-contact": "the scope does not touch itself: loops are held apart by the wall",
-        "mesentery": "the colon gives way by its wall's stiffness only; sigmoid and transverse colon do not swing",
     }
+    if options.mesentery:
+        left_out["inertia of the colon"] = "it follows its forces within tens of milliseconds"
+        left_out["loops of colon against each other"] = "a colon that moves does not touch itself or other organs"
+    else:
+        left_out["mesentery"] = (
+            "the colon gives way by its wall's stiffness only; sigmoid and transverse colon do not swing"
+        )
     if modelled < design.length - 1e-9:
         left_out["shaft outside"] = f"the last {design.length - modelled:.3f} m of shaft never enter this colon"
     if options.wall_law == "field":
@@ -268,7 +281,9 @@ def entry_of(colon: Colon) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3
 
 
 def _modelled_cells(colon: Colon, design: ScopeDesign, options: SceneOptions) -> tuple[tuple[Cell, ...], float]:
-    limit = options.insertion_limit if options.insertion_limit is not None else colon.centreline.length
+    # In a colon that moves a scope makes loops, and more of it gets in than the colon is long.
+    most = design.length if options.mesentery else colon.centreline.length
+    limit = options.insertion_limit if options.insertion_limit is not None else most
     modelled = min(design.length, limit + options.start_depth)
     shortest = design.bending.length + design.tip.length
     if modelled < shortest:

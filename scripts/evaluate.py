@@ -27,6 +27,8 @@ class Evaluate:
     """Band of tortuosity; that of the first policy, or any, when not given."""
     friction: tuple[float, float] | None = None
     """Range of Coulomb's coefficient."""
+    mesentery: bool | None = None
+    """Let colons move on their mesentery (--engine mjx-jax; no video yet); as the first policy's when not given."""
     seconds: float = 90.0
     """Longest episode [s]."""
     engine: Literal["native", "mjx-jax"] = "native"
@@ -62,6 +64,7 @@ class Evaluate:
         found = [self._driver(name) for name in self.drivers]
         config = self._config(next((task for _, task in found if task), None))
         bank = self._bank(config)
+        video = self.video and not config.mesentery
         done = []
         for name, (make, own) in zip(self.drivers, found, strict=True):
             seeing = replace(config, observation=own.observation, privileged=own.privileged) if own else config
@@ -75,7 +78,7 @@ class Evaluate:
                         episodes=self.episodes,
                         threads=self.threads,
                         engine=self.engine,
-                        record=self.video,
+                        record=video,
                         progress=lambda count, _, tell=advance: tell(count, ""),
                     )
                 )
@@ -88,7 +91,7 @@ class Evaluate:
         write_json(folder / "evaluation.json", result | {"provenance": provenance.to_json()})
         write_json(folder / "episodes.json", {one.driver: one.rows() for one in done})
         draw_evaluations(done, folder / "evaluation.png")
-        if self.video:
+        if video:
             for number, one in enumerate(done, start=1):
                 _draw_video(folder / f"video-{number}-{Path(one.driver).resolve().stem}.webp", one, bank, config)
         own = bool(self.colon_folders)
@@ -141,7 +144,8 @@ class Evaluate:
         from haustra.envs.tasks.config import Limits, TaskConfig
 
         base = own or TaskConfig(design="adult", observation="state")
-        named = {name: value for name in ("design", "difficulty") if (value := getattr(self, name)) is not None}
+        names = ("design", "difficulty", "mesentery")
+        named = {name: value for name in names if (value := getattr(self, name)) is not None}
         ranges = replace(base.randomisation, friction=self.friction) if self.friction else base.randomisation
         return replace(base, **named, randomisation=ranges, limits=Limits(seconds=self.seconds))
 

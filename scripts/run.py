@@ -27,6 +27,9 @@ class Run:
     """
     seconds: float = 60.0
     """Simulated time [s]."""
+    mesentery: bool = False
+    """Let the colon swing, stretch and pleat on its mesentery instead of standing fixed in space; by the table of the
+    lumen (--wall-law field)."""
     friction: float | None = None
     """Coulomb coefficient between scope and wall; the sourced default when not given."""
     wall_stiffness: float | None = None
@@ -72,7 +75,7 @@ class Run:
         if options.wall_law == "pieces":
             with wall_bar() as tell:
                 wall = wall_of(self.colon, colon, self.wall, progress=tell)
-        settings = FollowerSettings(steer=self.steer)
+        settings = FollowerSettings(steer=self.steer, straighten=options.mesentery)
         deepest = options.start_depth + settings.advance_rate * self.seconds
         scene = build_scene(colon, wall, design, options, deepest=deepest)
 
@@ -96,6 +99,9 @@ class Run:
     def _options(self) -> dict[str, Any]:
         names = ("wall_law", "friction", "wall_stiffness", "push_limit", "timestep", "largest_bend_deg", "gravity")
         chosen = {name: value for name in names if (value := getattr(self, name)) is not None}
+        if self.mesentery:
+            chosen["mesentery"] = True
+            chosen.setdefault("wall_law", "field")
         if self.segment_stiffness:
             from haustra.models.scene import usual_segment_stiffness
 

@@ -27,6 +27,8 @@ class Train:
     """Scope design."""
     difficulty: Literal["any", "easy", "moderate", "difficult", "hard"] | None = None
     """Band of tortuosity that colons are grown from."""
+    mesentery: bool | None = None
+    """Let colons move on their mesentery; engine mjx-jax only."""
     colons: int | None = None
     """Number of grown colons (seeds 0, 1, ...)."""
     engine: Literal["native", "mjx-jax"] | None = None
@@ -60,7 +62,12 @@ class Train:
         if self.colons is not None:
             task = replace(task, seeds=(0, self.colons))
         task = replace(
-            task, **{name: value for name in ("design", "difficulty") if (value := getattr(self, name)) is not None}
+            task,
+            **{
+                name: value
+                for name in ("design", "difficulty", "mesentery")
+                if (value := getattr(self, name)) is not None
+            },
         )
         training = changed(
             training,

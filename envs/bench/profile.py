@@ -164,7 +164,7 @@ def _by_xla(colon: Colon, design: ScopeDesign) -> dict[str, Value]:
     parameters, tables = engine.parameters(bank.scene, 1), bank.tables_on_device()
     hands = Hands(*(jax.numpy.zeros(shape, np.float32) for shape in ((1,), (1,), (1, 4))))
     step = jax.jit(lambda worlds, hands: engine.steps(tables, parameters, worlds, hands, 1))
-    counted = step.lower(engine.begin(parameters), hands).compile().cost_analysis()
+    counted = step.lower(engine.begin(parameters, tables), hands).compile().cost_analysis()
     found: Any = counted[0] if isinstance(counted, list) else counted
     return {
         "dofs": int(bank.scene.compile().nv),

@@ -70,7 +70,7 @@ def compare_with_native(
     steps = round(CONTROL_INTERVAL / coarse.timestep)
     go = jax.jit(lambda now, hands: engine.steps(tables, parameters, now, hands, steps))
     look = jax.jit(lambda now: engine.observe(parameters, tables, now))
-    worlds = engine.begin(parameters)
+    worlds = engine.begin(parameters, tables)
     entry, axes = entry_of(colon)
     rows = []
     for _ in range(round(seconds / CONTROL_INTERVAL)):

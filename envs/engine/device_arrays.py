@@ -11,7 +11,7 @@ from haustra.models.wall.radius_field import Tables
 
 def on_device(tables: Tables, kind: Any = jnp.float32) -> Tables:
     """Tables on JAX's default device, their real numbers in that precision."""
-    return Tables(*(jnp.asarray(part, kind if part.dtype.kind == "f" else None) for part in tables))
+    return jax.tree.map(lambda part: jnp.asarray(part, kind if part.dtype.kind == "f" else None), tables)
 
 
 def chosen(which: Bool[Any, " worlds"], new: Any, old: Any) -> Any:

@@ -8,13 +8,14 @@ import mujoco
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from haustra.envs.engine import moving_colon
 from haustra.envs.engine.conditions import Conditions, Snapshot
 from haustra.envs.engine.device_arrays import chosen, on_device
 from haustra.envs.engine.scope_batch import BatchInputs, BatchObservation
 from haustra.envs.engine.scope_worlds import Hands, Parameters, ScopeWorlds, Seen, Worlds
 from haustra.errors import UnsupportedSceneError
 from haustra.models.scene import Scene
-from haustra.models.wall.radius_field import Tables
+from haustra.models.wall.radius_field import Tables, axis_at, pick
 
 
 class DeviceBatch:
@@ -35,7 +36,7 @@ class DeviceBatch:
         self._engine = ScopeWorlds.of(scene)
         own = on_device(tables)
         self._parameters = self._engine.parameters(scene, worlds, colon=np.zeros(worlds, np.int32))
-        self._state = self._engine.begin(self._parameters)
+        self._state = self._engine.begin(self._parameters, own)
         engine = self._engine
 
         def advance(parameters: Parameters, state: Worlds, hands: Hands, count: Any) -> tuple[Worlds, Seen]:
@@ -43,11 +44,17 @@ class DeviceBatch:
             return state, engine.observe(parameters, own, state)
 
         def begin(parameters: Parameters, state: Worlds, roll: Any, anew: Any) -> tuple[Worlds, Seen]:
-            fresh = engine.begin(parameters)
+            fresh = engine.begin(parameters, own)
             fresh = fresh._replace(qpos=fresh.qpos.at[:, 1].set(roll), hand=fresh.hand.at[:, 1].set(roll))
             state = chosen(anew, fresh, state)
             return state, engine.observe(parameters, own, state)
 
+        def way(colon: Any, seen: Seen, distances: Any) -> Any:
+            arcs = seen.tip_arc[:, None] + distances
+            tables = pick(own, colon)
+            return axis_at(jnp, tables, arcs) if seen.shift is None else moving_colon.axis_at(tables, seen.shift, arcs)
+
+        self._way = jax.jit(way)
         self._advance = jax.jit(advance)
         self._begin = jax.jit(begin)
         none = jnp.zeros(worlds, bool)
@@ -82,11 +89,20 @@ class DeviceBatch:
 
     def observe(self) -> BatchObservation:
         """What can be read off at the end of the last step."""
-        seen, time = jax.device_get((self._seen, self._state.time))
+        seen, time = jax.device_get((self._seen._replace(shift=None), self._state.time))
+        names = (name for name in Seen._fields if name != "shift")
         return BatchObservation(
-            time=time.astype(float),
-            **{name: np.array(getattr(seen, name), float) for name in Seen._fields},
+            time=time.astype(float), **{name: np.array(getattr(seen, name), float) for name in names}
         )
+
+    @property
+    def shift(self) -> Any:
+        """Displacements of the colons' axes (worlds, nodes, 3) [m], left on the device; None where they are fixed."""
+        return self._seen.shift
+
+    def way_ahead(self, distances: Float[np.ndarray, " places"]) -> Float[np.ndarray, "worlds places 3"]:
+        """Places of the centreline that far ahead of the tip, where they are now, from the entry [m]."""
+        return np.asarray(self._way(self._parameters.colon, self._seen, jnp.asarray(distances, jnp.float32)), float)
 
     def positions(self) -> Float[np.ndarray, "worlds joints"]:
         """Joint positions of all scopes, as MuJoCo counts them."""

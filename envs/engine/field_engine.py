@@ -13,10 +13,12 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.engine.device_arrays import on_device
+from haustra.envs.engine.moved_colon import MovedColon
 from haustra.envs.engine.native import Inputs, Observation
 from haustra.envs.engine.scope_worlds import Array, Hands, ScopeWorlds, Seen, Worlds
 from haustra.envs.measure.energy import Energies, EnergyMeter
 from haustra.errors import UnsupportedSceneError
+from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import Scene, entry_of
 from haustra.models.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.wall.radius_field import FieldError, radius_field, stack
@@ -39,11 +41,12 @@ class FieldEngine:
         self.scene = scene
         self.model = scene.compile()
         self.data = mujoco.MjData(self.model)
-        field = radius_field(scene.colon, device_radius=scene.cable.radius)
+        field = radius_field(scene.colon, device_radius=scene.cable.radius, hung=scene.options.mesentery)
         self.table_error = field.error
         tables = stack([field.seen_from(*entry_of(scene.colon))])
         self._engine = ScopeWorlds.of(scene)
         own = on_device(tables)
+        self._moved = MovedColon(scene.colon, own) if scene.options.mesentery else None
         parameters = self._engine.parameters(scene, 1)
 
         self._shapes: list[tuple[int, ...]] = []
@@ -52,13 +55,15 @@ class FieldEngine:
             hands = Hands(asked[:1], asked[1:2], asked[None, 2:])
             held = self._engine.held(parameters, now)
             now = self._engine.steps(own, parameters, now, hands, count)
-            parts = (held, now.qpos, now.normal, now.healthy, now.time, *self._engine.observe(parameters, own, now))
+            seen = self._engine.observe(parameters, own, now)
+            seen = [part for part in seen if part is not None]
+            parts = (held, now.qpos, now.normal, now.healthy, now.time, *seen)
             self._shapes = [part.shape[1:] for part in parts]
             return now, jnp.concatenate([part.ravel().astype(jnp.float32) for part in parts])
 
         # One call and one transfer a control interval: each costs as much as a few time steps.
         self._advance = jax.jit(advance)
-        self._worlds = self._engine.begin(parameters)
+        self._worlds = self._engine.begin(parameters, own)
         self._step(np.zeros(6, np.float32), 0)
         self._hand = self._arriving = np.zeros(len(WIRE_NAMES))
         self._energies = EnergyMeter(self.model, wall_stiffness=scene.options.wall_stiffness)
@@ -110,6 +115,10 @@ class FieldEngine:
         """Length of scope past the anus [m]."""
         return self.scene.options.start_depth + float(self.data.qpos[0])
 
+    def colon(self) -> Colon:
+        """The colon as it lies now."""
+        return self._moved.colon(np.asarray(self._seen.shift)) if self._moved else self.scene.colon
+
     @property
     def qpos(self) -> Float[np.ndarray, " positions"]:
         """Generalised positions [m, rad]."""
@@ -137,6 +146,7 @@ class FieldEngine:
             pulls=self._hand.copy(),
             link_forces=seen.link_forces,
             contacts=int((self._normal > 0).sum()),
+            way=self._moved.way(np.asarray(self._seen.shift)) if self._moved else None,
             energies=Energies(
                 bending=joints.bending,
                 twist=joints.twist,

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.engine.native import Inputs, NativeEngine, Observation
+from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import Scene, build_scene
 from haustra.models.wall.wall import Wall
 
@@ -71,6 +72,10 @@ class GrowingEngine:
         whole = np.ones(len(self._actuators))
         whole[self._rows] = self._engine.data.ctrl
         return whole
+
+    def colon(self) -> Colon:
+        """The colon, which is fixed in space."""
+        return self.scene.colon
 
     def shape(self) -> Float[np.ndarray, "nodes 3"]:
         """Points along the scope's axis, from the handle end of the modelled part to the tip [m]."""

@@ -10,6 +10,7 @@ from haustra.envs.engine.log import log_to_stderr_only
 from haustra.envs.engine.wheels import Wheels
 from haustra.envs.measure.energy import Energies, EnergyMeter
 from haustra.errors import InvalidOptionError
+from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import Scene
 from haustra.models.scope.cable import LOCK_STRETCH, PULL_OUT_LIMIT
 from haustra.models.scope.wires import WIRE_NAMES, arriving_pulls
@@ -79,6 +80,8 @@ class Observation:
     """Contacts with the wall that carry force."""
     energies: Energies
     """Stored in the bent scope and in the pressed wall."""
+    way: Float[np.ndarray, "stations 3"] | None = None
+    """Where the stations of the colon's centreline are now [m]; None where the colon is fixed in space."""
 
 
 class NativeEngine:
@@ -236,6 +239,10 @@ class NativeEngine:
             contacts=contacts,
             energies=self._energies.read(data),
         )
+
+    def colon(self) -> Colon:
+        """The colon, which is fixed in space."""
+        return self.scene.colon
 
     def shape(self) -> Float[np.ndarray, "nodes 3"]:
         """Points along the scope's axis, from the handle end of the modelled part to the tip [m]."""

@@ -88,6 +88,8 @@ class ScopeBatch:
         """
         if scene.options.wall_law != "field":
             raise UnsupportedSceneError("A batch of scopes needs a scene with wall_law 'field': build it so.")
+        if scene.options.mesentery:
+            raise UnsupportedSceneError("Colons that move on their mesentery need the engine 'mjx-jax': name it.")
         log_to_stderr_only()
         self.scene, self.tables, self.worlds = scene, tables, worlds
         self.model = batch_model(scene)

@@ -16,15 +16,17 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.engine import chain as links
+from haustra.envs.engine import moving_colon
 from haustra.envs.engine.chain import Chain, Links
 from haustra.envs.engine.device_arrays import chosen
+from haustra.envs.engine.moving_colon import Grip, Shift
 from haustra.envs.engine.precision import precise
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.scene import Scene
 from haustra.models.scope.cable import HAND_PUSH, HAND_ROLL, LOCK_STRETCH
 from haustra.models.scope.stops import STOP_LOSS_TIME, STOP_STIFFNESS
 from haustra.models.scope.wires import WIRE_NAMES
-from haustra.models.wall.radius_field import Tables, pick, touch
+from haustra.models.wall.radius_field import Tables, Touch, pick, touch
 
 Array: TypeAlias = Any
 
@@ -104,6 +106,8 @@ class Worlds(NamedTuple):
     """(worlds,): false once a world has diverged; it then stays as it was last sound."""
     time: Array
     """(worlds,) [s]."""
+    shift: Shift | None = None
+    """Where the colons have moved to; None where they are fixed in space."""
 
 
 class Hands(NamedTuple):
@@ -144,6 +148,40 @@ class Seen(NamedTuple):
     """(worlds, links): resultant of the wall's normal forces on each link [N]."""
     deepest: Array
     """Largest depth of the scope in the wall [m]."""
+    shift: Array | None = None
+    """(worlds, nodes, 3) displacement of the colon's axis from rest, where it may move [m]."""
+
+
+class Contact(NamedTuple):
+    """The scope's spheres against the wall at the beginning of a step; leading axes: worlds, points."""
+
+    points: Array
+    """(..., 3) middles [m]."""
+    arcs: Array
+    """(worlds, points + 1): arc length of each, and of the tip [m]."""
+    inwards: Array
+    """(..., 3) normals of the wall."""
+    wall_speed: Array
+    """(..., 3) of the wall itself [m/s]."""
+    spring: Array
+    """Force of the wall's spring [N]."""
+    damper: Array
+    """Its damping, and what a step of its spring adds [N s/m]."""
+    drag: Array
+    """Friction over sliding speed [N s/m]."""
+    grip: Grip | None
+    """Where they hold on to a colon that moves."""
+
+    @property
+    def damping(self) -> Array:
+        """(..., 3, 3): force over the sphere's speed against the wall [N s/m]."""
+        across = self.inwards[..., :, None] * self.inwards[..., None, :]
+        along = jnp.eye(3, dtype=across.dtype) - across
+        return self.damper[..., None, None] * across + self.drag[..., None, None] * along
+
+    def force(self, speed: Array) -> Array:
+        """On spheres that move at that speed against the wall (..., 3) [N]."""
+        return self.spring[..., None] * self.inwards - jnp.einsum("wpij,wpj->wpi", self.damping, speed)
 
 
 @dataclass(frozen=True)
@@ -237,8 +275,8 @@ class ScopeWorlds:
         return Parameters(scope=design, **numbers)
 
     @precise
-    def begin(self, parameters: Parameters) -> Worlds:
-        """All scopes straight, their tips at the start depth."""
+    def begin(self, parameters: Parameters, tables: Tables) -> Worlds:
+        """All scopes straight, their tips at the start depth, colons that may move at rest."""
         count, kind = len(parameters.friction), parameters.friction.dtype
         qpos = jnp.zeros((count, len(self.chain.axis)), kind)
         where = links.pose(self.chain, parameters.scope.links, qpos)
@@ -252,6 +290,7 @@ class ScopeWorlds:
             normal=jnp.zeros((count, len(self.sample_body)), kind),
             healthy=jnp.ones(count, bool),
             time=jnp.zeros(count, kind),
+            shift=tables.mesentery and moving_colon.at_rest(tables.mesentery, count, kind),
         )
 
     @precise
@@ -261,9 +300,12 @@ class ScopeWorlds:
         where = links.pose(chain, scope.links, worlds.qpos)
         own = links.inertias(scope.links, where)
         bias = links.bias(chain, where, own, worlds.qvel)
-        points, contact, force, arcs, inwards, law = self._wall(tables, parameters, worlds, where)
+        own_tables = pick(tables, parameters.colon)
+        contact = self._wall(own_tables, parameters, worlds, where)
+        points = contact.points
+        force = contact.force(self._speeds(where, points, worlds.qvel) - contact.wall_speed)
         of_body = self._body_sums(links.wrench(points, force))
-        felt = self._body_sums(links.point_inertia(points, h * contact))
+        felt = self._body_sums(links.point_inertia(points, h * contact.damping))
         torque, damping = self._joints(parameters, worlds, hands)
         torque = torque + links.joint_forces(chain, where, links.beyond(of_body - bias))
         matrix = links.mass_matrix(chain, where, links.beyond(own + felt))
@@ -271,16 +313,20 @@ class ScopeWorlds:
         matrix = matrix + jnp.eye(armature.shape[1], dtype=torque.dtype) * (armature + h * damping)[:, None]
         qvel = worlds.qvel + h * solve(matrix, torque)
         qpos = worlds.qpos + h * qvel
-        leaving = self._speeds(where, points, qvel)
-        along = jnp.einsum("wpi,wpi->wp", inwards, leaving)
-        normal = jnp.maximum(law[0] - law[1] * along, 0.0)
+        leaving = self._speeds(where, points, qvel) - contact.wall_speed
+        along = jnp.einsum("wpi,wpi->wp", contact.inwards, leaving)
+        normal = jnp.maximum(contact.spring - contact.damper * along, 0.0)
         rates = jnp.stack([hands.push_rate, hands.roll_rate], axis=-1).astype(qpos.dtype)
-        after = Worlds(qpos, qvel, worlds.hand + h * rates, arcs, normal, worlds.healthy, worlds.time + h)
+        shift = self._moved(own_tables, worlds.shift, contact, leaving)
         sound = worlds.healthy & jnp.isfinite(qvel).all(axis=1) & (jnp.abs(qvel).max(axis=1) < SPEED_LIMIT)
+        after = worlds._replace(
+            qpos=qpos, qvel=qvel, hand=worlds.hand + h * rates, arcs=contact.arcs, normal=normal, shift=shift
+        )
         # Infinite speeds of the hand would pass: its force is limited.
         sound &= jnp.isfinite(after.hand).all(axis=1)
-        kept = chosen(sound, tuple(after[:5]), tuple(worlds[:5]))
-        return Worlds(*kept, healthy=sound, time=jnp.where(sound, after.time, worlds.time))
+        if shift is not None:
+            sound &= jnp.isfinite(shift.place).all(axis=(1, 2))
+        return chosen(sound, after._replace(time=worlds.time + h), worlds)._replace(healthy=sound)
 
     def steps(self, tables: Tables, parameters: Parameters, worlds: Worlds, hands: Hands, count: Any) -> Worlds:
         """Several time steps under the same inputs; differentiable when `count` is a number and not an array."""
@@ -291,7 +337,8 @@ class ScopeWorlds:
         """Read off all worlds."""
         scope = parameters.scope
         where = links.pose(self.chain, scope.links, worlds.qpos)
-        found = touch(jnp, pick(tables, parameters.colon), self._samples(scope, where), worlds.arcs[:, :-1])
+        own = pick(tables, parameters.colon)
+        found, _ = _look(own, worlds.shift, self._samples(scope, where), worlds.arcs[:, :-1])
         forces = self._body_sums(worlds.normal[..., None] * found.inwards)
         hand = self._hand(parameters, worlds)
         up, left = (worlds.qpos[:, dofs].sum(axis=1) for dofs in self.bend_dofs)
@@ -308,18 +355,23 @@ class ScopeWorlds:
             tip_force=jnp.einsum("wij,wi->wj", where.rotation[:, -1], forces[:, -len(self.bend_dofs[0]) :].sum(axis=1)),
             link_forces=jnp.linalg.norm(forces, axis=-1),
             deepest=found.depth.max(axis=1) + scope.radius - self.table_radius,
+            shift=worlds.shift and worlds.shift.place,
         )
 
-    def _wall(self, tables: Tables, parameters: Parameters, worlds: Worlds, where: links.Pose):
+    def _wall(self, tables: Tables, parameters: Parameters, worlds: Worlds, where: links.Pose) -> Contact:
         h = self.timestep
         scope = parameters.scope
         points = self._samples(scope, where)
         places = jnp.concatenate([points, self._tip(scope, where)], axis=1)
-        found = touch(jnp, pick(tables, parameters.colon), places, worlds.arcs)
+        found, grip = _look(tables, worlds.shift, places, worlds.arcs)
         # A thicker scope touches sooner, by as much as it is thicker: the table holds distances.
         depth = found.depth[:, :-1] + (scope.radius - self.table_radius)[:, None]
         inwards = found.inwards[:, :-1]
-        speed = self._speeds(where, points, worlds.qvel)
+        wall_speed = jnp.zeros_like(points)
+        if grip is not None and tables.mesentery is not None and worlds.shift is not None:
+            grip = Grip(grip.arcs[:, :-1], grip.lever[:, :-1])
+            wall_speed = moving_colon.wall_speeds(tables.mesentery, worlds.shift, grip)
+        speed = self._speeds(where, points, worlds.qvel) - wall_speed
         away = jnp.einsum("wpi,wpi->wp", inwards, speed)
         stiffness = parameters.stiffness[:, None]
         damper = stiffness * (parameters.damping_time[:, None] + h)
@@ -329,11 +381,15 @@ class ScopeWorlds:
         sliding = jnp.linalg.norm(speed - away[..., None] * inwards + 1e-12, axis=-1)
         load = spring - damper * away
         drag = parameters.friction[:, None] * load / jnp.maximum(sliding, SLIP_SPEED)
-        across = inwards[..., :, None] * inwards[..., None, :]
-        contact = damper[..., None, None] * across
-        contact = contact + drag[..., None, None] * (jnp.eye(3, dtype=depth.dtype) - across)
-        force = spring[..., None] * inwards - jnp.einsum("wpij,wpj->wpi", contact, speed)
-        return points, contact, force, found.arcs, inwards, (spring, damper)
+        return Contact(points, found.arcs, inwards, wall_speed, spring, damper, drag, grip)
+
+    def _moved(self, tables: Tables, shift: Shift | None, contact: Contact, leaving: Array) -> Shift | None:
+        """Where the colons go under what the scopes do to them, who leave the wall at that speed."""
+        if shift is None or tables.mesentery is None or contact.grip is None:
+            return None
+        pressed = -contact.force(leaving)
+        damping = contact.damper + contact.drag
+        return moving_colon.give_way(tables.mesentery, shift, contact.grip, pressed, damping, self.timestep)
 
     def _joints(self, parameters: Parameters, worlds: Worlds, hands: Hands) -> tuple[Array, Array]:
         """Torques of springs, stops, locks, hand and wires, and the damping that goes into the matrix."""
@@ -387,6 +443,13 @@ class ScopeWorlds:
         """Sums over the spheres of each body."""
         shape = (per_sample.shape[0], len(self.chain.last_dof), *per_sample.shape[2:])
         return jnp.zeros(shape, per_sample.dtype).at[:, self.sample_body].add(per_sample)
+
+
+def _look(tables: Tables, shift: Shift | None, points: Array, arcs: Array) -> tuple[Touch, Grip | None]:
+    """Look points up in one colon a world; and where they hold on to it, if it moves."""
+    return (
+        (touch(jnp, tables, points, arcs), None) if shift is None else moving_colon.touch(tables, shift, points, arcs)
+    )
 
 
 def read_scope(scene: Scene) -> Scope:

@@ -16,6 +16,8 @@ _BLUR = 0.01
 
 _PATH_STRETCH = (0.35, 2.2)
 """Least and most centreline per length of scope that a search allows: scopes cut corners and lie in loops."""
+_PLEATED = 3.0
+"""By how much more centreline a length of scope may have gathered where the colon moves."""
 
 
 class Containment:
@@ -36,7 +38,11 @@ class Containment:
         self._squares = np.einsum("ij,ij->i", self._points, self._points)
 
     def outside(
-        self, nodes: Float[np.ndarray, "nodes 3"], behind: Float[np.ndarray, " nodes"], tip_arc: float
+        self,
+        nodes: Float[np.ndarray, "nodes 3"],
+        behind: Float[np.ndarray, " nodes"],
+        tip_arc: float,
+        way: Float[np.ndarray, "stations 3"] | None = None,
     ) -> float:
         """How far the node that is furthest out stands outside the lumen [m]; negative when all are inside.
 
@@ -44,15 +50,19 @@ class Containment:
             nodes: points on the scope's axis inside the patient [m].
             behind: their distances from the tip along the scope [m].
             tip_arc: arc length of the tip [m].
+            way: where the centreline's stations are now [m], when the colon has moved.
         """
+        points = self._points if way is None else way
+        of_points = self._squares if way is None else np.einsum("ij,ij->i", way, way)
         if not len(nodes):
             return -float(self._room.min())
         least, most = _PATH_STRETCH
+        most *= 1.0 if way is None else _PLEATED
         low, high = tip_arc - most * behind - _BLUR, tip_arc - least * behind + _BLUR
         passed = slice(0, max(1, int(np.searchsorted(self._arc, high.max(), side="right"))))
         candidates = (self._arc[passed] >= low[:, None]) & (self._arc[passed] <= high[:, None])
         candidates[:, 0] |= ~candidates.any(axis=1)
         # One product of matrices instead of a difference for every pair: half the time of a check.
-        squares = np.einsum("ij,ij->i", nodes, nodes)[:, None] - 2 * nodes @ self._points[passed].T
-        distance = np.sqrt(np.maximum(squares + self._squares[passed], 0.0)) - self._room[passed]
+        squares = np.einsum("ij,ij->i", nodes, nodes)[:, None] - 2 * nodes @ points[passed].T
+        distance = np.sqrt(np.maximum(squares + of_points[passed], 0.0)) - self._room[passed]
         return float(np.where(candidates, distance, np.inf).min(axis=1).max())

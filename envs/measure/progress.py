@@ -18,12 +18,18 @@ class ArcTracker:
         self._line = line
         self.arc = start
 
-    def update(self, point: Float[np.ndarray, "3"]) -> float:
-        """Arc length [m] nearest to `point` [m], within reach of the last one."""
+    def update(self, point: Float[np.ndarray, "3"], way: Float[np.ndarray, "stations 3"] | None = None) -> float:
+        """Arc length [m] nearest to `point` [m], within reach of the last one.
+
+        Args:
+            point: [m].
+            way: where the centreline's stations are now [m], when the colon has moved.
+        """
         line = self._line
+        points = line.points if way is None else way
         low, high = np.searchsorted(line.arc, [self.arc - _REACH, self.arc + _REACH])
         near = slice(max(0, low), max(low + 1, high))
-        distance = np.linalg.norm(line.points[near] - point, axis=1)
+        distance = np.linalg.norm(points[near] - point, axis=1)
         self.arc = float(line.arc[near][np.argmin(distance)])
         return self.arc
 

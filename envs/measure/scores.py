@@ -23,6 +23,7 @@ def score(scene: Scene, run: Insertion, provenance: Provenance) -> dict[str, obj
     `loop_excess_m` is the scope inside less the colon passed, `loop_writhe_peak_turns` how much the scope coiled:
     neither needs axes. `loop_N_s` and so on say how long a loop of that name was there, seen along y, which is assumed
     to run from front to back. `pull_back_shortening_m` is the most scope that was pulled back while the tip stayed.
+    `colon_moved_peak_mm` is how far a colon on its mesentery was moved at most.
     `preset` and its errors say how far the model itself was off in a reference insertion (docs/validation/accuracy.md).
     """
     recorded = run.trajectory
@@ -52,6 +53,7 @@ def score(scene: Scene, run: Insertion, provenance: Provenance) -> dict[str, obj
         **_looping(scene, run),
         "steering_gap_mean_deg": _steering_gap(recorded),
         "outside_max_mm": float(recorded.outside.max()) * 1e3 if simulated else 0.0,
+        "colon_moved_peak_mm": _peak(recorded.colon_moved) * 1e3,
         "contacts_mean": float(recorded.contacts.mean()) if simulated else 0.0,
         "dofs": recorded.qpos.shape[1],
         "joints": len(scene.cable.cells),

@@ -53,7 +53,7 @@ class _Colons:
         seen = [radius_field(colon, device_radius=self.radius).seen_from(*entry_of(colon)) for colon in colons]
         self.lengths = np.array([colon.centreline.length for colon in colons])
         self.longest = max(colons, key=lambda colon: colon.centreline.length)
-        self.tables: Tables = Tables(*(np.asarray(part) for part in stack(seen)))
+        self.tables: Tables = stack(seen)
 
 
 def _start(study: Study, folder: Path) -> Runner:

@@ -27,7 +27,7 @@ TASK_OPTIONS = SceneOptions(
 )
 """Coarser than in studies: at most sixty dofs and two spheres a link, and tips within 1.4 to 2.4 % of the length inside
 (docs/validation/worlds.md). How far a driver comes hardly depends on it (docs/validation/navigation.md)."""
-_FORMAT = 2
+_FORMAT = 3
 """Of the files; a bank of another format is built anew."""
 
 
@@ -43,10 +43,16 @@ class Bank:
         """Itself: it never changes, and Gymnasium copies what it is asked to make an environment from."""
         return self
 
+    def hung(self, mesentery: bool) -> "Bank":
+        """The bank of colons that move on their mesentery, or that do not."""
+        if mesentery == self.options.mesentery:
+            return self
+        return replace(self, options=replace(self.options, mesentery=mesentery))
+
     @cached_property
     def tables(self) -> Tables:
         """Of all cases, one after the other."""
-        return stack([case.tables for case in self.cases])
+        return stack([case.hung_tables if self.options.mesentery else case.tables for case in self.cases])
 
     @cached_property
     def lengths(self) -> np.ndarray:

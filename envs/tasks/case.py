@@ -1,6 +1,7 @@
 """One colon as an episode needs it: its wall as a table seen from its entry, and what a camera sees of it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -10,12 +11,14 @@ from jaxtyping import Float
 
 from haustra.errors import UnreadableFileError
 from haustra.files import write_atomically
-from haustra.models.anatomy.colon import Centreline, Colon, Surface
+from haustra.models.anatomy.colon import Centreline, Colon, ColonSegment, Surface
+from haustra.models.anatomy.landmarks import SEGMENTS
 from haustra.models.scene import entry_of
+from haustra.models.wall.mesentery import hang
 from haustra.models.wall.radius_field import Tables, radius_field
 from haustra.provenance import Provenance
 
-_ARRAYS = ("points", "frames", "wall", "sight", "step", "device_radius")
+_ARRAYS = ("points", "frames", "wall", "sight", "step", "device_radius", "borders")
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,8 @@ class Case:
     """Distance between stations [m]."""
     device_radius: float
     """Radius of the spheres that the wall is for [m]."""
+    borders: Float[np.ndarray, " borders"] = field(default_factory=lambda: np.zeros(0))
+    """Arc lengths where the six segments begin, and where the last ends [m]; empty when they are not known."""
 
     @property
     def length(self) -> float:
@@ -54,8 +59,20 @@ class Case:
             self.points, self.frames, self.wall, np.float64(self.step), np.int32(0), np.int32(len(self.points))
         )
 
+    @property
+    def segments(self) -> tuple[ColonSegment, ...]:
+        """Rectum to caecum, or none."""
+        places = zip(SEGMENTS, pairwise(self.borders.tolist()), strict=False)
+        return tuple(ColonSegment(name, start, end) for name, (start, end) in places)
+
+    @property
+    def hung_tables(self) -> Tables:
+        """The same of a colon that moves on its mesentery."""
+        width = np.median(self.sight, axis=1)
+        return self.tables._replace(mesentery=hang(self.points, self.line.arc, width, self.segments))
+
     def colon(self) -> Colon:
-        """The case as a colon: the surface that a camera sees, ring by ring, without segments and landmarks."""
+        """The case as a colon: the surface that a camera sees, ring by ring, without landmarks."""
         stations, angles = self.sight.shape
         turn = 2 * np.pi * np.arange(angles) / angles
         across = np.einsum("sij,aj->sai", self.frames[:, :, :2], np.column_stack([np.cos(turn), np.sin(turn)]))
@@ -78,7 +95,7 @@ class Case:
             lumen=Surface(vertices, np.concatenate([sides.reshape(-1, 3), lids]).astype(np.int64)),
             centreline=self.line,
             radius=self.sight,
-            segments=(),
+            segments=self.segments,
             provenance=Provenance(inputs={}, configuration={"method": "case", "name": self.name}),
         )
 
@@ -99,6 +116,9 @@ def case_of(colon: Colon, *, device_radius: float) -> Case:
         sight=colon.radius[rows.clip(0, len(colon.radius) - 1)][:, columns],
         step=step,
         device_radius=device_radius,
+        borders=np.array([*(each.start for each in colon.segments), colon.segments[-1].end])
+        if [each.name for each in colon.segments] == list(SEGMENTS)
+        else np.zeros(0),
     )
 
 

@@ -100,6 +100,8 @@ class TaskConfig:
     """Band of tortuosity that colons are drawn from."""
     seeds: tuple[int, int] = (0, 16)
     """Colons: from the first seed up to, not including, the last."""
+    mesentery: bool = False
+    """Colons swing, stretch and pleat on their mesentery instead of standing fixed in space; engine 'mjx-jax' only."""
     observation: str = "dict"
     """One of `OBSERVATIONS`."""
     privileged: bool = False

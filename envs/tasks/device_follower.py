@@ -23,6 +23,7 @@ class DeviceFollowerDriver:
         """Drive the worlds of a task, whichever engine steps them."""
         self._task = task
         design = task.bank.design
+        settings = settings or FollowerSettings(straighten=task.config.mesentery)
         follower = WorldsFollower.of(design, tip_links=task.bank.scene.cable.tip_links, settings=settings)
         tables = on_device(task.bank.tables)
         pull_per_angle = jnp.full(task.worlds, design.pull_per_angle, jnp.float32)
@@ -44,7 +45,11 @@ class DeviceFollowerDriver:
     def act(self, seen: Observation) -> Float[np.ndarray, "worlds 4"]:
         """What each follower asks for, as actions."""
         own = self._task.seen
-        parts = Seen(*(np.asarray(getattr(own, name), np.float32) for name in Seen._fields))
+        names = (name for name in Seen._fields if name != "shift")
+        parts = Seen(
+            **{name: np.asarray(getattr(own, name), np.float32) for name in names},
+            shift=getattr(self._task.engine, "shift", None),
+        )
         case, time = self._task.case.astype(np.int32), own.time.astype(np.float32)
         actions, self._memory = self._act(case, parts, time, self._memory)
         return np.asarray(actions, float)

@@ -16,7 +16,7 @@ from haustra.envs.tasks.coverage import Coverage
 from haustra.envs.tasks.pictures import Pictures
 from haustra.envs.tasks.rewards import Moment, reward
 from haustra.envs.tasks.sight import Sight
-from haustra.errors import InvalidOptionError
+from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.scope.library import named_design
 from haustra.models.wall.radius_field import axis_at, pick
 
@@ -68,14 +68,22 @@ class ScopeTask:
             engine: 'native', MuJoCo on threads, or 'mjx-jax', JAX on its device.
             bank: colons; those of the configuration's seeds when None.
             progress: told how many colons are there.
+
+        Raises:
+            UnsupportedSceneError: when the colons are to move and the engine or what is seen of them cannot.
         """
+        if config.mesentery and (config.task == "withdrawal" or config.pictures or config.observation == "pixels"):
+            raise UnsupportedSceneError(
+                "Colons that move on their mesentery are neither drawn nor withdrawn from yet: leave mesentery out."
+            )
         self.config, self.worlds = config, worlds
         self.parts = seen_by.sizes(config)
         design = named_design(config.design)
-        self.bank = bank or grown_bank(range(*config.seeds), design, difficulty=config.difficulty, progress=progress)
+        bank = bank or grown_bank(range(*config.seeds), design, difficulty=config.difficulty, progress=progress)
+        self.bank = bank.hung(config.mesentery)
         self.engine = _engine(engine, self.bank, worlds, threads)
         self.sight = Sight(self.bank.cases)
-        self._eyes = _eyes(engine, self.sight)
+        self._eyes = _eyes(self.engine, self.sight)
         self.pictures = Pictures(self.bank, self.sight, design.tip.field_of_view_deg)
         self.steps = max(1, round(config.drive.control_interval / self.bank.scene.options.timestep))
         self.interval = self.steps * self.bank.scene.options.timestep
@@ -178,6 +186,8 @@ class ScopeTask:
 
     def way_ahead(self, distances: Float[np.ndarray, " places"]) -> Float[np.ndarray, "worlds places 3"]:
         """Places of the centreline that far ahead of the tip, from the entry [m]. No device knows them."""
+        if not isinstance(self.engine, ScopeBatch):
+            return self.engine.way_ahead(distances)
         return axis_at(np, pick(self.bank.tables, self.case), self.seen.tip_arc[:, None] + distances)
 
     def render_depth(self, world: int, size: int) -> Float[np.ndarray, "size size"]:
@@ -205,10 +215,11 @@ class ScopeTask:
         slack = self._slack[:, None]
         pull = np.sign(self._wheels) * np.maximum(np.abs(self._wheels) - slack, 0.0) / (1 - slack)
         pull = pull * self._gain[:, None] * self.bank.design.wires.pull_limit
+        outside = self.bank.scene.cable.length - self.seen.insertion
         push = np.clip(
             action[:, 0] * drive.push_rate,
             (-drive.hand_lead - lead) / self.interval,
-            (drive.hand_lead - lead) / self.interval,
+            np.minimum(drive.hand_lead - lead, outside) / self.interval,
         )
         pulls = np.concatenate([np.maximum(pull, 0.0), np.maximum(-pull, 0.0)], axis=1)
         return BatchInputs(push, action[:, 1] * drive.roll_rate, pulls)
@@ -299,10 +310,10 @@ def _engine(name: str, bank: Bank, worlds: int, threads: int) -> "ScopeBatch | D
     return DeviceBatch(bank.scene, bank.tables, worlds=worlds)
 
 
-def _eyes(engine: str, sight: Sight) -> "Sight | DeviceSight":
+def _eyes(engine: "ScopeBatch | DeviceBatch", sight: Sight) -> "Sight | DeviceSight":
     """Rays are followed where the physics is."""
-    if engine == "native":
+    if isinstance(engine, ScopeBatch):
         return sight
     from haustra.envs.tasks.device_sight import DeviceSight
 
-    return DeviceSight(sight)
+    return DeviceSight(sight, engine)

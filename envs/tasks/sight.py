@@ -5,7 +5,7 @@ but nothing is seen round the corner of an overhang. Light, mucus and motion blu
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -167,6 +167,7 @@ def march(
     directions: Float[Any, "worlds rays 3"],
     now: March,
     distance: Any,
+    at_rest: Callable[[Any, Any], Any] | None = None,
 ) -> March:
     """Take all rays on to one more distance from their eyes.
 
@@ -178,8 +179,10 @@ def march(
         directions: unit vectors.
         now: how far they are.
         distance: where to look next [m].
+        at_rest: takes points near arc lengths to where they would be, had the colon not moved.
     """
-    arcs, room = _room(xp, lumens, case, eye[:, None] + distance * directions, now.arcs)
+    places = eye[:, None] + distance * directions
+    arcs, room = _room(xp, lumens, case, at_rest(places, now.arcs) if at_rest else places, now.arcs)
     hit = now.open & (room <= 0)
     share = now.room / xp.maximum(now.room - room, 1e-9)
     found = xp.where(hit, now.distance + xp.clip(share, 0, 1) * (distance - now.distance), now.found)

@@ -25,6 +25,8 @@ ARC_WEIGHT = 0.4
 least between two loops, is then as far as 0.04 m across, more than any press is deep."""
 ANUS = 0.004
 """Triangles within this of the anal end's plane [m] and inside the entry are the lid of the surface, not wall."""
+_SMOOTHINGS = 30
+"""Rounds in which a vertex's arc length is averaged with its neighbours': where folds hide the surface it jumps."""
 ON_SURFACE = 2e-4
 """Nearer to the surface than this [m], the direction is the surface's own normal."""
 
@@ -89,6 +91,19 @@ class WallField:
         if (on := distance < ON_SURFACE).any():
             inwards[on] = -outwards[on] / np.linalg.norm(outwards[on], axis=1)[:, None]
         return Feet(feet, inwards, sign * distance, self._arcs[triangle])
+
+
+def surface_arcs(colon: Colon) -> Float[np.ndarray, " vertices"]:
+    """Arc length of each vertex of a colon's surface [m], smooth from vertex to vertex."""
+    vertices, faces = colon.lumen.vertices, colon.lumen.faces
+    arcs = _vertex_arcs(colon, vertices, faces)
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    beside = coo_array((np.ones(len(edges)), edges.T), shape=(len(vertices), len(vertices))).tocsr()
+    beside = beside + beside.T
+    count = np.asarray(beside.sum(axis=1)).ravel()
+    for _ in range(_SMOOTHINGS):
+        arcs = (arcs + beside @ arcs / count) / 2
+    return arcs
 
 
 def _vertex_arcs(colon: Colon, vertices: np.ndarray, faces: np.ndarray) -> Float[np.ndarray, " vertices"]:

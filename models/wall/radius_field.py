@@ -14,8 +14,11 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.interpolate import CubicSpline
 
+from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
+from haustra.models.wall import mesentery
 from haustra.models.wall.field import WallField
+from haustra.models.wall.mesentery import Mesentery
 
 STATION_STEP = 0.0025
 """Distance between tabulated stations [m]; engineering choice, a seventh of the tightest bends' radius."""
@@ -50,6 +53,8 @@ class Tables(NamedTuple):
     """Index of the colon's first station: one number, or one a colon."""
     count: Any
     """Stations of the colon: one number, or one a colon."""
+    mesentery: Mesentery | None = None
+    """How the colon may move; None: it is fixed in space."""
 
 
 class Touch(NamedTuple):
@@ -103,26 +108,42 @@ class RadiusField:
         With the entry as origin and its direction as last axis, colons can take turns in front of one device.
         """
         own = self.tables
-        return own._replace(points=(own.points - origin) @ axes, frames=np.einsum("ij,sik->sjk", axes, own.frames))
+        return own._replace(
+            points=(own.points - origin) @ axes,
+            frames=np.einsum("ij,sik->sjk", axes, own.frames),
+            mesentery=own.mesentery and mesentery.seen_from(own.mesentery, origin, axes),
+        )
 
 
 def stack(tables: Sequence[Tables]) -> Tables:
-    """Tables of several colons as one; `pick` chooses among them."""
+    """Tables of several colons as one; `pick` chooses among them.
+
+    Raises:
+        UnsupportedSceneError: when some may move and some not.
+    """
+    hung = [one.mesentery for one in tables if one.mesentery is not None]
+    if hung and len(hung) < len(tables):
+        raise UnsupportedSceneError("Either all colons of a batch move on their mesentery, or none: make two batches.")
     counts = [int(one.count) for one in tables]
     return Tables(
         *(np.concatenate([getattr(one, name) for one in tables]) for name in ("points", "frames", "wall")),
         step=np.array([float(one.step) for one in tables]),
         first=np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int32),
         count=np.array(counts, np.int32),
+        mesentery=mesentery.stack(hung) if hung else None,
     )
 
 
 def pick(tables: Tables, colons: Int[Any, " worlds"]) -> Tables:
-    """One colon a world, for `touch` with points of shape (worlds, points, 3); nothing is copied."""
-    return tables._replace(**{name: getattr(tables, name)[colons][:, None] for name in ("step", "first", "count")})
+    """One colon a world, for `touch` with points of shape (worlds, points, 3); of the wall, nothing is copied."""
+    hung = tables.mesentery and Mesentery(*(part[colons] for part in tables.mesentery))
+    chosen = {name: getattr(tables, name)[colons][:, None] for name in ("step", "first", "count")}
+    return tables._replace(**chosen, mesentery=hung)
 
 
-def radius_field(colon: Colon, *, device_radius: float, surface: WallField | None = None, seed: int = 0) -> RadiusField:
+def radius_field(
+    colon: Colon, *, device_radius: float, surface: WallField | None = None, seed: int = 0, hung: bool = False
+) -> RadiusField:
     """Tabulate a colon's wall for spheres of one radius.
 
     Args:
@@ -130,6 +151,7 @@ def radius_field(colon: Colon, *, device_radius: float, surface: WallField | Non
         device_radius: radius of the spheres [m].
         surface: the colon's exact surface, when it is there already.
         seed: of the places where the error is measured.
+        hung: let the colon move on its mesentery; otherwise it is fixed in space.
     """
     surface = surface or WallField(colon)
     points, frames, step = _stations(colon)
@@ -145,7 +167,10 @@ def radius_field(colon: Colon, *, device_radius: float, surface: WallField | Non
     inwards[grazing] = -rays[grazing]
     local = np.einsum("sij,sai->saj", frames, inwards)
     wall = np.concatenate([radius[..., None], local], axis=-1)
-    tables = Tables(points, frames, wall, np.float64(step), np.int32(0), np.int32(len(points)))
+    line = colon.centreline
+    width = np.interp(arcs, line.arc, np.median(colon.radius, axis=1))
+    hanging = mesentery.hang(points, arcs, width, colon.segments) if hung else None
+    tables = Tables(points, frames, wall, np.float64(step), np.int32(0), np.int32(len(points)), hanging)
     narrow = arcs[(radius <= LEAST_RADIUS).mean(axis=1) > 0.5]
     return RadiusField(
         tables, device_radius, _error(surface, tables, arcs, radius, rays, device_radius, seed), tuple(narrow.tolist())

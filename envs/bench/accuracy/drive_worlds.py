@@ -31,7 +31,7 @@ def _replay(script: Script, colon: Colon, design: ScopeDesign, options: SceneOpt
     steps = round(CONTROL_INTERVAL / options.timestep)
     go = jax.jit(lambda now, hands: engine.steps(tables, parameters, now, hands, steps))
     look = jax.jit(lambda now: engine.observe(parameters, tables, now))
-    worlds = engine.begin(parameters)
+    worlds = engine.begin(parameters, tables)
     jax.block_until_ready(go(worlds, _hands(script, 0, kind)))
     entry, axes = entry_of(colon)
     rows, spent = [], 0.0

@@ -47,7 +47,7 @@ def test_without_a_wall_it_moves_as_mujoco_does() -> None:
         parameters = engine.parameters(scene, 1, kind=jnp.float64, stiffness=1e-9)
         tables = bank.tables_on_device(np.float64)
         hands = Hands(jnp.array([0.05]), jnp.array([0.5]), jnp.array([[15.0, 0, 0, 0]]))
-        worlds = engine.begin(parameters)
+        worlds = engine.begin(parameters, tables)
         step = jax.jit(lambda now: engine.step(tables, parameters, now, hands))
         for _ in range(200):
             data.ctrl[locks] = np.asarray(engine.held(parameters, worlds))[0].reshape(-1, 2)
@@ -63,7 +63,7 @@ def test_a_sphere_at_rest_is_pressed_by_stiffness_times_depth() -> None:
     engine = ScopeWorlds.of(bank.scene)
     tables, parameters = bank.tables_on_device(), engine.parameters(bank.scene, 1)
     hands = _hands(1, 0.0, (40.0, 0, 0, 0))
-    worlds = jax.jit(lambda now: engine.steps(tables, parameters, now, hands, 800))(engine.begin(parameters))
+    worlds = jax.jit(lambda now: engine.steps(tables, parameters, now, hands, 800))(engine.begin(parameters, tables))
     assert np.abs(np.asarray(worlds.qvel)).max() < 1e-3
     where = links.pose(engine.chain, parameters.scope.links, worlds.qpos)
     spheres = np.asarray(links.points_on(where, engine.sample_body, parameters.scope.sample_place))[0]
@@ -80,7 +80,7 @@ def test_friction_holds_below_coulombs_limit_and_slides_above() -> None:
     engine = ScopeWorlds.of(bank.scene)
     tables, parameters = bank.tables_on_device(), engine.parameters(bank.scene, 1)
     settle = jax.jit(lambda now, push: engine.steps(tables, parameters, now, _hands(1, push), 1000))
-    rest = settle(engine.begin(parameters), 0.0)
+    rest = settle(engine.begin(parameters, tables), 0.0)
     pushed = settle(rest, 0.02)
     seen = engine.observe(parameters, tables, pushed)
     sliding = 0.3 * float(np.asarray(pushed.normal).sum())
@@ -102,7 +102,7 @@ def test_it_presses_a_bend_as_tangent_planes_do() -> None:
     tables, parameters = bank.tables_on_device(), engine.parameters(bank.scene, 1)
     go = jax.jit(lambda now: engine.steps(tables, parameters, now, _hands(1, 0.05), 100))
     native = NativeEngine(build_scene(colon, None, design, replace(options, wall_law="planes"), show_lumen=False))
-    worlds = engine.begin(parameters)
+    worlds = engine.begin(parameters, tables)
     apart, pushes = [], []
     for _ in range(9):
         worlds = go(worlds)
@@ -122,8 +122,8 @@ def test_a_world_that_breaks_is_flagged_and_harms_no_other() -> None:
     engine = ScopeWorlds.of(bank.scene)
     tables, parameters = bank.tables_on_device(), engine.parameters(bank.scene, 3)
     go = jax.jit(lambda now: engine.steps(tables, parameters, now, _hands(3, 0.05, (5, 0, 0, 0)), 20))
-    sound = go(engine.begin(parameters))
-    start = engine.begin(parameters)
+    sound = go(engine.begin(parameters, tables))
+    start = engine.begin(parameters, tables)
     broken = go(start._replace(qpos=start.qpos.at[1, 3].set(jnp.nan)))
     assert broken.healthy.tolist() == [True, False, True]
     assert float(broken.time[1]) == 0.0
@@ -140,7 +140,7 @@ def test_force_is_differentiable_in_design_and_input() -> None:
         def tip(bending: Any) -> Any:
             parameters = engine.parameters(bank.scene, 1, kind=jnp.float64, tip_bending=bending)
             hands = _hands(1, 0.0, (10.0, 0, 0, 0))
-            worlds = engine.steps(tables, parameters, engine.begin(parameters), hands, 10)
+            worlds = engine.steps(tables, parameters, engine.begin(parameters, tables), hands, 10)
             return engine.observe(parameters, tables, worlds).tip[0, 0]
 
         value = jax.jit(tip)

@@ -1,0 +1,147 @@
+"""A colon that is not fixed in space: its axis hung on the mesentery, free to swing, to stretch and to pleat.
+
+The axis is a row of nodes. Between neighbours the wall's tube resists stretching and, less, pleating; bending is that
+of a tube. Nodes of sigmoid and transverse colon hang on a mesentery that is slack up to its height and then taut;
+rectum, descending and ascending colon and caecum have grown to the back wall, and the anus is held. Cross-sections
+move and turn with the axis and keep their shape.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from haustra.assets import asset
+from haustra.models.anatomy.colon import ColonSegment
+from haustra.quantity import load_quantities
+
+NODE_SPACING = 0.01
+"""Distance between nodes [m], about: half the radius of a sigmoid's lumen; engineering choice."""
+_RISE = 1.5
+"""The mesentery reaches its full height over the middle of a segment, from sin(pi share) times this: it is shortest
+where it ends; engineering choice."""
+_APART = 1.0
+"""Distance between nodes that only fill up the arrays of a short colon [m]."""
+
+
+class Mesentery(NamedTuple):
+    """One colon's axis, or several: then the colons come first, and short ones are filled up with nodes that hold."""
+
+    nodes: Any
+    """(nodes, 3) places at rest [m]."""
+    tangents: Any
+    """(nodes, 3) directions at rest."""
+    turns: Any
+    """(nodes, 3) change of direction from the edge before each node to the one after, at rest; 0 at the ends."""
+    lengths: Any
+    """(nodes - 1,) distances between neighbours at rest [m]."""
+    tension: Any
+    """(nodes - 1,) EA of the tube when stretched [N]."""
+    bending: Any
+    """(nodes,) EI of the tube over the spacing [N m]; 0 at the ends."""
+    slack: Any
+    """(nodes,) how far a node moves before its mesentery is taut [m]."""
+    hold: Any
+    """(nodes,) stiffness of the taut mesentery, or of what a fixed segment has grown to [N/m]."""
+    support: Any
+    """(nodes,) stiffness of what lies around [N/m]."""
+    drag: Any
+    """(nodes,) damping [N s/m]."""
+    pleating: Any
+    """Stiffness in compression over that in tension [1]: one number, or one a colon."""
+    spacing: Any
+    """Arc length between nodes [m]: one number, or one a colon."""
+
+
+def hang(
+    points: Float[np.ndarray, "stations 3"],
+    arcs: Float[np.ndarray, " stations"],
+    radius: Float[np.ndarray, " stations"],
+    segments: Sequence[ColonSegment],
+) -> Mesentery:
+    """Hang a colon on its mesentery, by the numbers of assets/numbers/mesentery.toml.
+
+    Args:
+        points: the centreline [m].
+        arcs: its arc lengths [m].
+        radius: mean radius of the lumen there [m].
+        segments: what is mobile, and what is fixed; without any, all of it is fixed.
+    """
+    numbers = {name: each.value for name, each in load_quantities(asset("numbers/mesentery.toml")).items()}
+    count = max(round(float(arcs[-1]) / NODE_SPACING), 3) + 1
+    own = np.linspace(0.0, float(arcs[-1]), count)
+    spacing = float(own[1])
+    nodes = np.column_stack([np.interp(own, arcs, points[:, axis]) for axis in range(3)])
+    edges = np.diff(nodes, axis=0)
+    lengths = np.linalg.norm(edges, axis=1)
+    edges = edges / lengths[:, None]
+    middle = edges[1:] + edges[:-1]
+    tangents = np.vstack([edges[:1], middle / np.linalg.norm(middle, axis=1)[:, None], edges[-1:]])
+    turns = np.zeros_like(nodes)
+    turns[1:-1] = edges[1:] - edges[:-1]
+    slack, thickness = np.zeros(count), np.full(count, numbers["mesentery.thickness.other"])
+    hold = np.full(count, numbers["mesentery.attachment"])
+    for segment in segments:
+        inside = (own >= segment.start) & (own < segment.end)
+        share = (own[inside] - segment.start) / (segment.end - segment.start)
+        if height := numbers.get(f"mesentery.height.{segment.name}"):
+            slack[inside] = height * np.minimum(1.0, _RISE * np.sin(np.pi * share))
+            hold[inside] = numbers["mesentery.stiffness"]
+        thickness[inside] = numbers.get(f"mesentery.thickness.{segment.name}", thickness[0])
+    tube_radius = np.interp(own, arcs, radius)
+    stretch = numbers["mesentery.modulus"] * 2 * np.pi * tube_radius * thickness
+    bending = numbers["mesentery.bending"] * stretch * tube_radius**2 / 2 / spacing
+    bending[[0, -1]] = 0.0
+    each = np.full(count, spacing)
+    hold = hold * each
+    hold[0] += numbers["mesentery.anus"]
+    return Mesentery(
+        nodes=nodes,
+        tangents=tangents,
+        turns=turns,
+        lengths=lengths,
+        tension=(stretch[1:] + stretch[:-1]) / 2,
+        bending=bending,
+        slack=slack,
+        hold=hold,
+        support=numbers["mesentery.support"] * each,
+        drag=numbers["mesentery.drag"] * each,
+        pleating=np.float64(numbers["mesentery.pleating"]),
+        spacing=np.float64(spacing),
+    )
+
+
+def seen_from(own: Mesentery, origin: Float[np.ndarray, "3"], axes: Float[np.ndarray, "3 3"]) -> Mesentery:
+    """In coordinates that begin at `origin` [m], with the columns of `axes` as axes."""
+    return own._replace(nodes=(own.nodes - origin) @ axes, tangents=own.tangents @ axes, turns=own.turns @ axes)
+
+
+def stack(colons: Sequence[Mesentery]) -> Mesentery:
+    """Several colons, filled up to the same number of nodes."""
+    most = max(len(own.nodes) for own in colons)
+    filled = [_filled(own, most - len(own.nodes)) for own in colons]
+    return Mesentery(*(np.stack(parts) for parts in zip(*filled, strict=True)))
+
+
+def _filled(own: Mesentery, more: int) -> Mesentery:
+    """With nodes behind the last one that bear no load and stay where they are."""
+    if not more:
+        return own
+    ahead = own.tangents[-1] * _APART * np.arange(1, more + 1)[:, None]
+
+    def grown(values: np.ndarray, fill: float) -> np.ndarray:
+        return np.concatenate([values, np.full((more, *values.shape[1:]), fill)])
+
+    return own._replace(
+        nodes=np.vstack([own.nodes, own.nodes[-1] + ahead]),
+        tangents=np.vstack([own.tangents, np.tile(own.tangents[-1], (more, 1))]),
+        turns=grown(own.turns, 0.0),
+        lengths=grown(own.lengths, _APART),
+        tension=grown(own.tension, 0.0),
+        bending=grown(own.bending, 0.0),
+        slack=grown(own.slack, 0.0),
+        hold=grown(own.hold, float(own.hold[-1])),
+        support=grown(own.support, float(own.support[0])),
+        drag=grown(own.drag, float(own.drag[0])),
+    )
