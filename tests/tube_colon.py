@@ -1,5 +1,6 @@
 """A round tube as a colon, and a wall of exact wedges round it: the simplest lumen there is."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -26,6 +27,32 @@ def straight_tube(length: float = 0.6) -> Colon:
         segments=(ColonSegment("rectum", 0.0, length / 2), ColonSegment("sigmoid", length / 2, length)),
         provenance=Provenance(inputs={}, configuration={}),
     )
+
+
+def folded_tube(length: float = 0.2, *, gap: float = 0.008, thickness: float = 0.002) -> Colon:
+    """The same with a flat fold all round in the middle, that leaves a round gap of that radius [m]."""
+    tube, half = straight_tube(length), 0.5 * thickness
+    steps = np.linspace(0.0, 1.0, 8)
+    side = np.column_stack([RADIUS + steps * (gap - RADIUS), np.full(8, 0.5 * length - half)])
+    lower = np.column_stack([np.full(16, RADIUS), np.linspace(0.0, 0.5 * length - half, 17)[:-1]])
+    near = np.concatenate([lower, side])
+    profile = np.concatenate([near, np.array([0, length]) + near[::-1] * [1, -1]])
+    angles = 2 * np.pi * np.arange(_ANGLES) / _ANGLES
+    rings = np.stack([profile[:, :1] * np.cos(angles), profile[:, :1] * np.sin(angles)], axis=2)
+    height = np.broadcast_to(profile[:, 1, None, None], (*rings.shape[:2], 1))
+    vertices = np.vstack([np.concatenate([rings, height], axis=2).reshape(-1, 3), [[0, 0, 0], [0, 0, length]]])
+    faces, last = [], len(profile) - 1
+    for k in range(_ANGLES):
+        after = (k + 1) % _ANGLES
+        for ring in _ANGLES * np.arange(last):
+            faces += [[ring + k, ring + after, ring + _ANGLES + k]]
+            faces += [[ring + after, ring + _ANGLES + after, ring + _ANGLES + k]]
+        top, caps = _ANGLES * last, len(vertices) - 2
+        faces += [[caps, after, k], [caps + 1, top + k, top + after]]
+    stations = tube.centreline.arc
+    within = np.abs(stations - 0.5 * length) < half
+    radius = np.where(within, gap, RADIUS)[:, None] * np.ones(_ANGLES)
+    return replace(tube, lumen=Surface(vertices=vertices, faces=np.array(faces)), radius=radius)
 
 
 def wedge_wall(length: float = 0.6, *, sectors: int = 12, slabs: int = 3, thickness: float = 0.03) -> Wall:

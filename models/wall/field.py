@@ -5,6 +5,7 @@ surface has no such end, no joints, and one depth at a point, so that one contac
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -14,6 +15,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
 from haustra.models.anatomy.colon import Colon
+from haustra.models.anatomy.rays import LumenRays
 from haustra.models.wall.blocks import ENTRY_RADIUS, vertex_normals
 
 LONGEST_EDGE = 0.006
@@ -27,6 +29,8 @@ ANUS = 0.004
 """Triangles within this of the anal end's plane [m] and inside the entry are the lid of the surface, not wall."""
 _SMOOTHINGS = 30
 """Rounds in which a vertex's arc length is averaged with its neighbours': where folds hide the surface it jumps."""
+HIGHEST_FOLD = 0.05
+"""No fold stands further into the lumen than this [m]."""
 ON_SURFACE = 2e-4
 """Nearer to the surface than this [m], the direction is the surface's own normal."""
 
@@ -39,10 +43,16 @@ class Feet:
     """Where it is [m]."""
     inwards: Float[np.ndarray, "points 3"]
     """Unit vectors from there into the lumen, along the line to the point."""
+    normals: Float[np.ndarray, "points 3"]
+    """Normals of the surface there, into the lumen: not of unit length."""
     outside: Float[np.ndarray, " points"]
     """Distance from the surface [m], positive outside the lumen."""
     arcs: Float[np.ndarray, " points"]
     """Arc length of that place along the centreline [m]."""
+
+    def __getitem__(self, which: Any) -> "Feet":
+        """Some of them."""
+        return Feet(self.points[which], self.inwards[which], self.normals[which], self.outside[which], self.arcs[which])
 
 
 class WallField:
@@ -60,6 +70,7 @@ class WallField:
         faces, self._arcs = faces[kept], arcs[kept]
         self._triangles = _packed(vertices[faces])
         self._normals = vertex_normals(vertices, np.asarray(mesh.tri_verts).astype(np.int64))[faces]
+        self._line, self._rays = colon.centreline, LumenRays(colon.lumen)
         self._tree = KDTree(np.column_stack([vertices[faces].mean(axis=1), ARC_WEIGHT * self._arcs]))
 
     def nearest(self, points: Float[np.ndarray, "points 3"], arcs: Float[np.ndarray, " points"]) -> Feet:
@@ -67,11 +78,11 @@ class WallField:
         return self.nearest_of(points, self.candidates(points, arcs))
 
     def candidates(
-        self, points: Float[np.ndarray, "points 3"], arcs: Float[np.ndarray, " points"]
+        self, points: Float[np.ndarray, "points 3"], arcs: Float[np.ndarray, " points"], *, count: int = CANDIDATES
     ) -> Int[np.ndarray, "points candidates"]:
         """Triangles that may be nearest to points [m] near those arc lengths [m]."""
         places = np.column_stack([points, ARC_WEIGHT * arcs])
-        return np.asarray(self._tree.query(places, k=CANDIDATES)[1])
+        return np.asarray(self._tree.query(places, k=count)[1])
 
     def nearest_of(
         self, points: Float[np.ndarray, "points 3"], candidates: Int[np.ndarray, "points candidates"]
@@ -90,7 +101,28 @@ class WallField:
         inwards = (-sign / np.maximum(distance, 1e-12))[:, None] * apart
         if (on := distance < ON_SURFACE).any():
             inwards[on] = -outwards[on] / np.linalg.norm(outwards[on], axis=1)[:, None]
-        return Feet(feet, inwards, sign * distance, self._arcs[triangle])
+        return Feet(feet, inwards, -outwards, sign * distance, self._arcs[triangle])
+
+    def edge(
+        self, point: Float[np.ndarray, " 3"], up: Float[np.ndarray, " 3"], near: Int[np.ndarray, " triangles"]
+    ) -> float:
+        """How far a point [m] between the sides of a fold lies below its edge, seen along `up`; negative above it [m].
+
+        `near` are triangles of both sides, which tell whether the point is in the fold at all.
+        """
+        foot = self.nearest_of(point[None], near[None])
+        if foot.outside[0] < 0:
+            return float(foot.outside[0])
+        height = float(self._rays.cast(point[None], up[None, None])[0, 0])
+        return height if height < HIGHEST_FOLD else 0.0
+
+    def middle(self, arc: float) -> Float[np.ndarray, " 3"]:
+        """The centreline at an arc length [m]."""
+        return self._line.points[np.searchsorted(self._line.arc, arc).clip(0, len(self._line.arc) - 1)]
+
+    def clear(self, start: Float[np.ndarray, " 3"], end: Float[np.ndarray, " 3"]) -> bool:
+        """Whether the straight line between two places [m] meets no wall."""
+        return bool(self._rays.clear(start[None], end[None])[0])
 
 
 def surface_arcs(colon: Colon) -> Float[np.ndarray, " vertices"]:

@@ -9,6 +9,7 @@ MuJoCo does the contacts, with the law of `haustra.models.contact`.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -134,6 +135,16 @@ def add_planes(
             )
 
 
+WIDER = 48
+"""Triangles looked at around a sphere, and around where it last touched, when the nearest is on the wrong side."""
+FACING = 0.5
+"""Least cosine between a normal and the way back to the wall: beside the edge of a fold it does not lie behind it."""
+NEIGHBOURS = 4.0
+"""Successive spheres that are nearer to each other than this many radii lie on one stiff stretch of a device."""
+LEVEL = 0.1
+"""Least length of the sum of two normals that says where out of a fold is; else the centreline says."""
+ONSET = 0.25
+"""Over this much of the cosine below `SAME_SIDE` the edge of a fold comes to bear, so that it does not strike."""
 ASK_AGAIN = 1e-3
 """Once a sphere has moved this far [m], the triangles next to it are looked for anew: they are 6 mm wide."""
 
@@ -167,6 +178,7 @@ class PlaneWall:
         self.outside = np.full(count, -np.inf)
         # No sphere touches before it has moved by the room it had when it was last looked at.
         self._seen, self._room = np.zeros((count, 3)), np.zeros(count)
+        self._inwards, self._normals = np.zeros((count, 3)), np.zeros((count, 3))
         self._asked = np.full((PLANES, count, 3), np.inf)
         self._candidates = np.zeros((PLANES, count, CANDIDATES), int)
 
@@ -186,12 +198,15 @@ class PlaneWall:
         due = np.flatnonzero(~before & (moved >= self._room))
         self.arcs[before] = along[before]
         if len(due):
-            first = self._nearest(0, due, centres[due])
+            first = self._follow(due, centres, moved)
+            self._inwards[due], self._normals[due] = first.inwards, first.normals
             self.arcs[due], self._seen[due], self.outside[due] = first.arcs, centres[due], first.outside
             self._room[due] = np.maximum(-first.outside - self._radius[due], 0.0)
             _place(data, self._planes[due, 0], first.points, first.inwards)
             touching = first.outside > -self._radius[due]
-            self._place_second(data, due[touching], centres[due[touching]], first.inwards[touching])
+            at, inwards = due[touching], first.inwards[touching]
+            self._place_second(data, at, centres[at], inwards)
+            self._place_edges(data, at, centres[at], inwards)
         for idle in (np.flatnonzero(before), due[self._room[due] > 0] if len(due) else due):
             data.mocap_pos[self._planes[idle, 1]] = [0, 0, -AWAY]
             data.mocap_quat[self._planes[idle, 1]] = [1, 0, 0, 0]
@@ -199,6 +214,41 @@ class PlaneWall:
         data.mocap_quat[self._planes[before, 0]] = [1, 0, 0, 0]
         self._room[before] = 0.0
         return self.outside
+
+    def _follow(self, spheres: np.ndarray, centres: np.ndarray, moved: np.ndarray) -> Feet:
+        """The wall next to those of all spheres on the side where they were before all moved so far [m]."""
+        feet = self._nearest(0, spheres, centres[spheres])
+        strayed = ~_same_wall(feet, self.outside[spheres], self._normals[spheres], moved[spheres])
+        strayed &= np.isfinite(self.outside[spheres])
+        for at in np.flatnonzero(strayed):
+            sphere = int(spheres[at])
+            if feet.outside[at] < 0 and self._beside(sphere, centres):
+                continue
+            known = self._again(sphere, centres[sphere], float(moved[sphere]))
+            if known is not None:
+                for whole, part in zip(vars(feet).values(), vars(known).values(), strict=True):
+                    whole[at] = part[0]
+        return feet
+
+    def _beside(self, sphere: int, centres: np.ndarray) -> bool:
+        """Whether no wall is between a sphere and one next to it that is in the lumen: then it is there too."""
+        for other in (sphere - 1, sphere + 1):
+            if 0 <= other < len(centres) and self.outside[other] < 0:
+                near = np.linalg.norm(centres[other] - centres[sphere]) < NEIGHBOURS * self._radius[sphere]
+                if near and self._field.clear(centres[other], centres[sphere]):
+                    return True
+        return False
+
+    def _again(self, sphere: int, centre: np.ndarray, moved: float) -> Feet | None:
+        """The nearest of the triangles round about that lie on the side where the sphere was, if there is one."""
+        foot = self._seen[sphere] + self.outside[sphere] * self._inwards[sphere]
+        near = self._field.candidates(np.array([centre, foot]), np.full(2, max(self.arcs[sphere], 0.0)), count=WIDER)
+        near = np.unique(near)
+        feet = self._field.nearest_of(np.broadcast_to(centre, (len(near), 3)), near[:, None])
+        facing = (feet.inwards * feet.normals).sum(axis=1) > FACING * np.linalg.norm(feet.normals, axis=1)
+        allowed = _same_wall(feet, self.outside[sphere], self._normals[sphere], moved) & (facing | (feet.outside < 0))
+        allowed = np.flatnonzero(allowed)
+        return feet[allowed[[np.abs(feet.outside[allowed]).argmin()]]] if len(allowed) else None
 
     def _nearest(self, side: int, spheres: np.ndarray, places: np.ndarray) -> Feet:
         """The wall next to those spheres' places, among triangles that are asked for now and then."""
@@ -218,6 +268,55 @@ class PlaneWall:
         same = np.einsum("ij,ij->i", inwards, feet.inwards) > SAME_SIDE
         away = np.where(same, AWAY, 0.0)[:, None] * feet.inwards
         _place(data, self._planes[spheres, 1], feet.points - away, feet.inwards)
+
+    def _place_edges(self, data: mujoco.MjData, spheres: np.ndarray, centres: np.ndarray, inwards: np.ndarray) -> None:
+        """Put the second planes of neighbours that stand astride of a fold onto its edge.
+
+        The sides of a fold push such neighbours apart, along the device, and no longer out of the fold: a stiff device
+        would sink over it, and hold it between two spheres, as deep as the fold is high.
+        """
+        one = np.flatnonzero(np.diff(spheres) == 1)
+        if not len(one):
+            return
+        link = centres[one + 1] - centres[one]
+        between = inwards[one] + inwards[one + 1]
+        steepness = 0.5 * np.linalg.norm(between, axis=1)
+        astride = (np.einsum("ij,ij->i", inwards[one], link) < 0) & (np.einsum("ij,ij->i", inwards[one + 1], link) > 0)
+        astride &= (steepness < SAME_SIDE) & (np.linalg.norm(link, axis=1) < NEIGHBOURS * self._radius[spheres[one]])
+        for pair in np.flatnonzero(astride):
+            two = one[pair] + np.arange(2)
+            middle, along = centres[two].mean(axis=0), link[pair] / np.linalg.norm(link[pair])
+            up = _across(between[pair], along)
+            if np.linalg.norm(up) < LEVEL:  # the sides are parallel: they do not say where the edge is
+                up = _across(self._field.middle(self.arcs[spheres[two]].mean()) - middle, along)
+            up /= max(float(np.linalg.norm(up)), 1e-9)
+            height = self._field.edge(middle, up, self._candidates[0, spheres[two]].ravel())
+            share = min((SAME_SIDE - steepness[pair]) / ONSET, 1.0)
+            depth = share * (height + self._radius[spheres[two]])
+            offset = self._radius[spheres[two]] - depth
+            touched = depth > 0
+            _place(
+                data,
+                self._planes[spheres[two], 1][touched],
+                (centres[two] - offset[:, None] * up)[touched],
+                np.tile(up, (2, 1))[touched],
+            )
+
+
+def _across(vector: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """What of a vector is at right angles to a unit vector."""
+    return vector - (vector @ along) * along
+
+
+def _same_wall(feet: Feet, outside: Any, normals: np.ndarray, moved: Any) -> np.ndarray:
+    """Whether feet are on the side of the wall where they were: how far outside [m], with which normals, before a move.
+
+    What moves by less than its distance from the wall does not cross it. In the lumen it is in the lumen still;
+    pressed into the wall, it is pushed back to where it came from, not out at the other side of a thin fold.
+    """
+    crossed = ((feet.outside > 0) != (outside > 0)) & (np.abs(outside) > moved)
+    turned = (feet.normals * normals).sum(axis=1) < 0
+    return ~crossed & ~(turned & (outside > -moved))
 
 
 def _place(data: mujoco.MjData, planes: np.ndarray, points: np.ndarray, normals: np.ndarray) -> None:

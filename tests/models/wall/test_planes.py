@@ -10,7 +10,7 @@ from haustra.models.contact import WallContact
 from haustra.models.wall.field import WallField
 from haustra.models.wall.measure import surface_distance
 from haustra.models.wall.planes import PlaneWall, Sample, add_planes, capsule_samples
-from tests.tube_colon import RADIUS, straight_tube
+from tests.tube_colon import RADIUS, folded_tube, straight_tube
 
 SPHERE = 0.0064
 FLAT = np.pi / 48  # in the middle of a facet of the tube
@@ -200,3 +200,49 @@ def test_loops_that_lie_against_each_other_are_kept_apart(hairpin_colon):
     probe.step(1.0)
     assert -probe.force() @ across == pytest.approx(15.0, abs=0.5)
     assert abs(probe.wall.arcs[0] - line.arc[station]) < 0.02
+
+
+@pytest.fixture(scope="module")
+def folded():
+    colon = folded_tube()
+    return colon, WallField(colon)
+
+
+@pytest.mark.parametrize("load", [5.0, 15.0])
+def test_what_is_pressed_deeper_than_a_fold_is_thick_does_not_come_out_behind_it(folded, load):
+    """A fold of 2 mm; 15 N press the centre 3.6 mm past its face, where its back is nearer."""
+    colon, field = folded
+    probe = Probe(colon, field, 0.0135 * OUTWARDS + [0, 0, 0.09], 0.09)
+    probe.model.dof_damping[:] = load / 0.3  # a hand that moves at 0.3 m/s at most
+    probe.data.qfrc_applied[2] = load
+    probe.step(1.5)
+    depth = probe.position()[2] + SPHERE - 0.099
+    assert depth == pytest.approx(load / 1500, rel=0.01, abs=2e-5)
+
+
+@pytest.mark.parametrize("load", [5.0, 18.0])
+def test_a_stiff_tip_across_the_edge_of_a_fold_does_not_sink_over_it(folded, load):
+    """The edge is between two of its spheres, which the sides of the fold only push apart."""
+    colon, field = folded
+    probe = Probe(colon, field, [0, 0, 0.1], 0.1, half=0.01)
+    probe.model.dof_damping[:] = [load / 0.3, load / 0.3, 1e4]
+    probe.data.qpos[2] = 0.0025
+    probe.data.qfrc_applied[:2] = load * OUTWARDS[:2]
+    probe.step(1.5)
+    depth = probe.position() @ OUTWARDS + SPHERE - 0.008 * np.cos(FLAT)
+    assert depth < load / 1500 + 0.001
+
+
+@pytest.mark.parametrize("half", [0.0, 0.01])
+def test_what_was_pressed_into_a_fold_is_free_once_it_has_come_round_its_edge(folded, half):
+    colon, field = folded
+    start = np.array([0.0135, 0.0, 0.09 - half])
+    probe = Probe(colon, field, start, start[2], half=half)
+    pressed, round_it = [0.0, 0.0, 0.012], [-0.0135, 0.0, 0.012]
+    for one, other in (([0.0, 0.0, 0.0], pressed), (pressed, round_it)):
+        for share in np.linspace(0.0, 1.0, 60):
+            probe.data.qpos[:] = (1 - share) * np.array(one) + share * np.array(other)
+            probe.wall.update(probe.data)
+        if other is pressed:
+            assert probe.wall.outside.max() == pytest.approx(0.003, abs=1e-5)
+    assert probe.wall.outside.max() < -SPHERE
