@@ -1,7 +1,7 @@
 """EdinGCA_3D_00020 as published (Gut Cell Atlas, CC BY 4.0), and how far an imported colon is from it.
 
-`python tests/published_colon.py` prints the figures of docs/validation/input.md, in two minutes;
-tests/models/anatomy/test_published_colon.py holds them.
+`python tests/published_colon.py` prints the figures of docs/validation/input.md, in four minutes, and `... powers`
+those of centrelines by the power of their clearance; tests/models/anatomy/test_published_colon.py holds them.
 """
 
 import json
@@ -15,6 +15,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import KDTree
 
+from haustra.models.anatomy import route
 from haustra.models.anatomy.colon import Centreline, Colon, Surface
 from haustra.models.anatomy.frames import arc_length, smooth
 from haustra.models.anatomy.label_colon import import_label_map
@@ -45,6 +46,8 @@ SPREAD = 2.0
 """Standard deviation over which the published table spreads the volume of each of its stations [mm]: found by trial."""
 EVERY = 7
 """Of the samples of a surface, 1 mm apart, every so many are looked for on the other."""
+POWERS = (2, 3, 4, 5, 6, 8)
+"""Of the clearance in the cost of a centreline, that are compared."""
 ENDS = 0.05
 """What is left out of comparisons of radii at either end [m]."""
 
@@ -210,12 +213,34 @@ def label_map_of(colon: Colon, file: Path) -> Path:
     return file
 
 
+def by_power(data: Path) -> dict[str, dict[str, float]]:
+    """How far centrelines of two patients are from the published ones, by the power of the clearance in their cost."""
+    found, usual = {}, route.CENTRING_POWER
+    for name in (NAME, "HuBMAPVHM_3D_00070"):
+        table = np.genfromtxt(data / "colons" / f"{name}_centreline_mm.csv", delimiter=",", names=True)
+        known = smooth(np.column_stack([table["x_mm"], table["y_mm"], table["z_mm"]]) * 1e-3, SMOOTHING)
+        for power in POWERS:
+            route.CENTRING_POWER = power
+            line = import_colon(data / "colons" / f"{name}_lumen_mm.stl", units="mm").centreline
+            first, last = np.asarray(KDTree(known).query(line.points[[0, -1]])[1])
+            between = known[first : last + 1]
+            found[f"{name}, power {power}"] = {
+                "between_same_ends": line.length / float(arc_length(between)[-1]) - 1,
+                "distance_mean_mm": float(KDTree(line.points).query(between)[0].mean()) * 1e3,
+            }
+    route.CENTRING_POWER = usual
+    return found
+
+
 def _rms(values: np.ndarray) -> float:
     return float(np.sqrt((values**2).mean())) * 1e3
 
 
 def main() -> None:
     data = Path(__file__).parents[2] / "shared" / "data"
+    if sys.argv[1:] == ["powers"]:
+        json.dump(by_power(data), sys.stdout, indent=1)
+        return
     known, t = published(data), [time.process_time()]
     stl = from_stl(data)
     t.append(time.process_time())

@@ -6,8 +6,10 @@ from scipy.sparse.csgraph import dijkstra
 
 from haustra.models.anatomy.lumen_grid import LumenGraph
 
-CENTRING_POWER = 3
-"""Cost of a link is its length over clearance to this power: from 2 upwards the path keeps to the middle in bends."""
+CENTRING_POWER = 5
+"""Cost of a link is its length over clearance to this power: from 2 upwards the path keeps to the middle in bends. At
+3, short ways past folds cost as much as wide ones, so that a voxel's noise decides; above 5 lengths hardly change
+(docs/validation/input.md)."""
 CLEARANCE_FLOOR = 0.2
 """Clearance counts at least this share of the grid spacing, so that links at the wall stay finite."""
 

@@ -48,7 +48,7 @@ def test_length_is_the_published_one_within_5_percent(colon: Colon, known: Publi
     """2.198 m from the anus to the tip of the appendix, smoothed by 8 mm. The appendix, 24 mm, is left out here."""
     found = lengths(colon, known)
     assert abs(found["whole"]) < 0.05
-    assert abs(found["between_same_ends"]) < 0.04
+    assert abs(found["between_same_ends"]) < 0.03
 
 
 def test_centreline_reaches_from_the_anus_to_the_pole_of_the_caecum(colon: Colon, known: Published):
@@ -87,8 +87,8 @@ def test_radius_profile_is_the_published_one_within_2_mm(colon: Colon, known: Pu
     assert found["by_their_definition"] < 0.3
     assert found["per_same_length_10_mm"] < 2.0
     assert abs(found["per_same_length_10_mm_bias"]) < 0.1
-    assert found["as_they_stand"] < 2.9
-    assert 1.2 < found["as_they_stand_bias"] < 1.6
+    assert found["as_they_stand"] < 2.75
+    assert 1.1 < found["as_they_stand_bias"] < 1.4
 
 
 def test_raw_pieces_are_the_colon_that_their_files_show(pieces: Colon, shared_data: Path):
@@ -114,7 +114,7 @@ def test_raw_pieces_and_published_surface_differ_by_lost_folds_and_half_a_millim
     assert found["other_within_1_mm"] > 0.7
     assert found["of_the_rest_inside_one"] > 0.95
     assert found["centrelines_p50"] < 4.0
-    assert abs(lengths(pieces, known)["whole"]) < 0.07
+    assert abs(lengths(pieces, known)["whole"]) < 0.075  # it winds round the folds that the STL lost
     assert radii(pieces, known)["by_their_definition"] < 0.8
 
 

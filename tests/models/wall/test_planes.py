@@ -171,6 +171,24 @@ def test_a_sliding_probe_stops_after_m_v_squared_over_2_mu_n(tube, friction):
     assert stop == pytest.approx(mass * speed**2 / (2 * friction * load), rel=0.01)
 
 
+@pytest.mark.parametrize("friction", [0.1, 0.3])
+def test_a_probe_starts_to_slide_at_the_angle_of_friction_within_half_a_degree(tube, friction):
+    colon, field = tube
+    limit, half_degree, weight = np.arctan(friction), np.radians(0.5), 1.0
+    speeds = []
+    for tilt in (limit - half_degree, limit + half_degree):
+        probe = Probe(colon, field, 0.0135 * OUTWARDS + [0, 0, 0.05], 0.05, friction=friction, mass=0.1)
+        probe.model.dof_damping[:2] = 5.0
+        probe.data.qfrc_applied[:] = weight * np.cos(tilt) * OUTWARDS
+        probe.step(0.3)
+        probe.data.qfrc_applied[2] = weight * np.sin(tilt)
+        probe.step(1.0)
+        speeds.append(probe.data.qvel[2])
+    free = weight / 0.1 * (np.sin(limit + half_degree) - friction * np.cos(limit + half_degree))
+    assert speeds[0] < 0.002  # it creeps, as on a flat wall
+    assert speeds[1] == pytest.approx(free, rel=0.05)
+
+
 def test_a_sphere_between_two_walls_touches_both():
     """In a lumen narrower than the sphere, it is held in the middle from both sides."""
     colon = straight_tube(0.1)
