@@ -175,9 +175,10 @@ def energy(own: Mesentery, place: Array) -> Array:
     along = 0.5 * tension * own.lengths * (stretch - 1) ** 2
     along = along + 0.5 * SHORTEST_STIFFNESS * own.lengths * jnp.maximum(SHORTEST - stretch, 0.0) ** 2
     edges = (nodes[:, 1:] - nodes[:, :-1]) / lengths[..., None]
-    turns = jnp.einsum("wnij,wnj->wni", turns_of(own, place), own.turns)
-    excess = edges[:, 1:] - edges[:, :-1] - turns[:, 1:-1]
-    bent = 0.5 * own.bending[:, 1:-1] * _dot(excess, excess)
+    # Only how much it bends counts, not to which side: a tube that may turn about itself.
+    change = edges[:, 1:] - edges[:, :-1]
+    excess = jnp.sqrt(_dot(change, change) + _TINY) - own.turns[:, 1:-1]
+    bent = 0.5 * own.bending[:, 1:-1] * excess**2
     moved = jnp.sqrt(_dot(place, place) + _TINY)
     held = 0.5 * own.hold * jnp.maximum(moved - own.slack, 0.0) ** 2 + 0.5 * own.support * moved**2
     return along.sum(axis=1) + bent.sum(axis=1) + held.sum(axis=1)

@@ -1,9 +1,9 @@
 """A colon that is not fixed in space: its axis hung on the mesentery, free to swing, to stretch and to pleat.
 
 The axis is a row of nodes. Between neighbours the wall's tube resists stretching and, less, pleating; bending is that
-of a tube. Nodes of sigmoid and transverse colon hang on a mesentery that is slack up to its height and then taut;
-rectum, descending and ascending colon and caecum have grown to the back wall, and the anus is held. Cross-sections
-move and turn with the axis and keep their shape.
+of a tube that is free to turn about itself. Nodes of sigmoid and transverse colon hang on a mesentery that is slack up
+to its height and then taut; rectum, descending and ascending colon and caecum have grown to the back wall, and the
+anus is held. Cross-sections move and turn with the axis and keep their shape.
 """
 
 from collections.abc import Sequence
@@ -33,7 +33,8 @@ class Mesentery(NamedTuple):
     tangents: Any
     """(nodes, 3) directions at rest."""
     turns: Any
-    """(nodes, 3) change of direction from the edge before each node to the one after, at rest; 0 at the ends."""
+    """(nodes,) how far the direction changes from the edge before each node to the one after, at rest [1]: the length
+    of the difference of their unit vectors; 0 at the ends."""
     lengths: Any
     """(nodes - 1,) distances between neighbours at rest [m]."""
     tension: Any
@@ -78,8 +79,8 @@ def hang(
     edges = edges / lengths[:, None]
     middle = edges[1:] + edges[:-1]
     tangents = np.vstack([edges[:1], middle / np.linalg.norm(middle, axis=1)[:, None], edges[-1:]])
-    turns = np.zeros_like(nodes)
-    turns[1:-1] = edges[1:] - edges[:-1]
+    turns = np.zeros(count)
+    turns[1:-1] = np.linalg.norm(edges[1:] - edges[:-1], axis=1)
     slack, thickness = np.zeros(count), np.full(count, numbers["mesentery.thickness.other"])
     hold = np.full(count, numbers["mesentery.attachment"])
     for segment in segments:
@@ -114,7 +115,7 @@ def hang(
 
 def seen_from(own: Mesentery, origin: Float[np.ndarray, "3"], axes: Float[np.ndarray, "3 3"]) -> Mesentery:
     """In coordinates that begin at `origin` [m], with the columns of `axes` as axes."""
-    return own._replace(nodes=(own.nodes - origin) @ axes, tangents=own.tangents @ axes, turns=own.turns @ axes)
+    return own._replace(nodes=(own.nodes - origin) @ axes, tangents=own.tangents @ axes)
 
 
 def stack(colons: Sequence[Mesentery]) -> Mesentery:

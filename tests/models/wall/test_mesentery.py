@@ -1,0 +1,77 @@
+"""How a colon hangs: what is mobile, what is fixed, and how several are stacked."""
+
+import numpy as np
+import pytest
+
+from haustra.assets import asset
+from haustra.models.anatomy.colon import ColonSegment
+from haustra.models.anatomy.landmarks import SEGMENTS
+from haustra.models.wall.mesentery import NODE_SPACING, Mesentery, hang, seen_from, stack
+from haustra.quantity import load_quantities
+
+_NUMBERS = {name: each.value for name, each in load_quantities(asset("numbers/mesentery.toml")).items()}
+_RADIUS = 0.02
+
+
+def _hung(length: float = 1.2) -> Mesentery:
+    arcs = np.linspace(0.0, length, 601)
+    borders = np.linspace(0.0, length, len(SEGMENTS) + 1)
+    segments = [ColonSegment(name, borders[k], borders[k + 1]) for k, name in enumerate(SEGMENTS)]
+    turn = arcs / 0.3
+    points = 0.3 * np.column_stack([np.cos(turn), np.sin(turn), 0 * turn])
+    return hang(points, arcs, np.full(len(arcs), _RADIUS), segments)
+
+
+def test_sigmoid_and_transverse_colon_are_mobile_and_the_rest_has_grown_to_the_back_wall() -> None:
+    own = _hung()
+    share = np.linspace(0.0, 6.0, len(own.nodes))  # segments of equal length
+    mobile = own.slack > 0
+    assert set(np.floor(share[mobile])) == {1.0, 3.0}
+    assert own.slack[np.abs(share - 1.5).argmin()] == pytest.approx(_NUMBERS["mesentery.height.sigmoid"])
+    assert own.slack[np.abs(share - 3.5).argmin()] == pytest.approx(_NUMBERS["mesentery.height.transverse"])
+    per_length = own.hold[1:] / own.spacing
+    hung = np.isin(np.floor(share[1:]), (1.0, 3.0))
+    assert per_length[hung] == pytest.approx(_NUMBERS["mesentery.stiffness"])
+    assert per_length[~hung] == pytest.approx(_NUMBERS["mesentery.attachment"])
+    assert own.hold[0] > _NUMBERS["mesentery.anus"]
+
+
+def test_a_mesentery_is_shorter_where_it_ends() -> None:
+    own = _hung()
+    sigmoid = own.slack[(own.slack > 0) & (np.arange(len(own.nodes)) < len(own.nodes) / 2)]
+    assert sigmoid[0] < 0.4 * sigmoid.max() > sigmoid[-1]
+
+
+def test_the_tube_is_that_of_its_modulus_thickness_and_radius() -> None:
+    own = _hung()
+    expected = _NUMBERS["mesentery.modulus"] * 2 * np.pi * _RADIUS * _NUMBERS["mesentery.thickness.other"]
+    assert own.tension[-1] == pytest.approx(expected)
+    rigidity = own.bending[-2] * own.spacing
+    assert rigidity == pytest.approx(_NUMBERS["mesentery.bending"] * expected * _RADIUS**2 / 2)
+    assert own.spacing == pytest.approx(NODE_SPACING, rel=0.05)
+    assert own.turns[0] == pytest.approx(0) and own.turns[5] == pytest.approx(own.spacing / 0.3, rel=0.01)
+
+
+def test_without_segments_nothing_is_mobile() -> None:
+    arcs = np.linspace(0.0, 0.3, 50)
+    own = hang(arcs[:, None] * [0, 0, 1.0], arcs, np.full(50, _RADIUS), ())
+    assert not own.slack.any()
+
+
+def test_a_short_colon_is_filled_up_with_nodes_that_bear_nothing() -> None:
+    short, long = _hung(0.8), _hung(1.2)
+    both = stack([short, long])
+    count = len(short.nodes)
+    assert both.nodes.shape == (2, len(long.nodes), 3)
+    assert np.array_equal(both.nodes[0, :count], short.nodes)
+    assert not both.tension[0, count - 1 :].any() and not both.bending[0, count:].any()
+    assert (both.hold[0, count:] > 0).all() and (both.drag[0] > 0).all()
+    assert np.isfinite(np.concatenate([part.ravel() for part in both])).all()
+
+
+def test_it_looks_the_same_from_elsewhere() -> None:
+    own = _hung()
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    other = seen_from(own, np.array([0.1, 0.2, 0.3]), turn)
+    assert np.linalg.norm(np.diff(other.nodes, axis=0), axis=1) == pytest.approx(own.lengths)
+    assert other.tangents @ turn.T == pytest.approx(own.tangents)
