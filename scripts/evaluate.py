@@ -37,6 +37,8 @@ class Evaluate:
     """For physics on the CPU."""
     processes: int = 2
     """That grow colons which are not in the cache."""
+    sampled: bool = False
+    """Draw the actions of policies as in training, from the same seed, instead of taking their means."""
     algorithm: Literal["ppo", "sac"] = "ppo"
     """Of Stable-Baselines3 files."""
     trust: bool = False
@@ -138,7 +140,7 @@ class Evaluate:
             policy = load_zip(path, Training(algorithm=self.algorithm), trust=self.trust)
         else:
             policy = load_policy(path)
-        return (lambda task: PolicyDriver(policy)), policy.config
+        return (lambda task: PolicyDriver(policy, sampled=self.sampled)), policy.config
 
     def _config(self, own: Any) -> Any:
         from haustra.envs.tasks.config import Limits, TaskConfig

@@ -14,7 +14,8 @@ class Train:
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for the run."""
     config: str = "insertion-ppo"
-    """A shipped training: insertion-ppo, insertion-gpu, insertion-sac, quick; or a JSON file like a training.json."""
+    """A shipped training: insertion-ppo, insertion-gpu, insertion-mesentery,
+    insertion-sac, quick; or a JSON file like a training.json."""
     steps: int | None = None
     """Environment steps over all worlds."""
     worlds: int | None = None

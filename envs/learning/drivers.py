@@ -8,15 +8,16 @@ from haustra.envs.tasks.observation import Observation
 
 
 class PolicyDriver:
-    """Takes the policy's mean action."""
+    """Takes the policy's mean action, or draws actions as the policy did in training."""
 
-    def __init__(self, policy: MlpPolicy) -> None:
-        """Drive by this policy."""
+    def __init__(self, policy: MlpPolicy, *, sampled: bool = False, seed: int = 0) -> None:
+        """Drive by this policy; drawn actions are those of the seed."""
         self._policy = policy
+        self._random = np.random.default_rng(seed) if sampled else None
 
     def begin(self, worlds: Bool[np.ndarray, " worlds"]) -> None:
         """Nothing is remembered."""
 
     def act(self, seen: Observation) -> Float[np.ndarray, "worlds 4"]:
         """The policy's actions."""
-        return self._policy.act(seen)
+        return self._policy.act(seen, self._random)

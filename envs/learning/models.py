@@ -108,6 +108,7 @@ def policy_of(model: Any, training: Training, about: dict[str, Any], worlds: Any
         squashed=training.algorithm == "sac",
         config=training.task,
         about=about,
+        deviation=model.policy.log_std.detach().exp().cpu().numpy() if training.algorithm == "ppo" else None,
     )
 
 

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.scope_task import ACTIONS
-from haustra.errors import HaustraError, UnreadableFileError
+from haustra.errors import HaustraError, InvalidOptionError, UnreadableFileError
 from haustra.files import prepare_folder, write_atomically, write_json
 
 WEIGHTS, ABOUT = "policy.safetensors", "policy.json"
@@ -35,14 +35,26 @@ class MlpPolicy:
     """What it was trained on."""
     about: dict[str, Any] = field(default_factory=dict)
     """How it was trained: JSON values."""
+    deviation: Float[np.ndarray, " actions"] | None = None
+    """Standard deviation of the actions that it drew in training (PPO); None when it was not kept."""
 
-    def act(self, seen: seen_by.Observation) -> Float[np.ndarray, "worlds 4"]:
-        """Actions for what all worlds see."""
+    def act(
+        self, seen: seen_by.Observation, random: np.random.Generator | None = None
+    ) -> Float[np.ndarray, "worlds 4"]:
+        """Actions for what all worlds see: the means, or drawn as in training when given what to draw from.
+
+        Raises:
+            InvalidOptionError: when the policy does not know its deviation.
+        """
         value = seen_by.flat(seen).astype(np.float32)
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
             value = value @ weight.T + bias
             value = np.tanh(value) if self.activation == "tanh" else np.maximum(value, 0.0)
         value = value @ self.weights[-1].T + self.biases[-1]
+        if random is not None:
+            if self.deviation is None:
+                raise InvalidOptionError("The policy does not say how far its actions vary: let it take their means.")
+            value = value + self.deviation * random.normal(size=value.shape)
         return (np.tanh(value) if self.squashed else np.clip(value, -1.0, 1.0)).astype(float)
 
 
@@ -58,6 +70,8 @@ def save_policy(folder: Path, policy: MlpPolicy) -> Path:
     arrays: dict[str, np.ndarray] = {}
     for layer, (weight, bias) in enumerate(zip(policy.weights, policy.biases, strict=True)):
         arrays |= {f"{layer}.weight": np.ascontiguousarray(weight), f"{layer}.bias": np.ascontiguousarray(bias)}
+    if policy.deviation is not None:
+        arrays["deviation"] = np.ascontiguousarray(policy.deviation)
     write_atomically(folder / WEIGHTS, lambda temporary: temporary.write_bytes(save(arrays)))
     document = {
         "format": "haustra policy 1",
@@ -93,6 +107,7 @@ def load_policy(folder: Path) -> MlpPolicy:
             squashed=bool(document["squashed"]),
             config=TaskConfig.from_json(document["task"]),
             about=dict(document["about"]),
+            deviation=arrays.get("deviation"),
         )
         fits = _fits(policy)
     except HaustraError as error:
@@ -113,5 +128,7 @@ def _fits(policy: MlpPolicy) -> bool:
         weight.shape == (after, before)
         for weight, before, after in zip(policy.weights, widths[:-1], widths[1:], strict=True)
     )
-    finite = all(np.isfinite(array).all() for array in (*policy.weights, *policy.biases))
-    return bool(policy.weights) and shaped and finite and widths[-1] == len(ACTIONS)
+    spread = np.ones(len(ACTIONS)) if policy.deviation is None else policy.deviation
+    finite = all(np.isfinite(array).all() for array in (*policy.weights, *policy.biases, spread))
+    drawn = spread.shape == (len(ACTIONS),) and bool((spread >= 0).all())
+    return bool(policy.weights) and shaped and finite and drawn and widths[-1] == len(ACTIONS)

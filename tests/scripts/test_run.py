@@ -52,6 +52,19 @@ def test_a_run_leaves_scores_trajectory_scene_pictures_and_a_report(colon_folder
         assert (tmp_path / name).stat().st_size > 1000, name
 
 
+def test_a_run_in_a_colon_that_moves(colon_folder, tmp_path, capsys):
+    pytest.importorskip("jax")
+    call = ["run", "--colon", str(colon_folder), "--preset", "fast", "--seconds", "2", "--mesentery"]
+    assert main([*call, "-o", str(tmp_path), "--json"]) == SUCCESS
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["colon_moved_peak_mm"] > 0 and printed["pieces"] == 0
+    options = printed["provenance"]["configuration"]["options"]
+    assert options["mesentery"] and options["wall_law"] == "field"
+    assert (tmp_path / "outside.png").stat().st_size > 1000
+    assert main([*call, "-o", str(tmp_path / "other"), "--wall-law", "planes"]) == BAD_INPUT
+    assert "needs wall law 'field'" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("options", "preset"), [([], "fast"), (["--timestep", "0.0025"], "custom"), (["--wall-law", "planes"], "custom")]
 )

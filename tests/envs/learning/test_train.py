@@ -85,6 +85,29 @@ def test_a_policy_has_the_scaling_of_its_inputs_in_its_layers():
     assert ours[:, 0] == pytest.approx(0.3, abs=0.2)
 
 
+def test_a_policy_draws_actions_as_in_training(tmp_path):
+    """Mean and deviation of many draws; the deviation survives the file; the same seed draws the same."""
+    from haustra.envs.learning.drivers import PolicyDriver
+    from haustra.envs.learning.policy import MlpPolicy, save_policy
+    from haustra.envs.tasks.observation import sizes
+
+    about: Any = {"activation": "tanh", "squashed": False, "config": TASK}
+    layers = {
+        "weights": (np.zeros((4, sum(int(np.prod(shape)) for shape in sizes(TASK).values()))),),
+        "biases": (np.array([0.1, 0.0, -0.2, 0.0]),),
+    }
+    save_policy(tmp_path, MlpPolicy(**layers, **about, deviation=np.array([0.05, 0.1, 0.2, 0.0])))
+    policy = load_policy(tmp_path)
+    seen = {name: np.zeros((20_000, *shape)) for name, shape in sizes(TASK).items()}
+    drawn = PolicyDriver(policy, sampled=True, seed=3).act(seen)
+    assert drawn.mean(axis=0) == pytest.approx([0.1, 0.0, -0.2, 0.0], abs=0.005)
+    assert drawn.std(axis=0) == pytest.approx([0.05, 0.1, 0.2, 0.0], abs=0.005)
+    assert np.array_equal(drawn, PolicyDriver(policy, sampled=True, seed=3).act(seen))
+    assert np.ptp(PolicyDriver(policy).act(seen), axis=0) == pytest.approx(0)
+    with pytest.raises(InvalidOptionError, match="means"):
+        PolicyDriver(MlpPolicy(**layers, **about), sampled=True).act(seen)
+
+
 def test_what_changes_over_a_training():
     training = replace(SMALL, steps=1000, anneal=True, ease=(47.0, 0.5))
     last = training.task.limits.perforation_force

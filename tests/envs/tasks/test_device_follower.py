@@ -1,5 +1,7 @@
 """The follower for many worlds acts as the follower of one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,12 +16,14 @@ pytest.importorskip("jax")
 from haustra.envs.tasks.device_follower import DeviceFollowerDriver
 
 
-@pytest.mark.parametrize("timid", [False, True])
-def test_both_followers_act_alike_on_what_they_see(timid):
+@pytest.mark.parametrize(("timid", "straighten"), [(False, False), (True, False), (True, True)])
+def test_both_followers_act_alike_on_what_they_see(timid, straighten):
     """Over 10 s in two tubes, with retreats: push and roll the same to 0.001 in 995 of 1,000 decisions (a threshold may
     fall on one side in single and on the other in double precision), pulls to 0.005 in the mean: the places ahead that
     they steer for are up to 2.5 mm apart."""
-    settings = FollowerSettings(tip_force_limit=0.5, wall_force_limit=1.0) if timid else FollowerSettings()
+    settings = FollowerSettings(straighten=straighten)
+    if timid:
+        settings = replace(settings, tip_force_limit=0.5, wall_force_limit=1.0)
     task = ScopeTask(TaskConfig(design=DESIGN, observation="state"), worlds=4, bank=short_bank())
     one, many = FollowerDriver(task, settings=settings), DeviceFollowerDriver(task, settings=settings)
     seen = task.reset(seeds=[1, 2, 3, 4], case=np.array([0, 1, 0, 1]))

@@ -1,0 +1,90 @@
+"""Episodes in colons that move on their mesentery."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from haustra.envs.tasks.bank import Bank
+from haustra.envs.tasks.case import load_case, save_case
+from haustra.envs.tasks.config import TaskConfig
+from haustra.envs.tasks.scope_task import ScopeTask
+from haustra.errors import UnsupportedSceneError
+from haustra.models.anatomy.landmarks import SEGMENTS
+from tests.task_bank import DESIGN, short_bank
+
+pytest.importorskip("jax")
+
+import jax.numpy as jnp
+
+from haustra.envs.engine.device_batch import DeviceBatch
+from haustra.envs.tasks.device_follower import DeviceFollowerDriver
+from haustra.envs.tasks.device_sight import DeviceSight
+from haustra.envs.tasks.sight import Sight
+
+
+def _hung_bank() -> Bank:
+    """The short bends, the first 60 % of each a sigmoid."""
+    cases = [
+        replace(case, borders=case.length * np.array([0.0, 0.05, 0.6, 0.7, 0.8, 0.9, 1.0]))
+        for case in short_bank().cases
+    ]
+    return replace(short_bank(), cases=tuple(cases)).hung(True)
+
+
+def test_a_case_keeps_its_segments(tmp_path):
+    case = _hung_bank().cases[0]
+    read = load_case(save_case(tmp_path / "case.npz", case))
+    assert [each.name for each in read.segments] == list(SEGMENTS)
+    assert read.segments[1].end == pytest.approx(0.6 * case.length)
+    hung = read.hung_tables.mesentery
+    assert hung is not None and 0 < (hung.slack > 0).mean() < 0.7
+
+
+def test_a_follower_drives_in_colons_that_move():
+    """The colon moves where it is hung, the way ahead and what is seen move along, and the tip gets on."""
+    config = TaskConfig(design=DESIGN, observation="dict", privileged=True, mesentery=True)
+    task = ScopeTask(config, worlds=2, engine="mjx-jax", bank=_hung_bank())
+    assert isinstance(task.engine, DeviceBatch)
+    seen = task.reset(seeds=[1, 2], case=np.array([0, 1]))
+    driver = DeviceFollowerDriver(task)
+    driver.begin(np.ones(2, bool))
+    rest = task.way_ahead(np.array([0.03]))
+    done = task.step(driver.act(seen))
+    for _ in range(60):
+        done = task.step(driver.act(done.observation))
+    assert (done.info["progress"] > 0.2).all()
+    for _ in range(60):  # pushed on without steering, it leans on the bend
+        done = task.step(np.tile([0.67, 0.0, 0.0, 0.0], (2, 1)))
+    moved = np.linalg.norm(np.asarray(task.engine.shift), axis=2)
+    assert not done.info["diverged"].any()
+    assert (moved.max(axis=1) > 1e-4).all() and moved[:, 0].max() < 1e-4
+    assert all(np.isfinite(part).all() for part in done.observation.values())
+    assert np.linalg.norm(task.way_ahead(np.array([0.03])) - rest, axis=-1).min() > 0.01
+    task.reset(np.array([1]))
+    shift = np.asarray(task.engine.shift)
+    assert not shift[1].any() and shift[0].any()
+    task.close()
+
+
+def test_a_camera_that_moves_with_the_colon_sees_the_same():
+    """The whole colon, and the eye, 5 cm aside: distances to the wall as at rest."""
+    bank = _hung_bank()
+    engine = DeviceBatch(bank.scene, bank.tables, worlds=2)
+    aside = np.array([0.03, -0.04, 0.0])
+    engine._seen = engine._seen._replace(shift=jnp.zeros_like(engine.shift) + aside)
+    case, arc = np.array([0, 1]), np.array([0.05, 0.12])
+    rows = [round(s / bank.cases[0].step) for s in arc]
+    eye = np.array([bank.cases[k].points[row] for k, row in zip(case, rows, strict=True)])
+    frame = np.array([bank.cases[k].frames[row] for k, row in zip(case, rows, strict=True)])
+    still = Sight(bank.cases).tip_distances(case, eye, frame, arc)
+    moved = DeviceSight(Sight(bank.cases), engine).tip_distances(case, eye + aside, frame, arc)
+    assert np.abs(still - moved).max() < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("engine", "changed"), [("native", {}), ("mjx-jax", {"observation": "pixels"}), ("mjx-jax", {"task": "withdrawal"})]
+)
+def test_what_cannot_be_done_in_colons_that_move_is_refused(engine, changed):
+    with pytest.raises(UnsupportedSceneError, match="mesentery"):
+        ScopeTask(TaskConfig(design=DESIGN, mesentery=True, **changed), engine=engine, bank=_hung_bank())
