@@ -8,7 +8,7 @@ import jax.numpy as jnp
 
 from haustra.envs.engine import moving_colon
 from haustra.envs.engine.precision import precise
-from haustra.envs.engine.scope_worlds import Hands, Parameters, Seen
+from haustra.envs.engine.scope_values import Hands, Parameters, Seen
 from haustra.envs.follower import LEAST_RETREAT, STEP_FORWARD, FollowerSettings
 from haustra.errors import InvalidOptionError
 from haustra.models.scope.design import ScopeDesign

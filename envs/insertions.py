@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.engine.device_arrays import chosen
-from haustra.envs.engine.scope_worlds import Parameters, ScopeWorlds, Worlds
+from haustra.envs.engine.scope_values import Parameters, Worlds
+from haustra.envs.engine.scope_worlds import ScopeWorlds
 from haustra.envs.follower import FollowerSettings
 from haustra.envs.follower_worlds import Drive, WorldsFollower
 from haustra.envs.insertion import CAECUM_MARGIN, CONTROL_INTERVAL, MANY_ATTEMPTS

@@ -156,7 +156,8 @@ def _by_xla(colon: Colon, design: ScopeDesign) -> dict[str, Value]:
     """Operations and bytes of one step, counted by XLA's compiler."""
     import jax
 
-    from haustra.envs.engine.scope_worlds import Hands, ScopeWorlds
+    from haustra.envs.engine.scope_values import Hands
+    from haustra.envs.engine.scope_worlds import ScopeWorlds
     from haustra.envs.scope_bank import build_bank
 
     bank = build_bank([colon], design)

@@ -10,7 +10,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from haustra.envs.engine.scope_worlds import Hands, Parameters, ScopeWorlds
+from haustra.envs.engine.scope_values import Hands, Parameters
+from haustra.envs.engine.scope_worlds import ScopeWorlds
 from haustra.envs.follower_worlds import WorldsFollower
 from haustra.envs.insertions import InsertionBatch, run_insertions
 from haustra.envs.scope_bank import ScopeBank

@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.engine.native import NativeEngine
-from haustra.envs.engine.scope_worlds import Hands, ScopeWorlds
+from haustra.envs.engine.scope_values import Hands
+from haustra.envs.engine.scope_worlds import ScopeWorlds
 from haustra.envs.follower import LumenFollower
 from haustra.envs.insertion import CONTROL_INTERVAL
 from haustra.envs.measure.progress import ArcTracker

@@ -12,7 +12,8 @@ from haustra.envs.engine import moving_colon
 from haustra.envs.engine.conditions import Conditions, Snapshot
 from haustra.envs.engine.device_arrays import chosen, on_device
 from haustra.envs.engine.scope_batch import BatchInputs, BatchObservation
-from haustra.envs.engine.scope_worlds import Hands, Parameters, ScopeWorlds, Seen, Worlds
+from haustra.envs.engine.scope_values import Hands, Parameters, Seen, Worlds
+from haustra.envs.engine.scope_worlds import ScopeWorlds
 from haustra.errors import UnsupportedSceneError
 from haustra.models.scene import Scene
 from haustra.models.wall.radius_field import Tables, axis_at, pick

@@ -15,7 +15,8 @@ from jaxtyping import Float
 from haustra.envs.engine.device_arrays import on_device
 from haustra.envs.engine.moved_colon import MovedColon
 from haustra.envs.engine.native import Inputs, Observation
-from haustra.envs.engine.scope_worlds import Array, Hands, ScopeWorlds, Seen, Worlds
+from haustra.envs.engine.scope_values import Array, Hands, Seen, Worlds
+from haustra.envs.engine.scope_worlds import ScopeWorlds
 from haustra.envs.measure.energy import Energies, EnergyMeter
 from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon

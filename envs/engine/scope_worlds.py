@@ -5,183 +5,33 @@ and locks add `h J^T A J` to the mass matrix, which costs no more than the compo
 the wall has its stiffness to rounding at rest, as in the native engine, and steps of 5 ms are stable.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any
 
 import jax
 import jax.numpy as jnp
-import mujoco
 import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.engine import chain as links
 from haustra.envs.engine import moving_colon
-from haustra.envs.engine.chain import Chain, Links
+from haustra.envs.engine.chain import Chain
 from haustra.envs.engine.device_arrays import chosen
 from haustra.envs.engine.moving_colon import Grip, Shift
 from haustra.envs.engine.precision import precise
-from haustra.errors import InvalidOptionError, UnsupportedSceneError
+from haustra.envs.engine.scope_reading import compile_at_origin, read_scope
+from haustra.envs.engine.scope_values import Array, Contact, Hands, Parameters, Scope, Seen, Worlds
+from haustra.errors import InvalidOptionError
 from haustra.models.scene import Scene
 from haustra.models.scope.cable import HAND_PUSH, HAND_ROLL, LOCK_STRETCH
 from haustra.models.scope.stops import STOP_LOSS_TIME, STOP_STIFFNESS
-from haustra.models.scope.wires import WIRE_NAMES
 from haustra.models.wall.radius_field import Tables, Touch, pick, touch
-
-Array: TypeAlias = Any
 
 SLIP_SPEED = 1e-3
 """Friction is that of Coulomb above this speed and viscous below [m/s]: a scope held by its friction creeps at less.
 Engineering choice; the native engine's own regularisation is 7 mm/s for 1 N (`haustra.models.contact`)."""
 SPEED_LIMIT = 1e4
 """A generalised speed above this [rad/s or m/s] is divergence, as in the native engine."""
-
-
-class Scope(NamedTuple):
-    """Numbers of one design, or of one a world: leading axis 1 or worlds. Scopes of one kind differ in these only."""
-
-    links: Links
-    stiffness: Array
-    """(any, dofs) of the springs [N m/rad]."""
-    damping: Array
-    armature: Array
-    rest: Array
-    """(any, dofs) angles at rest [rad]."""
-    low: Array
-    high: Array
-    """(any, dofs) stops [rad]."""
-    arms: Array
-    """(any, 4, dofs) length of each wire per angle [m/rad]."""
-    behind: Array
-    """(any, joints) distance of each joint from the tip [m]."""
-    lock_stiffness: Array
-    lock_damping: Array
-    """(any, 2 joints) of the locks of the shaft outside [N m/rad], [N m s/rad]."""
-    sample_place: Array
-    """(any, points, 3) spheres, in their links' frames [m]."""
-    radius: Array
-    """(any,) of the spheres [m]."""
-    tip_place: Array
-    """(any, 1, 3) in the last link's frame [m]."""
-    pull_per_angle: Array
-    """(any,) pull that bends the bending section by an angle [N/rad]."""
-    length: Array
-    """(any,) of the modelled scope [m]."""
-
-
-class Parameters(NamedTuple):
-    """What may differ from world to world; numbers have shape (worlds,)."""
-
-    scope: Scope
-    colon: Array
-    """Which of the stacked colons."""
-    stiffness: Array
-    """Of the wall [N/m]."""
-    damping_time: Array
-    """Damping over stiffness of the wall [s]."""
-    friction: Array
-    """Coulomb coefficient [1]."""
-    bending: Array
-    """EI of the shaft over that of the design [1]."""
-    tip_bending: Array
-    """EI of the bending section over that of the design [1]."""
-    torsion: Array
-    """GJ over that of the design [1]."""
-    push_limit: Array
-    """Largest push of the hand [N]."""
-
-
-class Worlds(NamedTuple):
-    """State of all worlds; leading axis: worlds."""
-
-    qpos: Array
-    qvel: Array
-    hand: Array
-    """(worlds, 2): where the hand aims, along [m] and about the shaft [rad]."""
-    arcs: Array
-    """(worlds, points + 1): arc length of each sphere, and of the tip [m]."""
-    normal: Array
-    """(worlds, points): force of the wall on each sphere at the end of the last step [N]."""
-    healthy: Array
-    """(worlds,): false once a world has diverged; it then stays as it was last sound."""
-    time: Array
-    """(worlds,) [s]."""
-    shift: Shift | None = None
-    """Where the colons have moved to; None where they are fixed in space."""
-
-
-class Hands(NamedTuple):
-    """Inputs, until the next call; leading axis: worlds."""
-
-    push_rate: Array
-    """[m/s]."""
-    roll_rate: Array
-    """[rad/s]."""
-    pulls: Array
-    """(worlds, 4): wires up, left, down, right [N]."""
-
-
-class Seen(NamedTuple):
-    """What can be read off; leading axis: worlds."""
-
-    insertion: Array
-    """Length past the anus [m]."""
-    roll: Array
-    """Angle of the handle [rad]."""
-    hand_lead: Array
-    """How far the hand aims ahead of the shaft [m]."""
-    tip: Array
-    """(worlds, 3) in coordinates of the entry [m]."""
-    tip_frame: Array
-    """(worlds, 3, 3): columns are wire 'up', wire 'left', viewing direction."""
-    tip_arc: Array
-    """Arc length of the tip [m]."""
-    bend: Array
-    """(worlds, 2): of the bending section towards 'up' and 'left' [rad]."""
-    push_force: Array
-    """Of the hand [N]."""
-    torque: Array
-    """Of the hand [N m]."""
-    tip_force: Array
-    """(worlds, 3): resultant normal force on the bending section and tip, in the tip's frame [N]."""
-    link_forces: Array
-    """(worlds, links): resultant of the wall's normal forces on each link [N]."""
-    deepest: Array
-    """Largest depth of the scope in the wall [m]."""
-    shift: Array | None = None
-    """(worlds, nodes, 3) displacement of the colon's axis from rest, where it may move [m]."""
-
-
-class Contact(NamedTuple):
-    """The scope's spheres against the wall at the beginning of a step; leading axes: worlds, points."""
-
-    points: Array
-    """(..., 3) middles [m]."""
-    arcs: Array
-    """(worlds, points + 1): arc length of each, and of the tip [m]."""
-    inwards: Array
-    """(..., 3) normals of the wall."""
-    wall_speed: Array
-    """(..., 3) of the wall itself [m/s]."""
-    spring: Array
-    """Force of the wall's spring [N]."""
-    damper: Array
-    """Its damping, and what a step of its spring adds [N s/m]."""
-    drag: Array
-    """Friction over sliding speed [N s/m]."""
-    grip: Grip | None
-    """Where they hold on to a colon that moves."""
-
-    @property
-    def damping(self) -> Array:
-        """(..., 3, 3): force over the sphere's speed against the wall [N s/m]."""
-        across = self.inwards[..., :, None] * self.inwards[..., None, :]
-        along = jnp.eye(3, dtype=across.dtype) - across
-        return self.damper[..., None, None] * across + self.drag[..., None, None] * along
-
-    def force(self, speed: Array) -> Array:
-        """On spheres that move at that speed against the wall (..., 3) [N]."""
-        return self.spring[..., None] * self.inwards - jnp.einsum("wpij,wpj->wpi", self.damping, speed)
 
 
 @dataclass(frozen=True)
@@ -210,7 +60,7 @@ class ScopeWorlds:
         Raises:
             UnsupportedSceneError: when the scene has what this engine cannot honour.
         """
-        model = _compile(scene)
+        model = compile_at_origin(scene)
         names = [model.joint(index).name for index in range(model.njnt)]
         cells = scene.cable.cells
         steerable = {index for index, cell in enumerate(cells) if cell.steerable}
@@ -450,78 +300,6 @@ def _look(tables: Tables, shift: Shift | None, points: Array, arcs: Array) -> tu
     return (
         (touch(jnp, tables, points, arcs), None) if shift is None else moving_colon.touch(tables, shift, points, arcs)
     )
-
-
-def read_scope(scene: Scene) -> Scope:
-    """Numbers of a scene's scope, in double precision.
-
-    Raises:
-        UnsupportedSceneError: when the scene has what this engine cannot honour.
-    """
-    model = _compile(scene)
-    cable, design = scene.cable, scene.design
-    arms = np.zeros((len(WIRE_NAMES), model.nv))
-    for wire, name in enumerate(WIRE_NAMES):
-        tendon = model.tendon(f"scope/wire_{name}").id
-        wraps = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
-        arms[wire, model.jnt_dofadr[model.wrap_objid[wraps]]] = model.wrap_prm[wraps]
-    limited = model.jnt_limited.astype(bool)
-    locks = [model.actuator(name).id for pair in cable.locks for name in pair]
-    parts = {
-        "stiffness": np.asarray(model.jnt_stiffness).reshape(model.nv, -1)[:, 0].copy(),
-        "damping": np.asarray(model.dof_damping).reshape(model.nv, -1)[:, 0].copy(),
-        "armature": model.dof_armature.copy(),
-        "rest": model.qpos_spring.copy(),
-        "low": np.where(limited, model.jnt_range[:, 0], -np.inf),
-        "high": np.where(limited, model.jnt_range[:, 1], np.inf),
-        "arms": arms,
-        "behind": cable.length - cable.joint_positions,
-        "lock_stiffness": -model.actuator_gainprm[locks, 1],
-        "lock_damping": -model.actuator_gainprm[locks, 2],
-        "sample_place": np.array([sample.position for sample in scene.samples]),
-        "radius": np.float64(cable.radius),
-        "tip_place": model.site("scope/tip").pos.copy()[None],
-        "pull_per_angle": np.float64(design.pull_per_angle),
-        "length": np.float64(cable.length),
-    }
-    return Scope(links=Links.of(model), **{name: np.asarray(part)[None] for name, part in parts.items()})
-
-
-def stack_scopes(scopes: Sequence[Scope]) -> Scope:
-    """One design a world."""
-    return jax.tree.map(lambda *parts: np.concatenate(parts), *scopes)
-
-
-def _compile(scene: Scene) -> mujoco.MjModel:
-    """The scene with its scope at the origin, along z: colons take turns in front of it."""
-    refuse_unsupported(scene)
-    spec = scene.spec.copy()
-    root = spec.body("scope/root")
-    root.pos, root.quat = [0, 0, scene.options.start_depth - scene.cable.length], [1, 0, 0, 0]
-    return spec.compile()
-
-
-def refuse_unsupported(scene: Scene) -> None:
-    """Say by name what of a scene this engine cannot honour.
-
-    Raises:
-        UnsupportedSceneError: naming the first such thing.
-    """
-    if scene.options.wall_law != "field":
-        raise UnsupportedSceneError(
-            f"The JAX scope engine has no wall law '{scene.options.wall_law}': build the scene with wall_law='field'."
-        )
-    wires = scene.design.wires
-    if wires.friction or wires.hysteresis:
-        raise UnsupportedSceneError("The JAX scope engine has no friction of wires: use the native engine.")
-    model = scene.compile()
-    cubic = np.asarray(model.jnt_stiffnesspoly) if hasattr(model, "jnt_stiffnesspoly") else np.zeros(1)
-    if np.abs(cubic).max(initial=0) > 0:
-        raise UnsupportedSceneError("The JAX scope engine has linear springs only: build the scope with cubic=False.")
-    if model.nplugin or model.neq:
-        raise UnsupportedSceneError(
-            "The JAX scope engine has no plugins or equality constraints: use the native engine."
-        )
 
 
 def solve(matrix: Float[Array, "worlds dofs dofs"], right: Float[Array, "worlds dofs"]) -> Array:

@@ -9,7 +9,9 @@ import jax
 import numpy as np
 
 from haustra.envs.engine.device_arrays import on_device
-from haustra.envs.engine.scope_worlds import Scope, ScopeWorlds, read_scope, stack_scopes
+from haustra.envs.engine.scope_reading import read_scope, stack_scopes
+from haustra.envs.engine.scope_values import Scope
+from haustra.envs.engine.scope_worlds import ScopeWorlds
 from haustra.envs.follower import FollowerSettings
 from haustra.envs.follower_worlds import WorldsFollower
 from haustra.envs.insertions import InsertionBatch, Insertions

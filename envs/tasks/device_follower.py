@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from haustra.envs.engine.device_arrays import chosen, on_device
-from haustra.envs.engine.scope_worlds import Seen
+from haustra.envs.engine.scope_values import Seen
 from haustra.envs.follower import FollowerSettings
 from haustra.envs.follower_worlds import Drive, WorldsFollower
 from haustra.envs.tasks.observation import Observation

@@ -129,7 +129,7 @@ def surface_arcs(colon: Colon) -> Float[np.ndarray, " vertices"]:
     """Arc length of each vertex of a colon's surface [m], smooth from vertex to vertex."""
     vertices, faces = colon.lumen.vertices, colon.lumen.faces
     arcs = _vertex_arcs(colon, vertices, faces)
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    edges = _edges(faces)
     beside = coo_array((np.ones(len(edges)), edges.T), shape=(len(vertices), len(vertices))).tocsr()
     beside = beside + beside.T
     count = np.asarray(beside.sum(axis=1)).ravel()
@@ -152,11 +152,15 @@ def _vertex_arcs(colon: Colon, vertices: np.ndarray, faces: np.ndarray) -> Float
     arc_of = np.full(len(vertices), np.nan)
     arc_of[vertex[order]] = arcs[order]
     sources = np.flatnonzero(np.isfinite(arc_of))
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    edges = _edges(faces)
     length = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
     graph = coo_array((np.maximum(length, 1e-9), edges.T), shape=(len(vertices), len(vertices))).tocsr()
     _, _, source = dijkstra(graph, directed=False, indices=sources, min_only=True, return_predecessors=True)
     return arc_of[np.asarray(source)]
+
+
+def _edges(faces: np.ndarray) -> Int[np.ndarray, "edges 2"]:
+    return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
 
 
 def _lid(colon: Colon, centres: Float[np.ndarray, "triangles 3"]) -> np.ndarray:

@@ -8,7 +8,8 @@ import numpy as np
 
 from haustra.envs.bench.accuracy.drive import Script, Track
 from haustra.envs.bench.accuracy.timing import processor_seconds
-from haustra.envs.engine.scope_worlds import Hands, ScopeWorlds
+from haustra.envs.engine.scope_values import Hands
+from haustra.envs.engine.scope_worlds import ScopeWorlds
 from haustra.envs.insertion import CONTROL_INTERVAL
 from haustra.envs.scope_bank import build_bank
 from haustra.models.anatomy.colon import Colon

@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from haustra.envs.engine import moving_colon
 from haustra.envs.engine.moving_colon import Grip, Shift
 from haustra.envs.engine.scope_batch import ScopeBatch
-from haustra.envs.engine.scope_worlds import Hands, ScopeWorlds
+from haustra.envs.engine.scope_values import Hands
+from haustra.envs.engine.scope_worlds import ScopeWorlds
 from haustra.envs.scope_bank import ScopeBank, build_bank
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.scene import SceneOptions

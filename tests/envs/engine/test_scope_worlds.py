@@ -11,7 +11,8 @@ import pytest
 
 from haustra.envs.engine import chain as links
 from haustra.envs.engine.native import Inputs, NativeEngine
-from haustra.envs.engine.scope_worlds import SLIP_SPEED, Hands, ScopeWorlds
+from haustra.envs.engine.scope_values import Hands
+from haustra.envs.engine.scope_worlds import SLIP_SPEED, ScopeWorlds
 from haustra.envs.scope_bank import ScopeBank, build_bank
 from haustra.errors import UnsupportedSceneError
 from haustra.models.scene import SceneOptions, build_scene
