@@ -1,5 +1,6 @@
 """Question: does a rope drawn round a drum resist as Euler and Eytelwein's capstan equation says?"""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import mujoco
@@ -46,6 +47,22 @@ def rope_round_a_bend(
     turn: float, friction: float, *, cell: float = CELL, timestep: float = 0.001, tweak: Tweak = unchanged
 ) -> Drawn:
     """Draw a rope without stiffness round a drum through an angle `turn` [rad]."""
+    spec, names, last = bent_rope(turn, cell=cell, timestep=timestep)
+    contact = WallContact(stiffness=1500.0, damping=7.5, friction=friction)
+    apply_contact(spec, spec.compile(), names, contact, timestep=timestep)
+    drum = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[DRUM, 0.05, 0], conaffinity=0)
+    drum.quat = [np.sqrt(0.5), np.sqrt(0.5), 0, 0]
+    tweak(spec)
+    return drawn_rope(spec.compile(), last)
+
+
+def bent_rope(
+    turn: float, *, cell: float = CELL, radius: float = ROPE, timestep: float = 0.001
+) -> tuple[mujoco.MjSpec, list[str], str]:
+    """A rope laid round the y axis at `DRUM` through an angle `turn` [rad]: names of its balls, and of its last body.
+
+    Ball `ball_0`, of that radius [m], is in the middle of body `link_0`, and so on; nothing is there to touch them.
+    """
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     spec.option.timestep = timestep
@@ -53,33 +70,32 @@ def rope_round_a_bend(
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    names, last = _add_rope(spec, turn, cell)
-    contact = WallContact(stiffness=1500.0, damping=7.5, friction=friction)
-    apply_contact(spec, spec.compile(), names, contact, timestep=timestep)
-    drum = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[DRUM, 0.05, 0], conaffinity=0)
-    drum.quat = [np.sqrt(0.5), np.sqrt(0.5), 0, 0]
-    tweak(spec)
-    model = spec.compile()
-    data = mujoco.MjData(model)
+    return spec, *_add_rope(spec, turn, cell, radius)
+
+
+def drawn_rope(model: mujoco.MjModel, last: str, *, before: Callable[[mujoco.MjData], object] | None = None) -> Drawn:
+    """Draw a rope whose last body is held; `before` is called before every step."""
+    data, timestep = mujoco.MjData(model), model.opt.timestep
     pulled = model.joint("pull").dofadr[0]
     model.dof_damping[pulled] = GRIP  # a hand that draws at that speed, whatever resists
     mujoco.mj_kinematics(model, data)
     end = model.body(last).id
     data.xfrc_applied[end, :3] = -HOLD * data.xmat[end].reshape(3, 3)[:, 0]
     data.qfrc_applied[pulled] = GRIP * SPEED
-    mujoco.mj_step(model, data, round(_SETTLING / timestep))
     pulls = []
-    for _ in range(round(_READ / timestep)):
+    for _ in range(round((_SETTLING + _READ) / timestep)):
+        if before:
+            before(data)
         mujoco.mj_step(model, data)
         pulls.append(GRIP * (SPEED - data.qvel[pulled]))
-    ratio = float(np.mean(pulls)) / HOLD if sound(data) else np.inf
+    ratio = float(np.mean(pulls[round(_SETTLING / timestep) :])) / HOLD if sound(data) else np.inf
     return Drawn(model, data, ratio)
 
 
-def _add_rope(spec: mujoco.MjSpec, turn: float, cell: float) -> tuple[list[str], str]:
+def _add_rope(spec: mujoco.MjSpec, turn: float, cell: float, radius: float) -> tuple[list[str], str]:
     """Names of the rope's balls, and of its last body."""
     # Drawn along +x from its first link, which touches the drum's top; the rest lies round it.
-    around = DRUM + ROPE
+    around = DRUM + radius
     straight, bent = round(_STRAIGHT / cell), round(turn * around / cell)
     parent = spec.worldbody.add_body(name="link_0", pos=[straight * cell, 0, around])
     parent.add_joint(name="pull", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1, 0, 0])
@@ -87,7 +103,12 @@ def _add_rope(spec: mujoco.MjSpec, turn: float, cell: float) -> tuple[list[str],
     for index in range(2 * straight + bent):
         name = f"ball_{index}"
         parent.add_geom(
-            name=name, type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[ROPE, 0, 0], mass=_MASS * cell, contype=0, conaffinity=1
+            name=name,
+            type=mujoco.mjtGeom.mjGEOM_SPHERE,
+            size=[radius, 0, 0],
+            mass=_MASS * cell,
+            contype=0,
+            conaffinity=1,
         )
         names.append(name)
         angle = turn / bent if straight <= index < straight + bent else 0.0
@@ -95,7 +116,7 @@ def _add_rope(spec: mujoco.MjSpec, turn: float, cell: float) -> tuple[list[str],
         parent.quat = [np.cos(angle / 2), 0, -np.sin(angle / 2), 0]
         hinge = parent.add_joint(name=f"hinge_{index}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0])
         hinge.damping = [1e-5, 0, 0]
-    parent.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[ROPE, 0, 0], mass=_MASS * cell, contype=0, conaffinity=0)
+    parent.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[radius, 0, 0], mass=_MASS * cell, contype=0, conaffinity=0)
     return names, parent.name
 
 
