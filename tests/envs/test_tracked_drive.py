@@ -93,8 +93,8 @@ def test_it_says_what_stopped_it() -> None:
 @pytest.mark.slow
 def test_it_drives_in_a_real_colon(shared_data: Path) -> None:
     colon = import_colon(shared_data / "colons" / "EdinGCA_3D_00020_lumen_mm.stl", units="mm")
-    # Bent by 15 degrees only: where walls lean towards the robot, as in bends, they push it along as well.
-    part = stretch(colon, 0.30, 0.38)
+    # Bent by 17 degrees only: where walls lean towards the robot, as in bends, they push it along as well.
+    part = stretch(colon, 0.305, 0.385)
     check_drives_and_pulls(part, ring_wall(part), 0.6)
 
 
