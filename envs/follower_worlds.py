@@ -12,7 +12,7 @@ from haustra.envs.engine.scope_values import Hands, Parameters, Seen
 from haustra.envs.follower import LEAST_RETREAT, STEP_FORWARD, FollowerSettings
 from haustra.errors import InvalidOptionError
 from haustra.models.scope.design import ScopeDesign
-from haustra.models.wall.radius_field import Tables, axis_at
+from haustra.models.wall.radius_field import Tables
 
 Array: TypeAlias = Any
 _FIRST_WAIT = 0.5
@@ -125,9 +125,7 @@ class WorldsFollower:
 
     def _steer(self, tables: Tables, seen: Seen, bend: Array, interval: float) -> Array:
         own = self.settings
-        ahead = (seen.tip_arc + own.look_ahead)[:, None]
-        place = axis_at(jnp, tables, ahead) if seen.shift is None else moving_colon.axis_at(tables, seen.shift, ahead)
-        target = place[:, 0]
+        target = moving_colon.axis_at(tables, seen.shift, (seen.tip_arc + own.look_ahead)[:, None])[:, 0]
         ahead = jnp.einsum("wij,wi->wj", seen.tip_frame, target - seen.tip)
         sideways = jnp.linalg.norm(ahead[:, :2] + 1e-9, axis=-1)
         turn = own.steer_gain * interval * jnp.arctan2(sideways, ahead[:, 2]) / sideways

@@ -16,7 +16,7 @@ from haustra.envs.engine.scope_values import Hands, Parameters, Seen, Worlds
 from haustra.envs.engine.scope_worlds import ScopeWorlds
 from haustra.errors import UnsupportedSceneError
 from haustra.models.scene import Scene
-from haustra.models.wall.radius_field import Tables, axis_at, pick
+from haustra.models.wall.radius_field import Tables, pick
 
 
 class DeviceBatch:
@@ -51,9 +51,7 @@ class DeviceBatch:
             return state, engine.observe(parameters, own, state)
 
         def way(colon: Any, seen: Seen, distances: Any) -> Any:
-            arcs = seen.tip_arc[:, None] + distances
-            tables = pick(own, colon)
-            return axis_at(jnp, tables, arcs) if seen.shift is None else moving_colon.axis_at(tables, seen.shift, arcs)
+            return moving_colon.axis_at(pick(own, colon), seen.shift, seen.tip_arc[:, None] + distances)
 
         self._way = jax.jit(way)
         self._advance = jax.jit(advance)

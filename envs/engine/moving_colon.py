@@ -92,9 +92,10 @@ def turned(own: Mesentery, place: Array, arcs: Array, vectors: Array) -> Array:
     return jnp.einsum("wpij,wpj->wpi", _between(turns_of(own, place), *_cell(own, arcs)), vectors)
 
 
-def axis_at(tables: Tables, place: Array, arcs: Array) -> Array:
-    """Points of the moved centreline at arc lengths [m]."""
-    return table.axis_at(jnp, tables, arcs) + _between(place, *_cell(_hung(tables), arcs))
+def axis_at(tables: Tables, place: Array | None, arcs: Array) -> Array:
+    """Points of the centreline at arc lengths, where it is now [m]; without displacements, where it is fixed."""
+    still = table.axis_at(jnp, tables, arcs)
+    return still if place is None else still + _between(place, *_cell(_hung(tables), arcs))
 
 
 def carried(tables: Tables, place: Array, points: Array, arcs: Array) -> Array:

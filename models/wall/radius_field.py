@@ -167,10 +167,10 @@ def radius_field(
     inwards[grazing] = -rays[grazing]
     local = np.einsum("sij,sai->saj", frames, inwards)
     wall = np.concatenate([radius[..., None], local], axis=-1)
-    line = colon.centreline
-    width = np.interp(arcs, line.arc, np.median(colon.radius, axis=1))
-    hanging = mesentery.hang(points, arcs, width, colon.segments) if hung else None
-    tables = Tables(points, frames, wall, np.float64(step), np.int32(0), np.int32(len(points)), hanging)
+    tables = Tables(points, frames, wall, np.float64(step), np.int32(0), np.int32(len(points)))
+    if hung:
+        width = np.interp(arcs, colon.centreline.arc, np.median(colon.radius, axis=1))
+        tables = tables._replace(mesentery=mesentery.hang(points, arcs, width, colon.segments))
     narrow = arcs[(radius <= LEAST_RADIUS).mean(axis=1) > 0.5]
     return RadiusField(
         tables, device_radius, _error(surface, tables, arcs, radius, rays, device_radius, seed), tuple(narrow.tolist())
