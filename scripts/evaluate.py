@@ -69,7 +69,7 @@ class Evaluate:
         video = self.video and not config.mesentery
         done = []
         for name, (make, own) in zip(self.drivers, found, strict=True):
-            seeing = replace(config, observation=own.observation, privileged=own.privileged) if own else config
+            seeing = _seeing(config, own) if own else config
             with progress_bar(name, len(bank.cases) * self.episodes, unit="episodes") as advance:
                 done.append(
                     evaluate(
@@ -150,6 +150,11 @@ class Evaluate:
         named = {name: value for name in names if (value := getattr(self, name)) is not None}
         ranges = replace(base.randomisation, friction=self.friction) if self.friction else base.randomisation
         return replace(base, **named, randomisation=ranges, limits=Limits(seconds=self.seconds))
+
+
+def _seeing(config: Any, own: Any) -> Any:
+    """The rules for all, with what this policy was trained to see."""
+    return replace(config, observation=own.observation, privileged=own.privileged, memory=own.memory)
 
 
 def _draw_video(path: Path, evaluation: Any, bank: Any, config: Any) -> None:

@@ -15,6 +15,8 @@ from haustra.envs.tasks.scope_task import ScopeTask
 
 FELT = 2.0
 """Wall force above which a step counts as pressing [N]."""
+_USED_UP = 0.02
+"""A scope of which less is left outside is used up [m]: a hand pushes it no further."""
 MOST_WORLDS = {"native": 40, "mjx-jax": 8192}
 """Episodes that run at once on an engine."""
 
@@ -37,7 +39,8 @@ class Episode:
     safe: bool
     """Reached, not perforated, and never over `Limits.safe_force`."""
     reason: str
-    """reached, perforated, diverged, stuck (no progress in the last 20 s) or time up."""
+    """reached, perforated, diverged, scope used up (none of the shaft is left outside), stuck (no progress in the last
+    20 s) or time up."""
     failed_at_m: float
     """Where the tip was when it failed [m]; the way's end when it did not."""
     tip_ahead_m: float
@@ -222,15 +225,17 @@ class _Record:
             share_over_safe=float((force > limits.safe_force).mean()),
             perforated=perforated,
             safe=reached and not perforated and bool(force.max() <= limits.safe_force),
-            reason=_reason(last, history[1], task.interval),
+            reason=_reason(last, history[1], task),
             failed_at_m=float(last["tip_arc"]),
             tip_ahead_m=float(history[2].max()),
         )
 
 
-def _reason(last: dict[str, Any], progress: np.ndarray, interval: float) -> str:
+def _reason(last: dict[str, Any], progress: np.ndarray, task: ScopeTask) -> str:
     for name in ("diverged", "perforated", "reached"):
         if last[name]:
             return name
-    recent = progress[-round(20 / interval) :]
+    if last["tip_arc"] + last["excess"] > task.bank.scene.cable.length - _USED_UP:
+        return "scope used up"
+    recent = progress[-round(20 / task.interval) :]
     return "stuck" if recent[-1] - recent[0] < 1e-3 else "time up"

@@ -15,6 +15,8 @@ OBSERVATIONS = ("state", "lumen", "pixels", "dict")
 
 TASKS = ("insertion", "withdrawal")
 
+_LONGEST_MEMORY = 600.0
+"""Beyond it a running mean is that of the whole episode [s]."""
 HELD_OUT_SEEDS = 100_000
 """Colons with seeds from here on are for evaluation only: no shipped training draws them."""
 
@@ -106,6 +108,9 @@ class TaskConfig:
     """One of `OBSERVATIONS`."""
     privileged: bool = False
     """Add what no device knows: arc length, the way ahead, the wall's place. For teachers and baselines."""
+    memory: tuple[float, ...] = ()
+    """Also show how the state differs from its running means over these times [s]. A policy without memory of its own
+    cannot tell else that it has stood still for a while."""
     picture_size: int = 64
     """Rows and columns of pictures."""
     pictures: bool = False
@@ -123,6 +128,8 @@ class TaskConfig:
                 )
         if not 0 <= self.seeds[0] < self.seeds[1]:
             raise InvalidOptionError(f"Seeds {self.seeds} hold no colon: give a first and a larger last one.")
+        if not all(0 < time <= _LONGEST_MEMORY for time in self.memory):
+            raise InvalidOptionError(f"memory is {self.memory}: give times over 0 and up to {_LONGEST_MEMORY:g} s.")
         if not 8 <= self.picture_size <= 512:
             raise InvalidOptionError(f"picture_size is {self.picture_size}; give 8 to 512.")
         for name in (entry.name for entry in fields(Randomisation)):

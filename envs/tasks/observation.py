@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from haustra.envs.engine.scope_batch import BatchObservation
 from haustra.envs.tasks.config import TaskConfig
@@ -33,14 +33,18 @@ def sizes(config: TaskConfig) -> dict[str, tuple[int, ...]]:
     """Shape of each part that this configuration shows.
 
     Raises:
-        InvalidOptionError: when privileged entries are asked for without names.
+        InvalidOptionError: when privileged entries or memory are asked for without names.
     """
     every = {"state": (len(STATE),), "lumen": (LUMEN_SIZE,), "pixels": (config.picture_size, config.picture_size, 4)}
     if config.observation != "dict":
-        if config.privileged:
-            raise InvalidOptionError("Privileged entries come under a name: ask for observation 'dict' with them.")
+        if config.privileged or config.memory:
+            raise InvalidOptionError(
+                "Privileged entries and memory come under names of their own: ask for observation 'dict' with them."
+            )
         return {config.observation: every[config.observation]}
     parts = {"state": every["state"], "lumen": every["lumen"]}
+    if config.memory:
+        parts["recent"] = (len(config.memory) * len(STATE),)
     if config.privileged:
         parts["privileged"] = (PRIVILEGED_SIZE,)
     if config.pictures:
@@ -76,6 +80,27 @@ def state(
         ]
     )
     return bounded(columns)
+
+
+class Memory:
+    """Running means of the state of all worlds: of what a device has measured itself, so any device can have them."""
+
+    def __init__(self, times: tuple[float, ...], worlds: int, interval: float) -> None:
+        """Means that forget by 1/e within each of `times` [s], renewed every `interval` [s]."""
+        self._rates = 1.0 - np.exp(-interval / np.array(times, float))
+        self._means = np.zeros((len(times), worlds, len(STATE)), np.float32)
+
+    def begin(self, worlds: Int[np.ndarray, " begun"], state: Float[np.ndarray, "worlds state"]) -> None:
+        """Forget everything in these worlds but the state of now."""
+        self._means[:, worlds] = state[worlds]
+
+    def add(self, state: Float[np.ndarray, "worlds state"]) -> None:
+        """Take in the state of now."""
+        self._means += self._rates[:, None, None].astype(np.float32) * (state - self._means)
+
+    def recent(self, state: Float[np.ndarray, "worlds state"]) -> Float[np.ndarray, "worlds recent"]:
+        """How the state of now differs from each mean."""
+        return bounded(np.concatenate(list(state - self._means), axis=1))
 
 
 def lumen(distances: Float[np.ndarray, "worlds rays"]) -> Float[np.ndarray, "worlds lumen"]:

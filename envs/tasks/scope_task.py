@@ -97,6 +97,7 @@ class ScopeTask:
         self._gain, self._slack, self.friction = np.ones(worlds), np.zeros(worlds), np.zeros(worlds)
         self._wheels, self._action = np.zeros((worlds, 2)), np.zeros((worlds, len(ACTIONS)))
         self._best, self._from = np.zeros(worlds), np.zeros(worlds)
+        self._memory = seen_by.Memory(config.memory, worlds, self.interval)
         self._share, self._speed, self._age = np.zeros(worlds), np.zeros(worlds), np.zeros(worlds, int)
         self.seen: BatchObservation = self.engine.observe()
         self._moment = self._now(np.ones(worlds, bool))
@@ -142,6 +143,8 @@ class ScopeTask:
                 self._coverage.begin(int(world), int(self.case[world]))
                 self._look(int(world))
         self._moment = self._now(np.ones(self.worlds, bool))
+        if self.config.memory:
+            self._memory.begin(worlds, self._state())
         return self.observe()
 
     def stagger(self, seed: int) -> None:
@@ -167,6 +170,8 @@ class ScopeTask:
         if self._covers:
             for world in np.flatnonzero(self._age % _LOOK_EVERY == 0):
                 self._look(int(world))
+        if self.config.memory:
+            self._memory.add(self._state())
         after = self._moment = self._now(healthy)
         terms = reward(before, after, self.config.weights, self.config.limits)
         ended = after.reached | after.perforated | ~healthy
@@ -181,7 +186,13 @@ class ScopeTask:
 
     def observe(self) -> seen_by.Observation:
         """What all worlds see."""
-        made = {"state": self._state, "lumen": self._lumen, "privileged": self._privileged, "pixels": self._pixels}
+        made = {
+            "state": self._state,
+            "recent": self._recent,
+            "lumen": self._lumen,
+            "privileged": self._privileged,
+            "pixels": self._pixels,
+        }
         return {name: made[name]() for name in self.parts}
 
     def way_ahead(self, distances: Float[np.ndarray, " places"]) -> Float[np.ndarray, "worlds places 3"]:
@@ -264,6 +275,9 @@ class ScopeTask:
 
     def _state(self) -> np.ndarray:
         return seen_by.state(self.seen, self._wheels, self._action, self._speed)
+
+    def _recent(self) -> np.ndarray:
+        return self._memory.recent(self._state())
 
     def _lumen(self) -> np.ndarray:
         seen = self.seen

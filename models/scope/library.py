@@ -8,8 +8,9 @@ from haustra.models.scope.design import BendingLimits, ScopeDesign, ScopeSection
 from haustra.models.scope.wires import WireSet
 from haustra.quantity import Quantity, load_quantities
 
-DESIGN_NAMES = ("adult", "paediatric", "adult-worn", "adult-variable")
-"""Designs that ship: two new scopes; the adult one with the wires of a used scope; and with a stiffening ring."""
+DESIGN_NAMES = ("adult", "paediatric", "adult-worn", "adult-variable", "paediatric-long")
+"""Designs that ship: two new scopes; the adult one with the wires of a used scope; and with a stiffening ring; and the
+paediatric one as long as an enteroscope."""
 
 
 def named_design(name: str) -> ScopeDesign:
@@ -26,6 +27,10 @@ def named_design(name: str) -> ScopeDesign:
     if name == "adult-variable":
         stiffening = _numbers()["scope.variable.stiffening"].value
         shaft = tuple(replace(section, stiffening=stiffening) for section in basic.shaft)
+        return replace(basic, name=name, shaft=shaft)
+    if name == "paediatric-long":
+        added = _numbers()["scope.long.working_length"].value - basic.length
+        shaft = tuple(replace(section, length=section.length + added) for section in basic.shaft)
         return replace(basic, name=name, shaft=shaft)
     return basic
 
