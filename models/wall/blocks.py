@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from manifold3d import Manifold, Mesh64
 
 from haustra.errors import InvalidMeshError
@@ -80,15 +80,15 @@ def cut_blocks(cell: Cell, lumen: Manifold, *, sectors: int, thickness: float) -
     inside = near ^ cell.region
     if inside.is_empty():
         return
+    surface, rims = corners(inside), edges(inside)
     angles = 2 * np.pi * np.arange(sectors + 1) / sectors
     for low, high in pairwise(angles):
         wedge = [_half_plane(site, low, -1.0), _half_plane(site, high, 1.0)]
-        own = _trim(inside, wedge)
-        if own.is_empty():
+        own = _within(surface, rims, wedge)
+        if not len(own):
             continue
         outwards = site.frame[:, :2] @ _unit(0.5 * (low + high))
-        furthest = float((corners(own) @ outwards).max())
-        wedge.append((outwards, furthest + thickness))
+        wedge.append((outwards, float((own @ outwards).max()) + thickness))
         planes = cell.planes + tuple(wedge)
         for solid in (_trim(cell.region, wedge) - near).decompose():
             if solid.volume() > SLIVER:
@@ -98,6 +98,23 @@ def cut_blocks(cell: Cell, lumen: Manifold, *, sectors: int, thickness: float) -
 def corners(solid: Manifold) -> Float[np.ndarray, "vertices 3"]:
     """Vertices of a solid [m]."""
     return np.asarray(solid.to_mesh64().vert_properties)[:, :3]
+
+
+def edges(solid: Manifold) -> Int[np.ndarray, "edges 2"]:
+    """Vertices at the ends of each edge of a solid, each edge once."""
+    faces = np.asarray(solid.to_mesh64().tri_verts).astype(np.int64)
+    around = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    return around[around[:, 0] < around[:, 1]]
+
+
+def crossings(
+    vertices: Float[np.ndarray, "vertices 3"], edges: Int[np.ndarray, "edges 2"], height: Float[np.ndarray, " vertices"]
+) -> Float[np.ndarray, "points 3"]:
+    """Where edges pass through a plane [m], from the height [m] of their vertices above it."""
+    above = height > 0
+    start, end = edges[above[edges[:, 0]] != above[edges[:, 1]]].T
+    share = height[start] / (height[start] - height[end])
+    return vertices[start] + share[:, None] * (vertices[end] - vertices[start])
 
 
 def vertex_normals(vertices: Float[np.ndarray, "vertices 3"], faces: np.ndarray) -> Float[np.ndarray, "vertices 3"]:
@@ -126,6 +143,16 @@ def _swollen(region: Manifold) -> Manifold:
     """A convex solid, a little larger about its middle."""
     middle = corners(region).mean(axis=0)
     return region.translate(tuple(-middle)).scale((SWELLING, SWELLING, SWELLING)).translate(tuple(middle))
+
+
+def _within(vertices: np.ndarray, edges: np.ndarray, wedge: list[Plane]) -> np.ndarray:
+    """Corners of a solid's surface cut to a wedge, but for those on the wedge's own edge: nothing lies further in."""
+    heights = [vertices @ normal - offset for normal, offset in wedge]
+    points = [vertices[(heights[0] <= 0) & (heights[1] <= 0)]]
+    for height, (normal, offset) in zip(heights, reversed(wedge), strict=True):
+        crossing = crossings(vertices, edges, height)
+        points.append(crossing[crossing @ normal <= offset])
+    return np.concatenate(points)
 
 
 def _half_plane(site: Site, angle: float, sign: float) -> Plane:

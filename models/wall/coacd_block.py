@@ -50,7 +50,7 @@ def coacd_parts(block: Block, *, tolerance: float) -> Iterator[Manifold]:
             if piece.volume() <= SLIVER:
                 continue
             part = Block(piece, planes, block.site)
-            if intrusion(piece, hull, planes)[0] <= tolerance:
+            if intrusion(piece, hull, planes).depth <= tolerance:
                 yield hull
                 break
             yield from convex_parts(part, tolerance=tolerance)

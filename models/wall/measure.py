@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -54,7 +55,8 @@ def measure(colon: Colon, pieces: Sequence[WallPiece], *, rays: int) -> tuple[Wa
     A ray sees only what is in sight of the centreline: pockets behind folds in sharp bends are left out.
     """
     lumen = Caster(colon.lumen)
-    wall = Caster(joined_hulls([piece.vertices for piece in pieces]))
+    stretches = groupby(pieces, key=lambda piece: piece.start)
+    wall = Caster(*(joined_hulls([piece.vertices for piece in stretch]) for _, stretch in stretches))
     error = cast_error(colon, lumen, wall, rays=rays)
     signed = error.signed[~error.leaked] * MILLIMETRE
     inwards, outwards = np.maximum(-signed, 0), np.maximum(signed, 0)
@@ -107,21 +109,22 @@ def seam_step(lumen: Caster, wall: Caster, error: RayError) -> float:
     Between neighbouring rays the angle is halved again and again, keeping the half in which the error changes most:
     what is left on a smooth face goes to zero, on a step it stays.
     """
-    pairs = _seam_pairs(error)
     largest = 0.0
-    for index in pairs:
-        origin, low, high = error.origins[index], error.directions[index], error.directions[index + 1]
+    for index in _seam_pairs(error):
+        origin, rays = error.origins[index], error.directions[index : index + 2]
+        seen = _seen(origin, rays, lumen, wall)
         for _ in range(SEAM_HALVINGS):
-            middle = low + high
+            middle = rays.sum(axis=0)
             middle /= np.linalg.norm(middle)
-            rays = np.stack([low, middle, high])
-            change = np.abs(np.diff(np.minimum(wall.entry(origin, rays), FURTHEST) - lumen.distance(origin, rays)))
-            low, high = (low, middle) if change[0] > change[1] else (middle, high)
-        rays = np.stack([low, high])
-        step = float(np.abs(np.diff(np.minimum(wall.entry(origin, rays), FURTHEST)))[0])
+            rays = np.insert(rays, 1, middle, axis=0)
+            seen = np.insert(seen, 1, _seen(origin, rays[1:2], lumen, wall)[0], axis=0)
+            change = np.abs(np.diff(seen[:, 0] - seen[:, 1]))
+            half = slice(0, 2) if change[0] > change[1] else slice(1, 3)
+            rays, seen = rays[half], seen[half]
+        step, own = np.abs(seen[1] - seen[0])
         # A jump as large as a fold is high is a crest seen against what lies behind it, not a joint.
-        if step < LEAK and np.abs(np.diff(lumen.distance(origin, rays)))[0] < LEAK:
-            largest = max(largest, step)
+        if step < LEAK and own < LEAK:
+            largest = max(largest, float(step))
     return largest
 
 
@@ -153,6 +156,11 @@ def _cast(colon: Colon, lumen: Caster, wall: Caster, rays: int) -> tuple[np.ndar
             (np.tile(origin, (count, 1)), across, np.full(count, line.arc[station]), reach, wall.entry(origin, across))
         )
     return tuple(np.concatenate(part) for part in zip(*found, strict=True))
+
+
+def _seen(origin: np.ndarray, rays: np.ndarray, lumen: Caster, wall: Caster) -> np.ndarray:
+    """Distances to the wall (at most `FURTHEST`) and to the lumen surface of rays from one origin, side by side."""
+    return np.stack([np.minimum(wall.entry(origin, rays), FURTHEST), lumen.distance(origin, rays)], axis=1)
 
 
 def _by_the_anus(colon: Colon, points: np.ndarray) -> np.ndarray:

@@ -13,13 +13,12 @@ from haustra.models.wall.cells import Site
 
 def pack_block(block: Block) -> bytes:
     """A block as the bytes of an .npz; equal blocks give equal bytes."""
-    mesh = block.solid.to_mesh64()
+    mesh, site = block.solid.to_mesh64(), block.site
     return pack(
         vertices=np.asarray(mesh.vert_properties)[:, :3],
         faces=np.asarray(mesh.tri_verts).astype(np.int64),
-        normals=np.array([normal for normal, _ in block.planes]),
-        offsets=np.array([offset for _, offset in block.planes]),
-        **{name: np.asarray(value) for name, value in vars(block.site).items()},
+        planes=np.array([(*normal, offset) for normal, offset in block.planes]),
+        site=np.concatenate([site.frame.ravel(), site.point, [site.start, site.end, site.radius, site.reach]]),
     )
 
 
@@ -27,9 +26,10 @@ def unpack_block(data: bytes) -> Block:
     """The block that `pack_block` packed."""
     arrays = unpack(data)
     solid = Manifold(Mesh64(arrays["vertices"], arrays["faces"].astype(np.uint64)))
-    planes = tuple((normal, float(offset)) for normal, offset in zip(arrays["normals"], arrays["offsets"], strict=True))
-    numbers = {name: float(arrays[name]) for name in ("start", "end", "radius", "reach")}
-    return Block(solid, planes, Site(point=arrays["point"], frame=arrays["frame"], **numbers))
+    planes = tuple((plane[:3], float(plane[3])) for plane in arrays["planes"])
+    frame, point, numbers = np.split(arrays["site"], [9, 12])
+    start, end, radius, reach = numbers.tolist()
+    return Block(solid, planes, Site(start, end, point, frame.reshape(3, 3), radius, reach))
 
 
 def pack_hulls(hulls: Sequence[Float[np.ndarray, "_ 3"]]) -> bytes:

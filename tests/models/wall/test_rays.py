@@ -19,6 +19,17 @@ def test_from_inside_a_solid_begins_at_once() -> None:
     assert (caster.entry(np.zeros(3), directions) == 0).all()
 
 
+def test_surfaces_side_by_side_are_met_as_one_surface() -> None:
+    places = np.random.default_rng(1).uniform(-0.1, 0.1, (30, 3))
+    cubes = [cube(0.02) + place for place in places]
+    together, apart = Caster(joined_hulls(cubes)), Caster(*(joined_hulls([one]) for one in cubes))
+    directions = np.random.default_rng(2).normal(size=(500, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    met = together.entry(np.zeros(3), directions)
+    assert 0.1 < np.isfinite(met).mean() < 1.0
+    assert apart.entry(np.zeros(3), directions) == pytest.approx(met, abs=1e-8)
+
+
 def test_a_solid_thinner_than_rounding_is_not_taken_for_the_inside() -> None:
     """Either of its faces may be met first."""
     corners = np.array([[x, y, z] for x in (0.05, 0.05 + 1e-9) for y in (-0.02, 0.02) for z in (-0.02, 0.02)])

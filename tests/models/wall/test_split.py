@@ -29,9 +29,9 @@ def grooved() -> Block:
 
 
 def test_depth_of_a_groove_is_its_depth(grooved):
-    depth, where = intrusion(grooved.solid, grooved.solid.hull(), grooved.planes)
-    assert depth == pytest.approx(0.005, rel=1e-6)
-    assert where[0] == pytest.approx(0.005)
+    found = intrusion(grooved.solid, grooved.solid.hull(), grooved.planes)
+    assert found.depth == pytest.approx(0.005, rel=1e-6)
+    assert found.deepest[0] == pytest.approx(0.005)
     assert not is_convex(grooved, tolerance=0.004)
     assert is_convex(grooved, tolerance=0.0051)
 
