@@ -11,7 +11,6 @@ from manifold3d import Manifold, Mesh64
 from haustra.errors import InvalidMeshError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.wall.cells import Cell, Plane, Site
-from haustra.models.wall.rays import Caster
 
 ENTRY_RADIUS = 0.012
 """Radius [m] of the way in before the anal end of the centreline: room for a 13 mm scope that is not quite centred."""
@@ -129,6 +128,8 @@ def vertex_normals(vertices: Float[np.ndarray, "vertices 3"], faces: np.ndarray)
 
 def _tissue(colon: Colon, normals: np.ndarray, furthest: float) -> np.ndarray:
     """Thickness of the tissue outwards of each vertex [m], up to another loop or a fold, or `furthest`."""
+    from haustra.models.wall.rays import Caster  # here, since children that only split blocks start faster without
+
     caster = Caster(colon.lumen)
     step = 1e-6  # off the surface, so that a ray does not meet its own triangle
     return np.array(

@@ -3,8 +3,9 @@
 import os
 import time
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
@@ -149,8 +150,7 @@ def build_wall(
 def _make_pieces(
     colon: Colon, options: WallOptions, workers: int, use_cache: bool, tell: Progress
 ) -> tuple[tuple[WallPiece, ...], dict[str, int]]:
-    blocks = _cut(colon, options, tell)
-    hulls, counts = _decompose(blocks, options, workers, use_cache, tell)
+    blocks, hulls, counts = _decompose(_cut(colon, options, tell), options, workers, use_cache, tell)
     pieces = tuple(
         WallPiece(sound, block.site.start, block.site.end)
         for block, found in zip(blocks, hulls, strict=True)
@@ -162,32 +162,37 @@ def _make_pieces(
     return pieces, counts
 
 
-def _cut(colon: Colon, options: WallOptions, tell: Progress) -> list[Block]:
+def _cut(colon: Colon, options: WallOptions, tell: Progress) -> Iterator[Block]:
     tell("cutting", 0, 1)
     lumen = lumen_solid(colon, widening=options.widening, simplification=options.simplification)
     sites = place_sites(colon, spacing=options.spacing)
-    blocks = []
     for number, cell in enumerate(power_cells(sites, thickness=options.thickness)):
-        blocks += cut_blocks(cell, lumen, sectors=options.sectors, thickness=options.thickness)
+        yield from cut_blocks(cell, lumen, sectors=options.sectors, thickness=options.thickness)
         tell("cutting", number + 1, len(sites))
-    return blocks
 
 
 def _decompose(
-    blocks: list[Block], options: WallOptions, workers: int, use_cache: bool, tell: Progress
-) -> tuple[list[list[np.ndarray]], dict[str, int]]:
-    """Hulls of every block, and how many blocks there were, came from the cache, and fell back to plain cuts."""
-    packed = [pack_block(block) for block in blocks]
+    cut: Iterator[Block], options: WallOptions, workers: int, use_cache: bool, tell: Progress
+) -> tuple[list[Block], list[list[np.ndarray]], dict[str, int]]:
+    """All blocks, the hulls of each, and how many came from the cache, fell back to plain cuts, or are one piece."""
     settings = repr((ALGORITHM, options.method, options.tolerance)).encode()
-    paths = [cache.block_path(content_hash(settings, data)) for data in packed]
+    blocks: list[Block] = []
+    paths: list[Path] = []
     hulls: dict[int, list[np.ndarray]] = {}
-    if use_cache:
-        for index, path in enumerate(paths):
-            found = _read_hulls(path)
-            if found is not None:
+    missing: list[int] = []
+    counts = {"blocks_fallen_back": 0}
+
+    def not_cached() -> Iterator[bytes]:
+        for block in cut:
+            data, index = pack_block(block), len(blocks)
+            blocks.append(block)
+            paths.append(cache.block_path(content_hash(settings, data)))
+            found = _read_hulls(paths[index]) if use_cache else None
+            if found is None:
+                missing.append(index)
+                yield data
+            else:
                 hulls[index] = found
-    counts = {"blocks": len(blocks), "blocks_cached": len(hulls), "blocks_fallen_back": 0}
-    missing = [index for index in range(len(blocks)) if index not in hulls]
 
     def done(number: int, answer: bytes | None) -> None:
         index = missing[number]
@@ -200,18 +205,21 @@ def _decompose(
                 cache.keep(paths[index], answer)
         tell("decomposing", len(hulls), len(blocks))
 
-    if missing:
-        run_blocks(
-            [packed[index] for index in missing],
-            method=options.method,
-            tolerance=options.tolerance,
-            workers=workers,
-            limit=BLOCK_LIMIT,
-            done=done,
-        )
-    # A block that is convex within the tolerance never reaches CoACD.
-    counts["blocks_of_one_piece"] = sum(len(found) == 1 for found in hulls.values())
-    return [hulls[index] for index in range(len(blocks))], counts
+    run_blocks(
+        not_cached(),
+        method=options.method,
+        tolerance=options.tolerance,
+        workers=workers,
+        limit=BLOCK_LIMIT,
+        done=done,
+    )
+    counts |= {
+        "blocks": len(blocks),
+        "blocks_cached": len(blocks) - len(missing),
+        # A block that is convex within the tolerance never reaches CoACD.
+        "blocks_of_one_piece": sum(len(found) == 1 for found in hulls.values()),
+    }
+    return blocks, [hulls[index] for index in range(len(blocks))], counts
 
 
 def _sound(vertices: Float[np.ndarray, "vertices 3"]) -> np.ndarray | None:
@@ -220,7 +228,7 @@ def _sound(vertices: Float[np.ndarray, "vertices 3"]) -> np.ndarray | None:
     return np.ascontiguousarray(corners(hull)) if hull.volume() > SLIVER else None
 
 
-def _read_hulls(path) -> list[np.ndarray] | None:
+def _read_hulls(path: Path) -> list[np.ndarray] | None:
     data = cache.read(path)
     if data is None:
         return None

@@ -5,17 +5,19 @@ import queue
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from typing import BinaryIO
 
 from haustra.models.wall.worker import receive, send
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """Each child keeps to one core; the pool is what runs in parallel."""
+_Waiting = queue.PriorityQueue[tuple[int, int, bytes]]
+"""Blocks by size, the largest first, so that no child is left alone with one at the end, each with its index."""
 
 
 def run_blocks(
-    blocks: Sequence[bytes],
+    blocks: Iterable[bytes],
     *,
     method: str,
     tolerance: float,
@@ -23,26 +25,31 @@ def run_blocks(
     limit: float,
     done: Callable[[int, bytes | None], None],
 ) -> None:
-    """Decompose packed blocks in `workers` child processes.
+    """Decompose packed blocks in `workers` child processes, each as soon as `blocks` gives it.
 
     `done` is called in the calling thread with a block's index and its packed hulls, or None where the child crashed
     or took longer than `limit` [s].
     """
-    waiting: queue.SimpleQueue[tuple[int, bytes]] = queue.SimpleQueue()
-    # Large blocks first, so that no child is left alone with one at the end.
-    for index in sorted(range(len(blocks)), key=lambda number: -len(blocks[number])):
-        waiting.put((index, blocks[index]))
+    waiting: _Waiting = queue.PriorityQueue()
     finished: queue.SimpleQueue[tuple[int, bytes | None]] = queue.SimpleQueue()
-    children = [_Child(method, tolerance, limit) for _ in range(min(workers, len(blocks)))]
+    children = [_Child(method, tolerance, limit) for _ in range(workers)]
     threads = [threading.Thread(target=child.serve, args=(waiting, finished), daemon=True) for child in children]
+    left = 0
     try:
         for thread in threads:
             thread.start()
-        for _ in blocks:
+        for index, block in enumerate(blocks):
+            waiting.put((-len(block), index, block))
+            left += 1
+            while not finished.empty():
+                done(*finished.get())
+                left -= 1
+        for _ in range(left):
             done(*finished.get())
     finally:
         for child in children:
             child.stop()
+            waiting.put((0, -1, b""))  # wakes a thread, which finds its child stopped
         for thread in threads:
             thread.join()
 
@@ -57,15 +64,13 @@ class _Child:
         self._lock = threading.Lock()
         self._stopped = False
 
-    def serve(self, waiting: queue.SimpleQueue, finished: queue.SimpleQueue) -> None:
-        """Hand blocks to the child until none waits."""
-        while not self._stopped:
-            try:
-                index, block = waiting.get_nowait()
-            except queue.Empty:
-                break
+    def serve(self, waiting: _Waiting, finished: queue.SimpleQueue) -> None:
+        """Hand blocks to the child until it is stopped."""
+        while True:
+            _, index, block = waiting.get()
+            if self._stopped:
+                return
             finished.put((index, self._decompose(block)))
-        self.stop()
 
     def stop(self) -> None:
         """End the child for good."""

@@ -47,3 +47,19 @@ def test_a_child_that_hangs_is_ended(packed, monkeypatch):
     start = subprocess.Popen
     monkeypatch.setattr(pool.subprocess, "Popen", lambda command, **options: start(sleeper, **options))
     assert _run(packed[:2], limit=0.5) == {0: None, 1: None}
+
+
+def test_what_fails_while_blocks_are_cut_is_passed_on_and_leaves_no_child(packed, monkeypatch):
+    started = []
+    start = subprocess.Popen
+    monkeypatch.setattr(
+        pool.subprocess, "Popen", lambda *words, **options: started.append(start(*words, **options)) or started[-1]
+    )
+
+    def cut():
+        yield from packed[:2]
+        raise ValueError("no solid")
+
+    with pytest.raises(ValueError, match="no solid"):
+        _run(cut())
+    assert all(child.poll() is not None for child in started)
