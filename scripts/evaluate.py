@@ -12,7 +12,7 @@ class Evaluate:
     """Let drivers insert a scope into held-out grown colons, or yours; the same episodes for all; compare them."""
 
     drivers: Annotated[tuple[str, ...], tyro.conf.Positional]
-    """Folders of policies, or random, push, follower."""
+    """Folders of policies, insertion-easy (trained, ships), or random, push, follower."""
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for table, episodes and pictures."""
     colons: int = 80
@@ -123,7 +123,7 @@ class Evaluate:
     def _driver(self, name: str) -> tuple[Any, Any]:
         """How to make the driver, and the task that it was trained for."""
         from haustra.envs.learning.drivers import PolicyDriver
-        from haustra.envs.learning.policy import load_policy
+        from haustra.envs.learning.policy import load_policy, policy_folder
         from haustra.envs.learning.sb3_zip import load_zip
         from haustra.envs.learning.settings import Training
         from haustra.envs.tasks.drivers import FollowerDriver, PushDriver, RandomDriver
@@ -135,7 +135,7 @@ class Evaluate:
             return DeviceFollowerDriver, None
         if name in simple:
             return simple[name], None
-        path = Path(name)
+        path = policy_folder(name)
         if path.suffix == ".zip":
             policy = load_zip(path, Training(algorithm=self.algorithm), trust=self.trust)
         else:

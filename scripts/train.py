@@ -15,7 +15,7 @@ class Train:
     """Folder for the run."""
     config: str = "insertion-ppo"
     """A shipped training: insertion-ppo, insertion-gpu, insertion-mesentery,
-    insertion-sac, quick; or a JSON file like a training.json."""
+    insertion-easy, insertion-sac, quick; or a JSON file like a training.json."""
     steps: int | None = None
     """Environment steps over all worlds."""
     worlds: int | None = None

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from haustra.assets import asset
 from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.scope_task import ACTIONS
@@ -16,6 +17,8 @@ from haustra.files import prepare_folder, write_atomically, write_json
 
 WEIGHTS, ABOUT = "policy.safetensors", "policy.json"
 """Names of the two files."""
+SHIPPED_POLICIES = ("insertion-easy",)
+"""Trained policies in assets/policies, each by the training of its name."""
 _LARGEST_FILE = 200_000_000
 """No policy of this kind is larger [bytes]."""
 
@@ -83,6 +86,11 @@ def save_policy(folder: Path, policy: MlpPolicy) -> Path:
     }
     write_json(folder / ABOUT, document)
     return folder
+
+
+def policy_folder(name: str) -> Path:
+    """Where the policy of that name lies: one that ships, or a folder."""
+    return asset(f"policies/{name}/{ABOUT}").parent if name in SHIPPED_POLICIES else Path(name)
 
 
 def load_policy(folder: Path) -> MlpPolicy:

@@ -11,7 +11,7 @@ from haustra.errors import InvalidOptionError
 ALGORITHMS = ("ppo", "sac")
 ENGINES = ("native", "mjx-jax")
 DEVICES = ("cpu", "cuda")
-SHIPPED = ("insertion-ppo", "insertion-gpu", "insertion-mesentery", "insertion-sac", "quick")
+SHIPPED = ("insertion-ppo", "insertion-gpu", "insertion-mesentery", "insertion-easy", "insertion-sac", "quick")
 """Configurations in assets/training."""
 
 

@@ -5,10 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from haustra.envs.learning.drivers import PolicyDriver
 from haustra.envs.learning.evaluate import evaluate
+from haustra.envs.learning.policy import SHIPPED_POLICIES, load_policy, policy_folder
 from haustra.envs.learning.statistics import bootstrap, wilson
 from haustra.envs.tasks.config import Limits, TaskConfig
 from haustra.envs.tasks.drivers import FollowerDriver, PushDriver
+from haustra.envs.tasks.scope_task import ScopeTask
 from tests.task_bank import DESIGN, short_bank, tip_arcs
 
 CONFIG = TaskConfig(design=DESIGN, observation="state", limits=Limits(seconds=12.0))
@@ -76,3 +79,17 @@ def test_failures_are_named():
     weak = replace(CONFIG, limits=Limits(seconds=12.0, perforation_force=0.2))
     found = evaluate(PushDriver, "push", weak, short_bank(), episodes=1, threads=1).summary()
     assert found["perforated"] == 1 and found["safe_completion"] == 0
+
+
+@pytest.mark.parametrize("name", SHIPPED_POLICIES)
+def test_shipped_policies_drive(name):
+    """Through two short tubes that stand still; how far they come in colons is in docs/validation/navigation.md."""
+    policy = load_policy(policy_folder(name))
+    config = replace(policy.config, mesentery=False, limits=Limits(seconds=20.0))
+    for sampled in (False, True):
+
+        def driver(task: ScopeTask, sampled: bool = sampled) -> PolicyDriver:
+            return PolicyDriver(policy, sampled=sampled)
+
+        found = evaluate(driver, name, config, short_bank(), episodes=1, threads=1).summary()
+        assert found["completion"] == 1.0
