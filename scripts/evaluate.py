@@ -28,7 +28,7 @@ class Evaluate:
     friction: tuple[float, float] | None = None
     """Range of Coulomb's coefficient."""
     mesentery: bool | None = None
-    """Let colons move on their mesentery (--engine mjx-jax; no video yet); as the first policy's when not given."""
+    """Let colons move on their mesentery (--engine mjx-jax); as the first policy's when not given."""
     seconds: float = 90.0
     """Longest episode [s]."""
     engine: Literal["native", "mjx-jax"] = "native"
@@ -44,7 +44,8 @@ class Evaluate:
     trust: bool = False
     """Load Stable-Baselines3's .zip files, which run code that they contain."""
     video: bool = True
-    """Draw the best episode of each driver as animated WebP: about a minute for each minute driven."""
+    """Draw the best episode of each driver as animated WebP: about a minute for each minute driven, and several where
+    the colon moves."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 
@@ -66,7 +67,6 @@ class Evaluate:
         found = [self._driver(name) for name in self.drivers]
         config = self._config(next((task for _, task in found if task), None))
         bank = self._bank(config)
-        video = self.video and not config.mesentery
         done = []
         for name, (make, own) in zip(self.drivers, found, strict=True):
             seeing = _seeing(config, own) if own else config
@@ -80,7 +80,7 @@ class Evaluate:
                         episodes=self.episodes,
                         threads=self.threads,
                         engine=self.engine,
-                        record=video,
+                        record=self.video,
                         progress=lambda count, _, tell=advance: tell(count, ""),
                     )
                 )
@@ -93,7 +93,7 @@ class Evaluate:
         write_json(folder / "evaluation.json", result | {"provenance": provenance.to_json()})
         write_json(folder / "episodes.json", {one.driver: one.rows() for one in done})
         draw_evaluations(done, folder / "evaluation.png")
-        if video:
+        if self.video:
             for number, one in enumerate(done, start=1):
                 _draw_video(folder / f"video-{number}-{Path(one.driver).resolve().stem}.webp", one, bank, config)
         own = bool(self.colon_folders)

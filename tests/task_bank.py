@@ -27,6 +27,16 @@ def short_bank() -> Bank:
     return make_bank(cases, design, replace(TASK_OPTIONS, insertion_limit=0.32))
 
 
+@cache
+def hung_bank() -> Bank:
+    """The short bends, the first 60 % of each a sigmoid."""
+    cases = [
+        replace(case, borders=case.length * np.array([0.0, 0.05, 0.6, 0.7, 0.8, 0.9, 1.0]))
+        for case in short_bank().cases
+    ]
+    return replace(short_bank(), cases=tuple(cases)).hung(True)
+
+
 def tip_arcs(recording: Recording) -> np.ndarray:
     """Arc length of the centreline's station nearest to the tip, frame by frame [m], from the joint positions."""
     case, model = short_bank().cases[recording.case], batch_model(short_bank().scene)

@@ -45,6 +45,17 @@ class MovedColon:
             centreline=Centreline(self.way(shift), line.arc, frames),
         )
 
+    def carried(self, shift: Float[np.ndarray, "nodes 3"], place: Float[np.ndarray, "3"], arc: float) -> np.ndarray:
+        """Where a place of the colon at rest, at that arc length, is now [m]."""
+        return self._carried(shift, place[None], np.array([arc]))[0]
+
+    def taken_back(self, shift: Float[np.ndarray, "nodes 3"], place: Float[np.ndarray, "3"], arc: float) -> np.ndarray:
+        """Where a place at that arc length would be, had the colon not moved [m]."""
+        seen, moved = jnp.asarray((place - self._origin) @ self._axes)[None, None], jnp.asarray(shift)[None]
+        turns = moving_colon.turns_of(self._mesentery, moved)
+        rest = moving_colon.taken_back(self._tables, moved, turns, seen, jnp.asarray([[arc]]))
+        return np.asarray(rest, float)[0, 0] @ self._axes.T + self._origin
+
     def _carried(self, shift: np.ndarray, points: np.ndarray, arcs: np.ndarray) -> np.ndarray:
         seen = (points - self._origin) @ self._axes
         moved = moving_colon.carried(self._tables, jnp.asarray(shift)[None], jnp.asarray(seen)[None], arcs[None])

@@ -10,11 +10,10 @@ from jaxtyping import Float
 
 from haustra.envs.engine.scope_batch import batch_model
 from haustra.envs.learning.recording import Recording
+from haustra.envs.learning.stage import stage_of
 from haustra.envs.picture.camera import looking
-from haustra.envs.picture.outside import OutsideView, default_rotation
 from haustra.envs.picture.tip import tip_view
 from haustra.envs.tasks.bank import Bank
-from haustra.envs.tasks.case import Case
 from haustra.envs.tasks.config import Limits
 from haustra.files import write_atomically
 from haustra.models.anatomy.colon import Surface
@@ -32,10 +31,6 @@ _QUALITY = 60
 """Of WebP: some 8 kB a frame."""
 _NEAR = 0.2
 """Wall farther from the tip is not drawn in its picture [m]: wall at 3 cm sends back forty times as much light."""
-_ROOM = 0.004
-"""The lens stays this far from the wall in its picture [m]: less than a tip's radius, since its wall is soft."""
-_ALONG = 0.05
-"""The station of the centreline beside a tip is sought this far on either side of the tip's arc length [m]."""
 _BEFORE_ANUS = 0.03
 """Length of shaft that is drawn outside the patient [m]."""
 _INK, _PAPER, _RAIL, _FILL, _ALARM = "#30343b", "#ffffff", "#dfe3e8", "#2f6f8f", "#c2413b"
@@ -91,18 +86,15 @@ def _frames(
 ) -> "Iterator[Image]":
     from PIL import Image
 
-    case = bank.cases[recording.case]
-    colon = case.colon()
-    scope = _Scope(bank)
-    rotation = default_rotation(colon.lumen, colon.centreline.points)
-    outside = OutsideView(colon.lumen, rotation, width=WIDTH - _SIDE, height=HEIGHT)
+    size = (WIDTH - _SIDE, HEIGHT)
+    scope, stage = _Scope(bank), stage_of(bank.cases[recording.case], recording.shift, size)
     view = min(bank.design.tip.field_of_view_deg, 170.0)
     count, peak = len(recording.time), 0.0
     for index in range(count):
         shape, tip, frame = scope.at(recording.qpos[index])
         picture = Image.new("RGB", (WIDTH, HEIGHT), _PAPER)
-        eye = _inside(case, tip, float(recording.tip_arc[index]))
-        seen = tip_view(_near(colon.lumen, eye), eye, looking(frame[:, 2], frame[:, 0]), view, size=_SIDE, samples=1)
+        lumen, eye, outside = stage.at(index, tip, float(recording.tip_arc[index]))
+        seen = tip_view(_near(lumen, eye), eye, looking(frame[:, 2], frame[:, 0]), view, size=_SIDE, samples=1)
         picture.paste(Image.fromarray(seen), (0, 0))
         drawn = outside.draw(shape, bank.design.diameter / 2, bending_length=bank.design.bending.length)
         picture.paste(Image.fromarray(drawn), (_SIDE, 0))
@@ -116,19 +108,6 @@ def _near(lumen: Surface, place: Float[np.ndarray, "3"]) -> Surface:
     """The part of a surface around a place: all that its picture needs, in a fraction of the time."""
     close = np.linalg.norm(lumen.vertices - place, axis=1) < _NEAR
     return Surface(lumen.vertices, lumen.faces[close[lumen.faces].any(axis=1)])
-
-
-def _inside(case: Case, tip: Float[np.ndarray, "3"], arc: float) -> Float[np.ndarray, "3"]:
-    """Where the lens would be, had the wall not given way: a tip that has pressed on would see nothing from outside."""
-    places = case.step * np.arange(len(case.points))
-    away = np.linalg.norm(case.points - tip, axis=1)
-    row = int(np.where(np.abs(places - arc) < _ALONG, away, np.inf).argmin()) if arc > 0 else 0
-    across = case.frames[row][:, :2]
-    offset = (tip - case.points[row]) @ across
-    distance = float(np.linalg.norm(offset))
-    turn = np.arctan2(offset[1], offset[0]) / (2 * np.pi) * case.sight.shape[1]
-    most = max(float(case.sight[row, round(turn) % case.sight.shape[1]]) - _ROOM, 0.0)
-    return tip if distance <= most else tip - across @ offset * (1 - most / distance)
 
 
 class _Scope:

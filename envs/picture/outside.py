@@ -76,11 +76,25 @@ class OutsideView:
     """A colon that stands still, to be drawn with many scopes: what does not change is worked out once."""
 
     def __init__(
-        self, lumen: Surface, rotation: Float[np.ndarray, "3 3"], *, width: int = 900, height: int = 700
+        self,
+        lumen: Surface,
+        rotation: Float[np.ndarray, "3 3"],
+        *,
+        width: int = 900,
+        height: int = 700,
+        framed: Float[np.ndarray, "points 3"] | None = None,
     ) -> None:
-        """Look at a colon [m] by a camera's rotation, in a picture of that size."""
+        """Look at a colon by a camera's rotation, in a picture of that size.
+
+        Args:
+            lumen: inner surface of the colon [m].
+            rotation: columns are the camera's right, up and backward directions.
+            width: columns of the picture.
+            height: rows of the picture.
+            framed: what fits into the picture [m]; the colon when None.
+        """
         self._width, self._height = width, height
-        camera = _framing(lumen.vertices, rotation, width / height)
+        camera = _framing(lumen.vertices if framed is None else framed, rotation, width / height)
         self._canvas = _Canvas(camera, width * _SAMPLES, height * _SAMPLES)
         self._wall = _wall_of(self._canvas, lumen)
         self._empty = self._wall.over(self._canvas.background(), np.arange(len(self._wall.gloss)))

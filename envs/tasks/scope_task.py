@@ -201,6 +201,12 @@ class ScopeTask:
             return self.engine.way_ahead(distances)
         return axis_at(np, pick(self.bank.tables, self.case), self.seen.tip_arc[:, None] + distances)
 
+    @property
+    def shift(self) -> Float[np.ndarray, "worlds nodes 3"] | None:
+        """Displacements of the colons' axes [m]; None where they are fixed in space."""
+        found = None if isinstance(self.engine, ScopeBatch) else self.engine.shift
+        return None if found is None else np.asarray(found)
+
     def render_depth(self, world: int, size: int) -> Float[np.ndarray, "size size"]:
         """Depth along the camera's rays [m]."""
         return self.pictures.depth(int(self.case[world]), self._eye(world), float(self.seen.tip_arc[world]), size)

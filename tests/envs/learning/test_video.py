@@ -8,10 +8,11 @@ from PIL import Image
 
 from haustra.envs.learning.evaluate import Evaluation, evaluate
 from haustra.envs.learning.recording import Recording
+from haustra.envs.learning.stage import stage_of
 from haustra.envs.learning.video import HEIGHT, WIDTH, write_video
 from haustra.envs.tasks.config import Limits, TaskConfig
 from haustra.envs.tasks.drivers import FollowerDriver, PushDriver
-from tests.task_bank import DESIGN, short_bank, tip_arcs
+from tests.task_bank import DESIGN, hung_bank, short_bank, tip_arcs
 
 SERIES = ("time", "tip_arc", "progress", "push_force", "wall_force")
 CONFIG = TaskConfig(design=DESIGN, observation="state", limits=Limits(seconds=12.0))
@@ -100,3 +101,26 @@ def test_a_drawing_that_is_interrupted_leaves_nothing(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         draw(tmp_path / "push.webp", kept, progress=stop)
     assert not list(tmp_path.iterdir())
+
+
+def test_in_a_colon_that_moves_the_picture_moves_along():
+    """What the axis did is recorded; of a colon whose middle is carried 2 cm away, wall and lens are there."""
+    pytest.importorskip("jax")
+    config = replace(CONFIG, mesentery=True, limits=Limits(seconds=3.0))
+    bank = hung_bank()
+    kept = evaluate(PushDriver, "push", config, bank, episodes=1, engine="mjx-jax", record=True).recording
+    assert kept is not None and kept.shift is not None and kept.shift.shape[0] == len(kept.time)
+    assert np.abs(kept.shift[0]).max() < np.abs(kept.shift[-1]).max() < 0.02
+
+    case, away = bank.cases[kept.case], 0.02
+    shift = np.zeros((1, *kept.shift.shape[1:]))
+    shift[0, :, 0] = away * np.sin(np.linspace(0, np.pi, shift.shape[1])) ** 2
+    stage, still = stage_of(case, shift, (96, 96)), stage_of(case, None, (96, 96))
+    middle = len(case.points) // 2
+    place, arc = case.points[middle] + [away, 0.0, 0.0], case.step * middle
+    lumen, eye, outside = stage.at(0, place, arc)
+    rest, _, before = still.at(0, place, arc)
+    assert np.linalg.norm(lumen.vertices - rest.vertices, axis=1).max() == pytest.approx(away, rel=0.3)
+    assert eye == pytest.approx(place, abs=0.001), "in the middle of the lumen, where that is now"
+    pictures = [view.draw(None, 0.005, bending_length=0.05).astype(int) for view in (outside, before)]
+    assert (np.abs(pictures[0] - pictures[1]).max(axis=2) > 20).sum() > 50

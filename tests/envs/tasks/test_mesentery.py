@@ -1,17 +1,14 @@
 """Episodes in colons that move on their mesentery."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from haustra.envs.tasks.bank import Bank
 from haustra.envs.tasks.case import load_case, save_case
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.landmarks import SEGMENTS
-from tests.task_bank import DESIGN, short_bank
+from tests.task_bank import DESIGN, hung_bank
 
 pytest.importorskip("jax")
 
@@ -23,17 +20,8 @@ from haustra.envs.tasks.device_sight import DeviceSight
 from haustra.envs.tasks.sight import Sight
 
 
-def _hung_bank() -> Bank:
-    """The short bends, the first 60 % of each a sigmoid."""
-    cases = [
-        replace(case, borders=case.length * np.array([0.0, 0.05, 0.6, 0.7, 0.8, 0.9, 1.0]))
-        for case in short_bank().cases
-    ]
-    return replace(short_bank(), cases=tuple(cases)).hung(True)
-
-
 def test_a_case_keeps_its_segments(tmp_path):
-    case = _hung_bank().cases[0]
+    case = hung_bank().cases[0]
     read = load_case(save_case(tmp_path / "case.npz", case))
     assert [each.name for each in read.segments] == list(SEGMENTS)
     assert read.segments[1].end == pytest.approx(0.6 * case.length)
@@ -44,7 +32,7 @@ def test_a_case_keeps_its_segments(tmp_path):
 def test_a_follower_drives_in_colons_that_move():
     """The colon moves where it is hung, the way ahead and what is seen move along, and the tip gets on."""
     config = TaskConfig(design=DESIGN, observation="dict", privileged=True, mesentery=True)
-    task = ScopeTask(config, worlds=2, engine="mjx-jax", bank=_hung_bank())
+    task = ScopeTask(config, worlds=2, engine="mjx-jax", bank=hung_bank())
     assert isinstance(task.engine, DeviceBatch)
     seen = task.reset(seeds=[1, 2], case=np.array([0, 1]))
     driver = DeviceFollowerDriver(task)
@@ -69,7 +57,7 @@ def test_a_follower_drives_in_colons_that_move():
 
 def test_a_camera_that_moves_with_the_colon_sees_the_same():
     """The whole colon, and the eye, 5 cm aside: distances to the wall as at rest."""
-    bank = _hung_bank()
+    bank = hung_bank()
     engine = DeviceBatch(bank.scene, bank.tables, worlds=2)
     aside = np.array([0.03, -0.04, 0.0])
     engine._seen = engine._seen._replace(shift=jnp.zeros_like(engine.shift) + aside)
@@ -87,4 +75,4 @@ def test_a_camera_that_moves_with_the_colon_sees_the_same():
 )
 def test_what_cannot_be_done_in_colons_that_move_is_refused(engine, changed):
     with pytest.raises(UnsupportedSceneError, match="mesentery"):
-        ScopeTask(TaskConfig(design=DESIGN, mesentery=True, **changed), engine=engine, bank=_hung_bank())
+        ScopeTask(TaskConfig(design=DESIGN, mesentery=True, **changed), engine=engine, bank=hung_bank())

@@ -1,0 +1,79 @@
+"""The colon of an episode, frame by frame: its surface, where the lens is in it, and how it looks from outside."""
+
+import numpy as np
+from jaxtyping import Float
+
+from haustra.envs.picture.outside import OutsideView, default_rotation
+from haustra.envs.tasks.case import Case
+from haustra.models.anatomy.colon import Surface
+from haustra.models.wall.radius_field import stack
+
+_ROOM = 0.004
+"""The lens stays this far from the wall in its picture [m]: less than a tip's radius, since its wall is soft."""
+_ALONG = 0.05
+"""The station of the centreline beside a tip is sought this far on either side of the tip's arc length [m]."""
+
+
+def stage_of(
+    case: Case, shift: Float[np.ndarray, "frames nodes 3"] | None, size: tuple[int, int]
+) -> "StillColon | MovingColon":
+    """A colon to draw an episode in.
+
+    Args:
+        case: the colon.
+        shift: displacements of its axis [m], frame by frame; None where it is fixed in space.
+        size: columns and rows of the view from outside.
+    """
+    return StillColon(case, size) if shift is None else MovingColon(case, shift, size)
+
+
+class StillColon:
+    """A colon that is fixed in space."""
+
+    def __init__(self, case: Case, size: tuple[int, int]) -> None:
+        """Draw it from outside, once."""
+        self._case, self._lumen = case, case.colon().lumen
+        self._outside = OutsideView(self._lumen, _rotation(case), width=size[0], height=size[1])
+
+    def at(self, index: int, tip: Float[np.ndarray, "3"], arc: float) -> tuple[Surface, np.ndarray, OutsideView]:
+        """Surface, place of the lens [m], and the view from outside, in a frame with the tip there."""
+        return self._lumen, _inside(self._case, tip, arc), self._outside
+
+
+class MovingColon:
+    """A colon on its mesentery: drawn anew in every frame, by a camera that stands still."""
+
+    def __init__(self, case: Case, shift: Float[np.ndarray, "frames nodes 3"], size: tuple[int, int]) -> None:
+        """Find a camera that sees all of it at the beginning, in the middle and at the end."""
+        from haustra.envs.engine.moved_colon import MovedColon  # needs JAX
+
+        self._case, self._shift, self._size = case, shift, size
+        self._colon = MovedColon(case.colon(), stack([case.hung_tables]))
+        self._rotation = _rotation(case)
+        ends = (self._colon.colon(at).lumen.vertices for at in (shift[0], shift[len(shift) // 2], shift[-1]))
+        self._framed = np.vstack(list(ends))
+
+    def at(self, index: int, tip: Float[np.ndarray, "3"], arc: float) -> tuple[Surface, np.ndarray, OutsideView]:
+        """As `StillColon.at`."""
+        shift = self._shift[index]
+        lumen = self._colon.colon(shift).lumen
+        rest = _inside(self._case, self._colon.taken_back(shift, tip, arc), arc)
+        outside = OutsideView(lumen, self._rotation, width=self._size[0], height=self._size[1], framed=self._framed)
+        return lumen, self._colon.carried(shift, rest, arc), outside
+
+
+def _rotation(case: Case) -> Float[np.ndarray, "3 3"]:
+    return default_rotation(case.colon().lumen, case.points)
+
+
+def _inside(case: Case, tip: Float[np.ndarray, "3"], arc: float) -> Float[np.ndarray, "3"]:
+    """Where the lens would be, had the wall not given way: a tip that has pressed on would see nothing from outside."""
+    places = case.step * np.arange(len(case.points))
+    away = np.linalg.norm(case.points - tip, axis=1)
+    row = int(np.where(np.abs(places - arc) < _ALONG, away, np.inf).argmin()) if arc > 0 else 0
+    across = case.frames[row][:, :2]
+    offset = (tip - case.points[row]) @ across
+    distance = float(np.linalg.norm(offset))
+    turn = np.arctan2(offset[1], offset[0]) / (2 * np.pi) * case.sight.shape[1]
+    most = max(float(case.sight[row, round(turn) % case.sight.shape[1]]) - _ROOM, 0.0)
+    return tip if distance <= most else tip - across @ offset * (1 - most / distance)
