@@ -1,7 +1,8 @@
 """EdinGCA_3D_00020 as published (Gut Cell Atlas, CC BY 4.0), and how far an imported colon is from it.
 
-`python tests/published_colon.py` prints the figures of docs/validation/input.md, in four minutes, and `... powers`
-those of centrelines by the power of their clearance; tests/models/anatomy/test_published_colon.py holds them.
+`python tests/published_colon.py` prints the figures of docs/validation/input.md, in four minutes, `... powers` those
+of centrelines by the power of their clearance, and `... cloud` those of the colon from points on its surface;
+tests/models/anatomy/test_published_colon.py holds the first.
 """
 
 import json
@@ -46,6 +47,8 @@ SPREAD = 2.0
 """Standard deviation over which the published table spreads the volume of each of its stations [mm]: found by trial."""
 EVERY = 7
 """Of the samples of a surface, 1 mm apart, every so many are looked for on the other."""
+CLOUD = 200_000
+"""Points on the surface, evenly spread at random."""
 POWERS = (2, 3, 4, 5, 6, 8)
 """Of the clearance in the cost of a centreline, that are compared."""
 ENDS = 0.05
@@ -140,11 +143,11 @@ def _per_length(line: Centreline, own: np.ndarray, at: np.ndarray, known: Publis
     return np.sqrt(ours / window / np.pi) - np.sqrt(theirs / window / np.pi)
 
 
-def apart(one: Colon, other: Colon) -> dict[str, float]:
+def apart(one: Colon, other: Colon, *, every: int = EVERY) -> dict[str, float]:
     """Distances between two colons' surfaces and centrelines [mm]."""
     samples = [surface_samples(colon.lumen, 1e-3) for colon in (one, other)]
     trees = [KDTree(points, leafsize=32) for points in samples]
-    samples = [points[::EVERY] for points in samples]
+    samples = [points[::every] for points in samples]
     there, back = trees[1].query(samples[0])[0], trees[0].query(samples[1])[0]
     lines = KDTree(one.centreline.points).query(other.centreline.points)[0]
     found = {}
@@ -213,6 +216,40 @@ def label_map_of(colon: Colon, file: Path) -> Path:
     return file
 
 
+def cloud_of(colon: Colon, file: Path) -> Path:
+    """Write points spread at random over a colon's lumen surface [mm]."""
+    corners, random = colon.lumen.vertices[colon.lumen.faces], np.random.default_rng(0)
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    face = random.choice(len(area), CLOUD, p=area / area.sum())
+    np.savetxt(file, np.einsum("nk,nkd->nd", random.dirichlet(np.ones(3), CLOUD), corners[face]) * 1e3, fmt="%.4f")
+    return file
+
+
+def from_cloud(data: Path) -> dict[str, object]:
+    """How the colon comes back from points on its surface: measures, radius along its length, distances."""
+    stl = from_stl(data)
+    with tempfile.TemporaryDirectory() as folder:
+        file, began = cloud_of(stl, Path(folder) / "cloud.xyz"), time.process_time()
+        cloud = import_colon(file, units="mm", cloud=True)
+        seconds = time.process_time() - began
+    line, own = cloud.centreline, effective_diameter(cloud.centreline, cloud.radius) / 2
+    known = effective_diameter(stl.centreline, stl.radius) / 2
+    station = KDTree(stl.centreline.points).query(line.points)[1]
+    off = (own - known[station])[(line.arc > ENDS) & (line.arc < line.length - ENDS)]
+    return {
+        "length_m": {"STL": stl.centreline.length, "cloud": line.length},
+        "volume_l": {
+            name: signed_volume(colon.lumen.vertices, colon.lumen.faces) * 1e3
+            for name, colon in (("STL", stl), ("cloud", cloud))
+        },
+        "lengths": {"STL": lengths(stl, published(data)), "cloud": lengths(cloud, published(data))},
+        "radius_rms_mm": _rms(off),
+        "radius_bias_mm": float(off.mean()) * 1e3,
+        "STL (one) and cloud (other)": apart(stl, cloud, every=1),
+        "seconds": seconds,
+    }
+
+
 def by_power(data: Path) -> dict[str, dict[str, float]]:
     """How far centrelines of two patients are from the published ones, by the power of the clearance in their cost."""
     found, usual = {}, route.CENTRING_POWER
@@ -240,6 +277,9 @@ def main() -> None:
     data = Path(__file__).parents[2] / "shared" / "data"
     if sys.argv[1:] == ["powers"]:
         json.dump(by_power(data), sys.stdout, indent=1)
+        return
+    if sys.argv[1:] == ["cloud"]:
+        json.dump(from_cloud(data), sys.stdout, indent=1)
         return
     known, t = published(data), [time.process_time()]
     stl = from_stl(data)
