@@ -18,7 +18,7 @@ from haustra.envs.outcome import Outcome
 from haustra.envs.sweep.paths import with_values
 from haustra.envs.sweep.questions import Engine, Question, Runner, one_by_one
 from haustra.envs.sweep.study import Column, Job, Result, Study, Value
-from haustra.errors import InvalidOptionError, InvalidStudyError
+from haustra.errors import InvalidOptionError, InvalidStudyError, UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.store import METADATA, load_colon, save_colon
@@ -112,13 +112,17 @@ def build_setup(study: Study, variables: Mapping[str, float], conditions: Mappin
     options = find_preset(str(study.options["preset"])).apply(SceneOptions(friction=friction))
     if (timestep := float(study.options["timestep"])) != SceneOptions.timestep:
         options = replace(options, timestep=timestep)
+    moves = bool(study.options["mesentery"])
+    if moves:
+        options = replace(options, wall_law="field", mesentery=True)
+    usual = FollowerSettings(straighten=moves)
     design = find_design("adult" if study.base == "default" else study.base)
     if diameter is not None:
         design = _with_diameter(design, diameter)
     return Setup(
         design=with_values(design, rooms["design"]) if rooms["design"] else design,
         options=with_values(options, rooms["scene"]) if rooms["scene"] else options,
-        driver=with_values(FollowerSettings(), rooms["driver"]) if rooms["driver"] else FollowerSettings(),
+        driver=with_values(usual, rooms["driver"]) if rooms["driver"] else usual,
     )
 
 
@@ -193,7 +197,12 @@ def prepare(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
 
     Raises:
         HaustraError: when a colon cannot be grown or read, or has no wall.
+        UnsupportedSceneError: when the colons are to move.
     """
+    if study.options["mesentery"]:
+        raise UnsupportedSceneError(
+            "Colons that move on their mesentery (options.mesentery) need the engine 'mjx-jax': name it."
+        )
     method = cast(Method, study.options["wall"])
     for name in map(str, study.conditions["colon"]):
         place = _colon_folder(folder, name)
@@ -220,7 +229,13 @@ QUESTION = Question(
         "colon": Column("colon", "text", "grown-<seed>, or the folder of a colon"),
         "friction": Column("friction", "1", "Coulomb's coefficient between scope and wall"),
     },
-    options={"seconds": 30.0, "wall": "prism", "timestep": SceneOptions.timestep, "preset": "balanced"},
+    options={
+        "seconds": 30.0,
+        "wall": "prism",
+        "timestep": SceneOptions.timestep,
+        "preset": "balanced",
+        "mesentery": False,
+    },
     check=build_setup,
 )
 NATIVE = Engine(start=_start, prepare=prepare)

@@ -1,12 +1,15 @@
 """Studies of scopes on the engine of many worlds: one batch for designs of a kind, halved where memory is short."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import jax
 import pytest
 
-from haustra.envs.sweep import scope_worlds
+from haustra.envs.sweep import scope, scope_worlds
 from haustra.envs.sweep.study import Job, Objective, Study, Variable
+from haustra.errors import UnsupportedSceneError
+from haustra.models.anatomy.colon import ColonSegment
 from haustra.models.anatomy.store import save_colon
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
@@ -14,7 +17,12 @@ from tests.models.wall.conftest import swept_colon
 
 @pytest.fixture
 def study(tmp_path: Path) -> Study:
-    colon = save_colon(swept_colon(winding([(0.1, 0.0), (0.12, 1.2), (0.1, 0.0)]), name="bend"), tmp_path / "bend")
+    bend = swept_colon(winding([(0.1, 0.0), (0.12, 1.2), (0.1, 0.0)]), name="bend")
+    end = bend.centreline.length
+    segments = (ColonSegment("rectum", 0.0, 0.03), ColonSegment("sigmoid", 0.03, 0.9 * end))
+    colon = save_colon(
+        replace(bend, segments=(*segments, ColonSegment("descending colon", 0.9 * end, end))), tmp_path / "bend"
+    )
     return Study(
         question="scope",
         title="bend",
@@ -27,7 +35,7 @@ def study(tmp_path: Path) -> Study:
         ),
         conditions={"colon": (str(colon),), "friction": (0.1,)},
         objectives=(Objective("reach", "maximise"),),
-        options={"seconds": 6.0, "wall": "prism", "timestep": 0.005, "preset": "balanced"},
+        options={"seconds": 6.0, "wall": "prism", "timestep": 0.005, "preset": "balanced", "mesentery": False},
     )
 
 
@@ -58,3 +66,16 @@ def test_designs_share_a_batch_and_differ(study: Study, tmp_path: Path, monkeypa
     again = {result.job: result for result in scope_worlds.WORLDS.start(study, tmp_path)(_jobs(study))}
     assert seen == [2, 1, 1]
     assert again[0].scores["push_force_peak_N"] == pytest.approx(soft, rel=1e-3)
+
+
+def test_colons_of_a_study_move_when_asked(study: Study, tmp_path: Path) -> None:
+    """A bend that hangs by a sigmoid's mesentery takes less push; the native engine, whose walls stand, refuses."""
+    hung = replace(study, options={**study.options, "mesentery": True})
+    jobs = _jobs(study)[1:2]
+    with pytest.raises(UnsupportedSceneError, match="mjx-jax"):
+        assert scope.NATIVE.prepare
+        scope.NATIVE.prepare(hung, tmp_path, lambda text: None)
+    fixed, moved = (next(iter(scope_worlds.WORLDS.start(each, tmp_path)(jobs))) for each in (study, hung))
+    assert fixed.state == moved.state == "finished"
+    pushes = [float(one.scores["push_force_peak_N"] or 0) for one in (fixed, moved)]
+    assert 0 < pushes[1] < pushes[0]

@@ -10,7 +10,7 @@ from haustra.models.scope.wires import WireSet
 
 @pytest.mark.parametrize("name", DESIGN_NAMES)
 def test_named_designs_have_their_working_length(name):
-    assert named_design(name).length == pytest.approx(2.2 if name.endswith("-long") else 1.68)
+    assert named_design(name).length == pytest.approx(2.0 if name.endswith("-long") else 1.68)
 
 
 def test_an_unknown_design_is_refused_with_the_names_there_are():
