@@ -47,8 +47,12 @@ class MovingColon:
         """Find a camera that sees all of it at the beginning, in the middle and at the end."""
         from haustra.envs.engine.moved_colon import MovedColon  # needs JAX
 
-        self._case, self._shift, self._size = case, shift, size
-        self._colon = MovedColon(case.colon(), stack([case.hung_tables]))
+        tables = stack([case.hung_tables])
+        assert tables.mesentery is not None
+        # Among longer colons an axis has nodes added at its end.
+        self._shift = shift = shift[:, : tables.mesentery.nodes.shape[1]]
+        self._case, self._size = case, size
+        self._colon = MovedColon(case.colon(), tables)
         self._rotation = _rotation(case)
         ends = (self._colon.colon(at).lumen.vertices for at in (shift[0], shift[len(shift) // 2], shift[-1]))
         self._framed = np.vstack(list(ends))
