@@ -63,7 +63,7 @@ def write_video(
     Raises:
         OutputError: when the file cannot be written.
     """
-    count = len(recording.time)
+    count, bank = len(recording.time), bank.hung(recording.shift is not None)  # the scene that was driven
 
     def write(temporary: Path) -> None:
         frames = _frames(recording, bank, title, ending, limits, progress)
@@ -118,6 +118,8 @@ class _Scope:
         self._data = mujoco.MjData(self._model)
         self._links = [self._model.body(name).id for name in bank.scene.cable.links]
         self._tip = self._model.site("scope/tip").id
+        self._behind = bank.scene.cable.node_distances
+        self._start = bank.scene.options.start_depth
 
     def at(
         self, qpos: Float[np.ndarray, " joints"]
@@ -127,9 +129,9 @@ class _Scope:
         mujoco.mj_kinematics(self._model, self._data)
         tip = self._data.site_xpos[self._tip].copy()
         shape = np.vstack([self._data.xpos[self._links], tip])
-        first = len(shape) - 1  # the last link is drawn even of a scope that has been pulled out
-        while first and shape[first - 1, 2] > -_BEFORE_ANUS:
-            first -= 1
+        # By length, not by place: a loop of a colon may hang below the anus. The last link is drawn in any case.
+        inside = self._behind < self._start + float(qpos[0]) + _BEFORE_ANUS
+        first = min(int(inside.argmax()), len(shape) - 1)
         start = [[0.0, 0.0, min(-_BEFORE_ANUS, shape[first, 2] - 0.01)]]
         nodes = np.vstack([start, shape[first:]])
         return nodes, tip, self._data.site_xmat[self._tip].reshape(3, 3).copy()
