@@ -5,6 +5,7 @@ surface has no such end, no joints, and one depth at a point, so that one contac
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -70,8 +71,13 @@ class WallField:
         faces, self._arcs = faces[kept], arcs[kept]
         self._triangles = _packed(vertices[faces])
         self._normals = vertex_normals(vertices, np.asarray(mesh.tri_verts).astype(np.int64))[faces]
-        self._line, self._rays = colon.centreline, LumenRays(colon.lumen)
+        self._line, self._lumen = colon.centreline, colon.lumen
         self._tree = KDTree(np.column_stack([vertices[faces].mean(axis=1), ARC_WEIGHT * self._arcs]))
+
+    @cached_property
+    def _rays(self) -> LumenRays:
+        """Built when it is first asked for: tables never are."""
+        return LumenRays(self._lumen)
 
     def nearest(self, points: Float[np.ndarray, "points 3"], arcs: Float[np.ndarray, " points"]) -> Feet:
         """The nearest place of the wall to points [m] that are near those arc lengths [m]."""
