@@ -113,8 +113,8 @@ def test_in_a_colon_that_moves_the_picture_moves_along():
     assert np.abs(kept.shift[0]).max() < np.abs(kept.shift[-1]).max() < 0.02
 
     case, away = bank.cases[kept.case], 0.02
-    shift = np.zeros((1, *kept.shift.shape[1:]))
-    shift[0, :, 0] = away * np.sin(np.linspace(0, np.pi, shift.shape[1])) ** 2
+    shift = np.zeros_like(kept.shift[:1])
+    shift[0, :, 0] = away * np.sin(np.linspace(0, np.pi, len(shift[0]))) ** 2
     shift = np.pad(shift, ((0, 0), (0, 7), (0, 0)), mode="edge")  # as beside a longer colon
     stage, still = stage_of(case, shift, (96, 96)), stage_of(case, None, (96, 96))
     middle = len(case.points) // 2
