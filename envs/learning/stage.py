@@ -33,7 +33,8 @@ class StillColon:
     def __init__(self, case: Case, size: tuple[int, int]) -> None:
         """Draw it from outside, once."""
         self._case, self._lumen = case, case.colon().lumen
-        self._outside = OutsideView(self._lumen, _rotation(case), width=size[0], height=size[1])
+        rotation = default_rotation(self._lumen, case.points)
+        self._outside = OutsideView(self._lumen, rotation, width=size[0], height=size[1])
 
     def at(self, index: int, tip: Float[np.ndarray, "3"], arc: float) -> tuple[Surface, np.ndarray, OutsideView]:
         """Surface, place of the lens [m], and the view from outside, in a frame with the tip there."""
@@ -52,8 +53,9 @@ class MovingColon:
         # Among longer colons an axis has nodes added at its end.
         self._shift = shift = shift[:, : tables.mesentery.nodes.shape[1]]
         self._case, self._size = case, size
-        self._colon = MovedColon(case.colon(), tables)
-        self._rotation = _rotation(case)
+        rest = case.colon()
+        self._colon = MovedColon(rest, tables)
+        self._rotation = default_rotation(rest.lumen, case.points)
         ends = (self._colon.colon(at).lumen.vertices for at in (shift[0], shift[len(shift) // 2], shift[-1]))
         self._framed = np.vstack(list(ends))
 
@@ -64,10 +66,6 @@ class MovingColon:
         rest = _inside(self._case, self._colon.taken_back(shift, tip, arc), arc)
         outside = OutsideView(lumen, self._rotation, width=self._size[0], height=self._size[1], framed=self._framed)
         return lumen, self._colon.carried(shift, rest, arc), outside
-
-
-def _rotation(case: Case) -> Float[np.ndarray, "3 3"]:
-    return default_rotation(case.colon().lumen, case.points)
 
 
 def _inside(case: Case, tip: Float[np.ndarray, "3"], arc: float) -> Float[np.ndarray, "3"]:

@@ -53,8 +53,9 @@ class _Colons:
         colons = [_colon(name) for name in self.names]
         self.radius = find_design("adult" if study.base == "default" else study.base).diameter / 2
         hung = bool(study.options["mesentery"])
-        fields = [radius_field(colon, device_radius=self.radius, hung=hung) for colon in colons]
-        seen = [field.seen_from(*entry_of(colon)) for field, colon in zip(fields, colons, strict=True)]
+        seen = [
+            radius_field(colon, device_radius=self.radius, hung=hung).seen_from(*entry_of(colon)) for colon in colons
+        ]
         self.lengths = np.array([colon.centreline.length for colon in colons])
         self.longest = max(colons, key=lambda colon: colon.centreline.length)
         self.tables: Tables = stack(seen)
