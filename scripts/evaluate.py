@@ -154,7 +154,8 @@ class Evaluate:
 
 def _seeing(config: Any, own: Any) -> Any:
     """The rules for all, with what this policy was trained to see."""
-    return replace(config, observation=own.observation, privileged=own.privileged, memory=own.memory)
+    names = ("observation", "privileged", "memory", "imager")
+    return replace(config, **{name: getattr(own, name) for name in names})
 
 
 def _draw_video(path: Path, evaluation: Any, bank: Any, config: Any) -> None:

@@ -69,6 +69,8 @@ class BatchObservation:
     """Resultant normal force of the wall on each link, from the handle to the tip [N]."""
     deepest: Float[np.ndarray, " worlds"]
     """Largest depth of the scope in the wall [m]."""
+    coils: Float[np.ndarray, "worlds coils 3"]
+    """Places of the shaft `haustra.envs.engine.coils.COIL_DISTANCES` behind the tip, from the entry [m]."""
 
 
 class ScopeBatch:

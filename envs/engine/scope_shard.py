@@ -5,6 +5,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from mujoco.batch import Batch
 
+from haustra.envs.engine.coils import coil_samples
 from haustra.envs.engine.conditions import Conditions, Snapshot
 from haustra.envs.engine.native import FATAL_WARNINGS, SPEED_LIMIT
 from haustra.models.scene import Scene
@@ -68,6 +69,7 @@ class Shard:
         self._locks = np.array([[model.actuator(name).id for name in pair] for pair in cable.locks])
         self._behind = cable.length - cable.joint_positions
         self._tip = model.site("scope/tip").id
+        self._coils = self._spheres[coil_samples(model, samples)]
         joints = [(side, index) for index, cell in enumerate(cable.cells) for side in "xy"]
         steerable = [index for index, cell in enumerate(cable.cells) if cell.steerable]
         self._tip_links = np.array([cable.links.index(f"scope/link_{index:03d}") for index in steerable])
@@ -208,6 +210,7 @@ class Shard:
             "tip_force": np.einsum("wij,wi->wj", frame, links[:, self._tip_links].sum(axis=1)),
             "link_forces": np.linalg.norm(links, axis=2),
             "deepest": self._depth.max(axis=1),
+            "coils": self._geom_xpos[:, self._coils].copy(),
         }
 
     def positions(self) -> Float[np.ndarray, "worlds joints"]:

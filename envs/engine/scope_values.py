@@ -121,6 +121,8 @@ class Seen(NamedTuple):
     """(worlds, links): resultant of the wall's normal forces on each link [N]."""
     deepest: Array
     """Largest depth of the scope in the wall [m]."""
+    coils: Array
+    """(worlds, coils, 3): places of the shaft at fixed distances behind the tip [m]."""
     shift: Array | None = None
     """(worlds, nodes, 3) displacement of the colon's axis from rest, where it may move [m]."""
 

@@ -16,6 +16,7 @@ from jaxtyping import Float
 from haustra.envs.engine import chain as links
 from haustra.envs.engine import moving_colon
 from haustra.envs.engine.chain import Chain
+from haustra.envs.engine.coils import coil_samples
 from haustra.envs.engine.device_arrays import chosen
 from haustra.envs.engine.moving_colon import Grip, Shift
 from haustra.envs.engine.precision import precise
@@ -50,6 +51,8 @@ class ScopeWorlds:
     """(dofs,) which of the parameters scales it: 0 none, 1 bending, 2 tip_bending, 3 torsion."""
     sample_body: np.ndarray
     """(points,) body of each sphere."""
+    coils: np.ndarray
+    """(coils,) spheres on which an imager's coils sit."""
     bend_dofs: tuple[np.ndarray, np.ndarray]
     torque_limit: float
 
@@ -76,6 +79,7 @@ class ScopeWorlds:
             lock_dofs=np.array([[names.index(f"scope/bend_{a}_{i:03d}") for a in "xy"] for i in range(len(cells))]),
             scale=np.array([_scale_of(name, steerable) for name in names]),
             sample_body=np.array([model.body(sample.body).id - 1 for sample in scene.samples]),
+            coils=coil_samples(model, scene.samples),
             bend_dofs=(bend("y"), bend("x")),
             torque_limit=scene.options.torque_limit,
         )
@@ -188,7 +192,8 @@ class ScopeWorlds:
         scope = parameters.scope
         where = links.pose(self.chain, scope.links, worlds.qpos)
         own = pick(tables, parameters.colon)
-        found, _ = _look(own, worlds.shift, self._samples(scope, where), worlds.arcs[:, :-1])
+        spheres = self._samples(scope, where)
+        found, _ = _look(own, worlds.shift, spheres, worlds.arcs[:, :-1])
         forces = self._body_sums(worlds.normal[..., None] * found.inwards)
         hand = self._hand(parameters, worlds)
         up, left = (worlds.qpos[:, dofs].sum(axis=1) for dofs in self.bend_dofs)
@@ -205,6 +210,7 @@ class ScopeWorlds:
             tip_force=jnp.einsum("wij,wi->wj", where.rotation[:, -1], forces[:, -len(self.bend_dofs[0]) :].sum(axis=1)),
             link_forces=jnp.linalg.norm(forces, axis=-1),
             deepest=found.depth.max(axis=1) + scope.radius - self.table_radius,
+            coils=spheres[:, self.coils],
             shift=worlds.shift and worlds.shift.place,
         )
 

@@ -108,9 +108,12 @@ class TaskConfig:
     """One of `OBSERVATIONS`."""
     privileged: bool = False
     """Add what no device knows: arc length, the way ahead, the wall's place. For teachers and baselines."""
+    imager: bool = False
+    """Add what a magnetic imager of the scope's shape gives: where tip and shaft are, and how fast the tip moves. It has
+    no noise here; a real one has some millimetres."""
     memory: tuple[float, ...] = ()
-    """Also show how the state differs from its running means over these times [s]. A policy without memory of its own
-    cannot tell else that it has stood still for a while."""
+    """Also show how all that is measured differs from its running means over these times [s]. A policy without memory of
+    its own cannot tell else that it has stood still for a while."""
     picture_size: int = 64
     """Rows and columns of pictures."""
     pictures: bool = False

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float, Int
 
+from haustra.envs.engine.coils import COIL_DISTANCES
 from haustra.envs.engine.scope_batch import BatchObservation
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.sight import RANGE, RAYS, RINGS_DEG, ray_directions
@@ -18,6 +19,9 @@ STATE = (
     *("last push", "last roll", "last tip up", "last tip left"),
 )
 """Entries of the state: what scope and hand can measure."""
+IMAGER_SIZE = 4 * 3 + 3 * len(COIL_DISTANCES)
+"""Place of the tip from the anus [0.3 m], its viewing direction and 'up', its speed in its own frame [0.1 m/s]; places
+of the shaft from the tip, in the tip's frame [0.3 m]."""
 LUMEN_SIZE = 1 + RAYS * len(RINGS_DEG) + 2
 """Distances along the rays over `RANGE`, then the direction, up and left, in which the lumen is deep."""
 AHEAD = (0.02, 0.04, 0.06, 0.08, 0.10)
@@ -25,6 +29,7 @@ AHEAD = (0.02, 0.04, 0.06, 0.08, 0.10)
 PRIVILEGED_SIZE = 3 + 3 * len(AHEAD)
 """Progress, largest wall force [10 N], friction; places ahead in the tip's frame over `RANGE`."""
 _LARGEST = 10.0
+_REACH = 0.3
 
 Observation = Mapping[str, np.ndarray]
 
@@ -33,23 +38,31 @@ def sizes(config: TaskConfig) -> dict[str, tuple[int, ...]]:
     """Shape of each part that this configuration shows.
 
     Raises:
-        InvalidOptionError: when privileged entries or memory are asked for without names.
+        InvalidOptionError: when privileged entries, an imager or memory are asked for without names.
     """
     every = {"state": (len(STATE),), "lumen": (LUMEN_SIZE,), "pixels": (config.picture_size, config.picture_size, 4)}
     if config.observation != "dict":
-        if config.privileged or config.memory:
+        if config.privileged or config.memory or config.imager:
             raise InvalidOptionError(
-                "Privileged entries and memory come under names of their own: ask for observation 'dict' with them."
+                "Privileged entries, imager and memory come under names of their own: ask for observation 'dict' "
+                "with them."
             )
         return {config.observation: every[config.observation]}
     parts = {"state": every["state"], "lumen": every["lumen"]}
+    if config.imager:
+        parts["imager"] = (IMAGER_SIZE,)
     if config.memory:
-        parts["recent"] = (len(config.memory) * len(STATE),)
+        parts["recent"] = (len(config.memory) * measured_size(config),)
     if config.privileged:
         parts["privileged"] = (PRIVILEGED_SIZE,)
     if config.pictures:
         parts["pixels"] = every["pixels"]
     return parts
+
+
+def measured_size(config: TaskConfig) -> int:
+    """How many entries a device itself measures, and remembers if it has a memory."""
+    return len(STATE) + IMAGER_SIZE * config.imager
 
 
 def flat(parts: Observation) -> Float[np.ndarray, "worlds size"]:
@@ -82,25 +95,44 @@ def state(
     return bounded(columns)
 
 
+def imager(seen: BatchObservation, tip_velocity: Float[np.ndarray, "worlds 3"]) -> Float[np.ndarray, "worlds imager"]:
+    """What a magnetic imager of the scope's shape shows, without its noise.
+
+    Args:
+        seen: where tip and shaft are.
+        tip_velocity: of the tip, in the patient's frame [m/s].
+    """
+    frame = seen.tip_frame
+    shaft = np.einsum("wij,wci->wcj", frame, seen.coils - seen.tip[:, None])
+    columns = [
+        seen.tip / _REACH,
+        frame[:, :, 2],
+        frame[:, :, 0],
+        np.einsum("wij,wi->wj", frame, tip_velocity) / 0.1,
+        shaft.reshape(len(shaft), -1) / _REACH,
+    ]
+    return bounded(np.column_stack(columns))
+
+
 class Memory:
-    """Running means of the state of all worlds: of what a device has measured itself, so any device can have them."""
+    """Running means of what the devices of all worlds have measured themselves, so that any device can have them."""
 
-    def __init__(self, times: tuple[float, ...], worlds: int, interval: float) -> None:
-        """Means that forget by 1/e within each of `times` [s], renewed every `interval` [s]."""
+    def __init__(self, times: tuple[float, ...], worlds: int, size: int, interval: float) -> None:
+        """Means of `size` entries that forget by 1/e within each of `times` [s], renewed every `interval` [s]."""
         self._rates = 1.0 - np.exp(-interval / np.array(times, float))
-        self._means = np.zeros((len(times), worlds, len(STATE)), np.float32)
+        self._means = np.zeros((len(times), worlds, size), np.float32)
 
-    def begin(self, worlds: Int[np.ndarray, " begun"], state: Float[np.ndarray, "worlds state"]) -> None:
-        """Forget everything in these worlds but the state of now."""
-        self._means[:, worlds] = state[worlds]
+    def begin(self, worlds: Int[np.ndarray, " begun"], measured: Float[np.ndarray, "worlds size"]) -> None:
+        """Forget everything in these worlds but what is measured now."""
+        self._means[:, worlds] = measured[worlds]
 
-    def add(self, state: Float[np.ndarray, "worlds state"]) -> None:
-        """Take in the state of now."""
-        self._means += self._rates[:, None, None].astype(np.float32) * (state - self._means)
+    def add(self, measured: Float[np.ndarray, "worlds size"]) -> None:
+        """Take in what is measured now."""
+        self._means += self._rates[:, None, None].astype(np.float32) * (measured - self._means)
 
-    def recent(self, state: Float[np.ndarray, "worlds state"]) -> Float[np.ndarray, "worlds recent"]:
-        """How the state of now differs from each mean."""
-        return bounded(np.concatenate(list(state - self._means), axis=1))
+    def recent(self, measured: Float[np.ndarray, "worlds size"]) -> Float[np.ndarray, "worlds recent"]:
+        """How what is measured now differs from each mean."""
+        return bounded(np.concatenate(list(measured - self._means), axis=1))
 
 
 def lumen(distances: Float[np.ndarray, "worlds rays"]) -> Float[np.ndarray, "worlds lumen"]:

@@ -97,9 +97,11 @@ class ScopeTask:
         self._gain, self._slack, self.friction = np.ones(worlds), np.zeros(worlds), np.zeros(worlds)
         self._wheels, self._action = np.zeros((worlds, 2)), np.zeros((worlds, len(ACTIONS)))
         self._best, self._from = np.zeros(worlds), np.zeros(worlds)
-        self._memory = seen_by.Memory(config.memory, worlds, self.interval)
+        self._memory = seen_by.Memory(config.memory, worlds, seen_by.measured_size(config), self.interval)
+        self._tip_velocity = np.zeros((worlds, 3))
         self._share, self._speed, self._age = np.zeros(worlds), np.zeros(worlds), np.zeros(worlds, int)
         self.seen: BatchObservation = self.engine.observe()
+        self._measured = self._measure()
         self._moment = self._now(np.ones(worlds, bool))
 
     def reset(
@@ -133,9 +135,10 @@ class ScopeTask:
             self._starts = self._starts or self._inserted()
             for world in worlds:
                 self.engine.restore(int(world), self._starts[self.case[world]])
-        for array in (self._wheels, self._action, self._share, self._speed, self._age):
+        for array in (self._wheels, self._action, self._share, self._speed, self._tip_velocity, self._age):
             array[worlds] = 0
         self.seen = self.engine.observe()
+        self._measured = self._measure()
         self._from[worlds] = self.seen.tip_arc[worlds]
         self._best[worlds] = 0.0
         if self._covers:
@@ -144,7 +147,7 @@ class ScopeTask:
                 self._look(int(world))
         self._moment = self._now(np.ones(self.worlds, bool))
         if self.config.memory:
-            self._memory.begin(worlds, self._state())
+            self._memory.begin(worlds, self._remembered())
         return self.observe()
 
     def stagger(self, seed: int) -> None:
@@ -157,7 +160,7 @@ class ScopeTask:
 
         A world whose action is not finite is lost, as if it had diverged: no policy means that.
         """
-        before, insertion = self._moment, self.seen.insertion
+        before, insertion, tip = self._moment, self.seen.insertion, self.seen.tip
         action = np.asarray(action, float)
         sound = np.all(np.isfinite(action), axis=1)
         action = np.clip(np.where(sound[:, None], action, 0.0), -1.0, 1.0)
@@ -167,11 +170,13 @@ class ScopeTask:
         self._action, self._age = action, self._age + 1
         self.seen = self.engine.observe()
         self._speed = (self.seen.insertion - insertion) / self.interval
+        self._tip_velocity = (self.seen.tip - tip) / self.interval
+        self._measured = self._measure()
         if self._covers:
             for world in np.flatnonzero(self._age % _LOOK_EVERY == 0):
                 self._look(int(world))
         if self.config.memory:
-            self._memory.add(self._state())
+            self._memory.add(self._remembered())
         after = self._moment = self._now(healthy)
         terms = reward(before, after, self.config.weights, self.config.limits)
         ended = after.reached | after.perforated | ~healthy
@@ -187,13 +192,12 @@ class ScopeTask:
     def observe(self) -> seen_by.Observation:
         """What all worlds see."""
         made = {
-            "state": self._state,
-            "recent": self._recent,
+            "recent": lambda: self._memory.recent(self._remembered()),
             "lumen": self._lumen,
             "privileged": self._privileged,
             "pixels": self._pixels,
         }
-        return {name: made[name]() for name in self.parts}
+        return {name: self._measured[name] if name in self._measured else made[name]() for name in self.parts}
 
     def way_ahead(self, distances: Float[np.ndarray, " places"]) -> Float[np.ndarray, "worlds places 3"]:
         """Places of the centreline that far ahead of the tip, from the entry [m]. No device knows them."""
@@ -279,11 +283,15 @@ class ScopeTask:
             **{f"reward_{name}": value for name, value in terms.items()},
         }
 
-    def _state(self) -> np.ndarray:
-        return seen_by.state(self.seen, self._wheels, self._action, self._speed)
+    def _measure(self) -> seen_by.Observation:
+        """What the device itself measures now."""
+        state = seen_by.state(self.seen, self._wheels, self._action, self._speed)
+        return {"state": state} | (
+            {"imager": seen_by.imager(self.seen, self._tip_velocity)} if self.config.imager else {}
+        )
 
-    def _recent(self) -> np.ndarray:
-        return self._memory.recent(self._state())
+    def _remembered(self) -> np.ndarray:
+        return np.concatenate(list(self._measured.values()), axis=1)
 
     def _lumen(self) -> np.ndarray:
         seen = self.seen

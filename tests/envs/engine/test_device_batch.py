@@ -39,6 +39,7 @@ def test_both_engines_see_the_same() -> None:
         forces.append([threads.link_forces.sum(), device.link_forces.sum()])
         insertion = device.insertion[0]
         np.testing.assert_allclose(threads.roll, device.roll, atol=0.02)
+        np.testing.assert_allclose(threads.coils, device.coils, atol=0.01)
     assert np.mean(apart) < 0.001
     ours, theirs = np.mean(forces, axis=0)
     assert ours == pytest.approx(theirs, rel=0.1)
