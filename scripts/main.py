@@ -56,6 +56,7 @@ def _join_verb(arguments: Sequence[str], verbs: Mapping[str, object]) -> list[st
 def _verbs() -> dict[str, Callable[..., Any]]:
     """Every verb is a frozen dataclass of options; calling it does the work and returns JSON values."""
     from haustra.scripts.bench_accuracy import BenchAccuracy
+    from haustra.scripts.bench_agreement import BenchAgreement
     from haustra.scripts.bench_all import BenchAll
     from haustra.scripts.bench_cost import BenchCost
     from haustra.scripts.bench_episodes import BenchEpisodes
@@ -112,6 +113,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
         "bench grown": BenchGrown,
         "bench view": BenchView,
         "bench worlds": BenchWorlds,
+        "bench agreement": BenchAgreement,
         "bench episodes": BenchEpisodes,
         "train": Train,
         "train curves": TrainCurves,

@@ -65,7 +65,7 @@ def bench_rigs(
         for count in worlds:
             rows.append(_rate(kind, count, device))
             progress(len(rows), f"{count} worlds of one {kind}")
-        parity += _parity(kind, device)
+        parity += compare_rigs(kind, device)
     where = wp.get_device(device)
     return {
         "rates": rows,
@@ -133,7 +133,13 @@ def _rate(kind: str, count: int, device: str | None) -> dict[str, Any]:
     }
 
 
-def _parity(kind: str, device: str | None) -> list[dict[str, Any]]:
+def compare_rigs(kind: str, device: str | None = None) -> list[dict[str, Any]]:
+    """Some speeds and frictions of one of `RIGS`, each beside the same run of the native engine.
+
+    Args:
+        kind: of `RIGS`.
+        device: as Warp names it.
+    """
     speeds, frictions = _spread(_COMPARED)
     many = WarpRigs([RIGS[kind](0.4)], which=np.zeros(_COMPARED, int), device=device).pull(speeds, frictions)
     rows = []

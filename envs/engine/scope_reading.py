@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 import jax
-import mujoco
 import numpy as np
 
+from haustra.envs.engine.at_origin import compile_at_origin
 from haustra.envs.engine.chain import Links
 from haustra.envs.engine.scope_values import Scope
 from haustra.errors import UnsupportedSceneError
@@ -19,6 +19,7 @@ def read_scope(scene: Scene) -> Scope:
     Raises:
         UnsupportedSceneError: when the scene has what this engine cannot honour.
     """
+    refuse_unsupported(scene)
     model = compile_at_origin(scene)
     cable, design = scene.cable, scene.design
     arms = np.zeros((len(WIRE_NAMES), model.nv))
@@ -51,15 +52,6 @@ def read_scope(scene: Scene) -> Scope:
 def stack_scopes(scopes: Sequence[Scope]) -> Scope:
     """One design a world."""
     return jax.tree.map(lambda *parts: np.concatenate(parts), *scopes)
-
-
-def compile_at_origin(scene: Scene) -> mujoco.MjModel:
-    """The scene with its scope at the origin, along z: colons take turns in front of it."""
-    refuse_unsupported(scene)
-    spec = scene.spec.copy()
-    root = spec.body("scope/root")
-    root.pos, root.quat = [0, 0, scene.options.start_depth - scene.cable.length], [1, 0, 0, 0]
-    return spec.compile()
 
 
 def refuse_unsupported(scene: Scene) -> None:

@@ -15,12 +15,13 @@ from jaxtyping import Float
 
 from haustra.envs.engine import chain as links
 from haustra.envs.engine import moving_colon
+from haustra.envs.engine.at_origin import compile_at_origin
 from haustra.envs.engine.chain import Chain
 from haustra.envs.engine.coils import coil_samples
 from haustra.envs.engine.device_arrays import chosen
 from haustra.envs.engine.moving_colon import Grip, Shift
 from haustra.envs.engine.precision import precise
-from haustra.envs.engine.scope_reading import compile_at_origin, read_scope
+from haustra.envs.engine.scope_reading import read_scope, refuse_unsupported
 from haustra.envs.engine.scope_values import Array, Contact, Hands, Parameters, Scope, Seen, Worlds
 from haustra.errors import InvalidOptionError
 from haustra.models.scene import Scene
@@ -63,6 +64,7 @@ class ScopeWorlds:
         Raises:
             UnsupportedSceneError: when the scene has what this engine cannot honour.
         """
+        refuse_unsupported(scene)
         model = compile_at_origin(scene)
         names = [model.joint(index).name for index in range(model.njnt)]
         cells = scene.cable.cells

@@ -1,0 +1,57 @@
+"""One line of the table of agreement: a quantity, an engine against the native one, the tolerance and its reason."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How far an engine is from the native one, or why it cannot be asked."""
+
+    quantity: str
+    engine: str
+    """That is held against the native engine."""
+    tolerance: float
+    """Largest difference that counts as agreement, in the quantity's unit."""
+    unit: str
+    reason: str
+    """Of the tolerance."""
+    difference: float | None = None
+    """None where the engine is absent."""
+    interval: tuple[float, float] | None = None
+    """95 % confidence of a mean difference over seeds; all of it must lie within the tolerance."""
+    absent: str = ""
+    """Why the engine was not asked."""
+
+    @property
+    def agrees(self) -> bool | None:
+        """Whether the difference is within the tolerance; None where the engine is absent."""
+        if self.difference is None:
+            return None
+        return all(abs(value) <= self.tolerance for value in (self.difference, *(self.interval or ())))
+
+    def without(self, engine: str, why: str) -> "Agreement":
+        """The same question to an engine that is not there."""
+        return Agreement(self.quantity, engine, self.tolerance, self.unit, self.reason, absent=why)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values."""
+        return {**asdict(self), "agrees": self.agrees}
+
+
+Part = Callable[[], Iterable[Agreement]]
+"""Some rows of the table."""
+
+
+def table(rows: Iterable[Agreement]) -> dict[str, str]:
+    """The rows as a terminal shows them."""
+    return {f"{row.quantity}, {row.engine}": _said(row) for row in rows}
+
+
+def _said(row: Agreement) -> str:
+    if row.difference is None:
+        return f"not asked: {row.absent}"
+    within = "" if row.interval is None else f" ({row.interval[0]:+.2g} to {row.interval[1]:+.2g})"
+    verdict = "agrees" if row.agrees else "DIFFERS"
+    return f"{verdict}: {row.difference:.2g}{within} {row.unit}, at most {row.tolerance:g}: {row.reason}"

@@ -1,0 +1,94 @@
+"""Ask every engine that this machine has the same questions, and say of the others why they are absent."""
+
+from collections.abc import Callable, Sequence
+from importlib.util import find_spec
+from typing import Any
+
+from haustra.envs.bench.agreement.free import Mover, by_jax, by_warp, compare_free, trials
+from haustra.envs.bench.agreement.insertions import Runs, compare_insertions, run_seeds
+from haustra.envs.bench.agreement.pads import NO_SURFACE_SPEED, compare_pads
+from haustra.envs.bench.agreement.row import Agreement
+from haustra.envs.bench.machine import machine
+from haustra.envs.tasks.bank import Bank
+
+PARTS = ("free", "pads", "insertions")
+_NO_WALL = "scopes in a wall are not built on MuJoCo Warp"
+_MISSING = "not installed here: pip install 'haustra[{}]'"
+
+
+def absent_engines() -> dict[str, str]:
+    """Engines that are not installed, and what to do."""
+    needs = {"mjx-jax": ("jax", "mjx"), "mjx-warp": ("warp", "warp")}
+    return {engine: _MISSING.format(extra) for engine, (module, extra) in needs.items() if find_spec(module) is None}
+
+
+def compare_engines(
+    bank: Bank,
+    parts: Sequence[str],
+    *,
+    seeds: int,
+    seconds: float,
+    threads: int,
+    device: str | None = None,
+    progress: Callable[[float, str], None] = lambda done, note: None,
+) -> list[Agreement]:
+    """Rows of the table.
+
+    Args:
+        bank: colons and scope.
+        parts: of `PARTS`.
+        seeds: of insertions.
+        seconds: longest insertion [s].
+        threads: of the native engine.
+        device: as Warp names it.
+        progress: told parts done.
+    """
+    absent, rows = absent_engines(), []
+    for done, part in enumerate(parts):
+        progress(done, part)
+        if part == "free":
+            movers: dict[str, Mover | str] = {
+                "mjx-jax": by_jax,
+                "mjx-warp": lambda trial: by_warp(trial, device=device),
+                **absent,
+            }
+            for trial in trials(bank.cases[0].colon(), bank.design):
+                rows += compare_free(trial, movers)
+        elif part == "pads":
+            rows += compare_pads({"mjx-jax": NO_SURFACE_SPEED, **absent}, device=device)
+        else:
+
+            def run(engine: str, done: int = done) -> Runs:
+                return run_seeds(
+                    bank,
+                    engine=engine,
+                    seeds=seeds,
+                    seconds=seconds,
+                    threads=threads,
+                    progress=lambda time: progress(done, f"insertions, {engine}: {time:.0f} s"),
+                )
+
+            found: dict[str, Runs | str] = {"mjx-warp": _NO_WALL}
+            known = None
+            if "mjx-jax" in absent:
+                found["mjx-jax"] = absent["mjx-jax"]
+            else:
+                known, found["mjx-jax"] = run("native"), run("mjx-jax")
+            rows += compare_insertions(known, found)
+    progress(len(parts), "")
+    return rows
+
+
+def devices() -> dict[str, Any]:
+    """Date, versions, processor, and the devices that the engines compute on."""
+    told: dict[str, Any] = dict(machine())
+    missing = absent_engines()
+    if "mjx-jax" not in missing:
+        import jax
+
+        told["jax_device"] = jax.devices()[0].device_kind
+    if "mjx-warp" not in missing:
+        import warp as wp
+
+        told["warp"], told["warp_device"] = wp.__version__, wp.get_device().name
+    return told
