@@ -58,6 +58,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
     from haustra.scripts.bench_accuracy import BenchAccuracy
     from haustra.scripts.bench_agreement import BenchAgreement
     from haustra.scripts.bench_all import BenchAll
+    from haustra.scripts.bench_cores import BenchCores
     from haustra.scripts.bench_cost import BenchCost
     from haustra.scripts.bench_episodes import BenchEpisodes
     from haustra.scripts.bench_grown import BenchGrown
@@ -114,6 +115,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
         "bench view": BenchView,
         "bench worlds": BenchWorlds,
         "bench agreement": BenchAgreement,
+        "bench cores": BenchCores,
         "bench episodes": BenchEpisodes,
         "train": Train,
         "train curves": TrainCurves,
