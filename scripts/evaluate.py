@@ -179,7 +179,15 @@ def _draw_video(path: Path, evaluation: Any, bank: Any, config: Any) -> None:
 
 
 def _row(summary: dict[str, Any]) -> dict[str, Any]:
-    names = ("episodes", "completion", "safe_completion", "progress", "seconds_when_reached", "peak_force_N")
+    names = (
+        "episodes",
+        "completion",
+        "intubation",
+        "safe_completion",
+        "progress",
+        "seconds_when_reached",
+        "peak_force_N",
+    )
     return {
         name: summary[name]
         for name in (*names, "mean_force_N", "share_over_2N", "share_over_safe", "tip_ahead_m", "reasons")

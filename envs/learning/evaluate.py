@@ -17,6 +17,13 @@ FELT = 2.0
 """Wall force above which a step counts as pressing [N]."""
 _USED_UP = 0.02
 """A scope of which less is left outside is used up [m]: a hand pushes it no further."""
+_SHARES = (
+    ("completion", "reached"),
+    ("intubation", "in_caecum"),
+    ("safe_completion", "safe"),
+    ("perforated", "perforated"),
+)
+"""Shares of episodes in a summary, and the column that each counts."""
 MOST_WORLDS = {"native": 40, "mjx-jax": 8192}
 """Episodes that run at once on an engine."""
 
@@ -29,6 +36,9 @@ class Episode:
     seed: int
     friction: float
     reached: bool
+    in_caecum: bool
+    """The tip came behind the ileocaecal valve, which guidelines call caecal intubation (Rex 2015, Gastrointest Endosc
+    81:31, from memory); `reached` asks for more, the caecum's end but for `Limits.caecum_margin`."""
     progress: float
     seconds: float
     peak_force_N: float
@@ -62,7 +72,7 @@ class Evaluation:
         """Figures with 95 % intervals, and why episodes failed, as JSON values."""
         found = {name: np.array([getattr(one, name) for one in self.episodes]) for name in Episode.__annotations__}
         rows: dict[str, Any] = {"driver": self.driver, "colons": self.colons, "episodes": len(self.episodes)}
-        for name, column in (("completion", "reached"), ("safe_completion", "safe"), ("perforated", "perforated")):
+        for name, column in _SHARES:
             low, high = wilson(int(found[column].sum()), len(self.episodes))
             rows[name] = float(found[column].mean())
             rows[f"{name}_wilson"] = [low, high]
@@ -217,6 +227,7 @@ class _Record:
             seed=self.seed,
             friction=float(last["friction"]),
             reached=reached,
+            in_caecum=reached or bool(last["in_caecum"]),
             progress=float(last["progress"]),
             seconds=float(last["time"]),
             peak_force_N=float(force.max()),

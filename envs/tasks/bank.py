@@ -60,6 +60,11 @@ class Bank:
         return np.array([case.length for case in self.cases])
 
     @cached_property
+    def valves(self) -> np.ndarray:
+        """Arc length at which the caecum begins, behind the ileocaecal valve [m]; not a number where not known."""
+        return np.array([case.borders[-2] if len(case.borders) else np.nan for case in self.cases])
+
+    @cached_property
     def scene(self) -> Scene:
         """The scope, as much of it as the longest colon takes."""
         longest = self.cases[int(self.lengths.argmax())]

@@ -27,6 +27,10 @@ class Weights:
 
     progress: float = 100.0
     """For the whole colon, in proportion [1]."""
+    advance: float = 0.0
+    """For the whole colon, in proportion, and taken back for what is lost [1]."""
+    facing: float = 0.0
+    """A control step that the tip looks back along the way [1]; half of it when it looks aside."""
     reached: float = 20.0
     """Once, in the caecum; withdrawn, at the anus [1]."""
     time: float = 0.01
@@ -109,11 +113,11 @@ class TaskConfig:
     privileged: bool = False
     """Add what no device knows: arc length, the way ahead, the wall's place. For teachers and baselines."""
     imager: bool = False
-    """Add what a magnetic imager of the scope's shape gives: where tip and shaft are, and how fast the tip moves. It has
-    no noise here; a real one has some millimetres."""
+    """Add what a magnetic imager of the scope's shape gives: where tip and shaft are, and how fast the tip moves.
+    It has no noise here; a real one has some millimetres."""
     memory: tuple[float, ...] = ()
-    """Also show how all that is measured differs from its running means over these times [s]. A policy without memory of
-    its own cannot tell else that it has stood still for a while."""
+    """Also show how all that is measured differs from its running means over these times [s]. A policy without
+    memory of its own cannot tell else that it has stood still for a while."""
     picture_size: int = 64
     """Rows and columns of pictures."""
     pictures: bool = False

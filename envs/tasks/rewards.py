@@ -18,6 +18,10 @@ class Moment:
 
     progress: Float[np.ndarray, " worlds"]
     """Share of the way that the tip has come, the furthest so far [1]."""
+    place: Float[np.ndarray, " worlds"]
+    """Share of the way at which the tip is now [1]."""
+    facing: Float[np.ndarray, " worlds"]
+    """Cosine between the viewing direction and the way: 1 ahead, -1 back; 1 when nothing is paid for it [1]."""
     wall_force: Float[np.ndarray, " worlds"]
     """Largest resultant on one link at the end of the last action [N]; a peak between two actions is not seen."""
     excess: Float[np.ndarray, " worlds"]
@@ -36,6 +40,16 @@ Term = Callable[[Moment, Moment, Limits], Float[np.ndarray, " worlds"]]
 def progress(before: Moment, after: Moment, limits: Limits) -> Float[np.ndarray, " worlds"]:
     """Share of the way gained beyond the furthest place so far; going back and forth earns nothing."""
     return after.progress - before.progress
+
+
+def advance(before: Moment, after: Moment, limits: Limits) -> Float[np.ndarray, " worlds"]:
+    """Share of the way gained, or lost when the tip slips back: unlike `progress` it says so at once."""
+    return after.place - before.place
+
+
+def facing(before: Moment, after: Moment, limits: Limits) -> Float[np.ndarray, " worlds"]:
+    """Nought while the tip looks along the way, minus one when it looks back, as one that is bent over does."""
+    return (after.facing - 1.0) / 2.0
 
 
 def reached(before: Moment, after: Moment, limits: Limits) -> Float[np.ndarray, " worlds"]:
@@ -70,6 +84,8 @@ def coverage(before: Moment, after: Moment, limits: Limits) -> Float[np.ndarray,
 
 TERMS: Mapping[str, Term] = {
     "progress": progress,
+    "advance": advance,
+    "facing": facing,
     "reached": reached,
     "time": time,
     "wall_force": wall_force,

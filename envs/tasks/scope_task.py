@@ -28,6 +28,8 @@ ACTIONS = ("push", "roll", "tip up", "tip left")
 """Each from -1 to 1."""
 _LOOK_EVERY = 5
 """Control steps from one look for coverage to the next: 0.2 s, in which a tip moves by 12 mm at most."""
+_BESIDE = np.array([0.0, 0.03])
+"""Places of the centreline from the tip on between which its direction is taken [m]."""
 _ANUS = 0.04
 """A withdrawn scope has reached the anus when its tip is less than this far in [m]."""
 
@@ -97,6 +99,7 @@ class ScopeTask:
         self._gain, self._slack, self.friction = np.ones(worlds), np.zeros(worlds), np.zeros(worlds)
         self._wheels, self._action = np.zeros((worlds, 2)), np.zeros((worlds, len(ACTIONS)))
         self._best, self._from = np.zeros(worlds), np.zeros(worlds)
+        self._in_caecum = np.zeros(worlds, bool)
         self._memory = seen_by.Memory(config.memory, worlds, seen_by.measured_size(config), self.interval)
         self._tip_velocity = np.zeros((worlds, 3))
         self._share, self._speed, self._age = np.zeros(worlds), np.zeros(worlds), np.zeros(worlds, int)
@@ -140,7 +143,7 @@ class ScopeTask:
         self.seen = self.engine.observe()
         self._measured = self._measure()
         self._from[worlds] = self.seen.tip_arc[worlds]
-        self._best[worlds] = 0.0
+        self._best[worlds], self._in_caecum[worlds] = 0.0, False
         if self._covers:
             for world in worlds:
                 self._coverage.begin(int(world), int(self.case[world]))
@@ -254,9 +257,12 @@ class ScopeTask:
             share = (self._from - arc) / np.maximum(self._from - _ANUS, 1e-6)
             reached = arc <= _ANUS
         self._best = np.where(healthy, np.maximum(self._best, np.clip(share, 0.0, 1.0)), self._best)
+        self._in_caecum |= healthy & (arc >= self.bank.valves[self.case])
         force = self.seen.link_forces.max(axis=1)
         return Moment(
             progress=self._best.copy(),
+            place=np.where(healthy, share, self._best),
+            facing=self._facing() if self.config.weights.facing else np.ones(self.worlds),
             wall_force=force,
             excess=self.seen.insertion - arc,
             coverage=self._share.copy(),
@@ -277,11 +283,18 @@ class ScopeTask:
             "excess": after.excess,
             "coverage": after.coverage,
             "reached": after.reached,
+            "in_caecum": self._in_caecum.copy(),
             "perforated": after.perforated,
             "diverged": ~healthy,
             "time_up": late,
             **{f"reward_{name}": value for name, value in terms.items()},
         }
+
+    def _facing(self) -> np.ndarray:
+        """Cosine between the viewing direction and the centreline beside the tip."""
+        here, ahead = self.way_ahead(_BESIDE).swapaxes(0, 1)
+        along = (ahead - here) / np.linalg.norm(ahead - here, axis=1, keepdims=True)
+        return np.einsum("wi,wi->w", self.seen.tip_frame[:, :, 2], along)
 
     def _measure(self) -> seen_by.Observation:
         """What the device itself measures now."""

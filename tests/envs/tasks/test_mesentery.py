@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from haustra.envs.tasks.case import load_case, save_case
-from haustra.envs.tasks.config import TaskConfig
+from haustra.envs.tasks.config import TaskConfig, Weights
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.landmarks import SEGMENTS
@@ -31,7 +31,9 @@ def test_a_case_keeps_its_segments(tmp_path):
 
 def test_a_follower_drives_in_colons_that_move():
     """The colon moves where it is hung, the way ahead and what is seen move along, and the tip gets on."""
-    config = TaskConfig(design=DESIGN, observation="dict", privileged=True, mesentery=True)
+    config = TaskConfig(
+        design=DESIGN, observation="dict", privileged=True, mesentery=True, imager=True, weights=Weights(facing=1.0)
+    )
     task = ScopeTask(config, worlds=2, engine="mjx-jax", bank=hung_bank())
     assert isinstance(task.engine, DeviceBatch)
     seen = task.reset(seeds=[1, 2], case=np.array([0, 1]))
@@ -42,6 +44,7 @@ def test_a_follower_drives_in_colons_that_move():
     for _ in range(60):
         done = task.step(driver.act(done.observation))
     assert (done.info["progress"] > 0.2).all()
+    assert (np.abs(done.info["reward_facing"]) < 0.5).all()
     for _ in range(60):  # pushed on without steering, it leans on the bend
         done = task.step(np.tile([0.67, 0.0, 0.0, 0.0], (2, 1)))
     moved = np.linalg.norm(np.asarray(task.engine.shift), axis=2)
