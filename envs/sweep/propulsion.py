@@ -16,9 +16,8 @@ from haustra.envs.sweep.study import Column, Job, Result, Study, Value
 from haustra.errors import InvalidDesignError, InvalidOptionError, InvalidStudyError
 from haustra.models.tracked.design import TRACKS, TrackedDesign
 from haustra.models.tracked.drive import track_normal
-from haustra.models.tracked.law import PadLaw, TreadTable, load_table
+from haustra.models.tracked.law import TreadTable, load_law, load_table
 from haustra.models.tracked.rig import TIMESTEP, TUBE_TIMESTEP, Rig, flat_rig, tube_rig
-from haustra.models.tracked.tread import TreadGeometry
 
 CURVE_POINTS = 24
 """Places in a pitch at which the force curve is given; the law's third harmonic has eight of them to a period."""
@@ -107,14 +106,8 @@ def build_case(study: Study, variables: Mapping[str, float], conditions: Mapping
                 f"'{path}' is not known. Known: design.<field>, drive.starts, drive.spacing_pitches, "
                 "condition.friction, condition.speed"
             )
-    design = _with_drive(TrackedDesign(), drive)
-    design = with_values(design, fields) if fields else design
-    table = _table(replace(design.tread, tip_spacing=TreadGeometry.tip_spacing))
-    pressing = track_normal(design, design.nominal_diameter)
-    if pressing <= 0:
-        raise InvalidDesignError(
-            f"Bellows at {design.bellows.pressure:.4g} Pa lift the tracks off the wall: lower the pressure."
-        )
+    pressed = _pressed(tuple(fields.items()), tuple(drive.items()))
+    design = pressed.design
     friction, speed = under["friction"], under["speed"]
     if not 0 < friction <= 2:
         raise InvalidOptionError(f"Friction is {friction:g}: give a coefficient above 0, up to 2.")
@@ -125,19 +118,43 @@ def build_case(study: Study, variables: Mapping[str, float], conditions: Mapping
         friction *= design.shaft.transmission(speed / design.worm.lead * math.tau)
         if friction <= 0:
             raise InvalidDesignError(f"At {speed * 1e3:.1f} mm/s the shaft's losses leave nothing of the drive.")
-    needed = friction * TRACKS * pressing * _lever(design)
+    needed = friction * TRACKS * pressed.normal * _lever(design)
     if needed > design.worm.torque_limit:
         raise InvalidDesignError(
             f"The worm would need {needed:.3g} N m, more than the shaft's {design.worm.torque_limit:.3g} N m."
         )
     if study.options["rig"] not in ("flat", "tube"):
         raise InvalidStudyError(f"options.rig is '{study.options['rig']}'. Known: flat, tube")
-    return Case(design, speed, friction, PadLaw.fit(table).indentation(pressing / 2), table)
+    return Case(design, speed, friction, pressed.indentation, load_table(design.tread))
 
 
-@lru_cache(maxsize=64)
-def _table(tread: TreadGeometry) -> TreadTable:
-    return load_table(tread)
+@dataclass(frozen=True)
+class _Pressed:
+    """A design, and how it presses: what does not depend on its conditions."""
+
+    design: TrackedDesign
+    normal: float
+    """Of one track [N]."""
+    indentation: float
+    """[m]."""
+
+
+@lru_cache(maxsize=1024)
+def _pressed(fields: tuple[tuple[str, float], ...], drive: tuple[tuple[str, float], ...]) -> _Pressed:
+    """The prototype with these fields and drive, kept for its next conditions.
+
+    Raises:
+        InvalidDesignError: when the design is impossible, presses nothing, or has no force table.
+        InvalidStudyError: when a field is not known.
+    """
+    design = _with_drive(TrackedDesign(), dict(drive))
+    design = with_values(design, dict(fields)) if fields else design
+    normal = track_normal(design, design.nominal_diameter)
+    if normal <= 0:
+        raise InvalidDesignError(
+            f"Bellows at {design.bellows.pressure:.4g} Pa lift the tracks off the wall: lower the pressure."
+        )
+    return _Pressed(design, normal, load_law(design.tread).indentation(normal / 2))
 
 
 def _with_drive(design: TrackedDesign, drive: Mapping[str, float]) -> TrackedDesign:

@@ -1,6 +1,7 @@
 """Thousands of tracked designs at once for studies, on an NVIDIA GPU by MuJoCo Warp."""
 
-from collections.abc import Iterable, Iterator, Sequence
+import time
+from collections.abc import Iterable, Iterator, MutableMapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -38,27 +39,53 @@ def _start(study: Study, folder: Path) -> Runner:
             f"The engine 'mjx-warp' answers studies of the flat rig, not of the {study.options['rig']}: use 'native'."
         )
 
-    def run(jobs: Sequence[Job]) -> Iterable[Result]:
-        worlds: list[_World] = []
-        for job in jobs:
-            try:
-                worlds.append(_World(job, build_case(study, job.variables, job.conditions)))
-            except HaustraError as error:
-                yield Result(job.id, "failed", reason=" ".join(str(error).split()))
-        if worlds:
-            yield from halved(lambda some: list(_answer(study, some)), worlds, full=_out_of_memory)
-
-    return run
+    return lambda jobs: answer_worlds(study, jobs)
 
 
-def _answer(study: Study, worlds: Sequence[_World]) -> Iterator[Result]:
+def answer_worlds(
+    study: Study, jobs: Sequence[Job], *, spent: MutableMapping[str, float] | None = None
+) -> Iterable[Result]:
+    """Rows of all jobs, stepped together.
+
+    Args:
+        study: of the flat rig.
+        jobs: at least one.
+        spent: filled with the wall clock that 'building' the rigs, 'stepping' them and making 'rows' took [s].
+    """
+    clock = _Clock({} if spent is None else spent)
+    worlds: list[_World] = []
+    for job in jobs:
+        try:
+            worlds.append(_World(job, build_case(study, job.variables, job.conditions)))
+        except HaustraError as error:
+            yield Result(job.id, "failed", reason=" ".join(str(error).split()))
+    if worlds:
+        yield from halved(lambda some: list(_answer(study, some, clock)), worlds, full=_out_of_memory)
+        clock.stop("rows")
+
+
+class _Clock:
+    """Wall clock, part by part."""
+
+    def __init__(self, spent: MutableMapping[str, float]) -> None:
+        self._spent, self._began = spent, time.perf_counter()
+
+    def stop(self, part: str) -> None:
+        now = time.perf_counter()
+        self._spent[part] = self._spent.get(part, 0.0) + now - self._began
+        self._began = now
+
+
+def _answer(study: Study, worlds: Sequence[_World], clock: _Clock) -> Iterator[Result]:
     kinds = {world.rig: world.case for world in worlds}
     numbers = {rig: number for number, rig in enumerate(kinds)}
     rigs = WarpRigs(
         [rig_of(study, case) for case in kinds.values()], which=np.array([numbers[world.rig] for world in worlds])
     )
     cases = [world.case for world in worlds]
+    clock.stop("building")
     pulls = rigs.pull(np.array([case.speed for case in cases]), np.array([case.friction for case in cases]))
+    clock.stop("stepping")
     for row, world in enumerate(worlds):
         if not pulls.sound[row]:
             reason = touches_too_little(float(pulls.touching[row]), float(study.options["timestep"]))

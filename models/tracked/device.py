@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from haustra.errors import InvalidOptionError
 from haustra.models.tracked.design import TRACKS, TrackedDesign
-from haustra.models.tracked.law import PadLaw, load_table
+from haustra.models.tracked.law import PadLaw, load_law
 from haustra.models.tracked.loop import CORE_FRICTION, LoopPart, add_loop, soften
 
 TIPS = ("rear", "front")
@@ -151,7 +151,7 @@ def add_tracked(
             f"A strut cannot stand {each.min() * 1e3:.2f} to {each.max() * 1e3:.2f} mm out of its nominal radius: its "
             f"stroke is {low * 1e3:.1f} to {high * 1e3:.1f} mm."
         )
-    law = PadLaw.fit(load_table(design.tread))
+    law = load_law(design.tread)
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = max(spec.option.impratio, _LOOP_IMPRATIO if loops else _FREE_IMPRATIO if free else _IMPRATIO)
     core = _add_core(spec, design, position, frame, free=free, prefix=prefix)

@@ -9,7 +9,7 @@ import numpy as np
 from haustra.errors import InvalidOptionError
 from haustra.models.tracked.design import TRACKS, TrackedDesign
 from haustra.models.tracked.implied import SPEEDS_RPM, STATEMENTS, best_guaranteed, implied_curves
-from haustra.models.tracked.law import PadLaw, load_table
+from haustra.models.tracked.law import load_law
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ def track_normal(design: TrackedDesign, diameter: float) -> float:
     """
     from scipy.optimize import brentq
 
-    law = PadLaw.fit(load_table(design.tread))
+    law = load_law(design.tread)
     operating = law.indentation(design.bellows.preload / 2)
     extension = design.extension_in(diameter)
 

@@ -3,6 +3,7 @@
 import csv
 import tomllib
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float
@@ -43,13 +44,26 @@ def load_table(tread: TreadGeometry) -> TreadTable:
     Raises:
         InvalidDesignError: when no table was solved for this shape of tread.
     """
-    index = tomllib.loads(asset("tracked/tables.toml").read_text(encoding="utf-8"))
+    return _read(*_solved_for(tread))
+
+
+def load_law(tread: TreadGeometry) -> "PadLaw":
+    """The law of that table.
+
+    Raises:
+        InvalidDesignError: when no table was solved for this shape of tread.
+    """
+    return _fitted(*_solved_for(tread))
+
+
+def _solved_for(tread: TreadGeometry) -> tuple[str, float]:
+    """Name of the tread's table, and its size over the table's."""
     known = []
-    for entry in index.values():
+    for table, entry in _index().items():
         lengths = {name: value for name, value in entry["geometry"].items() if name != "tip_spacing"}
         scales = [getattr(tread, name) / value for name, value in lengths.items()]
         if max(scales) / min(scales) - 1 < _SAME_LENGTH:
-            return _read(entry, scales[0])
+            return table, scales[0]
         known.append(f"pitch {entry['geometry']['pitch'] * 1e3:.3g} mm")
     raise InvalidDesignError(
         f"No force table for a tread of pitch {tread.pitch * 1e3:.3g} mm, tooth {tread.tooth_width * 1e3:.3g} x "
@@ -58,7 +72,15 @@ def load_table(tread: TreadGeometry) -> TreadTable:
     )
 
 
-def _read(entry: dict, scale: float) -> TreadTable:
+@lru_cache(maxsize=1)
+def _index() -> dict[str, dict]:
+    """What tables there are. A study of many designs asks for each of them."""
+    return tomllib.loads(asset("tracked/tables.toml").read_text(encoding="utf-8"))
+
+
+@lru_cache(maxsize=64)
+def _read(table: str, scale: float) -> TreadTable:
+    entry = _index()[table]
     with asset(f"tracked/{entry['file']}").open(encoding="utf-8") as file:
         rows = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
     phases = np.unique([row["phase"] for row in rows])
@@ -66,14 +88,20 @@ def _read(entry: dict, scale: float) -> TreadTable:
     shape = (len(phases), len(indentations))
     rows.sort(key=lambda row: (row["phase"], row["indentation_mm"]))
     geometry = TreadGeometry(**{name: value * scale for name, value in entry["geometry"].items()})
-    return TreadTable(
-        geometry=geometry,
-        phases=phases,
-        indentations=indentations * 1e-3 * scale,
-        forces=np.reshape([row["contact_N"] for row in rows], shape) * scale**2,
-        stresses=np.reshape([row["stress_rear_kPa"] for row in rows], shape) * 1e3,
-        scale=scale,
-    )
+    arrays = {
+        "phases": phases,
+        "indentations": indentations * 1e-3 * scale,
+        "forces": np.reshape([row["contact_N"] for row in rows], shape) * scale**2,
+        "stresses": np.reshape([row["stress_rear_kPa"] for row in rows], shape) * 1e3,
+    }
+    for array in arrays.values():
+        array.flags.writeable = False  # all who ask share them
+    return TreadTable(geometry=geometry, scale=scale, **arrays)
+
+
+@lru_cache(maxsize=64)
+def _fitted(table: str, scale: float) -> "PadLaw":
+    return PadLaw.fit(_read(table, scale))
 
 
 @dataclass(frozen=True)
