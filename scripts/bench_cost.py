@@ -8,7 +8,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class BenchCost:
-    """Steps per second of the cable, the plugin cable and a plain chain, alone and in a colon."""
+    """Steps per second of the cable, the plugin cable, a 1D flex and a plain chain, alone and in a colon."""
 
     colon: Path | None = None
     """Folder of a colon; only rods alone when not given."""

@@ -1,4 +1,4 @@
-"""What a step costs: the scope's cable, the plugin cable and a plain chain, alone and in a colon."""
+"""What a step costs: the scope's cable, the plugin cable, a 1D flex and a plain chain, alone and in a colon."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -33,7 +33,8 @@ def cost_alone(
     """Steps per second and real-time factor of every kind of rod with the design's length and stiffness.
 
     The scope's cable has two hinges a joint and `TWIST_HINGES` twist hinges; the plugin cable has a ball joint, the
-    plain chain two hinges. All carry damping K (tau + h), without which none is stable at this time step.
+    plain chain two hinges, the 1D flex none. All carry damping K (tau + h), without which none is stable at this time
+    step but the flex.
     """
     section = design.shaft[0]
     rod = UniformRod(
@@ -108,7 +109,7 @@ def _rate(rod: RodModel) -> dict[str, Any]:
     rod.require("native")
     option = rod.spec.option
     option.timestep = TIMESTEP
-    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    option.integrator = rod.integrator
     model = rod.spec.compile()
     data = mujoco.MjData(model)
     data.xfrc_applied[model.body(rod.tip[0]).id, :2] = _SIDEWAYS

@@ -1,6 +1,6 @@
-"""Uniform clamped rods of three kinds behind one interface: the scope's cable, MuJoCo's plugin cable, a plain chain.
+"""Uniform clamped rods behind one interface: the scope's cable, MuJoCo's plugin cable, its 1D flex, a plain chain.
 
-The scope's cable is what every scene uses. The other two are bases that it is compared with.
+The scope's cable is what every scene uses. The others are bases that it is compared with.
 """
 
 import math
@@ -16,6 +16,9 @@ from haustra.models.scope.cells import cut_into_cells
 from haustra.models.scope.design import BendingLimits, ScopeDesign, ScopeSection, ScopeTip
 from haustra.models.scope.wires import WireSet
 
+_GHOST = 1e-3
+"""Length of the stretch that clamps a flex rod, over that of its others: a bend's stiffness is that of the mean length
+on either side, so that one of no length leaves the clamped end a half cell."""
 _NO_TIP = 1e-9
 """Length of the rigid tip that a scope must have, for rods that have none [m]."""
 
@@ -50,6 +53,8 @@ class RodModel:
     """Bodies that share a load at mid-length: name, place in its frame [m], share [1]."""
     tip: tuple[str, tuple[float, float, float]]
     """Body and place of the tip."""
+    integrator: mujoco.mjtIntegrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    """With which it is stepped."""
 
     def require(self, engine: str) -> None:
         """Refuse an engine that would drop part of the rod.
@@ -152,6 +157,51 @@ def plugin_rod(rod: UniformRod, joints: int) -> RodModel:
     return RodModel(spec, "cable plugin", frozenset({"native"}), ((bodies[half].name, place, 1.0),), last)
 
 
+def flex_rod(rod: UniformRod, joints: int) -> RodModel:
+    """MuJoCo's 1D flex, a discrete elastic rod: points that slide freely, `joints` equal stretches held by equalities.
+
+    It bends and does not twist. Only the integrator 'discrete' takes its bending and damping implicitly; with others it
+    diverges at the steps of scenes.
+    """
+    _require_joints(joints)
+    stretch = rod.length / joints
+    heights = [-_GHOST * stretch, *(stretch * index for index in range(joints + 1))]
+    points = " ".join(f"0 0 {height!r}" for height in heights)
+    elements = " ".join(f"{index} {index + 1}" for index in range(joints + 1))
+    clamped = rod.mass_per_length * stretch / 2
+    xml = f"""
+    <mujoco>
+      <worldbody>
+        <body name="clamp">
+          <inertial pos="0 0 0" mass="{clamped}" diaginertia="1e-9 1e-9 1e-9"/>
+          <flexcomp name="rod" type="direct" dim="1" radius="{rod.radius}" point="{points}" element="{elements}">
+            <elasticity young="{4 * rod.flexural_rigidity / (math.pi * rod.radius**4)}" damping="{rod.loss_time}"/>
+            <edge equality="true" solref="0.001 1" solimp="0.9999 0.9999 0.001"/>
+            <contact selfcollide="none" contype="0" conaffinity="0"/>
+            <pin id="0 1"/>
+          </flexcomp>
+        </body>
+      </worldbody>
+    </mujoco>"""
+    spec = mujoco.MjSpec.from_string(xml)
+    spec.option.gravity = [0, 0, 0]
+    for index in range(1, joints + 1):
+        spec.body(f"rod_{index + 1}").mass = (2 if index < joints else 1) * clamped
+    half = joints // 2
+    here = (0.0, 0.0, 0.0)
+    mid = [(f"rod_{half + 1}", here, 1.0)]
+    if joints % 2:  # the middle is between two points
+        mid = [(f"rod_{half + 1}", (0.0, 0.0, stretch / 2), 0.5), (f"rod_{half + 2}", (0.0, 0.0, -stretch / 2), 0.5)]
+    return RodModel(
+        spec,
+        "1D flex",
+        frozenset({"native"}),
+        tuple(mid),
+        (f"rod_{joints + 1}", here),
+        mujoco.mjtIntegrator.mjINT_DISCRETE,
+    )
+
+
 def chain_rod(rod: UniformRod, joints: int) -> RodModel:
     """A plain chain: equal links, the joints at their ends, two hinges in fixed order, no half cells."""
     _require_joints(joints)
@@ -185,6 +235,7 @@ RODS: dict[str, Callable[[UniformRod, int], RodModel]] = {
     "hinges": hinge_rod,
     "linear hinges": linear_hinge_rod,
     "cable plugin": plugin_rod,
+    "1D flex": flex_rod,
     "plain chain": chain_rod,
 }
 """Every kind of rod, by name."""

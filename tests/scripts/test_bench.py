@@ -48,7 +48,7 @@ def test_cost_compares_three_rods(capsys):
     assert main(["bench", "cost", "--joints", "6,8", "--json"]) == SUCCESS
     result = json.loads(capsys.readouterr().out)
     for row in result["alone"]:
-        for kind in ("hinges", "cable plugin", "plain chain"):
+        for kind in ("hinges", "cable plugin", "1D flex", "plain chain"):
             assert row[kind]["real_time_factor"] == pytest.approx(row[kind]["steps_per_s"] * result["timestep_s"])
 
 

@@ -27,7 +27,7 @@ STEP = 0.004
 """Time step of what is stepped [s], with damping of K h beside the rod's own."""
 LARGE, SMALL = 5.0, 1e-3
 """Tip load over EI / L^2: a tip angle of 70 degrees, and one that is linear to 1e-7."""
-THEORY = {"hinges": 2, "linear hinges": 2, "plain chain": 1, "cable plugin": 1}
+THEORY = {"hinges": 2, "linear hinges": 2, "1D flex": 2, "plain chain": 1, "cable plugin": 1}
 """Orders that are to be expected: half cells at both ends are of second order, a whole rigid first link of first."""
 _ZERO = np.zeros(3)
 _REST, _LONGEST = 1e-6, 8.0
@@ -61,7 +61,7 @@ def static_tip(built: RodModel, load: float) -> tuple[Float[np.ndarray, "3"], Ca
 def stepped_tip(built: RodModel, load: float) -> tuple[Float[np.ndarray, "3"], mujoco.MjModel, mujoco.MjData]:
     """The same of any rod, by stepping until it is still."""
     option = built.spec.option
-    option.timestep, option.integrator = STEP, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    option.timestep, option.integrator = STEP, built.integrator
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     model = built.spec.compile()
     data = mujoco.MjData(model)

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from haustra.envs.bench.accuracy import elastica, motion, propulsion
+from haustra.envs.bench.accuracy import elastica, motion, propulsion, timing
 from haustra.envs.bench.accuracy.drive import compare, record_script, replay
 from haustra.envs.bench.accuracy.insertion import refined
 from haustra.envs.bench.accuracy.plain_scope import plain_scope
@@ -15,9 +15,10 @@ from haustra.envs.bench.accuracy.question import Effort
 from haustra.envs.bench.accuracy.refined_mesh import with_triangles
 from haustra.envs.bench.accuracy.run import QUESTIONS, run_questions
 from haustra.envs.bench.accuracy.timing import Candidate, timed_front
-from haustra.errors import InvalidOptionError
+from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.anatomy.repair import is_watertight
 from haustra.models.scope.library import named_design
+from haustra.models.scope.rods import RODS
 from haustra.scripts.accuracy_page import accuracy_page, draw
 from haustra.scripts.main import BAD_INPUT, SUCCESS, main
 from tests.bent_colon import bent_colon
@@ -36,6 +37,18 @@ def test_half_cells_are_of_second_order_and_whole_first_links_of_first():
     table = elastica.answer(Effort(quick=True)).tables[0]
     for row in table.rows:
         assert row["observed_order"] == pytest.approx(row["theory"], abs=0.2), row
+
+
+def test_a_flex_rod_bends_as_it_should_under_its_own_integrator_alone():
+    built, load = RODS["1D flex"](elastica.ROD, 10), 0.1
+    tip, _, data = elastica.stepped_tip(built, load)
+    across, _ = elastica.elastica_tip(load)
+    assert timing.sound(data)
+    assert tip[0] / elastica.ROD.length == pytest.approx(across, rel=0.01)
+    explicit = replace(built, integrator=mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
+    assert not timing.sound(elastica.stepped_tip(explicit, load)[2])
+    with pytest.raises(UnsupportedSceneError, match="'mjx' cannot honour the rod '1D flex'"):
+        built.require("mjx")
 
 
 def test_integrators_have_their_order_in_time():
