@@ -20,7 +20,7 @@ class WallBuild:
     tolerance_mm: float | None = None
     """Depth of a piece in the lumen that is aimed at [mm]; 1.5 for coacd and 0.8 for prism when left out."""
     max_error_mm: float | None = None
-    """Refuse a wall whose intrusion (95th percentile) exceeds this [mm]."""
+    """Refuse a wall whose intrusion (95th percentile) or depth in a neighbouring loop's lumen exceeds this [mm]."""
     thickness_mm: float = 30.0
     """How far pieces reach beyond the lumen [mm]."""
     workers: int | None = None

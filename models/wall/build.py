@@ -18,7 +18,9 @@ from haustra.models.anatomy.store import colon_hash
 from haustra.models.wall import cache
 from haustra.models.wall.blocks import SLIVER, Block, corners, cut_blocks, lumen_solid
 from haustra.models.wall.cells import place_sites, power_cells
+from haustra.models.wall.clearing import clear_neighbours
 from haustra.models.wall.measure import measure
+from haustra.models.wall.neighbours import Neighbours
 from haustra.models.wall.packing import pack_block, unpack_hulls
 from haustra.models.wall.pool import run_blocks
 from haustra.models.wall.split import convex_parts
@@ -31,8 +33,8 @@ Progress = Callable[[str, int, int], None]
 """Told what is being done, how much of it is done, and how much there is."""
 ALGORITHM = "3"
 """Part of every cache key; raised when the same options give other pieces."""
-_MEASUREMENT = "2"
-"""Part of the key of a whole wall, whose error is kept with it; raised when the same pieces give another error."""
+_ASSEMBLY = "3"
+"""Part of the key of a whole wall; raised when the same blocks give another wall or another error, kept with it."""
 TOLERANCE: dict[Method, float] = {"coacd": 1.5e-3, "prism": 0.8e-3}
 """Default tolerance [m]: what keeps the 95th percentile of the intrusion below 1.0 mm and 0.4 mm (docs/decisions)."""
 WIDENING = 0.3
@@ -103,7 +105,8 @@ def build_wall(
         method: 'coacd' or 'prism'.
         thickness: How far pieces reach beyond the lumen [m].
         tolerance: Largest depth of a piece in the lumen that is aimed at [m]; `TOLERANCE` when left out.
-        max_error_mm: Largest 95th percentile of the intrusion that is accepted [mm].
+        max_error_mm: Largest 95th percentile of the intrusion that is accepted [mm], and largest depth of
+            a piece in the lumen of another loop.
         workers: Child processes; as many as there are cores when left out.
         rays: Rays that measure the error.
         use_cache: Whether to reuse and keep blocks and walls in the cache folder.
@@ -121,30 +124,49 @@ def build_wall(
         raise InvalidOptionError(f"A wall needs at least 1000 rays and 1 worker, not {rays} and {workers}.")
     tell = progress or (lambda what, done, total: None)
     digest = colon_hash(colon)
-    key = content_hash(
-        ALGORITHM.encode(), _MEASUREMENT.encode(), digest.encode(), repr((asdict(options), rays)).encode()
-    )
+    key = content_hash(ALGORITHM.encode(), _ASSEMBLY.encode(), digest.encode(), repr((asdict(options), rays)).encode())
     wall = _from_cache(key) if use_cache else None
     if wall is None:
         pieces, counts = _make_pieces(colon, options, workers or os.cpu_count() or 1, use_cache, tell)
+        tell("clearing", 0, 1)
+        cleared = clear_neighbours(Neighbours(colon), pieces)
+        tell("clearing", 1, 1)
         tell("measuring", 0, 1)
-        error, beside = measure(colon, pieces, rays=rays)
+        error, beside = measure(colon, cleared.pieces, cleared.left, rays=rays)
         tell("measuring", 1, 1)
         wall = Wall(
             method=method,
-            pieces=pieces,
+            pieces=cleared.pieces,
             error=error,
             provenance=Provenance(inputs={colon.name: digest}, configuration={**asdict(options), "rays": rays}),
-            metadata={"thickness_m": thickness, "tolerance_m": aimed, **counts, **beside, "cached": False},
+            metadata={
+                "thickness_m": thickness,
+                "tolerance_m": aimed,
+                **counts,
+                "pieces_cut_back": cleared.cut,
+                **beside,
+                "cached": False,
+            },
         )
         if use_cache:
             _keep(wall, key)
-    if max_error_mm is not None and wall.error.intrusion_p95_mm > max_error_mm:
-        raise WallError(
-            f"The wall stands {wall.error.intrusion_p95_mm:.2f} mm in the lumen of '{colon.name}' (95th percentile), "
-            f"more than the {max_error_mm:g} mm asked for: lower the tolerance ({1e3 * aimed:g} mm) or accept more."
-        )
+    if max_error_mm is not None:
+        _refuse_over(max_error_mm, wall, colon.name, aimed)
     return replace(wall, metadata={**wall.metadata, "seconds": time.perf_counter() - began})
+
+
+def _refuse_over(max_error_mm: float, wall: Wall, name: str, tolerance: float) -> None:
+    depth, beside = wall.error.intrusion_p95_mm, wall.error.neighbour_max_mm or 0.0
+    if depth > max_error_mm:
+        raise WallError(
+            f"The wall stands {depth:.2f} mm in the lumen of '{name}' (95th percentile), "
+            f"more than the {max_error_mm:g} mm asked for: lower the tolerance ({1e3 * tolerance:g} mm) or accept more."
+        )
+    if beside > max_error_mm:
+        raise WallError(
+            f"The wall of one loop stands up to {beside:.2f} mm in the lumen of another in '{name}', "
+            f"more than the {max_error_mm:g} mm asked for: loops may have grown together there ('haustra colon check')."
+        )
 
 
 def _make_pieces(

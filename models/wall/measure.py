@@ -8,8 +8,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial import KDTree
 
-from haustra.models.anatomy.colon import Colon, Surface
+from haustra.models.anatomy.colon import Colon
 from haustra.models.wall.blocks import ENTRY_RADIUS, ENTRY_REACH
+from haustra.models.wall.distance import surface_distance
+from haustra.models.wall.neighbours import OTHER_LOOP, Standing, deepest
 from haustra.models.wall.rays import Caster, joined_hulls
 from haustra.models.wall.wall import WallError, WallPiece
 
@@ -18,12 +20,8 @@ GOLDEN = 0.61803398875
 """Turn between stations, as a share of the angle between rays: no direction is left out along the whole colon."""
 LEAK = 0.003
 """A ray that runs this far [m] outside the lumen without meeting a piece has leaked: thinner walls leak (FINDINGS)."""
-OTHER_LOOP = 0.100
-"""Difference of arc length [m] by which a ray has come out in another loop."""
 RIM = 0.001
 """How near [m] a ray passes the rim of a fold, or of a hole where two loops have grown together, when it grazes it."""
-NEAREST_FACES = 24
-"""Triangles tried per point for its distance to the surface, nearest centres first."""
 MILLIMETRE = 1e3
 SEAM_PAIRS = 400
 """Pairs of neighbouring rays between which a step is looked for."""
@@ -49,8 +47,12 @@ class RayError:
     """Which rays left the lumen and met no piece within `LEAK`."""
 
 
-def measure(colon: Colon, pieces: Sequence[WallPiece], *, rays: int) -> tuple[WallError, dict[str, float]]:
+def measure(
+    colon: Colon, pieces: Sequence[WallPiece], standing: Standing, *, rays: int
+) -> tuple[WallError, dict[str, float]]:
     """The error of `pieces` as a wall of `colon`, from about `rays` rays, and figures that go beside it [mm].
+
+    `standing` is where they stand in the lumen of another loop.
 
     A ray sees only what is in sight of the centreline: pockets behind folds in sharp bends are left out.
     """
@@ -72,6 +74,7 @@ def measure(colon: Colon, pieces: Sequence[WallPiece], *, rays: int) -> tuple[Wa
         seam_step_max_mm=seam_step(lumen, wall, error) * MILLIMETRE,
         rays=len(error.signed),
         leaks=int(error.leaked.sum()),
+        neighbour_max_mm=deepest(standing, lumen) * MILLIMETRE,
     )
     beside = {
         "intrusion_p99_mm": float(np.percentile(inwards, 99)),
@@ -128,17 +131,6 @@ def seam_step(lumen: Caster, wall: Caster, error: RayError) -> float:
     return largest
 
 
-def surface_distance(surface: Surface, points: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, " points"]:
-    """Distance of points from a triangle surface [m], to the nearest among the faces whose centres are nearest."""
-    corners = surface.vertices[surface.faces]
-    count = min(NEAREST_FACES, len(corners))
-    nearest = KDTree(corners.mean(axis=1)).query(points, k=count)[1].reshape(len(points), count)
-    best = np.full(len(points), np.inf)
-    for rank in range(count):
-        best = np.minimum(best, _triangle_distance(points, corners[nearest[:, rank]]))
-    return best
-
-
 def _cast(colon: Colon, lumen: Caster, wall: Caster, rays: int) -> tuple[np.ndarray, ...]:
     """Origins, directions, arc lengths, distances to lumen and wall, without the rays that leave by the anus."""
     line = colon.centreline
@@ -159,8 +151,8 @@ def _cast(colon: Colon, lumen: Caster, wall: Caster, rays: int) -> tuple[np.ndar
 
 
 def _seen(origin: np.ndarray, rays: np.ndarray, lumen: Caster, wall: Caster) -> np.ndarray:
-    """Distances to the wall (at most `FURTHEST`) and to the lumen surface of rays from one origin, side by side."""
-    return np.stack([np.minimum(wall.entry(origin, rays), FURTHEST), lumen.distance(origin, rays)], axis=1)
+    """Distances to the wall and to the lumen surface of rays from one origin, at most `FURTHEST`, side by side."""
+    return np.minimum(np.stack([wall.entry(origin, rays), lumen.distance(origin, rays)], axis=1), FURTHEST)
 
 
 def _by_the_anus(colon: Colon, points: np.ndarray) -> np.ndarray:
@@ -193,18 +185,3 @@ def _seam_pairs(error: RayError) -> np.ndarray:
     together = (error.origins[:-1] == error.origins[1:]).all(axis=1) & ~error.leaked[:-1] & ~error.leaked[1:]
     index = np.flatnonzero(together)
     return index[np.linspace(0, len(index) - 1, min(SEAM_PAIRS, len(index))).astype(int)] if len(index) else index
-
-
-def _triangle_distance(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Distance from each point to its own triangle (Ericson, Real-Time Collision Detection, 2005, section 5.1.5)."""
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    normal = np.cross(b - a, c - a)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-    inside = np.ones(len(points), bool)
-    edges = np.full(len(points), np.inf)
-    for start, end in ((a, b), (b, c), (c, a)):
-        side, offset = end - start, points - start
-        inside &= np.einsum("ij,ij->i", np.cross(side, offset), normal) >= 0
-        share = np.einsum("ij,ij->i", offset, side) / np.maximum(np.einsum("ij,ij->i", side, side), 1e-30)
-        edges = np.minimum(edges, np.linalg.norm(offset - np.clip(share, 0, 1)[:, None] * side, axis=1))
-    return np.where(inside, np.abs(np.einsum("ij,ij->i", points - a, normal)), edges)

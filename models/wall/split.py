@@ -136,7 +136,7 @@ def face_planes(hull: Manifold) -> tuple[Plane, ...]:
 def _planes(hull: Manifold, cuts: tuple[Plane, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Unit normals and offsets of a hull's faces, and which of them lie on no cut."""
     vertices, faces, free = _faces(hull, cuts)
-    normals, twice = _normals(vertices, faces)
+    normals, twice = face_normals(vertices[faces])
     sound = twice > SMALLEST_FACE
     return normals[sound], np.einsum("ij,ij->i", normals[sound], vertices[faces[sound, 0]]), free[sound]
 
@@ -144,7 +144,7 @@ def _planes(hull: Manifold, cuts: tuple[Plane, ...]) -> tuple[np.ndarray, np.nda
 def _lumen_samples(solid: Manifold, planes: tuple[Plane, ...]) -> tuple[np.ndarray, np.ndarray, float]:
     """Points on the lumen surface (the faces that lie on no cut), its normals there, into the lumen, and its area."""
     vertices, faces, free = _faces(solid, planes)
-    normals, twice = _normals(vertices, faces[free])
+    normals, twice = face_normals(vertices[faces[free]])
     points = np.einsum("sk,fkd->sfd", SAMPLES, vertices[faces[free]]).reshape(-1, 3)
     return points, np.tile(normals, (len(SAMPLES), 1)), max(0.5 * float(twice.sum()), SMALLEST_FACE)
 
@@ -160,9 +160,9 @@ def _faces(solid: Manifold, cuts: tuple[Plane, ...]) -> tuple[np.ndarray, np.nda
     return vertices, faces, ~np.any(a & b & c, axis=1)
 
 
-def _normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Unit normals and twice the areas of triangles."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
+def face_normals(triangles: Float[np.ndarray, "faces 3 3"]) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals and twice the areas [m^2] of triangles."""
+    a, b, c = (triangles[:, k] for k in range(3))
     (ux, uy, uz), (vx, vy, vz) = (b - a).T, (c - a).T
     # Written out: np.cross takes three times as long for the few faces of one part.
     normal = np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx], axis=1)

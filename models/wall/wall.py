@@ -45,8 +45,10 @@ class WallError:
     """Rays cast."""
     leaks: int
     """Rays that ran 3 mm outside the lumen, or into another loop, without meeting a piece."""
+    neighbour_max_mm: float | None = None
+    """Deepest point of a piece in the lumen of another loop than its own; None for walls of before it was measured."""
 
-    def to_json(self) -> dict[str, float | int]:
+    def to_json(self) -> dict[str, float | int | None]:
         """As plain JSON values."""
         return asdict(self)
 

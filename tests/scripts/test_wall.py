@@ -12,7 +12,7 @@ from haustra.scripts.main import main
 
 KEYS = {
     *("method", "pieces", "vertices", "intrusion_max_mm", "intrusion_p95_mm", "recess_p95_mm", "rms_mm"),
-    *("mean_signed_mm", "rays", "leaks", "seam_step_max_mm", "seconds", "cached"),
+    *("mean_signed_mm", "rays", "leaks", "seam_step_max_mm", "neighbour_max_mm", "seconds", "cached"),
 }
 
 

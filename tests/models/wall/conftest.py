@@ -11,15 +11,21 @@ FOLD = 0.004
 ANGLES = 32
 
 
-def swept_colon(path: np.ndarray, *, name: str) -> Colon:
-    """A tube of 20 mm radius with a 4 mm fold every 30 mm, along equally spaced points in the plane z = 0."""
+def swept_colon(path: np.ndarray, *, name: str, bulge_at: float | None = None) -> Colon:
+    """A tube of 20 mm radius with a 4 mm fold every 30 mm, along equally spaced points in the plane z = 0.
+
+    Where it has a bulge it is 4 mm wider over some 12 mm.
+    """
     step = np.linalg.norm(np.diff(path, axis=0), axis=1).mean()
     arc = np.arange(len(path)) * step
     tangent = np.gradient(path, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     up = np.tile([0.0, 0.0, 1.0], (len(path), 1))
     frames = np.stack([up, np.cross(tangent, up), tangent], axis=2)
-    radius = np.tile((RADIUS - FOLD * np.cos(np.pi * arc / 0.030) ** 8)[:, None], (1, ANGLES))
+    profile = RADIUS - FOLD * np.cos(np.pi * arc / 0.030) ** 8
+    if bulge_at is not None:
+        profile += FOLD * np.exp(-0.5 * ((arc - bulge_at) / 0.006) ** 2)
+    radius = np.tile(profile[:, None], (1, ANGLES))
     # Closed by flat ends one station beyond the centreline on either side, so that it lies inside.
     rings = [0, *range(len(path)), len(path) - 1]
     shift = np.zeros(len(rings))
@@ -72,6 +78,12 @@ def tube_colon() -> Colon:
 def hairpin_colon() -> Colon:
     """Half a turn of 21 mm radius: its two straights lie 2 mm apart."""
     return swept_colon(_bend(0.021, np.pi, 0.060), name="hairpin")
+
+
+@pytest.fixture(scope="session")
+def nested_colon() -> Colon:
+    """A hairpin in which one straight bulges against a fold of the other, with a millimetre between them."""
+    return swept_colon(_bend(0.021, np.pi, 0.060), name="nested", bulge_at=0.156)
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from haustra.models.contact import WallContact
+from haustra.models.wall.distance import surface_distance
 from haustra.models.wall.field import WallField
-from haustra.models.wall.measure import surface_distance
 from haustra.models.wall.planes import PlaneWall, Sample, add_planes, capsule_samples
 from tests.tube_colon import RADIUS, folded_tube, straight_tube
 
