@@ -44,7 +44,7 @@ class BenchWorlds:
             raise InvalidOptionError(f"colons is {self.colons}: give 1 to 1000.")
         shares = joint_counts(self.devices, option="--devices", low=1, high=4096)
         device = use_jax(devices=max(shares), cache=self.cache)
-        from haustra.envs.bench.throughput import Rate, measure_insertions, measure_rates, rate_rows
+        from haustra.envs.bench.throughput import Rate, measure_insertions, measure_rates, memory_per_world, rate_rows
         from haustra.envs.bench.worlds_accuracy import compare_with_native
         from haustra.envs.scope_bank import BATCH_OPTIONS, build_bank
         from haustra.models.anatomy.grown import grow_colon
@@ -85,5 +85,6 @@ class BenchWorlds:
             "timestep_s": self.timestep,
             "field_error_p95_mm": max(error.depth_p95 for error in bank.errors) * 1e3,
             "rates": rate_rows(rates),
+            "memory_MB_per_world": memory_per_world(rates),
             **further,
         }

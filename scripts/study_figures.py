@@ -15,6 +15,8 @@ class StudyFigures:
     """Folder of a sweep."""
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for the pictures."""
+    name: str | None = None
+    """Of the pictures, after 'study-'; the study's question when not given."""
 
     def __call__(self) -> list[Path]:
         """Draw both."""
@@ -29,7 +31,7 @@ class StudyFigures:
         places, front = ranked(table)
         conditions = [name for name in ("friction", "speed_m_s") if name in frame.columns]
         effects = effects_of(frame, study, conditions)
-        stem = self.output / f"study-{study.question}"
+        stem = self.output / f"study-{self.name or study.question}"
         return [_front(stem, table, places, front, scores), _effects(stem, effects)]
 
 

@@ -13,7 +13,7 @@ import tyro
 @dataclass(frozen=True)
 class _StudyVerb:
     study: Annotated[str, tyro.conf.Positional]
-    """Name of a shipped study (propulsion, scope), or a file that ends in .toml or .yaml."""
+    """Name of a shipped study (propulsion, scope, scope-mesentery), or a file that ends in .toml or .yaml."""
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for jobs and results."""
     resume: bool = False
@@ -48,7 +48,11 @@ class _StudyVerb:
         )
         with _bar(study.title) as progress:
             result = self._runner()(study, self.output, computing, resume=self.resume, progress=progress)
-        return {"study": study.title, **result, **(_report(self.output) if self.report else {})}
+        return {"study": study.title, **result, **(_report(self.output) if self.report and self._tabled() else {})}
+
+    def _tabled(self) -> bool:
+        """Whether there are tables to report."""
+        return True
 
     @abstractmethod
     def _runner(self) -> Callable[..., dict[str, Any]]:
@@ -59,10 +63,19 @@ class _StudyVerb:
 class Sweep(_StudyVerb):
     """Run a study: designs × conditions, on every core or on many machines; nothing is lost when it is stopped."""
 
+    tables: bool = True
+    """Write results.csv, results.parquet and the report at the end, which needs polars. Without, a machine that has it
+    writes them from the folder later: the same command with --resume."""
+
+    def _tabled(self) -> bool:
+        return self.tables
+
     def _runner(self) -> Callable[..., dict[str, Any]]:
+        from functools import partial
+
         from haustra.envs.sweep.run import run_sweep
 
-        return run_sweep
+        return partial(run_sweep, tables=self.tables)
 
 
 @dataclass(frozen=True)

@@ -147,6 +147,18 @@ def _share(parameters: Parameters, count: int, sharding: Any) -> Parameters:
     )
 
 
+def memory_per_world(rates: Sequence[Rate]) -> float | None:
+    """Device memory that a further world takes [MB]: the slope of peaks over worlds on one device.
+
+    None where the device does not say, or fewer than two numbers of worlds were tried.
+    """
+    known = [(rate.worlds, rate.memory_MB) for rate in rates if rate.devices == 1 and rate.memory_MB > 0]
+    worlds, memory = np.array(known, float).reshape(-1, 2).T
+    if len(set(worlds)) < 2:
+        return None
+    return float(np.polyfit(worlds, memory, 1)[0])
+
+
 def rate_rows(rates: Sequence[Rate]) -> list[dict[str, float]]:
     """Rows as plain JSON values."""
     return [asdict(rate) for rate in rates]

@@ -5,9 +5,12 @@ import warp as wp
 
 HARMONICS = 3
 """Multiples of the tooth-passing frequency that are read."""
-SUMS = 4 + 4 * HARMONICS
-"""Of each world: steps read, normal force, friction, string; then of each harmonic friction times cosine and sine, and
-cosine and sine alone."""
+MEANS = 5
+"""Of each world: steps read, normal force, friction, string, roll rate."""
+WAVES = 6
+"""Of each harmonic: friction times cosine and sine, tension of the string times both, and cosine and sine alone."""
+SUMS = MEANS + WAVES * HARMONICS
+"""Numbers that are summed of each world: its means, then its waves."""
 
 
 @wp.func
@@ -43,6 +46,7 @@ def read_forces(
     frequency: wp.array(dtype=float),
     window: wp.array(dtype=wp.vec2i),
     sensors: wp.array2d(dtype=float),
+    speeds: wp.array2d(dtype=float),
     pads: wp.array(dtype=int),
     string: int,
     stiffness: float,
@@ -78,16 +82,22 @@ def read_forces(
     sums[world, 0] += 1.0
     sums[world, 1] += normal
     sums[world, 2] += force
+    tension = wp.float32(0.0)
     if string >= 0:
-        sums[world, 3] += stiffness * wp.max(sensors[world, string] - slack, 0.0)
+        tension = stiffness * wp.max(sensors[world, string] - slack, 0.0)
+        sums[world, 3] += tension
+        sums[world, 4] += speeds[world, 3]  # a free core's turning about its axis comes after its three ways
     passed = _passages(now, step, frequency[world])
     for harmonic in range(wp.static(HARMONICS)):
         angle = 2.0 * wp.pi * float(harmonic + 1) * (passed - wp.floor(passed))
         cosine, sine = wp.cos(angle), wp.sin(angle)
-        sums[world, 4 + 4 * harmonic] += force * cosine
-        sums[world, 5 + 4 * harmonic] += force * sine
-        sums[world, 6 + 4 * harmonic] += cosine
-        sums[world, 7 + 4 * harmonic] += sine
+        place = wp.static(MEANS) + wp.static(WAVES) * harmonic
+        sums[world, place] += force * cosine
+        sums[world, place + 1] += force * sine
+        sums[world, place + 2] += tension * cosine
+        sums[world, place + 3] += tension * sine
+        sums[world, place + 4] += cosine
+        sums[world, place + 5] += sine
 
 
 @wp.kernel

@@ -15,7 +15,7 @@ import warp as wp
 from jaxtyping import Bool, Complex, Float, Int
 from mujoco.mjx.third_party import mujoco_warp
 
-from haustra.envs.engine.warp_kernels import HARMONICS, SUMS, count_step, read_forces, steer
+from haustra.envs.engine.warp_kernels import HARMONICS, MEANS, SUMS, WAVES, count_step, read_forces, steer
 from haustra.envs.measure.propulsion import READ, SETTLING, TOUCHING
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.tracked.rig import STRING_LENGTH, STRING_STIFFNESS, Rig
@@ -46,8 +46,10 @@ class Pulls:
     ripple: Float[np.ndarray, "worlds harmonics"]
     """Amplitudes of the propulsion force at the tooth-passing frequency and its multiples [N]."""
     waves: Complex[np.ndarray, "worlds harmonics"]
-    """The same with their phases at the first step that is read: the force is its mean and the real part of the sum of
-    waves times exp(2 pi i n t / T) [N]."""
+    """Amplitudes and phases of what pulls, string or friction, at the first step that is read: it is its mean and the
+    real part of the sum of waves times exp(2 pi i n t / T) [N]."""
+    roll: Float[np.ndarray, " worlds"]
+    """Mean roll rate of a free core about its axis [rad/s]; 0 on a fixed one."""
     touching: Float[np.ndarray, " worlds"]
     """Share of the time for which the pad that lifts most touches the wall."""
     steps: int
@@ -121,24 +123,33 @@ class WarpRigs:
             rows = each[self.which].reshape(self.worlds, *shared.numpy().shape[1:])
             setattr(self._warp, name, wp.array(rows, dtype=shared.dtype))
 
-    def pull(self, speeds: Float[np.ndarray, " worlds"], friction: Float[np.ndarray, " worlds"]) -> Pulls:
+    def pull(
+        self,
+        speeds: Float[np.ndarray, " worlds"],
+        friction: Float[np.ndarray, " worlds"],
+        *,
+        roll_torque: Float[np.ndarray, " worlds"] | None = None,
+    ) -> Pulls:
         """Run the treads at steady speeds and read a second or more of whole tooth passages, after settling.
 
         Args:
             speeds: Of the treads relative to the core, positive [m/s].
             friction: Coulomb's coefficient of the treads.
+            roll_torque: of the flexible shaft on a free core about its axis [N m]; none when None.
 
         Raises:
-            InvalidOptionError: when a speed or friction cannot be honoured.
+            InvalidOptionError: when a torque is asked of a fixed core, or a speed or friction cannot be honoured.
         """
         _require(speeds, friction, self.worlds)
+        if roll_torque is not None and not (self._string >= 0 and np.isfinite(roll_torque).all()):
+            raise InvalidOptionError("Only a core that is free can be turned, and by a finite torque.")
         step = float(self.model.opt.timestep)
         frequency = speeds / np.array([rig.tracked.design.tread.pitch for rig in self.rigs])[self.which]
         read = np.round(np.ceil(READ * frequency) / frequency / step).astype(np.int32)
         settling = round(SETTLING / step)
         steps = -(-(settling + int(read.max())) // _STEPS) * _STEPS
         with wp.ScopedDevice(self._device):
-            self._set(speeds, friction)
+            self._set(speeds, friction, roll_torque)
             sums = wp.zeros((self.worlds, SUMS), dtype=float)
             pads = (self.worlds, len(self.rigs[0].tracked.pads))
             touching = wp.zeros(pads, dtype=float)
@@ -150,7 +161,7 @@ class WarpRigs:
                 data, time = self._data, (now, step, passing)
                 wp.launch(steer, pads, inputs=[*time, self._which, self._table, self._columns], outputs=[data.ctrl])
                 mujoco_warp.step(self._warp, data)
-                seen = [data.sensordata, self._sensors, self._string, STRING_STIFFNESS, STRING_LENGTH]
+                seen = [data.sensordata, data.qvel, self._sensors, self._string, STRING_STIFFNESS, STRING_LENGTH]
                 limits = [data.nefc, self._rows, data.nacon, data.naconmax]
                 wp.launch(
                     read_forces, self.worlds, inputs=[*time, window, *seen, *limits], outputs=[sums, touching, broken]
@@ -161,9 +172,13 @@ class WarpRigs:
             parts = [part.numpy() for part in (sums, touching, broken)]
         return self._pulls(*parts, begin=settling * step * frequency, steps=steps)
 
-    def _set(self, speeds: np.ndarray, friction: np.ndarray) -> None:
-        """Back to the start, every world with its own treads."""
+    def _set(self, speeds: np.ndarray, friction: np.ndarray, roll_torque: np.ndarray | None) -> None:
+        """Back to the start, every world with its own treads and torque."""
         mujoco_warp.reset_data(self._warp, self._data)
+        if roll_torque is not None:
+            control = np.zeros((self.worlds, self.model.nu), np.float32)
+            control[:, self.model.actuator(self.rigs[0].tracked.roll_motor).id] = roll_torque
+            self._data.ctrl.assign(control)
         surface = np.repeat(self.model.geom_surfacevel[None].astype(np.float32), self.worlds, axis=0)
         coefficients = np.repeat(self.model.geom_friction[None].astype(np.float32), self.worlds, axis=0)
         for pad in self.rigs[0].tracked.pads:
@@ -191,23 +206,31 @@ class WarpRigs:
         self, sums: np.ndarray, touching: np.ndarray, broken: np.ndarray, *, begin: np.ndarray, steps: int
     ) -> Pulls:
         read = np.maximum(sums[:, :1].astype(float), 1.0)
-        normal, force, string = (sums[:, 1:4].astype(float) / read).T
-        parts = sums[:, 4:].astype(float).reshape(-1, HARMONICS, 4) / read[..., None]
-        cosine = parts[..., 0] - force[:, None] * parts[..., 2]
-        sine = parts[..., 1] - force[:, None] * parts[..., 3]
+        whole = self._string >= 0
+        normal, force, string, roll = (sums[:, 1:MEANS].astype(float) / read).T
+        parts = sums[:, MEANS:].astype(float).reshape(-1, HARMONICS, WAVES) / read[..., None]
+        pulling, tension = (
+            2
+            * (
+                parts[..., at]
+                - mean[:, None] * parts[..., 4]
+                - 1j * (parts[..., at + 1] - mean[:, None] * parts[..., 5])
+            )
+            for at, mean in ((0, force), (2, string))
+        )
         # Phases were counted from the start; `begin` teeth had passed when reading began.
         turned = np.exp(2j * np.pi * begin[:, None] * np.arange(1, HARMONICS + 1))
         touched = (touching / read).min(axis=1)
         sound = (broken == 0) & np.isfinite(sums).all(axis=1) & (touched >= TOUCHING)
         blank = np.where(sound, 1.0, np.nan)
-        waves = 2 * (cosine - 1j * sine) * turned * blank[:, None]
         return Pulls(
             sound=sound,
             force=force * blank,
             normal=normal * blank,
-            string=(string if self._string >= 0 else force) * blank,
-            ripple=np.abs(waves),
-            waves=waves,
+            string=(string if whole else force) * blank,
+            ripple=np.abs(pulling) * blank[:, None],
+            waves=(tension if whole else pulling) * turned * blank[:, None],
+            roll=roll * blank,
             touching=touched,
             steps=steps,
         )

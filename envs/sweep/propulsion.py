@@ -181,15 +181,18 @@ def answer(study: Study, job: Job) -> Result:
     rig, step = rig_of(study, case), float(study.options["timestep"])
     model = rig.spec.compile()
     rig.tracked.set_speed(model, case.speed)
-    torque, lever = 0.0, _lever(case.design)
-    if rig.string:
-        # The worm's torque is known beforehand: friction on all tracks, less its part around the tube.
-        grip = case.friction * TRACKS * track_normal(case.design, case.design.nominal_diameter)
-        torque = lever * grip / math.hypot(1.0, 2 * lever / case.design.nominal_diameter)
+    torque = roll_torque(case) if rig.string else 0.0
     run = pull_model(model, rig, case.speed, roll_torque=torque)
     if run.outcome == "diverged":
         return Result(job.id, "diverged", reason=touches_too_little(run.touching, step))
     return result_of(job, case, _steady(run, whole=bool(rig.string)), whole=bool(rig.string))
+
+
+def roll_torque(case: Case) -> float:
+    """Of the worm on a device in its tube [N m]: friction of all tracks, less its part around it, times the lever."""
+    lever = _lever(case.design)
+    grip = case.friction * TRACKS * track_normal(case.design, case.design.nominal_diameter)
+    return lever * grip / math.hypot(1.0, 2 * lever / case.design.nominal_diameter)
 
 
 def result_of(job: Job, case: Case, run: Steady, *, whole: bool) -> Result:

@@ -10,10 +10,10 @@ import numpy as np
 
 from haustra.envs.engine.warp_rigs import WarpRigs
 from haustra.envs.sweep.halving import halved
-from haustra.envs.sweep.propulsion import Case, Steady, build_case, result_of, rig_of, touches_too_little
+from haustra.envs.sweep.propulsion import Case, Steady, build_case, result_of, rig_of, roll_torque, touches_too_little
 from haustra.envs.sweep.questions import Engine, Runner
 from haustra.envs.sweep.study import Job, Result, Study
-from haustra.errors import HaustraError, UnsupportedSceneError
+from haustra.errors import HaustraError
 
 BATCH = 16384
 """Jobs in one call; a GPU is full with 8,000 to 32,000 tracks."""
@@ -34,11 +34,6 @@ class _World:
 
 
 def _start(study: Study, folder: Path) -> Runner:
-    if study.options["rig"] != "flat":
-        raise UnsupportedSceneError(
-            f"The engine 'mjx-warp' answers studies of the flat rig, not of the {study.options['rig']}: use 'native'."
-        )
-
     return lambda jobs: answer_worlds(study, jobs)
 
 
@@ -48,7 +43,7 @@ def answer_worlds(
     """Rows of all jobs, stepped together.
 
     Args:
-        study: of the flat rig.
+        study: of either rig.
         jobs: at least one.
         spent: filled with the wall clock that 'building' the rigs, 'stepping' them and making 'rows' took [s].
     """
@@ -84,7 +79,12 @@ def _answer(study: Study, worlds: Sequence[_World], clock: _Clock) -> Iterator[R
     )
     cases = [world.case for world in worlds]
     clock.stop("building")
-    pulls = rigs.pull(np.array([case.speed for case in cases]), np.array([case.friction for case in cases]))
+    whole = study.options["rig"] == "tube"
+    pulls = rigs.pull(
+        np.array([case.speed for case in cases]),
+        np.array([case.friction for case in cases]),
+        roll_torque=np.array([roll_torque(case) for case in cases]) if whole else None,
+    )
     clock.stop("stepping")
     for row, world in enumerate(worlds):
         if not pulls.sound[row]:
@@ -98,10 +98,10 @@ def _answer(study: Study, worlds: Sequence[_World], clock: _Clock) -> Iterator[R
             ripple=pulls.ripple[row],
             waves=pulls.waves[row],
             tooth_frequency=world.case.speed / world.case.design.tread.pitch,
-            roll=0.0,
+            roll=float(pulls.roll[row]),
             touching=float(pulls.touching[row]),
         )
-        yield result_of(world.job, world.case, steady, whole=False)
+        yield result_of(world.job, world.case, steady, whole=whole)
 
 
 def _out_of_memory(error: Exception) -> bool:

@@ -44,9 +44,12 @@ def run_sweep(
     computing: Computing | None = None,
     *,
     resume: bool = False,
+    tables: bool = True,
     progress: Progress = lambda done, total, note: None,
 ) -> dict[str, object]:
     """Answer every job of a study, and write results.csv, results.parquet and their data dictionary.
+
+    Without `tables` nothing is written but the store, and polars is not needed.
 
     Killed at any moment, it goes on with `resume`, and ends with the same rows as if nothing had happened.
 
@@ -60,7 +63,8 @@ def run_sweep(
         OutputError: when the folder cannot be written: what was recorded is kept.
     """
     computing = computing or Computing()
-    require_polars()
+    if tables:
+        require_polars()
     find_engine(study.question, computing.engine)
     with (
         open_store(folder, study, lambda: jobs_of(study, designs_of(study)), kind="sweep", resume=resume) as store,
@@ -69,7 +73,7 @@ def run_sweep(
         store.begin_session(engine=computing.engine, pool=computing.on)
         answer_all(store, answer, progress=progress)
         counts = store.counts()
-        return {**{state: counts[state] for state in DONE}, **export(store)}
+        return {**{state: counts[state] for state in DONE}, **(export(store) if tables else {})}
 
 
 def answer_all(store: SweepStore, answer: JobMap, *, progress: Progress = lambda done, total, note: None) -> None:

@@ -21,7 +21,7 @@ from haustra.envs.sweep.study import (
 from haustra.errors import HaustraError, MissingDependencyError, UnreadableFileError
 from haustra.provenance import content_hash
 
-SHIPPED = ("propulsion", "scope")
+SHIPPED = ("propulsion", "scope", "scope-mesentery")
 """Studies that ship, under their names."""
 _LARGEST_FILE = 4_000_000
 """A study's file is at most this long [bytes]; a list of a hundred thousand designs is shorter."""

@@ -40,6 +40,8 @@ def test_impossible_inputs_are_refused() -> None:
         rigs.pull(np.array([0.03]), np.array([0.4]))
     with pytest.raises(InvalidOptionError, match="speeds"):
         rigs.pull(np.array([0.03, np.nan]), np.array([0.4, 0.4]))
+    with pytest.raises(InvalidOptionError, match="free"):
+        rigs.pull(np.array([0.03, 0.03]), np.array([0.4, 0.4]), roll_torque=np.zeros(2))
     with pytest.raises(InvalidOptionError, match="at least 1"):
         WarpRigs([track(0.4)], which=np.zeros(0, int))
 

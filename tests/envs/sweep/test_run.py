@@ -69,6 +69,17 @@ def test_every_column_is_in_the_dictionary_with_its_unit(folder: Path) -> None:
     assert "| `force_N` | N | mean propulsion" in (folder / "results.md").read_text(encoding="utf-8")
 
 
+def test_a_machine_without_polars_computes_and_another_writes_the_tables(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as without:
+        without.setitem(sys.modules, "polars", None)
+        assert run_sweep(study(), tmp_path, Computing(workers=1), tables=False)["finished"] == 16
+    assert not (tmp_path / "results.csv").exists()
+    run_sweep(study(), tmp_path, resume=True)
+    assert (tmp_path / "results.csv").read_bytes() == (folder / "results.csv").read_bytes()
+
+
 def test_the_number_of_workers_does_not_change_a_bit(folder: Path, tmp_path: Path) -> None:
     run_sweep(study(), tmp_path, Computing(workers=1))
     assert (tmp_path / "results.csv").read_bytes() == (folder / "results.csv").read_bytes()
