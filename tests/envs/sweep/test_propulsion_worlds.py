@@ -38,7 +38,7 @@ def test_rows_are_those_of_the_native_engine(study) -> None:
 
 @pytest.mark.slow
 def test_the_device_in_its_tube_too(study) -> None:
-    """On its string, turned by the worm: means within 2e-4, and a ripple of a few mN within single precision's 0.1 mN."""
+    """On its string, turned by the worm: means within 2e-4, and ripples within 0.1 mN."""
     tube = replace(study, options={**study.options, "rig": "tube"})
     jobs = list(jobs_of(tube, designs_of(tube)))[:: 10_000 // 3]
     rows = {result.job: result for result in WORLDS.start(tube, Path())(jobs)}
