@@ -13,7 +13,7 @@ from haustra.envs.engine.native import Inputs, NativeEngine, Observation
 from haustra.envs.follower import FollowerSettings, LumenFollower
 from haustra.envs.measure.containment import ESCAPE_DEPTH, Containment
 from haustra.envs.measure.progress import ArcTracker
-from haustra.envs.outcome import Outcome
+from haustra.envs.outcome import LEFT_OUTSIDE, Outcome
 from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import Scene
 
@@ -209,7 +209,7 @@ def _ended(scene: Scene, seen: Observation, arc: float, outside: float) -> Outco
         return Outcome.ESCAPED
     if arc >= scene.colon.centreline.length - CAECUM_MARGIN:
         return Outcome.REACHED_CAECUM
-    if seen.insertion >= scene.cable.length - 0.005:
+    if seen.insertion >= scene.cable.length - LEFT_OUTSIDE:
         return Outcome.FULLY_INSERTED
     return None
 

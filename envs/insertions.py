@@ -15,15 +15,13 @@ from haustra.envs.engine.scope_worlds import ScopeWorlds
 from haustra.envs.follower import FollowerSettings
 from haustra.envs.follower_worlds import Drive, WorldsFollower
 from haustra.envs.insertion import CAECUM_MARGIN, CONTROL_INTERVAL, MANY_ATTEMPTS
-from haustra.envs.outcome import Outcome
+from haustra.envs.outcome import LEFT_OUTSIDE, Outcome
 from haustra.envs.scope_bank import ScopeBank
 from haustra.models.wall.radius_field import Tables, pick
 
 Array: TypeAlias = Any
 _CHUNK = 50
 """Control intervals in one call: a second of simulated time between two reports of progress."""
-_END = 0.005
-"""A scope is fully inserted when less than this is left outside [m], as in a single run."""
 
 
 class Tally(NamedTuple):
@@ -133,7 +131,7 @@ class InsertionBatch:
             loop_excess_peak=jnp.maximum(tally.loop_excess_peak, seen.insertion - seen.tip_arc),
             intervals=tally.intervals + 1,
             reached=seen.tip_arc >= length - CAECUM_MARGIN,
-            inserted=seen.insertion >= longest - _END,
+            inserted=seen.insertion >= longest - LEFT_OUTSIDE,
         )
 
     def _finish(self, worlds: Worlds, drive: Drive, tally: Tally) -> Insertions:

@@ -2,6 +2,9 @@
 
 from enum import Enum
 
+LEFT_OUTSIDE = 0.005
+"""A scope is fully inserted when less than this is left outside [m]: a hand has nothing to push by any more."""
+
 
 class Outcome(Enum):
     """The one reason why a run stopped; `advice` says what a user can do about it."""

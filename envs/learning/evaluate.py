@@ -8,6 +8,7 @@ import numpy as np
 
 from haustra.envs.learning.recording import Recorder, Recording
 from haustra.envs.learning.statistics import bootstrap, wilson
+from haustra.envs.outcome import LEFT_OUTSIDE, Outcome
 from haustra.envs.tasks.bank import Bank
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.drivers import Driver
@@ -15,8 +16,6 @@ from haustra.envs.tasks.scope_task import ScopeTask
 
 FELT = 2.0
 """Wall force above which a step counts as pressing [N]."""
-_USED_UP = 0.02
-"""A scope of which less is left outside is used up [m]: a hand pushes it no further."""
 _SHARES = (
     ("completion", "reached"),
     ("intubation", "in_caecum"),
@@ -49,7 +48,7 @@ class Episode:
     safe: bool
     """Reached, not perforated, and never over `Limits.safe_force`."""
     reason: str
-    """reached, perforated, diverged, scope used up (none of the shaft is left outside), stuck (no progress in the last
+    """reached, perforated, diverged, fully inserted (no shaft is left outside), stuck (no progress in the last
     20 s) or time up."""
     failed_at_m: float
     """Where the tip was when it failed [m]; the way's end when it did not."""
@@ -246,7 +245,7 @@ def _reason(last: dict[str, Any], progress: np.ndarray, task: ScopeTask) -> str:
     for name in ("diverged", "perforated", "reached"):
         if last[name]:
             return name
-    if last["tip_arc"] + last["excess"] > task.bank.scene.cable.length - _USED_UP:
-        return "scope used up"
+    if last["tip_arc"] + last["excess"] > task.bank.scene.cable.length - LEFT_OUTSIDE:
+        return Outcome.FULLY_INSERTED.value.replace("_", " ")
     recent = progress[-round(20 / task.interval) :]
     return "stuck" if recent[-1] - recent[0] < 1e-3 else "time up"

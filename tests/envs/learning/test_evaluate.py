@@ -75,7 +75,7 @@ def test_failures_are_named():
     bank = short_bank()
     stub = replace(bank, options=replace(bank.options, insertion_limit=0.15))
     found = evaluate(PushDriver, "push", replace(CONFIG, limits=Limits(seconds=6.0)), stub, episodes=1, threads=1)
-    assert found.summary()["reasons"] == {"scope used up": 2}, "a scope of 19 cm in tubes of 28 cm"
+    assert found.summary()["reasons"] == {"fully inserted": 2}, "a scope of 19 cm in tubes of 28 cm"
     weak = replace(CONFIG, limits=Limits(seconds=12.0, perforation_force=0.2))
     found = evaluate(PushDriver, "push", weak, short_bank(), episodes=1, threads=1).summary()
     assert found["perforated"] == 1 and found["safe_completion"] == 0
