@@ -111,9 +111,10 @@ class Run:
 
 def _field_engine():
     """The engine of the field's law, its compiled programs kept for the next run."""
-    from haustra.envs.engine.jax_setup import use_jax
+    from haustra.envs.engine.jax_setup import compute_on_one_thread, use_jax
     from haustra.models.wall.cache import cache_folder
 
+    compute_on_one_thread()
     use_jax(cache=cache_folder() / "jax")
     from haustra.envs.engine.field_engine import FieldEngine
 

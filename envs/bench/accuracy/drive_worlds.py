@@ -33,11 +33,11 @@ def _replay(script: Script, colon: Colon, design: ScopeDesign, options: SceneOpt
     go = jax.jit(lambda now, hands: engine.steps(tables, parameters, now, hands, steps))
     look = jax.jit(lambda now: engine.observe(parameters, tables, now))
     worlds = engine.begin(parameters, tables)
-    jax.block_until_ready(go(worlds, _hands(script, 0, kind)))
+    jax.block_until_ready(go(worlds, hands_of(script, 0, kind)))
     entry, axes = entry_of(colon)
     rows, spent = [], 0.0
     for index in range(len(script)):
-        hands, before = _hands(script, index, kind), worlds
+        hands, before = hands_of(script, index, kind), worlds
 
         def advance(hands: Hands = hands, before=before) -> None:
             nonlocal worlds
@@ -63,7 +63,8 @@ def _replay(script: Script, colon: Colon, design: ScopeDesign, options: SceneOpt
     )
 
 
-def _hands(script: Script, index: int, kind: type) -> Hands:
+def hands_of(script: Script, index: int, kind: type = np.float32) -> Hands:
+    """Inputs of one world at one control interval of a script."""
     return Hands(
         jnp.array([script.push_rate[index]], kind),
         jnp.array([script.roll_rate[index]], kind),
