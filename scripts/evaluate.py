@@ -12,7 +12,7 @@ class Evaluate:
     """Let drivers insert a scope into held-out grown colons, or yours; the same episodes for all; compare them."""
 
     drivers: Annotated[tuple[str, ...], tyro.conf.Positional]
-    """Folders of policies, insertion-easy (trained, ships), or random, push, follower."""
+    """Folders of policies, insertion-easy or insertion-mesentery (trained, ship), or random, push, follower."""
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for table, episodes and pictures."""
     colons: int = 80

@@ -17,7 +17,7 @@ from haustra.files import prepare_folder, write_atomically, write_json
 
 WEIGHTS, ABOUT = "policy.safetensors", "policy.json"
 """Names of the two files."""
-SHIPPED_POLICIES = ("insertion-easy",)
+SHIPPED_POLICIES = ("insertion-easy", "insertion-mesentery")
 """Trained policies in assets/policies, each by the training of its name."""
 _LARGEST_FILE = 200_000_000
 """No policy of this kind is larger [bytes]."""

@@ -28,8 +28,8 @@ ACTIONS = ("push", "roll", "tip up", "tip left")
 """Each from -1 to 1."""
 _LOOK_EVERY = 5
 """Control steps from one look for coverage to the next: 0.2 s, in which a tip moves by 12 mm at most."""
-_BESIDE = np.array([0.0, 0.03])
-"""Places of the centreline from the tip on between which its direction is taken [m]."""
+_BESIDE = np.array([-0.015, 0.015])
+"""Places of the centreline, from the tip on, between which its direction is taken [m]: at its end one is before it."""
 _ANUS = 0.04
 """A withdrawn scope has reached the anus when its tip is less than this far in [m]."""
 
@@ -291,10 +291,11 @@ class ScopeTask:
         }
 
     def _facing(self) -> np.ndarray:
-        """Cosine between the viewing direction and the centreline beside the tip."""
-        here, ahead = self.way_ahead(_BESIDE).swapaxes(0, 1)
-        along = (ahead - here) / np.linalg.norm(ahead - here, axis=1, keepdims=True)
-        return np.einsum("wi,wi->w", self.seen.tip_frame[:, :, 2], along)
+        """Cosine between the viewing direction and the centreline beside the tip; 0 outside the patient."""
+        before, after = self.way_ahead(_BESIDE).swapaxes(0, 1)
+        along = after - before
+        length = np.maximum(np.linalg.norm(along, axis=1), 1e-9)
+        return np.einsum("wi,wi->w", self.seen.tip_frame[:, :, 2], along) / length
 
     def _measure(self) -> seen_by.Observation:
         """What the device itself measures now."""

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from haustra.envs.tasks.config import TaskConfig, Weights
+from haustra.envs.tasks.drivers import FollowerDriver
 from haustra.envs.tasks.scope_task import ScopeTask
 from tests.task_bank import DESIGN, short_bank
 
@@ -36,4 +37,22 @@ def test_a_tip_that_looks_back_pays_for_it():
     aside = _paid(task, [0.0, 0.0, 1.0, 0.0], 50)
     assert aside["facing"] < 10 * ahead["facing"]
     assert aside["facing"] < -2.5
+    task.close()
+
+
+def test_what_is_paid_is_a_number_at_both_ends_of_the_colon():
+    """Beyond its ends a centreline has no direction."""
+    task = ScopeTask(TaskConfig(design=DESIGN, weights=_ALONG), worlds=1, bank=short_bank())
+    seen, driver = task.reset(np.arange(1), [0], case=0), FollowerDriver(task)
+    driver.begin(np.ones(1, bool))
+    length, furthest = task.bank.lengths[0], 0.0
+    for _ in range(400):
+        inside = furthest < length - 0.05
+        done = task.step(driver.act(seen) if inside else np.array([[1.0, 0.0, 0.0, 0.0]]))
+        seen, furthest = done.observation, max(furthest, task.seen.tip_arc[0])
+        assert np.isfinite(done.reward).all()
+    assert furthest > length
+    for _ in range(400):
+        assert np.isfinite(task.step(np.array([[-1.0, 0.0, 0.0, 0.0]])).reward).all()
+    assert task.seen.tip_arc[0] < 0.0
     task.close()
