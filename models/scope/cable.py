@@ -332,6 +332,7 @@ def _add_tip(body, design: ScopeDesign, length: float) -> None:
         diffuse=[0.7 * tip.light] * 3,
         cutoff=80,
         attenuation=[1, 0, 100],
+        castshadow=False,  # the camera is beside the lamp and sees none, and drawing them takes longer than the picture
     )
 
 
