@@ -98,7 +98,7 @@ class ScopeBatch:
         parts = np.array_split(np.arange(worlds), min(threads, worlds))
         self._slices = [slice(int(part[0]), int(part[-1]) + 1) for part in parts]
         self._shards = [Shard(scene, self.model, tables, len(part)) for part in parts]
-        self._pool = ThreadPoolExecutor(len(parts)) if len(parts) > 1 else None
+        self._pool = ThreadPoolExecutor(len(parts) - 1) if len(parts) > 1 else None
 
     def reset(self, worlds: Int[np.ndarray, " reset"], case: Int[np.ndarray, " reset"], conditions: Conditions) -> None:
         """Lay the scopes of some worlds straight, tips at the start depth, in the colons of those numbers."""
@@ -114,10 +114,10 @@ class ScopeBatch:
             part = self._slices[index]
             self._shards[index].step(inputs.push_rate[part], inputs.roll_rate[part], inputs.pulls[part], count)
 
-        if self._pool:
-            list(self._pool.map(advance, range(len(self._shards))))
-        else:
-            advance(0)
+        others = [self._pool.submit(advance, index) for index in range(1, len(self._shards))] if self._pool else []
+        advance(0)
+        for other in others:
+            other.result()
         return np.concatenate([shard.healthy for shard in self._shards])
 
     def observe(self) -> BatchObservation:

@@ -59,6 +59,7 @@ class Shard:
         self._inwards = np.zeros((worlds, spheres, 3))
         self._normal_force = np.zeros((worlds, spheres))
         self._before = np.zeros((worlds, spheres, 3))
+        self._seen: dict[str, np.ndarray] | None = None
 
     def _find(self, cable) -> None:
         model, samples = self._model, self._scene.samples
@@ -90,6 +91,7 @@ class Shard:
 
     def reset(self, worlds: Int[np.ndarray, " reset"], case: Int[np.ndarray, " reset"], conditions: Conditions) -> None:
         """Begin again in these worlds."""
+        self._seen = None
         self._batch.state[worlds] = self._start_state
         self._batch.warning[worlds] = 0
         self.healthy[worlds] = True
@@ -153,6 +155,7 @@ class Shard:
             self._batch.step(ids)
         with _TURN:
             self._catch_divergence()
+            self._seen = self._observe()  # here, since other threads may be stepping still
 
     def _place_planes(self) -> None:
         """Put the planes where the wall is next to each sphere.
@@ -205,6 +208,10 @@ class Shard:
 
     def observe(self) -> dict[str, np.ndarray]:
         """The fields of `BatchObservation`, of these worlds."""
+        self._seen = self._seen or self._observe()
+        return self._seen
+
+    def _observe(self) -> dict[str, np.ndarray]:
         qpos = self._qpos
         frame = self._site_xmat[:, self._tip].reshape(-1, 3, 3)
         sphere_forces = self._normal_force[..., None] * self._inwards
@@ -236,6 +243,7 @@ class Shard:
 
     def restore(self, world: int, snapshot: Snapshot) -> None:
         """Put one world where another was."""
+        self._seen = None
         self._batch.state[world] = snapshot.state
         self._time[world] = 0.0
         self._batch.forward(np.array([world]))
