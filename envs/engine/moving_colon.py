@@ -111,7 +111,7 @@ def wall_speeds(own: Mesentery, shift: Shift, grip: Grip) -> Array:
     return jnp.where((grip.arcs > 0)[..., None], _held(own, (shift.speed, rates), grip), 0.0)
 
 
-def give_way(own: Mesentery, shift: Shift, grip: Grip, force: Array, damping: Array, h: float) -> Shift:
+def give_way(own: Mesentery, shift: Shift, grip: Grip, force: Array, damping: Array, h: Array) -> Shift:
     """One time step.
 
     Args:

@@ -41,7 +41,8 @@ class ScopeWorlds:
     """How one kind of scope hangs together, for any number of worlds: a pure function of state, inputs, parameters."""
 
     chain: Chain
-    timestep: float
+    timestep: Array
+    """[s]: a number, or what JAX traces, for programs of any time step."""
     start: float
     """Depth of the tip at the start [m]."""
     table_radius: float
@@ -180,6 +181,8 @@ class ScopeWorlds:
         )
         # Infinite speeds of the hand would pass: its force is limited.
         sound &= jnp.isfinite(after.hand).all(axis=1)
+        # A wall whose law is no number would not be there: nothing compares as pressing on it.
+        sound &= jnp.isfinite(parameters.stiffness) & jnp.isfinite(parameters.damping_time)
         if shift is not None:
             sound &= jnp.isfinite(shift.place).all(axis=(1, 2))
         return chosen(sound, after._replace(time=worlds.time + h), worlds)._replace(healthy=sound)

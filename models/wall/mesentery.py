@@ -6,7 +6,7 @@ to its height and then taut; rectum, descending and ascending colon and caecum h
 anus is held. Cross-sections move and turn with the axis and keep their shape.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -60,6 +60,8 @@ def hang(
     arcs: Float[np.ndarray, " stations"],
     radius: Float[np.ndarray, " stations"],
     segments: Sequence[ColonSegment],
+    *,
+    changed: Mapping[str, float] | None = None,
 ) -> Mesentery:
     """Hang a colon on its mesentery, by the numbers of assets/numbers/mesentery.toml.
 
@@ -68,8 +70,10 @@ def hang(
         arcs: its arc lengths [m].
         radius: mean radius of the lumen there [m].
         segments: what is mobile, and what is fixed; without any, all of it is fixed.
+        changed: numbers to take instead of those of the file, by their names there.
     """
     numbers = {name: each.value for name, each in load_quantities(asset("numbers/mesentery.toml")).items()}
+    numbers |= changed or {}
     count = max(round(float(arcs[-1]) / NODE_SPACING), 3) + 1
     own = np.linspace(0.0, float(arcs[-1]), count)
     spacing = float(own[1])

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from importlib.util import find_spec
 
 from haustra.envs.bench.machine import machine
 from haustra.envs.bench.result import Bar, Bench
@@ -15,6 +16,16 @@ from haustra.envs.bench.stability.shocks import shocks
 from haustra.envs.bench.stability.step import largest_steps
 from haustra.errors import InvalidOptionError
 
+
+def moving_colons(order: Order, progress: Progress) -> Part:
+    """Colons on their mesentery, where JAX is installed, which is what moves them."""
+    if find_spec("jax") is None:
+        return Part((), summary="Colons that move were not tried: JAX is not installed.")
+    from haustra.envs.bench.stability.moving import moving
+
+    return moving(order, progress)
+
+
 PARTS: dict[str, Callable[[Order, Progress], Part]] = {
     "conservation": conservation,
     "nan": poison,
@@ -23,6 +34,7 @@ PARTS: dict[str, Callable[[Order, Progress], Part]] = {
     "escapes": escapes,
     "ranges": random_runs,
     "long": long_run,
+    "moving": moving_colons,
 }
 
 
