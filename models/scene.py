@@ -15,6 +15,7 @@ from haustra.errors import InvalidOptionError, OutputError
 from haustra.files import write_atomically
 from haustra.models.anatomy.colon import Colon
 from haustra.models.contact import WallContact, apply_contact
+from haustra.models.lumen import add_lumen
 from haustra.models.scope.cable import Cable, add_scope
 from haustra.models.scope.cells import Cell, CellSize, cut_into_cells
 from haustra.models.scope.design import ScopeDesign
@@ -225,7 +226,7 @@ def build_scene(
         if options.wall_law == "planes":
             add_planes(spec, bare, samples, options.contact, timestep=options.timestep)
     if show_lumen:
-        _add_lumen(spec, colon)
+        add_lumen(spec, colon, group=_LUMEN_GROUP)
     return Scene(
         # Text rounds numbers: through text and back, what runs is what is saved.
         spec=mujoco.MjSpec.from_string(spec.to_xml()) if to_save else spec,
@@ -361,22 +362,3 @@ def add_wall(spec: mujoco.MjSpec, wall: Wall) -> None:
             group=_WALL_GROUP,
             rgba=[0.85, 0.55, 0.5, 0.3],
         )
-
-
-def _add_lumen(spec: mujoco.MjSpec, colon: Colon) -> None:
-    mesh = spec.add_mesh(
-        name="lumen",
-        uservert=np.ascontiguousarray(colon.lumen.vertices, dtype=float).ravel(),
-        # Wound inwards, so that the camera at the tip sees the front of each triangle.
-        userface=np.ascontiguousarray(colon.lumen.faces[:, ::-1], dtype=np.int32).ravel(),
-    )
-    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-    spec.worldbody.add_geom(
-        name="lumen",
-        type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname="lumen",
-        contype=0,
-        conaffinity=0,
-        group=_LUMEN_GROUP,
-        rgba=[0.86, 0.5, 0.46, 1],
-    )
