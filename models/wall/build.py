@@ -1,10 +1,13 @@
 """From a colon to its wall."""
 
+import functools
 import os
 import time
 import zipfile
+from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
+from itertools import groupby
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -18,7 +21,7 @@ from haustra.models.anatomy.store import colon_hash
 from haustra.models.wall import cache
 from haustra.models.wall.blocks import SLIVER, Block, corners, cut_blocks, lumen_solid
 from haustra.models.wall.cells import place_sites, power_cells
-from haustra.models.wall.clearing import clear_neighbours
+from haustra.models.wall.clearing import Cleared, clear_neighbours
 from haustra.models.wall.measure import measure
 from haustra.models.wall.neighbours import Neighbours
 from haustra.models.wall.packing import pack_block, unpack_hulls
@@ -31,6 +34,8 @@ from haustra.provenance import Provenance, content_hash
 Method = Literal["coacd", "prism"]
 Progress = Callable[[str, int, int], None]
 """Told what is being done, how much of it is done, and how much there is."""
+_Stretch = list[tuple[Block, list[np.ndarray]]]
+"""All blocks of a stretch of the colon, each with its hulls."""
 ALGORITHM = "3"
 """Part of every cache key; raised when the same options give other pieces."""
 _ASSEMBLY = "3"
@@ -127,23 +132,24 @@ def build_wall(
     key = content_hash(ALGORITHM.encode(), _ASSEMBLY.encode(), digest.encode(), repr((asdict(options), rays)).encode())
     wall = _from_cache(key) if use_cache else None
     if wall is None:
-        pieces, counts = _make_pieces(colon, options, workers or os.cpu_count() or 1, use_cache, tell)
-        tell("clearing", 0, 1)
-        cleared = clear_neighbours(Neighbours(colon), pieces)
-        tell("clearing", 1, 1)
+        count = workers or os.cpu_count() or 1
+        cleared, counts = _make_pieces(colon, options, count, use_cache, tell)
+        pieces = tuple(piece for stretch in cleared for piece in stretch.pieces)
+        if not pieces:
+            raise WallError(f"No piece of wall came out of colon '{colon.name}': check it with 'haustra view'.")
         tell("measuring", 0, 1)
-        error, beside = measure(colon, cleared.pieces, cleared.left, rays=rays)
+        error, beside = measure(colon, pieces, [stretch.left for stretch in cleared], rays=rays, threads=count)
         tell("measuring", 1, 1)
         wall = Wall(
             method=method,
-            pieces=cleared.pieces,
+            pieces=pieces,
             error=error,
             provenance=Provenance(inputs={colon.name: digest}, configuration={**asdict(options), "rays": rays}),
             metadata={
                 "thickness_m": thickness,
                 "tolerance_m": aimed,
                 **counts,
-                "pieces_cut_back": cleared.cut,
+                "pieces_cut_back": sum(stretch.cut for stretch in cleared),
                 **beside,
                 "cached": False,
             },
@@ -171,17 +177,22 @@ def _refuse_over(max_error_mm: float, wall: Wall, name: str, tolerance: float) -
 
 def _make_pieces(
     colon: Colon, options: WallOptions, workers: int, use_cache: bool, tell: Progress
-) -> tuple[tuple[WallPiece, ...], dict[str, int]]:
-    blocks, hulls, counts = _decompose(_cut(colon, options, tell), options, workers, use_cache, tell)
-    pieces = tuple(
-        WallPiece(sound, block.site.start, block.site.end)
-        for block, found in zip(blocks, hulls, strict=True)
-        for hull in found
-        if (sound := _sound(hull)) is not None
-    )
-    if not pieces:
-        raise WallError(f"No piece of wall came out of colon '{colon.name}': check it with 'haustra view'.")
-    return pieces, counts
+) -> tuple[list[Cleared], dict[str, int]]:
+    """The pieces of each stretch, cleared in turn while the children decompose further ones."""
+    cleared: list[Cleared] = []
+    neighbours = functools.cache(lambda: Neighbours(colon))  # made when all is cut: until then children may wait
+
+    def whole(stretch: _Stretch) -> None:
+        pieces = [
+            WallPiece(sound, block.site.start, block.site.end)
+            for block, found in stretch
+            for hull in found
+            if (sound := _sound(hull)) is not None
+        ]
+        cleared.append(clear_neighbours(neighbours(), pieces))
+
+    counts = _decompose(_cut(colon, options, tell), options, workers, use_cache, tell, whole)
+    return cleared, counts
 
 
 def _cut(colon: Colon, options: WallOptions, tell: Progress) -> Iterator[Block]:
@@ -194,14 +205,23 @@ def _cut(colon: Colon, options: WallOptions, tell: Progress) -> Iterator[Block]:
 
 
 def _decompose(
-    cut: Iterator[Block], options: WallOptions, workers: int, use_cache: bool, tell: Progress
-) -> tuple[list[Block], list[list[np.ndarray]], dict[str, int]]:
-    """All blocks, the hulls of each, and how many came from the cache, fell back to plain cuts, or are one piece."""
+    cut: Iterator[Block],
+    options: WallOptions,
+    workers: int,
+    use_cache: bool,
+    tell: Progress,
+    whole: Callable[[_Stretch], None],
+) -> dict[str, int]:
+    """Decompose all blocks: how many came from the cache, fell back to plain cuts, or are one piece.
+
+    `whole` is given the stretches in turn, each as soon as all is cut and all of the stretch is decomposed.
+    """
     settings = repr((ALGORITHM, options.method, options.tolerance)).encode()
     blocks: list[Block] = []
     paths: list[Path] = []
     hulls: dict[int, list[np.ndarray]] = {}
     missing: list[int] = []
+    stretches: deque[list[int]] = deque()
     counts = {"blocks_fallen_back": 0}
 
     def not_cached() -> Iterator[bytes]:
@@ -215,6 +235,14 @@ def _decompose(
                 yield data
             else:
                 hulls[index] = found
+        stretches.extend(
+            list(own) for _, own in groupby(range(len(blocks)), key=lambda index: blocks[index].site.start)
+        )
+        give()
+
+    def give() -> None:
+        while stretches and all(index in hulls for index in stretches[0]):
+            whole([(blocks[index], hulls[index]) for index in stretches.popleft()])
 
     def done(number: int, answer: bytes | None) -> None:
         index = missing[number]
@@ -226,6 +254,7 @@ def _decompose(
             if use_cache:
                 cache.keep(paths[index], answer)
         tell("decomposing", len(hulls), len(blocks))
+        give()
 
     run_blocks(
         not_cached(),
@@ -235,13 +264,12 @@ def _decompose(
         limit=BLOCK_LIMIT,
         done=done,
     )
-    counts |= {
+    return counts | {
         "blocks": len(blocks),
         "blocks_cached": len(blocks) - len(missing),
         # A block that is convex within the tolerance never reaches CoACD.
         "blocks_of_one_piece": sum(len(found) == 1 for found in hulls.values()),
     }
-    return blocks, [hulls[index] for index in range(len(blocks))], counts
 
 
 def _sound(vertices: Float[np.ndarray, "vertices 3"]) -> np.ndarray | None:

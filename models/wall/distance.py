@@ -10,24 +10,25 @@ NEAREST_FACES = 24
 """Triangles tried per point for its distance to the surface, nearest centres first."""
 
 
-def surface_distance(surface: Surface, points: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, " points"]:
-    """Distance of points from a triangle surface [m], to the nearest among the faces whose centres are nearest."""
-    return nearest_face(surface, points)[0]
+class Faces:
+    """The triangles of a surface, to be looked up by place."""
 
+    def __init__(self, surface: Surface):
+        self._corners = surface.vertices[surface.faces]
+        self._tree = KDTree(self._corners.mean(axis=1))
 
-def nearest_face(
-    surface: Surface, points: Float[np.ndarray, "points 3"]
-) -> tuple[Float[np.ndarray, " points"], Int[np.ndarray, " points"]]:
-    """Distance of points from a triangle surface [m] and the face that is so near, as in `surface_distance`."""
-    corners = surface.vertices[surface.faces]
-    count = min(NEAREST_FACES, len(corners))
-    nearest = np.asarray(KDTree(corners.mean(axis=1)).query(points, k=count)[1]).reshape(len(points), count)
-    best, face = np.full(len(points), np.inf), np.zeros(len(points), np.int64)
-    for tried in nearest.T:
-        distance = _triangle_distance(points, corners[tried])
-        face = np.where(distance < best, tried, face)
-        best = np.minimum(best, distance)
-    return best, face
+    def nearest(
+        self, points: Float[np.ndarray, "points 3"]
+    ) -> tuple[Float[np.ndarray, " points"], Int[np.ndarray, " points"]]:
+        """Distance of points from the surface [m] and the face that is so near, of those whose centres are nearest."""
+        count = min(NEAREST_FACES, len(self._corners))
+        nearest = np.asarray(self._tree.query(points, k=count, workers=-1)[1]).reshape(len(points), count)
+        best, face = np.full(len(points), np.inf), np.zeros(len(points), np.int64)
+        for tried in nearest.T:
+            distance = _triangle_distance(points, self._corners[tried])
+            face = np.where(distance < best, tried, face)
+            best = np.minimum(best, distance)
+        return best, face
 
 
 def _triangle_distance(points: np.ndarray, corners: np.ndarray) -> np.ndarray:

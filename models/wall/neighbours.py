@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 
 from haustra.models.anatomy.colon import Colon, Surface
 from haustra.models.wall.blocks import vertex_normals
-from haustra.models.wall.distance import nearest_face
+from haustra.models.wall.distance import Faces
 from haustra.models.wall.field import surface_arcs
 from haustra.models.wall.rays import Caster
 from haustra.models.wall.wall import WallPiece
@@ -57,6 +57,7 @@ class Neighbours:
         )
         self._arcs = np.array(mesh.vert_properties[:, 3])
         self._tree = KDTree(self._lumen.vertices)
+        self._faces = Faces(self._lumen)
         self._normals = vertex_normals(self._lumen.vertices, self._lumen.faces)
 
     def standing(self, pieces: Sequence[WallPiece]) -> Standing:
@@ -71,7 +72,7 @@ class Neighbours:
         places, owner, (start, end) = np.concatenate(points), np.concatenate(owners), np.concatenate(ends).T
         if not len(places):
             return Standing(places, np.zeros(0), owner)
-        depth, face = nearest_face(self._lumen, places)
+        depth, face = self._faces.nearest(places)
         corners = self._lumen.faces[face]
         strange = another_loop(self._arcs[corners].mean(axis=1), start, end)
         inside = self._beneath(places, corners) & strange & (depth > ROUNDING)
@@ -85,9 +86,11 @@ class Neighbours:
         """
         corners = np.concatenate(pieces)
         low, high = corners.min(axis=0) - LONGEST_EDGE, corners.max(axis=0) + LONGEST_EDGE
-        held = ((self._lumen.vertices > low) & (self._lumen.vertices < high)).all(axis=1)
-        held &= another_loop(self._arcs, start, end)
-        if not held.any():
+        middle, half = 0.5 * (low + high), 0.5 * float((high - low).max())
+        held = np.array(self._tree.query_ball_point(middle, half, p=np.inf, return_sorted=True), np.int64)
+        vertices = self._lumen.vertices[held]
+        held = held[((vertices > low) & (vertices < high)).all(axis=1) & another_loop(self._arcs[held], start, end)]
+        if not len(held):
             return np.zeros((0, 3)), np.zeros(0, np.int64)
         vertices, normals = self._lumen.vertices[held], self._normals[held]
         tree = KDTree(vertices)

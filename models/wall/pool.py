@@ -12,8 +12,11 @@ from haustra.models.wall.worker import receive, send
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """Each child keeps to one core; the pool is what runs in parallel."""
-_Waiting = queue.PriorityQueue[tuple[int, int, bytes]]
-"""Blocks by size, the largest first, so that no child is left alone with one at the end, each with its index."""
+TOGETHER = 64
+"""Blocks of which the largest goes first, so that no child is left alone with one at the end. Beyond that they keep
+their order, so that what comes after can begin with the first."""
+_Waiting = queue.PriorityQueue[tuple[int, int, int, bytes]]
+"""Blocks by which of those they are among and by size, each with its index."""
 
 
 def run_blocks(
@@ -39,7 +42,7 @@ def run_blocks(
         for thread in threads:
             thread.start()
         for index, block in enumerate(blocks):
-            waiting.put((-len(block), index, block))
+            waiting.put((index // TOGETHER, -len(block), index, block))
             left += 1
             while not finished.empty():
                 done(*finished.get())
@@ -49,7 +52,7 @@ def run_blocks(
     finally:
         for child in children:
             child.stop()
-            waiting.put((0, -1, b""))  # wakes a thread, which finds its child stopped
+            waiting.put((-1, 0, 0, b""))  # wakes a thread, which finds its child stopped
         for thread in threads:
             thread.join()
 
@@ -67,7 +70,7 @@ class _Child:
     def serve(self, waiting: _Waiting, finished: queue.SimpleQueue) -> None:
         """Hand blocks to the child until it is stopped."""
         while True:
-            _, index, block = waiting.get()
+            _, _, index, block = waiting.get()
             if self._stopped:
                 return
             finished.put((index, self._decompose(block)))

@@ -1,5 +1,6 @@
 """Rays against triangle surfaces: the lumen, or the faces of all pieces."""
 
+import threading
 from collections.abc import Sequence
 
 import mujoco
@@ -14,6 +15,7 @@ class Caster:
     """Casts rays at closed surfaces, with MuJoCo's bounding volume hierarchies, one for each surface.
 
     A hierarchy is searched along the whole ray: the pieces of a wall cost a quarter when each stretch has its own.
+    Threads may cast at once.
     """
 
     def __init__(self, *surfaces: Surface):
@@ -28,9 +30,17 @@ class Caster:
             )
             spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, contype=0, conaffinity=0)
         self._model = spec.compile()
-        self._data = mujoco.MjData(self._model)
+        self._of_thread = threading.local()
         self._hit = np.zeros(1, np.int32)
-        mujoco.mj_kinematics(self._model, self._data)
+
+    @property
+    def _data(self) -> mujoco.MjData:
+        """This thread's own: rays use its stack."""
+        data = getattr(self._of_thread, "data", None)
+        if data is None:
+            data = self._of_thread.data = mujoco.MjData(self._model)
+            mujoco.mj_kinematics(self._model, data)
+        return data
 
     def distance(
         self, origin: Float[np.ndarray, " 3"], directions: Float[np.ndarray, "rays 3"]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from haustra.models.contact import WallContact
-from haustra.models.wall.distance import surface_distance
+from haustra.models.wall.distance import Faces
 from haustra.models.wall.field import WallField
 from haustra.models.wall.planes import PlaneWall, Sample, add_planes, capsule_samples
 from tests.tube_colon import RADIUS, folded_tube, straight_tube
@@ -106,7 +106,7 @@ def test_pressed_in_at_speed_the_wall_adds_its_damping_and_no_more(tube, speed):
 def test_the_same_holds_anywhere_in_a_bend_with_folds(bend, depth):
     """The depth is taken in another way: from the distance to the surface."""
     colon, field = bend
-    line = colon.centreline
+    line, faces = colon.centreline, Faces(colon.lumen)
     for place in range(12):
         station = 8 + place * (len(line.arc) - 16) // 11
         outwards = line.frames[station][:, :2] @ np.array([np.cos(2.4 * place), np.sin(2.4 * place)])
@@ -114,7 +114,7 @@ def test_the_same_holds_anywhere_in_a_bend_with_folds(bend, depth):
         centre = foot.points[0] + (SPHERE - depth) * foot.inwards[0]
         probe = Probe(colon, field, centre, line.arc[station], mass=500.0)  # too heavy to be moved
         probe.step(0.01)
-        found = SPHERE + np.copysign(surface_distance(colon.lumen, centre[None])[0], depth - SPHERE)
+        found = SPHERE + np.copysign(faces.nearest(centre[None])[0][0], depth - SPHERE)
         pressing = probe.data.efc_force[probe.data.contact.efc_address]
         assert pressing.max() == pytest.approx(1500 * found, rel=0.05)
         assert (pressing > 0.05 * pressing.max()).sum() <= 2  # two sides of a fold at most

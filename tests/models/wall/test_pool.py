@@ -42,6 +42,16 @@ def test_a_block_that_crashes_its_child_is_reported_and_the_rest_is_done(packed)
     assert all(len(unpack_hulls(answers[index])) >= 1 for index in (0, 2, 4))
 
 
+def test_blocks_keep_their_order_but_for_the_largest_of_some(packed, monkeypatch):
+    monkeypatch.setattr(pool, "TOGETHER", 2)
+    ordered = sorted(packed[:4], key=len)  # of each two, the second is the larger
+    answered = []
+    pool.run_blocks(
+        iter(ordered), method="prism", tolerance=0.0015, workers=1, limit=60.0, done=lambda n, _: answered.append(n)
+    )
+    assert answered[-2:] == [3, 2]
+
+
 def test_a_child_that_hangs_is_ended(packed, monkeypatch):
     sleeper = [sys.executable, "-c", "import time; time.sleep(60)"]
     start = subprocess.Popen

@@ -1,5 +1,7 @@
 """Rays say where a solid begins, or that they start inside it."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from manifold3d import Manifold
@@ -17,6 +19,16 @@ def test_from_inside_a_solid_begins_at_once() -> None:
     directions = np.random.default_rng(0).normal(size=(50, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     assert (caster.entry(np.zeros(3), directions) == 0).all()
+
+
+def test_threads_that_cast_at_once_see_what_one_sees() -> None:
+    caster = Caster(*(joined_hulls([cube(0.02) + [0.03 * k, 0, 0]]) for k in range(4)))
+    origins = np.random.default_rng(3).uniform(-0.02, 0.12, (400, 3))
+    directions = np.random.default_rng(4).normal(size=(16, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    with ThreadPoolExecutor(2) as pool:
+        met = list(pool.map(lambda origin: caster.entry(origin, directions), origins))
+    np.testing.assert_array_equal(met, [caster.entry(origin, directions) for origin in origins])
 
 
 def test_surfaces_side_by_side_are_met_as_one_surface() -> None:
