@@ -22,7 +22,7 @@ def test_from_inside_a_solid_begins_at_once() -> None:
 
 
 def test_threads_that_cast_at_once_see_what_one_sees() -> None:
-    caster = Caster(*(joined_hulls([cube(0.02) + [0.03 * k, 0, 0]]) for k in range(4)))
+    caster = Caster(*(joined_hulls([cube(0.02) + np.array([0.03 * k, 0, 0])]) for k in range(4)))
     origins = np.random.default_rng(3).uniform(-0.02, 0.12, (400, 3))
     directions = np.random.default_rng(4).normal(size=(16, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
