@@ -21,7 +21,7 @@ from haustra.models.scope.design import ScopeDesign
 
 _BEFORE = 200
 """Control intervals of 20 ms before anything is timed: the tip is some 0.2 m in."""
-_FRAMES = 100
+_FRAMES = 50
 
 
 def bench_view(

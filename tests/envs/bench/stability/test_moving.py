@@ -35,7 +35,7 @@ def test_random_mesenteries_and_shocks_are_sound_and_colons_do_move(rig):
     # A wall that is a hundred times as stiff all at once throws so short a colon off: told, and alone in its world.
     lost = {row["shock"] for row in shocked if row["outcome"] != "finished"}
     assert lost <= {"wall stiffness times 100, back"}
-    far = {row["shock"]: row["furthest_colon_m"] for row in shocked}
+    far = {row["shock"]: float(row["furthest_colon_m"] or 0.0) for row in shocked}
     assert far["mesentery and tube a tenth as stiff, back"] > far["none"] > 1e-3
 
 
