@@ -8,12 +8,13 @@ def summary(result: Mapping[str, object]) -> None:
     """Print a result as a table of names and values; its provenance is in the files that it left."""
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     table = Table(show_header=False, box=None, pad_edge=False)
     for _ in range(2):
         table.add_column(overflow="fold")  # a name that is cut off names nothing
     for name, value in _rows({name: value for name, value in result.items() if name != "provenance"}):
-        table.add_row(f"[bold]{name}[/bold]", value)
+        table.add_row(Text(name, style="bold"), Text(value))  # as it is: brackets are no markup here
     console = Console()
     with console.capture() as rendered:  # rich would turn a reader that has gone into exit code 1
         console.print(table)
