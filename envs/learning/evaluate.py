@@ -29,7 +29,7 @@ MOST_WORLDS = {"native": 40, "mjx-jax": 8192}
 
 @dataclass(frozen=True)
 class Episode:
-    """One finished episode. Forces are the largest on one link, read 25 times a second."""
+    """One finished episode. Forces are the largest on one link, read at each decision."""
 
     colon: str
     seed: int

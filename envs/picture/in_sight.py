@@ -17,10 +17,9 @@ class LumenInSight:
     def __init__(self, model: mujoco.MjModel, camera: str = "scope/camera") -> None:
         """Find them, and the camera."""
         self._model, self._camera = model, model.camera(camera).id
-        names = {index: model.geom(index).name for index in range(model.ngeom)}
-        numbers = {index: name.removeprefix(LUMEN_PREFIX) for index, name in names.items()}
-        self._geoms = np.array([index for index in names if names[index].startswith(LUMEN_PREFIX)], int)
-        self._begins = LUMEN_STRETCH * np.array([int(numbers[index]) for index in self._geoms])
+        names = [model.geom(index).name for index in range(model.ngeom)]
+        self._geoms = np.array([index for index, name in enumerate(names) if name.startswith(LUMEN_PREFIX)], int)
+        self._begins = LUMEN_STRETCH * np.array([int(names[index].removeprefix(LUMEN_PREFIX)) for index in self._geoms])
 
     def show(self, data: mujoco.MjData, arc: float) -> int:
         """Show what may be seen from where the camera is, and hide the rest.
