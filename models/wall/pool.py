@@ -52,7 +52,9 @@ def run_blocks(
     finally:
         for child in children:
             child.stop()
-            waiting.put((-1, 0, 0, b""))  # wakes a thread, which finds its child stopped
+        for _ in children:
+            # Wakes a thread, which must find its child stopped: one that did not would take another's call for a block.
+            waiting.put((-1, 0, 0, b""))
         for thread in threads:
             thread.join()
 
@@ -92,7 +94,7 @@ class _Child:
         try:
             send(_binary(process.stdin), block)
             answer = receive(_binary(process.stdout))
-        except OSError:
+        except (OSError, ValueError):  # the child has ended, or was ended while the block was on its way
             answer = None
         finally:
             timer.cancel()

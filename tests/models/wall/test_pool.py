@@ -2,6 +2,8 @@
 
 import subprocess
 import sys
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -73,3 +75,19 @@ def test_what_fails_while_blocks_are_cut_is_passed_on_and_leaves_no_child(packed
     with pytest.raises(ValueError, match="no solid"):
         _run(cut())
     assert all(child.poll() is not None for child in started)
+
+
+def test_many_children_with_little_to_do_all_end(packed, monkeypatch):
+    stop = pool._Child.stop
+    monkeypatch.setattr(pool._Child, "stop", lambda child: (stop(child), time.sleep(0.05)))  # others run meanwhile
+    answers = {}
+    run = threading.Thread(
+        target=lambda: pool.run_blocks(
+            packed[:1], method="prism", tolerance=0.0015, workers=12, limit=60.0, done=answers.__setitem__
+        ),
+        daemon=True,
+    )
+    run.start()
+    run.join(30.0)
+    assert not run.is_alive()
+    assert list(answers) == [0]
