@@ -79,7 +79,7 @@ def test_what_fails_while_blocks_are_cut_is_passed_on_and_leaves_no_child(packed
 
 def test_many_children_with_little_to_do_all_end(packed, monkeypatch):
     stop = pool._Child.stop
-    monkeypatch.setattr(pool._Child, "stop", lambda child: (stop(child), time.sleep(0.05)))  # others run meanwhile
+    monkeypatch.setattr(pool._Child, "stop", lambda child: (time.sleep(0.05), stop(child)))  # others run meanwhile
     answers = {}
     run = threading.Thread(
         target=lambda: pool.run_blocks(
