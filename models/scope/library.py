@@ -10,7 +10,7 @@ from haustra.quantity import Quantity, load_quantities
 
 DESIGN_NAMES = ("adult", "paediatric", "adult-worn", "adult-variable", "paediatric-long")
 """Designs that ship: two new scopes; the adult one with the wires of a used scope; and with a stiffening ring; and the
-paediatric one as long as an enteroscope."""
+paediatric one as long as an enteroscope, with a shaft that does not fold."""
 
 
 def named_design(name: str) -> ScopeDesign:
@@ -30,7 +30,10 @@ def named_design(name: str) -> ScopeDesign:
         return replace(basic, name=name, shaft=shaft)
     if name == "paediatric-long":
         added = _numbers()["scope.long.working_length"].value - basic.length
-        shaft = tuple(replace(section, length=section.length + added) for section in basic.shaft)
+        tightest = _numbers()["scope.long.minimum_bend_radius"].value
+        shaft = tuple(
+            replace(section, length=section.length + added, minimum_bend_radius=tightest) for section in basic.shaft
+        )
         return replace(basic, name=name, shaft=shaft)
     return basic
 
