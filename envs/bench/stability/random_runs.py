@@ -29,6 +29,9 @@ COLONS, QUICK_COLONS = 4, 1
 """Grown colons that runs draw from."""
 HOLD = 0.4
 """How long hands keep doing the same [s]."""
+PRESETS_TWICE = 0.01
+"""Twice the presets' own time step [s]: presets promise to run at half of what is stable, longer steps are the user's
+risk, and told apart."""
 PLAUSIBLE_SPEED = 100.0
 """A generalised speed that no scope has [m/s or rad/s]: 0.3 m/s of tip whip by a 5 mm radius are 60 rad/s. A run that
 exceeds it without having diverged is counted apart."""
@@ -149,7 +152,7 @@ def judge(rows: list[Row], seconds: float, planned: int) -> Part:
     unnamed = [row for row in rows if row["outcome"] == "diverged" and not row["reason"]]
     silent = [row for row in rows if row.get("unseen") or row["outcome"] == "crashed"]
     bars = (
-        Bar("runs that diverged inside the ranges", _count(inside, *bad), 0, "runs", "at most"),
+        *(Bar(what, _count(some, *bad), 0, "runs", "at most") for what, some in _by_step(inside).items()),
         Bar("runs refused inside the ranges", _count(inside, "refused"), 0, "runs", "at most"),
         Bar("divergences without a name, inside or beyond", len(unnamed), 0, "runs", "at most"),
         Bar("unsound runs that count as sound, or crash", len(silent), 0, "runs", "at most"),
@@ -179,6 +182,19 @@ def judge(rows: list[Row], seconds: float, planned: int) -> Part:
         note=f"Generalised speed, rad/s or m/s; above {PLAUSIBLE_SPEED:g} is no motion of a scope.",
     )
     return Part(bars, (table, fastest, _table(ranges())), summary=_SUMMARY, counts=counted, planned=wanted)
+
+
+def _by_step(inside: list[Row]) -> dict[str, list[Row]]:
+    """Rows by how long their time step is; one whose child crashed tells no step and counts where it must not be."""
+    longer = [row for row in inside if row.get("values", {}).get("scene.timestep", 0.0) > PRESETS_TWICE]
+    numbers = {row["number"] for row in longer}
+    steps = f"{1e3 * PRESETS_TWICE:g} ms"
+    return {
+        f"runs that diverged inside the ranges, at steps up to {steps}": [
+            row for row in inside if row["number"] not in numbers
+        ],
+        "the same, at longer steps": longer,
+    }
 
 
 def _count(rows: list[Row], *outcomes: str) -> int:

@@ -62,10 +62,22 @@ def test_a_scope_that_flies_apart_is_named_and_not_averaged(bend, monkeypatch):
     row = run_setting(setting, bend, None, np.random.default_rng(0), seconds=0.5)
     assert row["outcome"] == "diverged"
     assert row["reason"]
-    bars = {bar.what: bar for bar in judge([{"number": 0, "beyond": False, "wall": "planes", **row}], 0.5, 1).bars}
-    assert bars["runs that diverged inside the ranges"].measured == 1
-    assert not bars["runs that diverged inside the ranges"].met
+    told = {"number": 0, "beyond": False, "wall": "planes", "values": {"scene.timestep": 0.01}, **row}
+    bars = {bar.what: bar for bar in judge([told], 0.5, 1).bars}
+    assert bars["runs that diverged inside the ranges, at steps up to 10 ms"].measured == 1
+    assert not bars["runs that diverged inside the ranges, at steps up to 10 ms"].met
     assert bars["divergences without a name, inside or beyond"].met
+
+
+def test_runs_at_long_steps_are_told_apart_and_a_crash_is_never_excused():
+    rows = [
+        {"number": 0, "beyond": False, "wall": "planes", "outcome": "diverged", "reason": "speed"},
+        {"number": 2, "outcome": "crashed"},
+    ]
+    rows[0]["values"] = {"scene.timestep": 0.02}
+    bars = {bar.what: bar for bar in judge(rows, 10.0, 2).bars}
+    assert bars["runs that diverged inside the ranges, at steps up to 10 ms"].measured == 1
+    assert bars["the same, at longer steps"].measured == 1
 
 
 def test_ranges_end_where_options_are_refused():
