@@ -23,8 +23,9 @@ _SHARES = (
     ("perforated", "perforated"),
 )
 """Shares of episodes in a summary, and the column that each counts."""
-MOST_WORLDS = {"native": 40, "mjx-jax": 8192}
-"""Episodes that run at once on an engine."""
+MOST_WORLDS = {"cpu": 40, "gpu": 8192}
+"""Episodes that run at once on a device. A world whose episode is over is stepped on in vain once none is waiting: a CPU
+pays for it, a GPU does not."""
 
 
 @dataclass(frozen=True)
@@ -135,12 +136,12 @@ def evaluate(
         episodes: in each.
         threads: for physics on the CPU.
         engine: 'native', MuJoCo on threads, or 'mjx-jax', JAX on its device.
-        most_worlds: stepped at once; what suits the engine when None.
+        most_worlds: stepped at once; what suits the engine and its device when None.
         record: keep the states of the best episode.
         progress: told episodes done and their number.
     """
     plan = [(case, episode) for case in range(len(bank.cases)) for episode in range(episodes)]
-    worlds = min(most_worlds or MOST_WORLDS[engine], len(plan))
+    worlds = min(most_worlds or MOST_WORLDS[_platform(engine)], len(plan))
     task = ScopeTask(config, worlds=worlds, threads=threads, engine=engine, bank=bank)
     driver, ended = make_driver(task), {}
     waiting = list(range(len(plan)))[::-1]
@@ -188,6 +189,15 @@ def evaluate(
     task.close()
     kept = recorder.best if recorder else None
     return Evaluation(name, tuple(ended[number] for number in range(len(plan))), len(bank.cases), kept)
+
+
+def _platform(engine: str) -> str:
+    """What an engine computes on."""
+    if engine == "native":
+        return "cpu"
+    from haustra.envs.engine.jax_setup import use_jax
+
+    return "cpu" if use_jax()[0].platform == "cpu" else "gpu"
 
 
 class _History:
