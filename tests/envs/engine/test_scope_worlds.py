@@ -16,6 +16,7 @@ from haustra.envs.engine.scope_worlds import SLIP_SPEED, ScopeWorlds
 from haustra.envs.scope_bank import ScopeBank, build_bank
 from haustra.errors import UnsupportedSceneError
 from haustra.models.scene import SceneOptions, build_scene
+from haustra.models.scope.cable import STOP_SHARE
 from haustra.models.scope.library import named_design
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
@@ -56,6 +57,26 @@ def test_without_a_wall_it_moves_as_mujoco_does() -> None:
             worlds = step(worlds)
         np.testing.assert_allclose(np.asarray(worlds.qpos[0]), data.qpos, atol=1e-8)
         np.testing.assert_allclose(np.asarray(worlds.hand[0]), data.act, atol=1e-12)
+
+
+def test_a_shaft_bends_no_tighter_than_its_smallest_radius() -> None:
+    """Held at the anus under a weight that bends the same shaft much further where it may."""
+
+    def largest(radius: float | None) -> tuple[float, float]:
+        design = named_design("paediatric")
+        design = replace(design, shaft=(replace(design.shaft[0], minimum_bend_radius=radius),))
+        bank = build_bank([straight_tube()], design, replace(_SHORT, gravity=(0.0, -30.0, 0.0), start_depth=0.28))
+        engine, model = ScopeWorlds.of(bank.scene), bank.scene.compile()
+        tables, parameters = bank.tables_on_device(), engine.parameters(bank.scene, 1, stiffness=1e-9)
+        hang = jax.jit(lambda now: engine.steps(tables, parameters, now, _hands(1, 0.0), 600))
+        turned = np.abs(np.asarray(hang(engine.begin(parameters, tables)).qpos[0]))
+        shaft = [index for index, cell in enumerate(bank.scene.cable.cells) if not cell.steerable]
+        joints = [model.joint(f"scope/bend_{side}_{index:03d}").qposadr[0] for index in shaft for side in "xy"]
+        return float(turned[joints].max()), bank.scene.cable.cells[0].length
+
+    (free, cell), (stopped, _) = largest(None), largest(0.2)
+    assert stopped == pytest.approx(STOP_SHARE * cell / 0.2, rel=0.02)
+    assert free > 1.5 * stopped
 
 
 def test_a_sphere_at_rest_is_pressed_by_stiffness_times_depth() -> None:
