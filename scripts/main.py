@@ -17,12 +17,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     import tyro
 
     verbs = _verbs()
-    verb: Any = tyro.extras.subcommand_cli_from_dict(
-        verbs,
-        prog="haustra",
-        description="Simulated colons for designing robotic colonoscopes, on MuJoCo.",
-        args=_join_verb(sys.argv[1:] if arguments is None else arguments, verbs),
-    )
+    try:
+        verb: Any = tyro.extras.subcommand_cli_from_dict(
+            verbs,
+            prog="haustra",
+            description="Simulated colons for designing robotic colonoscopes, on MuJoCo.",
+            args=_join_verb(sys.argv[1:] if arguments is None else arguments, verbs),
+        )
+    except BrokenPipeError:  # of `--help | head`
+        _stop_printing()
+        return SUCCESS
     try:
         result = verb()
     except HaustraError as error:

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 
-@pytest.mark.parametrize("arguments", [["doctor", "--json"], ["doctor"]])
+@pytest.mark.parametrize("arguments", [["doctor", "--json"], ["doctor"], ["bench", "episodes", "--help"]])
 def test_a_reader_that_goes_away_is_no_error(arguments: list[str]) -> None:
     """As in `haustra doctor | head -0`: nothing on stderr, exit code 0."""
     command = [sys.executable, "-m", "haustra.scripts.main", *arguments]
