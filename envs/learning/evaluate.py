@@ -24,8 +24,8 @@ _SHARES = (
 )
 """Shares of episodes in a summary, and the column that each counts."""
 MOST_WORLDS = {"cpu": 40, "gpu": 8192}
-"""Episodes that run at once on a device. A world whose episode is over is stepped on in vain once none is waiting: a CPU
-pays for it, a GPU does not."""
+"""Episodes that run at once on a device. A world whose episode is over is stepped on in vain once none is waiting: a
+CPU pays for it, a GPU does not."""
 
 
 @dataclass(frozen=True)
