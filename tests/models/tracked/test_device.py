@@ -129,15 +129,16 @@ def test_what_does_not_fit_is_refused() -> None:
 def test_whole_device_is_stable_up_to_twice_the_default_step(diameter: float, friction: float) -> None:
     """Slow and fast, folded, nominal and spread; friction 1 lifts pads that hardly press (0.26 N a tip).
 
-    At friction 1 pads chatter, and what they pull back is a little less than friction times normal force: up to 1.5 %,
-    which of the nine runs it is depends on the processor's rounding.
+    At friction 1 and twice the step, pads that keep touching chatter too: 1.3 % less than friction times normal force
+    on one processor, below 1 % on another. At the default step the same run is within 0.02 %.
     """
     fast = 0.065
     pressed = []
     for timestep, speed in ((TUBE_TIMESTEP, fast), (2 * TUBE_TIMESTEP, 0.01625), (2 * TUBE_TIMESTEP, fast)):
         run = pull(tube_rig(DESIGN, friction=friction, diameter=diameter, timestep=timestep), speed)
         assert run.outcome == "completed"
-        off = 0.01 if friction < 1 else 0.02
+        chatters = friction == 1.0 and timestep > TUBE_TIMESTEP
+        off = 0.01 if run.touching > 0.99 and not chatters else 0.02  # nor does what lifts always slide straight back
         assert run.string.mean() == pytest.approx(friction * run.normal.mean(), rel=off, abs=1e-3)
         pressed.append(run.normal.mean())
     assert pressed == pytest.approx([pressed[0]] * 3, rel=0.02)
