@@ -29,8 +29,9 @@ def named_design(name: str) -> ScopeDesign:
         shaft = tuple(replace(section, stiffening=stiffening) for section in basic.shaft)
         return replace(basic, name=name, shaft=shaft)
     if name == "paediatric-long":
-        added = _numbers()["scope.long.working_length"].value - basic.length
-        tightest = _numbers()["scope.long.minimum_bend_radius"].value
+        numbers = _numbers()
+        added = numbers["scope.long.working_length"].value - basic.length
+        tightest = numbers["scope.long.minimum_bend_radius"].value
         shaft = tuple(
             replace(section, length=section.length + added, minimum_bend_radius=tightest) for section in basic.shaft
         )
