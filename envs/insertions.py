@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.engine.device_arrays import chosen
+from haustra.envs.engine.device_engines import device_engine
 from haustra.envs.engine.scope_values import Parameters, Worlds
 from haustra.envs.engine.scope_worlds import ScopeWorlds
 from haustra.envs.follower import FollowerSettings
@@ -169,6 +170,7 @@ def run_insertions(
     *,
     worlds: int,
     seconds: float,
+    engine: str = "mjx-jax",
     settings: FollowerSettings | None = None,
     progress: Callable[[float], None] = lambda time: None,
     **changed: Any,
@@ -179,6 +181,7 @@ def run_insertions(
         bank: a scope and colons.
         worlds: how many.
         seconds: [s].
+        engine: of `DEVICE_ENGINES`.
         settings: of the follower.
         progress: told the simulated time [s].
         changed: what differs from the bank's scene: entries of `Parameters`, one number or one a world.
@@ -187,8 +190,8 @@ def run_insertions(
         InvalidOptionError: when something that cannot differ is to.
         UnsupportedSceneError: when the scope has what this engine cannot honour.
     """
-    engine = ScopeWorlds.of(bank.scene)
+    dynamics = device_engine(engine).of(bank.scene)
     follower = WorldsFollower.of(bank.scene.design, tip_links=bank.tip_links, settings=settings)
-    batch = InsertionBatch(engine, follower, bank.tables_on_device())
-    parameters = engine.parameters(bank.scene, worlds, **changed)
+    batch = InsertionBatch(dynamics, follower, bank.tables_on_device())
+    parameters = dynamics.parameters(bank.scene, worlds, **changed)
     return batch.run(parameters, seconds=seconds, progress=progress)

@@ -35,7 +35,7 @@ class NavigationVectorEnv(VectorEnv):
         render_mode: str | None = None,
         **options: Any,
     ) -> None:
-        """Build the bank, or take one; `engine` is 'native' (MuJoCo on threads) or 'mjx-jax' (JAX on its device).
+        """Build the bank, or take one; `engine` is 'native' (MuJoCo on threads), 'mjx-jax' or 'mjx-warp' (on a GPU).
 
         Raises:
             InvalidOptionError: when there is nothing to step, or an option is not known.

@@ -12,8 +12,8 @@ class BenchEpisodes:
     """Scopes stepped at once."""
     threads: int = 2
     """For physics."""
-    engine: Literal["native", "mjx-jax"] = "native"
-    """What computes: MuJoCo on threads, or JAX on its device."""
+    engine: Literal["native", "mjx-jax", "mjx-warp"] = "native"
+    """What computes: MuJoCo on threads, or JAX or MuJoCo Warp on a GPU."""
     seconds: float = 20.0
     """Simulated time of each world [s]."""
     colons: int = 4

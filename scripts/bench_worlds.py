@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 _FINE_CELL = 0.0112
 """Distance between joints [m] that makes 140 of an adult scope in a colon of 1.5 m."""
@@ -10,10 +10,12 @@ _FINE_CELL = 0.0112
 
 @dataclass(frozen=True)
 class BenchWorlds:
-    """Step many scopes at once in grown colons, by JAX on whatever device it finds, and say how fast."""
+    """Step many scopes at once in grown colons, on whatever device JAX finds, and say how fast."""
 
     worlds: str = "1,32,128"
     """Numbers of worlds, separated by commas."""
+    engine: Literal["mjx-jax", "mjx-warp"] = "mjx-jax"
+    """A chain and a wall in JAX, or MuJoCo's own by MuJoCo Warp."""
     colons: int = 2
     """Grown colons (seeds 0, 1, ...) that the worlds share."""
     design: str = "adult"
@@ -66,19 +68,24 @@ class BenchWorlds:
             rates = [
                 rate
                 for share in shares
-                for rate in measure_rates(bank, [n for n in counts if n >= share], devices=share, progress=report)
+                for rate in measure_rates(
+                    bank, [n for n in counts if n >= share], engine=self.engine, devices=share, progress=report
+                )
             ]
         further: dict[str, Any] = {}
         if self.insertions > 0:
-            further["insertions"] = measure_insertions(bank, self.insertions, seconds=30.0)
+            further["insertions"] = measure_insertions(bank, self.insertions, seconds=30.0, engine=self.engine)
         if self.compare > 0:
             scope = (bank.scene.design, bank.scene.options)
             further["accuracy"] = {
-                colon.name: compare_with_native(colon, *scope, cell=_FINE_CELL, seconds=self.compare).summary()
+                colon.name: compare_with_native(
+                    colon, *scope, cell=_FINE_CELL, seconds=self.compare, engine=self.engine
+                ).summary()
                 for colon in colons
             }
         return {
             "device": describe_device(device),
+            "engine": self.engine,
             "dofs": int(bank.scene.compile().nv),
             "joints": len(bank.scene.cable.cells),
             "spheres": len(bank.scene.samples),

@@ -33,7 +33,11 @@ def _engines() -> dict[str, str]:
     """Each engine, and what of haustra it can run here."""
     needs = {
         "mjx-jax": ("jax", "mjx", "scopes against the tabulated lumen, one or many: run, sweep, vector environments"),
-        "mjx-warp": ("warp", "warp", "the tracked robot's rigs, many at once: bench rigs; fast on NVIDIA GPUs only"),
+        "mjx-warp": (
+            "warp",
+            "warp",
+            "many scopes or rigs: sweep, vector environments, bench; fast on NVIDIA GPUs only",
+        ),
     }
     verdicts = {"native": "works: everything"}
     for engine, (module, extra, use) in needs.items():

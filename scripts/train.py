@@ -32,7 +32,7 @@ class Train:
     """Let colons move on their mesentery; engine mjx-jax only."""
     colons: int | None = None
     """Number of grown colons (seeds 0, 1, ...)."""
-    engine: Literal["native", "mjx-jax"] | None = None
+    engine: Literal["native", "mjx-jax", "mjx-warp"] | None = None
     """Of the physics: MuJoCo on threads, or JAX on its device."""
     device: Literal["cpu", "cuda"] | None = None
     """Of the networks."""

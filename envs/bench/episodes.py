@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -40,7 +39,7 @@ def step_rate(
     worlds: int,
     threads: int,
     seconds: float,
-    engine: Literal["native", "mjx-jax"] = "native",
+    engine: str = "native",
 ) -> StepRate:
     """Let the follower insert scopes for `seconds` of simulated time, and time the environment's own part."""
     task = ScopeTask(config, worlds=worlds, threads=threads, engine=engine, bank=bank)

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from haustra.envs.engine.device_engines import device_engine
 from haustra.envs.engine.scope_values import Hands, Parameters
 from haustra.envs.engine.scope_worlds import ScopeWorlds
 from haustra.envs.follower_worlds import WorldsFollower
@@ -49,23 +50,29 @@ class Rate:
 
 
 def measure_rates(
-    bank: ScopeBank, worlds: Sequence[int], *, devices: int = 1, progress: Callable[[Rate], None] = lambda rate: None
+    bank: ScopeBank,
+    worlds: Sequence[int],
+    *,
+    engine: str = "mjx-jax",
+    devices: int = 1,
+    progress: Callable[[Rate], None] = lambda rate: None,
 ) -> list[Rate]:
     """Time the scopes of a bank in its colons, in single precision.
 
     Args:
         bank: a scope and colons.
         worlds: numbers of worlds to try.
+        engine: of `DEVICE_ENGINES`.
         devices: number of devices that share them.
         progress: called with each row.
     """
-    engine = ScopeWorlds.of(bank.scene)
+    dynamics = device_engine(engine).of(bank.scene)
     tables = bank.tables_on_device()
     mesh = jax.sharding.Mesh(np.array(jax.devices()[:devices]), ("worlds",))
     sharding = jax.sharding.NamedSharding(mesh, jax.sharding.PartitionSpec("worlds"))
     rates = []
     for count in worlds:
-        rates.append(_measure(bank, engine, tables, count, devices, sharding))
+        rates.append(_measure(bank, dynamics, tables, count, devices, sharding))
         progress(rates[-1])
     return rates
 
@@ -113,17 +120,19 @@ def _measure(bank: ScopeBank, engine: ScopeWorlds, tables: Any, count: int, devi
     )
 
 
-def measure_insertions(bank: ScopeBank, count: int, *, seconds: float) -> dict[str, Any]:
+def measure_insertions(bank: ScopeBank, count: int, *, seconds: float, engine: str = "mjx-jax") -> dict[str, Any]:
     """Time that many insertions from the first call to the last score, with friction from 0.03 to 0.1.
 
     Args:
         bank: a scope and colons, which the insertions share.
         count: how many.
         seconds: simulated time of each [s].
+        engine: of `DEVICE_ENGINES`.
     """
     colons = np.arange(count) % len(bank.names)
     began = time.perf_counter()
-    runs = run_insertions(bank, worlds=count, seconds=seconds, colon=colons, friction=np.linspace(0.03, 0.1, count))
+    friction = np.linspace(0.03, 0.1, count)
+    runs = run_insertions(bank, worlds=count, seconds=seconds, engine=engine, colon=colons, friction=friction)
     taken = time.perf_counter() - began
     reach = runs.tip_arc_max / np.array(bank.lengths)[colons]
     return {

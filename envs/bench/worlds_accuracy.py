@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.engine.device_engines import device_engine
 from haustra.envs.engine.native import NativeEngine
 from haustra.envs.engine.scope_values import Hands
-from haustra.envs.engine.scope_worlds import ScopeWorlds
 from haustra.envs.follower import LumenFollower
 from haustra.envs.insertion import CONTROL_INTERVAL
 from haustra.envs.measure.progress import ArcTracker
@@ -49,7 +49,7 @@ class Apart:
 
 
 def compare_with_native(
-    colon: Colon, design: ScopeDesign, coarse: SceneOptions, *, cell: float, seconds: float
+    colon: Colon, design: ScopeDesign, coarse: SceneOptions, *, cell: float, seconds: float, engine: str = "mjx-jax"
 ) -> Apart:
     """Drive a fine scope in tangent planes by the lumen follower, and the coarse one by the same hand and pulls.
 
@@ -59,6 +59,7 @@ def compare_with_native(
         coarse: options of the engine of many worlds.
         cell: distance between the fine scope's joints [m]; 0.011 makes 140 of an adult scope.
         seconds: simulated time [s].
+        engine: of `DEVICE_ENGINES`.
     """
     bank = build_bank([colon], design, coarse)
     fine = replace(coarse, wall_law="planes", shaft_cell=cell, bending_cell=cell, sample_spacing=None)
@@ -66,12 +67,12 @@ def compare_with_native(
     links = native.scene.cable.tip_links
     follower = LumenFollower(colon.centreline, design, tip_links=links)
     tracker = ArcTracker(colon.centreline, start=fine.start_depth)
-    engine = ScopeWorlds.of(bank.scene)
-    tables, parameters = bank.tables_on_device(), engine.parameters(bank.scene, 1)
+    dynamics = device_engine(engine).of(bank.scene)
+    tables, parameters = bank.tables_on_device(), dynamics.parameters(bank.scene, 1)
     steps = round(CONTROL_INTERVAL / coarse.timestep)
-    go = jax.jit(lambda now, hands: engine.steps(tables, parameters, now, hands, steps))
-    look = jax.jit(lambda now: engine.observe(parameters, tables, now))
-    worlds = engine.begin(parameters, tables)
+    go = jax.jit(lambda now, hands: dynamics.steps(tables, parameters, now, hands, steps))
+    look = jax.jit(lambda now: dynamics.observe(parameters, tables, now))
+    worlds = dynamics.begin(parameters, tables)
     entry, axes = entry_of(colon)
     rows = []
     for _ in range(round(seconds / CONTROL_INTERVAL)):

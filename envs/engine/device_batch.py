@@ -1,4 +1,4 @@
-"""Many scopes at once on JAX's device, with the interface of `haustra.envs.engine.scope_batch`."""
+"""Many scopes at once on JAX's device, by a device engine, with the interface of `haustra.envs.engine.scope_batch`."""
 
 from typing import Any
 
@@ -11,9 +11,9 @@ from jaxtyping import Bool, Float, Int
 from haustra.envs.engine import moving_colon
 from haustra.envs.engine.conditions import Conditions, Snapshot
 from haustra.envs.engine.device_arrays import chosen, on_device
+from haustra.envs.engine.device_engines import device_engine
 from haustra.envs.engine.scope_batch import BatchInputs, BatchObservation
 from haustra.envs.engine.scope_values import Hands, Parameters, Seen, Worlds
-from haustra.envs.engine.scope_worlds import ScopeWorlds
 from haustra.errors import UnsupportedSceneError
 from haustra.models.scene import Scene
 from haustra.models.wall.radius_field import Tables, pick
@@ -22,33 +22,35 @@ from haustra.models.wall.radius_field import Tables, pick
 class DeviceBatch:
     """Worlds that are stepped together on a GPU, or wherever JAX computes. Only inputs and observations travel."""
 
-    def __init__(self, scene: Scene, tables: Tables, *, worlds: int) -> None:
+    def __init__(self, scene: Scene, tables: Tables, *, worlds: int, engine: str = "mjx-jax") -> None:
         """Read the scope; compilation comes with the first step.
 
         Args:
             scene: scope and options, built with wall_law "field" for any of the colons.
             tables: the colons, seen from their entries and stacked.
             worlds: how many.
+            engine: of `DEVICE_ENGINES`.
 
         Raises:
+            InvalidOptionError: when the engine is not known.
             UnsupportedSceneError: when the scene has what this engine cannot honour.
         """
         self.scene, self.tables, self.worlds = scene, tables, worlds
-        self._engine = ScopeWorlds.of(scene)
+        self._engine = device_engine(engine).of(scene)
         own = on_device(tables)
         self._parameters = self._engine.parameters(scene, worlds, colon=np.zeros(worlds, np.int32))
         self._state = self._engine.begin(self._parameters, own)
-        engine = self._engine
+        dynamics = self._engine
 
         def advance(parameters: Parameters, state: Worlds, hands: Hands, count: Any) -> tuple[Worlds, Seen]:
-            state = engine.steps(own, parameters, state, hands, count)
-            return state, engine.observe(parameters, own, state)
+            state = dynamics.steps(own, parameters, state, hands, count)
+            return state, dynamics.observe(parameters, own, state)
 
         def begin(parameters: Parameters, state: Worlds, roll: Any, anew: Any) -> tuple[Worlds, Seen]:
-            fresh = engine.begin(parameters, own)
+            fresh = dynamics.begin(parameters, own)
             fresh = fresh._replace(qpos=fresh.qpos.at[:, 1].set(roll), hand=fresh.hand.at[:, 1].set(roll))
             state = chosen(anew, fresh, state)
-            return state, engine.observe(parameters, own, state)
+            return state, dynamics.observe(parameters, own, state)
 
         def way(colon: Any, seen: Seen, distances: Any) -> Any:
             return moving_colon.axis_at(pick(own, colon), seen.shift, seen.tip_arc[:, None] + distances)
@@ -114,7 +116,7 @@ class DeviceBatch:
             UnsupportedSceneError: always.
         """
         raise UnsupportedSceneError(
-            "Withdrawal begins where scopes stood, which the engine 'mjx-jax' does not keep: use 'native'."
+            "Withdrawal begins where scopes stood, which engines on JAX's device do not keep: use 'native'."
         )
 
     def restore(self, world: int, snapshot: Snapshot) -> None:

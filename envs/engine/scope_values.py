@@ -79,6 +79,8 @@ class Worlds(NamedTuple):
     """(worlds,): false once a world has diverged; it then stays as it was last sound."""
     time: Array
     """(worlds,) [s]."""
+    warm: Array | None = None
+    """(worlds, dofs) accelerations from which MuJoCo's solver begins; None where there is no such solver."""
     shift: Shift | None = None
     """Where the colons have moved to; None where they are fixed in space."""
 

@@ -175,14 +175,10 @@ class ScopeWorlds:
         normal = jnp.maximum(contact.spring - contact.damper * along, 0.0)
         rates = jnp.stack([hands.push_rate, hands.roll_rate], axis=-1).astype(qpos.dtype)
         shift = self._moved(own_tables, worlds.shift, contact, leaving)
-        sound = worlds.healthy & jnp.isfinite(qvel).all(axis=1) & (jnp.abs(qvel).max(axis=1) < SPEED_LIMIT)
         after = worlds._replace(
             qpos=qpos, qvel=qvel, hand=worlds.hand + h * rates, arcs=contact.arcs, normal=normal, shift=shift
         )
-        # Infinite speeds of the hand would pass: its force is limited.
-        sound &= jnp.isfinite(after.hand).all(axis=1)
-        # A wall whose law is no number would not be there: nothing compares as pressing on it.
-        sound &= jnp.isfinite(parameters.stiffness) & jnp.isfinite(parameters.damping_time)
+        sound = sound_after(parameters, worlds, after)
         if shift is not None:
             sound &= jnp.isfinite(shift.place).all(axis=(1, 2))
         return chosen(sound, after._replace(time=worlds.time + h), worlds)._replace(healthy=sound)
@@ -311,6 +307,16 @@ def _look(tables: Tables, shift: Shift | None, points: Array, arcs: Array) -> tu
     return (
         (touch(jnp, tables, points, arcs), None) if shift is None else moving_colon.touch(tables, shift, points, arcs)
     )
+
+
+def sound_after(parameters: Parameters, before: Worlds, after: Worlds) -> Array:
+    """Which worlds are sound still: (worlds,)."""
+    speeds = jnp.isfinite(after.qvel).all(axis=1) & (jnp.abs(after.qvel).max(axis=1) < SPEED_LIMIT)
+    # Infinite speeds of the hand would pass: its force is limited.
+    hand = jnp.isfinite(after.hand).all(axis=1)
+    # A wall whose law is no number would not be there: nothing compares as pressing on it.
+    wall = jnp.isfinite(parameters.stiffness) & jnp.isfinite(parameters.damping_time)
+    return before.healthy & speeds & hand & wall
 
 
 def solve(matrix: Float[Array, "worlds dofs dofs"], right: Float[Array, "worlds dofs"]) -> Array:

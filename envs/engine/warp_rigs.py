@@ -16,11 +16,10 @@ from jaxtyping import Bool, Complex, Float, Int
 from mujoco.mjx.third_party import mujoco_warp
 
 from haustra.envs.engine.warp_kernels import HARMONICS, MEANS, SUMS, WAVES, count_step, read_forces, steer
+from haustra.envs.engine.warp_setup import use_warp
 from haustra.envs.measure.propulsion import READ, SETTLING, TOUCHING
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.tracked.rig import STRING_LENGTH, STRING_STIFFNESS, Rig
-
-wp.config.log_level = wp.LOG_WARNING  # it tells of every kernel on stdout, where results go
 
 _PHASES = 2048
 """Tooth phases at which controls are tabulated; between them they are linear, 1e-6 of their range off."""
@@ -74,6 +73,7 @@ class WarpRigs:
         if not len(rigs) or not len(which):
             raise InvalidOptionError(f"{len(rigs)} rigs in {len(which)} worlds: give at least 1 of each.")
         self.rigs, self.which, self.worlds = tuple(rigs), np.asarray(which), len(which)
+        use_warp()
         rig, models = rigs[0], [_model(each) for each in rigs]
         self.model = models[0]
         self._device = wp.get_device(device)

@@ -135,7 +135,7 @@ def evaluate(
         bank: the colons.
         episodes: in each.
         threads: for physics on the CPU.
-        engine: 'native', MuJoCo on threads, or 'mjx-jax', JAX on its device.
+        engine: 'native', MuJoCo on threads; 'mjx-jax' or 'mjx-warp', on JAX's device.
         most_worlds: stepped at once; what suits the engine and its device when None.
         record: keep the states of the best episode.
         progress: told episodes done and their number.

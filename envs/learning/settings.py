@@ -5,11 +5,12 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 from haustra.assets import asset
+from haustra.envs.engine.device_engines import DEVICE_ENGINES
 from haustra.envs.tasks.config import TaskConfig
 from haustra.errors import InvalidOptionError
 
 ALGORITHMS = ("ppo", "sac")
-ENGINES = ("native", "mjx-jax")
+ENGINES = ("native", *DEVICE_ENGINES)
 DEVICES = ("cpu", "cuda")
 SHIPPED = ("insertion-ppo", "insertion-gpu", "insertion-mesentery", "insertion-easy", "insertion-sac", "quick")
 """Configurations in assets/training."""
@@ -27,7 +28,7 @@ class Training:
     """Steps between two checkpoints; episodes begin anew there, so that a resumed run is the same run."""
     worlds: int = 32
     engine: str = "native"
-    """Of the physics: MuJoCo on threads, or 'mjx-jax', thousands of worlds on JAX's device."""
+    """Of the physics: MuJoCo on threads, or thousands of worlds on JAX's device: 'mjx-jax', 'mjx-warp'."""
     device: str = "cpu"
     """Of the networks: 'cpu', or 'cuda', PyTorch's GPU."""
     seed: int = 0

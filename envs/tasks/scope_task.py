@@ -16,7 +16,7 @@ from haustra.envs.tasks.coverage import Coverage
 from haustra.envs.tasks.pictures import Pictures
 from haustra.envs.tasks.rewards import Moment, reward
 from haustra.envs.tasks.sight import Sight
-from haustra.errors import InvalidOptionError, UnsupportedSceneError
+from haustra.errors import UnsupportedSceneError
 from haustra.models.scope.library import named_design
 from haustra.models.wall.radius_field import axis_at, pick
 
@@ -67,7 +67,7 @@ class ScopeTask:
             config: the rules.
             worlds: how many.
             threads: for physics on the CPU.
-            engine: 'native', MuJoCo on threads, or 'mjx-jax', JAX on its device.
+            engine: 'native', MuJoCo on threads; 'mjx-jax' or 'mjx-warp', on JAX's device.
             bank: colons; those of the configuration's seeds when None.
             progress: told how many colons are there.
 
@@ -342,14 +342,12 @@ class ScopeTask:
 def _engine(name: str, bank: Bank, worlds: int, threads: int) -> "ScopeBatch | DeviceBatch":
     if name == "native":
         return ScopeBatch(bank.scene, bank.tables, worlds=worlds, threads=threads)
-    if name != "mjx-jax":
-        raise InvalidOptionError(f"Engine '{name}' is not known. Known: native, mjx-jax.")
     from haustra.envs.engine.jax_setup import share_memory
 
     share_memory()
     from haustra.envs.engine.device_batch import DeviceBatch
 
-    return DeviceBatch(bank.scene, bank.tables, worlds=worlds)
+    return DeviceBatch(bank.scene, bank.tables, worlds=worlds, engine=name)
 
 
 def _eyes(engine: "ScopeBatch | DeviceBatch", sight: Sight) -> "Sight | DeviceSight":

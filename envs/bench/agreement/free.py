@@ -101,7 +101,9 @@ def by_warp(trial: Trial, *, device: str | None = None) -> Motion:
     import warp as wp
     from mujoco.mjx.third_party import mujoco_warp
 
-    wp.config.log_level = wp.LOG_WARNING
+    from haustra.envs.engine.warp_setup import use_warp
+
+    use_warp()
     model = trial.model
     model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)  # a flag that Warp does not know
     data, wire = _straight(trial, model)

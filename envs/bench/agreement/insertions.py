@@ -72,7 +72,7 @@ def run_seeds(
 
     Args:
         bank: the colons.
-        engine: 'native' or 'mjx-jax'.
+        engine: 'native', or one of `haustra.envs.engine.device_engines`.
         seeds: how many, from 0 on.
         seconds: of each run, unless it reaches the caecum or perforates the wall [s].
         threads: of the native engine.

@@ -9,10 +9,10 @@ from haustra.envs.bench.agreement.insertions import Runs, compare_insertions, ru
 from haustra.envs.bench.agreement.pads import NO_SURFACE_SPEED, compare_pads
 from haustra.envs.bench.agreement.row import Agreement
 from haustra.envs.bench.machine import machine
+from haustra.envs.engine.device_engines import DEVICE_ENGINES
 from haustra.envs.tasks.bank import Bank
 
 PARTS = ("free", "pads", "insertions")
-_NO_WALL = "scopes in a wall are not built on MuJoCo Warp"
 _MISSING = "not installed here: pip install 'haustra[{}]'"
 
 
@@ -68,12 +68,8 @@ def compare_engines(
                     progress=lambda time: progress(done, f"insertions, {engine}: {time:.0f} s"),
                 )
 
-            found: dict[str, Runs | str] = {"mjx-warp": _NO_WALL}
-            known = None
-            if "mjx-jax" in absent:
-                found["mjx-jax"] = absent["mjx-jax"]
-            else:
-                known, found["mjx-jax"] = run("native"), run("mjx-jax")
+            known = None if len(absent) == len(DEVICE_ENGINES) else run("native")
+            found = {engine: absent.get(engine) or run(engine) for engine in DEVICE_ENGINES}
             rows += compare_insertions(known, found)
     progress(len(parts), "")
     return rows

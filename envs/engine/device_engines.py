@@ -1,0 +1,28 @@
+"""The engines that step many scopes on JAX's device, by name."""
+
+from typing import TYPE_CHECKING
+
+from haustra.errors import InvalidOptionError
+
+if TYPE_CHECKING:
+    from haustra.envs.engine.scope_worlds import ScopeWorlds
+
+DEVICE_ENGINES = ("mjx-jax", "mjx-warp")
+"""A chain and a wall in JAX; MuJoCo's own dynamics and contacts by MuJoCo Warp, through MJX."""
+
+
+def device_engine(name: str) -> "type[ScopeWorlds]":
+    """The engine of that name.
+
+    Raises:
+        InvalidOptionError: when there is none.
+    """
+    if name == "mjx-jax":
+        from haustra.envs.engine.scope_worlds import ScopeWorlds
+
+        return ScopeWorlds
+    if name == "mjx-warp":
+        from haustra.envs.engine.warp_scopes import WarpScopes
+
+        return WarpScopes
+    raise InvalidOptionError(f"Engine '{name}' is not known. Known: native, {', '.join(DEVICE_ENGINES)}.")
