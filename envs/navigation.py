@@ -18,7 +18,7 @@ _PICTURE = 240
 
 
 def observation_space(config: TaskConfig) -> spaces.Space:
-    """What one world sees: a Box in the modes state, lumen and pixels, a Dict in mode dict."""
+    """What one world sees: a Box in the modes state, lumen, depth and pixels, a Dict in mode dict."""
     boxes: dict[str, spaces.Space] = {name: _box(name, shape) for name, shape in seen_by.sizes(config).items()}
     return spaces.Dict(boxes) if config.observation == "dict" else boxes[config.observation]
 
@@ -124,7 +124,7 @@ class NavigationEnv(gymnasium.Env):
 
 
 def _box(name: str, shape: tuple[int, ...]) -> spaces.Box:
-    if name == "pixels":
+    if name in seen_by.IN_BYTES:
         return spaces.Box(0, 255, shape, np.uint8)
     return spaces.Box(-seen_by.bound(), seen_by.bound(), shape, np.float32)
 

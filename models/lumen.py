@@ -2,6 +2,7 @@
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 from scipy.spatial import KDTree
 
 from haustra.models.anatomy.colon import Colon
@@ -12,13 +13,22 @@ LUMEN_PREFIX = "lumen_"
 """Name of each mesh and its geom; its number follows, counted from the anus."""
 
 
-def add_lumen(spec: mujoco.MjSpec, colon: Colon, *, group: int) -> None:
+def add_lumen(
+    spec: mujoco.MjSpec,
+    colon: Colon,
+    *,
+    group: int,
+    prefix: str = "",
+    place: Float[np.ndarray, "3"] | None = None,
+) -> None:
     """Add the surface without contact, each triangle to the stretch that its middle is beside.
 
     Args:
         spec: gets the meshes and their geoms.
         colon: the colon.
         group: of the geoms.
+        prefix: before all names.
+        place: where the colon's origin is to be [m]; where the spec's is when None.
     """
     vertices, faces = colon.lumen.vertices, colon.lumen.faces
     line = colon.centreline
@@ -27,10 +37,11 @@ def add_lumen(spec: mujoco.MjSpec, colon: Colon, *, group: int) -> None:
     for number in range(int(line.length / LUMEN_STRETCH) + 1):
         own = faces[stretch == number]
         if len(own):
-            _add(spec, f"{LUMEN_PREFIX}{number:03d}", vertices, own, group)
+            geom = _add(spec, f"{prefix}{LUMEN_PREFIX}{number:03d}", vertices, own, group)
+            geom.pos = np.zeros(3) if place is None else place
 
 
-def _add(spec: mujoco.MjSpec, name: str, vertices: np.ndarray, faces: np.ndarray, group: int) -> None:
+def _add(spec: mujoco.MjSpec, name: str, vertices: np.ndarray, faces: np.ndarray, group: int) -> mujoco.MjsGeom:
     used, corners = np.unique(faces, return_inverse=True)
     mesh = spec.add_mesh(
         name=name,
@@ -39,7 +50,7 @@ def _add(spec: mujoco.MjSpec, name: str, vertices: np.ndarray, faces: np.ndarray
         userface=np.ascontiguousarray(corners.reshape(-1, 3)[:, ::-1], dtype=np.int32).ravel(),
     )
     mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-    spec.worldbody.add_geom(
+    return spec.worldbody.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_MESH,
         meshname=name,

@@ -20,8 +20,10 @@ class BenchEpisodes:
     """Grown colons."""
     design: str = "adult"
     """Scope design."""
-    observation: Literal["state", "lumen", "dict"] = "state"
+    observation: Literal["state", "lumen", "depth", "dict"] = "state"
     """What is observed."""
+    picture_size: int = 64
+    """Rows and columns of depth pictures."""
     memory_steps: int = 0
     """Environment steps over which memory is watched; 0 for none."""
     memory_resets: int = 0
@@ -40,7 +42,12 @@ class BenchEpisodes:
 
         if min(self.worlds, self.threads, self.colons) < 1 or not 0 < self.seconds < 1e4:
             raise InvalidOptionError("Give at least one world, thread and colon, and a positive time.")
-        config = TaskConfig(design=self.design, observation=self.observation, seeds=(0, self.colons))
+        config = TaskConfig(
+            design=self.design,
+            observation=self.observation,
+            picture_size=self.picture_size,
+            seeds=(0, self.colons),
+        )
         with progress_bar("grow", self.colons, unit="colons") as advance:
             bank = grown_bank(range(self.colons), named_design(self.design), progress=lambda done: advance(done, ""))
         rate = step_rate(

@@ -17,6 +17,9 @@ _WARM_UP = 20
 """Steps and resets before memory is first read: caches fill, threads start."""
 
 
+_LOOKS = 10
+
+
 @dataclass(frozen=True)
 class StepRate:
     """Speed of a task's worlds."""
@@ -28,6 +31,8 @@ class StepRate:
     """Simulated time over all worlds per wall clock [1]."""
     cpu_per_step: float
     """Processor time of one environment step of one world [s]: it does not depend on what else runs."""
+    looks_per_second: float
+    """Observations over all worlds per second, where no step is taken [1/s]."""
     depth: float
     """Mean arc length of the tips at the end [m]: contacts, and with them the cost, grow with it."""
 
@@ -59,9 +64,13 @@ def step_rate(
         if over.any():
             seen = task.reset(np.flatnonzero(over))
             driver.begin(over)
+    began = time.perf_counter()
+    for _ in range(_LOOKS):
+        task.observe()
+    looks = _LOOKS * worlds / (time.perf_counter() - began)
     task.close()
-    count = steps * worlds
-    return StepRate(worlds, count / wall, count * task.interval / wall, cpu / count, float(task.seen.tip_arc.mean()))
+    count, depth = steps * worlds, float(task.seen.tip_arc.mean())
+    return StepRate(worlds, count / wall, count * task.interval / wall, cpu / count, looks, depth)
 
 
 @dataclass(frozen=True)

@@ -59,8 +59,9 @@ class WarpScopes(ScopeWorlds):
         use_warp()
         host = _for_warp(batch_model(scene))
         try:
-            model = mjx.put_model(host, impl="warp")
-        except NotImplementedError as error:
+            # Room is kept for all that can happen; its solver's limits would be told on stdout at every step.
+            model = mjx.put_model(host, impl="warp").tree_replace({"opt._impl.warn_overflow": 0})
+        except (NotImplementedError, ValueError) as error:
             raise UnsupportedSceneError(f"The engine 'mjx-warp' cannot honour this scope: {error}") from error
         spheres = [host.geom(f"wall/sphere_{index:04d}").id for index in range(len(scene.samples))]
         return cls(
@@ -188,6 +189,7 @@ class WarpScopes(ScopeWorlds):
 def _for_warp(model: mujoco.MjModel) -> mujoco.MjModel:
     """With a solver that Warp has, and without a flag that it does not know: it never resets what diverges."""
     model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_AUTO
     model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     return model
 

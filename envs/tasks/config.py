@@ -9,9 +9,9 @@ from haustra.quantity import load_quantities
 
 _CONTACT = load_quantities(asset("numbers/contact.toml"))
 
-OBSERVATIONS = ("state", "lumen", "pixels", "dict")
-"""What a learner sees: what scope and hand can measure; what a depth camera gives; pictures; or all of the first two
-(and pictures, when asked for) under names."""
+OBSERVATIONS = ("state", "lumen", "depth", "pixels", "dict")
+"""What a learner sees: what scope and hand can measure; a few distances as a depth camera gives them; the whole picture
+of such a camera; pictures in colour; or the first two (and depth and pictures, when asked for) under names."""
 
 TASKS = ("insertion", "withdrawal")
 
@@ -120,6 +120,8 @@ class TaskConfig:
     memory of its own cannot tell else that it has stood still for a while."""
     picture_size: int = 64
     """Rows and columns of pictures."""
+    depth: bool = False
+    """In mode dict: the tip camera's depth too. 'mjx-warp' sees all worlds at once; other engines one by one."""
     pictures: bool = False
     """In mode dict: pictures too."""
     drive: Drive = field(default_factory=Drive)

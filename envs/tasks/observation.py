@@ -28,6 +28,8 @@ AHEAD = (0.02, 0.04, 0.06, 0.08, 0.10)
 """Distances along the centreline of the places ahead that the privileged part gives [m]."""
 PRIVILEGED_SIZE = 3 + 3 * len(AHEAD)
 """Progress, largest wall force [10 N], friction; places ahead in the tip's frame over `RANGE`."""
+IN_BYTES = ("depth", "pixels")
+"""Parts whose entries are 0 to 255."""
 _LARGEST = 10.0
 _REACH = 0.3
 
@@ -40,7 +42,8 @@ def sizes(config: TaskConfig) -> dict[str, tuple[int, ...]]:
     Raises:
         InvalidOptionError: when privileged entries, an imager or memory are asked for without names.
     """
-    every = {"state": (len(STATE),), "lumen": (LUMEN_SIZE,), "pixels": (config.picture_size, config.picture_size, 4)}
+    size = config.picture_size
+    every = {"state": (len(STATE),), "lumen": (LUMEN_SIZE,), "depth": (size, size, 1), "pixels": (size, size, 4)}
     if config.observation != "dict":
         if config.privileged or config.memory or config.imager:
             raise InvalidOptionError(
@@ -55,9 +58,16 @@ def sizes(config: TaskConfig) -> dict[str, tuple[int, ...]]:
         parts["recent"] = (len(config.memory) * measured_size(config),)
     if config.privileged:
         parts["privileged"] = (PRIVILEGED_SIZE,)
+    if config.depth:
+        parts["depth"] = every["depth"]
     if config.pictures:
         parts["pixels"] = every["pixels"]
     return parts
+
+
+def draws(config: TaskConfig) -> bool:
+    """Whether this configuration shows pictures of the wall."""
+    return any(name in IN_BYTES for name in sizes(config))
 
 
 def measured_size(config: TaskConfig) -> int:

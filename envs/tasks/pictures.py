@@ -1,8 +1,9 @@
 """Pictures from the tip's camera: colour by the renderer of `haustra.envs.picture`, depth by rays into the tables."""
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Int, UInt8
 
+from haustra.envs.picture.lens import lens_rays
 from haustra.envs.picture.tip import tip_view
 from haustra.envs.tasks.bank import Bank
 from haustra.envs.tasks.sight import RANGE, Sight
@@ -19,7 +20,8 @@ class Pictures:
     def __init__(self, bank: Bank, sight: Sight, field_of_view_deg: float) -> None:
         """Surfaces are made when a case is first looked at."""
         self._bank, self._sight = bank, sight
-        self._view = min(field_of_view_deg, 170.0)
+        self.view = min(field_of_view_deg, 170.0)
+        """Full angle over the diameter of a picture [degrees]."""
         self._surfaces: dict[int, Surface] = {}
 
     def colour(self, case: int, eye: Eye, size: int) -> UInt8[np.ndarray, "size size 3"]:
@@ -28,23 +30,29 @@ class Pictures:
             self._surfaces[case] = self._bank.cases[case].colon().lumen
         place, frame = eye
         camera = np.column_stack([-frame[:, 1], frame[:, 0], -frame[:, 2]])  # right, up, backwards
-        return tip_view(self._surfaces[case], place, camera, self._view, size=size)
+        return tip_view(self._surfaces[case], place, camera, self.view, size=size)
 
-    def depth(self, case: int, eye: Eye, arc: float, size: int) -> Float[np.ndarray, "size size"]:
-        """Distance to the wall in each pixel of the same picture [m]; zero outside the lens's circle."""
-        place, frame = eye
-        grid = (np.arange(size) + 0.5) / size * 2 - 1
-        right, up = np.meshgrid(grid, -grid)
-        off = np.hypot(right, up)
-        angle = np.minimum(off, 1.0) * np.radians(self._view / 2)
-        scale = np.sin(angle) / np.maximum(off, 1e-9)
-        local = np.stack([up * scale, -right * scale, np.cos(angle)], axis=-1).reshape(-1, 3)
-        found = self._sight.distances(
-            np.array([case]), place[None], (local @ frame.T)[None], np.array([arc]), _DEPTH_STEPS
-        )
-        return np.where(off <= 1, found.reshape(size, size), 0.0)
+    def depth(
+        self,
+        case: Int[np.ndarray, " worlds"],
+        eye: Float[np.ndarray, "worlds 3"],
+        frame: Float[np.ndarray, "worlds 3 3"],
+        arc: Float[np.ndarray, " worlds"],
+        size: int,
+    ) -> Float[np.ndarray, "worlds size size"]:
+        """Distance to the wall in each pixel of the same pictures [m]; zero outside the lens's circle."""
+        rays, within = lens_rays(self.view, size)
+        directions = rays.reshape(-1, 3) @ frame.swapaxes(-1, -2)
+        found = self._sight.distances(case, eye, directions, arc, _DEPTH_STEPS)
+        return np.where(within, found.reshape(-1, size, size), 0.0)
 
     def both(self, case: int, eye: Eye, arc: float, size: int) -> UInt8[np.ndarray, "size size 4"]:
         """Colour, and depth over `RANGE` as a fourth channel."""
-        depth = np.rint(255 * self.depth(case, eye, arc, size) / RANGE).astype(np.uint8)
-        return np.dstack([self.colour(case, eye, size), depth])
+        place, frame = eye
+        depth = self.depth(np.array([case]), place[None], frame[None], np.array([arc]), size)
+        return np.dstack([self.colour(case, eye, size), in_bytes(depth[0])])
+
+
+def in_bytes(depth: Float[np.ndarray, "*pixels"]) -> UInt8[np.ndarray, "*pixels"]:
+    """Depth [m] over `RANGE`, as a picture has it."""
+    return np.rint(255 * depth / RANGE).astype(np.uint8)

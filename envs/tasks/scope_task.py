@@ -13,15 +13,16 @@ from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.bank import Bank, grown_bank
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.coverage import Coverage
-from haustra.envs.tasks.pictures import Pictures
+from haustra.envs.tasks.pictures import Pictures, in_bytes
 from haustra.envs.tasks.rewards import Moment, reward
-from haustra.envs.tasks.sight import Sight
+from haustra.envs.tasks.sight import RANGE, Sight
 from haustra.errors import UnsupportedSceneError
 from haustra.models.scope.library import named_design
 from haustra.models.wall.radius_field import axis_at, pick
 
 if TYPE_CHECKING:
     from haustra.envs.engine.device_batch import DeviceBatch
+    from haustra.envs.picture.warp_cameras import WarpCameras
     from haustra.envs.tasks.device_sight import DeviceSight
 
 ACTIONS = ("push", "roll", "tip up", "tip left")
@@ -74,7 +75,7 @@ class ScopeTask:
         Raises:
             UnsupportedSceneError: when the colons are to move and the engine or what is seen of them cannot.
         """
-        if config.mesentery and (config.task == "withdrawal" or config.pictures or config.observation == "pixels"):
+        if config.mesentery and (config.task == "withdrawal" or seen_by.draws(config)):
             raise UnsupportedSceneError(
                 "Colons that move on their mesentery are neither drawn nor withdrawn from yet: leave mesentery out."
             )
@@ -87,6 +88,11 @@ class ScopeTask:
         self.sight = Sight(self.bank.cases)
         self._eyes = _eyes(self.engine, self.sight)
         self.pictures = Pictures(self.bank, self.sight, design.tip.field_of_view_deg)
+        self._cameras = (
+            _cameras(engine, self.bank, worlds, config.picture_size, self.pictures.view)
+            if "depth" in self.parts
+            else None
+        )
         self.steps = max(1, round(config.drive.control_interval / self.bank.scene.options.timestep))
         self.interval = self.steps * self.bank.scene.options.timestep
         self._covers = config.task == "withdrawal" or config.weights.coverage != 0
@@ -198,6 +204,7 @@ class ScopeTask:
             "recent": lambda: self._memory.recent(self._remembered()),
             "lumen": self._lumen,
             "privileged": self._privileged,
+            "depth": self._depth,
             "pixels": self._pixels,
         }
         return {name: self._measured[name] if name in self._measured else made[name]() for name in self.parts}
@@ -216,7 +223,8 @@ class ScopeTask:
 
     def render_depth(self, world: int, size: int) -> Float[np.ndarray, "size size"]:
         """Depth along the camera's rays [m]."""
-        return self.pictures.depth(int(self.case[world]), self._eye(world), float(self.seen.tip_arc[world]), size)
+        seen, one = self.seen, slice(world, world + 1)
+        return self.pictures.depth(self.case[one], seen.tip[one], seen.tip_frame[one], seen.tip_arc[one], size)[0]
 
     def render(self, world: int, size: int) -> np.ndarray:
         """What the camera shows, RGB."""
@@ -316,6 +324,14 @@ class ScopeTask:
         ahead = np.einsum("wij,wpi->wpj", self.seen.tip_frame, ahead)
         return seen_by.privileged(self._best, self._moment.wall_force, self.friction, ahead)
 
+    def _depth(self) -> np.ndarray:
+        seen, case = self.seen, self.case
+        if self._cameras:
+            depth = self._cameras.depth(case, seen.tip, seen.tip_frame)
+        else:
+            depth = self.pictures.depth(case, seen.tip, seen.tip_frame, seen.tip_arc, self.config.picture_size)
+        return in_bytes(depth)[..., None]
+
     def _pixels(self) -> np.ndarray:
         size = self.config.picture_size
         return np.stack(
@@ -357,3 +373,13 @@ def _eyes(engine: "ScopeBatch | DeviceBatch", sight: Sight) -> "Sight | DeviceSi
     from haustra.envs.tasks.device_sight import DeviceSight
 
     return DeviceSight(sight, engine)
+
+
+def _cameras(engine: str, bank: Bank, worlds: int, size: int, field_of_view_deg: float) -> "WarpCameras | None":
+    """The cameras of an engine that sees all worlds at once, if it does."""
+    if engine != "mjx-warp":
+        return None
+    from haustra.envs.picture.warp_cameras import WarpCameras
+
+    colons = [case.colon() for case in bank.cases]
+    return WarpCameras(colons, worlds=worlds, size=size, field_of_view_deg=field_of_view_deg, reach=RANGE)

@@ -53,6 +53,6 @@ def _said(row: Agreement) -> str:
     if row.difference is None:
         return f"not asked: {row.absent}"
     within = "" if row.interval is None else f" ({row.interval[0]:+.2g} to {row.interval[1]:+.2g})"
-    uncertain = row.interval is not None and abs(row.difference) <= row.tolerance
+    uncertain = row.interval is not None and row.interval[0] <= row.tolerance and row.interval[1] >= -row.tolerance
     verdict = "agrees" if row.agrees else "not shown, take more seeds" if uncertain else "DIFFERS"
     return f"{verdict}: {row.difference:.2g}{within} {row.unit}, at most {row.tolerance:g}: {row.reason}"

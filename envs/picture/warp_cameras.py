@@ -1,0 +1,114 @@
+"""Tip cameras of many worlds at once: how far the wall is in each pixel, by MuJoCo Warp's ray tracer.
+
+The colons stand side by side in one model, farther apart than a camera sees; each world's camera is put into its own.
+Without a GPU the same kernels run on the CPU, slowly: for tests.
+"""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+import warp as wp
+from jaxtyping import Float, Int
+from mujoco.mjx.third_party import mujoco_warp
+
+from haustra.envs.engine.warp_setup import use_warp
+from haustra.envs.picture.lens import lens_rays
+from haustra.models.anatomy.colon import Colon
+from haustra.models.lumen import add_lumen
+
+_GAP = 0.5
+"""Between neighbours [m]; more than any camera sees."""
+
+
+class WarpCameras:
+    """Depth pictures in some colons."""
+
+    def __init__(
+        self,
+        colons: Sequence[Colon],
+        *,
+        worlds: int,
+        size: int,
+        field_of_view_deg: float,
+        reach: float,
+        device: str | None = None,
+    ) -> None:
+        """Put the colons' surfaces on the device; kernels compile with the first picture.
+
+        Args:
+            colons: as their scopes see them: entries at the origin, along z.
+            worlds: cameras.
+            size: rows and columns of a picture.
+            field_of_view_deg: full angle over the diameter of the picture, less than 180 [degrees].
+            reach: distance beyond which nothing is seen [m].
+            device: as Warp names it; its own choice when None.
+
+        Raises:
+            MissingDependencyError: when Warp is not installed.
+        """
+        use_warp()
+        self._places = _side_by_side(colons)
+        model = _model(colons, self._places, reach)
+        rays, within = lens_rays(field_of_view_deg, size)
+        self._rays, self._within, self._reach = rays.reshape(-1, 3), within, reach
+        self._shape = (worlds, size, size)
+        self._device = wp.get_device(device)
+        with wp.ScopedDevice(self._device):
+            self._model, data = mujoco_warp.put_model(model), mujoco.MjData(model)
+            mujoco.mj_forward(model, data)
+            self._data = mujoco_warp.put_data(model, data, nworld=worlds)
+            self._context = mujoco_warp.create_render_context(
+                model, worlds, cam_res=(size, size), render_rgb=False, render_depth=True, use_textures=False
+            )
+            self._context.ray.assign(_of_camera(self._rays).astype(np.float32))
+            mujoco_warp.refit_bvh(self._model, self._data, self._context)
+
+    def depth(
+        self,
+        case: Int[np.ndarray, " worlds"],
+        eye: Float[np.ndarray, "worlds 3"],
+        frame: Float[np.ndarray, "worlds 3 3"],
+    ) -> Float[np.ndarray, "worlds size size"]:
+        """Distance to the wall in each pixel [m]; zero outside the lens's circle.
+
+        The wall is seen from inside only, so that a tip that has pressed a little way into it does not see its outside.
+
+        Args:
+            case: which colon each world is in.
+            eye: where the cameras are [m].
+            frame: columns are wire 'up', wire 'left' and the viewing direction.
+        """
+        camera = np.stack([-frame[..., 1], frame[..., 0], -frame[..., 2]], axis=-1)  # right, up, backwards
+        with wp.ScopedDevice(self._device):
+            self._data.cam_xpos.assign((eye + self._places[case])[:, None].astype(np.float32))
+            self._data.cam_xmat.assign(camera[:, None].astype(np.float32))
+            mujoco_warp.render(self._model, self._data, self._context)
+            ahead = self._context.depth_data.numpy()
+        distance = np.where(ahead > 0, ahead / self._rays[:, 2].astype(np.float32), self._reach)
+        return np.where(self._within, np.minimum(distance, self._reach).reshape(self._shape), 0.0)
+
+
+def _side_by_side(colons: Sequence[Colon]) -> Float[np.ndarray, "colons 3"]:
+    """Where each colon stands [m]: on a cubic grid, so that single precision is as fine as can be."""
+    room = _GAP + max(float(np.ptp(colon.lumen.vertices, axis=0).max()) for colon in colons)
+    side = int(np.ceil(len(colons) ** (1 / 3)))
+    cells = np.stack(np.unravel_index(np.arange(len(colons)), (side, side, side)), axis=-1)
+    middles = np.array([(colon.lumen.vertices.min(0) + colon.lumen.vertices.max(0)) / 2 for colon in colons])
+    return room * cells - middles
+
+
+def _model(colons: Sequence[Colon], places: np.ndarray, reach: float) -> mujoco.MjModel:
+    """All surfaces and one camera. Where the camera sees to is counted from the model's size, which is set to 1 m."""
+    spec = mujoco.MjSpec()
+    spec.stat.extent = 1.0
+    spec.visual.map.zfar = reach
+    spec.worldbody.add_camera(name="tip")
+    for number, (colon, place) in enumerate(zip(colons, places, strict=True)):
+        add_lumen(spec, colon, group=0, prefix=f"colon_{number:04d}/", place=place)
+    return spec.compile()
+
+
+def _of_camera(rays: np.ndarray) -> np.ndarray:
+    """From the tip's frame to the camera's: right, up, backwards."""
+    return np.stack([-rays[:, 1], rays[:, 0], -rays[:, 2]], axis=-1)
