@@ -17,6 +17,8 @@ class BenchAgreement:
 
     parts: str = "free,pads,insertions"
     """What to compare, separated by commas: free (a scope without a wall), pads (of a track), insertions."""
+    engines: str = "mjx-jax,mjx-warp"
+    """That are held against the native one, of those that are installed, separated by commas."""
     seeds: int = 32
     """Insertions on each engine; each draws its own colon, friction, stiffness and start."""
     seconds: float = 60.0
@@ -40,6 +42,7 @@ class BenchAgreement:
 
         from haustra.envs.bench.agreement.row import table
         from haustra.envs.bench.agreement.run import PARTS, compare_engines, devices
+        from haustra.envs.engine.device_engines import DEVICE_ENGINES
         from haustra.envs.tasks.bank import grown_bank
         from haustra.errors import InvalidOptionError
         from haustra.files import prepare_folder, write_json
@@ -49,6 +52,9 @@ class BenchAgreement:
         parts = [part.strip() for part in self.parts.split(",")]
         if unknown := [part for part in parts if part not in PARTS]:
             raise InvalidOptionError(f"Part '{unknown[0]}' is not known. Known: {', '.join(PARTS)}.")
+        engines = [engine.strip() for engine in self.engines.split(",")]
+        if unknown := [engine for engine in engines if engine not in DEVICE_ENGINES]:
+            raise InvalidOptionError(f"Engine '{unknown[0]}' is not known. Known: {', '.join(DEVICE_ENGINES)}.")
         if self.seeds < 3 or min(self.colons, self.threads) < 1 or not 0 < self.seconds <= 600:
             raise InvalidOptionError("Give at least 3 seeds, 1 colon and 1 thread, and a time of up to 600 s.")
         folder = prepare_folder(self.output) if self.output else None
@@ -63,6 +69,7 @@ class BenchAgreement:
             rows = compare_engines(
                 bank,
                 parts,
+                engines=engines,
                 seeds=self.seeds,
                 seconds=self.seconds,
                 threads=self.threads,

@@ -1,5 +1,5 @@
 # pyright: reportInvalidTypeForm=false
-"""What runs on the GPU beside MuJoCo Warp: the rigs' controls, and the reading of their forces."""
+"""What runs on the GPU beside MuJoCo Warp: the rigs' controls, the reading of their forces, and of depth pictures."""
 
 import warp as wp
 
@@ -104,3 +104,20 @@ def read_forces(
 def count_step(now: wp.array(dtype=int)):
     """One time step is over."""
     now[0] = now[0] + 1
+
+
+@wp.kernel
+def along_rays(
+    depth: wp.array2d(dtype=float), ahead: wp.array(dtype=float), reach: float, bytes_out: wp.array2d(dtype=wp.uint8)
+):
+    """From depth along a camera's axis [m] to distances along its rays, 255 for the reach and for what was not hit.
+
+    A ray's component along the axis is zero where the lens shows nothing; so is the picture there.
+    """
+    world, pixel = wp.tid()
+    share = wp.float32(0.0)
+    if ahead[pixel] > 0.0:
+        share = wp.float32(1.0)
+        if depth[world, pixel] > 0.0:
+            share = wp.min(depth[world, pixel] / (ahead[pixel] * reach), 1.0)
+    bytes_out[world, pixel] = wp.uint8(wp.rint(255.0 * share))

@@ -9,9 +9,10 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 import warp as wp
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, UInt8
 from mujoco.mjx.third_party import mujoco_warp
 
+from haustra.envs.engine.warp_kernels import along_rays
 from haustra.envs.engine.warp_setup import use_warp
 from haustra.envs.picture.lens import lens_rays
 from haustra.models.anatomy.colon import Colon
@@ -51,8 +52,7 @@ class WarpCameras:
         self._places = _side_by_side(colons)
         model = _model(colons, self._places, reach)
         rays, within = lens_rays(field_of_view_deg, size)
-        self._rays, self._within, self._reach = rays.reshape(-1, 3), within, reach
-        self._shape = (worlds, size, size)
+        self._shape, self._reach = (worlds, size, size), reach
         self._device = wp.get_device(device)
         with wp.ScopedDevice(self._device):
             self._model, data = mujoco_warp.put_model(model), mujoco.MjData(model)
@@ -61,7 +61,9 @@ class WarpCameras:
             self._context = mujoco_warp.create_render_context(
                 model, worlds, cam_res=(size, size), render_rgb=False, render_depth=True, use_textures=False
             )
-            self._context.ray.assign(_of_camera(self._rays).astype(np.float32))
+            self._context.ray.assign(_of_camera(rays.reshape(-1, 3)).astype(np.float32))
+            self._ahead = wp.array(np.where(within, rays[..., 2], 0.0).ravel(), dtype=float)
+            self._bytes = wp.empty((worlds, size * size), dtype=wp.uint8)
             mujoco_warp.refit_bvh(self._model, self._data, self._context)
 
     def depth(
@@ -69,8 +71,8 @@ class WarpCameras:
         case: Int[np.ndarray, " worlds"],
         eye: Float[np.ndarray, "worlds 3"],
         frame: Float[np.ndarray, "worlds 3 3"],
-    ) -> Float[np.ndarray, "worlds size size"]:
-        """Distance to the wall in each pixel [m]; zero outside the lens's circle.
+    ) -> UInt8[np.ndarray, "worlds size size"]:
+        """Distance to the wall in each pixel, 255 for the reach and beyond; zero outside the lens's circle.
 
         The wall is seen from inside only, so that a tip that has pressed a little way into it does not see its outside.
 
@@ -84,9 +86,10 @@ class WarpCameras:
             self._data.cam_xpos.assign((eye + self._places[case])[:, None].astype(np.float32))
             self._data.cam_xmat.assign(camera[:, None].astype(np.float32))
             mujoco_warp.render(self._model, self._data, self._context)
-            ahead = self._context.depth_data.numpy()
-        distance = np.where(ahead > 0, ahead / self._rays[:, 2].astype(np.float32), self._reach)
-        return np.where(self._within, np.minimum(distance, self._reach).reshape(self._shape), 0.0)
+            wp.launch(
+                along_rays, self._bytes.shape, [self._context.depth_data, self._ahead, self._reach], [self._bytes]
+            )
+            return self._bytes.numpy().reshape(self._shape)
 
 
 def _side_by_side(colons: Sequence[Colon]) -> Float[np.ndarray, "colons 3"]:

@@ -327,9 +327,8 @@ class ScopeTask:
     def _depth(self) -> np.ndarray:
         seen, case = self.seen, self.case
         if self._cameras:
-            depth = self._cameras.depth(case, seen.tip, seen.tip_frame)
-        else:
-            depth = self.pictures.depth(case, seen.tip, seen.tip_frame, seen.tip_arc, self.config.picture_size)
+            return self._cameras.depth(case, seen.tip, seen.tip_frame)[..., None]
+        depth = self.pictures.depth(case, seen.tip, seen.tip_frame, seen.tip_arc, self.config.picture_size)
         return in_bytes(depth)[..., None]
 
     def _pixels(self) -> np.ndarray:

@@ -26,6 +26,7 @@ def compare_engines(
     bank: Bank,
     parts: Sequence[str],
     *,
+    engines: Sequence[str] = DEVICE_ENGINES,
     seeds: int,
     seconds: float,
     threads: int,
@@ -37,13 +38,15 @@ def compare_engines(
     Args:
         bank: colons and scope.
         parts: of `PARTS`.
+        engines: of `DEVICE_ENGINES`.
         seeds: of insertions.
         seconds: longest insertion [s].
         threads: of the native engine.
         device: as Warp names it.
         progress: told parts done.
     """
-    absent, rows = absent_engines(), []
+    absent: dict[str, str] = dict.fromkeys(set(DEVICE_ENGINES) - set(engines), "not asked for") | absent_engines()
+    rows = []
     for done, part in enumerate(parts):
         progress(done, part)
         if part == "free":
