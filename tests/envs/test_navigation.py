@@ -18,9 +18,10 @@ from tests.task_bank import short_bank
 MODES = [
     {"observation": "state"},
     {"observation": "lumen"},
+    {"observation": "depth", "picture_size": 36},
     {"observation": "pixels", "picture_size": 36},
     {"observation": "dict"},
-    {"observation": "dict", "privileged": True, "pictures": True, "picture_size": 36},
+    {"observation": "dict", "privileged": True, "depth": True, "pictures": True, "picture_size": 36},
 ]
 PUSH = np.array([1.0, 0.0, 0.0, 0.0], np.float32)
 

@@ -1,4 +1,6 @@
-"""The batch on JAX's device against the batch on CPU threads: same inputs, same scopes, same observations."""
+"""Batches on JAX's device against the batch on CPU threads: same inputs, same scopes, same observations."""
+
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -6,14 +8,15 @@ import pytest
 from haustra.envs.engine.conditions import Conditions
 from haustra.envs.engine.device_batch import DeviceBatch
 from haustra.envs.engine.scope_batch import BatchInputs, ScopeBatch
+from haustra.envs.engine.scope_reading import read_scope
 from haustra.envs.vector import NavigationVectorEnv
-from haustra.errors import InvalidOptionError
+from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.scene import SceneOptions, build_scene, entry_of
 from haustra.models.scope.library import named_design
 from haustra.models.wall.radius_field import radius_field, stack
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
-from tests.task_bank import short_bank
+from tests.task_bank import hung_bank, short_bank
 
 _DESIGN = named_design("adult")
 _OPTIONS = SceneOptions(
@@ -21,13 +24,18 @@ _OPTIONS = SceneOptions(
 )
 
 
-def test_both_engines_see_the_same() -> None:
+NEEDS_WARP = pytest.mark.skipif(find_spec("warp") is None, reason="the extra warp is not installed")
+ENGINES = ["mjx-jax", pytest.param("mjx-warp", marks=NEEDS_WARP)]
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_engines_see_the_same(name: str) -> None:
     """A bend, pushed and steered: tips within 1 mm on average, forces within a tenth; a reset world begins anew."""
     colon = swept_colon(winding([(0.08, 0.0), (0.1, 1.6), (0.2, 0.0)]), name="bend")
     scene = build_scene(colon, None, _DESIGN, _OPTIONS, show_lumen=False)
     tables = stack([radius_field(colon, device_radius=_DESIGN.diameter / 2).seen_from(*entry_of(colon))])
     conditions = Conditions(np.array([0.05, 0.1]), np.full(2, 1500.0), np.array([1.0, 0.8]), np.array([0.0, 0.3]))
-    engines = ScopeBatch(scene, tables, worlds=2), DeviceBatch(scene, tables, worlds=2)
+    engines = ScopeBatch(scene, tables, worlds=2), DeviceBatch(scene, tables, worlds=2, engine=name)
     for engine in engines:
         engine.reset(np.arange(2), np.zeros(2, int), conditions)
     inputs = BatchInputs(np.array([0.06, 0.05]), np.array([0.0, 0.2]), np.tile([12.0, 0.0, 0.0, 0.0], (2, 1)))
@@ -54,11 +62,52 @@ def test_both_engines_see_the_same() -> None:
         assert np.isfinite(engine.observe().hand_lead).all()
 
 
-def test_a_vector_environment_runs_on_either_engine() -> None:
-    made = NavigationVectorEnv(2, bank=short_bank(), observation="state", engine="mjx-jax")
+@pytest.mark.parametrize("name", ENGINES)
+def test_a_vector_environment_runs_on_every_engine(name: str) -> None:
+    made = NavigationVectorEnv(2, bank=short_bank(), observation="dict", depth=True, picture_size=24, engine=name)
     made.reset(seed=3)
     seen, reward, *_ = made.step(np.tile([1.0, 0, 0, 0], (2, 1)).astype(np.float32))
     assert made.observation_space.contains(seen)
     assert np.all(reward != 0)
+    depth = seen["depth"]
+    assert depth.shape == (2, 24, 24, 1)
+    assert depth[:, 0, 0].max() == 0  # outside the lens's circle
+    assert depth[:, 12, 12].min() > depth[:, 12, 1].max()
+
+
+def test_an_engine_that_is_not_known_is_named() -> None:
     with pytest.raises(InvalidOptionError, match="cuda"):
         NavigationVectorEnv(2, bank=short_bank(), engine="cuda")
+
+
+@NEEDS_WARP
+def test_warp_refuses_what_it_cannot_do() -> None:
+    from haustra.envs.engine.warp_scopes import WarpScopes
+
+    with pytest.raises(UnsupportedSceneError, match="mesentery"):
+        WarpScopes.of(hung_bank().scene)
+    scene = short_bank().scene
+    with pytest.raises(UnsupportedSceneError, match="several designs"):
+        WarpScopes.of(scene).parameters(scene, 2, scope=read_scope(scene))
+
+
+@NEEDS_WARP
+def test_warp_takes_every_parameter_of_a_world() -> None:
+    """Twice as stiff in one world is twice as stiff in it alone: the same scope bends half as far."""
+    import jax.numpy as jnp
+
+    from haustra.envs.engine.device_arrays import on_device
+    from haustra.envs.engine.scope_values import Hands
+    from haustra.envs.engine.warp_scopes import WarpScopes
+
+    scene, tables = short_bank().scene, on_device(short_bank().tables)
+    engine = WarpScopes.of(scene)
+    changed = {"tip_bending": np.array([1.0, 2.0, 1.0]), "push_limit": np.array([20.0, 20.0, 0.0])}
+    parameters = engine.parameters(scene, 3, stiffness=1.0, **changed)
+    hands = Hands(jnp.full(3, 0.02), jnp.zeros(3), jnp.tile(jnp.array([1.0, 0.0, 0.0, 0.0]), (3, 1)))
+    now = engine.steps(tables, parameters, engine.begin(parameters, tables), hands, 200)
+    seen = engine.observe(parameters, tables, now)
+    assert float(seen.bend[0, 0]) == pytest.approx(2 * float(seen.bend[1, 0]), rel=0.05)
+    assert float(seen.insertion[0]) > 0.04
+    assert float(seen.insertion[2]) == pytest.approx(0.03, abs=1e-4)  # a hand without force
+    assert np.asarray(now.healthy).all()

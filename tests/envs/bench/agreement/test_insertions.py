@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip("jax")
 
 from haustra.envs.bench.agreement.insertions import Runs, compare_insertions, run_seeds
+from haustra.envs.bench.agreement.row import table
 from haustra.errors import InvalidOptionError
 from tests.task_bank import short_bank
 
@@ -30,21 +31,24 @@ def test_insertions_into_short_bends_agree(native) -> None:
 
 def test_other_runs_are_told_apart(native) -> None:
     harder = replace(native, push=1.15 * native.push)
-    rows = {row.quantity: row for row in compare_insertions(native, {"other": harder})}
-    assert rows["insertion, mean over seeds: mean push"].agrees is False
+    rows = {row.quantity: row for row in compare_insertions(native, {"mjx-jax": harder})}
+    push = rows["insertion, mean over seeds: mean push"]
+    assert push.agrees is False
+    assert "DIFFERS" in table([push])[f"{push.quantity}, mjx-jax"]
     assert rows["insertion, mean over seeds: reach"].difference == 0.0
 
 
 def test_an_uncertain_mean_does_not_agree(native) -> None:
     """The whole interval counts: few seeds that scatter prove nothing."""
     scattered = replace(native, reach=native.reach * (1 + 0.3 * (-1.0) ** np.arange(SEEDS)))
-    row = compare_insertions(native, {"other": scattered})[0]
+    row = compare_insertions(native, {"mjx-jax": scattered})[0]
     assert row.interval is not None
     assert row.interval[1] > 0.05
     assert row.agrees is False
+    assert "take more seeds" in table([row])[f"{row.quantity}, mjx-jax"]
 
 
 def test_lost_worlds_are_left_out_and_too_few_are_refused(native) -> None:
     lost = replace(native, reach=np.where(np.arange(SEEDS) < SEEDS - 2, np.nan, native.reach))
     with pytest.raises(InvalidOptionError, match="2 seeds"):
-        compare_insertions(native, {"other": lost})
+        compare_insertions(native, {"mjx-jax": lost})
