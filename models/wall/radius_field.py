@@ -202,8 +202,10 @@ def touch(xp: ModuleType, tables: Tables, points: Float[Any, "*worlds points 3"]
     k = k.astype(np.int32) % count
     after = (k + 1) % count
     u = xp.clip(u, 0.0, 1.0)[..., None]
-    wall = (1 - u) * ((1 - w) * tables.wall[j, k] + w * tables.wall[j, after])
-    wall = wall + u * ((1 - w) * tables.wall[j + 1, k] + w * tables.wall[j + 1, after])
+    cells, j = tables.wall.reshape(-1, tables.wall.shape[-1]), j * count
+    wall = (1 - u) * ((1 - w) * _rows(xp, cells, j + k) + w * _rows(xp, cells, j + after))
+    j = j + count
+    wall = wall + u * ((1 - w) * _rows(xp, cells, j + k) + w * _rows(xp, cells, j + after))
     normal = wall[..., 1:]
     normal = normal / xp.sqrt(_dot(xp, normal, normal))[..., None]
     slope = xp.maximum(-(normal[..., 0] * cos + normal[..., 1] * sin), LEAST_SLOPE)
@@ -216,7 +218,7 @@ def axis_at(xp: ModuleType, tables: Tables, arcs: Float[Any, "..."]) -> Float[An
     """Points of the centreline at arc lengths [m]; the last one beyond its end."""
     j, u = _cell(xp, tables, arcs)
     u = xp.clip(u, 0.0, 1.0)[..., None]
-    return (1 - u) * tables.points[j] + u * tables.points[j + 1]
+    return (1 - u) * _rows(xp, tables.points, j) + u * _rows(xp, tables.points, j + 1)
 
 
 def _cell(xp: ModuleType, tables: Tables, arcs: Any) -> tuple[Any, Any]:
@@ -224,6 +226,11 @@ def _cell(xp: ModuleType, tables: Tables, arcs: Any) -> tuple[Any, Any]:
     place = arcs / tables.step
     j = xp.clip(xp.floor(place), 0, tables.count - 2).astype(np.int32)
     return j + tables.first, place - j
+
+
+def _rows(xp: ModuleType, array: Any, index: Any) -> Any:
+    """Rows of an array; in numpy four times as fast as by square brackets."""
+    return np.take(array, index, axis=0, mode="clip") if xp is np else array[index]
 
 
 def _dot(xp: ModuleType, first: Any, second: Any) -> Any:
@@ -234,18 +241,18 @@ def _dot(xp: ModuleType, first: Any, second: Any) -> Any:
 def _line_at(xp: ModuleType, tables: Tables, j: Any, u: Any) -> tuple[Any, Any]:
     """The centreline, which goes on straight beyond its ends, and its tangent."""
     u = u[..., None]
-    axis = (1 - u) * tables.points[j] + u * tables.points[j + 1]
+    axis = (1 - u) * _rows(xp, tables.points, j) + u * _rows(xp, tables.points, j + 1)
     u = xp.clip(u, 0.0, 1.0)
-    tangent = (1 - u) * tables.frames[j, ..., 2] + u * tables.frames[j + 1, ..., 2]
+    tangent = (1 - u) * _rows(xp, tables.frames, j)[..., 2] + u * _rows(xp, tables.frames, j + 1)[..., 2]
     return axis, tangent / xp.sqrt(_dot(xp, tangent, tangent))[..., None]
 
 
 def _frame_at(xp: ModuleType, tables: Tables, j: Any, u: Any) -> tuple[Any, Any]:
     """The centreline, which goes on straight beyond its ends, and its frame."""
     u = u[..., None]
-    axis = (1 - u) * tables.points[j] + u * tables.points[j + 1]
+    axis = (1 - u) * _rows(xp, tables.points, j) + u * _rows(xp, tables.points, j + 1)
     u = xp.clip(u, 0.0, 1.0)[..., None]
-    frame = (1 - u) * tables.frames[j] + u * tables.frames[j + 1]
+    frame = (1 - u) * _rows(xp, tables.frames, j) + u * _rows(xp, tables.frames, j + 1)
     return axis, frame / xp.sqrt(xp.einsum("...ij,...ij->...j", frame, frame))[..., None, :]
 
 

@@ -118,8 +118,10 @@ def test_raw_pieces_and_published_surface_differ_by_lost_folds_and_half_a_millim
     assert radii(pieces, known)["by_their_definition"] < 0.8
 
 
-def test_voxels_of_the_colon_come_back_within_a_voxel(colon: Colon):
+@pytest.mark.parametrize("given", ["colon", "pieces"])
+def test_voxels_of_either_colon_come_back_within_a_voxel(given: str, request: pytest.FixtureRequest):
     """A block of 80 mm of the transverse colon, in the published CT's voxels."""
+    colon: Colon = request.getfixturevalue(given)
     middle = colon.centreline.points[np.searchsorted(colon.centreline.arc, 1.5)]
     shape = tuple(int(n) for n in 0.08 / SIDE)
     low = middle - 0.5 * SIDE * shape
