@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from haustra.envs.engine.warp_setup import use_warp
 from haustra.errors import InvalidOptionError
 
 if TYPE_CHECKING:
@@ -16,12 +17,14 @@ def device_engine(name: str) -> "type[ScopeWorlds]":
 
     Raises:
         InvalidOptionError: when there is none.
+        MissingDependencyError: when what it computes with is not installed.
     """
     if name == "mjx-jax":
         from haustra.envs.engine.scope_worlds import ScopeWorlds
 
         return ScopeWorlds
     if name == "mjx-warp":
+        use_warp()  # first: without Warp, MJX says so on stdout
         from haustra.envs.engine.warp_scopes import WarpScopes
 
         return WarpScopes

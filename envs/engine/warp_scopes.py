@@ -20,7 +20,6 @@ from haustra.envs.engine.precision import precise
 from haustra.envs.engine.scope_batch import batch_model
 from haustra.envs.engine.scope_values import Array, Hands, Parameters, Scope, Worlds
 from haustra.envs.engine.scope_worlds import ScopeWorlds, sound_after
-from haustra.envs.engine.warp_setup import use_warp
 from haustra.errors import UnsupportedSceneError
 from haustra.models.scene import Scene
 from haustra.models.scope.wires import WIRE_NAMES
@@ -51,12 +50,10 @@ class WarpScopes(ScopeWorlds):
         """Read a scene of wall law 'field'; its own colon does not matter.
 
         Raises:
-            MissingDependencyError: when Warp is not installed.
             UnsupportedSceneError: when the scene has what this engine cannot honour.
         """
         if scene.options.mesentery:
             raise UnsupportedSceneError("Colons that move on their mesentery need the engine 'mjx-jax': name it.")
-        use_warp()
         host = _for_warp(batch_model(scene))
         try:
             # Room is kept for all that can happen; its solver's limits would be told on stdout at every step.

@@ -7,10 +7,11 @@ import pytest
 
 from haustra.envs.engine.conditions import Conditions
 from haustra.envs.engine.device_batch import DeviceBatch
+from haustra.envs.engine.device_engines import device_engine
 from haustra.envs.engine.scope_batch import BatchInputs, ScopeBatch
 from haustra.envs.engine.scope_reading import read_scope
 from haustra.envs.vector import NavigationVectorEnv
-from haustra.errors import InvalidOptionError, UnsupportedSceneError
+from haustra.errors import InvalidOptionError, MissingDependencyError, UnsupportedSceneError
 from haustra.models.scene import SceneOptions, build_scene, entry_of
 from haustra.models.scope.library import named_design
 from haustra.models.wall.radius_field import radius_field, stack
@@ -80,15 +81,21 @@ def test_an_engine_that_is_not_known_is_named() -> None:
         NavigationVectorEnv(2, bank=short_bank(), engine="cuda")
 
 
+@pytest.mark.skipif(find_spec("warp") is not None, reason="the extra warp is installed")
+def test_without_warp_it_says_what_to_install(capfd: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(MissingDependencyError, match="haustra\\[warp\\]"):
+        NavigationVectorEnv(2, bank=short_bank(), engine="mjx-warp")
+    assert capfd.readouterr().out == ""
+
+
 @NEEDS_WARP
 def test_warp_refuses_what_it_cannot_do() -> None:
-    from haustra.envs.engine.warp_scopes import WarpScopes
-
+    engine = device_engine("mjx-warp")
     with pytest.raises(UnsupportedSceneError, match="mesentery"):
-        WarpScopes.of(hung_bank().scene)
+        engine.of(hung_bank().scene)
     scene = short_bank().scene
     with pytest.raises(UnsupportedSceneError, match="several designs"):
-        WarpScopes.of(scene).parameters(scene, 2, scope=read_scope(scene))
+        engine.of(scene).parameters(scene, 2, scope=read_scope(scene))
 
 
 @NEEDS_WARP
@@ -98,12 +105,11 @@ def test_warp_takes_every_parameter_of_a_world() -> None:
 
     from haustra.envs.engine.device_arrays import on_device
     from haustra.envs.engine.scope_values import Hands
-    from haustra.envs.engine.warp_scopes import WarpScopes
 
     scene, tables = short_bank().scene, on_device(short_bank().tables)
-    engine = WarpScopes.of(scene)
-    changed = {"tip_bending": np.array([1.0, 2.0, 1.0]), "push_limit": np.array([20.0, 20.0, 0.0])}
-    parameters = engine.parameters(scene, 3, stiffness=1.0, **changed)
+    engine = device_engine("mjx-warp").of(scene)
+    bending, push = np.array([1.0, 2.0, 1.0]), np.array([20.0, 20.0, 0.0])
+    parameters = engine.parameters(scene, 3, stiffness=1.0, tip_bending=bending, push_limit=push)
     hands = Hands(jnp.full(3, 0.02), jnp.zeros(3), jnp.tile(jnp.array([1.0, 0.0, 0.0, 0.0]), (3, 1)))
     now = engine.steps(tables, parameters, engine.begin(parameters, tables), hands, 200)
     seen = engine.observe(parameters, tables, now)
