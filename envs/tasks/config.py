@@ -121,7 +121,7 @@ class TaskConfig:
     picture_size: int = 64
     """Rows and columns of pictures."""
     depth: bool = False
-    """In mode dict: the tip camera's depth too. 'mjx-warp' sees all worlds at once; other engines one by one."""
+    """In mode dict: the tip camera's depth too."""
     pictures: bool = False
     """In mode dict: pictures too."""
     drive: Drive = field(default_factory=Drive)

@@ -6,13 +6,14 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, UInt8
 
 from haustra.envs.engine import moving_colon
 from haustra.envs.engine.device_arrays import on_device
 from haustra.envs.engine.device_batch import DeviceBatch
 from haustra.envs.engine.precision import precise
-from haustra.envs.tasks.sight import STEPS, Lumens, March, Sight, begin_march, march, ray_directions
+from haustra.envs.picture.lens import lens_rays
+from haustra.envs.tasks.sight import DEPTH_STEPS, STEPS, Lumens, March, Sight, begin_march, march, ray_directions
 from haustra.models.wall.radius_field import Tables, pick
 
 
@@ -22,22 +23,26 @@ class DeviceSight:
     def __init__(self, sight: Sight, engine: DeviceBatch | None = None) -> None:
         """Put the tables onto the device; the engine knows where colons that move are."""
         lumens = Lumens(*(jnp.asarray(part) for part in sight.lumens))
-        rays = jnp.asarray(ray_directions(), jnp.float32)
         self._engine = engine
         tables = engine and on_device(engine.tables)
 
         @precise
-        def distances(case, eye, frame, arc, shift):
+        def cast(rays, steps, case, eye, frame, arc, shift):
             directions = jnp.einsum("wij,rj->wri", frame, rays)
-            now = begin_march(jnp, arc, len(rays), float(STEPS[-1]))
+            now = begin_march(jnp, arc, len(rays), steps[-1])
             at_rest = _taking_back(pick(tables, case), shift) if tables and shift is not None else None
 
             def further(now: March, distance: Any) -> tuple[March, None]:
                 return march(jnp, lumens, case, eye, directions, now, distance, at_rest), None
 
-            return jax.lax.scan(further, now, jnp.asarray(STEPS, jnp.float32))[0].found
+            return jax.lax.scan(further, now, steps)[0].found
 
-        self._distances = jax.jit(distances)
+        def picture(rays, steps, *eyes):
+            """Zero where a pixel has no ray."""
+            share = cast(rays, steps, *eyes) / steps[-1]
+            return jnp.rint(255 * jnp.where(rays.any(axis=1), share, 0.0)).astype(jnp.uint8)
+
+        self._cast, self._picture = jax.jit(cast), jax.jit(picture)
 
     def tip_distances(
         self,
@@ -47,8 +52,28 @@ class DeviceSight:
         arc: Float[np.ndarray, " worlds"],
     ) -> Float[np.ndarray, "worlds rays"]:
         """Distance to the wall along the rays of `ray_directions` [m], for tips with these frames."""
-        places = (np.asarray(part, np.float32) for part in (eye, frame, arc))
-        return np.asarray(self._distances(case.astype(np.int32), *places, self._engine and self._engine.shift), float)
+        return np.asarray(self._cast(*self._asked(ray_directions(), STEPS, case, eye, frame, arc)), float)
+
+    def depth(
+        self,
+        case: Int[np.ndarray, " worlds"],
+        eye: Float[np.ndarray, "worlds 3"],
+        frame: Float[np.ndarray, "worlds 3 3"],
+        arc: Float[np.ndarray, " worlds"],
+        *,
+        field_of_view_deg: float,
+        size: int,
+    ) -> UInt8[np.ndarray, "worlds size size"]:
+        """Distance to the wall in each pixel, 255 for `RANGE` and beyond; zero outside the lens's circle."""
+        rays, within = lens_rays(field_of_view_deg, size)
+        rays = np.where(within[..., None], rays, 0.0).reshape(-1, 3)
+        found = self._picture(*self._asked(rays, DEPTH_STEPS, case, eye, frame, arc))
+        return np.asarray(found).reshape(len(case), size, size)
+
+    def _asked(self, rays: np.ndarray, steps: np.ndarray, case: np.ndarray, *places: np.ndarray) -> tuple[Any, ...]:
+        eye, frame, arc = (place.astype(np.float32) for place in places)
+        shift = self._engine and self._engine.shift
+        return rays.astype(np.float32), steps.astype(np.float32), case.astype(np.int32), eye, frame, arc, shift
 
 
 def _taking_back(tables: Tables, shift: Any) -> Callable[[Any, Any], Any]:

@@ -65,11 +65,6 @@ def sizes(config: TaskConfig) -> dict[str, tuple[int, ...]]:
     return parts
 
 
-def draws(config: TaskConfig) -> bool:
-    """Whether this configuration shows pictures of the wall."""
-    return any(name in IN_BYTES for name in sizes(config))
-
-
 def measured_size(config: TaskConfig) -> int:
     """How many entries a device itself measures, and remembers if it has a memory."""
     return len(STATE) + IMAGER_SIZE * config.imager

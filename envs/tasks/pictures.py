@@ -6,12 +6,11 @@ from jaxtyping import Float, Int, UInt8
 from haustra.envs.picture.lens import lens_rays
 from haustra.envs.picture.tip import tip_view
 from haustra.envs.tasks.bank import Bank
-from haustra.envs.tasks.sight import RANGE, Sight
+from haustra.envs.tasks.sight import DEPTH_STEPS, RANGE, Sight
 from haustra.models.anatomy.colon import Surface
 
 Eye = tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]
 """Place of the camera [m], and columns: wire 'up', wire 'left', viewing direction."""
-_DEPTH_STEPS = RANGE * (np.arange(1, 41) / 40) ** 1.3
 
 
 class Pictures:
@@ -43,7 +42,7 @@ class Pictures:
         """Distance to the wall in each pixel of the same pictures [m]; zero outside the lens's circle."""
         rays, within = lens_rays(self.view, size)
         directions = rays.reshape(-1, 3) @ frame.swapaxes(-1, -2)
-        found = self._sight.distances(case, eye, directions, arc, _DEPTH_STEPS)
+        found = self._sight.distances(case, eye, directions, arc, DEPTH_STEPS)
         return np.where(within, found.reshape(-1, size, size), 0.0)
 
     def both(self, case: int, eye: Eye, arc: float, size: int) -> UInt8[np.ndarray, "size size 4"]:

@@ -13,16 +13,16 @@ from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.bank import Bank, grown_bank
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.coverage import Coverage
-from haustra.envs.tasks.pictures import Pictures, in_bytes
+from haustra.envs.tasks.depth import DepthCameras, depth_cameras
+from haustra.envs.tasks.pictures import Pictures
 from haustra.envs.tasks.rewards import Moment, reward
-from haustra.envs.tasks.sight import RANGE, Sight
+from haustra.envs.tasks.sight import Sight
 from haustra.errors import UnsupportedSceneError
 from haustra.models.scope.library import named_design
 from haustra.models.wall.radius_field import axis_at, pick
 
 if TYPE_CHECKING:
     from haustra.envs.engine.device_batch import DeviceBatch
-    from haustra.envs.picture.warp_cameras import WarpCameras
     from haustra.envs.tasks.device_sight import DeviceSight
 
 ACTIONS = ("push", "roll", "tip up", "tip left")
@@ -75,12 +75,12 @@ class ScopeTask:
         Raises:
             UnsupportedSceneError: when the colons are to move and the engine or what is seen of them cannot.
         """
-        if config.mesentery and (config.task == "withdrawal" or seen_by.draws(config)):
+        self.parts = seen_by.sizes(config)
+        if config.mesentery and (config.task == "withdrawal" or "pixels" in self.parts):
             raise UnsupportedSceneError(
-                "Colons that move on their mesentery are neither drawn nor withdrawn from yet: leave mesentery out."
+                "Colons that move on their mesentery are not drawn in colour, nor withdrawn from: leave mesentery out."
             )
         self.config, self.worlds = config, worlds
-        self.parts = seen_by.sizes(config)
         design = named_design(config.design)
         bank = bank or grown_bank(range(*config.seeds), design, difficulty=config.difficulty, progress=progress)
         self.bank = bank.hung(config.mesentery)
@@ -88,11 +88,10 @@ class ScopeTask:
         self.sight = Sight(self.bank.cases)
         self._eyes = _eyes(self.engine, self.sight)
         self.pictures = Pictures(self.bank, self.sight, design.tip.field_of_view_deg)
-        self._cameras = (
-            _cameras(engine, self.bank, worlds, config.picture_size, self.pictures.view)
-            if "depth" in self.parts
-            else None
-        )
+        self._depths: DepthCameras | None = None
+        if "depth" in self.parts:
+            size = config.picture_size
+            self._depths = depth_cameras(engine, self.bank, self._eyes, self.pictures, worlds=worlds, size=size)
         self.steps = max(1, round(config.drive.control_interval / self.bank.scene.options.timestep))
         self.interval = self.steps * self.bank.scene.options.timestep
         self._covers = config.task == "withdrawal" or config.weights.coverage != 0
@@ -325,11 +324,8 @@ class ScopeTask:
         return seen_by.privileged(self._best, self._moment.wall_force, self.friction, ahead)
 
     def _depth(self) -> np.ndarray:
-        seen, case = self.seen, self.case
-        if self._cameras:
-            return self._cameras.depth(case, seen.tip, seen.tip_frame)[..., None]
-        depth = self.pictures.depth(case, seen.tip, seen.tip_frame, seen.tip_arc, self.config.picture_size)
-        return in_bytes(depth)[..., None]
+        assert self._depths is not None, "depth pictures that nobody asked for"
+        return self._depths(self.case, self.seen.tip, self.seen.tip_frame, self.seen.tip_arc)[..., None]
 
     def _pixels(self) -> np.ndarray:
         size = self.config.picture_size
@@ -372,13 +368,3 @@ def _eyes(engine: "ScopeBatch | DeviceBatch", sight: Sight) -> "Sight | DeviceSi
     from haustra.envs.tasks.device_sight import DeviceSight
 
     return DeviceSight(sight, engine)
-
-
-def _cameras(engine: str, bank: Bank, worlds: int, size: int, field_of_view_deg: float) -> "WarpCameras | None":
-    """The cameras of an engine that sees all worlds at once, if it does."""
-    if engine != "mjx-warp":
-        return None
-    from haustra.envs.picture.warp_cameras import WarpCameras
-
-    colons = [case.colon() for case in bank.cases]
-    return WarpCameras(colons, worlds=worlds, size=size, field_of_view_deg=field_of_view_deg, reach=RANGE)

@@ -23,6 +23,8 @@ RAYS = 8
 """Rays on each ring; one more goes straight ahead."""
 STEPS = RANGE * (np.arange(1, 25) / 24) ** 1.5
 """Places along a ray where the wall is looked for: 1 mm apart near the tip, 7 mm apart far off [m]."""
+DEPTH_STEPS = RANGE * (np.arange(1, 41) / 40) ** 1.3
+"""The same for whole pictures."""
 _WINDOW = 0.02
 """Largest change of arc length from one place on a ray to the next [m]."""
 
@@ -140,14 +142,14 @@ class March(NamedTuple):
     """Whether a ray is still in the lumen."""
 
 
-def begin_march(xp: ModuleType, arc: Float[Any, " worlds"], rays: int, farthest: float) -> March:
+def begin_march(xp: ModuleType, arc: Float[Any, " worlds"], rays: int, farthest: Any) -> March:
     """Rays at their eyes, at arc length `arc` [m].
 
     Args:
         xp: numpy or jax.numpy.
         arc: of each eye [m].
         rays: from each eye.
-        farthest: distance that stands for no wall [m].
+        farthest: distance that stands for no wall [m]; a number, or what JAX traces.
     """
     shape = (arc.shape[0], rays)
     return March(

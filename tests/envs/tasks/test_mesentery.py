@@ -71,6 +71,12 @@ def test_a_camera_that_moves_with_the_colon_sees_the_same():
     still = Sight(bank.cases).tip_distances(case, eye, frame, arc)
     moved = DeviceSight(Sight(bank.cases), engine).tip_distances(case, eye + aside, frame, arc)
     assert np.abs(still - moved).max() < 1e-4
+    lens = {"field_of_view_deg": 140.0, "size": 16}
+    drawn = [
+        DeviceSight(Sight(bank.cases), one).depth(case, place, frame, arc, **lens)
+        for one, place in ((None, eye), (engine, eye + aside))
+    ]
+    assert np.abs(drawn[0].astype(int) - drawn[1]).max() <= 1
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from haustra.envs.tasks.coverage import Coverage
+from haustra.envs.tasks.pictures import Pictures, in_bytes
 from haustra.envs.tasks.sight import RANGE, Sight, ray_directions
 from tests.task_bank import short_bank
 
@@ -76,3 +77,21 @@ def test_the_device_sees_what_the_host_sees():
     assert np.median(apart) < 1e-6
     assert (apart > 1e-4).mean() < 0.01
     assert host.std() > 0.005
+
+
+def test_the_device_draws_what_the_host_draws():
+    """Depth pictures of both, but for pixels at a fold's edge."""
+    pytest.importorskip("jax")
+    from haustra.envs.tasks.device_sight import DeviceSight
+
+    bank = short_bank()
+    sight, case, arc = Sight(bank.cases), np.array([0, 1]), np.array([0.05, 0.12])
+    stations = [(bank.cases[k], round(s / bank.cases[k].step)) for k, s in zip(case, arc, strict=True)]
+    eye = np.array([one.points[row] for one, row in stations])
+    frame = np.array([one.frames[row] for one, row in stations])
+    pictures = Pictures(bank, sight, 140.0)
+    host = in_bytes(pictures.depth(case, eye, frame, arc, 24))
+    device = DeviceSight(sight).depth(case, eye, frame, arc, field_of_view_deg=140.0, size=24)
+    assert device.shape == (2, 24, 24)
+    assert (np.abs(host.astype(int) - device) > 1).mean() < 0.01
+    assert (device[:, 0, 0] == 0).all() and device.max() > 100
