@@ -30,7 +30,7 @@ class BenchAgreement:
     threads: int = 2
     """Of the native engine, and of growing."""
     device: str | None = None
-    """As Warp names it: cuda:0, cpu; its own choice when not given."""
+    """Of Warp where there is no wall: cuda:0, cpu; its own choice when not given. Insertions run where JAX does."""
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
     """Folder for agreement.json."""
     json: bool = field(default=False)

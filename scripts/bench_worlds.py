@@ -45,6 +45,8 @@ class BenchWorlds:
         if not 1 <= self.colons <= 1000:
             raise InvalidOptionError(f"colons is {self.colons}: give 1 to 1000.")
         shares = joint_counts(self.devices, option="--devices", low=1, high=4096)
+        if self.engine == "mjx-warp" and max(shares) > 1:
+            raise InvalidOptionError("MuJoCo Warp's worlds are not shared among devices: give --devices 1.")
         device = use_jax(devices=max(shares), cache=self.cache)
         from haustra.envs.bench.throughput import Rate, measure_insertions, measure_rates, memory_per_world, rate_rows
         from haustra.envs.bench.worlds_accuracy import compare_with_native

@@ -36,7 +36,7 @@ def _engines() -> dict[str, str]:
         "mjx-warp": (
             "warp",
             "warp",
-            "many scopes or rigs: sweep, vector environments, bench; fast on NVIDIA GPUs only",
+            "rigs: sweep; scopes: vector environments; bench; fast on NVIDIA GPUs only",
         ),
     }
     verdicts = {"native": "works: everything"}

@@ -18,6 +18,7 @@ _WARM_UP = 20
 
 
 _LOOKS = 10
+"""Observations that are timed."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +32,8 @@ class StepRate:
     """Simulated time over all worlds per wall clock [1]."""
     cpu_per_step: float
     """Processor time of one environment step of one world [s]: it does not depend on what else runs."""
-    looks_per_second: float
-    """Observations over all worlds per second, where no step is taken [1/s]."""
+    looks_per_second: float | None
+    """Observations over all worlds per second, where no step is taken [1/s]; None where they are measured anyway."""
     depth: float
     """Mean arc length of the tips at the end [m]: contacts, and with them the cost, grow with it."""
 
@@ -64,13 +65,17 @@ def step_rate(
         if over.any():
             seen = task.reset(np.flatnonzero(over))
             driver.begin(over)
-    began = time.perf_counter()
-    for _ in range(_LOOKS):
-        task.observe()
-    looks = _LOOKS * worlds / (time.perf_counter() - began)
+    looks = None if config.observation == "state" else _looks_per_second(task)
     task.close()
     count, depth = steps * worlds, float(task.seen.tip_arc.mean())
     return StepRate(worlds, count / wall, count * task.interval / wall, cpu / count, looks, depth)
+
+
+def _looks_per_second(task: ScopeTask) -> float:
+    began = time.perf_counter()
+    for _ in range(_LOOKS):
+        task.observe()
+    return _LOOKS * task.worlds / (time.perf_counter() - began)
 
 
 @dataclass(frozen=True)

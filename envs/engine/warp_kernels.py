@@ -108,16 +108,21 @@ def count_step(now: wp.array(dtype=int)):
 
 @wp.kernel
 def along_rays(
-    depth: wp.array2d(dtype=float), ahead: wp.array(dtype=float), reach: float, bytes_out: wp.array2d(dtype=wp.uint8)
+    depth: wp.array2d(dtype=float),
+    rays: wp.array(dtype=wp.vec3),
+    within: wp.array(dtype=wp.uint8),
+    beyond: wp.array(dtype=wp.vec3),
+    reach: float,
+    bytes_out: wp.array2d(dtype=wp.uint8),
 ):
     """From depth along a camera's axis [m] to distances along its rays, 255 for the reach and for what was not hit.
 
-    A ray's component along the axis is zero where the lens shows nothing; so is the picture there.
+    Outside the lens pictures are zero; and so is what a camera that is `beyond` the wall sees in that direction.
     """
     world, pixel = wp.tid()
     share = wp.float32(0.0)
-    if ahead[pixel] > 0.0:
+    if within[pixel] > wp.uint8(0) and wp.dot(rays[pixel], beyond[world]) <= 0.0:
         share = wp.float32(1.0)
         if depth[world, pixel] > 0.0:
-            share = wp.min(depth[world, pixel] / (ahead[pixel] * reach), 1.0)
+            share = wp.min(depth[world, pixel] / (-rays[pixel][2] * reach), 1.0)
     bytes_out[world, pixel] = wp.uint8(wp.rint(255.0 * share))

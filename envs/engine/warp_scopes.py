@@ -54,15 +54,19 @@ class WarpScopes(ScopeWorlds):
         """
         if scene.options.mesentery:
             raise UnsupportedSceneError("Colons that move on their mesentery need the engine 'mjx-jax': name it.")
+        chain = ScopeWorlds.of(scene)
         host = _for_warp(batch_model(scene))
         try:
             # Room is kept for all that can happen; its solver's limits would be told on stdout at every step.
             model = mjx.put_model(host, impl="warp").tree_replace({"opt._impl.warn_overflow": 0})
         except (NotImplementedError, ValueError) as error:
             raise UnsupportedSceneError(f"The engine 'mjx-warp' cannot honour this scope: {error}") from error
+        planes = [f"wall/plane_{index:04d}_0" for index in range(len(scene.samples))]
+        assert [host.pair(name).id for name in planes] == list(range(host.npair)), "one pair a sphere, in their order"
+        assert [host.body(name).mocapid[0] for name in planes] == list(range(host.nmocap)), "so are the planes"
         spheres = [host.geom(f"wall/sphere_{index:04d}").id for index in range(len(scene.samples))]
         return cls(
-            **vars(ScopeWorlds.of(scene)),
+            **vars(chain),
             host=host,
             model=model,
             inverse_inertia=host.body_invweight0[host.geom_bodyid[spheres], 0],
@@ -135,7 +139,8 @@ class WarpScopes(ScopeWorlds):
             warm=done.qacc_warmstart,
             time=worlds.time + h,
         )
-        sound = sound_after(parameters, worlds, after)
+        # MuJoCo takes what is no number for no pull.
+        sound = sound_after(parameters, worlds, after) & jnp.isfinite(hands.pulls).all(axis=1)
         return chosen(sound, after, worlds)._replace(healthy=sound), done
 
     def _model_of(self, parameters: Parameters) -> tuple[Any, Any]:
@@ -184,7 +189,10 @@ class WarpScopes(ScopeWorlds):
 
 
 def _for_warp(model: mujoco.MjModel) -> mujoco.MjModel:
-    """With a solver that Warp has, and without a flag that it does not know: it never resets what diverges."""
+    """With a solver that Warp has, and without a flag that it does not know: it never resets what diverges.
+
+    Dense Jacobians, which scenes ask for, it takes up to 60 dofs only: it is to choose.
+    """
     model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_AUTO
     model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)

@@ -7,6 +7,7 @@ from typing import Any
 from haustra.assets import asset
 from haustra.envs.engine.device_engines import DEVICE_ENGINES
 from haustra.envs.tasks.config import TaskConfig
+from haustra.envs.tasks.observation import IN_BYTES, sizes
 from haustra.errors import InvalidOptionError
 
 ALGORITHMS = ("ppo", "sac")
@@ -71,7 +72,7 @@ class Training:
         for name in ("steps", "leg", "worlds", "rollout", "batch", "epochs", "buffer"):
             if getattr(self, name) < 1:
                 raise InvalidOptionError(f"{name} is {getattr(self, name)}; give at least 1.")
-        if self.task.observation == "pixels" or self.task.pictures:
+        if set(sizes(self.task)) & set(IN_BYTES):
             raise InvalidOptionError("The shipped training has no network for pictures: choose state, lumen or dict.")
         if self.normalise and (self.imitate or self.algorithm != "ppo"):
             raise InvalidOptionError("normalise is for PPO without imitation, which learns from bare observations.")

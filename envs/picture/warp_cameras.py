@@ -44,9 +44,6 @@ class WarpCameras:
             field_of_view_deg: full angle over the diameter of the picture, less than 180 [degrees].
             reach: distance beyond which nothing is seen [m].
             device: as Warp names it; its own choice when None.
-
-        Raises:
-            MissingDependencyError: when Warp is not installed.
         """
         use_warp()
         self._places = _side_by_side(colons)
@@ -62,7 +59,7 @@ class WarpCameras:
                 model, worlds, cam_res=(size, size), render_rgb=False, render_depth=True, use_textures=False
             )
             self._context.ray.assign(_of_camera(rays.reshape(-1, 3)).astype(np.float32))
-            self._ahead = wp.array(np.where(within, rays[..., 2], 0.0).ravel(), dtype=float)
+            self._within = wp.array(within.ravel().astype(np.uint8), dtype=wp.uint8)
             self._bytes = wp.empty((worlds, size * size), dtype=wp.uint8)
             mujoco_warp.refit_bvh(self._model, self._data, self._context)
 
@@ -71,24 +68,27 @@ class WarpCameras:
         case: Int[np.ndarray, " worlds"],
         eye: Float[np.ndarray, "worlds 3"],
         frame: Float[np.ndarray, "worlds 3 3"],
+        beyond: Float[np.ndarray, "worlds 3"],
     ) -> UInt8[np.ndarray, "worlds size size"]:
         """Distance to the wall in each pixel, 255 for the reach and beyond; zero outside the lens's circle.
 
-        The wall is seen from inside only, so that a tip that has pressed a little way into it does not see its outside.
+        The wall is seen from inside only. A tip that has pressed a little way into it sees the lumen behind it, and
+        nothing but wall where it presses.
 
         Args:
             case: which colon each world is in.
             eye: where the cameras are [m].
             frame: columns are wire 'up', wire 'left' and the viewing direction.
+            beyond: outwards, for cameras that are beyond the wall; zero for those in the lumen (`Sight.beyond`).
         """
         camera = np.stack([-frame[..., 1], frame[..., 0], -frame[..., 2]], axis=-1)  # right, up, backwards
         with wp.ScopedDevice(self._device):
             self._data.cam_xpos.assign((eye + self._places[case])[:, None].astype(np.float32))
             self._data.cam_xmat.assign(camera[:, None].astype(np.float32))
             mujoco_warp.render(self._model, self._data, self._context)
-            wp.launch(
-                along_rays, self._bytes.shape, [self._context.depth_data, self._ahead, self._reach], [self._bytes]
-            )
+            against = wp.array(np.einsum("wij,wi->wj", camera, beyond).astype(np.float32), dtype=wp.vec3)
+            seen = [self._context.depth_data, self._context.ray, self._within, against, self._reach]
+            wp.launch(along_rays, self._bytes.shape, seen, [self._bytes])
             return self._bytes.numpy().reshape(self._shape)
 
 

@@ -18,13 +18,21 @@ DepthCameras: TypeAlias = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarr
 
 
 def depth_cameras(
-    engine: str, bank: Bank, eyes: "Sight | DeviceSight", pictures: Pictures, *, worlds: int, size: int
+    engine: str,
+    bank: Bank,
+    sight: Sight,
+    eyes: "Sight | DeviceSight",
+    pictures: Pictures,
+    *,
+    worlds: int,
+    size: int,
 ) -> DepthCameras:
     """MuJoCo Warp traces rays to the lumen's triangles; other engines follow them in its table.
 
     Args:
         engine: of the physics.
         bank: the colons.
+        sight: rays on the host.
         eyes: who follows rays, on the host or on JAX's device.
         pictures: of the same cameras.
         worlds: how many tips.
@@ -35,7 +43,7 @@ def depth_cameras(
 
         colons = [case.colon() for case in bank.cases]
         cameras = WarpCameras(colons, worlds=worlds, size=size, field_of_view_deg=pictures.view, reach=RANGE)
-        return lambda case, eye, frame, arc: cameras.depth(case, eye, frame)
+        return lambda case, eye, frame, arc: cameras.depth(case, eye, frame, sight.beyond(case, eye, arc))
     if isinstance(eyes, Sight):
         return lambda case, eye, frame, arc: in_bytes(pictures.depth(case, eye, frame, arc, size))
     return partial(eyes.depth, field_of_view_deg=pictures.view, size=size)

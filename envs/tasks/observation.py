@@ -40,15 +40,15 @@ def sizes(config: TaskConfig) -> dict[str, tuple[int, ...]]:
     """Shape of each part that this configuration shows.
 
     Raises:
-        InvalidOptionError: when privileged entries, an imager or memory are asked for without names.
+        InvalidOptionError: when privileged entries, an imager, memory, depth or pictures are asked for without names.
     """
     size = config.picture_size
     every = {"state": (len(STATE),), "lumen": (LUMEN_SIZE,), "depth": (size, size, 1), "pixels": (size, size, 4)}
     if config.observation != "dict":
-        if config.privileged or config.memory or config.imager:
+        if any((config.privileged, config.memory, config.imager, config.depth, config.pictures)):
             raise InvalidOptionError(
-                "Privileged entries, imager and memory come under names of their own: ask for observation 'dict' "
-                "with them."
+                "Privileged entries, imager, memory, and depth or pictures beside them come under names of their own: "
+                "ask for observation 'dict'."
             )
         return {config.observation: every[config.observation]}
     parts = {"state": every["state"], "lumen": every["lumen"]}

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from haustra.envs.engine.conditions import Conditions, Snapshot
+from haustra.envs.engine.device_engines import DEVICE_ENGINES
 from haustra.envs.engine.scope_batch import BatchInputs, BatchObservation, ScopeBatch
 from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.bank import Bank, grown_bank
@@ -17,7 +18,7 @@ from haustra.envs.tasks.depth import DepthCameras, depth_cameras
 from haustra.envs.tasks.pictures import Pictures
 from haustra.envs.tasks.rewards import Moment, reward
 from haustra.envs.tasks.sight import Sight
-from haustra.errors import UnsupportedSceneError
+from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.scope.library import named_design
 from haustra.models.wall.radius_field import axis_at, pick
 
@@ -91,7 +92,8 @@ class ScopeTask:
         self._depths: DepthCameras | None = None
         if "depth" in self.parts:
             size = config.picture_size
-            self._depths = depth_cameras(engine, self.bank, self._eyes, self.pictures, worlds=worlds, size=size)
+            where = (self.bank, self.sight, self._eyes, self.pictures)
+            self._depths = depth_cameras(engine, *where, worlds=worlds, size=size)
         self.steps = max(1, round(config.drive.control_interval / self.bank.scene.options.timestep))
         self.interval = self.steps * self.bank.scene.options.timestep
         self._covers = config.task == "withdrawal" or config.weights.coverage != 0
@@ -353,9 +355,12 @@ class ScopeTask:
 def _engine(name: str, bank: Bank, worlds: int, threads: int) -> "ScopeBatch | DeviceBatch":
     if name == "native":
         return ScopeBatch(bank.scene, bank.tables, worlds=worlds, threads=threads)
-    from haustra.envs.engine.jax_setup import share_memory
+    if name not in DEVICE_ENGINES:
+        raise InvalidOptionError(f"Engine '{name}' is not known. Known: native, {', '.join(DEVICE_ENGINES)}.")
+    from haustra.envs.engine.jax_setup import share_memory, use_jax
 
     share_memory()
+    use_jax()
     from haustra.envs.engine.device_batch import DeviceBatch
 
     return DeviceBatch(bank.scene, bank.tables, worlds=worlds, engine=name)

@@ -116,6 +116,20 @@ class Sight:
         """Whether points near those arc lengths [m] lie in the lumen."""
         return _room(np, self.lumens, case, points.astype(np.float32), arcs.astype(np.float32))[1] > 0
 
+    def beyond(
+        self,
+        case: Int[np.ndarray, " worlds"],
+        eye: Float[np.ndarray, "worlds 3"],
+        arc: Float[np.ndarray, " worlds"],
+    ) -> Float[np.ndarray, "worlds 3"]:
+        """Unit vectors outwards, away from the centreline, of eyes that are beyond the wall; zero in the lumen."""
+        lumens, places = self.lumens, eye.astype(np.float32)[:, None]
+        arcs, room = _room(np, lumens, case, places, arc.astype(np.float32)[:, None])
+        station = np.clip(np.rint(arcs[:, 0] / lumens.step[case]), 0, lumens.count[case] - 1).astype(int)
+        away = eye - lumens.points[lumens.first[case] + station]
+        length = np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
+        return np.where(room > 0, 0.0, away / length)
+
     def surface(
         self, case: int, rows: Int[np.ndarray, " cells"], columns: Int[np.ndarray, " cells"]
     ) -> Float[np.ndarray, "cells 3"]:

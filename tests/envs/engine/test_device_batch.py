@@ -32,13 +32,16 @@ ENGINES = ["mjx-jax", pytest.param("mjx-warp", marks=NEEDS_WARP)]
 @pytest.mark.parametrize("name", ENGINES)
 def test_engines_see_the_same(name: str) -> None:
     """A bend, pushed and steered: tips within 1 mm on average, forces within a tenth; a reset world begins anew."""
-    colon = swept_colon(winding([(0.08, 0.0), (0.1, 1.6), (0.2, 0.0)]), name="bend")
-    scene = build_scene(colon, None, _DESIGN, _OPTIONS, show_lumen=False)
-    tables = stack([radius_field(colon, device_radius=_DESIGN.diameter / 2).seen_from(*entry_of(colon))])
-    conditions = Conditions(np.array([0.05, 0.1]), np.full(2, 1500.0), np.array([1.0, 0.8]), np.array([0.0, 0.3]))
+    colons = [swept_colon(winding([(0.08, 0.0), (0.1, turn), (0.2, 0.0)]), name=f"bend {turn}") for turn in (-1.2, 1.6)]
+    scene = build_scene(colons[0], None, _DESIGN, _OPTIONS, show_lumen=False)
+    tables = stack(
+        [radius_field(each, device_radius=_DESIGN.diameter / 2).seen_from(*entry_of(each)) for each in colons]
+    )
+    stiffness = np.array([2400.0, 700.0])
+    conditions = Conditions(np.array([0.05, 0.1]), stiffness, np.array([1.0, 0.8]), np.array([0.0, 0.3]))
     engines = ScopeBatch(scene, tables, worlds=2), DeviceBatch(scene, tables, worlds=2, engine=name)
     for engine in engines:
-        engine.reset(np.arange(2), np.zeros(2, int), conditions)
+        engine.reset(np.arange(2), np.array([1, 0]), conditions)
     inputs = BatchInputs(np.array([0.06, 0.05]), np.array([0.0, 0.2]), np.tile([12.0, 0.0, 0.0, 0.0], (2, 1)))
     apart, forces, insertion = [], [], 0.0
     for _ in range(80):
@@ -52,10 +55,15 @@ def test_engines_see_the_same(name: str) -> None:
     assert np.mean(apart) < 0.001
     ours, theirs = np.mean(forces, axis=0)
     assert ours == pytest.approx(theirs, rel=0.1)
-    engines[1].reset(np.array([1]), np.array([0]), conditions.of(np.array([1])))
+    for engine in engines:
+        engine.reset(np.array([1]), np.array([0]), conditions.of(np.array([1])))
     seen = engines[1].observe()
     assert seen.insertion[0] == pytest.approx(insertion)
     assert seen.insertion[1] == pytest.approx(0.03)
+    # A pull that is no number.
+    nothing = BatchInputs(np.zeros(2), np.zeros(2), np.array([[np.nan, 0.0, 0.0, 0.0], np.zeros(4)]))
+    assert engines[1].step(nothing, 1).tolist() == [False, True]
+    engines[1].reset(np.array([0]), np.array([1]), conditions.of(np.array([0])))
     # A hand that is asked to push without end: its force is limited, so that only its place gives it away.
     endless = BatchInputs(np.array([0.0, np.inf]), np.zeros(2), np.zeros((2, 4)))
     for engine in engines:
@@ -99,7 +107,7 @@ def test_warp_refuses_what_it_cannot_do() -> None:
 
 
 @NEEDS_WARP
-def test_warp_takes_every_parameter_of_a_world() -> None:
+def test_warp_takes_a_worlds_own_stiffness_and_push() -> None:
     """Twice as stiff in one world is twice as stiff in it alone: the same scope bends half as far."""
     import jax.numpy as jnp
 

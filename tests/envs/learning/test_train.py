@@ -115,6 +115,11 @@ def test_what_changes_over_a_training():
     assert [learning_rate(training, steps) for steps in (0, 1000)] == pytest.approx([3e-4, 3e-5])
     with pytest.raises(InvalidOptionError, match="ease"):
         replace(SMALL, ease=(1.0, 0.5))
+    for task in (TaskConfig(observation="depth"), TaskConfig(depth=True), TaskConfig(observation="pixels")):
+        with pytest.raises(InvalidOptionError, match="no network for pictures"):
+            Training(task=task)
+    with pytest.raises(InvalidOptionError, match="ask for observation 'dict'"):
+        Training(task=TaskConfig(observation="state", depth=True))
     with pytest.raises(InvalidOptionError, match="normalise"):
         replace(SMALL, normalise=True, imitate=100)
 

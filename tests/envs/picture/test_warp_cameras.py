@@ -14,6 +14,7 @@ from tests.task_bank import short_bank
 SIZE, VIEW = 32, 140.0
 ARCS = np.array([0.05, 0.1, 0.04, 0.15])
 CASES = np.array([0, 1, 1, 0])
+INSIDE = np.zeros((4, 3))
 
 
 @pytest.fixture(scope="module")
@@ -34,14 +35,14 @@ def test_both_ways_to_look_see_the_same(cameras: WarpCameras):
     place, frame = eyes()
     bank = short_bank()
     known = in_bytes(Pictures(bank, Sight(bank.cases), VIEW).depth(CASES, place, frame, ARCS, SIZE))
-    off = np.abs(cameras.depth(CASES, place, frame).astype(float) - known)
+    off = np.abs(cameras.depth(CASES, place, frame, INSIDE).astype(float) - known)
     assert np.median(off) <= 1
     assert np.percentile(off, 95) <= 8  # of 255: 4 mm
 
 
 def test_a_tube_is_as_far_as_it_is(cameras: WarpCameras):
     place, frame = eyes()
-    found = cameras.depth(CASES, place, frame)[2] * (RANGE / 255)  # between two folds
+    found = cameras.depth(CASES, place, frame, INSIDE)[2] * (RANGE / 255)  # between two folds
     rays, within = lens_rays(VIEW, SIZE)
     rim = within & (rays[..., 2] < np.cos(np.radians(60)))
     aside = np.hypot(rays[..., 0], rays[..., 1])
@@ -49,7 +50,24 @@ def test_a_tube_is_as_far_as_it_is(cameras: WarpCameras):
     assert (found[~within] == 0).all()
 
 
-def test_from_a_little_way_inside_the_wall_it_sees_the_lumen(cameras: WarpCameras):
+@pytest.mark.parametrize("turned", [False, True], ids=["along the colon", "at the wall"])
+def test_from_a_little_way_inside_the_wall_it_sees_wall_there_and_the_lumen_behind(cameras: WarpCameras, turned: bool):
+    """2.5 mm beyond the wall, as the table of the lumen has it too, which holds what was pressed in for hit at once."""
     place, frame = eyes()
+    sight = Sight(short_bank().cases)
     pressed = place + 0.0225 * frame[..., 0]
-    assert cameras.depth(CASES, pressed, frame)[0].max() > 100
+    beyond = sight.beyond(CASES, pressed, ARCS)
+    assert np.einsum("wi,wi->w", beyond, frame[..., 0]).min() > 0.9
+    if turned:
+        frame = np.stack([-frame[..., 2], frame[..., 1], frame[..., 0]], axis=-1)
+    found = cameras.depth(CASES, pressed, frame, beyond)
+    known = in_bytes(Pictures(short_bank(), sight, VIEW).depth(CASES, pressed, frame, ARCS, SIZE))
+    rays, within = lens_rays(VIEW, SIZE)
+    outwards = np.einsum("hwi,cij,cj->chw", rays, frame.swapaxes(-1, -2), beyond) > 0
+    assert found[within & outwards].max() == 0
+    assert known[within & outwards].max() <= 20
+    if turned:
+        assert (outwards | ~within).mean() > 0.95
+    else:
+        assert found[within & ~outwards].max() > 100
+    assert not sight.beyond(CASES, place, ARCS).any()
