@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import torch
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.utils import set_random_seed
 
 from haustra.envs.learning.checkpoint import load_checkpoint, restore, save_checkpoint
@@ -116,6 +117,8 @@ class _Run:
         self.worlds = self.normaliser or worlds
         set_random_seed(training.seed)
         self.model = build_model(training, self.worlds, folder / "tensorboard" if tensorboard else None)
+        if not tensorboard:
+            self.model.set_logger(Logger(None, []))  # left to itself it makes a temporary folder that nobody removes
         self.model.lr_schedule = lambda _: learning_rate(training, self.model.num_timesteps)
         self.leg = 0
         if document is None:

@@ -1,6 +1,7 @@
 """Training at a size for tests: it learns, resumes to the bit, and leaves a policy of plain numbers."""
 
 import json
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -33,7 +34,9 @@ def run(training: Training, folder: Path, **options) -> dict:
 
 
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
-def test_a_resumed_run_is_the_same_run(tmp_path, algorithm):
+def test_a_resumed_run_is_the_same_run_and_leaves_no_logs_elsewhere(tmp_path, monkeypatch, algorithm):
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
     training = replace(SMALL, algorithm=algorithm, steps=384 if algorithm == "ppo" else 256)
     run(training, tmp_path / "whole")
     run(replace(training, steps=128), tmp_path / "parts")
@@ -44,6 +47,7 @@ def test_a_resumed_run_is_the_same_run(tmp_path, algorithm):
     first = run(replace(training, steps=128), tmp_path / "less")
     assert first["steps"] == 128
     assert not np.array_equal(load_policy(tmp_path / "less").weights[0], whole.weights[0])
+    assert not list((tmp_path / "temporary").glob("SB3*"))
 
 
 def test_thousands_of_worlds_at_a_size_for_tests(tmp_path):
