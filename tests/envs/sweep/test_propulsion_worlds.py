@@ -39,9 +39,10 @@ def test_rows_are_those_of_the_native_engine(study) -> None:
 
 @pytest.mark.slow
 def test_the_device_in_its_tube_too(study) -> None:
-    """On its string, turned by the worm: means within 5e-4, and ripples within 0.1 mN.
+    """On its string, turned by the worm: means within 5e-4, roll rates within 2 %, and ripples within 0.1 mN.
 
-    Measured: 2.2e-4 at most with Warp 1.19 on an AMD EPYC, below 2e-4 on an Intel Xeon; both in single precision.
+    Measured over eight jobs with Warp 1.19 on an AMD EPYC: means 2.2e-4, roll rates 1.1 % or 0.2 mrad/s, of a turn
+    that rounding decides. On an Intel Xeon both were within 2e-4 or 0.1 mrad/s.
     """
     tube = replace(study, options={**study.options, "rig": "tube"})
     jobs = list(jobs_of(tube, designs_of(tube)))[:: 10_000 // 3]
@@ -50,8 +51,8 @@ def test_the_device_in_its_tube_too(study) -> None:
         alone, many = answer(tube, job), rows[job.id]
         assert many.state == alone.state
         for name, value in alone.scores.items():
-            loose = "ripple" in name
-            assert many.scores[name] == pytest.approx(value, rel=0.1 if loose else 5e-4, abs=1e-4), (job, name)
+            share = 0.1 if "ripple" in name else 0.02 if "roll" in name else 5e-4
+            assert many.scores[name] == pytest.approx(value, rel=share, abs=1e-4), (job, name)
     turned = np.array([row.scores["roll_rad_s"] for row in rows.values() if row.state == "finished"], float)
     assert len(turned) >= 2
     assert np.abs(turned).min() > 1e-3
