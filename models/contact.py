@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 
@@ -68,6 +69,20 @@ def apply_contact(
         geom.priority = 1
 
 
+def soft_contact(inverse_inertia: Any, stiffness: Any, damper: Any, *, timestep: Any) -> tuple[Any, Any, Any]:
+    """Both numbers of solref, and the impedance, of the law of `apply_contact`: numbers, or arrays of numpy or JAX.
+
+    Args:
+        inverse_inertia: `body_invweight0` [1/kg].
+        stiffness: K [N/m].
+        damper: c + h K [N s/m].
+        timestep: h [s].
+    """
+    impedance = inverse_inertia / (inverse_inertia + 1 / (timestep * damper))
+    scale = (1 - impedance) * inverse_inertia
+    return -stiffness * scale, -damper * scale, impedance
+
+
 def contact_parameters(
     inverse_inertia: float, contact: WallContact, *, timestep: float, where: str
 ) -> tuple[list[float], list[float]]:
@@ -77,14 +92,17 @@ def contact_parameters(
         InvalidOptionError: when MuJoCo would clamp the impedance; `where` names the place in the message.
     """
     implicit_damping = contact.damping + timestep * contact.stiffness
-    regularisation = 1 / (timestep * implicit_damping)
     low, high = _IMPEDANCE_RANGE
-    impedance = inverse_inertia / (inverse_inertia + regularisation)
+    spring, damper, impedance = soft_contact(inverse_inertia, contact.stiffness, implicit_damping, timestep=timestep)
     if not low < impedance < high:
         raise InvalidOptionError(
             f"Wall stiffness {contact.stiffness} N/m at a time step of {timestep} s is outside what MuJoCo can "
             f"honour on '{where}': change the stiffness or the time step."
         )
-    scale = (1 - impedance) * inverse_inertia
-    solref = [-contact.stiffness * scale, -implicit_damping * scale]
-    return solref, [impedance, impedance, 0.001, 0.5, 2]  # constant impedance: width, midpoint, power have no effect
+    return [spring, damper], [
+        impedance,
+        impedance,
+        0.001,
+        0.5,
+        2,
+    ]  # constant impedance: width, midpoint, power have no effect

@@ -12,6 +12,16 @@ DEVICE_ENGINES = ("mjx-jax", "mjx-warp")
 """A chain and a wall in JAX; MuJoCo's own dynamics and contacts by MuJoCo Warp, through MJX."""
 
 
+def require_device_engine(name: str) -> None:
+    """Refuse a name that is none, before anything is loaded.
+
+    Raises:
+        InvalidOptionError: naming those that are known.
+    """
+    if name not in DEVICE_ENGINES:
+        raise InvalidOptionError(f"Engine '{name}' is not known. Known: native, {', '.join(DEVICE_ENGINES)}.")
+
+
 def device_engine(name: str) -> "type[ScopeWorlds]":
     """The engine of that name.
 
@@ -19,13 +29,12 @@ def device_engine(name: str) -> "type[ScopeWorlds]":
         InvalidOptionError: when there is none.
         MissingDependencyError: when what it computes with is not installed.
     """
+    require_device_engine(name)
     if name == "mjx-jax":
         from haustra.envs.engine.scope_worlds import ScopeWorlds
 
         return ScopeWorlds
-    if name == "mjx-warp":
-        use_warp()  # first: without Warp, MJX says so on stdout
-        from haustra.envs.engine.warp_scopes import WarpScopes
+    use_warp()  # first: without Warp, MJX says so on stdout
+    from haustra.envs.engine.warp_scopes import WarpScopes
 
-        return WarpScopes
-    raise InvalidOptionError(f"Engine '{name}' is not known. Known: native, {', '.join(DEVICE_ENGINES)}.")
+    return WarpScopes

@@ -10,6 +10,7 @@ from mujoco.batch import Batch
 from haustra.envs.engine.coils import coil_samples
 from haustra.envs.engine.conditions import Conditions, Snapshot
 from haustra.envs.engine.native import FATAL_WARNINGS, SPEED_LIMIT
+from haustra.models.contact import soft_contact
 from haustra.models.scene import Scene
 from haustra.models.scope.cable import LOCK_STRETCH
 from haustra.models.scope.wires import WIRE_NAMES
@@ -117,12 +118,11 @@ class Shard:
         self._depth[worlds], self._normal_force[worlds] = -1.0, 0.0
 
     def _set_contact(self, worlds: Int[np.ndarray, " reset"], conditions: Conditions) -> None:
-        """Give these worlds' contacts their law: that of `haustra.models.contact.contact_parameters`."""
+        """Give these worlds' contacts their law: that of `haustra.models.contact`."""
         stiffness = conditions.wall_stiffness[:, None]
         damper = stiffness * (self._scene.options.wall_damping_time + self._step_time)
-        impedance = self._inverse_inertia / (self._inverse_inertia + 1 / (self._step_time * damper))
-        scale = (1 - impedance) * self._inverse_inertia
-        solref = np.stack([-stiffness * scale, -damper * scale], axis=-1)
+        *solref, impedance = soft_contact(self._inverse_inertia, stiffness, damper, timestep=self._step_time)
+        solref = np.stack(solref, axis=-1)
         where = np.ix_(worlds, self._pairs)
         self._friction[(*where, slice(2))] = conditions.friction[:, None, None]
         self._solref[where] = solref

@@ -21,6 +21,7 @@ from haustra.envs.engine.scope_batch import batch_model
 from haustra.envs.engine.scope_values import Array, Hands, Parameters, Scope, Worlds
 from haustra.envs.engine.scope_worlds import ScopeWorlds, sound_after
 from haustra.errors import UnsupportedSceneError
+from haustra.models.contact import soft_contact
 from haustra.models.scene import Scene
 from haustra.models.scope.wires import WIRE_NAMES
 from haustra.models.wall.planes import SLIP_RELAXATION
@@ -148,17 +149,15 @@ class WarpScopes(ScopeWorlds):
         model, inverse = self.model, jnp.asarray(self.inverse_inertia, jnp.float32)
         stiffness, h = parameters.stiffness[:, None], self.timestep
         damper = stiffness * (parameters.damping_time[:, None] + h)
-        impedance = inverse / (inverse + 1 / (h * damper))
-        scale = (1 - impedance) * inverse
-        solref = jnp.stack([-stiffness * scale, -damper * scale], axis=-1)
-        sliding = jnp.stack([jnp.zeros_like(scale), SLIP_RELAXATION * solref[..., 1]], axis=-1)
+        *solref, impedance = soft_contact(inverse, stiffness, damper, timestep=h)
+        sliding = jnp.stack([jnp.zeros_like(impedance), SLIP_RELAXATION * solref[1]], axis=-1)
         scales = self._scales(parameters)
         limits = jnp.broadcast_to(model.actuator_forcerange, (len(stiffness), *model.actuator_forcerange.shape))
         push = self.host.actuator("scope/push").id
         limit = jnp.stack([-parameters.push_limit, parameters.push_limit], axis=-1)
         own = {
             "pair_friction": _with(model.pair_friction, parameters.friction[:, None, None], 2),
-            "pair_solref": solref,
+            "pair_solref": jnp.stack(solref, axis=-1),
             "pair_solreffriction": sliding,
             "pair_solimp": _with(model.pair_solimp, impedance[..., None], 2),
             "jnt_stiffness": scales * model.jnt_stiffness,

@@ -14,7 +14,7 @@ from mujoco.mjx.third_party import mujoco_warp
 
 from haustra.envs.engine.warp_kernels import along_rays
 from haustra.envs.engine.warp_setup import use_warp
-from haustra.envs.picture.lens import lens_rays
+from haustra.envs.picture.lens import camera_axes, lens_rays
 from haustra.models.anatomy.colon import Colon
 from haustra.models.lumen import add_lumen
 
@@ -58,7 +58,7 @@ class WarpCameras:
             self._context = mujoco_warp.create_render_context(
                 model, worlds, cam_res=(size, size), render_rgb=False, render_depth=True, use_textures=False
             )
-            self._context.ray.assign(_of_camera(rays.reshape(-1, 3)).astype(np.float32))
+            self._context.ray.assign((rays.reshape(-1, 3) @ camera_axes(np.eye(3))).astype(np.float32))
             self._within = wp.array(within.ravel().astype(np.uint8), dtype=wp.uint8)
             self._bytes = wp.empty((worlds, size * size), dtype=wp.uint8)
             mujoco_warp.refit_bvh(self._model, self._data, self._context)
@@ -81,7 +81,7 @@ class WarpCameras:
             frame: columns are wire 'up', wire 'left' and the viewing direction.
             beyond: outwards, for cameras that are beyond the wall; zero for those in the lumen (`Sight.beyond`).
         """
-        camera = np.stack([-frame[..., 1], frame[..., 0], -frame[..., 2]], axis=-1)  # right, up, backwards
+        camera = camera_axes(frame)
         with wp.ScopedDevice(self._device):
             self._data.cam_xpos.assign((eye + self._places[case])[:, None].astype(np.float32))
             self._data.cam_xmat.assign(camera[:, None].astype(np.float32))
@@ -110,8 +110,3 @@ def _model(colons: Sequence[Colon], places: np.ndarray, reach: float) -> mujoco.
     for number, (colon, place) in enumerate(zip(colons, places, strict=True)):
         add_lumen(spec, colon, group=0, prefix=f"colon_{number:04d}/", place=place)
     return spec.compile()
-
-
-def _of_camera(rays: np.ndarray) -> np.ndarray:
-    """From the tip's frame to the camera's: right, up, backwards."""
-    return np.stack([-rays[:, 1], rays[:, 0], -rays[:, 2]], axis=-1)

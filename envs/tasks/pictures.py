@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
-from haustra.envs.picture.lens import lens_rays
+from haustra.envs.picture.lens import camera_axes, lens_rays
 from haustra.envs.picture.tip import tip_view
 from haustra.envs.tasks.bank import Bank
 from haustra.envs.tasks.sight import DEPTH_STEPS, RANGE, Sight
@@ -28,8 +28,7 @@ class Pictures:
         if case not in self._surfaces:
             self._surfaces[case] = self._bank.cases[case].colon().lumen
         place, frame = eye
-        camera = np.column_stack([-frame[:, 1], frame[:, 0], -frame[:, 2]])  # right, up, backwards
-        return tip_view(self._surfaces[case], place, camera, self.view, size=size)
+        return tip_view(self._surfaces[case], place, camera_axes(frame), self.view, size=size)
 
     def depth(
         self,

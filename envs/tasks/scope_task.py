@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from haustra.envs.engine.conditions import Conditions, Snapshot
-from haustra.envs.engine.device_engines import DEVICE_ENGINES
+from haustra.envs.engine.device_engines import require_device_engine
 from haustra.envs.engine.scope_batch import BatchInputs, BatchObservation, ScopeBatch
 from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.bank import Bank, grown_bank
@@ -18,7 +18,7 @@ from haustra.envs.tasks.depth import DepthCameras, depth_cameras
 from haustra.envs.tasks.pictures import Pictures
 from haustra.envs.tasks.rewards import Moment, reward
 from haustra.envs.tasks.sight import Sight
-from haustra.errors import InvalidOptionError, UnsupportedSceneError
+from haustra.errors import UnsupportedSceneError
 from haustra.models.scope.library import named_design
 from haustra.models.wall.radius_field import axis_at, pick
 
@@ -355,8 +355,7 @@ class ScopeTask:
 def _engine(name: str, bank: Bank, worlds: int, threads: int) -> "ScopeBatch | DeviceBatch":
     if name == "native":
         return ScopeBatch(bank.scene, bank.tables, worlds=worlds, threads=threads)
-    if name not in DEVICE_ENGINES:
-        raise InvalidOptionError(f"Engine '{name}' is not known. Known: native, {', '.join(DEVICE_ENGINES)}.")
+    require_device_engine(name)
     from haustra.envs.engine.jax_setup import share_memory, use_jax
 
     share_memory()

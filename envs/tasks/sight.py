@@ -6,6 +6,7 @@ but nothing is seen round the corner of an overhang. Light, mucus and motion blu
 
 import math
 from collections.abc import Callable, Sequence
+from functools import cache
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -29,6 +30,7 @@ _WINDOW = 0.02
 """Largest change of arc length from one place on a ray to the next [m]."""
 
 
+@cache
 def ray_directions() -> Float[np.ndarray, "rays 3"]:
     """Unit vectors in the tip's frame: straight ahead, then ring by ring from wire 'up' towards wire 'left'."""
     turn = 2 * np.pi * np.arange(RAYS) / RAYS

@@ -43,13 +43,8 @@ class Runs:
     diverged: int
 
 
-_QUESTIONS = {
-    "reach": 0.1,
-    "push": 0.1,
-    "wall": 0.1,
-    "looping": 0.1,
-    "perforated": 0.1,
-}
+_TOLERANCE = 0.1
+"""Of every mean."""
 _NAMES = {
     "reach": "reach",
     "push": "mean push",
@@ -116,10 +111,10 @@ def compare_insertions(known: Runs | None, found: Mapping[str, Runs | str]) -> l
     """
     rows = []
     for engine, runs in found.items():
-        for name, tolerance in _QUESTIONS.items():
+        for name, said in _NAMES.items():
             perforations = name == "perforated"
             unit, reason = ("of all", _PERFORATED) if perforations else ("of the mean", _REASONS[engine])
-            row = Agreement(f"insertion, mean over seeds: {_NAMES[name]}", engine, tolerance, unit, reason)
+            row = Agreement(f"insertion, mean over seeds: {said}", engine, _TOLERANCE, unit, reason)
             if isinstance(runs, str):
                 rows.append(row.without(engine, runs))
                 break
