@@ -49,7 +49,7 @@ format: $(VENV)/.installed-dev
 	$(BIN)/ruff format
 
 docs: $(VENV)/.installed-dev
-	$(BIN)/python -m haustra.scripts.numbers_page docs/numbers.md
+	$(BIN)/python -m haustra.scripts.bench.pages.numbers_page docs/numbers.md
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 wheel: $(VENV)/.installed-dev

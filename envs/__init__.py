@@ -7,6 +7,6 @@ Haustra/TrackedColonoscopy-v0, where Gymnasium is installed (extra `rl`).
 from importlib.util import find_spec
 
 if find_spec("gymnasium"):
-    from haustra.envs.registration import register_environments
+    from haustra.envs.tasks.registration import register_environments
 
     register_environments()

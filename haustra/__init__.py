@@ -10,11 +10,11 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from haustra.models.anatomy.colon import Colon as Colon
-    from haustra.models.wall.wall import Wall as Wall
+    from haustra.models.wall.pieces.wall import Wall as Wall
 
 _HOME = {
     "Colon": "haustra.models.anatomy.colon",
-    "Wall": "haustra.models.wall.wall",
+    "Wall": "haustra.models.wall.pieces.wall",
 }
 
 __all__ = ["Colon", "Wall", "__version__"]

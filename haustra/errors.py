@@ -25,7 +25,7 @@ class InvalidStudyError(HaustraError):
     """A study's file asks for something that is unknown or impossible; the message starts with the key's path."""
 
 
-class WallError(HaustraError):
+class WallAccuracy(HaustraError):
     """A wall could not be built, or its error exceeds what was asked."""
 
 

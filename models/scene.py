@@ -14,17 +14,17 @@ from haustra.assets import asset
 from haustra.errors import InvalidOptionError, OutputError
 from haustra.files import write_atomically
 from haustra.models.anatomy.colon import Colon
-from haustra.models.contact import WallContact, apply_contact
-from haustra.models.lumen import add_lumen
-from haustra.models.scope.cable import Cable, add_scope
-from haustra.models.scope.cells import Cell, CellSize, cut_into_cells
-from haustra.models.scope.design import ScopeDesign
-from haustra.models.scope.outside import Outside, leave_out
-from haustra.models.scope.spacing import adaptive_spacing
-from haustra.models.scope.stops import apply_stops
+from haustra.models.anatomy.lumen_meshes import add_lumen
+from haustra.models.devices.scope.cable import Cable, add_scope
+from haustra.models.devices.scope.cells import Cell, CellSize, cut_into_cells
+from haustra.models.devices.scope.design import ScopeDesign
+from haustra.models.devices.scope.outside import Outside, leave_out
+from haustra.models.devices.scope.spacing import adaptive_spacing
+from haustra.models.devices.scope.stops import apply_stops
+from haustra.models.wall.law import WallContact, apply_contact
+from haustra.models.wall.pieces.reach import within_reach
+from haustra.models.wall.pieces.wall import Wall
 from haustra.models.wall.planes import Sample, add_planes, capsule_samples
-from haustra.models.wall.reach import within_reach
-from haustra.models.wall.wall import Wall
 from haustra.quantity import load_quantities
 
 _CONTACT = load_quantities(asset("numbers/contact.toml"))
@@ -64,12 +64,12 @@ class SceneOptions:
     """Names of segments and their stiffness [N/m], where it is not `wall_stiffness`; tangent planes only."""
     wall_damping_time: float = 0.005
     """Damping over stiffness of the wall [s]; engineering choice; sliding adds mu c v to the normal force."""
-    wall_law: Literal["pieces", "planes", "field"] = "pieces"
+    wall_law: Literal["pieces", "planes", "table"] = "pieces"
     """What the scope meets: the wall's convex pieces, tangent planes of the lumen (docs/decisions/wall.md), or a table
-    of the lumen that an engine of many worlds reads (`haustra.models.wall.radius_field`); such a scene has no wall."""
+    of the lumen that an engine of many worlds reads (`haustra.models.wall.lumen_table`); such a scene has no wall."""
     mesentery: bool = False
     """Let the colon swing, stretch and pleat on its mesentery (`haustra.models.wall.mesentery`); otherwise it is fixed
-    in space and gives way by its wall's stiffness only. Law 'field' only."""
+    in space and gives way by its wall's stiffness only. Law 'table' only."""
     sample_spacing: float | None = None
     """Distance between the spheres that meet planes or field [m]; three quarters of the scope's diameter when None."""
     friction: float = _CONTACT["contact.friction"].value
@@ -90,11 +90,11 @@ class SceneOptions:
             value = getattr(self, name)
             if not 0 < value < 1e3:
                 raise InvalidOptionError(f"Scene option {name} is {value}; it must be a positive number.")
-        if self.wall_law not in ("pieces", "planes", "field"):
-            raise InvalidOptionError(f"Wall law '{self.wall_law}' is not known. Known: pieces, planes, field.")
-        if self.mesentery and self.wall_law != "field":
+        if self.wall_law not in ("pieces", "planes", "table"):
+            raise InvalidOptionError(f"Wall law '{self.wall_law}' is not known. Known: pieces, planes, table.")
+        if self.mesentery and self.wall_law != "table":
             raise InvalidOptionError(
-                f"A colon that moves on its mesentery needs wall law 'field': '{self.wall_law}' is fixed in space."
+                f"A colon that moves on its mesentery needs wall law 'table': '{self.wall_law}' is fixed in space."
             )
         if self.segment_stiffness and self.wall_law != "planes":
             raise InvalidOptionError(
@@ -212,7 +212,7 @@ def build_scene(
     pieces = unreached = 0
     if options.wall_law == "pieces":
         if wall is None:
-            raise InvalidOptionError("Wall law 'pieces' needs a wall: build one, or choose planes or field.")
+            raise InvalidOptionError("Wall law 'pieces' needs a wall: build one, or choose planes or table.")
         reached = within_reach(wall, entry, deepest=deepest) if deepest is not None else wall
         add_wall(spec, reached)
         pieces = len(reached.pieces)
@@ -257,7 +257,7 @@ def _left_out(
         )
     if modelled < design.length - 1e-9:
         left_out["shaft outside"] = f"the last {design.length - modelled:.3f} m of shaft never enter this colon"
-    if options.wall_law == "field":
+    if options.wall_law == "table":
         left_out["wall"] = "its table is the engine's: stock MuJoCo moves the saved scope without one"
     if outside and outside.length:
         left_out["shaft held outside"] = f"{outside.length:.3f} m stay outside in this run: their mass and twist count"
@@ -342,7 +342,7 @@ def _add_scope(spec, design: ScopeDesign, cells, entry, frame, options: SceneOpt
         torque_limit=options.torque_limit,
         timestep=options.timestep,
         # Engines of many worlds have no cubic springs.
-        cubic=options.wall_law != "field",
+        cubic=options.wall_law != "table",
         outside=outside,
     )
 

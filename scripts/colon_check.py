@@ -23,7 +23,7 @@ class ColonCheck:
         """Check, draw, and return the verdicts."""
         import math
 
-        from haustra.envs.picture.check_figure import write_check_figure
+        from haustra.envs.view.picture.check_figure import write_check_figure
         from haustra.errors import InvalidOptionError
         from haustra.models.anatomy.check import check_colon
         from haustra.models.anatomy.store import load_colon

@@ -16,7 +16,7 @@ class Doctor:
 
     def __call__(self) -> dict[str, Any]:
         """Probe the machine."""
-        from haustra.envs.picture.backends import probe_backends
+        from haustra.envs.view.picture.backends import probe_backends
         from haustra.provenance import package_versions
 
         return {
@@ -32,8 +32,8 @@ class Doctor:
 def _engines() -> dict[str, str]:
     """Each engine, and what of haustra it can run here."""
     needs = {
-        "mjx-jax": ("jax", "mjx", "scopes against the tabulated lumen, one or many: run, sweep, vector environments"),
-        "mjx-warp": (
+        "jax": ("jax", "mjx", "scopes against the tabulated lumen, one or many: run, sweep, vector environments"),
+        "warp": (
             "warp",
             "warp",
             "rigs: sweep; scopes: vector environments; bench; fast on NVIDIA GPUs only",

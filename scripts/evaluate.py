@@ -28,10 +28,10 @@ class Evaluate:
     friction: tuple[float, float] | None = None
     """Range of Coulomb's coefficient."""
     mesentery: bool | None = None
-    """Let colons move on their mesentery (--engine mjx-jax); as the first policy's when not given."""
+    """Let colons move on their mesentery (--engine jax); as the first policy's when not given."""
     seconds: float = 90.0
     """Longest episode [s]."""
-    engine: Literal["native", "mjx-jax", "mjx-warp"] = "native"
+    engine: Literal["native", "jax", "warp"] = "native"
     """Of the physics: MuJoCo on threads, or JAX on its device, all episodes at once."""
     threads: int = 2
     """For physics on the CPU."""
@@ -103,7 +103,7 @@ class Evaluate:
         """The colons to drive in."""
         from haustra.envs.tasks.bank import folder_bank, grown_bank
         from haustra.envs.tasks.config import HELD_OUT_SEEDS
-        from haustra.models.scope.library import named_design
+        from haustra.models.devices.scope.library import named_design
         from haustra.scripts.console import progress_bar
 
         design = named_design(config.design)

@@ -59,22 +59,22 @@ def _join_verb(arguments: Sequence[str], verbs: Mapping[str, object]) -> list[st
 
 def _verbs() -> dict[str, Callable[..., Any]]:
     """Every verb is a frozen dataclass of options; calling it does the work and returns JSON values."""
-    from haustra.scripts.bench_accuracy import BenchAccuracy
-    from haustra.scripts.bench_agreement import BenchAgreement
-    from haustra.scripts.bench_all import BenchAll
-    from haustra.scripts.bench_cores import BenchCores
-    from haustra.scripts.bench_cost import BenchCost
-    from haustra.scripts.bench_episodes import BenchEpisodes
-    from haustra.scripts.bench_grown import BenchGrown
-    from haustra.scripts.bench_profile import BenchProfile
-    from haustra.scripts.bench_pushes import BenchPushes
-    from haustra.scripts.bench_rigs import BenchRigs
-    from haustra.scripts.bench_rods import BenchRods
-    from haustra.scripts.bench_skip import BenchSkip
-    from haustra.scripts.bench_stability import BenchStability
-    from haustra.scripts.bench_tracked import BenchTracked
-    from haustra.scripts.bench_view import BenchView
-    from haustra.scripts.bench_worlds import BenchWorlds
+    from haustra.scripts.bench.verbs.accuracy import BenchAccuracy
+    from haustra.scripts.bench.verbs.agreement import BenchAgreement
+    from haustra.scripts.bench.verbs.all import BenchAll
+    from haustra.scripts.bench.verbs.cores import BenchCores
+    from haustra.scripts.bench.verbs.cost import BenchCost
+    from haustra.scripts.bench.verbs.episodes import BenchEpisodes
+    from haustra.scripts.bench.verbs.grown import BenchGrown
+    from haustra.scripts.bench.verbs.profile import BenchProfile
+    from haustra.scripts.bench.verbs.pushes import BenchPushes
+    from haustra.scripts.bench.verbs.rigs import BenchRigs
+    from haustra.scripts.bench.verbs.rods import BenchRods
+    from haustra.scripts.bench.verbs.skip import BenchSkip
+    from haustra.scripts.bench.verbs.stability import BenchStability
+    from haustra.scripts.bench.verbs.tracked import BenchTracked
+    from haustra.scripts.bench.verbs.view import BenchView
+    from haustra.scripts.bench.verbs.worlds import BenchWorlds
     from haustra.scripts.colon import ColonImport
     from haustra.scripts.colon_check import ColonCheck
     from haustra.scripts.doctor import Doctor

@@ -29,7 +29,7 @@ class Propulsion:
 
     def __call__(self) -> dict[str, Any]:
         """Run the study."""
-        from haustra.models.tracked.published import SURFACES
+        from haustra.models.devices.tracked.published import SURFACES
 
         design = self._design()
         result: dict[str, Any] = {"rows": [row for surface in SURFACES for row in track_rows(design, surface)]}
@@ -42,17 +42,17 @@ class Propulsion:
         result["provenance"] = _provenance(design)
         if self.output is not None:
             from haustra.files import prepare_folder
-            from haustra.scripts.propulsion_figures import draw
+            from haustra.scripts.bench.pages.propulsion_figures import draw
 
             result["written"] = [str(path) for path in draw(prepare_folder(self.output), design, result)]
         if self.page is not None:
-            from haustra.scripts.propulsion_page import write_page
+            from haustra.scripts.bench.pages.propulsion_page import write_page
 
             result["page"] = str(write_page(self.page, result))
         return result
 
     def _design(self):
-        from haustra.models.tracked.design import TrackedDesign
+        from haustra.models.devices.tracked.design import TrackedDesign
 
         base = TrackedDesign()
         pitch = base.worm.lead / self.starts
@@ -62,11 +62,11 @@ class Propulsion:
 
 def track_rows(design, surface: str) -> list[dict[str, Any]]:
     """One track at the published speeds, times four as in the paper."""
-    from haustra.envs.measure.propulsion import pull_model
-    from haustra.models.tracked.design import TRACKS
-    from haustra.models.tracked.law import PadLaw, load_table
-    from haustra.models.tracked.published import SPEEDS, SURFACES, tread_stresses
-    from haustra.models.tracked.rig import flat_rig
+    from haustra.envs.runs.measure.propulsion import pull_model
+    from haustra.models.devices.tracked.design import TRACKS
+    from haustra.models.devices.tracked.law import PadLaw, load_table
+    from haustra.models.devices.tracked.published import SPEEDS, SURFACES, tread_stresses
+    from haustra.models.devices.tracked.rig import flat_rig
 
     friction = SURFACES[surface]
     law = PadLaw.fit(load_table(design.tread))
@@ -116,7 +116,7 @@ _KINDS = {
 
 
 def _paper(surface: str) -> dict[str, Any]:
-    from haustra.models.tracked.published import FORCE, RIPPLE, RIPPLE_FRACTION, STRESSES_KPA, SURFACES
+    from haustra.models.devices.tracked.published import FORCE, RIPPLE, RIPPLE_FRACTION, STRESSES_KPA, SURFACES
 
     stresses = {f"stress_{where}_kPa": values for where, values in STRESSES_KPA.items()}
     return {
@@ -151,10 +151,10 @@ def _checks(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 def full_range(design) -> dict[str, Any]:
     """The whole device in a round tube with friction that depends on speed, shaft loss, worm torque and roll."""
-    from haustra.envs.measure.propulsion import pull_model
-    from haustra.models.tracked.drive import drive_point, fit_range, range_error
-    from haustra.models.tracked.implied import SPEEDS_RPM, STATEMENTS, implied_curves
-    from haustra.models.tracked.rig import tube_rig
+    from haustra.envs.runs.measure.propulsion import pull_model
+    from haustra.models.devices.tracked.drive import drive_point, fit_range, range_error
+    from haustra.models.devices.tracked.implied import SPEEDS_RPM, STATEMENTS, implied_curves
+    from haustra.models.devices.tracked.rig import tube_rig
 
     fit = fit_range(design)
     surfaces = {}
@@ -219,10 +219,10 @@ def redesign(design) -> dict[str, Any]:
     """Spacing, pitch and worm starts of least ripple at the same mean force; the best is run to prove it."""
     import numpy as np
 
-    from haustra.envs.measure.propulsion import pull
-    from haustra.models.tracked.design import TRACKS
-    from haustra.models.tracked.redesign import candidates, redesigned
-    from haustra.models.tracked.rig import flat_rig
+    from haustra.envs.runs.measure.propulsion import pull
+    from haustra.models.devices.tracked.design import TRACKS
+    from haustra.models.devices.tracked.redesign import candidates, redesigned
+    from haustra.models.devices.tracked.rig import flat_rig
 
     found = candidates(design, np.round(np.arange(2.0, 4.001, 0.05), 2).tolist())
     best = min(found, key=lambda c: (round(c.track_ripple + c.device_ripple, 4), -c.spacing))

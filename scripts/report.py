@@ -20,17 +20,17 @@ class Report:
 
     def __call__(self) -> dict[str, Any]:
         """Write the report."""
-        from haustra.envs.sweep.store import FILE
+        from haustra.envs.study.store import FILE
         from haustra.errors import InvalidOptionError
 
         if (self.folder / FILE).is_file():
-            from haustra.envs.report.sweep_report import report_sweep
+            from haustra.envs.view.report.sweep_report import report_sweep
 
             path, comparison = report_sweep(self.folder, designs=self.compare)
             return {"report": str(path), **({"comparison": comparison} if self.compare else {})}
         if self.compare:
             raise InvalidOptionError(f"'{self.folder}' holds no sweep, so there is nothing to --compare.")
 
-        from haustra.envs.report.run_report import report_run
+        from haustra.envs.view.report.run_report import report_run
 
         return {"report": str(report_run(self.folder))}

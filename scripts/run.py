@@ -21,7 +21,7 @@ class Run:
     """Which wall to use; it is built first if the colon's folder does not have it."""
     preset: Literal["fast", "balanced", "accurate"] = "balanced"
     """How finely the scene is modelled; errors and speed: docs/validation/accuracy.md."""
-    wall_law: Literal["pieces", "planes", "field"] | None = None
+    wall_law: Literal["pieces", "planes", "table"] | None = None
     """Convex pieces; tangent planes: true forces at any depth and no build, at several times the cost a step; or a
     table of the lumen: no build, several times faster, stepped by JAX (extra mjx). As the preset says when not given.
     """
@@ -29,7 +29,7 @@ class Run:
     """Simulated time [s]."""
     mesentery: bool = False
     """Let the colon swing, stretch and pleat on its mesentery instead of standing fixed in space; by the table of the
-    lumen (--wall-law field)."""
+    lumen (--wall-law table)."""
     friction: float | None = None
     """Coulomb coefficient between scope and wall; the sourced default when not given."""
     wall_stiffness: float | None = None
@@ -54,15 +54,15 @@ class Run:
 
     def __call__(self) -> dict[str, Any]:
         """Build the scene, run it, write everything."""
-        from haustra.envs.follower import FollowerSettings
-        from haustra.envs.insertion import run_insertion
-        from haustra.envs.run_folder import write_run
+        from haustra.envs.control.follower import FollowerSettings
+        from haustra.envs.runs.insertion import run_insertion
+        from haustra.envs.view.run_folder import write_run
         from haustra.files import prepare_folder
         from haustra.models.anatomy.store import load_colon
+        from haustra.models.devices.scope.files import find_design
         from haustra.models.presets import find_preset
         from haustra.models.scene import build_scene
-        from haustra.models.scope.files import find_design
-        from haustra.models.wall.folder import wall_of
+        from haustra.models.wall.pieces.folder import wall_of
         from haustra.scripts.console import progress_bar
         from haustra.scripts.wall import wall_bar
 
@@ -84,15 +84,15 @@ class Run:
                 scene,
                 seconds=self.seconds,
                 settings=settings,
-                engine=_field_engine() if options.wall_law == "field" else self._native(wall, deepest),
+                engine=_field_engine() if options.wall_law == "table" else self._native(wall, deepest),
                 progress=lambda time, arc: advance(time, f"tip at {arc:.2f} m"),
             )
         return write_run(folder, scene=scene, wall=wall, run=run, seconds=self.seconds)
 
     def _native(self, wall, deepest: float):
         """MuJoCo's CPU engine, with all of the shaft or with what is needed."""
-        from haustra.envs.engine.growing import growing
-        from haustra.envs.engine.native import NativeEngine
+        from haustra.envs.sim.growing import growing
+        from haustra.envs.sim.native import NativeEngine
 
         return NativeEngine if self.whole_shaft else growing(wall, deepest=deepest)
 
@@ -111,14 +111,14 @@ class Run:
 
 def _field_engine():
     """The engine of the field's law, its compiled programs kept for the next run."""
-    from haustra.envs.engine.jax_setup import compute_on_one_thread, use_jax
+    from haustra.envs.sim.jax_setup import compute_on_one_thread, use_jax
     from haustra.models.wall.cache import cache_folder
 
     compute_on_one_thread()
     use_jax(cache=cache_folder() / "jax")
-    from haustra.envs.engine.field_engine import FieldEngine
+    from haustra.envs.sim.field_engine import JaxSingle
 
-    return FieldEngine
+    return JaxSingle
 
 
 def _require_seconds(seconds: float) -> None:

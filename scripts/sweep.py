@@ -35,8 +35,8 @@ class _StudyVerb:
 
     def __call__(self) -> dict[str, Any]:
         """Run the study."""
-        from haustra.envs.sweep.run import Computing
-        from haustra.envs.sweep.study_file import load_study
+        from haustra.envs.study.run import Computing
+        from haustra.envs.study.study_file import load_study
 
         study = load_study(self.study)
         computing = Computing(
@@ -73,7 +73,7 @@ class Sweep(_StudyVerb):
     def _runner(self) -> Callable[..., dict[str, Any]]:
         from functools import partial
 
-        from haustra.envs.sweep.run import run_sweep
+        from haustra.envs.study.run import run_sweep
 
         return partial(run_sweep, tables=self.tables)
 
@@ -83,7 +83,7 @@ class Optimise(_StudyVerb):
     """Look for a study's best designs, each try informed by those before; nothing is lost when it is stopped."""
 
     def _runner(self) -> Callable[..., dict[str, Any]]:
-        from haustra.envs.sweep.optimise import run_optimise
+        from haustra.envs.study.optimise import run_optimise
 
         return run_optimise
 
@@ -93,13 +93,13 @@ class Sensitivity(_StudyVerb):
     """Find how much of each score's variance each variable makes (Sobol's indices), with confidence."""
 
     def _runner(self) -> Callable[..., dict[str, Any]]:
-        from haustra.envs.sweep.sensitivity import run_sensitivity
+        from haustra.envs.study.sensitivity import run_sensitivity
 
         return run_sensitivity
 
 
 def _report(folder: Path) -> dict[str, str]:
-    from haustra.envs.report.sweep_report import report_sweep
+    from haustra.envs.view.report.sweep_report import report_sweep
 
     return {"report": str(report_sweep(folder)[0])}
 

@@ -37,14 +37,14 @@ class TrackedRun:
 
     def __call__(self) -> dict[str, Any]:
         """Run free and held; write scores.json and outside.png."""
-        from haustra.envs.measure.propulsion import SETTLING
-        from haustra.envs.tracked_drive import drive_in_colon
+        from haustra.envs.runs.measure.propulsion import SETTLING
+        from haustra.envs.runs.tracked_drive import drive_in_colon
         from haustra.errors import InvalidOptionError
         from haustra.files import prepare_folder, write_json
         from haustra.models.anatomy.store import load_colon
-        from haustra.models.tracked.design import TrackedDesign
-        from haustra.models.tracked.standing import require_fit
-        from haustra.models.wall.folder import wall_of
+        from haustra.models.devices.tracked.design import TrackedDesign
+        from haustra.models.devices.tracked.standing import require_fit
+        from haustra.models.wall.pieces.folder import wall_of
         from haustra.scripts.console import progress_bar
         from haustra.scripts.wall import wall_bar
 
@@ -86,10 +86,10 @@ class TrackedRun:
 
         import numpy as np
 
-        from haustra.envs.measure.propulsion import SETTLING
-        from haustra.envs.tracked_drive import CONTROL_INTERVAL
+        from haustra.envs.runs.measure.propulsion import SETTLING
+        from haustra.envs.runs.tracked_drive import CONTROL_INTERVAL
         from haustra.models.anatomy.store import colon_hash
-        from haustra.models.tracked.standing import track_radii, where_it_fits
+        from haustra.models.devices.tracked.standing import track_radii, where_it_fits
         from haustra.provenance import Provenance
 
         outcome = "diverged" if "diverged" in (free.outcome, held.outcome) else "completed"
@@ -151,7 +151,7 @@ _ADVICE = {
     "slips": "the treads slip: raise the friction or the bellows' force",
     "diverged": "the step was too long for these forces",
 }
-"""What stopped the robot, and what to do (`haustra.envs.tracked_drive.EndedBy`)."""
+"""What stopped the robot, and what to do (`haustra.envs.runs.tracked_drive.EndedBy`)."""
 
 
 def _end_speed(drive) -> float:
@@ -166,8 +166,8 @@ def _draw(path: Path, colon, design, drive) -> None:
     """The robot's core, at the width its tracks nominally have, where it stands at the end."""
     import numpy as np
 
-    from haustra.envs.picture.image import write_png
-    from haustra.envs.picture.outside import default_rotation, outside_view
+    from haustra.envs.view.picture.image import write_png
+    from haustra.envs.view.picture.outside import default_rotation, outside_view
 
     along = np.linspace(-0.5, 0.5, 25)[:, None] * design.core_length * drive.axis
     rotation = default_rotation(colon.lumen, colon.centreline.points)

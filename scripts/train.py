@@ -29,10 +29,10 @@ class Train:
     difficulty: Literal["any", "easy", "moderate", "difficult", "hard"] | None = None
     """Band of tortuosity that colons are grown from."""
     mesentery: bool | None = None
-    """Let colons move on their mesentery; engine mjx-jax only."""
+    """Let colons move on their mesentery; engine jax only."""
     colons: int | None = None
     """Number of grown colons (seeds 0, 1, ...)."""
-    engine: Literal["native", "mjx-jax", "mjx-warp"] | None = None
+    engine: Literal["native", "jax", "warp"] | None = None
     """Of the physics: MuJoCo on threads, or JAX on its device."""
     device: Literal["cpu", "cuda"] | None = None
     """Of the networks."""

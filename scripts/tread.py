@@ -79,7 +79,7 @@ class TreadFem:
         settings = {part: self._settings(part, geometry) for part in self.parts}
         write_json(folder / "provenance.json", Provenance({}, settings).to_json())
         if self.figures:
-            from haustra.scripts.tread_figures import draw
+            from haustra.scripts.bench.pages.tread_figures import draw
 
             written += [str(path) for path in draw(folder, geometry, result, self.indentation_mm * 1e-3, self.friction)]
         return result | {"written": written}
@@ -87,7 +87,7 @@ class TreadFem:
     def _settings(self, part: Part, geometry) -> dict[str, Any]:
         """All that a part's rows depend on, as plain JSON values."""
         from haustra import __version__
-        from haustra.models.tracked.fem.strip import MeshOptions
+        from haustra.models.devices.tracked.fem.strip import MeshOptions
 
         used = {
             "table": {"table_mm": list(self.table_mm), "phases": self.phases},
@@ -103,19 +103,19 @@ class TreadFem:
         return common | {"mesh": asdict(MeshOptions())} | used
 
     def _geometry(self):
-        from haustra.models.tracked.tread import TreadGeometry
+        from haustra.models.devices.tracked.tread import TreadGeometry
 
         pitch = 13e-3 / self.starts
         return replace(TreadGeometry(), pitch=pitch, tooth_width=pitch / 2, tip_spacing=self.spacing[0] * pitch)
 
     def _table(self, geometry, bar):
-        from haustra.models.tracked.fem.study import force_table
+        from haustra.models.devices.tracked.fem.study import force_table
 
         pressed = [value * 1e-3 for value in self.table_mm]
         return force_table(geometry, pressed, phases=self.phases, friction=self.friction, progress=bar)
 
     def _two_tips(self, geometry, bar):
-        from haustra.models.tracked.fem.study import two_tips
+        from haustra.models.devices.tracked.fem.study import two_tips
 
         for spacing in self.spacing:
             at = replace(geometry, tip_spacing=spacing * geometry.pitch)
@@ -124,13 +124,13 @@ class TreadFem:
                 yield {"spacing_pitches": spacing} | row
 
     def _passage(self, geometry, bar):
-        from haustra.models.tracked.fem.study import Passage, passage
+        from haustra.models.devices.tracked.fem.study import Passage, passage
 
         course = Passage(steps_per_pitch=self.passage_steps)
         return passage(geometry, self.indentation_mm * 1e-3, course=course, friction=self.friction, progress=bar)
 
     def _convergence(self, geometry, bar):
-        from haustra.models.tracked.fem.study import convergence
+        from haustra.models.devices.tracked.fem.study import convergence
 
         return convergence(geometry, self.indentation_mm * 1e-3, friction=self.friction, progress=bar)
 

@@ -34,8 +34,8 @@ class WallBuild:
         """Build, save, and return the measures."""
         from haustra.files import prepare_folder
         from haustra.models.anatomy.store import load_colon
-        from haustra.models.wall.build import build_wall
-        from haustra.models.wall.store import save_wall
+        from haustra.models.wall.pieces.build import build_wall
+        from haustra.models.wall.pieces.store import save_wall
 
         colon = load_colon(self.colon)
         folder = prepare_folder(self.colon / f"wall-{self.method}")

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from haustra.models.anatomy.colon import Colon
-from haustra.models.wall.build import build_wall
-from haustra.models.wall.wall import Wall
+from haustra.models.wall.pieces.build import build_wall
+from haustra.models.wall.pieces.wall import Wall
 from tests.models.wall.conftest import swept_colon
 
 

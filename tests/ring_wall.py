@@ -7,7 +7,7 @@ import numpy as np
 from haustra.models.anatomy.colon import Colon, ColonSegment
 from haustra.models.anatomy.frames import centreline_through
 from haustra.models.anatomy.tube import tube
-from haustra.models.wall.wall import Wall, WallError, WallPiece
+from haustra.models.wall.pieces.wall import Wall, WallAccuracy, WallPiece
 from haustra.provenance import Provenance
 
 
@@ -27,7 +27,7 @@ def ring_wall(colon: Colon, *, sectors: int = 16, slab: float = 0.005, thickness
                     radius = colon.radius[station, column % colon.radius.shape[1]]
                     corners += [line.points[station] + (radius + depth) * across for depth in (0, thickness)]
             pieces.append(WallPiece(np.array(corners), start=float(line.arc[low]), end=float(line.arc[high])))
-    error = WallError(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1, 0)
+    error = WallAccuracy(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1, 0)
     return Wall("prism", tuple(pieces), error, Provenance(inputs={}, configuration={}), {})
 
 

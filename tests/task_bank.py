@@ -6,11 +6,11 @@ from functools import cache
 import mujoco
 import numpy as np
 
-from haustra.envs.engine.scope_batch import batch_model
 from haustra.envs.learning.recording import Recording
-from haustra.envs.tasks.bank import TASK_OPTIONS, Bank, make_bank
+from haustra.envs.sim.scope_batch import batch_model
+from haustra.envs.tasks.bank import TASK_OPTIONS, ColonSet, make_bank
 from haustra.envs.tasks.case import case_of
-from haustra.models.scope.library import named_design
+from haustra.models.devices.scope.library import named_design
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
 
@@ -18,7 +18,7 @@ DESIGN = "paediatric"
 
 
 @cache
-def short_bank() -> Bank:
+def short_bank() -> ColonSet:
     design = named_design(DESIGN)
     colons = [
         swept_colon(winding([(0.08, 0.0), (0.08, turn), (0.12, 0.0)]), name=f"bend {turn}") for turn in (0.6, -0.6)
@@ -28,13 +28,13 @@ def short_bank() -> Bank:
 
 
 @cache
-def hung_bank() -> Bank:
+def hung_bank() -> ColonSet:
     """The short bends, the first 60 % of each a sigmoid."""
     cases = [
         replace(case, borders=case.length * np.array([0.0, 0.05, 0.6, 0.7, 0.8, 0.9, 1.0]))
         for case in short_bank().cases
     ]
-    return replace(short_bank(), cases=tuple(cases)).hung(True)
+    return replace(short_bank(), cases=tuple(cases)).with_mesentery(True)
 
 
 def tip_arcs(recording: Recording) -> np.ndarray:

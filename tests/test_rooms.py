@@ -11,6 +11,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 ROOMS = ("haustra", "assets", "models", "envs", "scripts")
 """In import order: a room may import itself and what stands before it."""
+FLOORS = {"sim": 0, "control": 1, "runs": 2, "tasks": 3, "learning": 3, "study": 3, "view": 3}
+"""Rooms within envs: each imports those of its own floor and below."""
 FILES = [
     *sorted((ROOT / "haustra").glob("*.py")),
     *sorted(path for room in ROOMS[1:] for path in (ROOT / room).rglob("*.py")),
@@ -50,6 +52,17 @@ def test_a_room_imports_only_rooms_before_it(path: Path) -> None:
         assert module.split(".")[0] not in ROOMS[1:], f"{_name(path)} imports {module}: write haustra.{module}"
         if module.split(".")[0] == "haustra":
             assert ROOMS.index(_room(module)) <= here, f"{_name(path)} imports {module}, which stands after it"
+
+
+@pytest.mark.parametrize("path", [path for path in FILES if path.parts[len(ROOT.parts)] == "envs"], ids=_name)
+def test_a_room_of_envs_imports_only_its_own_floor_and_below(path: Path) -> None:
+    parts = path.relative_to(ROOT).parts
+    if len(parts) == 2:
+        return
+    for module in _imports(ast.parse(path.read_text(encoding="utf-8"))):
+        if module.startswith("haustra.envs."):
+            room = module.split(".")[2]
+            assert FLOORS[room] <= FLOORS[parts[1]], f"{_name(path)} imports {module}, which stands above it"
 
 
 @pytest.mark.parametrize("path", FILES, ids=_name)

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from haustra.models.anatomy.colon import Centreline, Colon, ColonSegment, Surface
-from haustra.models.wall.wall import Wall, WallError, WallPiece
+from haustra.models.wall.pieces.wall import Wall, WallAccuracy, WallPiece
 from haustra.provenance import Provenance
 
 RADIUS = 0.02
@@ -70,7 +70,7 @@ def wedge_wall(length: float = 0.6, *, sectors: int = 12, slabs: int = 3, thickn
                 for z in (low, high)
             ]
             pieces.append(WallPiece(vertices=np.array(corners), start=float(low), end=float(high)))
-    error = WallError(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1, 0)
+    error = WallAccuracy(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1, 0)
     return Wall("prism", tuple(pieces), error, Provenance(inputs={}, configuration={}), {})
 
 

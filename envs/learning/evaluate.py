@@ -8,8 +8,8 @@ import numpy as np
 
 from haustra.envs.learning.recording import Recorder, Recording
 from haustra.envs.learning.statistics import bootstrap, wilson
-from haustra.envs.outcome import LEFT_OUTSIDE, Outcome
-from haustra.envs.tasks.bank import Bank
+from haustra.envs.runs.outcome import LEFT_OUTSIDE, Outcome
+from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.drivers import Driver
 from haustra.envs.tasks.scope_task import ScopeTask
@@ -114,7 +114,7 @@ def evaluate(
     make_driver: Callable[[ScopeTask], Driver],
     name: str,
     config: TaskConfig,
-    bank: Bank,
+    bank: ColonSet,
     *,
     episodes: int = 5,
     threads: int = 2,
@@ -135,7 +135,7 @@ def evaluate(
         bank: the colons.
         episodes: in each.
         threads: for physics on the CPU.
-        engine: 'native', MuJoCo on threads; 'mjx-jax' or 'mjx-warp', on JAX's device.
+        engine: 'native', MuJoCo on threads; 'jax' or 'warp', on JAX's device.
         most_worlds: stepped at once; what suits the engine and its device when None.
         record: keep the states of the best episode.
         progress: told episodes done and their number.
@@ -195,7 +195,7 @@ def _platform(engine: str) -> str:
     """What an engine computes on."""
     if engine == "native":
         return "cpu"
-    from haustra.envs.engine.jax_setup import use_jax
+    from haustra.envs.sim.jax_setup import use_jax
 
     return "cpu" if use_jax()[0].platform == "cpu" else "gpu"
 
@@ -227,7 +227,7 @@ class _Record:
     seed: int
     began: int
 
-    def episode(self, last: dict[str, Any], history: np.ndarray, task: ScopeTask, bank: Bank) -> Episode:
+    def episode(self, last: dict[str, Any], history: np.ndarray, task: ScopeTask, bank: ColonSet) -> Episode:
         limits = task.config.limits
         force = history[0][np.isfinite(history[0])] if np.isfinite(history[0]).any() else np.zeros(1)
         reached, perforated = bool(last["reached"]), bool(last["perforated"])

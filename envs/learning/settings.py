@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 from haustra.assets import asset
-from haustra.envs.engine.device_engines import DEVICE_ENGINES
+from haustra.envs.sim.device_engines import DEVICE_ENGINES
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.observation import IN_BYTES, sizes
 from haustra.errors import InvalidOptionError
@@ -29,7 +29,7 @@ class Training:
     """Steps between two checkpoints; episodes begin anew there, so that a resumed run is the same run."""
     worlds: int = 32
     engine: str = "native"
-    """Of the physics: MuJoCo on threads, or thousands of worlds on JAX's device: 'mjx-jax', 'mjx-warp'."""
+    """Of the physics: MuJoCo on threads, or thousands of worlds on JAX's device: 'jax', 'warp'."""
     device: str = "cpu"
     """Of the networks: 'cpu', or 'cuda', PyTorch's GPU."""
     seed: int = 0

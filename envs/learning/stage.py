@@ -3,10 +3,10 @@
 import numpy as np
 from jaxtyping import Float
 
-from haustra.envs.picture.outside import OutsideView, default_rotation
-from haustra.envs.tasks.case import Case
+from haustra.envs.tasks.case import TabulatedColon
+from haustra.envs.view.picture.outside import OutsideView, default_rotation
 from haustra.models.anatomy.colon import Surface
-from haustra.models.wall.radius_field import stack
+from haustra.models.wall.lumen_table import stack
 
 _ROOM = 0.004
 """The lens stays this far from the wall in its picture [m]: less than a tip's radius, since its wall is soft."""
@@ -15,7 +15,7 @@ _ALONG = 0.05
 
 
 def stage_of(
-    case: Case, shift: Float[np.ndarray, "frames nodes 3"] | None, size: tuple[int, int]
+    case: TabulatedColon, shift: Float[np.ndarray, "frames nodes 3"] | None, size: tuple[int, int]
 ) -> "StillColon | MovingColon":
     """A colon to draw an episode in.
 
@@ -30,7 +30,7 @@ def stage_of(
 class StillColon:
     """A colon that is fixed in space."""
 
-    def __init__(self, case: Case, size: tuple[int, int]) -> None:
+    def __init__(self, case: TabulatedColon, size: tuple[int, int]) -> None:
         """Draw it from outside, once."""
         self._case, self._lumen = case, case.colon().lumen
         rotation = default_rotation(self._lumen, case.points)
@@ -44,17 +44,17 @@ class StillColon:
 class MovingColon:
     """A colon on its mesentery: drawn anew in every frame, by a camera that stands still."""
 
-    def __init__(self, case: Case, shift: Float[np.ndarray, "frames nodes 3"], size: tuple[int, int]) -> None:
+    def __init__(self, case: TabulatedColon, shift: Float[np.ndarray, "frames nodes 3"], size: tuple[int, int]) -> None:
         """Find a camera that sees all of it at the beginning, in the middle and at the end."""
-        from haustra.envs.engine.moved_colon import MovedColon  # needs JAX
+        from haustra.envs.sim.moved_colon import CurrentColon  # needs JAX
 
-        tables = stack([case.hung_tables])
+        tables = stack([case.mesentery_tables])
         assert tables.mesentery is not None
         # Among longer colons an axis has nodes added at its end.
         self._shift = shift = shift[:, : tables.mesentery.nodes.shape[1]]
         self._case, self._size = case, size
         rest = case.colon()
-        self._colon = MovedColon(rest, tables)
+        self._colon = CurrentColon(rest, tables)
         self._rotation = default_rotation(rest.lumen, case.points)
         ends = (self._colon.colon(at).lumen.vertices for at in (shift[0], shift[len(shift) // 2], shift[-1]))
         self._framed = np.vstack(list(ends))
@@ -63,12 +63,12 @@ class MovingColon:
         """As `StillColon.at`."""
         shift = self._shift[index]
         lumen = self._colon.colon(shift).lumen
-        rest = _inside(self._case, self._colon.taken_back(shift, tip, arc), arc)
+        rest = _inside(self._case, self._colon.to_reference(shift, tip, arc), arc)
         outside = OutsideView(lumen, self._rotation, width=self._size[0], height=self._size[1], framed=self._framed)
-        return lumen, self._colon.carried(shift, rest, arc), outside
+        return lumen, self._colon.to_current(shift, rest, arc), outside
 
 
-def _inside(case: Case, tip: Float[np.ndarray, "3"], arc: float) -> Float[np.ndarray, "3"]:
+def _inside(case: TabulatedColon, tip: Float[np.ndarray, "3"], arc: float) -> Float[np.ndarray, "3"]:
     """Where the lens would be, had the wall not given way: a tip that has pressed on would see nothing from outside."""
     places = case.step * np.arange(len(case.points))
     away = np.linalg.norm(case.points - tip, axis=1)

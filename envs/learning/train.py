@@ -25,18 +25,18 @@ from haustra.envs.learning.models import (
 )
 from haustra.envs.learning.policy import save_policy
 from haustra.envs.learning.settings import Training
-from haustra.envs.sb3 import ScopeVecEnv
-from haustra.envs.tasks.bank import Bank, grown_bank
+from haustra.envs.tasks.bank import ColonSet, grown_bank
+from haustra.envs.tasks.sb3 import ScopeVecEnv
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import InvalidOptionError
 from haustra.files import prepare_folder, write_json
-from haustra.models.scope.library import named_design
+from haustra.models.devices.scope.library import named_design
 from haustra.provenance import Provenance
 
 Progress = Callable[[int, str], None]
 """Told environment steps done, and a note."""
 _SAVE_EVERY = 120.0
-"""On 'mjx-jax', whose runs are not the same to the bit anyway, what is lost to an interruption at most [s]."""
+"""On 'jax', whose runs are not the same to the bit anyway, what is lost to an interruption at most [s]."""
 
 
 def train(
@@ -44,7 +44,7 @@ def train(
     folder: Path,
     *,
     resume: bool = False,
-    bank: Bank | None = None,
+    bank: ColonSet | None = None,
     threads: int = 2,
     processes: int = 1,
     minutes: float | None = None,

@@ -8,13 +8,13 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from haustra.envs.engine.scope_batch import batch_model
 from haustra.envs.learning.recording import Recording
 from haustra.envs.learning.stage import stage_of
-from haustra.envs.picture.camera import looking
-from haustra.envs.picture.tip import tip_view
-from haustra.envs.tasks.bank import Bank
+from haustra.envs.sim.scope_batch import batch_model
+from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.config import Limits
+from haustra.envs.view.picture.camera import looking
+from haustra.envs.view.picture.tip import tip_view
 from haustra.files import write_atomically
 from haustra.models.anatomy.colon import Surface
 
@@ -39,7 +39,7 @@ _INK, _PAPER, _RAIL, _FILL, _ALARM = "#30343b", "#ffffff", "#dfe3e8", "#2f6f8f",
 def write_video(
     path: Path,
     recording: Recording,
-    bank: Bank,
+    bank: ColonSet,
     *,
     title: str,
     ending: str,
@@ -48,8 +48,8 @@ def write_video(
 ) -> Path:
     """Draw an episode as animated WebP, twice as fast as it was.
 
-    No OpenGL is needed: the renderers are those of `haustra.envs.picture`. The wall is drawn as the episode's physics
-    and camera know it: as its table of distances from the centreline.
+    No OpenGL is needed: the renderers are those of `haustra.envs.view.picture`. The wall is drawn as the episode's
+    physics and camera know it: as its table of distances from the centreline.
 
     Args:
         path: file to write.
@@ -63,7 +63,7 @@ def write_video(
     Raises:
         OutputError: when the file cannot be written.
     """
-    count, bank = len(recording.time), bank.hung(recording.shift is not None)  # the scene that was driven
+    count, bank = len(recording.time), bank.with_mesentery(recording.shift is not None)  # the scene that was driven
 
     def write(temporary: Path) -> None:
         frames = _frames(recording, bank, title, ending, limits, progress)
@@ -78,7 +78,7 @@ def write_video(
 
 def _frames(
     recording: Recording,
-    bank: Bank,
+    bank: ColonSet,
     title: str,
     ending: str,
     limits: Limits,
@@ -113,7 +113,7 @@ def _near(lumen: Surface, place: Float[np.ndarray, "3"]) -> Surface:
 class _Scope:
     """From joint positions to a shape."""
 
-    def __init__(self, bank: Bank) -> None:
+    def __init__(self, bank: ColonSet) -> None:
         self._model = batch_model(bank.scene)
         self._data = mujoco.MjData(self._model)
         self._links = [self._model.body(name).id for name in bank.scene.cable.links]

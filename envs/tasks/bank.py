@@ -11,19 +11,19 @@ from pathlib import Path
 import numpy as np
 
 from haustra.assets import asset
-from haustra.envs.tasks.case import Case, case_of, load_case, save_case
+from haustra.envs.tasks.case import TabulatedColon, case_of, load_case, save_case
 from haustra.errors import HaustraError, InvalidOptionError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.store import colon_hash, load_colon
+from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.scene import Scene, SceneOptions, build_scene
-from haustra.models.scope.design import ScopeDesign
 from haustra.models.wall.cache import cache_folder
-from haustra.models.wall.radius_field import ANGLES, STATION_STEP, Tables, stack
+from haustra.models.wall.lumen_table import ANGLES, STATION_STEP, Tables, stack
 from haustra.provenance import content_hash, package_versions
 
 TASK_OPTIONS = SceneOptions(
-    wall_law="field", shaft_cell=0.0625, bending_cell=0.034, twist_hinges=2, sample_spacing=0.0315
+    wall_law="table", shaft_cell=0.0625, bending_cell=0.034, twist_hinges=2, sample_spacing=0.0315
 )
 """Coarser than in studies: at most sixty dofs and two spheres a link, and tips within 1.4 to 2.4 % of the length inside
 (docs/validation/worlds.md). How far a driver comes hardly depends on it (docs/validation/navigation.md)."""
@@ -32,18 +32,18 @@ _FORMAT = 3
 
 
 @dataclass(frozen=True)
-class Bank:
+class ColonSet:
     """Colons that episodes draw from, and the scope that goes into all of them."""
 
-    cases: tuple[Case, ...]
+    cases: tuple[TabulatedColon, ...]
     design: ScopeDesign
     options: SceneOptions
 
-    def __deepcopy__(self, memo: object) -> "Bank":
+    def __deepcopy__(self, memo: object) -> "ColonSet":
         """Itself: it never changes, and Gymnasium copies what it is asked to make an environment from."""
         return self
 
-    def hung(self, mesentery: bool) -> "Bank":
+    def with_mesentery(self, mesentery: bool) -> "ColonSet":
         """The bank of colons that move on their mesentery, or that do not."""
         if mesentery == self.options.mesentery:
             return self
@@ -52,7 +52,7 @@ class Bank:
     @cached_property
     def tables(self) -> Tables:
         """Of all cases, one after the other."""
-        return stack([case.hung_tables if self.options.mesentery else case.tables for case in self.cases])
+        return stack([case.mesentery_tables if self.options.mesentery else case.tables for case in self.cases])
 
     @cached_property
     def lengths(self) -> np.ndarray:
@@ -71,7 +71,7 @@ class Bank:
         return build_scene(longest.colon(), None, self.design, self.options, show_lumen=False)
 
 
-def make_bank(cases: Sequence[Case], design: ScopeDesign, options: SceneOptions | None = None) -> Bank:
+def make_bank(cases: Sequence[TabulatedColon], design: ScopeDesign, options: SceneOptions | None = None) -> ColonSet:
     """A bank of cases that are at hand.
 
     Raises:
@@ -81,7 +81,7 @@ def make_bank(cases: Sequence[Case], design: ScopeDesign, options: SceneOptions 
         raise InvalidOptionError("A bank needs at least one colon.")
     if any(abs(case.device_radius - design.diameter / 2) > 1e-9 for case in cases):
         raise InvalidOptionError(f"A case was made for a scope of another diameter than '{design.name}': make it anew.")
-    return Bank(tuple(cases), design, replace(options or TASK_OPTIONS, wall_law="field"))
+    return ColonSet(tuple(cases), design, replace(options or TASK_OPTIONS, wall_law="table"))
 
 
 def grown_bank(
@@ -92,7 +92,7 @@ def grown_bank(
     options: SceneOptions | None = None,
     processes: int = 1,
     progress: Callable[[int], None] = lambda done: None,
-) -> Bank:
+) -> ColonSet:
     """Grown colons of these seeds; those that were not built before take about four seconds each.
 
     Args:
@@ -121,7 +121,7 @@ def folder_bank(
     *,
     options: SceneOptions | None = None,
     progress: Callable[[int], None] = lambda done: None,
-) -> Bank:
+) -> ColonSet:
     """Colons that were imported or grown into folders; a colon that was not tabulated before takes some seconds.
 
     Args:
@@ -181,12 +181,12 @@ def _path(key: Sequence[str | int], device_radius: float) -> Path:
     return cache_folder() / "cases" / f"{content_hash(json.dumps(made_by, sort_keys=True).encode())}.npz"
 
 
-def _grown_case(seed: int, difficulty: str, device_radius: float) -> Case:
+def _grown_case(seed: int, difficulty: str, device_radius: float) -> TabulatedColon:
     path = _path([seed, difficulty], device_radius)
     return _kept_case(path, lambda: grow_colon(seed=seed, difficulty=difficulty), device_radius)
 
 
-def _kept_case(path: Path, make: Callable[[], Colon], device_radius: float) -> Case:
+def _kept_case(path: Path, make: Callable[[], Colon], device_radius: float) -> TabulatedColon:
     """The case kept there, made now if it is not."""
     if path.exists():
         try:

@@ -14,15 +14,15 @@ from haustra.files import write_atomically
 from haustra.models.anatomy.colon import Centreline, Colon, ColonSegment, Surface
 from haustra.models.anatomy.landmarks import SEGMENTS
 from haustra.models.scene import entry_of
+from haustra.models.wall.lumen_table import Tables, lumen_table
 from haustra.models.wall.mesentery import hang
-from haustra.models.wall.radius_field import Tables, radius_field
 from haustra.provenance import Provenance
 
 _ARRAYS = ("points", "frames", "wall", "sight", "step", "device_radius", "borders")
 
 
 @dataclass(frozen=True)
-class Case:
+class TabulatedColon:
     """A colon, seen from its entry: the scope comes in at the origin along z."""
 
     name: str
@@ -32,7 +32,7 @@ class Case:
     frames: Float[np.ndarray, "stations 3 3"]
     """Columns: first normal, second normal, tangent."""
     wall: Float[np.ndarray, "stations angles 4"]
-    """As in `haustra.models.wall.radius_field.Tables`."""
+    """As in `haustra.models.wall.lumen_table.Tables`."""
     sight: Float[np.ndarray, "stations angles"]
     """Distance from the centreline to the lumen surface itself [m]."""
     step: float
@@ -66,7 +66,7 @@ class Case:
         return tuple(ColonSegment(name, start, end) for name, (start, end) in places)
 
     @property
-    def hung_tables(self) -> Tables:
+    def mesentery_tables(self) -> Tables:
         """The same of a colon that moves on its mesentery."""
         width = np.median(self.sight, axis=1)
         return self.tables._replace(mesentery=hang(self.points, self.line.arc, width, self.segments))
@@ -100,15 +100,15 @@ class Case:
         )
 
 
-def case_of(colon: Colon, *, device_radius: float) -> Case:
+def case_of(colon: Colon, *, device_radius: float) -> TabulatedColon:
     """Tabulate a colon for devices of one radius [m]."""
-    found = radius_field(colon, device_radius=device_radius)
+    found = lumen_table(colon, device_radius=device_radius)
     tables = found.seen_from(*entry_of(colon))
     step = float(tables.step)
     rows = np.rint(step * np.arange(len(tables.points)) / colon.centreline.arc[1]).astype(int)
     count, angles = tables.wall.shape[1], colon.radius.shape[1]
     columns = np.rint(np.arange(count) / count * angles).astype(int) % angles
-    return Case(
+    return TabulatedColon(
         name=colon.name,
         points=tables.points,
         frames=tables.frames,
@@ -122,7 +122,7 @@ def case_of(colon: Colon, *, device_radius: float) -> Case:
     )
 
 
-def save_case(path: Path, case: Case) -> Path:
+def save_case(path: Path, case: TabulatedColon) -> Path:
     """Write a case as one file of arrays, in one step."""
 
     def write(temporary: Path) -> None:
@@ -132,7 +132,7 @@ def save_case(path: Path, case: Case) -> Path:
     return write_atomically(path, write)
 
 
-def load_case(path: Path) -> Case:
+def load_case(path: Path) -> TabulatedColon:
     """Read a case; nothing in the file is run.
 
     Raises:
@@ -143,7 +143,7 @@ def load_case(path: Path) -> Case:
             arrays: dict[str, Any] = {key: file[key] for key in _ARRAYS}
             name = str(file["name"])
         step, radius = float(arrays.pop("step")), float(arrays.pop("device_radius"))
-        case = Case(name=name, step=step, device_radius=radius, **arrays)
+        case = TabulatedColon(name=name, step=step, device_radius=radius, **arrays)
         shaped = case.points.shape[1:] == (3,) and case.wall.shape[:2] == (*case.points.shape[:1], case.sight.shape[1])
     except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise UnreadableFileError(f"'{path}' is no case ({error}): delete it.") from error

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from jaxtyping import Bool, Float
 
-from haustra.envs.tasks.bank import Bank
+from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.sight import Sight
 
 CELL = 0.005
@@ -21,7 +21,7 @@ _BETWEEN = np.linspace(0.2, 0.9, 6)
 class Coverage:
     """Cells seen, world by world."""
 
-    def __init__(self, bank: Bank, sight: Sight, worlds: int, *, field_of_view_deg: float) -> None:
+    def __init__(self, bank: ColonSet, sight: Sight, worlds: int, *, field_of_view_deg: float) -> None:
         """Nothing seen yet; a cell counts within `field_of_view_deg` of full viewing angle."""
         self._bank, self._sight = bank, sight
         self._rows = [np.rint(np.arange(0, case.length, CELL) / case.step).astype(int) for case in bank.cases]

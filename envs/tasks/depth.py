@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from haustra.envs.tasks.bank import Bank
+from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.pictures import Pictures, in_bytes
 from haustra.envs.tasks.sight import RANGE, Sight
 
@@ -19,7 +19,7 @@ DepthCameras: TypeAlias = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarr
 
 def depth_cameras(
     engine: str,
-    bank: Bank,
+    bank: ColonSet,
     sight: Sight,
     eyes: "Sight | DeviceSight",
     pictures: Pictures,
@@ -38,8 +38,8 @@ def depth_cameras(
         worlds: how many tips.
         size: rows and columns of a picture.
     """
-    if engine == "mjx-warp":
-        from haustra.envs.picture.warp_cameras import WarpCameras
+    if engine == "warp":
+        from haustra.envs.view.picture.warp_cameras import WarpCameras
 
         colons = [case.colon() for case in bank.cases]
         cameras = WarpCameras(colons, worlds=worlds, size=size, field_of_view_deg=pictures.view, reach=RANGE)

@@ -7,13 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from haustra.envs.engine.device_arrays import chosen, on_device
-from haustra.envs.engine.scope_values import Seen
-from haustra.envs.follower import FollowerSettings
-from haustra.envs.follower_worlds import Drive, WorldsFollower
+from haustra.envs.control.follower import FollowerSettings
+from haustra.envs.control.follower_worlds import Drive, WorldsFollower
+from haustra.envs.sim.device_arrays import on_device, tree_where
+from haustra.envs.sim.scope_values import Readings
 from haustra.envs.tasks.observation import Observation
 from haustra.envs.tasks.scope_task import ScopeTask
-from haustra.models.wall.radius_field import pick
+from haustra.models.wall.lumen_table import pick
 
 
 class DeviceFollowerDriver:
@@ -29,7 +29,7 @@ class DeviceFollowerDriver:
         pull_per_angle = jnp.full(task.worlds, design.pull_per_angle, jnp.float32)
         interval, drive, most = task.interval, task.config.drive, design.wires.pull_limit
 
-        def act(case: Any, seen: Seen, time: Any, memory: Drive) -> tuple[Any, Drive]:
+        def act(case: Any, seen: Readings, time: Any, memory: Drive) -> tuple[Any, Drive]:
             hands, memory = follower.decide(pull_per_angle, pick(tables, case), seen, time, memory, interval=interval)
             pull = (hands.pulls[:, :2] - hands.pulls[:, 2:]) / most
             rates = [hands.push_rate / drive.push_rate, hands.roll_rate / drive.roll_rate]
@@ -40,13 +40,13 @@ class DeviceFollowerDriver:
 
     def begin(self, worlds: Bool[np.ndarray, " worlds"]) -> None:
         """New colons, new followers."""
-        self._memory = chosen(jnp.asarray(worlds), self._fresh, self._memory)
+        self._memory = tree_where(jnp.asarray(worlds), self._fresh, self._memory)
 
     def act(self, seen: Observation) -> Float[np.ndarray, "worlds 4"]:
         """What each follower asks for, as actions."""
         own = self._task.seen
-        names = (name for name in Seen._fields if name != "shift")
-        parts = Seen(
+        names = (name for name in Readings._fields if name != "shift")
+        parts = Readings(
             **{name: np.asarray(getattr(own, name), np.float32) for name in names},
             shift=getattr(self._task.engine, "shift", None),
         )

@@ -8,13 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
-from haustra.envs.engine import moving_colon
-from haustra.envs.engine.device_arrays import on_device
-from haustra.envs.engine.device_batch import DeviceBatch
-from haustra.envs.engine.precision import precise
-from haustra.envs.picture.lens import lens_rays
+from haustra.envs.sim import moving_colon
+from haustra.envs.sim.device_arrays import on_device
+from haustra.envs.sim.device_batch import DeviceBatch
+from haustra.envs.sim.precision import precise
 from haustra.envs.tasks.sight import DEPTH_STEPS, STEPS, Lumens, March, Sight, begin_march, march, ray_directions
-from haustra.models.wall.radius_field import Tables, pick
+from haustra.envs.view.picture.lens import lens_rays
+from haustra.models.wall.lumen_table import Tables, pick
 
 
 class DeviceSight:
@@ -81,4 +81,4 @@ def _taking_back(tables: Tables, shift: Any) -> Callable[[Any, Any], Any]:
     own = tables.mesentery
     assert own is not None, "displacements of a colon that is fixed in space"
     frames = moving_colon.turns_of(own, shift)
-    return lambda points, arcs: moving_colon.taken_back(tables, shift, frames, points, arcs)
+    return lambda points, arcs: moving_colon.to_reference(tables, shift, frames, points, arcs)

@@ -5,9 +5,9 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Bool, Float
 
-from haustra.envs.engine.native import Observation
-from haustra.envs.follower import FollowerSettings, LumenFollower
-from haustra.envs.measure.energy import Energies
+from haustra.envs.control.follower import FollowerSettings, LumenFollower
+from haustra.envs.sim.energy import Energies
+from haustra.envs.sim.native import Observation
 from haustra.envs.tasks.observation import Observation as Parts
 from haustra.envs.tasks.scope_task import ACTIONS, ScopeTask
 
@@ -60,7 +60,7 @@ class PushDriver:
 
 
 class FollowerDriver:
-    """The lumen follower of `haustra.envs.follower`: it knows the centreline and all wall forces."""
+    """The lumen follower of `haustra.envs.control.follower`: it knows the centreline and all wall forces."""
 
     def __init__(self, task: ScopeTask, *, settings: FollowerSettings | None = None) -> None:
         """Drive the worlds of a task."""

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from haustra.envs.engine.conditions import Snapshot
-from haustra.envs.tasks.bank import Bank
+from haustra.envs.sim.conditions import Snapshot
+from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.config import Limits, Randomisation, TaskConfig
 from haustra.files import write_atomically
 from haustra.models.wall.cache import cache_folder
@@ -26,7 +26,7 @@ _SLIPPERY = Randomisation(
 """How insertion was is no matter of a withdrawal: it is made as easy as can be."""
 
 
-def inserted_starts(config: TaskConfig, bank: Bank) -> tuple[Snapshot, ...]:
+def inserted_starts(config: TaskConfig, bank: ColonSet) -> tuple[Snapshot, ...]:
     """For each colon of the bank a scope as far in as the follower brings it, kept in the cache.
 
     Args:
@@ -54,7 +54,7 @@ def inserted_starts(config: TaskConfig, bank: Bank) -> tuple[Snapshot, ...]:
     return starts
 
 
-def _insert(config: TaskConfig, bank: Bank) -> tuple[Snapshot, ...]:
+def _insert(config: TaskConfig, bank: ColonSet) -> tuple[Snapshot, ...]:
     from haustra.envs.tasks.drivers import FollowerDriver
     from haustra.envs.tasks.scope_task import ScopeTask
 

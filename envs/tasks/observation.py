@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float, Int
 
-from haustra.envs.engine.coils import COIL_DISTANCES
-from haustra.envs.engine.scope_batch import BatchObservation
+from haustra.envs.sim.coils import COIL_DISTANCES
+from haustra.envs.sim.scope_batch import BatchObservation
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.sight import RANGE, RAYS, RINGS_DEG, ray_directions
 from haustra.errors import InvalidOptionError

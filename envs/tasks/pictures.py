@@ -1,12 +1,15 @@
-"""Pictures from the tip's camera: colour by the renderer of `haustra.envs.picture`, depth by rays into the tables."""
+"""Pictures from the tip's camera.
+
+Colour by the renderer of `haustra.envs.view.picture`, depth by rays into the tables.
+"""
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
-from haustra.envs.picture.lens import camera_axes, lens_rays
-from haustra.envs.picture.tip import tip_view
-from haustra.envs.tasks.bank import Bank
+from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.sight import DEPTH_STEPS, RANGE, Sight
+from haustra.envs.view.picture.lens import camera_axes, lens_rays
+from haustra.envs.view.picture.tip import tip_view
 from haustra.models.anatomy.colon import Surface
 
 Eye = tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]
@@ -16,7 +19,7 @@ Eye = tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]
 class Pictures:
     """Draws what is before a tip."""
 
-    def __init__(self, bank: Bank, sight: Sight, field_of_view_deg: float) -> None:
+    def __init__(self, bank: ColonSet, sight: Sight, field_of_view_deg: float) -> None:
         """Surfaces are made when a case is first looked at."""
         self._bank, self._sight = bank, sight
         self.view = min(field_of_view_deg, 170.0)

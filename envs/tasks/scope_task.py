@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from haustra.envs.engine.conditions import Conditions, Snapshot
-from haustra.envs.engine.device_engines import require_device_engine
-from haustra.envs.engine.scope_batch import BatchInputs, BatchObservation, ScopeBatch
+from haustra.envs.sim.conditions import Conditions, Snapshot
+from haustra.envs.sim.device_engines import require_device_engine
+from haustra.envs.sim.scope_batch import BatchInputs, BatchObservation, ScopeBatch
 from haustra.envs.tasks import observation as seen_by
-from haustra.envs.tasks.bank import Bank, grown_bank
+from haustra.envs.tasks.bank import ColonSet, grown_bank
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.coverage import Coverage
 from haustra.envs.tasks.depth import DepthCameras, depth_cameras
@@ -19,11 +19,11 @@ from haustra.envs.tasks.pictures import Pictures
 from haustra.envs.tasks.rewards import Moment, reward
 from haustra.envs.tasks.sight import Sight
 from haustra.errors import UnsupportedSceneError
-from haustra.models.scope.library import named_design
-from haustra.models.wall.radius_field import axis_at, pick
+from haustra.models.devices.scope.library import named_design
+from haustra.models.wall.lumen_table import axis_at, pick
 
 if TYPE_CHECKING:
-    from haustra.envs.engine.device_batch import DeviceBatch
+    from haustra.envs.sim.device_batch import DeviceBatch
     from haustra.envs.tasks.device_sight import DeviceSight
 
 ACTIONS = ("push", "roll", "tip up", "tip left")
@@ -60,7 +60,7 @@ class ScopeTask:
         worlds: int = 1,
         threads: int = 1,
         engine: str = "native",
-        bank: Bank | None = None,
+        bank: ColonSet | None = None,
         progress: Callable[[int], None] = lambda done: None,
     ) -> None:
         """Get the bank, growing what is not in the cache, and compile.
@@ -69,7 +69,7 @@ class ScopeTask:
             config: the rules.
             worlds: how many.
             threads: for physics on the CPU.
-            engine: 'native', MuJoCo on threads; 'mjx-jax' or 'mjx-warp', on JAX's device.
+            engine: 'native', MuJoCo on threads; 'jax' or 'warp', on JAX's device.
             bank: colons; those of the configuration's seeds when None.
             progress: told how many colons are there.
 
@@ -84,7 +84,7 @@ class ScopeTask:
         self.config, self.worlds = config, worlds
         design = named_design(config.design)
         bank = bank or grown_bank(range(*config.seeds), design, difficulty=config.difficulty, progress=progress)
-        self.bank = bank.hung(config.mesentery)
+        self.bank = bank.with_mesentery(config.mesentery)
         self.engine = _engine(engine, self.bank, worlds, threads)
         self.sight = Sight(self.bank.cases)
         self._eyes = _eyes(self.engine, self.sight)
@@ -352,15 +352,15 @@ class ScopeTask:
         return inserted_starts(replace(self.config, task="insertion", observation="state"), self.bank)
 
 
-def _engine(name: str, bank: Bank, worlds: int, threads: int) -> "ScopeBatch | DeviceBatch":
+def _engine(name: str, bank: ColonSet, worlds: int, threads: int) -> "ScopeBatch | DeviceBatch":
     if name == "native":
         return ScopeBatch(bank.scene, bank.tables, worlds=worlds, threads=threads)
     require_device_engine(name)
-    from haustra.envs.engine.jax_setup import share_memory, use_jax
+    from haustra.envs.sim.jax_setup import share_memory, use_jax
 
     share_memory()
     use_jax()
-    from haustra.envs.engine.device_batch import DeviceBatch
+    from haustra.envs.sim.device_batch import DeviceBatch
 
     return DeviceBatch(bank.scene, bank.tables, worlds=worlds, engine=name)
 

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from haustra.envs.tasks.case import Case
-from haustra.models.wall.radius_field import stack
+from haustra.envs.tasks.case import TabulatedColon
+from haustra.models.wall.lumen_table import stack
 
 RANGE = 0.12
 """Farthest distance that is measured [m]: the lamps show little beyond; engineering choice."""
@@ -61,7 +61,7 @@ class Lumens(NamedTuple):
 class Sight:
     """Rays into some colons."""
 
-    def __init__(self, cases: Sequence[Case]) -> None:
+    def __init__(self, cases: Sequence[TabulatedColon]) -> None:
         """Keep the tables."""
         tables = stack([case.tables for case in cases])
         self.lumens = Lumens(

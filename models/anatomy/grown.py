@@ -16,7 +16,7 @@ from haustra.models.anatomy.lesion_placing import Placer
 from haustra.models.anatomy.lesion_shapes import add_solids, narrow
 from haustra.models.anatomy.mesh_colon import ANGLES, STATION_STEP
 from haustra.models.anatomy.person import draw_person
-from haustra.models.anatomy.rays import LumenRays, radius_field
+from haustra.models.anatomy.rays import LumenRays, lumen_table
 from haustra.models.anatomy.recipe import draw_recipe
 from haustra.models.anatomy.tube import tube
 from haustra.provenance import Provenance
@@ -108,4 +108,4 @@ def _exact(line: Centreline) -> Centreline:
 
 
 def _radius(lumen: Surface, line: Centreline) -> np.ndarray:
-    return np.round(radius_field(LumenRays(lumen), line.points, line.frames, ANGLES), EXACT_RADIUS)
+    return np.round(lumen_table(LumenRays(lumen), line.points, line.frames, ANGLES), EXACT_RADIUS)

@@ -23,7 +23,7 @@ from haustra.models.anatomy.landmarks import segment_names
 from haustra.models.anatomy.mesh_colon import ANGLES, STATION_STEP
 from haustra.models.anatomy.passage import narrow_places, passage_of
 from haustra.models.anatomy.properties import Clearance, surface_samples
-from haustra.models.anatomy.rays import LumenRays, radius_field
+from haustra.models.anatomy.rays import LumenRays, lumen_table
 from haustra.models.anatomy.repair import genus, is_watertight
 
 PRESSURE_UNITS = {"mmHg": 133.322, "kPa": 1e3, "Pa": 1.0}
@@ -185,7 +185,7 @@ def _measured(
         name=colon.name,
         lumen=surface,
         centreline=line,
-        radius=radius_field(rays, line.points, line.frames, ANGLES),
+        radius=lumen_table(rays, line.points, line.frames, ANGLES),
         segments=segments,
         provenance=replace(colon.provenance, configuration={**colon.provenance.configuration, "insufflate": asked}),
         landmarks={name: place * scale for name, place in colon.landmarks.items()},

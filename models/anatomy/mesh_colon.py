@@ -17,7 +17,7 @@ from haustra.models.anatomy.lumen_grid import LumenGraph, lumen_graph
 from haustra.models.anatomy.mesh_file import read_pieces
 from haustra.models.anatomy.points import read_points, surface_through
 from haustra.models.anatomy.properties import Clearance
-from haustra.models.anatomy.rays import LumenRays, radius_field
+from haustra.models.anatomy.rays import LumenRays, lumen_table
 from haustra.models.anatomy.repair import genus, repair, signed_volume
 from haustra.models.anatomy.route import farthest_from, lumen_ends, middle_route, nearest_point
 from haustra.models.anatomy.section import effective_diameter
@@ -154,7 +154,7 @@ def colon_from_surface(
     points = lead_to_ends(smooth_inside(trimmed, rays, clearance), rays)
     line = centreline_through(points, STATION_STEP)
     progress("measuring the radius")
-    radius = radius_field(rays, line.points, line.frames, ANGLES)
+    radius = lumen_table(rays, line.points, line.frames, ANGLES)
     landmarks = with_places(find_landmarks(line, effective_diameter(line, radius)), line, positions)
     if handles := genus(surface.faces):
         notes += (f"The surface has {handles} handles: loops or folds touch; the centreline keeps to the widest way.",)

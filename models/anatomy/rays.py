@@ -52,7 +52,7 @@ class LumenRays:
         return (length < 1e-12) | (self.cast(starts, direction[:, None])[:, 0] > length)
 
 
-def radius_field(
+def lumen_table(
     rays: LumenRays,
     points: Float[np.ndarray, "stations 3"],
     frames: Float[np.ndarray, "stations 3 3"],

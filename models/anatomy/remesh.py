@@ -17,7 +17,7 @@ from haustra.errors import InvalidMeshError
 from haustra.models.anatomy.colon import Colon, Surface
 from haustra.models.anatomy.edge_operations import collapse_short, split_long
 from haustra.models.anatomy.lumen_grid import surface_samples
-from haustra.models.anatomy.rays import LumenRays, radius_field
+from haustra.models.anatomy.rays import LumenRays, lumen_table
 from haustra.models.anatomy.repair import genus, is_watertight
 
 SAGITTA = 0.05
@@ -64,7 +64,7 @@ def remeshed(colon: Colon) -> tuple[Colon, dict[str, float]]:
         f"Remeshed from {len(colon.lumen.faces)} to {len(surface.faces)} triangles; both surfaces are within "
         f"{report['hausdorff_m'] * 1e3:.2f} mm of each other (95 %: {report['p95_m'] * 1e3:.2f} mm)."
     )
-    radius = radius_field(rays, line.points, line.frames, colon.radius.shape[1])
+    radius = lumen_table(rays, line.points, line.frames, colon.radius.shape[1])
     return replace(colon, lumen=surface, radius=radius, warnings=(*colon.warnings, note)), report
 
 

@@ -4,7 +4,7 @@ A device is sampled by spheres along its links. Beside every sphere stand two pl
 foot of the sphere's centre, and at that of the centre moved off the first by one radius, which finds the opposite wall
 of a valley or of a lumen that is too narrow. A plane is a half-space: it has no thickness to be pressed through, no
 joints, and gives one contact a sphere. The planes follow their spheres as mocap bodies between steps, so that plain
-MuJoCo does the contacts, with the law of `haustra.models.contact`.
+MuJoCo does the contacts, with the law of `haustra.models.wall.law`.
 """
 
 from collections.abc import Sequence
@@ -15,8 +15,8 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from haustra.models.contact import IMPEDANCE_RATIO, WallContact, contact_parameters
-from haustra.models.wall.field import CANDIDATES, Feet, WallField
+from haustra.models.wall.law import IMPEDANCE_RATIO, WallContact, contact_parameters
+from haustra.models.wall.signed_distance import CANDIDATES, ClosestPoints, LumenDistance
 
 PLANES = 2
 """Planes a sphere: one for each side of a valley."""
@@ -153,7 +153,7 @@ class PlaneWall:
     """Moves the planes of one compiled scene to where their spheres are."""
 
     def __init__(
-        self, model: mujoco.MjModel, field: WallField, *, arcs: Float[np.ndarray, " spheres"], prefix: str = "wall/"
+        self, model: mujoco.MjModel, field: LumenDistance, *, arcs: Float[np.ndarray, " spheres"], prefix: str = "wall/"
     ) -> None:
         """Find spheres and planes; `arcs` says where along the colon each sphere is at the start [m]."""
         self._model, self._field = model, field
@@ -215,7 +215,7 @@ class PlaneWall:
         self._room[before] = 0.0
         return self.outside
 
-    def _follow(self, spheres: np.ndarray, centres: np.ndarray, moved: np.ndarray) -> Feet:
+    def _follow(self, spheres: np.ndarray, centres: np.ndarray, moved: np.ndarray) -> ClosestPoints:
         """The wall next to those of all spheres on the side where they were before all moved so far [m]."""
         feet = self._nearest(0, spheres, centres[spheres])
         strayed = ~_same_wall(feet, self.outside[spheres], self._normals[spheres], moved[spheres])
@@ -239,7 +239,7 @@ class PlaneWall:
                     return True
         return False
 
-    def _again(self, sphere: int, centre: np.ndarray, moved: float) -> Feet | None:
+    def _again(self, sphere: int, centre: np.ndarray, moved: float) -> ClosestPoints | None:
         """The nearest of the triangles round about that lie on the side where the sphere was, if there is one."""
         foot = self._seen[sphere] + self.outside[sphere] * self._inwards[sphere]
         near = self._field.candidates(np.array([centre, foot]), np.full(2, max(self.arcs[sphere], 0.0)), count=WIDER)
@@ -250,7 +250,7 @@ class PlaneWall:
         allowed = np.flatnonzero(allowed)
         return feet[allowed[[np.abs(feet.outside[allowed]).argmin()]]] if len(allowed) else None
 
-    def _nearest(self, side: int, spheres: np.ndarray, places: np.ndarray) -> Feet:
+    def _nearest(self, side: int, spheres: np.ndarray, places: np.ndarray) -> ClosestPoints:
         """The wall next to those spheres' places, among triangles that are asked for now and then."""
         moved = places - self._asked[side, spheres]
         if (np.einsum("ij,ij->i", moved, moved) > ASK_AGAIN**2).any():
@@ -308,7 +308,7 @@ def _across(vector: np.ndarray, along: np.ndarray) -> np.ndarray:
     return vector - (vector @ along) * along
 
 
-def _same_wall(feet: Feet, outside: Any, normals: np.ndarray, moved: Any) -> np.ndarray:
+def _same_wall(feet: ClosestPoints, outside: Any, normals: np.ndarray, moved: Any) -> np.ndarray:
     """Whether feet are on the side of the wall where they were: how far outside [m], with which normals, before a move.
 
     What moves by less than its distance from the wall does not cross it. In the lumen it is in the lumen still;

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.landmarks import SEGMENTS
-from haustra.models.contact import WallContact, contact_parameters
+from haustra.models.wall.law import WallContact, contact_parameters
 from haustra.models.wall.planes import SLIP_RELAXATION, PlaneWall
 
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from haustra.models.anatomy.store import load_colon, save_colon
-from haustra.models.wall.build import build_wall
-from haustra.models.wall.folder import wall_folder
-from haustra.models.wall.store import load_wall, save_wall
+from haustra.models.wall.pieces.build import build_wall
+from haustra.models.wall.pieces.folder import wall_folder
+from haustra.models.wall.pieces.store import load_wall, save_wall
 from tests.models.wall.conftest import swept_colon
 
 KEPT = 4

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from haustra.envs.bench.accuracy.capstan import rope_round_a_bend
-from haustra.models.contact import WallContact, apply_contact
+from haustra.models.wall.law import WallContact, apply_contact
+from haustra.scripts.bench.accuracy.capstan import rope_round_a_bend
 
 GRAVITY = 9.81
 RADIUS = 0.0064

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from haustra.envs.engine.native import Inputs, NativeEngine
+from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions, build_scene
-from haustra.models.scope.library import named_design
 from tests.bent_colon import bent_colon
 
 DEEPEST, RATE, SECONDS = 0.23, 0.05, 4.0

@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from haustra.envs.engine.native import Inputs, NativeEngine
+from haustra.envs.sim.native import Inputs, NativeEngine
 from haustra.errors import InvalidOptionError, OutputError
+from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import Scene, SceneOptions, build_scene
-from haustra.models.scope.library import named_design
 from tests.tube_colon import straight_tube, wedge_wall
 
 

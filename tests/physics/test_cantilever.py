@@ -6,7 +6,7 @@ Source: Euler-Bernoulli beam theory, e.g. Timoshenko, Strength of Materials, par
 import mujoco
 import numpy as np
 
-from haustra.envs.bench.accuracy.clamped_rod import EI, LENGTH, TIP, clamped, settle, uniform_design
+from haustra.scripts.bench.accuracy.clamped_rod import EI, LENGTH, TIP, clamped, settle, uniform_design
 
 
 def deflection_error(joints: int) -> float:

@@ -11,10 +11,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from haustra.envs.statics.chain import Load, SerialChain
-from haustra.envs.statics.descent import find_minimum
-from haustra.envs.statics.rod import static_shape
-from haustra.models.scope.rods import UniformRod, hinge_rod
+from haustra.models.devices.scope.rods import UniformRod, hinge_rod
+from haustra.scripts.bench.reference.chain import Load, SerialChain
+from haustra.scripts.bench.reference.descent import find_minimum
+from haustra.scripts.bench.reference.rod import static_shape
 
 EI, LENGTH, ZERO = 0.03, 0.5, np.zeros(3)
 ROD = UniformRod(length=LENGTH, radius=0.0064, flexural_rigidity=EI, torsional_rigidity=13 * EI, mass_per_length=0.3)

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from scipy.linalg import eigh
 
-from haustra.models.scope.rods import UniformRod, hinge_rod
+from haustra.models.devices.scope.rods import UniformRod, hinge_rod
 
 ROD = UniformRod(length=1.2, radius=0.0064, flexural_rigidity=0.03, torsional_rigidity=0.4, mass_per_length=0.3)
 

@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from haustra.envs.bench.accuracy.clamped_rod import LENGTH, clamped, settle, uniform_design
-from haustra.models.scope.design import BendingLimits
+from haustra.models.devices.scope.design import BendingLimits
+from haustra.scripts.bench.accuracy.clamped_rod import LENGTH, clamped, settle, uniform_design
 
 
 @pytest.mark.parametrize(("wire", "angle"), [("up", 100.0), ("left", 70.0), ("down", 50.0), ("right", 30.0)])

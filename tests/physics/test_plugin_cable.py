@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from haustra.envs.statics.chain import Load
-from haustra.envs.statics.rod import static_shape
-from haustra.models.scope.rods import RodModel, UniformRod, hinge_rod, plugin_rod
+from haustra.models.devices.scope.rods import RodModel, UniformRod, hinge_rod, plugin_rod
+from haustra.scripts.bench.reference.chain import Load
+from haustra.scripts.bench.reference.rod import static_shape
 
 ROD = UniformRod(
     length=0.5,
@@ -18,7 +18,7 @@ ROD = UniformRod(
     flexural_rigidity=0.03,
     torsional_rigidity=0.023,
     mass_per_length=0.3,
-    loss_time=0.3,
+    relaxation_time=0.3,
 )
 FORCE, MOMENT, GRAVITY = np.array([0.12, 0.05, -0.03]), np.array([0.01, -0.02, 0.02]), np.array([0.0, -1.0, 0.0])
 

@@ -7,10 +7,10 @@ import pytest
 
 pytest.importorskip("skfem")
 from haustra.errors import InvalidOptionError
-from haustra.models.tracked.fem.strip import MeshOptions, Strip
-from haustra.models.tracked.fem.study import force_table, tip_stress
-from haustra.models.tracked.law import load_table
-from haustra.models.tracked.tread import TreadGeometry
+from haustra.models.devices.tracked.fem.strip import MeshOptions, Strip
+from haustra.models.devices.tracked.fem.study import force_table, tip_stress
+from haustra.models.devices.tracked.law import load_table
+from haustra.models.devices.tracked.tread import TreadGeometry
 
 SHORT = MeshOptions(free_length=15e-3)
 

@@ -1,13 +1,13 @@
 """A heavy rod pushed through a horizontal tube: it snakes at 2 sqrt(EI w/r), winds up from 2.83 sqrt(EI w/r).
 
-Sources: `haustra.envs.bench.accuracy.tube`; contact force of a helix r F^2 / 4 EI: Lubinski et al., J. Petroleum
+Sources: `haustra.scripts.bench.accuracy.tube`; contact force of a helix r F^2 / 4 EI: Lubinski et al., J. Petroleum
 Technology 14 (1962) 655.
 """
 
 import numpy as np
 import pytest
 
-from haustra.envs.bench.accuracy.tube import CLEARANCE, EI, LENGTH, UNIT, TubeRod
+from haustra.scripts.bench.accuracy.tube import CLEARANCE, EI, LENGTH, UNIT, TubeRod
 
 
 @pytest.fixture(scope="module")

@@ -14,12 +14,12 @@ from scipy.integrate import solve_bvp
 from scipy.linalg import null_space
 from scipy.optimize import brentq
 
-from haustra.envs.statics.chain import Load, SerialChain
-from haustra.envs.statics.newton import find_equilibrium
-from haustra.models.scope.cable import add_scope
-from haustra.models.scope.cells import cut_into_cells
-from haustra.models.scope.library import named_design
-from haustra.models.scope.rods import UniformRod, hinge_rod
+from haustra.models.devices.scope.cable import add_scope
+from haustra.models.devices.scope.cells import cut_into_cells
+from haustra.models.devices.scope.library import named_design
+from haustra.models.devices.scope.rods import UniformRod, hinge_rod
+from haustra.scripts.bench.reference.chain import Load, SerialChain
+from haustra.scripts.bench.reference.newton import find_equilibrium
 
 EI, GJ, LENGTH, ZERO = 0.03, 0.39, 0.5, np.zeros(3)
 ROD = UniformRod(length=LENGTH, radius=0.0064, flexural_rigidity=EI, torsional_rigidity=GJ, mass_per_length=0.3)

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from haustra.envs.bench.accuracy.clamped_rod import EI, LENGTH, clamped, settle, uniform_design
-from haustra.models.scope.wires import WIRE_NAMES
+from haustra.models.devices.scope.wires import WIRE_NAMES
+from haustra.scripts.bench.accuracy.clamped_rod import EI, LENGTH, clamped, settle, uniform_design
 
 RADIUS, SECTION = 0.005, LENGTH / 2
 

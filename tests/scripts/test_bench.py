@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from haustra.scripts.cable_page import cable_page
+from haustra.scripts.bench.pages.cable_page import cable_page
 from haustra.scripts.main import BAD_INPUT, SUCCESS, main
 
 

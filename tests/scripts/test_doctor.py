@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from haustra.envs.picture.backends import BACKENDS, best_backend, probe_backends
+from haustra.envs.view.picture.backends import BACKENDS, best_backend, probe_backends
 from haustra.scripts.doctor import Doctor
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from haustra.models.anatomy.store import save_colon
-from haustra.models.wall.store import save_wall
+from haustra.models.wall.pieces.store import save_wall
 from haustra.provenance import Provenance
 from haustra.scripts.main import BAD_INPUT, SUCCESS, main
 from tests.tube_colon import straight_tube, wedge_wall
@@ -59,10 +59,10 @@ def test_a_run_in_a_colon_that_moves(colon_folder, tmp_path, capsys):
     printed = json.loads(capsys.readouterr().out)
     assert printed["colon_moved_peak_mm"] > 0 and printed["pieces"] == 0
     options = printed["provenance"]["configuration"]["options"]
-    assert options["mesentery"] and options["wall_law"] == "field"
+    assert options["mesentery"] and options["wall_law"] == "table"
     assert (tmp_path / "outside.png").stat().st_size > 1000
     assert main([*call, "-o", str(tmp_path / "other"), "--wall-law", "planes"]) == BAD_INPUT
-    assert "needs wall law 'field'" in capsys.readouterr().err
+    assert "needs wall law 'table'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

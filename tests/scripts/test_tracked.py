@@ -8,10 +8,10 @@ import pytest
 
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.store import colon_hash, load_colon, save_colon
-from haustra.models.wall.store import save_wall
+from haustra.models.wall.pieces.store import save_wall
 from haustra.provenance import Provenance
 from haustra.scripts.main import main
-from tests.envs.test_tracked_drive import stretch
+from tests.envs.runs.test_tracked_drive import stretch
 from tests.ring_wall import ring_wall
 
 

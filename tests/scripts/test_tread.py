@@ -28,7 +28,7 @@ def test_other_settings_are_solved_afresh(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     solved = [{"phase": 0.0, "contact_N": 1.0}]
-    monkeypatch.setattr("haustra.models.tracked.fem.study.force_table", lambda *_, **__: solved)
+    monkeypatch.setattr("haustra.models.devices.tracked.fem.study.force_table", lambda *_, **__: solved)
     (tmp_path / "table.json").write_text('{"settings": {"friction": 0.1}, "rows": []}')
     assert main([*QUICK, "-o", str(tmp_path), "--no-figures"]) == 0
     found = json.loads(capsys.readouterr().out)

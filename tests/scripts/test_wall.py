@@ -6,7 +6,7 @@ import numpy as np
 
 from haustra.models.anatomy.colon import Centreline, Colon, ColonSegment, Surface
 from haustra.models.anatomy.store import save_colon
-from haustra.models.wall.store import load_wall
+from haustra.models.wall.pieces.store import load_wall
 from haustra.provenance import Provenance
 from haustra.scripts.main import main
 

@@ -51,7 +51,7 @@ def test_both_engines_give_the_same_table():
     pytest.importorskip("jax")
     found = [
         evaluate(FollowerDriver, "follower", CONFIG, short_bank(), episodes=2, engine=engine, record=True)
-        for engine in ("native", "mjx-jax")
+        for engine in ("native", "jax")
     ]
     ours, theirs = (one.summary() for one in found)
     assert ours.keys() == theirs.keys()

@@ -71,7 +71,7 @@ def test_a_policy_has_the_scaling_of_its_inputs_in_its_layers():
     from stable_baselines3.common.vec_env import VecNormalize
 
     from haustra.envs.learning.models import build_model, normalised, policy_of
-    from haustra.envs.sb3 import ScopeVecEnv
+    from haustra.envs.tasks.sb3 import ScopeVecEnv
     from haustra.envs.tasks.scope_task import ScopeTask
 
     training = replace(SMALL, normalise=True, first_push=0.3, log_std=-20.0)

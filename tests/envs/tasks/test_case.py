@@ -9,7 +9,7 @@ import pytest
 from haustra.envs.tasks.bank import grown_bank, make_bank
 from haustra.envs.tasks.case import load_case, save_case
 from haustra.errors import InvalidOptionError, UnreadableFileError
-from haustra.models.scope.library import named_design
+from haustra.models.devices.scope.library import named_design
 from tests.task_bank import DESIGN, short_bank
 
 

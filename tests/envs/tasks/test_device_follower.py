@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from haustra.envs.follower import FollowerSettings
+from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.drivers import FollowerDriver
 from haustra.envs.tasks.scope_task import ScopeTask

@@ -14,7 +14,7 @@ pytest.importorskip("jax")
 
 import jax.numpy as jnp
 
-from haustra.envs.engine.device_batch import DeviceBatch
+from haustra.envs.sim.device_batch import DeviceBatch
 from haustra.envs.tasks.device_follower import DeviceFollowerDriver
 from haustra.envs.tasks.device_sight import DeviceSight
 from haustra.envs.tasks.sight import Sight
@@ -25,8 +25,8 @@ def test_a_case_keeps_its_segments(tmp_path):
     read = load_case(save_case(tmp_path / "case.npz", case))
     assert [each.name for each in read.segments] == list(SEGMENTS)
     assert read.segments[1].end == pytest.approx(0.6 * case.length)
-    hung = read.hung_tables.mesentery
-    assert hung is not None and 0 < (hung.slack > 0).mean() < 0.7
+    own = read.mesentery_tables.mesentery
+    assert own is not None and 0 < (own.slack > 0).mean() < 0.7
 
 
 def test_a_follower_drives_in_colons_that_move():
@@ -34,7 +34,7 @@ def test_a_follower_drives_in_colons_that_move():
     config = TaskConfig(
         design=DESIGN, observation="dict", privileged=True, mesentery=True, imager=True, weights=Weights(facing=1.0)
     )
-    task = ScopeTask(config, worlds=2, engine="mjx-jax", bank=hung_bank())
+    task = ScopeTask(config, worlds=2, engine="jax", bank=hung_bank())
     assert isinstance(task.engine, DeviceBatch)
     seen = task.reset(seeds=[1, 2], case=np.array([0, 1]))
     driver = DeviceFollowerDriver(task)
@@ -80,7 +80,7 @@ def test_a_camera_that_moves_with_the_colon_sees_the_same():
 
 
 @pytest.mark.parametrize(
-    ("engine", "changed"), [("native", {}), ("mjx-jax", {"observation": "pixels"}), ("mjx-jax", {"task": "withdrawal"})]
+    ("engine", "changed"), [("native", {}), ("jax", {"observation": "pixels"}), ("jax", {"task": "withdrawal"})]
 )
 def test_what_cannot_be_done_in_colons_that_move_is_refused(engine, changed):
     with pytest.raises(UnsupportedSceneError, match="mesentery"):

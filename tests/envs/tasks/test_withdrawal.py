@@ -4,7 +4,7 @@ import gymnasium
 import numpy as np
 
 import haustra.envs
-from haustra.envs.navigation import NavigationEnv
+from haustra.envs.tasks.navigation import NavigationEnv
 from tests.task_bank import short_bank
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bent_tube import hairpin
 
-from haustra.envs.picture.check_figure import write_check_figure
+from haustra.envs.view.picture.check_figure import write_check_figure
 from haustra.errors import InvalidMeshError, InvalidOptionError
 from haustra.models.anatomy.check import check_colon
 from haustra.models.anatomy.colon import Colon

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from haustra.envs.bench.accuracy.capstan import DRUM, ROPE, Drawn, bent_rope, drawn_rope
 from haustra.models.anatomy.colon import Centreline, Colon
 from haustra.models.anatomy.tube import tube
-from haustra.models.contact import WallContact
-from haustra.models.wall.field import WallField
+from haustra.models.wall.law import WallContact
 from haustra.models.wall.planes import PlaneWall, Sample, add_planes
+from haustra.models.wall.signed_distance import LumenDistance
+from haustra.scripts.bench.accuracy.capstan import DRUM, ROPE, Drawn, bent_rope, drawn_rope
 from tests.tube_colon import RADIUS, straight_tube
 
 LEG = 0.12
@@ -53,7 +53,7 @@ def rope_in_a_bend(turn: float, friction: float, radius: float) -> Drawn:
     mujoco.mj_kinematics(model, data)
     centres = np.array([data.body(sample.body).xpos for sample in samples])
     arcs = colon.centreline.arc[KDTree(colon.centreline.points).query(centres)[1]]
-    return drawn_rope(model, last, before=PlaneWall(model, WallField(colon), arcs=arcs).update)
+    return drawn_rope(model, last, before=PlaneWall(model, LumenDistance(colon), arcs=arcs).update)
 
 
 @pytest.mark.parametrize(

@@ -30,9 +30,9 @@ def test_sigmoid_and_transverse_colon_are_mobile_and_the_rest_has_grown_to_the_b
     assert own.slack[np.abs(share - 1.5).argmin()] == pytest.approx(_NUMBERS["mesentery.height.sigmoid"])
     assert own.slack[np.abs(share - 3.5).argmin()] == pytest.approx(_NUMBERS["mesentery.height.transverse"])
     per_length = own.hold[1:] / own.spacing
-    hung = np.isin(np.floor(share[1:]), (1.0, 3.0))
-    assert per_length[hung] == pytest.approx(_NUMBERS["mesentery.stiffness"])
-    assert per_length[~hung] == pytest.approx(_NUMBERS["mesentery.attachment"])
+    mobile = np.isin(np.floor(share[1:]), (1.0, 3.0))
+    assert per_length[mobile] == pytest.approx(_NUMBERS["mesentery.stiffness"])
+    assert per_length[~mobile] == pytest.approx(_NUMBERS["mesentery.attachment"])
     assert own.hold[0] > _NUMBERS["mesentery.anus"]
 
 

@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from haustra.models.contact import WallContact
-from haustra.models.wall.distance import Faces
-from haustra.models.wall.field import WallField
+from haustra.models.wall.law import WallContact
+from haustra.models.wall.pieces.distance import Faces
 from haustra.models.wall.planes import PlaneWall, Sample, add_planes, capsule_samples
+from haustra.models.wall.signed_distance import LumenDistance
 from tests.tube_colon import RADIUS, folded_tube, straight_tube
 
 SPHERE = 0.0064
@@ -67,12 +67,12 @@ class Probe:
 @pytest.fixture(scope="module")
 def tube():
     colon = straight_tube()
-    return colon, WallField(colon)
+    return colon, LumenDistance(colon)
 
 
 @pytest.fixture(scope="module")
 def bend(tube_colon):
-    return tube_colon, WallField(tube_colon)
+    return tube_colon, LumenDistance(tube_colon)
 
 
 @pytest.mark.parametrize(("stiffness", "mass"), [(700.0, 0.1), (700.0, 0.002), (2400.0, 0.01)])
@@ -197,7 +197,7 @@ def test_a_sphere_between_two_walls_touches_both():
     narrow = replace(
         colon, lumen=replace(colon.lumen, vertices=vertices), radius=np.broadcast_to(radius, colon.radius.shape).copy()
     )
-    probe = Probe(narrow, WallField(narrow), [0.0005, 0, 0.05], 0.05)
+    probe = Probe(narrow, LumenDistance(narrow), [0.0005, 0, 0.05], 0.05)
     probe.model.dof_damping[:] = 2.0
     probe.step(0.5)
     assert probe.position()[0] == pytest.approx(0.0, abs=1e-4)
@@ -208,7 +208,7 @@ def test_a_sphere_between_two_walls_touches_both():
 def test_loops_that_lie_against_each_other_are_kept_apart(hairpin_colon):
     """The straights are 2 mm apart; a press of 5 mm must not be drawn into the other one."""
     line = hairpin_colon.centreline
-    field = WallField(hairpin_colon)
+    field = LumenDistance(hairpin_colon)
     station = 6
     across = line.points[-1 - station] - line.points[station]
     across /= np.linalg.norm(across)
@@ -223,7 +223,7 @@ def test_loops_that_lie_against_each_other_are_kept_apart(hairpin_colon):
 @pytest.fixture(scope="module")
 def folded():
     colon = folded_tube()
-    return colon, WallField(colon)
+    return colon, LumenDistance(colon)
 
 
 @pytest.mark.parametrize("load", [5.0, 15.0])

@@ -1,0 +1,1 @@
+"""Who drives: follower, gestures, haptic handle, steering of the tracked robot."""

@@ -1,0 +1,243 @@
+"""One run: a scope driven into a colon, recorded and scored."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+from haustra.envs.control.follower import FollowerSettings, LumenFollower
+from haustra.envs.runs.measure.containment import ESCAPE_DEPTH, Containment
+from haustra.envs.runs.measure.progress import ArcTracker
+from haustra.envs.runs.outcome import LEFT_OUTSIDE, Outcome
+from haustra.envs.sim.growing import GrowingEngine
+from haustra.envs.sim.native import Inputs, NativeEngine, Observation
+from haustra.models.anatomy.colon import Colon
+from haustra.models.scene import Scene
+
+CONTROL_INTERVAL = 0.02
+"""Time between two decisions of the driver, and between two records [s]; engineering choice: 50 Hz."""
+
+CAECUM_MARGIN = 0.03
+"""The caecum counts as reached this far before the end of the centreline [m]; engineering choice."""
+
+MANY_ATTEMPTS = 3
+"""A run that ends after this many attempts without progress was stuck."""
+
+Progress = Callable[[float, float], None]
+"""Called with simulated time [s] and tip arc length [m]."""
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """What was recorded at every control interval."""
+
+    time: Float[np.ndarray, " records"]
+    """[s]."""
+    qpos: Float[np.ndarray, "records positions"]
+    """Generalised positions [m, rad]."""
+    ctrl: Float[np.ndarray, "records actuators"]
+    """Controls that led to the record [m, rad, N, 1]."""
+    tip: Float[np.ndarray, "records 3"]
+    """Tip position [m]."""
+    insertion: Float[np.ndarray, " records"]
+    """Length past the anus [m]."""
+    tip_arc: Float[np.ndarray, " records"]
+    """Arc length of the centreline next to the tip [m]."""
+    push_force: Float[np.ndarray, " records"]
+    """Force of the hand [N]."""
+    torque: Float[np.ndarray, " records"]
+    """Torque of the hand [N m]."""
+    wall_force: Float[np.ndarray, " records"]
+    """Largest resultant wall force on one link [N]."""
+    wall_force_link: Float[np.ndarray, " records"]
+    """Distance from the tip of the link that bears it [m]."""
+    contacts: Float[np.ndarray, " records"]
+    """Contacts that carry force."""
+    scope_energy: Float[np.ndarray, " records"]
+    """E_c, stored in bending the scope [J]."""
+    wall_energy: Float[np.ndarray, " records"]
+    """E_b, stored in pressing the wall [J]."""
+    outside: Float[np.ndarray, " records"]
+    """How far the scope stands outside the lumen at rest [m]; negative inside (`Containment`)."""
+    asked_up: Float[np.ndarray, " records"]
+    """Bend towards wire 'up' that the driver steered for, as ideal wires would give it [rad]."""
+    asked_left: Float[np.ndarray, " records"]
+    """The same towards wire 'left' [rad]."""
+    bend_up: Float[np.ndarray, " records"]
+    """Bend of the bending section towards wire 'up' [rad]."""
+    bend_left: Float[np.ndarray, " records"]
+    """The same towards wire 'left' [rad]."""
+    colon_moved: Float[np.ndarray, " records"]
+    """Farthest that a place of the colon's centreline is from where it was at rest [m]."""
+
+
+@dataclass(frozen=True)
+class Insertion:
+    """A finished run."""
+
+    outcome: Outcome
+    trajectory: Trajectory
+    shape: Float[np.ndarray, "nodes 3"]
+    """Points along the scope at the end [m]."""
+    tip_frame: Float[np.ndarray, "3 3"]
+    """Columns: wire 'up', wire 'left', viewing direction at the end."""
+    wall_clock: float
+    """Time that stepping and deciding took [s]."""
+    attempts: int
+    """Times that the driver had backed off since its last progress."""
+    settings: FollowerSettings
+    """How it was driven."""
+    colon: Colon
+    """As it lay at the end."""
+    shaft_added: tuple[float, ...] = ()
+    """When shaft was added to the scene [s]: from then on stock MuJoCo repeats it closely, but not to the bit."""
+
+
+@runtime_checkable
+class Engine(Protocol):
+    """One scene being stepped: the native engine, or another that steps the same scope."""
+
+    @property
+    def scene(self) -> Scene:
+        """What is stepped."""
+        ...
+
+    @property
+    def qpos(self) -> Float[np.ndarray, " positions"]:
+        """Generalised positions [m, rad]."""
+        ...
+
+    @property
+    def ctrl(self) -> Float[np.ndarray, " actuators"]:
+        """Controls of the last step [m/s, rad/s, N, 1]."""
+        ...
+
+    def step(self, inputs: Inputs, count: int) -> bool:
+        """Advance by `count` time steps; False when the simulation has diverged."""
+        ...
+
+    def observe(self) -> Observation:
+        """What can be read off."""
+        ...
+
+    def shape(self) -> Float[np.ndarray, "nodes 3"]:
+        """Points along the scope's axis [m]."""
+        ...
+
+    def colon(self) -> Colon:
+        """The colon as it lies now."""
+        ...
+
+
+def run_insertion(
+    scene: Scene,
+    *,
+    seconds: float,
+    settings: FollowerSettings | None = None,
+    engine: Callable[[Scene], Engine] = NativeEngine,
+    progress: Progress | None = None,
+) -> Insertion:
+    """Let the lumen follower drive the scope for up to `seconds` of simulated time.
+
+    A diverged run ends at once; its last, unsound state is not recorded.
+
+    Args:
+        scene: colon, wall and scope.
+        seconds: simulated time [s].
+        settings: of the follower.
+        engine: what steps the scene.
+        progress: told now and then how far it is.
+
+    Raises:
+        UnsupportedSceneError: when the engine cannot honour the scene.
+    """
+    stepped = engine(scene)
+    return _drive(stepped, seconds, settings or FollowerSettings(), progress)
+
+
+def _drive(engine: Engine, seconds: float, settings: FollowerSettings, progress: Progress | None) -> Insertion:
+    scene = engine.scene
+    line = scene.colon.centreline
+    start = scene.options.start_depth
+    tracker = ArcTracker(line, start=start)
+    tip_links = scene.cable.tip_links
+    follower = LumenFollower(line, scene.design, tip_links=tip_links, settings=settings)
+    steps = max(1, round(CONTROL_INTERVAL / scene.options.timestep))
+    interval = steps * scene.options.timestep
+    containment = Containment(scene.colon, radius=scene.cable.radius)
+    rows: list[tuple] = []
+    seen, shape = engine.observe(), engine.shape()
+    outcome = Outcome.TIME_UP
+    began = time.perf_counter()
+    while seen.time < seconds - interval / 2:
+        inputs = follower.act(seen, tracker.arc, interval)
+        if not engine.step(inputs, steps):
+            outcome = Outcome.DIVERGED
+            break
+        seen, shape = engine.observe(), engine.shape()
+        tracker.update(seen.tip, seen.way)
+        behind = scene.cable.node_distances
+        inside = behind < seen.insertion
+        outside = containment.outside(shape[inside], behind[inside], tracker.arc, seen.way)
+        moved = 0.0 if seen.way is None else float(np.linalg.norm(seen.way - line.points, axis=1).max())
+        rows.append((*_record(engine, seen, tracker.arc, outside), *follower.asked, *seen.bend, moved))
+        if progress and len(rows) % 25 == 0:
+            progress(seen.time, tracker.arc)
+        if ended := _ended(scene, seen, tracker.arc, outside):
+            outcome = ended
+            break
+    if outcome is Outcome.TIME_UP and follower.attempts >= MANY_ATTEMPTS:
+        outcome = Outcome.STUCK
+    return Insertion(
+        outcome=outcome,
+        trajectory=_trajectory(rows, engine),
+        shape=shape,
+        tip_frame=seen.tip_frame,
+        wall_clock=time.perf_counter() - began,
+        attempts=follower.attempts,
+        settings=settings,
+        colon=engine.colon(),
+        shaft_added=tuple(engine.added) if isinstance(engine, GrowingEngine) else (),
+    )
+
+
+def _ended(scene: Scene, seen: Observation, arc: float, outside: float) -> Outcome | None:
+    if outside > ESCAPE_DEPTH:
+        return Outcome.ESCAPED
+    if arc >= scene.colon.centreline.length - CAECUM_MARGIN:
+        return Outcome.REACHED_CAECUM
+    if seen.insertion >= scene.cable.length - LEFT_OUTSIDE:
+        return Outcome.FULLY_INSERTED
+    return None
+
+
+def _record(engine: Engine, seen: Observation, arc: float, outside: float) -> tuple:
+    worst = int(np.argmax(seen.link_forces))
+    behind = engine.scene.cable.node_distances[worst]
+    return (
+        seen.time,
+        engine.qpos,
+        engine.ctrl,
+        seen.tip,
+        seen.insertion,
+        arc,
+        seen.push_force,
+        seen.torque,
+        seen.link_forces[worst],
+        behind,
+        float(seen.contacts),
+        seen.energies.bending,
+        seen.energies.wall,
+        outside,
+    )
+
+
+def _trajectory(rows: list[tuple], engine: Engine) -> Trajectory:
+    if not rows:
+        empty = np.zeros(0)
+        wide = (np.zeros((0, engine.qpos.size)), np.zeros((0, engine.ctrl.size)), np.zeros((0, 3)))
+        return Trajectory(empty, *wide, *[empty] * 15)
+    return Trajectory(*(np.array(column, dtype=float) for column in zip(*rows, strict=True)))

@@ -1,0 +1,197 @@
+"""Many insertions at once: scopes driven into colons by the lumen follower, in JAX, scored as they go."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeAlias
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from haustra.envs.control.follower import FollowerSettings
+from haustra.envs.control.follower_worlds import Drive, WorldsFollower
+from haustra.envs.runs.insertion import CAECUM_MARGIN, CONTROL_INTERVAL, MANY_ATTEMPTS
+from haustra.envs.runs.outcome import LEFT_OUTSIDE, Outcome
+from haustra.envs.sim.device_arrays import tree_where
+from haustra.envs.sim.device_engines import device_engine
+from haustra.envs.sim.scope_bank import ScopeBank
+from haustra.envs.sim.scope_values import Parameters, State
+from haustra.envs.sim.scope_worlds import JaxScopes
+from haustra.models.wall.lumen_table import Tables, pick
+
+Array: TypeAlias = Any
+_CHUNK = 50
+"""Control intervals in one call: a second of simulated time between two reports of progress."""
+
+
+class Tally(NamedTuple):
+    """Scores so far; leading axis: worlds."""
+
+    tip_arc_max: Array
+    push_peak: Array
+    torque_peak: Array
+    wall_peak: Array
+    wall_sum: Array
+    loop_excess_peak: Array
+    intervals: Array
+    reached: Array
+    inserted: Array
+
+
+@dataclass(frozen=True)
+class Insertions:
+    """Many finished runs; arrays have one entry a world. A diverged world's numbers are those before it diverged."""
+
+    outcome: tuple[Outcome, ...]
+    simulated: Float[np.ndarray, " worlds"]
+    """Simulated time until it ended [s]."""
+    tip_arc_max: Float[np.ndarray, " worlds"]
+    """Furthest arc length of the tip [m]."""
+    insertion: Float[np.ndarray, " worlds"]
+    """Length past the anus at the end [m]."""
+    push_force_peak: Float[np.ndarray, " worlds"]
+    """[N]."""
+    torque_peak: Float[np.ndarray, " worlds"]
+    """[N m]."""
+    wall_force_peak: Float[np.ndarray, " worlds"]
+    """Largest resultant on one link [N]."""
+    wall_force_mean: Float[np.ndarray, " worlds"]
+    """Mean over time of the largest resultant on one link [N]."""
+    loop_excess_peak: Float[np.ndarray, " worlds"]
+    """Most scope inside beyond the colon passed [m]."""
+
+
+class InsertionBatch:
+    """One scope, stacked colons, many worlds: compiled once, run as often as wanted."""
+
+    def __init__(self, engine: JaxScopes, follower: WorldsFollower, tables: Tables) -> None:
+        """Prepare; nothing is compiled before the first run.
+
+        Args:
+            engine: the scope.
+            follower: who drives.
+            tables: of all colons (`stack`), seen from their entries.
+        """
+        self._engine, self._follower, self._tables = engine, follower, tables
+        self._steps = max(1, round(CONTROL_INTERVAL / engine.timestep))
+        self.advance = jax.jit(self._advance, static_argnames="count")
+
+    def begin(self, parameters: Parameters) -> tuple[State, Drive, Tally]:
+        """All scopes at the start, nothing scored."""
+        worlds = len(parameters.friction)
+        zero = jnp.zeros_like(parameters.friction)
+        no = jnp.zeros(worlds, bool)
+        start = zero + self._engine.start
+        tally = Tally(start, zero, zero, zero, zero, zero, jnp.zeros(worlds, jnp.int32), no, no)
+        return self._engine.begin(parameters, self._tables), self._follower.begin(worlds, zero.dtype), tally
+
+    def run(
+        self, parameters: Parameters, *, seconds: float, progress: Callable[[float], None] = lambda time: None
+    ) -> Insertions:
+        """Drive all worlds for up to `seconds` of simulated time; `progress` is told the time [s]."""
+        worlds, drive, tally = self.begin(parameters)
+        intervals = round(seconds / (self._steps * self._engine.timestep))
+        for first in range(0, intervals, _CHUNK):
+            count = min(_CHUNK, intervals - first)
+            worlds, drive, tally = self.advance(parameters, worlds, drive, tally, count=count)
+            over = np.asarray(tally.reached | tally.inserted | ~worlds.healthy)
+            progress((first + count) * self._steps * self._engine.timestep)
+            if over.all():
+                break
+        return self._finish(worlds, drive, tally)
+
+    def _advance(self, parameters: Parameters, worlds: State, drive: Drive, tally: Tally, *, count: int):
+        tables = pick(self._tables, parameters.colon)
+        length = (tables.step * (tables.count - 1))[:, 0].astype(worlds.qpos.dtype)
+        longest = parameters.scope.length
+        interval = self._steps * self._engine.timestep
+
+        def one(_: Any, now: tuple[State, Drive, Tally]) -> tuple[State, Drive, Tally]:
+            worlds, drive, tally = now
+            seen = self._engine.observe(parameters, self._tables, worlds)
+            hands, decided = self._follower.act(parameters, tables, seen, worlds.time, drive, interval=interval)
+            stepped = self._engine.steps(self._tables, parameters, worlds, hands, self._steps)
+            # A world that has ended stays as it is, as a single run would.
+            running = ~(tally.reached | tally.inserted) & stepped.healthy
+            worlds = tree_where(running, stepped, worlds)._replace(healthy=stepped.healthy)
+            drive = tree_where(running, decided, drive)
+            after = self._engine.observe(parameters, self._tables, worlds)
+            return worlds, drive, tree_where(running, self._score(tally, after, length, longest), tally)
+
+        return jax.lax.fori_loop(0, count, one, (worlds, drive, tally))
+
+    def _score(self, tally: Tally, seen: Any, length: Array, longest: Array) -> Tally:
+        wall = seen.link_forces.max(axis=1)
+        return Tally(
+            tip_arc_max=jnp.maximum(tally.tip_arc_max, seen.tip_arc),
+            push_peak=jnp.maximum(tally.push_peak, jnp.abs(seen.push_force)),
+            torque_peak=jnp.maximum(tally.torque_peak, jnp.abs(seen.torque)),
+            wall_peak=jnp.maximum(tally.wall_peak, wall),
+            wall_sum=tally.wall_sum + wall,
+            loop_excess_peak=jnp.maximum(tally.loop_excess_peak, seen.insertion - seen.tip_arc),
+            intervals=tally.intervals + 1,
+            reached=seen.tip_arc >= length - CAECUM_MARGIN,
+            inserted=seen.insertion >= longest - LEFT_OUTSIDE,
+        )
+
+    def _finish(self, worlds: State, drive: Drive, tally: Tally) -> Insertions:
+        healthy, attempts = np.asarray(worlds.healthy), np.asarray(drive.attempts)
+        reached, inserted = np.asarray(tally.reached), np.asarray(tally.inserted)
+        outcomes = [
+            Outcome.DIVERGED
+            if not healthy[world]
+            else Outcome.REACHED_CAECUM
+            if reached[world]
+            else Outcome.FULLY_INSERTED
+            if inserted[world]
+            else Outcome.STUCK
+            if attempts[world] >= MANY_ATTEMPTS
+            else Outcome.TIME_UP
+            for world in range(len(healthy))
+        ]
+        intervals = np.asarray(tally.intervals)
+        plain = {name: np.asarray(getattr(tally, name), float) for name in Tally._fields[:6]}
+        return Insertions(
+            outcome=tuple(outcomes),
+            simulated=np.asarray(worlds.time, float),
+            tip_arc_max=plain["tip_arc_max"],
+            insertion=self._engine.start + np.asarray(worlds.qpos[:, 0], float),
+            push_force_peak=plain["push_peak"],
+            torque_peak=plain["torque_peak"],
+            wall_force_peak=plain["wall_peak"],
+            wall_force_mean=plain["wall_sum"] / np.maximum(intervals, 1),
+            loop_excess_peak=plain["loop_excess_peak"],
+        )
+
+
+def run_insertions(
+    bank: ScopeBank,
+    *,
+    worlds: int,
+    seconds: float,
+    engine: str = "jax",
+    settings: FollowerSettings | None = None,
+    progress: Callable[[float], None] = lambda time: None,
+    **changed: Any,
+) -> Insertions:
+    """Drive that many scopes of a bank for up to `seconds` of simulated time, in single precision.
+
+    Args:
+        bank: a scope and colons.
+        worlds: how many.
+        seconds: [s].
+        engine: of `DEVICE_ENGINES`.
+        settings: of the follower.
+        progress: told the simulated time [s].
+        changed: what differs from the bank's scene: entries of `Parameters`, one number or one a world.
+
+    Raises:
+        InvalidOptionError: when something that cannot differ is to.
+        UnsupportedSceneError: when the scope has what this engine cannot honour.
+    """
+    dynamics = device_engine(engine).of(bank.scene)
+    follower = WorldsFollower.of(bank.scene.design, tip_links=bank.tip_links, settings=settings)
+    batch = InsertionBatch(dynamics, follower, bank.tables_on_device())
+    parameters = dynamics.parameters(bank.scene, worlds, **changed)
+    return batch.run(parameters, seconds=seconds, progress=progress)

@@ -1,0 +1,94 @@
+"""From a finished run to the numbers that designs are compared by."""
+
+import resource
+import sys
+
+import numpy as np
+
+from haustra.envs.runs.insertion import Insertion, Trajectory
+from haustra.envs.runs.measure.looping import looping
+from haustra.envs.runs.measure.progress import segment_at
+from haustra.models.presets import error_class
+from haustra.models.scene import Scene
+from haustra.provenance import Provenance
+
+
+def score(scene: Scene, run: Insertion, provenance: Provenance) -> dict[str, object]:
+    """Scores of a run as plain JSON values, units in the names.
+
+    Forces are sampled at the control rate (50 Hz). `wall_force_peak_N` is the largest resultant normal force of the
+    wall on one link of the scope. `insertion_m` and `tip_arc_m` are where the run ended; `tip_arc_max_m` is how far it
+    came. The tip's arc length is that of the nearest point of the centreline. `steering_gap_mean_deg` is how far the
+    tip's bend is from that steered for: lag and contact, and on a used scope slack, stretch and friction of its wires.
+    `loop_excess_m` is the scope inside less the colon passed, `loop_writhe_peak_turns` how much the scope coiled:
+    neither needs axes. `loop_N_s` and so on say how long a loop of that name was there, seen along y, which is assumed
+    to run from front to back. `pull_back_shortening_m` is the most scope that was pulled back while the tip stayed.
+    `colon_moved_peak_mm` is how far a colon on its mesentery was moved at most.
+    `preset` and its errors say how far the model itself was off in a reference insertion (docs/validation/accuracy.md).
+    """
+    recorded = run.trajectory
+    simulated = float(recorded.time[-1]) if len(recorded.time) else 0.0
+    arc = float(recorded.tip_arc[-1]) if simulated else scene.options.start_depth
+    furthest = float(recorded.tip_arc.max()) if simulated else arc
+    return {
+        "outcome": run.outcome.value,
+        "advice": run.outcome.advice,
+        "simulated_s": simulated,
+        "wall_clock_s": run.wall_clock,
+        "real_time_factor": simulated / run.wall_clock if run.wall_clock > 0 else 0.0,
+        "insertion_m": float(recorded.insertion[-1]) if simulated else scene.options.start_depth,
+        "tip_arc_m": arc,
+        "tip_segment": segment_at(scene.colon, arc),
+        "tip_arc_max_m": furthest,
+        "tip_segment_max": segment_at(scene.colon, furthest),
+        "colon_length_m": scene.colon.centreline.length,
+        "push_force_peak_N": _peak(recorded.push_force),
+        "torque_peak_Nm": _peak(recorded.torque),
+        "wall_force_peak_N": _peak(recorded.wall_force),
+        "wall_force_mean_N": float(recorded.wall_force.mean()) if simulated else 0.0,
+        "scope_energy_peak_J": _peak(recorded.scope_energy),
+        "scope_energy_mean_J": float(recorded.scope_energy.mean()) if simulated else 0.0,
+        "wall_energy_peak_J": _peak(recorded.wall_energy),
+        "wall_energy_mean_J": float(recorded.wall_energy.mean()) if simulated else 0.0,
+        **_looping(scene, run),
+        "steering_gap_mean_deg": _steering_gap(recorded),
+        "outside_max_mm": float(recorded.outside.max()) * 1e3 if simulated else 0.0,
+        "colon_moved_peak_mm": _peak(recorded.colon_moved) * 1e3,
+        "contacts_mean": float(recorded.contacts.mean()) if simulated else 0.0,
+        "dofs": recorded.qpos.shape[1],
+        "joints": len(scene.cable.cells),
+        "pieces": scene.pieces,
+        "timestep_s": scene.options.timestep,
+        **error_class(scene.options),
+        "peak_memory_MB": peak_memory() / 1e6,
+        "provenance": provenance.to_json(),
+    }
+
+
+def _looping(scene: Scene, run: Insertion) -> dict[str, object]:
+    found = looping(scene, run)
+    return {
+        "loop_excess_m": found.excess,
+        "loop_excess_peak_m": found.excess_peak,
+        "loop_writhe_peak_turns": found.writhe_peak,
+        **{f"loop_{name.replace(' ', '_')}_s": lasting for name, lasting in found.seconds.items()},
+        "loops_at_end": ", ".join(f"{loop.kind.value} of {loop.size * 1e3:.0f} mm" for loop in found.at_end) or "none",
+        "pull_back_shortening_m": found.shortening,
+    }
+
+
+def _steering_gap(recorded: Trajectory) -> float:
+    if not len(recorded.time):
+        return 0.0
+    gap = np.hypot(recorded.asked_up - recorded.bend_up, recorded.asked_left - recorded.bend_left)
+    return float(np.degrees(gap.mean()))
+
+
+def peak_memory() -> float:
+    """Largest resident memory of this process so far [bytes]."""
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+
+
+def _peak(values: np.ndarray) -> float:
+    return float(np.abs(values).max()) if len(values) else 0.0

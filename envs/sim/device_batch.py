@@ -1,0 +1,141 @@
+"""Many scopes at once on JAX's device, by a device engine, with the interface of `haustra.envs.sim.scope_batch`."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from haustra.envs.sim import moving_colon
+from haustra.envs.sim.conditions import Conditions, Snapshot
+from haustra.envs.sim.device_arrays import on_device, tree_where
+from haustra.envs.sim.device_engines import device_engine
+from haustra.envs.sim.scope_batch import BatchInputs, BatchObservation
+from haustra.envs.sim.scope_values import Controls, Parameters, Readings, State
+from haustra.errors import UnsupportedSceneError
+from haustra.models.scene import Scene
+from haustra.models.wall.lumen_table import Tables, pick
+
+
+class DeviceBatch:
+    """State that are stepped together on a GPU, or wherever JAX computes. Only inputs and observations travel."""
+
+    def __init__(self, scene: Scene, tables: Tables, *, worlds: int, engine: str = "jax") -> None:
+        """Read the scope; compilation comes with the first step.
+
+        Args:
+            scene: scope and options, built with wall_law "table" for any of the colons.
+            tables: the colons, seen from their entries and stacked.
+            worlds: how many.
+            engine: of `DEVICE_ENGINES`.
+
+        Raises:
+            InvalidOptionError: when the engine is not known.
+            UnsupportedSceneError: when the scene has what this engine cannot honour.
+        """
+        self.scene, self.tables, self.worlds = scene, tables, worlds
+        self._engine = device_engine(engine).of(scene)
+        own = on_device(tables)
+        self._parameters = self._engine.parameters(scene, worlds, colon=np.zeros(worlds, np.int32))
+        self._state = self._engine.begin(self._parameters, own)
+        dynamics = self._engine
+
+        def advance(parameters: Parameters, state: State, hands: Controls, count: Any) -> tuple[State, Readings]:
+            state = dynamics.steps(own, parameters, state, hands, count)
+            return state, dynamics.observe(parameters, own, state)
+
+        def begin(parameters: Parameters, state: State, roll: Any, anew: Any) -> tuple[State, Readings]:
+            fresh = dynamics.begin(parameters, own)
+            fresh = fresh._replace(qpos=fresh.qpos.at[:, 1].set(roll), hand=fresh.hand.at[:, 1].set(roll))
+            state = tree_where(anew, fresh, state)
+            return state, dynamics.observe(parameters, own, state)
+
+        def way(colon: Any, seen: Readings, distances: Any) -> Any:
+            return moving_colon.axis_at(pick(own, colon), seen.shift, seen.tip_arc[:, None] + distances)
+
+        self._way = jax.jit(way)
+        self._advance = jax.jit(advance)
+        self._begin = jax.jit(begin)
+        none = jnp.zeros(worlds, bool)
+        self._state, self._seen = self._begin(self._parameters, self._state, jnp.zeros(worlds), none)
+
+    def reset(self, worlds: Int[np.ndarray, " reset"], case: Int[np.ndarray, " reset"], conditions: Conditions) -> None:
+        """Lay the scopes of some worlds straight, tips at the start depth, in the colons of those numbers."""
+        changed = {
+            "colon": case,
+            "friction": conditions.friction,
+            "stiffness": conditions.wall_stiffness,
+            "bending": conditions.shaft_stiffness,
+        }
+        now = {}
+        for name, values in changed.items():
+            all_worlds = np.array(getattr(self._parameters, name))
+            all_worlds[worlds] = values
+            now[name] = jnp.asarray(all_worlds)
+        self._parameters = self._parameters._replace(**now)
+        roll, anew = np.zeros(self.worlds, np.float32), np.zeros(self.worlds, bool)
+        anew[worlds] = True
+        if conditions.roll is not None:
+            roll[worlds] = conditions.roll
+        self._state, self._seen = self._begin(self._parameters, self._state, jnp.asarray(roll), jnp.asarray(anew))
+
+    def step(self, inputs: BatchInputs, count: int) -> Bool[np.ndarray, " worlds"]:
+        """Advance all worlds by `count` time steps; False for those that have diverged, which stand still from then."""
+        parts = (inputs.push_rate, inputs.roll_rate, inputs.pulls)
+        hands = Controls(*(jnp.asarray(part, jnp.float32) for part in parts))
+        self._state, self._seen = self._advance(self._parameters, self._state, hands, count)
+        return np.array(self._state.healthy)
+
+    def observe(self) -> BatchObservation:
+        """What can be read off at the end of the last step."""
+        seen, time = jax.device_get((self._seen._replace(shift=None), self._state.time))
+        names = (name for name in Readings._fields if name != "shift")
+        return BatchObservation(
+            time=time.astype(float), **{name: np.array(getattr(seen, name), float) for name in names}
+        )
+
+    @property
+    def shift(self) -> Any:
+        """Displacements of the colons' axes (worlds, nodes, 3) [m], left on the device; None where they are fixed."""
+        return self._seen.shift
+
+    def way_ahead(self, distances: Float[np.ndarray, " places"]) -> Float[np.ndarray, "worlds places 3"]:
+        """Places of the centreline that far ahead of the tip, where they are now, from the entry [m]."""
+        return np.asarray(self._way(self._parameters.colon, self._seen, jnp.asarray(distances, jnp.float32)), float)
+
+    def positions(self) -> Float[np.ndarray, "worlds joints"]:
+        """Joint positions of all scopes, as MuJoCo counts them."""
+        return np.asarray(self._state.qpos)
+
+    def snapshot(self, world: int) -> Snapshot:
+        """Not kept by this engine.
+
+        Raises:
+            UnsupportedSceneError: always.
+        """
+        raise UnsupportedSceneError(
+            "Withdrawal begins where scopes stood, which engines on JAX's device do not keep: use 'native'."
+        )
+
+    def restore(self, world: int, snapshot: Snapshot) -> None:
+        """Not kept by this engine.
+
+        Raises:
+            UnsupportedSceneError: always.
+        """
+        self.snapshot(world)
+
+    def world_data(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        """Model and data of one world as MuJoCo's own values, to draw or to check."""
+        from haustra.envs.sim.scope_batch import batch_model
+
+        model = batch_model(self.scene)
+        data = mujoco.MjData(model)
+        data.qpos[:] = np.asarray(self._state.qpos[world])
+        mujoco.mj_forward(model, data)
+        return model, data
+
+    def close(self) -> None:
+        """Nothing is held open."""

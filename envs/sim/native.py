@@ -1,0 +1,283 @@
+"""MuJoCo on the CPU, one scene: hand and wires in, what the scope does out. Divergence is detected, never hidden."""
+
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from haustra.envs.sim.energy import Energies, EnergyMeter
+from haustra.envs.sim.log import log_to_stderr_only
+from haustra.envs.sim.wheels import Wheels
+from haustra.errors import InvalidOptionError
+from haustra.models.anatomy.colon import Colon
+from haustra.models.devices.scope.cable import LOCK_STRETCH, PULL_OUT_LIMIT
+from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
+from haustra.models.scene import Scene
+from haustra.models.wall.planes import PlaneWall
+from haustra.models.wall.segment_law import SegmentLaw
+from haustra.models.wall.signed_distance import LumenDistance
+
+SPEED_LIMIT = 1e4
+"""A generalised speed above this [rad/s or m/s] is divergence, not motion."""
+
+FATAL_WARNINGS = [
+    int(kind)
+    for kind in (
+        mujoco.mjtWarning.mjWARN_BADQPOS,
+        mujoco.mjtWarning.mjWARN_BADQVEL,
+        mujoco.mjtWarning.mjWARN_BADQACC,
+        mujoco.mjtWarning.mjWARN_CONTACTFULL,
+        mujoco.mjtWarning.mjWARN_CNSTRFULL,
+        mujoco.mjtWarning.mjWARN_INERTIA,
+    )
+]
+"""Numbers of MuJoCo's warnings after which a state is not sound."""
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What the hand and the wheels ask for, until the next call."""
+
+    push_rate: float
+    """Speed at which the hand pushes the shaft in [m/s]."""
+    roll_rate: float
+    """Speed at which the hand turns the shaft [rad/s]."""
+    pulls: Float[np.ndarray, "4"] = field(default_factory=lambda: np.zeros(len(WIRE_NAMES)))
+    """Pull of each wire at the handle: up, left, down, right [N]."""
+    wheels: Float[np.ndarray, "2"] | None = None
+    """Wire that the wheels have taken up, towards up and towards left [m]; steers instead of `pulls` when given, and
+    then slack and stretch of the wires count too."""
+
+
+@dataclass(frozen=True)
+class Observation:
+    """The state of the run at one instant."""
+
+    time: float
+    """Simulated time [s]."""
+    insertion: float
+    """Length of scope past the anus [m]."""
+    roll: float
+    """Angle of the handle [rad]."""
+    hand_lead: float
+    """How far the position that the hand aims at is ahead of the shaft [m]."""
+    tip: Float[np.ndarray, "3"]
+    """Position of the tip [m]."""
+    tip_frame: Float[np.ndarray, "3 3"]
+    """Columns: the directions of wires 'up' and 'left', and the viewing direction."""
+    bend: Float[np.ndarray, "2"]
+    """Angle of the bending section towards wires 'up' and 'left' [rad]."""
+    push_force: float
+    """Force of the hand along the shaft; positive pushes [N]."""
+    torque: float
+    """Torque of the hand about the shaft [N m]."""
+    pulls: Float[np.ndarray, "4"]
+    """Pull of each wire at the handle: up, left, down, right [N]."""
+    link_forces: Float[np.ndarray, " links"]
+    """Resultant normal force of the wall on each link, from the handle to the tip [N]."""
+    contacts: int
+    """Contacts with the wall that carry force."""
+    energies: Energies
+    """Stored in the bent scope and in the pressed wall."""
+    way: Float[np.ndarray, "stations 3"] | None = None
+    """Where the stations of the colon's centreline are now [m]; None where the colon is fixed in space."""
+
+
+class NativeEngine:
+    """One scene on MuJoCo's CPU engine.
+
+    Every step is a function of the compiled scene and of `data.ctrl` alone, so that stock MuJoCo repeats a run from the
+    saved scene and its controls. Steered by wheels, controls change at every step.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        """Compile the scene and lay the scope straight, its tip at the start depth."""
+        log_to_stderr_only()
+        self.scene = scene
+        self.model = scene.compile()
+        self.data = mujoco.MjData(self.model)
+        cable = scene.cable
+        model = self.model
+        self._push = model.actuator("scope/push").id
+        self._roll = model.actuator("scope/roll").id
+        self._pulls = [model.actuator(f"scope/pull_{name}").id for name in WIRE_NAMES]
+        self._locks = np.array([[model.actuator(name).id for name in pair] for pair in cable.locks])
+        self._tip = model.site("scope/tip").id
+        self._link_of_body = np.full(model.nbody, -1)
+        self._links = [model.body(name).id for name in cable.links]
+        self._link_of_body[self._links] = np.arange(len(cable.links))
+        steerable = [index for index, cell in enumerate(cable.cells) if cell.steerable]
+        self._bend_up = [model.joint(f"scope/bend_y_{index:03d}").qposadr[0] for index in steerable]
+        self._bend_left = [model.joint(f"scope/bend_x_{index:03d}").qposadr[0] for index in steerable]
+        shaft = [index for index, cell in enumerate(cable.cells) if not cell.steerable]
+        self._sheath = np.array(
+            [[model.joint(f"scope/bend_{side}_{i:03d}").qposadr[0] for i in shaft] for side in "xy"]
+        )
+        self._hand = self._arriving = np.zeros(len(WIRE_NAMES))
+        self._wheels: Wheels | None = None
+        self._behind = cable.length - cable.joint_positions
+        self._start = scene.options.start_depth
+        self._lock_outside(self._start)
+        self._planes = self._wall_planes() if scene.samples else None
+        self._law = self._segment_law()
+        stiffness = self._law.by_geom if self._law else scene.options.wall_stiffness
+        self._energies = EnergyMeter(model, wall_stiffness=stiffness)
+        mujoco.mj_forward(self.model, self.data)
+
+    def step(self, inputs: Inputs, count: int) -> bool:
+        """Advance by `count` time steps; False when the simulation has diverged.
+
+        Raises:
+            InvalidDesignError: when wheels steer wires that do not stretch.
+            InvalidOptionError: when an input is not a finite number; MuJoCo would take all controls for zero. Also
+                when the shaft is to be pulled out faster than `PULL_OUT_LIMIT`.
+        """
+        _require_possible(inputs)
+        control = self.data.ctrl
+        control[self._push] = inputs.push_rate
+        control[self._roll] = inputs.roll_rate
+        self._lock_outside(self.insertion)
+        if inputs.wheels is None:
+            control[self._pulls] = self._arrive(inputs.pulls)
+            self._advance(count)
+            return self.healthy()
+        self._wheels = self._wheels or Wheels(self.model, self.scene.cable, self.scene.design.wires)
+        for _ in range(count):
+            control[self._pulls] = self._arrive(self._wheels.pulls(self.data, inputs.wheels))
+            self._advance(1)
+        return self.healthy()
+
+    def put(self, qpos: Float[np.ndarray, " positions"]) -> None:
+        """Lay the scope as those generalised positions say, at rest; the hand goes along [m, rad].
+
+        Tangent planes are looked for where each part lies when the scope follows the centreline.
+        """
+        data = self.data
+        data.qpos[:], data.qvel[:], data.act[:2] = qpos, 0.0, qpos[:2]
+        self._lock_outside(self.insertion)
+        if self._planes:
+            self._planes.begin(self._straight_arcs + self.insertion - self._start)
+        mujoco.mj_forward(self.model, data)
+
+    def resume(self, other: "NativeEngine") -> None:
+        """Go on with the hands of an engine of the same scope, whose positions and speeds this one was given."""
+        self._hand, self._arriving = other._hand, other._arriving
+        self._lock_outside(self.insertion)
+        if self._planes and other._planes:
+            # This scope may have more shaft; straight, both lie with their tips in the same place.
+            self._planes.begin(np.interp(self._straight_arcs, other._straight_arcs, other._planes.arcs))
+        mujoco.mj_forward(self.model, self.data)
+
+    def _advance(self, count: int) -> None:
+        """Advance by `count` steps; tangent planes follow before each."""
+        if self._planes is None:
+            mujoco.mj_step(self.model, self.data, count)
+            return
+        for _ in range(count):
+            if not np.isfinite(self.data.qpos).all():
+                return
+            self._planes.update(self.data)
+            if self._law:
+                self._law.follow(self._planes.arcs)
+            mujoco.mj_step(self.model, self.data)
+
+    def _wall_planes(self) -> PlaneWall:
+        """The tangent planes of a scope that lies straight at the anus."""
+        mujoco.mj_kinematics(self.model, self.data)
+        spheres = [self.model.geom(f"wall/sphere_{number:04d}").id for number in range(len(self.scene.samples))]
+        self._straight_arcs = (self.data.geom_xpos[spheres] - self.scene.entry) @ self.scene.entry_direction
+        return PlaneWall(self.model, LumenDistance(self.scene.colon), arcs=self._straight_arcs)
+
+    def _segment_law(self) -> SegmentLaw | None:
+        """What pushes back by segment, if the scene asks for it."""
+        options = self.scene.options
+        if self._planes is None or not options.segment_stiffness:
+            return None
+        stiffness = dict(options.segment_stiffness)
+        return SegmentLaw(self.model, self.scene.colon, stiffness, options.contact, self._planes)
+
+    @property
+    def insertion(self) -> float:
+        """Length of scope past the anus [m]."""
+        return self._start + float(self.data.qpos[0])
+
+    @property
+    def qpos(self) -> Float[np.ndarray, " positions"]:
+        """Generalised positions [m, rad]."""
+        return self.data.qpos.copy()
+
+    @property
+    def ctrl(self) -> Float[np.ndarray, " actuators"]:
+        """Controls of the last step [m/s, rad/s, N, 1]."""
+        return self.data.ctrl.copy()
+
+    def healthy(self) -> bool:
+        """Whether the state is finite, of plausible speed, and free of the engine's own fatal warnings."""
+        if self.data.warning.number[FATAL_WARNINGS].any():
+            return False
+        speed = np.abs(self.data.qvel).max()
+        return bool(np.isfinite(speed) and speed < SPEED_LIMIT and np.isfinite(self.data.qpos).all())
+
+    def observe(self) -> Observation:
+        """What can be read off at the end of the last step."""
+        data = self.data
+        frame = data.site_xmat[self._tip].reshape(3, 3)
+        forces, contacts = self._link_forces()
+        return Observation(
+            time=data.time,
+            insertion=self.insertion,
+            roll=float(data.qpos[1]),
+            hand_lead=float(data.act[0] - data.qpos[0]),
+            tip=data.site_xpos[self._tip].copy(),
+            tip_frame=frame.copy(),
+            bend=np.array([data.qpos[self._bend_up].sum(), -data.qpos[self._bend_left].sum()]),
+            push_force=float(data.actuator_force[self._push]),
+            torque=float(data.actuator_force[self._roll]),
+            pulls=self._hand.copy(),
+            link_forces=forces,
+            contacts=contacts,
+            energies=self._energies.read(data),
+        )
+
+    def colon(self) -> Colon:
+        """The colon, which is fixed in space."""
+        return self.scene.colon
+
+    def shape(self) -> Float[np.ndarray, "nodes 3"]:
+        """Points along the scope's axis, from the handle end of the modelled part to the tip [m]."""
+        return np.vstack([self.data.xpos[self._links], self.data.site_xpos[self._tip]])
+
+    def _arrive(self, pulls: Float[np.ndarray, "4"]) -> Float[np.ndarray, "4"]:
+        """What of the hand's pulls gets through the bent shaft to the bending section [N]."""
+        self._hand = pulls
+        angle = float(np.hypot(*self.data.qpos[self._sheath]).sum())
+        self._arriving = arriving_pulls(self.scene.design.wires, pulls, self._arriving, sheath_angle=angle)
+        return self._arriving
+
+    def _lock_outside(self, insertion: float) -> None:
+        """Hold joints straight that are outside the patient, and free them smoothly as they pass the anus."""
+        position = insertion - self._behind
+        held = np.clip(-position / LOCK_STRETCH, 0.0, 1.0) ** 4
+        self.data.ctrl[self._locks] = held[:, None]
+
+    def _link_forces(self) -> tuple[Float[np.ndarray, " links"], int]:
+        data = self.data
+        contact, count = data.contact, len(self.scene.cable.links)
+        rows = contact.efc_address
+        active = rows >= 0
+        normal = data.efc_force[rows[active]]
+        links = self._link_of_body[self.model.geom_bodyid[contact.geom[active]]].max(axis=1)
+        forces = contact.frame[active, :3] * normal[:, None]
+        total = [np.bincount(links, weights=forces[:, axis], minlength=count) for axis in range(3)]
+        return np.linalg.norm(total, axis=0), int((normal > 0).sum())
+
+
+def _require_possible(inputs: Inputs) -> None:
+    for name, value in vars(inputs).items():
+        if value is not None and not np.isfinite(value).all():
+            raise InvalidOptionError(f"The input {name} is {value}: give finite numbers.")
+    if inputs.push_rate < -PULL_OUT_LIMIT:
+        raise InvalidOptionError(
+            f"The input push_rate is {inputs.push_rate} m/s: pull the scope out at {PULL_OUT_LIMIT:g} m/s at most."
+        )

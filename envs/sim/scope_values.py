@@ -1,0 +1,161 @@
+"""What many scopes in JAX are made of: designs, parameters, states, inputs, what is seen, and contact with the wall."""
+
+from typing import Any, NamedTuple, TypeAlias
+
+import jax.numpy as jnp
+
+from haustra.envs.sim.chain import Links
+from haustra.envs.sim.moving_colon import AttachmentPoints, AxisDisplacement
+
+Array: TypeAlias = Any
+
+
+class Scope(NamedTuple):
+    """Numbers of one design, or of one a world: leading axis 1 or worlds. Scopes of one kind differ in these only."""
+
+    links: Links
+    stiffness: Array
+    """(any, dofs) of the springs [N m/rad]."""
+    damping: Array
+    armature: Array
+    rest: Array
+    """(any, dofs) angles at rest [rad]."""
+    low: Array
+    high: Array
+    """(any, dofs) stops [rad]."""
+    arms: Array
+    """(any, 4, dofs) length of each wire per angle [m/rad]."""
+    behind: Array
+    """(any, joints) distance of each joint from the tip [m]."""
+    lock_stiffness: Array
+    lock_damping: Array
+    """(any, 2 joints) of the locks of the shaft outside [N m/rad], [N m s/rad]."""
+    sample_place: Array
+    """(any, points, 3) spheres, in their links' frames [m]."""
+    radius: Array
+    """(any,) of the spheres [m]."""
+    tip_place: Array
+    """(any, 1, 3) in the last link's frame [m]."""
+    pull_per_angle: Array
+    """(any,) pull that bends the bending section by an angle [N/rad]."""
+    length: Array
+    """(any,) of the modelled scope [m]."""
+
+
+class Parameters(NamedTuple):
+    """What may differ from world to world; numbers have shape (worlds,)."""
+
+    scope: Scope
+    colon: Array
+    """Which of the stacked colons."""
+    stiffness: Array
+    """Of the wall [N/m]."""
+    damping_time: Array
+    """Damping over stiffness of the wall [s]."""
+    friction: Array
+    """Coulomb coefficient [1]."""
+    bending: Array
+    """EI of the shaft over that of the design [1]."""
+    tip_bending: Array
+    """EI of the bending section over that of the design [1]."""
+    torsion: Array
+    """GJ over that of the design [1]."""
+    push_limit: Array
+    """Largest push of the hand [N]."""
+
+
+class State(NamedTuple):
+    """State of all worlds; leading axis: worlds."""
+
+    qpos: Array
+    qvel: Array
+    hand: Array
+    """(worlds, 2): where the hand aims, along [m] and about the shaft [rad]."""
+    arcs: Array
+    """(worlds, points + 1): arc length of each sphere, and of the tip [m]."""
+    normal: Array
+    """(worlds, points): force of the wall on each sphere at the end of the last step [N]."""
+    healthy: Array
+    """(worlds,): false once a world has diverged; it then stays as it was last sound."""
+    time: Array
+    """(worlds,) [s]."""
+    warm: Array | None = None
+    """(worlds, dofs) accelerations from which MuJoCo's solver begins; None where there is no such solver."""
+    shift: AxisDisplacement | None = None
+    """Where the colons have moved to; None where they are fixed in space."""
+
+
+class Controls(NamedTuple):
+    """Inputs, until the next call; leading axis: worlds."""
+
+    push_rate: Array
+    """[m/s]."""
+    roll_rate: Array
+    """[rad/s]."""
+    pulls: Array
+    """(worlds, 4): wires up, left, down, right [N]."""
+
+
+class Readings(NamedTuple):
+    """What can be read off; leading axis: worlds."""
+
+    insertion: Array
+    """Length past the anus [m]."""
+    roll: Array
+    """Angle of the handle [rad]."""
+    hand_lead: Array
+    """How far the hand aims ahead of the shaft [m]."""
+    tip: Array
+    """(worlds, 3) in coordinates of the entry [m]."""
+    tip_frame: Array
+    """(worlds, 3, 3): columns are wire 'up', wire 'left', viewing direction."""
+    tip_arc: Array
+    """Arc length of the tip [m]."""
+    bend: Array
+    """(worlds, 2): of the bending section towards 'up' and 'left' [rad]."""
+    push_force: Array
+    """Of the hand [N]."""
+    torque: Array
+    """Of the hand [N m]."""
+    tip_force: Array
+    """(worlds, 3): resultant normal force on the bending section and tip, in the tip's frame [N]."""
+    link_forces: Array
+    """(worlds, links): resultant of the wall's normal forces on each link [N]."""
+    deepest: Array
+    """Largest depth of the scope in the wall [m]."""
+    coils: Array
+    """(worlds, coils, 3): places of the shaft at fixed distances behind the tip [m]."""
+    shift: Array | None = None
+    """(worlds, nodes, 3) displacement of the colon's axis from rest, where it may move [m]."""
+
+
+class Contact(NamedTuple):
+    """The scope's spheres against the wall at the beginning of a step; leading axes: worlds, points."""
+
+    points: Array
+    """(..., 3) middles [m]."""
+    arcs: Array
+    """(worlds, points + 1): arc length of each, and of the tip [m]."""
+    inwards: Array
+    """(..., 3) normals of the wall."""
+    wall_speed: Array
+    """(..., 3) of the wall itself [m/s]."""
+    spring: Array
+    """Force of the wall's spring [N]."""
+    damper: Array
+    """Its damping, and what a step of its spring adds [N s/m]."""
+    drag: Array
+    """Friction over sliding speed [N s/m]."""
+    grip: AttachmentPoints | None
+    """Where they hold on to a colon that moves."""
+
+    @property
+    def damping(self) -> Array:
+        """(..., 3, 3): force over the sphere's speed against the wall [N s/m]."""
+        across = self.inwards[..., :, None] * self.inwards[..., None, :]
+        along = jnp.eye(3, dtype=across.dtype) - across
+        return self.damper[..., None, None] * across + self.drag[..., None, None] * along
+
+    def force(self, speed: Array) -> Array:
+        """On spheres that move at that speed against the wall (..., 3) [N]."""
+        return self.spring[..., None] * self.inwards - jnp.einsum("wpij,wpj->wpi", self.damping, speed)

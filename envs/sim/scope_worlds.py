@@ -1,0 +1,336 @@
+"""Many scopes in many colons at once, in JAX: the chain of a scope against the tabulated wall.
+
+Every spring and damper that is stiff against a time step is integrated by backward Euler: wall, friction, stops, hand
+and locks add `h J^T A J` to the mass matrix, which costs no more than the composite inertias that are there anyway. So
+the wall has its stiffness to rounding at rest, as in the native engine, and steps of 5 ms are stable.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from haustra.envs.sim import chain as links
+from haustra.envs.sim import moving_colon
+from haustra.envs.sim.at_origin import compile_at_origin
+from haustra.envs.sim.chain import Chain
+from haustra.envs.sim.coils import coil_samples
+from haustra.envs.sim.device_arrays import tree_where
+from haustra.envs.sim.moving_colon import AttachmentPoints, AxisDisplacement
+from haustra.envs.sim.precision import precise
+from haustra.envs.sim.scope_reading import read_scope, refuse_unsupported
+from haustra.envs.sim.scope_values import Array, Contact, Controls, Parameters, Readings, Scope, State
+from haustra.errors import InvalidOptionError
+from haustra.models.devices.scope.cable import HAND_PUSH, HAND_ROLL, LOCK_STRETCH
+from haustra.models.devices.scope.stops import STOP_RELAXATION_TIME, STOP_STIFFNESS
+from haustra.models.scene import Scene
+from haustra.models.wall.lumen_table import Tables, WallQuery, pick, touch
+
+SLIP_SPEED = 1e-3
+"""Friction is that of Coulomb above this speed and viscous below [m/s]: a scope held by its friction creeps at less.
+Engineering choice; the native engine's own regularisation is 7 mm/s for 1 N (`haustra.models.wall.law`)."""
+SPEED_LIMIT = 1e4
+"""A generalised speed above this [rad/s or m/s] is divergence, as in the native engine."""
+
+
+@dataclass(frozen=True)
+class JaxScopes:
+    """How one kind of scope hangs together, for any number of worlds: a pure function of state, inputs, parameters."""
+
+    chain: Chain
+    timestep: Array
+    """[s]: a number, or what JAX traces, for programs of any time step."""
+    start: float
+    """Depth of the tip at the start [m]."""
+    table_radius: float
+    """Radius of the spheres that the colons' tables were made for [m]."""
+    lock_dofs: np.ndarray
+    """(joints, 2)."""
+    scale: np.ndarray
+    """(dofs,) which of the parameters scales it: 0 none, 1 bending, 2 tip_bending, 3 torsion."""
+    sample_body: np.ndarray
+    """(points,) body of each sphere."""
+    coils: np.ndarray
+    """(coils,) spheres on which an imager's coils sit."""
+    bend_dofs: tuple[np.ndarray, np.ndarray]
+    torque_limit: float
+
+    @classmethod
+    def of(cls, scene: Scene) -> "JaxScopes":
+        """Read a scene of wall law 'table'; its own colon does not matter.
+
+        Raises:
+            UnsupportedSceneError: when the scene has what this engine cannot honour.
+        """
+        refuse_unsupported(scene)
+        model = compile_at_origin(scene)
+        names = [model.joint(index).name for index in range(model.njnt)]
+        cells = scene.cable.cells
+        steerable = {index for index, cell in enumerate(cells) if cell.steerable}
+
+        def bend(side: str) -> np.ndarray:
+            return np.array([names.index(f"scope/bend_{side}_{index:03d}") for index in sorted(steerable)])
+
+        return cls(
+            chain=Chain.of(model),
+            timestep=scene.options.timestep,
+            start=scene.options.start_depth,
+            table_radius=scene.cable.radius,
+            lock_dofs=np.array([[names.index(f"scope/bend_{a}_{i:03d}") for a in "xy"] for i in range(len(cells))]),
+            scale=np.array([_scale_of(name, steerable) for name in names]),
+            sample_body=np.array([model.body(sample.body).id - 1 for sample in scene.samples]),
+            coils=coil_samples(model, scene.samples),
+            bend_dofs=(bend("y"), bend("x")),
+            torque_limit=scene.options.torque_limit,
+        )
+
+    def same_topology(self, other: "JaxScopes") -> bool:
+        """Whether both kinds of scope can share a batch: the same joints in the same order, and as many spheres."""
+        return (
+            self.timestep == other.timestep
+            and np.array_equal(self.chain.axis, other.chain.axis)
+            and np.array_equal(self.scale, other.scale)
+            and np.array_equal(self.sample_body, other.sample_body)
+        )
+
+    def parameters(
+        self, scene: Scene, worlds: int, *, scope: Scope | None = None, kind: Any = jnp.float32, **changed: Any
+    ) -> Parameters:
+        """The scene's own parameters for that many worlds, but for those `changed`: numbers, or one a world.
+
+        Args:
+            scene: the scene.
+            worlds: how many.
+            scope: one design, or one a world (`stack_scopes`); the scene's own when not given.
+            kind: precision.
+            changed: entries of `Parameters`.
+
+        Raises:
+            InvalidOptionError: when a parameter is not known.
+        """
+        options = scene.options
+        own = {
+            "colon": 0,
+            "stiffness": options.wall_stiffness,
+            "damping_time": options.wall_damping_time,
+            "friction": options.friction,
+            "bending": 1.0,
+            "tip_bending": 1.0,
+            "torsion": 1.0,
+            "push_limit": options.push_limit,
+        }
+        for name in changed:
+            if name not in own:
+                raise InvalidOptionError(f"'{name}' cannot differ between worlds. What can: {', '.join(own)}.")
+        own |= changed
+        numbers = {name: jnp.broadcast_to(jnp.asarray(value), (worlds,)) for name, value in own.items()}
+        numbers = {name: value if name == "colon" else value.astype(kind) for name, value in numbers.items()}
+        design: Scope = jax.tree.map(lambda part: jnp.asarray(part, kind), scope or read_scope(scene))
+        return Parameters(scope=design, **numbers)
+
+    @precise
+    def begin(self, parameters: Parameters, tables: Tables) -> State:
+        """All scopes straight, their tips at the start depth, colons that may move at rest."""
+        count, kind = len(parameters.friction), parameters.friction.dtype
+        qpos = jnp.zeros((count, len(self.chain.axis)), kind)
+        where = links.pose(self.chain, parameters.scope.links, qpos)
+        scope = parameters.scope
+        arcs = jnp.concatenate([self._samples(scope, where)[..., 2], self._tip(scope, where)[..., 2]], axis=1)
+        return State(
+            qpos=qpos,
+            qvel=jnp.zeros_like(qpos),
+            hand=jnp.zeros((count, 2), kind),
+            arcs=arcs,
+            normal=jnp.zeros((count, len(self.sample_body)), kind),
+            healthy=jnp.ones(count, bool),
+            time=jnp.zeros(count, kind),
+            shift=tables.mesentery and moving_colon.at_rest(tables.mesentery, count, kind),
+        )
+
+    @precise
+    def step(self, tables: Tables, parameters: Parameters, worlds: State, hands: Controls) -> State:
+        """One time step of all worlds."""
+        chain, h, scope = self.chain, self.timestep, parameters.scope
+        where = links.pose(chain, scope.links, worlds.qpos)
+        own = links.inertias(scope.links, where)
+        bias = links.bias(chain, where, own, worlds.qvel)
+        own_tables = pick(tables, parameters.colon)
+        contact = self._wall(own_tables, parameters, worlds, where)
+        points = contact.points
+        force = contact.force(self._speeds(where, points, worlds.qvel) - contact.wall_speed)
+        of_body = self._body_sums(links.wrench(points, force))
+        felt = self._body_sums(links.point_inertia(points, h * contact.damping))
+        torque, damping = self._joints(parameters, worlds, hands)
+        torque = torque + links.joint_forces(chain, where, links.suffix_sum(of_body - bias))
+        matrix = links.mass_matrix(chain, where, links.suffix_sum(own + felt))
+        armature = scope.armature * self._scales(parameters)
+        matrix = matrix + jnp.eye(armature.shape[1], dtype=torque.dtype) * (armature + h * damping)[:, None]
+        qvel = worlds.qvel + h * solve(matrix, torque)
+        qpos = worlds.qpos + h * qvel
+        leaving = self._speeds(where, points, qvel) - contact.wall_speed
+        along = jnp.einsum("wpi,wpi->wp", contact.inwards, leaving)
+        normal = jnp.maximum(contact.spring - contact.damper * along, 0.0)
+        rates = jnp.stack([hands.push_rate, hands.roll_rate], axis=-1).astype(qpos.dtype)
+        shift = self._moved(own_tables, worlds.shift, contact, leaving)
+        after = worlds._replace(
+            qpos=qpos, qvel=qvel, hand=worlds.hand + h * rates, arcs=contact.arcs, normal=normal, shift=shift
+        )
+        sound = sound_after(parameters, worlds, after)
+        if shift is not None:
+            sound &= jnp.isfinite(shift.place).all(axis=(1, 2))
+        return tree_where(sound, after._replace(time=worlds.time + h), worlds)._replace(healthy=sound)
+
+    def steps(self, tables: Tables, parameters: Parameters, worlds: State, hands: Controls, count: Any) -> State:
+        """Several time steps under the same inputs; differentiable when `count` is a number and not an array."""
+        return jax.lax.fori_loop(0, count, lambda _, now: self.step(tables, parameters, now, hands), worlds)
+
+    @precise
+    def observe(self, parameters: Parameters, tables: Tables, worlds: State) -> Readings:
+        """Read off all worlds."""
+        scope = parameters.scope
+        where = links.pose(self.chain, scope.links, worlds.qpos)
+        own = pick(tables, parameters.colon)
+        spheres = self._samples(scope, where)
+        found, _ = _look(own, worlds.shift, spheres, worlds.arcs[:, :-1])
+        forces = self._body_sums(worlds.normal[..., None] * found.inwards)
+        hand = self._hand(parameters, worlds)
+        up, left = (worlds.qpos[:, dofs].sum(axis=1) for dofs in self.bend_dofs)
+        return Readings(
+            insertion=self.start + worlds.qpos[:, 0],
+            roll=worlds.qpos[:, 1],
+            hand_lead=worlds.hand[:, 0] - worlds.qpos[:, 0],
+            tip=self._tip(scope, where)[:, 0],
+            tip_frame=where.rotation[:, -1],
+            tip_arc=worlds.arcs[:, -1],
+            bend=jnp.stack([up, -left], axis=-1),
+            push_force=hand[:, 0],
+            torque=hand[:, 1],
+            tip_force=jnp.einsum("wij,wi->wj", where.rotation[:, -1], forces[:, -len(self.bend_dofs[0]) :].sum(axis=1)),
+            link_forces=jnp.linalg.norm(forces, axis=-1),
+            deepest=found.depth.max(axis=1) + scope.radius - self.table_radius,
+            coils=spheres[:, self.coils],
+            shift=worlds.shift and worlds.shift.place,
+        )
+
+    def _wall(self, tables: Tables, parameters: Parameters, worlds: State, where: links.Pose) -> Contact:
+        h = self.timestep
+        scope = parameters.scope
+        points = self._samples(scope, where)
+        places = jnp.concatenate([points, self._tip(scope, where)], axis=1)
+        found, grip = _look(tables, worlds.shift, places, worlds.arcs)
+        # A thicker scope touches sooner, by as much as it is thicker: the table holds distances.
+        depth = found.depth[:, :-1] + (scope.radius - self.table_radius)[:, None]
+        inwards = found.inwards[:, :-1]
+        wall_speed = jnp.zeros_like(points)
+        if grip is not None and tables.mesentery is not None and worlds.shift is not None:
+            grip = AttachmentPoints(grip.arcs[:, :-1], grip.lever[:, :-1])
+            wall_speed = moving_colon.wall_speeds(tables.mesentery, worlds.shift, grip)
+        speed = self._speeds(where, points, worlds.qvel) - wall_speed
+        away = jnp.einsum("wpi,wpi->wp", inwards, speed)
+        stiffness = parameters.stiffness[:, None]
+        damper = stiffness * (parameters.damping_time[:, None] + h)
+        pressing = (depth > 0) & (stiffness * depth > damper * away)
+        spring = jnp.where(pressing, stiffness * depth, 0.0)
+        damper = jnp.where(pressing, damper, 0.0)
+        sliding = jnp.linalg.norm(speed - away[..., None] * inwards + 1e-12, axis=-1)
+        load = spring - damper * away
+        drag = parameters.friction[:, None] * load / jnp.maximum(sliding, SLIP_SPEED)
+        return Contact(points, found.arcs, inwards, wall_speed, spring, damper, drag, grip)
+
+    def _moved(
+        self, tables: Tables, shift: AxisDisplacement | None, contact: Contact, leaving: Array
+    ) -> AxisDisplacement | None:
+        """Where the colons go under what the scopes do to them, who leave the wall at that speed."""
+        if shift is None or tables.mesentery is None or contact.grip is None:
+            return None
+        pressed = -contact.force(leaving)
+        damping = contact.damper + contact.drag
+        return moving_colon.step_axis(tables.mesentery, shift, contact.grip, pressed, damping, self.timestep)
+
+    def _joints(self, parameters: Parameters, worlds: State, hands: Controls) -> tuple[Array, Array]:
+        """Torques of springs, stops, locks, hand and wires, and the damping that goes into the matrix."""
+        kind, h, scope = worlds.qpos.dtype, self.timestep, parameters.scope
+        scale = self._scales(parameters)
+        stiffness, damping = scope.stiffness * scale, scope.damping * scale
+        over = jnp.maximum(worlds.qpos - scope.high, 0.0) - jnp.maximum(scope.low - worlds.qpos, 0.0)
+        damping = damping + jnp.where(over != 0, STOP_STIFFNESS * (STOP_RELAXATION_TIME + h), 0.0)
+        torque = -stiffness * (worlds.qpos - scope.rest) - STOP_STIFFNESS * over
+        held = self.lock_activation(parameters, worlds)
+        dofs = self.lock_dofs.ravel()
+        torque = torque.at[:, dofs].add(-scope.lock_stiffness * held * worlds.qpos[:, dofs])
+        damping = damping.at[:, dofs].add(scope.lock_damping * held)
+        pulled = (hands.pulls.astype(kind)[:, None] @ scope.arms)[:, 0]
+        torque = torque - pulled - damping * worlds.qvel
+        # The hand's damper is in its force already; where the force is at its limit, it damps no more.
+        hand = self._hand(parameters, worlds)
+        free = jnp.abs(hand) < jnp.stack([parameters.push_limit, jnp.full_like(hand[:, 1], self.torque_limit)], axis=-1)
+        torque = torque.at[:, :2].add(hand)
+        damping = damping.at[:, :2].add(jnp.where(free, jnp.array([HAND_PUSH[1], HAND_ROLL[1]], kind), 0.0))
+        return torque, damping
+
+    def _hand(self, parameters: Parameters, worlds: State) -> Float[Array, "worlds 2"]:
+        stiffness, damping = np.array([HAND_PUSH, HAND_ROLL], dtype=worlds.qpos.dtype).T
+        force = stiffness * (worlds.hand - worlds.qpos[:, :2]) - damping * worlds.qvel[:, :2]
+        limit = jnp.stack([parameters.push_limit, jnp.full_like(parameters.push_limit, self.torque_limit)], axis=-1)
+        return jnp.clip(force, -limit, limit)
+
+    def lock_activation(self, parameters: Parameters, worlds: State) -> Array:
+        """How firmly each bending dof is held outside the patient, 0 to 1: (worlds, 2 joints)."""
+        position = self.start + worlds.qpos[:, :1] - parameters.scope.behind
+        held = jnp.clip(-position / LOCK_STRETCH, 0.0, 1.0) ** 4
+        return jnp.repeat(held, 2, axis=1)
+
+    def _scales(self, parameters: Parameters) -> Float[Array, "worlds dofs"]:
+        one = jnp.ones_like(parameters.bending)
+        choices = jnp.stack([one, parameters.bending, parameters.tip_bending, parameters.torsion], axis=-1)
+        return choices[:, self.scale]
+
+    def _speeds(self, where: links.Pose, points: Array, qvel: Array) -> Float[Array, "worlds points 3"]:
+        velocity = links.velocities(self.chain, where, qvel)[:, self.sample_body]
+        return velocity[..., 3:] + jnp.cross(velocity[..., :3], points)
+
+    def _samples(self, scope: Scope, where: links.Pose) -> Float[Array, "worlds points 3"]:
+        return links.points_on(where, self.sample_body, scope.sample_place)
+
+    def _tip(self, scope: Scope, where: links.Pose) -> Float[Array, "worlds 1 3"]:
+        return links.points_on(where, np.array([where.origin.shape[1] - 1]), scope.tip_place)
+
+    def _body_sums(self, per_sample: Array) -> Array:
+        """Sums over the spheres of each body."""
+        shape = (per_sample.shape[0], len(self.chain.last_dof), *per_sample.shape[2:])
+        return jnp.zeros(shape, per_sample.dtype).at[:, self.sample_body].add(per_sample)
+
+
+def _look(
+    tables: Tables, shift: AxisDisplacement | None, points: Array, arcs: Array
+) -> tuple[WallQuery, AttachmentPoints | None]:
+    """Look points up in one colon a world; and where they hold on to it, if it moves."""
+    return (
+        (touch(jnp, tables, points, arcs), None) if shift is None else moving_colon.touch(tables, shift, points, arcs)
+    )
+
+
+def sound_after(parameters: Parameters, before: State, after: State) -> Array:
+    """Which worlds are sound still: (worlds,)."""
+    speeds = jnp.isfinite(after.qvel).all(axis=1) & (jnp.abs(after.qvel).max(axis=1) < SPEED_LIMIT)
+    # Infinite speeds of the hand would pass: its force is limited.
+    hand = jnp.isfinite(after.hand).all(axis=1)
+    # A wall whose law is no number would not be there: nothing compares as pressing on it.
+    wall = jnp.isfinite(parameters.stiffness) & jnp.isfinite(parameters.damping_time)
+    return before.healthy & speeds & hand & wall
+
+
+def solve(matrix: Float[Array, "worlds dofs dofs"], right: Float[Array, "worlds dofs"]) -> Array:
+    """Solve symmetric positive definite systems."""
+    factor = jnp.linalg.cholesky(matrix)
+    forth = jax.lax.linalg.triangular_solve(factor, right[..., None], left_side=True, lower=True)
+    return jax.lax.linalg.triangular_solve(factor, forth, left_side=True, lower=True, transpose_a=True)[..., 0]
+
+
+def _scale_of(name: str, steerable: set[int]) -> int:
+    if "bend_" in name:
+        return 2 if int(name[-3:]) in steerable else 1
+    return 3 if "twist_" in name else 0

@@ -1,0 +1,221 @@
+"""Many scopes in many colons at once by MuJoCo Warp: MuJoCo's own dynamics and contacts, through MJX.
+
+It is the native batch (`haustra.envs.sim.scope_batch`) on a GPU: one plane a sphere, put before every step where the
+colon's table says that the wall is. Looking up, observing and driving are those of `JaxScopes`, whose chain in JAX
+this replaces by MuJoCo's. Without a GPU the same kernels run on the CPU, slowly: for tests.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+from mujoco import mjx
+
+from haustra.envs.sim import chain as links
+from haustra.envs.sim.device_arrays import tree_where
+from haustra.envs.sim.precision import precise
+from haustra.envs.sim.scope_batch import batch_model
+from haustra.envs.sim.scope_values import Array, Controls, Parameters, Scope, State
+from haustra.envs.sim.scope_worlds import JaxScopes, sound_after
+from haustra.errors import UnsupportedSceneError
+from haustra.models.devices.scope.wires import WIRE_NAMES
+from haustra.models.scene import Scene
+from haustra.models.wall.law import soft_contact
+from haustra.models.wall.lumen_table import Tables, pick, touch
+from haustra.models.wall.planes import SLIP_RELAXATION
+
+_PER_CONTACT = 3
+"""Constraint rows of a contact with friction."""
+
+
+@dataclass(frozen=True)
+class WarpScopes(JaxScopes):
+    """One kind of scope on MuJoCo Warp, for any number of worlds."""
+
+    host: mujoco.MjModel
+    """Compiled for the CPU, to make data of."""
+    model: Any
+    """The same for Warp, as MJX has it."""
+    inverse_inertia: np.ndarray
+    """(points,) of each sphere's link, as MuJoCo's contacts see it [1/kg]."""
+    locks: np.ndarray
+    """(2 joints,) actuators that hold what is outside."""
+    rows: int
+    """Constraint rows kept for each world: as many as there can be, so that none is ever lost."""
+
+    @classmethod
+    def of(cls, scene: Scene) -> "WarpScopes":
+        """Read a scene of wall law 'table'; its own colon does not matter.
+
+        Raises:
+            UnsupportedSceneError: when the scene has what this engine cannot honour.
+        """
+        if scene.options.mesentery:
+            raise UnsupportedSceneError("Colons that move on their mesentery need the engine 'jax': name it.")
+        chain = JaxScopes.of(scene)
+        host = _for_warp(batch_model(scene))
+        try:
+            # Room is kept for all that can happen; its solver's limits would be told on stdout at every step.
+            model = mjx.put_model(host, impl="warp").tree_replace({"opt._impl.warn_overflow": 0})
+        except (NotImplementedError, ValueError) as error:
+            raise UnsupportedSceneError(f"The engine 'warp' cannot honour this scope: {error}") from error
+        planes = [f"wall/plane_{index:04d}_0" for index in range(len(scene.samples))]
+        assert [host.pair(name).id for name in planes] == list(range(host.npair)), "one pair a sphere, in their order"
+        assert [host.body(name).mocapid[0] for name in planes] == list(range(host.nmocap)), "so are the planes"
+        spheres = [host.geom(f"wall/sphere_{index:04d}").id for index in range(len(scene.samples))]
+        return cls(
+            **vars(chain),
+            host=host,
+            model=model,
+            inverse_inertia=host.body_invweight0[host.geom_bodyid[spheres], 0],
+            locks=np.array([host.actuator(name).id for pair in scene.cable.locks for name in pair]),
+            rows=_PER_CONTACT * len(spheres) + int(host.jnt_limited.sum()),
+        )
+
+    def parameters(
+        self, scene: Scene, worlds: int, *, scope: Scope | None = None, kind: Any = jnp.float32, **changed: Any
+    ) -> Parameters:
+        """As of `JaxScopes`, but for one design only.
+
+        Raises:
+            InvalidOptionError: when a parameter is not known.
+            UnsupportedSceneError: when designs are given.
+        """
+        if scope is not None:
+            raise UnsupportedSceneError("Worlds of several designs need the engine 'jax': name it.")
+        return super().parameters(scene, worlds, kind=kind, **changed)
+
+    def begin(self, parameters: Parameters, tables: Tables) -> State:
+        """All scopes straight, their tips at the start depth."""
+        now = super().begin(parameters, tables)
+        return now._replace(warm=jnp.zeros_like(now.qvel))
+
+    def step(self, tables: Tables, parameters: Parameters, worlds: State, hands: Controls) -> State:
+        """One time step of all worlds."""
+        return self.steps(tables, parameters, worlds, hands, 1)
+
+    @precise
+    def steps(self, tables: Tables, parameters: Parameters, worlds: State, hands: Controls, count: Any) -> State:
+        """Several time steps under the same inputs."""
+        model, axes = self._model_of(parameters)
+        own_tables = pick(tables, parameters.colon)
+        step = jax.vmap(mjx.step, in_axes=(axes, 0))
+
+        def one(_: Any, now: tuple[State, Any]) -> tuple[State, Any]:
+            return self._step(own_tables, parameters, *now, hands, lambda data: step(model, data))
+
+        return jax.lax.fori_loop(0, count, one, (worlds, self._data(len(worlds.time))))[0]
+
+    def _step(
+        self, tables: Tables, parameters: Parameters, worlds: State, data: Any, hands: Controls, step: Any
+    ) -> tuple[State, Any]:
+        scope, h = parameters.scope, self.timestep
+        where = links.pose(self.chain, scope.links, worlds.qpos)
+        points = self._samples(scope, where)
+        found = touch(jnp, tables, jnp.concatenate([points, self._tip(scope, where)], axis=1), worlds.arcs)
+        depth, inwards = found.depth[:, :-1], found.inwards[:, :-1]
+        done = step(
+            data.replace(
+                qpos=worlds.qpos,
+                qvel=worlds.qvel,
+                act=worlds.hand,
+                qacc_warmstart=worlds.warm,
+                ctrl=self._controls(parameters, worlds, hands),
+                mocap_pos=points - (scope.radius[:, None] - depth)[..., None] * inwards,
+                mocap_quat=_turn_to(inwards),
+            )
+        )
+        along = jnp.einsum("wpi,wpi->wp", inwards, self._speeds(where, points, done.qvel))
+        stiffness = parameters.stiffness[:, None]
+        damper = stiffness * (parameters.damping_time[:, None] + h)
+        after = worlds._replace(
+            qpos=done.qpos,
+            qvel=done.qvel,
+            hand=done.act,
+            arcs=found.arcs,
+            normal=jnp.where(depth > 0, jnp.maximum(stiffness * depth - damper * along, 0.0), 0.0),
+            warm=done.qacc_warmstart,
+            time=worlds.time + h,
+        )
+        # MuJoCo takes what is no number for no pull.
+        sound = sound_after(parameters, worlds, after) & jnp.isfinite(hands.pulls).all(axis=1)
+        return tree_where(sound, after, worlds)._replace(healthy=sound), done
+
+    def _model_of(self, parameters: Parameters) -> tuple[Any, Any]:
+        """The model with each world's own numbers, and which of its arrays have one entry a world."""
+        model, inverse = self.model, jnp.asarray(self.inverse_inertia, jnp.float32)
+        stiffness, h = parameters.stiffness[:, None], self.timestep
+        damper = stiffness * (parameters.damping_time[:, None] + h)
+        *solref, impedance = soft_contact(inverse, stiffness, damper, timestep=h)
+        sliding = jnp.stack([jnp.zeros_like(impedance), SLIP_RELAXATION * solref[1]], axis=-1)
+        scales = self._scales(parameters)
+        limits = jnp.broadcast_to(model.actuator_forcerange, (len(stiffness), *model.actuator_forcerange.shape))
+        push = self.host.actuator("scope/push").id
+        limit = jnp.stack([-parameters.push_limit, parameters.push_limit], axis=-1)
+        own = {
+            "pair_friction": _with(model.pair_friction, parameters.friction[:, None, None], 2),
+            "pair_solref": jnp.stack(solref, axis=-1),
+            "pair_solreffriction": sliding,
+            "pair_solimp": _with(model.pair_solimp, impedance[..., None], 2),
+            "jnt_stiffness": scales * model.jnt_stiffness,
+            "dof_damping": scales * model.dof_damping,
+            "dof_armature": scales * model.dof_armature,
+            "actuator_forcerange": limits.at[:, push].set(limit),
+        }
+        axes = jax.tree.map(lambda _: None, model)
+        return model.replace(**own), axes.replace(**dict.fromkeys(own, 0))
+
+    def _controls(self, parameters: Parameters, worlds: State, hands: Controls) -> Array:
+        """Hand, wires, and how firmly what is outside is held."""
+        host, kind = self.host, worlds.qpos.dtype
+        control = jnp.zeros((len(worlds.time), host.nu), kind)
+        named = {"scope/push": hands.push_rate, "scope/roll": hands.roll_rate}
+        named |= {f"scope/pull_{name}": hands.pulls[:, wire] for wire, name in enumerate(WIRE_NAMES)}
+        columns = np.array([host.actuator(name).id for name in named])
+        control = control.at[:, columns].set(jnp.stack(list(named.values()), axis=-1).astype(kind))
+        return control.at[:, self.locks].set(self.lock_activation(parameters, worlds))
+
+    def _data(self, worlds: int) -> Any:
+        """What MuJoCo Warp works in. Its arrays are filled on the device: as constants they would be compiled in."""
+        with jax.ensure_compile_time_eval():
+            spheres = len(self.inverse_inertia)
+            one = mjx.make_data(self.host, impl="warp", naconmax=worlds * spheres, njmax=self.rows)
+        one = jax.tree.map(_filled, one)
+        return jax.vmap(lambda _: one)(jnp.arange(worlds))
+
+
+def _for_warp(model: mujoco.MjModel) -> mujoco.MjModel:
+    """With a solver that Warp has, and without a flag that it does not know: it never resets what diverges.
+
+    Dense Jacobians, which scenes ask for, it takes up to 60 dofs only: it is to choose.
+    """
+    model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_AUTO
+    model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    return model
+
+
+def _with(shared: Array, values: Array, count: int) -> Array:
+    """One row a world of an array that they share, its first `count` columns given."""
+    rows = jnp.broadcast_to(shared, (len(values), *shared.shape))
+    return rows.at[..., :count].set(values)
+
+
+def _filled(part: Any) -> Any:
+    """An array whose entries are all the same as one that is filled when it is needed."""
+    if not isinstance(part, jax.Array) or part.size < 2:
+        return part
+    values = np.asarray(part)
+    first = values.flat[0]
+    return jnp.full(values.shape, first, values.dtype) if (values == first).all() else part
+
+
+def _turn_to(normals: Array) -> Array:
+    """Quaternions (..., 4) of the shortest turn from z to each unit normal (..., 3)."""
+    x, y, z = normals[..., 0], normals[..., 1], normals[..., 2]
+    opposite = z < -1 + 1e-6
+    turn = jnp.stack([1 + z, jnp.where(opposite, 1.0, -y), jnp.where(opposite, 0.0, x), jnp.zeros_like(x)], axis=-1)
+    return turn / jnp.linalg.norm(turn, axis=-1, keepdims=True)

@@ -1,0 +1,120 @@
+"""The questions that a study may ask, and the engines that answer them."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TypeAlias
+
+from haustra.envs.study.study import Column, Job, Result, Study, Value
+from haustra.errors import HaustraError, InvalidOptionError, InvalidStudyError, MissingDependencyError
+
+Runner: TypeAlias = Callable[[Sequence[Job]], Iterable[Result]]
+"""Answers some jobs at once, each exactly once, in any order and as soon as each is known."""
+
+
+@dataclass(frozen=True)
+class Engine:
+    """A way to answer a question."""
+
+    start: Callable[[Study, Path], Runner]
+    """Called once in each process that computes: the study, and the folder for what jobs share."""
+    batch: int = 1
+    """Jobs that one call of the runner likes best."""
+    most_workers: int | None = None
+    """More processes than this would be in each other's way."""
+    prepare: Callable[[Study, Path, Callable[[str], None]], None] = lambda study, folder, tell: None
+    """Called once before any job, to put what jobs share into the folder; tells what it does."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """What can be asked of a design."""
+
+    scores: tuple[Column, ...]
+    """What a finished job's row holds."""
+    conditions: Mapping[str, Column]
+    """What a design is tried under, by the name in a study's file."""
+    options: Mapping[str, Value]
+    """Options and their defaults."""
+    check: Callable[[Study, Mapping[str, float], Mapping[str, Value]], object]
+    """Builds the design for values of the variables and conditions, without running it; raises when it is impossible
+    or when a path or an option is not known."""
+
+
+_QUESTIONS = {
+    "propulsion": "haustra.envs.study.propulsion:QUESTION",
+    "scope": "haustra.envs.study.scope:QUESTION",
+}
+_ENGINES = {
+    ("propulsion", "native"): "haustra.envs.study.propulsion:NATIVE",
+    ("propulsion", "warp"): "haustra.envs.study.propulsion_worlds:WORLDS",
+    ("scope", "native"): "haustra.envs.study.scope:NATIVE",
+    ("scope", "jax"): "haustra.envs.study.scope_worlds:WORLDS",
+}
+"""Where an engine for a question is found; loaded when it is asked for."""
+
+_EXTRAS = {"jax": "mjx", "warp": "warp"}
+"""Extras that engines need."""
+
+QUESTIONS = tuple(_QUESTIONS)
+
+
+def find_question(name: str) -> Question:
+    """The question of that name.
+
+    Raises:
+        InvalidStudyError: when there is none.
+    """
+    if name not in _QUESTIONS:
+        raise InvalidStudyError(f"Question '{name}' is not known. Known: {', '.join(_QUESTIONS)}.")
+    return _load(_QUESTIONS[name])
+
+
+def find_engine(question: str, name: str) -> Engine:
+    """The engine of that name for a question.
+
+    Raises:
+        InvalidOptionError: when it has none of that name.
+        MissingDependencyError: when what it computes with is not installed.
+    """
+    known = [engine for asked, engine in _ENGINES if asked == question]
+    if name not in known:
+        raise InvalidOptionError(f"Engine '{name}' does not answer '{question}'. Known: {', '.join(known)}.")
+    try:
+        return _load(_ENGINES[question, name])
+    except ModuleNotFoundError as error:
+        extra = _EXTRAS.get(name, "sweep")
+        raise MissingDependencyError(
+            f"The engine '{name}' needs {error.name}: pip install 'haustra[{extra}]'."
+        ) from error
+
+
+def one_by_one(answer: Callable[[Job], Result]) -> Runner:
+    """A runner that answers one job after the other; one that cannot be answered fails with its reason."""
+
+    def run(jobs: Sequence[Job]) -> Iterable[Result]:
+        for job in jobs:
+            yield _answered(answer, job)
+
+    return run
+
+
+def _answered(answer: Callable[[Job], Result], job: Job) -> Result:
+    try:
+        return answer(job)
+    except HaustraError as error:
+        return Result(job.id, "failed", reason=_line(error))
+    except MemoryError:
+        raise
+    except Exception as error:  # one design must not end the sweep, whatever is wrong with it
+        return Result(job.id, "failed", reason=f"{type(error).__name__}: {_line(error)}")
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())[:500]
+
+
+def _load(place: str):
+    module, _, name = place.partition(":")
+    return getattr(import_module(module), name)

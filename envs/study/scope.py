@@ -1,0 +1,241 @@
+"""How far a scope gets in a colon and what that takes, as a question for studies."""
+
+import os
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from haustra.envs.control.follower import FollowerSettings
+from haustra.envs.runs.insertion import Insertion, Trajectory, run_insertion
+from haustra.envs.runs.measure.scores import score
+from haustra.envs.runs.outcome import Outcome
+from haustra.envs.sim.growing import growing
+from haustra.envs.study.paths import with_values
+from haustra.envs.study.questions import Engine, Question, Runner, one_by_one
+from haustra.envs.study.study import Column, Job, Result, Study, Value
+from haustra.errors import InvalidOptionError, InvalidStudyError, UnsupportedSceneError
+from haustra.models.anatomy.colon import Colon
+from haustra.models.anatomy.grown import grow_colon
+from haustra.models.anatomy.store import METADATA, load_colon, save_colon
+from haustra.models.devices.scope.design import ScopeDesign
+from haustra.models.devices.scope.files import find_design
+from haustra.models.presets import find_preset
+from haustra.models.scene import Scene, SceneOptions, build_scene
+from haustra.models.wall.pieces.build import Method
+from haustra.models.wall.pieces.folder import wall_folder, wall_of
+from haustra.models.wall.pieces.store import load_wall
+from haustra.models.wall.pieces.wall import Wall
+from haustra.provenance import Provenance
+
+COLONS = "colons"
+"""Folder of a sweep's grown colons and their walls."""
+CURVE_POINTS = 80
+"""Moments of a run at which its curves are given."""
+
+_MEASURED = {
+    "insertion_m": ("m", "scope past the anus at the end"),
+    "push_force_peak_N": ("N", "largest push of the hand"),
+    "torque_peak_Nm": ("N m", "largest torque of the hand"),
+    "wall_force_peak_N": ("N", "largest resultant wall force on one link, at 50 Hz"),
+    "wall_force_mean_N": ("N", "its mean over the run"),
+    "scope_energy_peak_J": ("J", "largest energy stored in bending the scope"),
+    "wall_energy_peak_J": ("J", "largest energy stored in pressing the wall"),
+    "loop_excess_peak_m": ("m", "most scope inside beyond the colon passed"),
+    "loop_writhe_peak_turns": ("turns", "how much the scope coiled at most"),
+    "pull_back_shortening_m": ("m", "most scope that was pulled back while the tip stayed"),
+    "steering_gap_mean_deg": ("°", "how far the tip's bend was from that steered for, mean"),
+    "outside_max_mm": ("mm", "how far the scope stood outside the lumen at rest; negative inside"),
+    "simulated_s": ("s", "time that was simulated"),
+    "tip_segment_max": ("text", "segment of the colon that the tip came to"),
+}
+"""Taken from `haustra.envs.runs.measure.scores.score` as they are: unit, meaning."""
+
+SCORES = (
+    Column("outcome", "text", "why the run ended: reached_caecum, stuck, time_up, fully_inserted or escaped"),
+    Column("reach", "1", "how far the tip came, as a share of the colon's length"),
+    Column("tip_arc_max_m", "m", "the same as a length along the colon"),
+    Column("push_force_mean_N", "N", "mean size of the hand's push"),
+    Column("looping_s", "s", "how long any loop that has a name was there"),
+    Column("escaped", "1", "1 where the scope broke through the wall, which ends the run"),
+    *(Column(name, *about) for name, about in _MEASURED.items()),
+)
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A scope, the scene's options and its driver, after the variables were applied."""
+
+    design: ScopeDesign
+    options: SceneOptions
+    driver: FollowerSettings
+
+
+def build_setup(study: Study, variables: Mapping[str, float], conditions: Mapping[str, Value]) -> Setup:
+    """The design with the variables applied, and how it is simulated.
+
+    Paths: `design.*` are fields of `ScopeDesign` (`design.shaft.*.flexural_rigidity`: every section of the shaft);
+    `scaled.diameter` sets the diameter and takes the wires' radius along, and mass with its square; `scene.*` are
+    fields of `SceneOptions`, `driver.*` of `FollowerSettings`; `condition.friction` replaces the condition.
+
+    Raises:
+        InvalidDesignError: when the design is impossible.
+        InvalidOptionError: when an option or a condition cannot be honoured.
+        InvalidStudyError: when a path is not known.
+    """
+    paths = {variable.name: variable.path for variable in study.variables}
+    changes = {**study.changes, **{paths[name]: value for name, value in variables.items()}}
+    rooms: dict[str, dict[str, float]] = {"design": {}, "scene": {}, "driver": {}}
+    diameter, friction = None, float(conditions["friction"])
+    for path, value in changes.items():
+        room, _, rest = path.partition(".")
+        if room in rooms and rest:
+            rooms[room][rest] = value
+        elif path == "scaled.diameter":
+            diameter = value
+        elif path == "condition.friction":
+            friction = value
+        else:
+            raise InvalidStudyError(
+                f"'{path}' is not known. Known: design.<field>, scaled.diameter, scene.<field>, driver.<field>, "
+                "condition.friction"
+            )
+    _require_colon(str(conditions["colon"]))
+    if not 0 < float(study.options["seconds"]) <= 3600:
+        raise InvalidStudyError(f"options.seconds is {study.options['seconds']}: give a time up to 3600 s")
+    if study.options["wall"] not in ("prism", "coacd"):
+        raise InvalidStudyError(f"options.wall is '{study.options['wall']}'. Known: prism, coacd")
+    options = find_preset(str(study.options["preset"])).apply(SceneOptions(friction=friction))
+    if (timestep := float(study.options["timestep"])) != SceneOptions.timestep:
+        options = replace(options, timestep=timestep)
+    moves = bool(study.options["mesentery"])
+    if moves:
+        options = replace(options, wall_law="table", mesentery=True)
+    usual = FollowerSettings(straighten=moves)
+    design = find_design("adult" if study.base == "default" else study.base)
+    if diameter is not None:
+        design = _with_diameter(design, diameter)
+    return Setup(
+        design=with_values(design, rooms["design"]) if rooms["design"] else design,
+        options=with_values(options, rooms["scene"]) if rooms["scene"] else options,
+        driver=with_values(usual, rooms["driver"]) if rooms["driver"] else usual,
+    )
+
+
+def _with_diameter(design: ScopeDesign, diameter: float) -> ScopeDesign:
+    ratio = diameter / design.diameter
+    return replace(
+        design,
+        diameter=diameter,
+        mass_per_length=design.mass_per_length * ratio**2,
+        wires=replace(design.wires, routing_radius=design.wires.routing_radius * ratio),
+    )
+
+
+def answer(study: Study, folder: Path, job: Job) -> Result:
+    """Drive one scope into one colon."""
+    setup = build_setup(study, job.variables, job.conditions)
+    colon, wall = _colon_and_wall(folder, str(job.conditions["colon"]), str(study.options["wall"]))
+    seconds = float(study.options["seconds"])
+    deepest = setup.options.start_depth + setup.driver.advance_rate * seconds
+    scene = build_scene(colon, wall, setup.design, setup.options, show_lumen=False, deepest=deepest)
+    run = run_insertion(scene, seconds=seconds, settings=setup.driver, engine=growing(wall, deepest=deepest))
+    if run.outcome is Outcome.DIVERGED:
+        return Result(job.id, "diverged", reason=run.outcome.advice)
+    return Result(job.id, "finished", scores=_scores(scene, run), curves=_curves(run.trajectory))
+
+
+def _scores(scene: Scene, run: Insertion) -> dict[str, Value | None]:
+    found = score(scene, run, Provenance(inputs={}, configuration={}))
+    furthest, length = (cast(float, found[name]) for name in ("tip_arc_max_m", "colon_length_m"))
+    loops = [cast(float, value) for name, value in found.items() if name.startswith("loop_") and name.endswith("_s")]
+    return {
+        "outcome": run.outcome.value,
+        "reach": furthest / length,
+        "tip_arc_max_m": furthest,
+        "push_force_mean_N": float(np.abs(run.trajectory.push_force).mean()),
+        "looping_s": float(sum(loops)),
+        "escaped": float(run.outcome is Outcome.ESCAPED),
+        **{name: cast(Value, found[name]) for name in _MEASURED},
+    }
+
+
+def _curves(recorded: Trajectory) -> dict[str, list[float]]:
+    kept = np.unique(np.linspace(0, len(recorded.time) - 1, CURVE_POINTS).astype(int))
+    arrays = {
+        "time_s": recorded.time,
+        "tip_arc_m": recorded.tip_arc,
+        "insertion_m": recorded.insertion,
+        "push_force_N": recorded.push_force,
+        "wall_force_N": recorded.wall_force,
+    }
+    return {name: [float(value) for value in np.round(array[kept], 6)] for name, array in arrays.items()}
+
+
+def _require_colon(name: str) -> None:
+    seed = name.removeprefix("grown-")
+    if seed != name and not seed.isdigit():
+        raise InvalidOptionError(f"Colon '{name}' is not known: give grown-0, grown-1, … or a colon's folder.")
+
+
+def _colon_folder(folder: Path, name: str) -> Path:
+    return folder / COLONS / name if name.startswith("grown-") else Path(name)
+
+
+@lru_cache(maxsize=4)
+def _colon_and_wall(folder: Path, name: str, method: Method) -> tuple[Colon, Wall]:
+    place = _colon_folder(folder, name)
+    return load_colon(place), load_wall(wall_folder(place, method))
+
+
+def prepare(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
+    """Grow the study's colons and build the walls that are missing; a grown colon appears at once with its wall.
+
+    Raises:
+        HaustraError: when a colon cannot be grown or read, or has no wall.
+        UnsupportedSceneError: when the colons are to move.
+    """
+    if study.options["mesentery"]:
+        raise UnsupportedSceneError(
+            "Colons that move on their mesentery (options.mesentery) need the engine 'jax': name it."
+        )
+    method = cast(Method, study.options["wall"])
+    for name in map(str, study.conditions["colon"]):
+        place = _colon_folder(folder, name)
+        if name.startswith("grown-") and not (place / METADATA).is_file():
+            tell(f"growing {name}")
+            half = place.with_name(f".{name}.{os.getpid()}")
+            colon = grow_colon(seed=int(name.removeprefix("grown-")))
+            save_colon(colon, half)
+            wall_of(half, colon, method)
+            shutil.rmtree(place, ignore_errors=True)
+            half.rename(place)
+        elif not name.startswith("grown-"):
+            tell(f"wall of {place.name}")
+            wall_of(place, load_colon(place), method)
+
+
+def _start(study: Study, folder: Path) -> Runner:
+    return one_by_one(lambda job: answer(study, folder, job))
+
+
+QUESTION = Question(
+    scores=SCORES,
+    conditions={
+        "colon": Column("colon", "text", "grown-<seed>, or the folder of a colon"),
+        "friction": Column("friction", "1", "Coulomb's coefficient between scope and wall"),
+    },
+    options={
+        "seconds": 30.0,
+        "wall": "prism",
+        "timestep": SceneOptions.timestep,
+        "preset": "balanced",
+        "mesentery": False,
+    },
+    check=build_setup,
+)
+NATIVE = Engine(start=_start, prepare=prepare)

@@ -1,0 +1,121 @@
+"""Many scopes at once as one Gymnasium vector environment, on the threads of one process."""
+
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from haustra.envs.tasks.bank import ColonSet
+from haustra.envs.tasks.config import TaskConfig
+from haustra.envs.tasks.navigation import action_space, configured, observation_space
+from haustra.envs.tasks.scope_task import ScopeTask
+from haustra.errors import InvalidOptionError
+
+
+class NavigationVectorEnv(VectorEnv):
+    """Worlds that are stepped together.
+
+    By default an episode that is over begins anew at the next step, which ignores its action
+    (`AutoresetMode.NEXT_STEP`). With `SAME_STEP` it begins anew at once, and `info` holds `final_obs` and `final_info`.
+    With `DISABLED` the caller resets, by `reset(options={"reset_mask": mask})`.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        config: TaskConfig | dict[str, Any] | None = None,
+        *,
+        bank: ColonSet | None = None,
+        threads: int = 2,
+        engine: str = "native",
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        render_mode: str | None = None,
+        **options: Any,
+    ) -> None:
+        """Build the bank, or take one; `engine` is 'native' (MuJoCo on threads), 'jax' or 'warp' (on a GPU).
+
+        Raises:
+            InvalidOptionError: when there is nothing to step, or an option is not known.
+        """
+        if num_envs < 1:
+            raise InvalidOptionError(f"num_envs is {num_envs}; give at least 1.")
+        if render_mode not in (None, "rgb_array"):
+            raise InvalidOptionError(f"Render mode '{render_mode}' is not known. Known: rgb_array.")
+        self.config = configured(config, options)
+        self.num_envs, self.render_mode = num_envs, render_mode
+        self.metadata = self.metadata | {"autoreset_mode": AutoresetMode(autoreset_mode)}
+        self.task = ScopeTask(self.config, worlds=num_envs, threads=threads, engine=engine, bank=bank)
+        self.single_observation_space = observation_space(self.config)
+        self.single_action_space = action_space()
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._over = np.zeros(num_envs, bool)
+        self._began = False
+
+    def reset(
+        self, *, seed: int | list[int] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin anew: all worlds, or those of `options["reset_mask"]`. World i is seeded with `seed` + i."""
+        mask = (options or {}).get("reset_mask")
+        worlds = np.arange(self.num_envs) if mask is None else np.flatnonzero(mask)
+        super().reset(seed=seed if isinstance(seed, int) else None)
+        if seed is None and not self._began:
+            seed = int(self.np_random.integers(2**31))
+        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
+        chosen = None if seeds is None else [seeds[world] for world in worlds]
+        seen = self.task.reset(worlds, chosen)
+        self._over[worlds], self._began = False, True
+        return self._shown(seen), _info({"case": self.task.case.copy(), "friction": self.task.friction.copy()})
+
+    def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """One action in each world."""
+        mode, begins = self.metadata["autoreset_mode"], self._over.copy()
+        if mode is AutoresetMode.DISABLED and begins.any():
+            raise InvalidOptionError("Episodes are over and autoreset is disabled: reset them with a reset_mask.")
+        done = self.task.step(np.asarray(actions))
+        reward, ended, late = done.reward.copy(), done.terminated.copy(), done.truncated.copy()
+        seen, info = done.observation, _info(done.info)
+        if mode is AutoresetMode.NEXT_STEP and begins.any():
+            seen = self.task.reset(np.flatnonzero(begins))
+            reward[begins], ended[begins], late[begins] = 0.0, False, False
+            for name in done.info:
+                info[f"_{name}"] = info[f"_{name}"] & ~begins
+        over = ended | late
+        if mode is AutoresetMode.SAME_STEP and over.any():
+            info = _info({}) | self._final(seen, info, over)
+            seen = self.task.reset(np.flatnonzero(over))
+            over = np.zeros_like(over)
+        self._over = over
+        return self._shown(seen), reward, ended, late, info
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """The view of every tip."""
+        return tuple(self.task.render(world, 240) for world in range(self.num_envs)) if self.render_mode else None
+
+    def close_extras(self, **_: Any) -> None:
+        """End the threads."""
+        self.task.close()
+
+    def _final(self, seen: Any, info: dict[str, Any], over: np.ndarray) -> dict[str, Any]:
+        shown = self._shown(seen)
+        final = np.full(self.num_envs, None, object)
+        for world in np.flatnonzero(over):
+            final[world] = {k: v[world] for k, v in shown.items()} if isinstance(shown, dict) else shown[world]
+        last = {name: values for name, values in info.items() if not name.startswith("_")}
+        masked = last | {f"_{name}": over.copy() for name in last}
+        return info | {"final_obs": final, "_final_obs": over.copy(), "final_info": masked, "_final_info": over.copy()}
+
+    def _shown(self, seen: Any) -> Any:
+        return (
+            {name: seen[name] for name in self.task.parts}
+            if self.config.observation == "dict"
+            else next(iter(seen.values()))
+        )
+
+
+def _info(arrays: dict[str, np.ndarray]) -> dict[str, Any]:
+    """As vector environments give it: an array a key, and which worlds it holds for."""
+    return {k: v for name, array in arrays.items() for k, v in ((name, array), (f"_{name}", np.ones(len(array), bool)))}

@@ -1,0 +1,122 @@
+"""The report of one run, from what its folder holds."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+from jaxtyping import Float
+
+from haustra.envs.view.report.page import write_report
+from haustra.envs.view.report.sections import Chart, Gallery, Highlights, Picture, Section, Warnings
+from haustra.envs.view.report.values import flat, name_and_unit, provenance_table, score_table, shown
+from haustra.errors import UnreadableFileError
+
+_HIGHLIGHTS = {
+    "outcome": "Outcome",
+    "tip_segment": "Tip is in",
+    "tip_arc_m": "Tip along the colon",
+    "insertion_m": "Scope inserted",
+    "loops_at_end": "Loops at the end",
+    "push_force_peak_N": "Largest push",
+    "wall_force_peak_N": "Largest wall force",
+}
+_PANELS = {
+    "force [N]": {"hand, push": "push_force", "wall, hardest pressed link": "wall_force"},
+    "torque [N m]": {"hand, torque": "torque"},
+    "bend of the tip [rad]": {
+        "up, asked for": "asked_up",
+        "up": "bend_up",
+        "left, asked for": "asked_left",
+        "left": "bend_left",
+    },
+    "length [m]": {"scope inserted": "insertion", "tip along the colon": "tip_arc"},
+}
+"""Axis label, and for each curve its name and the array of trajectory.npz that holds it."""
+_PICTURES = {
+    "outside": (
+        "From outside",
+        "The colon is drawn translucent. White marks on the scope are 10 cm apart, from the tip.",
+    ),
+    "tip": ("From the tip", "What the tip camera sees at the end of the run."),
+    "scene": ("As MuJoCo sees it", "The compiled scene, drawn by MuJoCo's own renderer."),
+}
+
+
+def report_run(folder: Path) -> Path:
+    """Write `report.html` into a run's folder, from its scores.json, trajectory.npz and pictures.
+
+    Returns:
+        The report's path.
+
+    Raises:
+        UnreadableFileError: when the folder holds no finished run.
+        OutputError: when the report cannot be written.
+    """
+    scores = _read_scores(folder / "scores.json")
+    sections: list[Section] = [Highlights(_highlights(scores))]
+    sections.append(Warnings([str(message) for message in scores.get("warnings", ())]))
+    if pictures := _pictures(folder):
+        sections.append(Gallery("The end of the run", pictures))
+    if chart := _chart(folder / "trajectory.npz"):
+        sections.append(chart)
+    sections.append(score_table(scores, leave_out=("provenance", "warnings")))
+    sections.append(provenance_table(scores.get("provenance", {})))
+    return write_report(
+        folder, title="A colonoscope's way through a colon", subtitle=_subtitle(scores), sections=sections
+    )
+
+
+def _read_scores(path: Path) -> dict:
+    try:
+        scores = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not JSON"
+        raise UnreadableFileError(f"Cannot read '{path}': {reason}. Name a folder that `haustra run` wrote.") from error
+    if not isinstance(scores, dict):
+        raise UnreadableFileError(f"'{path}' holds no scores. Name a folder that `haustra run` wrote.")
+    return scores
+
+
+def _subtitle(scores: Mapping[str, object]) -> str:
+    """Name of the colon and of the design, as far as the provenance tells them."""
+    named = dict(flat(provenance)) if isinstance(provenance := scores.get("provenance"), Mapping) else {}
+    wanted = ("inputs · colon_name", "configuration · design · name")
+    return " · ".join(str(named[key]) for key in wanted if key in named)
+
+
+def _highlights(scores: Mapping[str, object]) -> dict[str, str]:
+    return {
+        label: f"{shown(scores[key])} {name_and_unit(key)[1]}".strip().replace("_", " ")
+        for key, label in _HIGHLIGHTS.items()
+        if key in scores
+    }
+
+
+def _pictures(folder: Path) -> list[Picture]:
+    found = [(name, folder / f"{name}.png") for name in _PICTURES]
+    return [Picture(_PICTURES[name][0], path, _PICTURES[name][1]) for name, path in found if path.is_file()]
+
+
+def _chart(path: Path) -> Chart | None:
+    if not path.is_file():
+        return None
+    try:
+        # numpy leaves a file open that it cannot read to the end, unless it was opened here.
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+            wanted = {"time", *(key for curves in _PANELS.values() for key in curves.values())}
+            recorded = {key: arrays[key] for key in wanted & set(arrays.files)}
+    except (OSError, ValueError, BadZipFile) as error:
+        raise UnreadableFileError(f"Cannot read '{path}': {error}. Run `haustra run` again.") from error
+    if len(recorded.get("time", ())) < 2:
+        return None
+    return Chart("Over time", "time [s]", recorded["time"], _panels(recorded))
+
+
+def _panels(recorded: Mapping[str, Float[np.ndarray, " samples"]]) -> dict[str, dict[str, np.ndarray]]:
+    panels = {
+        label: {name: recorded[key] for name, key in curves.items() if key in recorded}
+        for label, curves in _PANELS.items()
+    }
+    return {label: curves for label, curves in panels.items() if curves}

@@ -1,0 +1,71 @@
+"""A run on disk: scores, trajectory, scene, pictures and report."""
+
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from haustra.envs.runs.insertion import Insertion
+from haustra.envs.runs.measure.scores import score
+from haustra.envs.view.picture.camera import looking
+from haustra.envs.view.picture.image import write_png
+from haustra.envs.view.picture.outside import default_rotation, outside_view
+from haustra.envs.view.picture.plots import time_figure
+from haustra.envs.view.picture.tip import tip_view
+from haustra.envs.view.report.run_report import report_run
+from haustra.files import prepare_folder, write_atomically, write_json
+from haustra.models.anatomy.store import colon_hash
+from haustra.models.presets import preset_of
+from haustra.models.scene import Scene
+from haustra.models.wall.pieces.wall import Wall
+from haustra.provenance import Provenance
+
+
+def write_run(folder: Path, *, scene: Scene, wall: Wall | None, run: Insertion, seconds: float) -> dict[str, object]:
+    """Write a finished run into `folder` and return its scores; `wall` is None where the scene has no pieces.
+
+    Files: scores.json, trajectory.npz, scene.xml, outside.png, tip.png, forces.png, report.html.
+
+    Raises:
+        OutputError: when the folder cannot be written to.
+    """
+    prepare_folder(folder)
+    provenance = Provenance(
+        inputs={"colon": colon_hash(scene.colon), "colon_name": scene.colon.name},
+        configuration={
+            **scene.configuration(),
+            "preset": preset_of(scene.options),
+            "wall": wall.method if wall else None,
+            "driver": asdict(run.settings),
+            "seconds": seconds,
+            "shaft_added_s": list(run.shaft_added),
+        },
+    )
+    scores = score(scene, run, provenance)
+    arrays = {**asdict(run.trajectory), "shape": run.shape, "tip_frame": run.tip_frame}
+    write_atomically(folder / "trajectory.npz", lambda path: np.savez_compressed(path, allow_pickle=False, **arrays))
+    scene.save(folder / "scene.xml")
+    _draw(folder, scene, run)
+    write_json(folder / "scores.json", scores)
+    report_run(folder)
+    return scores
+
+
+def _draw(folder: Path, scene: Scene, run: Insertion) -> None:
+    lumen, frame, seen = run.colon.lumen, run.tip_frame, run.trajectory
+    outside = outside_view(
+        lumen,
+        run.shape,
+        scene.cable.radius,
+        bending_length=scene.design.bending.length,
+        rotation=default_rotation(lumen, run.colon.centreline.points),
+    )
+    write_png(folder / "outside.png", outside)
+    # A camera looks along its own -z, with up along y.
+    write_png(folder / "tip.png", tip_view(lumen, run.shape[-1], looking(frame[:, 2], frame[:, 0])))
+    curves = {
+        "force [N]": {"hand": seen.push_force, "wall, hardest pressed link": seen.wall_force},
+        "torque [N m]": {"hand": seen.torque},
+        "length [m]": {"scope inserted": seen.insertion, "tip along the colon": seen.tip_arc},
+    }
+    time_figure(folder / "forces.png", seen.time, curves)

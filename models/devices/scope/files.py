@@ -1,0 +1,111 @@
+"""Scope designs as TOML files: tables and keys are the fields of `ScopeDesign`, lengths in metres."""
+
+import tomllib
+import types
+import typing
+from dataclasses import MISSING, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+from haustra.errors import InvalidDesignError, UnreadableFileError
+from haustra.files import write_atomically
+from haustra.models.devices.scope.design import ScopeDesign
+from haustra.models.devices.scope.library import DESIGN_NAMES, named_design
+
+
+def find_design(name: str) -> ScopeDesign:
+    """A shipped design by its name, or one from a file whose name ends in .toml.
+
+    Raises:
+        InvalidDesignError: when there is no such design, or the file's values are impossible.
+        UnreadableFileError: when the file cannot be read.
+    """
+    if name.endswith(".toml"):
+        return load_design(Path(name))
+    if name not in DESIGN_NAMES:
+        raise InvalidDesignError(
+            f"Design '{name}' is not known. Known: {', '.join(DESIGN_NAMES)}; or name a file that ends in .toml."
+        )
+    return named_design(name)
+
+
+def load_design(path: Path) -> ScopeDesign:
+    """Read a design from a TOML file.
+
+    Raises:
+        UnreadableFileError: when the file is missing or not TOML.
+        InvalidDesignError: when a key is unknown or missing, a value is of the wrong kind, or parts do not fit.
+    """
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise UnreadableFileError(f"Cannot read the design '{path}': {error}.") from error
+    return _read(ScopeDesign, table, path.name)
+
+
+def save_design(design: ScopeDesign, path: Path) -> Path:
+    """Write a design as TOML; `load_design` gives it back.
+
+    Raises:
+        OutputError: when the file cannot be written.
+    """
+    text = design_text(design)
+    return write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+
+
+def design_text(design: ScopeDesign) -> str:
+    """The design as TOML text."""
+    tables: list[str] = []
+    lines = _lines(design)
+    for entry in fields(design):
+        value = getattr(design, entry.name)
+        parts = value if isinstance(value, tuple) else (value,)
+        for part in parts:
+            if is_dataclass(part):
+                head = f"[[{entry.name}]]" if isinstance(value, tuple) else f"[{entry.name}]"
+                tables.append("\n".join([head, *_lines(part)]))
+    return "\n\n".join(["\n".join(lines), *tables]) + "\n"
+
+
+def _lines(part: Any) -> list[str]:
+    lines = []
+    for entry in fields(part):
+        value = getattr(part, entry.name)
+        if isinstance(value, str):
+            escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+            lines.append(f'{entry.name} = "{escaped}"')
+        elif isinstance(value, int | float):
+            lines.append(f"{entry.name} = {value!r}")
+    return lines
+
+
+def _read(kind: type, table: Any, where: str) -> Any:
+    if not isinstance(table, dict):
+        raise InvalidDesignError(f"{where}: expected a table of values, found {type(table).__name__}.")
+    known = {entry.name: entry for entry in fields(kind)}
+    unknown = sorted(set(table) - set(known))
+    if unknown:
+        raise InvalidDesignError(f"{where}: '{unknown[0]}' is not known. Known: {', '.join(known)}.")
+    required = [name for name, entry in known.items() if entry.default is MISSING and entry.default_factory is MISSING]
+    missing = [name for name in required if name not in table]
+    if missing:
+        raise InvalidDesignError(f"{where}: '{missing[0]}' is missing: add it.")
+    types_of = typing.get_type_hints(kind)
+    return kind(**{name: _value(types_of[name], value, f"{where}, {name}") for name, value in table.items()})
+
+
+def _value(kind: Any, value: Any, where: str) -> Any:
+    if is_dataclass(kind):
+        return _read(typing.cast(type, kind), value, where)
+    if typing.get_origin(kind) is tuple:
+        if not isinstance(value, list):
+            raise InvalidDesignError(f"{where}: expected a list of tables, [[{where.rpartition(' ')[2]}]].")
+        part = typing.get_args(kind)[0]
+        return tuple(_value(part, each, f"{where} {index}") for index, each in enumerate(value))
+    if isinstance(kind, types.UnionType):
+        kind = next(option for option in typing.get_args(kind) if option is not type(None))
+    wanted = (int, float) if kind is float else kind
+    if not isinstance(value, wanted) or isinstance(value, bool):
+        name = "a number" if kind is float else "text"
+        raise InvalidDesignError(f"{where}: expected {name}, found {value!r}.")
+    return float(value) if kind is float else value

@@ -1,0 +1,222 @@
+"""What an engineer decides about the tracked robot. SI units."""
+
+import math
+from dataclasses import dataclass, field, fields, replace
+
+from haustra.errors import InvalidDesignError
+from haustra.models.devices.tracked.tread import NUMBERS, TreadGeometry
+
+TRACKS = 4
+"""Tracks, 90 degrees apart."""
+
+_MESHING_TOLERANCE = 0.01
+"""Largest relative difference between the worm's lead and starts times pitch: beyond it teeth would climb the worm."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Worm:
+    """The worm in the core that drives all four treads."""
+
+    starts: int = 2
+    """Threads. Assumed: lead / pitch."""
+    lead: float = NUMBERS["tracked.worm.lead"].value
+    """Track a turn [m]. Published."""
+    efficiency: float = NUMBERS["tracked.worm.efficiency"].value
+    """Of a self-locking polymer worm [1]. Assumed."""
+    torque_limit: float = NUMBERS["tracked.worm.torque_limit"].value
+    """What the flexible shaft may transmit [N m]. Assumed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlexibleShaft:
+    """The shaft between the motor outside and the worm."""
+
+    torsional_stiffness: float = NUMBERS["tracked.shaft.torsional_stiffness"].value
+    """Torque a radian over its whole length [N m/rad]. Assumed."""
+    onset_speed: float = NUMBERS["tracked.shaft.onset_speed"].value
+    """Where its losses begin to rise [rad/s]. Published: "above this value the transmission efficiency declines"."""
+    efficiency: float = NUMBERS["tracked.shaft.efficiency"].value
+    """Share of the drive that reaches the treads up to the onset [1]. Fitted: the paper's RMSE at the peak."""
+    stall_excess: float = NUMBERS["tracked.shaft.stall_excess"].value
+    """Excess over the onset at which viscous loss would take all of it [rad/s]. Fitted with `SpeedFriction.exponent`:
+    the paper's statements identify only both together, and we let both ends of the range lose alike."""
+
+    def transmission(self, speed: float) -> float:
+        """Share of the traction force that still reaches the treads at a worm speed [rad/s].
+
+        A motor torque less a viscous loss: efficiency (1 - (w - w_onset) / w_stall), constant below the onset.
+        """
+        excess = max(0.0, speed - self.onset_speed) / self.stall_excess
+        return self.efficiency * max(0.0, 1.0 - excess)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bellows:
+    """One of the four bellows, through its strut, as a spring along the radius.
+
+    Pressure narrows the device: outward force = preload + stiffness (q0 - q) - area x pressure, where q is how far the
+    track is out from its nominal radius and q0 = 0.
+    """
+
+    stiffness: float = NUMBERS["tracked.bellows.stiffness"].value
+    """Radial [N/m]. Assumed."""
+    preload: float = NUMBERS["tracked.bellows.preload"].value
+    """Outward force at the nominal diameter and atmospheric pressure [N]. Derived from the paper: 0.75 N / 0.4."""
+    pressure: float = NUMBERS["tracked.bellows.pressure"].value
+    """Above atmosphere [Pa]. Published: closed off at atmospheric pressure."""
+    area: float = NUMBERS["tracked.bellows.area"].value
+    """Effective area over the strut's gearing [m^2]. Assumed."""
+
+    def force(self, extension: float) -> float:
+        """Outward force at a radial extension from the nominal radius [N]."""
+        return self.preload - self.stiffness * extension - self.area * self.pressure
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpeedFriction:
+    """Coulomb's coefficient against sliding speed, relative to its nominal value.
+
+    (v / v_peak)^exponent below the peak: friction of wet soft tissue rises with speed (Lyle 2013, Tribol Lett 51:377).
+    Constant above it, where the loss that the paper reports is the shaft's.
+    """
+
+    peak_speed: float = NUMBERS["tracked.speed_friction.peak_speed"].value
+    """[m/s]. Published: the optimum, 150 rpm."""
+    exponent: float = NUMBERS["tracked.speed_friction.exponent"].value
+    """[1]. Fitted: the paper's mean and RMSE over the range."""
+
+    def factor(self, speed: float) -> float:
+        """Coefficient at a sliding speed [m/s] over its nominal value."""
+        return min(1.0, max(0.0, speed) / self.peak_speed) ** self.exponent
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackedDesign:
+    """A robot with four treads on struts that bellows spread, driven by one worm over a flexible shaft.
+
+    Defaults are the paper's 4:1 prototype; `at_scale(1.0)` is the device in practice, with the same stresses.
+
+    Raises:
+        InvalidDesignError: when a value is impossible or parts do not fit together.
+    """
+
+    name: str = "tracked prototype 4:1"
+    scale: float = NUMBERS["tracked.device.scale"].value
+    """Size over the device in practice [1]. Published: 4."""
+    tread: TreadGeometry = field(default_factory=TreadGeometry)
+    worm: Worm = field(default_factory=Worm)
+    shaft: FlexibleShaft = field(default_factory=FlexibleShaft)
+    bellows: Bellows = field(default_factory=Bellows)
+    speed_friction: SpeedFriction = field(default_factory=SpeedFriction)
+    nominal_diameter: float = NUMBERS["tracked.device.nominal_diameter"].value
+    """Track to track [m]. Published."""
+    smallest_diameter: float = NUMBERS["tracked.device.smallest_diameter"].value
+    """[m]. Published."""
+    largest_diameter: float = NUMBERS["tracked.device.largest_diameter"].value
+    """[m]. Published."""
+    core_length: float = NUMBERS["tracked.device.core_length"].value
+    """[m]. Assumed."""
+    core_diameter: float = NUMBERS["tracked.device.core_diameter"].value
+    """[m]. Assumed."""
+    mass: float = NUMBERS["tracked.device.mass"].value
+    """Of the whole device [kg]. Assumed; weight is left out, as in the paper."""
+
+    def __post_init__(self) -> None:
+        for part in (self, self.worm, self.shaft, self.speed_friction, self.bellows):
+            _require_positive(f"Tracked design '{self.name}'", part, allow_zero=("pressure",))
+        if not self.smallest_diameter <= self.nominal_diameter <= self.largest_diameter:
+            raise InvalidDesignError(
+                f"Tracked design '{self.name}': nominal diameter {self.nominal_diameter * 1e3:.1f} mm is outside "
+                f"{self.smallest_diameter * 1e3:.1f}-{self.largest_diameter * 1e3:.1f} mm: correct one of the three."
+            )
+        if self.core_diameter >= self.smallest_diameter:
+            raise InvalidDesignError(
+                f"Tracked design '{self.name}': core of {self.core_diameter * 1e3:.1f} mm does not fit inside the "
+                f"folded device of {self.smallest_diameter * 1e3:.1f} mm: thin the core."
+            )
+        for part, efficiency in (("worm", self.worm.efficiency), ("shaft", self.shaft.efficiency)):
+            if efficiency > 1:
+                raise InvalidDesignError(
+                    f"Tracked design '{self.name}': {part} efficiency {efficiency:g} is above 1: give a fraction."
+                )
+        if abs(self.worm.starts * self.tread.pitch / self.worm.lead - 1) > _MESHING_TOLERANCE:
+            raise InvalidDesignError(
+                f"Tracked design '{self.name}': a worm of {self.worm.starts} starts and {self.worm.lead * 1e3:g} mm "
+                f"lead does not mesh with a pitch of {self.tread.pitch * 1e3:g} mm: the lead is starts times pitch."
+            )
+
+    @property
+    def stroke(self) -> tuple[float, float]:
+        """How far a track can move in and out from the nominal radius [m]: negative, positive."""
+        half = self.nominal_diameter / 2
+        return self.smallest_diameter / 2 - half, self.largest_diameter / 2 - half
+
+    def at_scale(self, scale: float) -> "TrackedDesign":
+        """The same device at another scale, materials unchanged: forces go with the square of length.
+
+        Raises:
+            InvalidDesignError: when the scale is not positive.
+        """
+        if not (math.isfinite(scale) and scale > 0):
+            raise InvalidDesignError(f"Scale {scale} is not a positive number: 1 is the device in practice.")
+        s = scale / self.scale
+        tread = TreadGeometry(**{name: value * s for name, value in self.tread.to_json().items()})
+        return replace(
+            self,
+            name=f"{self.name}, scaled to {scale:g}:1",
+            scale=scale,
+            tread=tread,
+            worm=replace(self.worm, lead=self.worm.lead * s, torque_limit=self.worm.torque_limit * s**3),
+            shaft=replace(self.shaft, torsional_stiffness=self.shaft.torsional_stiffness * s**3),
+            bellows=replace(
+                self.bellows,
+                stiffness=self.bellows.stiffness * s,
+                preload=self.bellows.preload * s**2,
+                area=self.bellows.area * s**2,
+            ),
+            speed_friction=replace(self.speed_friction, peak_speed=self.speed_friction.peak_speed * s),
+            nominal_diameter=self.nominal_diameter * s,
+            smallest_diameter=self.smallest_diameter * s,
+            largest_diameter=self.largest_diameter * s,
+            core_length=self.core_length * s,
+            core_diameter=self.core_diameter * s,
+            mass=self.mass * s**3,
+        )
+
+    def extension_in(self, lumen_diameter: float) -> float:
+        """How far the tracks stand out from the nominal radius in a lumen [m]; folded further than rest if negative.
+
+        Raises:
+            InvalidDesignError: when the lumen is smaller than the folded device or wider than its reach.
+        """
+        if not lumen_diameter >= self.smallest_diameter:
+            raise InvalidDesignError(
+                f"A lumen of {lumen_diameter * 1e3:.1f} mm is smaller than the folded device of "
+                f"{self.smallest_diameter * 1e3:.1f} mm: scale the design down or choose a wider place."
+            )
+        if lumen_diameter > self.largest_diameter:
+            raise InvalidDesignError(
+                f"A lumen of {lumen_diameter * 1e3:.1f} mm is out of the tracks' reach of "
+                f"{self.largest_diameter * 1e3:.1f} mm: scale the design up or choose a narrower place."
+            )
+        return (lumen_diameter - self.nominal_diameter) / 2
+
+    def tread_speed(self, worm_rpm: float) -> float:
+        """Speed of the treads relative to the core [m/s] at a worm speed in turns a minute."""
+        return self.worm.lead * worm_rpm / 60
+
+    def phase_offsets(self) -> tuple[float, ...]:
+        """Tooth phase of each track against the first, in pitches: starts x azimuth / 360 degrees."""
+        return tuple(self.worm.starts * track / TRACKS % 1.0 for track in range(TRACKS))
+
+
+def _require_positive(where: str, part: object, *, allow_zero: tuple[str, ...]) -> None:
+    for entry in fields(part):  # type: ignore[arg-type]
+        value = getattr(part, entry.name)
+        if isinstance(value, int | float):
+            least = 0.0 if entry.name in allow_zero else math.nextafter(0.0, 1.0)
+            if not (math.isfinite(value) and value >= least):
+                raise InvalidDesignError(
+                    f"{where}: {entry.name} is {value}; it must be a {'non-negative' if least == 0 else 'positive'} "
+                    "number."
+                )

@@ -1,0 +1,150 @@
+"""A tracked robot standing in a colon, its struts spread to the local lumen."""
+
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from haustra.errors import InvalidDesignError, InvalidOptionError
+from haustra.models.anatomy.colon import Colon
+from haustra.models.devices.tracked.design import TRACKS, TrackedDesign
+from haustra.models.devices.tracked.device import Tracked, add_tracked
+from haustra.models.devices.tracked.loop import add_contact_sensor
+from haustra.models.wall.pieces.wall import Wall
+
+
+def stand_in_colon(
+    spec: mujoco.MjSpec,
+    colon: Colon,
+    design: TrackedDesign,
+    *,
+    arc: float,
+    friction: float,
+    prefix: str = "tracked/",
+) -> Tracked:
+    """Put a free robot at an arc length of a colon, facing the caecum, each track spread to the wall it faces.
+
+    The spec needs the colon's wall (`build_scene`). Bellows then press each track outwards, so the robot moves off
+    centre where the lumen is not round. Treads are closed around the struts, and the core's contact forces are read by
+    a sensor of the core's name.
+
+    Args:
+        spec: Scene with the wall.
+        colon: Its colon.
+        design: The robot, at the scale it has in the patient (`TrackedDesign.at_scale`).
+        arc: Arc length of the core's centre from the anus [m].
+        friction: Coulomb's coefficient between treads and wall.
+        prefix: Before every name.
+
+    Raises:
+        InvalidOptionError: when the arc length is not inside the colon.
+        InvalidDesignError: when the lumen there is narrower or wider, across opposite tracks, than they reach.
+    """
+    require_fit(colon, design, arc)
+    line, radii = colon.centreline, track_radii(colon, design, arc)
+    low, high = design.stroke
+    station = int(np.searchsorted(line.arc, arc))
+    normal, binormal, tangent = line.frames[station].T
+    tracked = add_tracked(
+        spec,
+        design,
+        friction=friction,
+        position=tuple(float(np.interp(arc, line.arc, axis)) for axis in line.points.T),
+        frame=np.column_stack([tangent, normal, binormal]),
+        extension=tuple(float(value) for value in np.clip(radii - design.nominal_diameter / 2, low, high)),
+        loops=True,
+        prefix=prefix,
+    )
+    add_contact_sensor(spec, tracked.core)
+    return tracked
+
+
+def require_fit(colon: Colon, design: TrackedDesign, arc: float) -> None:
+    """Refuse a place where the robot cannot stand, and name one where it can.
+
+    Raises:
+        InvalidOptionError: when the arc length [m] is not inside the colon.
+        InvalidDesignError: when the lumen there is narrower or wider, across opposite tracks, than they reach.
+    """
+    line = colon.centreline
+    half = design.core_length / 2
+    if line.length < design.core_length:
+        raise InvalidDesignError(
+            f"A robot of {design.core_length * 1e3:.0f} mm is longer than the {line.length * 1e3:.0f} mm of colon "
+            f"'{colon.name}': scale the design down."
+        )
+    if not half <= arc <= line.length - half:
+        raise InvalidOptionError(
+            f"A robot of {design.core_length * 1e3:.0f} mm cannot stand at {arc * 1e3:.0f} mm of a colon of "
+            f"{line.length * 1e3:.0f} mm: give {half * 1e3:.0f} to {(line.length - half) * 1e3:.0f} mm."
+        )
+    radii = track_radii(colon, design, arc)
+    if not _fits(design, radii):
+        narrow, wide = np.sort(_widths(radii)) * 1e3
+        raise InvalidDesignError(
+            f"At {arc * 1e3:.0f} mm of colon '{colon.name}' the lumen is {narrow:.1f} and {wide:.1f} mm wide across "
+            f"opposite tracks, which reach {design.smallest_diameter * 1e3:.1f} to "
+            f"{design.largest_diameter * 1e3:.1f} mm: {_elsewhere(colon, design, arc)}"
+        )
+
+
+def track_radii(colon: Colon, design: TrackedDesign, arc: float) -> Float[np.ndarray, " tracks"]:
+    """Distance from the centreline to the wall under each track, the least over the strut's length [m]."""
+    line = colon.centreline
+    near = np.abs(line.arc - arc) <= design.tread.tip_spacing / 2 + design.tread.width / 2
+    if not near.any():
+        near[int(np.argmin(np.abs(line.arc - arc)))] = True
+    angles = colon.radius.shape[1]
+    # Track k stands 90 k degrees from the second normal, away from the first.
+    columns = [round(angles * (track / TRACKS + 0.25)) % angles for track in range(TRACKS)]
+    return colon.radius[near][:, columns].min(0)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Where in a colon a robot's tracks reach the wall on both sides and still fit between."""
+
+    share: float
+    """Of the colon's length [1]."""
+    start: float
+    """Of the longest such stretch [m]."""
+    end: float
+    """Of the longest such stretch [m]."""
+
+
+def where_it_fits(colon: Colon, design: TrackedDesign) -> Fit:
+    """How much of a colon is neither narrower nor wider, across opposite tracks, than a robot reaches."""
+    arc = colon.centreline.arc
+    fits = [_fits(design, track_radii(colon, design, float(place))) for place in arc]
+    edges = np.flatnonzero(np.diff([0, *fits, 0]))
+    starts, ends = edges[::2], edges[1::2]
+    if not len(starts):
+        return Fit(0.0, 0.0, 0.0)
+    longest = int(np.argmax(ends - starts))
+    return Fit(float(np.mean(fits)), float(arc[starts[longest]]), float(arc[ends[longest] - 1]))
+
+
+def wall_near(wall: Wall, low: float, high: float) -> Wall:
+    """The pieces of a wall from one arc length to another [m]: a robot touches no others."""
+    return replace(wall, pieces=tuple(piece for piece in wall.pieces if piece.end >= low and piece.start <= high))
+
+
+def _widths(radii: Float[np.ndarray, " tracks"]) -> Float[np.ndarray, "2"]:
+    """Of the lumen across each pair of opposite tracks [m]: the robot is free to move off centre between them."""
+    return radii[:2] + radii[2:]
+
+
+def _fits(design: TrackedDesign, radii: Float[np.ndarray, " tracks"]) -> bool:
+    widths = _widths(radii)
+    return bool(((widths >= design.smallest_diameter) & (widths <= design.largest_diameter)).all())
+
+
+def _elsewhere(colon: Colon, design: TrackedDesign, arc: float) -> str:
+    """What to do: the nearest place that fits, or another scale."""
+    line, half = colon.centreline, design.core_length / 2
+    inside = line.arc[(line.arc >= half) & (line.arc <= line.length - half)]
+    fits = [float(place) for place in inside if _fits(design, track_radii(colon, design, float(place)))]
+    if not fits:
+        return "it fits nowhere in this colon; scale the design."
+    return f"the nearest place that fits is at {1e3 * min(fits, key=lambda place: abs(place - arc)):.0f} mm."

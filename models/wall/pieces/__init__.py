@@ -1,0 +1,1 @@
+"""A wall of convex pieces: cut, decomposed, cleared, measured, stored."""

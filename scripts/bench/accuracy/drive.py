@@ -1,0 +1,166 @@
+"""One script of hand and wires, driven through any model of the same scope in the same colon."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from haustra.envs.control.follower import FollowerSettings, LumenFollower
+from haustra.envs.runs.insertion import CONTROL_INTERVAL
+from haustra.envs.runs.measure.progress import ArcTracker
+from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.models.anatomy.colon import Colon
+from haustra.models.devices.scope.design import ScopeDesign
+from haustra.models.scene import SceneOptions, build_scene
+from haustra.models.wall.pieces.wall import Wall
+from haustra.scripts.bench.accuracy.knobs import Tweak, unchanged
+from haustra.scripts.bench.accuracy.timing import processor_seconds
+
+
+@dataclass(frozen=True)
+class Script:
+    """Inputs at 50 Hz."""
+
+    push_rate: Float[np.ndarray, " n"]
+    """[m/s]."""
+    roll_rate: Float[np.ndarray, " n"]
+    """[rad/s]."""
+    pulls: Float[np.ndarray, "n 4"]
+    """[N]."""
+
+    def __len__(self) -> int:
+        return len(self.push_rate)
+
+    @property
+    def seconds(self) -> float:
+        """How long it lasts [s]."""
+        return len(self) * CONTROL_INTERVAL
+
+    def deepest(self, start: float) -> float:
+        """The most scope that can be past the anus when the tip starts at that depth [m]."""
+        return start + max(0.0, float(np.cumsum(self.push_rate).max()) * CONTROL_INTERVAL)
+
+
+@dataclass(frozen=True)
+class Track:
+    """What a script did to one model."""
+
+    tip: Float[np.ndarray, "records 3"]
+    """[m]."""
+    insertion: Float[np.ndarray, " records"]
+    """[m]."""
+    push: Float[np.ndarray, " records"]
+    """Of the hand [N]."""
+    wall: Float[np.ndarray, " records"]
+    """Sum of the wall's normal forces [N]."""
+    contacts: float
+    """That carry force, on average."""
+    cost: float
+    """Processor seconds of stepping per simulated second."""
+
+    def __len__(self) -> int:
+        return len(self.push)
+
+
+@dataclass(frozen=True)
+class Errors:
+    """One track against another under the same script."""
+
+    tip: float
+    """Median distance of the tips [m]."""
+    push: float
+    """Difference of the mean push forces, relative [1]; moments differ more, since a scope sticks and slips."""
+    wall: float
+    """The same of the wall's force [1]."""
+
+
+def steady_push(seconds: float, rate: float) -> Script:
+    """Push at one speed [m/s] and leave the wires alone."""
+    count = round(seconds / CONTROL_INTERVAL)
+    return Script(np.full(count, rate), np.zeros(count), np.zeros((count, 4)))
+
+
+def record_script(colon: Colon, design: ScopeDesign, options: SceneOptions, *, seconds: float) -> Script:
+    """What the lumen follower does in tangent planes, where it feels true forces."""
+    deepest = options.start_depth + FollowerSettings.advance_rate * seconds
+    engine = NativeEngine(build_scene(colon, None, design, options, show_lumen=False, deepest=deepest))
+    links = engine.scene.cable.tip_links
+    follower = LumenFollower(colon.centreline, design, tip_links=links)
+    tracker = ArcTracker(colon.centreline, start=options.start_depth)
+    rows = []
+    for _ in range(round(seconds / CONTROL_INTERVAL)):
+        seen = engine.observe()
+        inputs = follower.act(seen, tracker.update(seen.tip), CONTROL_INTERVAL)
+        engine.step(inputs, round(CONTROL_INTERVAL / options.timestep))
+        rows.append([inputs.push_rate, inputs.roll_rate, *inputs.pulls])
+    table = np.array(rows)
+    return Script(table[:, 0], table[:, 1], table[:, 2:])
+
+
+def replay(
+    script: Script,
+    colon: Colon,
+    wall: Wall | None,
+    design: ScopeDesign,
+    options: SceneOptions,
+    *,
+    tweak: Tweak = unchanged,
+) -> Track:
+    """Drive one model by a script; records end where it diverges."""
+    deepest = script.deepest(options.start_depth)
+    scene = build_scene(colon, wall, design, options, show_lumen=False, deepest=deepest)
+    tweak(scene.spec)
+    engine = NativeEngine(scene)
+    steps = round(CONTROL_INTERVAL / options.timestep)
+    rows, spent, healthy = [], 0.0, True
+    for index in range(len(script)):
+        inputs = Inputs(float(script.push_rate[index]), float(script.roll_rate[index]), script.pulls[index])
+
+        def advance(inputs: Inputs = inputs) -> None:
+            nonlocal healthy
+            healthy = engine.step(inputs, steps)
+
+        spent += processor_seconds(advance)
+        if not healthy:
+            break
+        rows.append(_read(engine))
+    table = np.array(rows).reshape(-1, 7)
+    done = max(1, len(rows)) * CONTROL_INTERVAL
+    return Track(
+        tip=table[:, :3],
+        insertion=table[:, 3],
+        push=table[:, 4],
+        wall=table[:, 5],
+        contacts=float(table[:, 6].mean()) if len(table) else 0.0,
+        cost=spent / done,
+    )
+
+
+def _read(engine: NativeEngine) -> tuple[float, ...]:
+    seen, wrench, total = engine.observe(), np.zeros(6), 0.0
+    for number in range(engine.data.ncon):
+        mujoco.mj_contactForce(engine.model, engine.data, number, wrench)
+        total += wrench[0]
+    return (*seen.tip, seen.insertion, seen.push_force, total, float(seen.contacts))
+
+
+def compare(track: Track, reference: Track) -> Errors:
+    """How far a track is from a reference; infinite when it ended early."""
+    if len(track) < len(reference):
+        return Errors(np.inf, np.inf, np.inf)
+    gap = np.linalg.norm(track.tip - reference.tip, axis=1)
+    return Errors(
+        tip=float(np.median(gap)),
+        push=abs(float(track.push.mean() / reference.push.mean()) - 1),
+        wall=abs(float(track.wall.mean() / reference.wall.mean()) - 1),
+    )
+
+
+def set_tolerance(size: float) -> Tweak:
+    """Another tolerance of the solver, with as many iterations as it needs."""
+
+    def change(spec: mujoco.MjSpec) -> None:
+        spec.option.tolerance, spec.option.iterations = size, 1000
+
+    return change

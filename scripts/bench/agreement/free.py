@@ -1,0 +1,177 @@
+"""A scope that stands free past the anus: bent by its weight and by a wire, at rest and in motion, on every engine.
+
+Hinges, springs, damping, wires, hand and locks are those of an insertion; only the wall is away.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from haustra.envs.sim.at_origin import compile_at_origin
+from haustra.envs.sim.scope_bank import BATCH_OPTIONS
+from haustra.models.anatomy.colon import Colon
+from haustra.models.devices.scope.design import ScopeDesign
+from haustra.models.scene import Scene, build_scene
+from haustra.scripts.bench.agreement.row import Agreement
+
+_FREE = 0.3
+"""Length past the anus [m]: enough to sag by a third of it."""
+_OUTSIDE = 0.05
+"""Shaft before the anus [m], held straight."""
+_PULL = 15.0
+"""Of one wire [N]: bends the tip by a right angle."""
+_EVERY = 4
+"""Time steps between two looks."""
+_LOOKS = 250
+"""Five seconds, after which motion has died down."""
+_TOLERANCE = 1e-5
+_REASON = "the same equations; rounding of single precision, 6e-8, may add up over 1000 steps"
+
+Motion = Float[np.ndarray, "looks positions"]
+"""Generalised positions of one scope at every look [m, rad]."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What happens to a scope that is straight at first."""
+
+    what: str
+    scene: Scene
+    pull: float = 0.0
+    """Of the wire 'up' in the first half [N]; it is let go for the second."""
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """For engines that step MuJoCo's own model."""
+        return compile_at_origin(self.scene)
+
+    def pulled(self, look: int) -> float:
+        """Pull of the wire before that look [N]."""
+        return self.pull if look < _LOOKS // 2 else 0.0
+
+
+Mover = Callable[[Trial], Motion]
+
+
+def trials(colon: Colon, design: ScopeDesign) -> tuple[Trial, Trial]:
+    """Weight across the scope; and a wire that is pulled and let go. Of the colon nothing is used but its entry."""
+    options = replace(BATCH_OPTIONS, start_depth=_FREE, insertion_limit=_FREE + _OUTSIDE)
+    across = replace(options, gravity=(0.0, -9.81, 0.0))
+    weight, plain = (build_scene(colon, None, design, each, show_lumen=False) for each in (across, options))
+    return Trial("weight", weight), Trial("wire", plain, _PULL)
+
+
+def natively(trial: Trial) -> Motion:
+    """MuJoCo on the CPU, in double precision."""
+    model = trial.model
+    data, wire = _straight(trial, model)
+    seen = []
+    for look in range(_LOOKS):
+        data.ctrl[wire] = trial.pulled(look)
+        mujoco.mj_step(model, data, _EVERY)
+        seen.append(data.qpos.copy())
+    return np.array(seen)
+
+
+def by_jax(trial: Trial) -> Motion:
+    """The chain in JAX, on its device in single precision, with a wall as soft as air."""
+    import jax
+    import jax.numpy as jnp
+
+    from haustra.envs.sim.device_arrays import on_device
+    from haustra.envs.sim.scope_values import Controls
+    from haustra.envs.sim.scope_worlds import JaxScopes
+
+    engine = JaxScopes.of(trial.scene)
+    tables, parameters = on_device(_open_space()), engine.parameters(trial.scene, 1, stiffness=1e-9)
+    go = jax.jit(lambda now, hands: engine.steps(tables, parameters, now, hands, _EVERY))
+    worlds, seen = engine.begin(parameters, tables), []
+    for look in range(_LOOKS):
+        pulls = jnp.array([[trial.pulled(look), 0.0, 0.0, 0.0]], jnp.float32)
+        worlds = go(worlds, Controls(jnp.zeros(1), jnp.zeros(1), pulls))
+        seen.append(np.asarray(worlds.qpos[0], float))
+    return np.array(seen)
+
+
+def by_warp(trial: Trial, *, device: str | None = None) -> Motion:
+    """MuJoCo Warp, on its device in single precision."""
+    import warp as wp
+    from mujoco.mjx.third_party import mujoco_warp
+
+    from haustra.envs.sim.warp_setup import use_warp
+
+    use_warp()
+    model = trial.model
+    model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)  # a flag that Warp does not know
+    data, wire = _straight(trial, model)
+    seen = []
+    with wp.ScopedDevice(wp.get_device(device)):
+        on_device, worlds = mujoco_warp.put_model(model), mujoco_warp.put_data(model, data, nworld=1)
+        for look in range(_LOOKS):
+            data.ctrl[wire] = trial.pulled(look)
+            worlds.ctrl.assign(data.ctrl[None].astype(np.float32))
+            for _ in range(_EVERY):
+                mujoco_warp.step(on_device, worlds)
+            seen.append(worlds.qpos.numpy()[0].astype(float))
+    return np.array(seen)
+
+
+def compare_free(trial: Trial, movers: Mapping[str, Mover | str]) -> list[Agreement]:
+    """Largest distance between tips in motion, and that at rest, for each engine; a text says why one is absent."""
+    questions = _questions(trial)
+    model, known = trial.model, natively(trial)
+    rows = []
+    for engine, mover in movers.items():
+        if isinstance(mover, str):
+            rows += [question.without(engine, mover) for question in questions]
+            continue
+        apart = np.linalg.norm(_tips(model, mover(trial)) - _tips(model, known), axis=1) / _FREE
+        at_rest = apart[_LOOKS // 2 - 1] if trial.pull else apart[-1]
+        for question, value in zip(questions, (at_rest, apart.max()), strict=True):
+            rows.append(replace(question, engine=engine, difference=float(value)))
+    return rows
+
+
+def _questions(trial: Trial) -> tuple[Agreement, Agreement]:
+    """At rest and in motion, asked of nobody yet."""
+    names = ("bent by a wire, at rest", "wire pulled and let go") if trial.pull else ("bent by weight", "falling")
+    at_rest, moving = (
+        Agreement(f"free scope {name}: tip over length", "", _TOLERANCE, "of the length", _REASON) for name in names
+    )
+    return at_rest, moving
+
+
+def _straight(trial: Trial, model: mujoco.MjModel) -> tuple[mujoco.MjData, int]:
+    """A straight scope with its locks set, and the control of its wire."""
+    from haustra.models.devices.scope.cable import LOCK_STRETCH
+
+    data, cable = mujoco.MjData(model), trial.scene.cable
+    locks = np.array([[model.actuator(name).id for name in pair] for pair in cable.locks])
+    before = cable.length - cable.joint_positions - _FREE
+    data.ctrl[locks] = (np.clip(before / LOCK_STRETCH, 0.0, 1.0) ** 4)[:, None]
+    return data, model.actuator("scope/pull_up").id
+
+
+def _tips(model: mujoco.MjModel, motion: Motion) -> Float[np.ndarray, "looks 3"]:
+    data, tips = mujoco.MjData(model), []
+    for qpos in motion:
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(model, data)
+        tips.append(data.site("scope/tip").xpos.copy())
+    return np.array(tips)
+
+
+def _open_space():
+    """A straight lumen that is as wide as tables can be."""
+    from haustra.models.wall.lumen_table import ANGLES, MOST_RADIUS, STATION_STEP, Tables, stack
+
+    count = int(2 * _FREE / STATION_STEP)
+    points = np.column_stack([np.zeros((count, 2)), STATION_STEP * np.arange(count)])
+    turn = 2 * np.pi * np.arange(ANGLES) / ANGLES
+    ring = np.column_stack([np.full(ANGLES, MOST_RADIUS), -np.cos(turn), -np.sin(turn), np.zeros(ANGLES)])
+    wall = np.broadcast_to(ring, (count, *ring.shape)).copy()
+    frames = np.broadcast_to(np.eye(3), (count, 3, 3)).copy()
+    return stack([Tables(points, frames, wall, np.float64(STATION_STEP), np.int32(0), np.int32(count))])

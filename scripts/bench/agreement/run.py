@@ -1,0 +1,93 @@
+"""Ask every engine that this machine has the same questions, and say of the others why they are absent."""
+
+from collections.abc import Callable, Sequence
+from importlib.util import find_spec
+from typing import Any
+
+from haustra.envs.sim.device_engines import DEVICE_ENGINES
+from haustra.envs.tasks.bank import ColonSet
+from haustra.scripts.bench.agreement.free import Mover, by_jax, by_warp, compare_free, trials
+from haustra.scripts.bench.agreement.insertions import Runs, compare_insertions, run_seeds
+from haustra.scripts.bench.agreement.pads import NO_SURFACE_SPEED, compare_pads
+from haustra.scripts.bench.agreement.row import Agreement
+from haustra.scripts.bench.machine import machine
+
+PARTS = ("free", "pads", "insertions")
+_MISSING = "not installed here: pip install 'haustra[{}]'"
+
+
+def absent_engines() -> dict[str, str]:
+    """Engines that are not installed, and what to do."""
+    needs = {"jax": ("jax", "mjx"), "warp": ("warp", "warp")}
+    return {engine: _MISSING.format(extra) for engine, (module, extra) in needs.items() if find_spec(module) is None}
+
+
+def compare_engines(
+    bank: ColonSet,
+    parts: Sequence[str],
+    *,
+    engines: Sequence[str] = DEVICE_ENGINES,
+    seeds: int,
+    seconds: float,
+    threads: int,
+    device: str | None = None,
+    progress: Callable[[float, str], None] = lambda done, note: None,
+) -> list[Agreement]:
+    """Rows of the table.
+
+    Args:
+        bank: colons and scope.
+        parts: of `PARTS`.
+        engines: of `DEVICE_ENGINES`.
+        seeds: of insertions.
+        seconds: longest insertion [s].
+        threads: of the native engine.
+        device: as Warp names it.
+        progress: told parts done.
+    """
+    absent: dict[str, str] = dict.fromkeys(set(DEVICE_ENGINES) - set(engines), "not asked for") | absent_engines()
+    rows = []
+    for done, part in enumerate(parts):
+        progress(done, part)
+        if part == "free":
+            movers: dict[str, Mover | str] = {
+                "jax": by_jax,
+                "warp": lambda trial: by_warp(trial, device=device),
+                **absent,
+            }
+            for trial in trials(bank.cases[0].colon(), bank.design):
+                rows += compare_free(trial, movers)
+        elif part == "pads":
+            rows += compare_pads({"jax": NO_SURFACE_SPEED, **absent}, device=device)
+        else:
+
+            def run(engine: str, done: int = done) -> Runs:
+                return run_seeds(
+                    bank,
+                    engine=engine,
+                    seeds=seeds,
+                    seconds=seconds,
+                    threads=threads,
+                    progress=lambda time: progress(done, f"insertions, {engine}: {time:.0f} s"),
+                )
+
+            known = None if len(absent) == len(DEVICE_ENGINES) else run("native")
+            found = {engine: absent.get(engine) or run(engine) for engine in DEVICE_ENGINES}
+            rows += compare_insertions(known, found)
+    progress(len(parts), "")
+    return rows
+
+
+def devices() -> dict[str, Any]:
+    """Date, versions, processor, and the devices that the engines compute on."""
+    told: dict[str, Any] = dict(machine())
+    missing = absent_engines()
+    if "jax" not in missing:
+        import jax
+
+        told["jax_device"] = jax.devices()[0].device_kind
+    if "warp" not in missing:
+        import warp as wp
+
+        told["warp"], told["warp_device"] = wp.__version__, wp.get_device().name
+    return told

@@ -1,0 +1,1 @@
+"""Makers of pages, figures and files that the project ships."""

@@ -1,0 +1,175 @@
+"""Where the time of a step goes: MuJoCo's own timers, the work around it, and what XLA says of the JAX engine."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from haustra.envs.control.follower import FollowerSettings, LumenFollower
+from haustra.envs.runs.insertion import CONTROL_INTERVAL
+from haustra.envs.runs.measure.containment import Containment
+from haustra.envs.runs.measure.progress import ArcTracker
+from haustra.envs.sim.native import NativeEngine
+from haustra.models.anatomy.colon import Colon
+from haustra.models.devices.scope.design import ScopeDesign
+from haustra.models.devices.tracked.design import TrackedDesign
+from haustra.models.devices.tracked.law import PadLaw, load_table
+from haustra.models.devices.tracked.rig import flat_rig, tube_rig
+from haustra.models.scene import Scene, SceneOptions, build_scene
+from haustra.models.wall.pieces.wall import Wall
+from haustra.scripts.bench.machine import machine
+from haustra.scripts.bench.result import Bench, Table, Value
+
+STAGES = {
+    "kinematics": "POS_KINEMATICS",
+    "inertia": "POS_INERTIA",
+    "collision, broad": "COL_BROAD",
+    "collision, narrow": "COL_NARROW",
+    "constraint rows": "POS_MAKE",
+    "velocity": "VELOCITY",
+    "actuation": "ACTUATION",
+    "constraint solver": "CONSTRAINT",
+    "integration": "ADVANCE",
+}
+"""Stages of a step, by the name of MuJoCo's timer."""
+
+_SPEED = 32.5e-3
+"""Of the tracked robot's treads [m/s]."""
+
+Progress = Callable[[str], None]
+
+
+def bench_profile(
+    colon: Colon,
+    wall: Wall,
+    design: ScopeDesign,
+    *,
+    before: float,
+    seconds: float,
+    progress: Progress = lambda note: None,
+) -> Bench:
+    """Profile the standard scenes.
+
+    Args:
+        colon: the colon.
+        wall: its wall of pieces.
+        design: the scope.
+        before: simulated time of insertion before anything is timed [s].
+        seconds: simulated time that is timed [s].
+        progress: told what is being profiled.
+    """
+    rows, around = [], []
+    scenes = {"scope, pieces": (SceneOptions(), wall), "scope, planes": (SceneOptions(wall_law="planes"), None)}
+    for name, (options, pieces) in scenes.items():
+        progress(name)
+        deepest = options.start_depth + FollowerSettings.advance_rate * (before + seconds)
+        scene = build_scene(colon, pieces, design, options, show_lumen=False, deepest=deepest)
+        row, outside = _insertion(scene, before, seconds)
+        rows.append({"scene": name} | row)
+        around.append({"scene": name} | outside)
+    progress("tracked robot")
+    tracked = TrackedDesign()
+    law = PadLaw.fit(load_table(tracked.tread))
+    track = flat_rig(tracked, friction=0.4, indentation=law.indentation(tracked.bellows.preload / 2))
+    for name, rig in (("tracked, one track", track), ("tracked, whole", tube_rig(tracked, friction=0.4))):
+        model = rig.spec.compile()
+        rig.tracked.set_speed(model, _SPEED)
+        data = mujoco.MjData(model)
+        mujoco.mj_step(model, data, 500)
+        rows.append({"scene": name} | _timed(model, data, lambda m=model, d=data: mujoco.mj_step(m, d, 2000)))
+    progress("JAX")
+    return Bench(
+        name="profile",
+        title="Where the time goes",
+        summary=(
+            f"MuJoCo's own timers, over {seconds:g} s of an insertion into '{colon.name}' by the lumen follower after "
+            f"{before:g} s, and over 2,000 steps of the tracked robot. Times are wall clock on one core, in "
+            "microseconds a step; 'timers' is what reading the clock costs, left in. The JAX engine is one program "
+            "for XLA, whose own count of operations and of memory traffic stands in place of stages.",
+        ),
+        tables=(
+            Table("A step, by stage", tuple(rows)),
+            Table("A control interval of a run, 20 ms", tuple(around), "What goes on around the steps, by part."),
+            Table("The JAX engine by XLA's count", (_by_xla(colon, design),), "One step, one world, single precision."),
+        ),
+        machine=machine(),
+    )
+
+
+def _insertion(scene: Scene, before: float, seconds: float) -> tuple[dict[str, Value], dict[str, Value]]:
+    """Stages of a step, and parts of a control interval, of a driven scope."""
+    engine = NativeEngine(scene)
+    line = scene.colon.centreline
+    follower = LumenFollower(line, scene.design, tip_links=scene.cable.tip_links)
+    tracker = ArcTracker(line, start=scene.options.start_depth)
+    containment = Containment(scene.colon, radius=scene.cable.radius)
+    steps = round(CONTROL_INTERVAL / scene.options.timestep)
+    spent: dict[str, float] = {}
+
+    @contextmanager
+    def part(name: str) -> Iterator[None]:
+        began = time.perf_counter()
+        yield
+        spent[name] = spent.get(name, 0.0) + time.perf_counter() - began
+
+    def drive(duration: float) -> None:
+        for _ in range(round(duration / CONTROL_INTERVAL)):
+            with part("observe"):
+                seen = engine.observe()
+            with part("follow"):
+                inputs = follower.act(seen, tracker.update(seen.tip), CONTROL_INTERVAL)
+            with part("step"):
+                engine.step(inputs, steps)
+            with part("containment"):
+                behind = scene.cable.node_distances
+                inside = behind < seen.insertion
+                containment.outside(engine.shape()[inside], behind[inside], tracker.arc)
+
+    drive(before)
+    spent.clear()
+    row = _timed(engine.model, engine.data, lambda: drive(seconds))
+    intervals = round(seconds / CONTROL_INTERVAL)
+    around: dict[str, Value] = {f"{name}_us": value / intervals * 1e6 for name, value in spent.items()}
+    return row, around
+
+
+def _timed(model: mujoco.MjModel, data: mujoco.MjData, work: Callable[[], Any]) -> dict[str, Value]:
+    """Microseconds a step, by stage, while that work is done."""
+    for timer in data.timer:
+        timer.duration, timer.number = 0.0, 0
+    work()
+    steps = data.timer[mujoco.mjtTimer.mjTIMER_STEP].number
+
+    def of(timer: str) -> float:
+        # MuJoCo for Python counts in seconds.
+        return data.timer[getattr(mujoco.mjtTimer, f"mjTIMER_{timer}")].duration / steps * 1e6
+
+    row: dict[str, Value] = {"dofs": model.nv, "contacts": int(data.ncon), "step_us": of("STEP")}
+    row |= {f"{stage.replace(', ', '_').replace(' ', '_')}_us": of(timer) for stage, timer in STAGES.items()}
+    return row
+
+
+def _by_xla(colon: Colon, design: ScopeDesign) -> dict[str, Value]:
+    """Operations and bytes of one step, counted by XLA's compiler."""
+    import jax
+
+    from haustra.envs.sim.scope_bank import build_bank
+    from haustra.envs.sim.scope_values import Controls
+    from haustra.envs.sim.scope_worlds import JaxScopes
+
+    bank = build_bank([colon], design)
+    engine = JaxScopes.of(bank.scene)
+    parameters, tables = engine.parameters(bank.scene, 1), bank.tables_on_device()
+    hands = Controls(*(jax.numpy.zeros(shape, np.float32) for shape in ((1,), (1,), (1, 4))))
+    step = jax.jit(lambda worlds, hands: engine.steps(tables, parameters, worlds, hands, 1))
+    counted = step.lower(engine.begin(parameters, tables), hands).compile().cost_analysis()
+    found: Any = counted[0] if isinstance(counted, list) else counted
+    return {
+        "dofs": int(bank.scene.compile().nv),
+        "device": jax.devices()[0].device_kind,
+        "operations": float(found.get("flops", np.nan)),
+        "bytes_accessed": float(found.get("bytes accessed", np.nan)),
+    }

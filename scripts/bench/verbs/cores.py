@@ -1,0 +1,48 @@
+"""`haustra bench cores`: what further cores are worth to many scopes at once."""
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class BenchCores:
+    """Step scopes in grown colons on one core and on several, beside MuJoCo alone in processes and on threads."""
+
+    cores: int = 2
+    """Threads, and processes beside them."""
+    worlds: int = 32
+    """Scopes stepped at once."""
+    colons: int = 4
+    """Grown colons."""
+    design: str = "adult"
+    """Scope design."""
+    before: float = 10.0
+    """Time that the follower drives the scopes in first [s]."""
+    repeats: int = 7
+    """Pairs of timings of each kind; their median is the result."""
+    json: bool = field(default=False)
+    """Print one JSON document instead of a table."""
+
+    def __call__(self) -> dict[str, Any]:
+        """Grow, drive in, time."""
+        from haustra.envs.tasks.bank import grown_bank
+        from haustra.errors import InvalidOptionError
+        from haustra.models.devices.scope.library import named_design
+        from haustra.scripts.bench.cores import measure_cores
+        from haustra.scripts.bench.machine import machine
+        from haustra.scripts.console import progress_bar
+
+        if min(self.cores, self.colons, self.repeats) < 1 or self.worlds < self.cores or not 0 < self.before < 1e3:
+            raise InvalidOptionError("Give at least one core, colon and repeat, a world a core, and a positive time.")
+        with progress_bar("grow", self.colons, unit="colons") as advance:
+            bank = grown_bank(range(self.colons), named_design(self.design), progress=lambda done: advance(done, ""))
+        with progress_bar("time", self.repeats, unit="pairs") as advance:
+            found = measure_cores(
+                bank,
+                cores=self.cores,
+                worlds=self.worlds,
+                before=self.before,
+                repeats=self.repeats,
+                progress=advance,
+            )
+        return {**asdict(found), "machine": machine()}

@@ -1,0 +1,70 @@
+"""`haustra bench episodes`: speed of the learning environments on this machine, and the slope of memory."""
+
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+
+@dataclass(frozen=True)
+class BenchEpisodes:
+    """Time environment steps at 25 Hz control in grown colons, the follower driving, and watch memory."""
+
+    worlds: int = 32
+    """Scopes stepped at once."""
+    threads: int = 2
+    """For physics."""
+    engine: Literal["native", "jax", "warp"] = "native"
+    """What computes: MuJoCo on threads, or JAX or MuJoCo Warp on a GPU."""
+    seconds: float = 20.0
+    """Simulated time of each world [s]."""
+    colons: int = 4
+    """Grown colons."""
+    design: str = "adult"
+    """Scope design."""
+    observation: Literal["state", "lumen", "depth", "dict"] = "state"
+    """What is observed."""
+    picture_size: int = 64
+    """Rows and columns of depth pictures."""
+    memory_steps: int = 0
+    """Environment steps over which memory is watched; 0 for none."""
+    memory_resets: int = 0
+    """Resets over which memory is watched."""
+    json: bool = field(default=False)
+    """Print one JSON document instead of a table."""
+
+    def __call__(self) -> dict[str, Any]:
+        """Grow, time, watch."""
+        from haustra.envs.tasks.bank import grown_bank
+        from haustra.envs.tasks.config import TaskConfig
+        from haustra.errors import InvalidOptionError
+        from haustra.models.devices.scope.library import named_design
+        from haustra.scripts.bench.episodes import memory_slope, step_rate
+        from haustra.scripts.console import progress_bar
+
+        if min(self.worlds, self.threads, self.colons) < 1 or not 0 < self.seconds < 1e4:
+            raise InvalidOptionError("Give at least one world, thread and colon, and a positive time.")
+        config = TaskConfig(
+            design=self.design,
+            observation=self.observation,
+            picture_size=self.picture_size,
+            seeds=(0, self.colons),
+        )
+        with progress_bar("grow", self.colons, unit="colons") as advance:
+            bank = grown_bank(range(self.colons), named_design(self.design), progress=lambda done: advance(done, ""))
+        rate = step_rate(
+            config, bank, worlds=self.worlds, threads=self.threads, seconds=self.seconds, engine=self.engine
+        )
+        result: dict[str, Any] = {"dofs": int(bank.scene.compile().nv), "spheres": len(bank.scene.samples)}
+        result |= asdict(rate)
+        if self.memory_steps or self.memory_resets:
+            total = self.memory_steps + self.memory_resets
+            with progress_bar("watch memory", total, unit="steps") as advance:
+                found = memory_slope(
+                    config,
+                    bank,
+                    worlds=self.worlds,
+                    steps=self.memory_steps,
+                    resets=self.memory_resets,
+                    progress=lambda done: advance(done, ""),
+                )
+            result["memory"] = asdict(found)
+        return result

@@ -1,0 +1,77 @@
+"""`haustra bench stability`: whether simulations stay stable, whatever is asked of them."""
+
+import math
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+
+@dataclass(frozen=True)
+class BenchStability:
+    """Try random settings, shocks, poisoned inputs, laws of physics, long runs, escapes: does anything blow up?"""
+
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("bench-stability")
+    """Folder of results; an interrupted run goes on in the same one."""
+    only: str = ""
+    """Parts, separated by commas: conservation, nan, shocks, step, escapes, ranges, long, moving. All when empty."""
+    quick: bool = False
+    """Fewer and shorter runs: minutes instead of hours."""
+    workers: int = 1
+    """Child processes of the parts that have many independent runs."""
+    minutes: float | None = None
+    """Begin no further run after that long, and say what is missing; the same command goes on from there. Parts without
+    independent runs (conservation, nan, moving) are not cut short."""
+    colon: Path | None = None
+    """Folder of a colon to push a tip about in besides the grown one."""
+    seed: int = 0
+    """Of everything drawn."""
+    json: bool = field(default=False)
+    """Print one JSON document instead of a table."""
+
+    def __call__(self) -> dict[str, Any]:
+        """Run the parts and write stability.json."""
+        from haustra.errors import InvalidOptionError
+        from haustra.files import prepare_folder, write_json
+        from haustra.scripts.bench.result import Bench
+        from haustra.scripts.bench.stability.bench import PARTS, stability
+        from haustra.scripts.bench.stability.part import RunOptions
+        from haustra.scripts.console import progress_bar
+
+        if not 1 <= self.workers <= 256:
+            raise InvalidOptionError(f"workers is {self.workers}: give 1 to 256.")
+        names = [name.strip() for name in self.only.split(",") if name.strip()]
+        if self.minutes is not None and not 0 < self.minutes < 1e5:
+            raise InvalidOptionError(f"minutes is {self.minutes}: give a positive number.")
+        order = RunOptions(
+            folder=prepare_folder(self.output),
+            quick=self.quick,
+            workers=self.workers,
+            deadline=math.inf if self.minutes is None else time.monotonic() + 60 * self.minutes,
+            seed=self.seed,
+            colon=self.colon,
+        )
+        target = self.output / "stability.json"
+
+        def keep(so_far: Bench) -> None:
+            write_json(target, so_far.to_json())
+
+        asked = names or list(PARTS)
+        with progress_bar("stability", len(asked), unit="parts") as advance:
+            found = stability(
+                order,
+                names,
+                lambda part, done, note: advance(asked.index(part) + done, f"{part} {note}"),
+                keep=keep,
+            )
+        result = found.to_json()
+        if self.json:
+            return result
+        marks = {True: "met", False: "NOT MET"}
+        bars = {
+            bar.what: f"{bar.measured:.3g} {bar.unit} ({bar.sense} {bar.bound:g}: {marks[bar.met]})"
+            for bar in found.bars
+        }
+        return {**bars, "extent": found.summary[0], "written": str(target)}

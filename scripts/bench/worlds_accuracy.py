@@ -1,0 +1,89 @@
+"""How far the scopes of an engine of many worlds are from a fine native scope under the same inputs."""
+
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from haustra.envs.control.follower import LumenFollower
+from haustra.envs.runs.insertion import CONTROL_INTERVAL
+from haustra.envs.runs.measure.progress import ArcTracker
+from haustra.envs.sim.device_engines import device_engine
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.scope_bank import build_bank
+from haustra.envs.sim.scope_values import Controls
+from haustra.models.anatomy.colon import Colon
+from haustra.models.devices.scope.design import ScopeDesign
+from haustra.models.scene import SceneOptions, build_scene, entry_of
+
+
+@dataclass(frozen=True)
+class Apart:
+    """A coarse scope against a fine one, at every control interval."""
+
+    insertion: Float[np.ndarray, " records"]
+    """Of the fine scope [m]."""
+    tip: Float[np.ndarray, " records"]
+    """Distance between both tips [m]."""
+    push: Float[np.ndarray, "records 2"]
+    """Push force of the coarse and the fine scope [N]."""
+    joints: tuple[int, int]
+    """Of the coarse and the fine scope."""
+
+    def summary(self) -> dict[str, float]:
+        """Figures as plain JSON values; shares are of the length inside."""
+        share = self.tip / self.insertion
+        return {
+            "joints": self.joints[0],
+            "reference_joints": self.joints[1],
+            "insertion_m": float(self.insertion[-1]),
+            "tip_error_median_share": float(np.median(share)),
+            "tip_error_p95_share": float(np.percentile(share, 95)),
+            "tip_error_median_mm": float(np.median(self.tip)) * 1e3,
+            "tip_error_max_mm": float(self.tip.max()) * 1e3,
+            "push_mean_N": float(self.push[:, 0].mean()),
+            "push_mean_reference_N": float(self.push[:, 1].mean()),
+        }
+
+
+def compare_with_native(
+    colon: Colon, design: ScopeDesign, coarse: SceneOptions, *, cell: float, seconds: float, engine: str = "jax"
+) -> Apart:
+    """Drive a fine scope in tangent planes by the lumen follower, and the coarse one by the same hand and pulls.
+
+    Args:
+        colon: the colon.
+        design: the scope.
+        coarse: options of the engine of many worlds.
+        cell: distance between the fine scope's joints [m]; 0.011 makes 140 of an adult scope.
+        seconds: simulated time [s].
+        engine: of `DEVICE_ENGINES`.
+    """
+    bank = build_bank([colon], design, coarse)
+    fine = replace(coarse, wall_law="planes", shaft_cell=cell, bending_cell=cell, sample_spacing=None)
+    native = NativeEngine(build_scene(colon, None, design, fine, show_lumen=False))
+    links = native.scene.cable.tip_links
+    follower = LumenFollower(colon.centreline, design, tip_links=links)
+    tracker = ArcTracker(colon.centreline, start=fine.start_depth)
+    dynamics = device_engine(engine).of(bank.scene)
+    tables, parameters = bank.tables_on_device(), dynamics.parameters(bank.scene, 1)
+    steps = round(CONTROL_INTERVAL / coarse.timestep)
+    go = jax.jit(lambda now, hands: dynamics.steps(tables, parameters, now, hands, steps))
+    look = jax.jit(lambda now: dynamics.observe(parameters, tables, now))
+    worlds = dynamics.begin(parameters, tables)
+    entry, axes = entry_of(colon)
+    rows = []
+    for _ in range(round(seconds / CONTROL_INTERVAL)):
+        known = native.observe()
+        inputs = follower.act(known, tracker.update(known.tip), CONTROL_INTERVAL)
+        if not native.step(inputs, steps):
+            break
+        hands = Controls(jnp.array([inputs.push_rate]), jnp.array([inputs.roll_rate]), jnp.asarray(inputs.pulls)[None])
+        worlds = go(worlds, jax.tree.map(lambda part: part.astype(jnp.float32), hands))
+        seen, known = look(worlds), native.observe()
+        place = entry + axes @ np.asarray(seen.tip[0])
+        rows.append((known.insertion, np.linalg.norm(place - known.tip), float(seen.push_force[0]), known.push_force))
+    found = np.array(rows)
+    return Apart(found[:, 0], found[:, 1], found[:, 2:], (len(bank.scene.cable.cells), len(native.scene.cable.cells)))

@@ -1,0 +1,93 @@
+"""Loops on shapes made to have them."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from haustra.envs.runs.measure.loops import LoopKind, find_loops, writhe
+from haustra.errors import InvalidOptionError
+
+VIEW = np.array([0.0, 1.0, 0.0])
+
+
+def curl(handed: float, turns: float = 1.0) -> np.ndarray:
+    """Straight, then a coil about z of the given handedness, then straight on; looked at across the coil's axis."""
+    s = np.linspace(0, 1, 120)
+    coil = 0.06 * np.stack([np.sin(2 * np.pi * turns * s), handed * (1 - np.cos(2 * np.pi * turns * s)), 0 * s], axis=1)
+    coil[:, 2] += 0.03 * s
+    before = np.stack([np.linspace(-0.3, 0, 30), np.zeros(30), np.zeros(30)], axis=1)[:-1]
+    after = coil[-1] + np.stack([np.linspace(0, 0.3, 30), np.zeros(30), np.zeros(30)], axis=1)[1:]
+    return np.vstack([before, coil, after])
+
+
+@pytest.mark.parametrize("view", [[0, 0, 1.0], [0, 0, -2.0], [0.2, 0.1, 1.0]])
+@pytest.mark.parametrize(("handed", "kind"), [(1.0, LoopKind.ALPHA), (-1.0, LoopKind.REVERSED_ALPHA)])
+def test_the_crossing_tells_alpha_from_reversed_alpha_from_any_side(handed, kind, view):
+    """A curve that turns anticlockwise about z while it climbs along z is a right-handed coil."""
+    (loop,) = find_loops(curl(handed), view=np.array(view))
+    assert loop.kind is kind
+    assert loop.end - loop.start == pytest.approx(2 * np.pi * 0.06, rel=0.15)
+    assert loop.size == pytest.approx(0.12, rel=0.1)
+    assert np.sign(writhe(curl(handed))) == handed
+
+
+def test_a_crossing_in_the_transverse_colon_is_gamma():
+    regions = {"sigmoid": (0.0, 0.2), "transverse": (0.25, 0.8)}
+    (loop,) = find_loops(curl(1.0), view=np.array([0, 0, 1.0]), regions=regions)
+    assert loop.kind is LoopKind.GAMMA
+
+
+def test_an_n_bows_one_way_and_back():
+    s = np.linspace(0, 1, 200)
+    heading = 1.5 * np.sin(2 * np.pi * s) + 0.0
+    path = 0.4 * np.cumsum(np.stack([np.cos(heading), 0 * s, np.sin(heading)], axis=1), axis=0) / 200
+    (loop,) = find_loops(path, view=VIEW)
+    assert loop.kind is LoopKind.N
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.5, 2.0])
+def test_straight_and_simply_bent_scopes_have_no_loop(bend):
+    s = np.linspace(0, 1, 100)
+    path = 0.5 * np.cumsum(np.stack([np.cos(bend * s), 0 * s, np.sin(bend * s)], axis=1), axis=0) / 100
+    assert find_loops(path, view=VIEW) == ()
+    assert abs(writhe(path)) < 1e-6
+
+
+def test_writhe_of_a_helix():
+    """Each further turn of a helix with pitch angle a adds 1 - sin(a), whatever its ends add."""
+
+    def turned(turns: int) -> float:
+        s = np.linspace(0, 2 * np.pi * turns, 60 * turns)
+        return writhe(np.stack([0.05 * np.cos(s), 0.05 * np.sin(s), 0.1 * s / (2 * np.pi)], axis=1))
+
+    assert (turned(20) - turned(10)) / 10 == pytest.approx(1 - 0.1 / np.hypot(0.1, 2 * np.pi * 0.05), rel=0.01)
+
+
+@pytest.mark.parametrize("handed", [1.0, -1.0])
+def test_writhe_does_not_depend_on_how_finely_a_curve_is_cut(handed):
+    line = curl(handed)[::6]
+    fine = np.vstack([np.linspace(a, b, 5)[:-1] for a, b in pairwise(line)] + [line[-1:]])
+    assert writhe(fine) == pytest.approx(writhe(line), abs=1e-9)
+    assert handed * writhe(line) == pytest.approx(0.85, abs=0.15)
+
+
+def test_strands_that_weave_are_no_loop():
+    """A coil seen along its axis lies over itself: its crossings there come to at most one loop."""
+    s = np.linspace(0, 2.6 * np.pi, 40)
+    wobble = 0.004 * np.sin(9 * s)
+    coil = np.stack([(0.1 + wobble) * np.cos(s), (0.1 + wobble) * np.sin(s), 0.02 * s], axis=1)
+    assert len(find_loops(coil, view=np.array([0.0, 0.0, 1.0]))) <= 1
+
+
+def test_two_loops_are_counted_apart():
+    two = np.vstack([curl(1.0), curl(-1.0)[1:] + curl(1.0)[-1] - curl(-1.0)[0]])
+    kinds = [loop.kind for loop in find_loops(two, view=np.array([0, 0, 1.0]))]
+    assert kinds == [LoopKind.ALPHA, LoopKind.REVERSED_ALPHA]
+
+
+def test_what_is_no_shape_is_refused():
+    with pytest.raises(InvalidOptionError, match="four finite points"):
+        find_loops(np.zeros((3, 3)), view=VIEW)
+    with pytest.raises(InvalidOptionError, match="direction"):
+        find_loops(curl(1.0), view=np.zeros(3))

@@ -1,0 +1,70 @@
+"""One scope on JAX does in a bend what the native engine does in tangent planes, and is recorded and scored alike."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("jax")
+
+from haustra.envs.runs.insertion import run_insertion
+from haustra.envs.runs.outcome import Outcome
+from haustra.envs.sim.field_engine import JaxSingle
+from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.errors import UnsupportedSceneError
+from haustra.models.devices.scope.library import named_design
+from haustra.models.scene import SceneOptions, build_scene
+from tests.bent_colon import bent_colon
+
+OPTIONS = SceneOptions(wall_law="table", insertion_limit=0.35, shaft_cell=0.0625, bending_cell=0.034, twist_hinges=2)
+DESIGN = named_design("adult")
+
+
+@pytest.fixture(scope="module")
+def colon():
+    return bent_colon([(0.1, 0.0), (0.1, 1.2), (0.2, 0.0)])[0]
+
+
+@pytest.fixture(scope="module")
+def field(colon) -> JaxSingle:
+    return JaxSingle(build_scene(colon, None, DESIGN, OPTIONS, show_lumen=False))
+
+
+def test_it_sees_what_the_native_engine_sees(colon, field) -> None:
+    """Tip within 1 % of the length inside, forces within 10 % and 0.1 N of those in tangent planes."""
+    native = NativeEngine(build_scene(colon, None, DESIGN, replace(OPTIONS, wall_law="planes"), show_lumen=False))
+    for instant in range(250):
+        inputs = Inputs(0.04, 0.1, np.array([0.0, 6.0 * min(1.0, instant / 100), 0.0, 0.0]))
+        assert field.step(inputs, 4)
+        assert native.step(inputs, 4)
+    one, other = field.observe(), native.observe()
+    assert one.time == pytest.approx(other.time, abs=1e-3)
+    assert one.insertion == pytest.approx(other.insertion, abs=1e-3)
+    assert np.linalg.norm(one.tip - other.tip) < 0.01 * other.insertion
+    np.testing.assert_allclose(one.bend, other.bend, atol=0.05)
+    assert one.link_forces.shape == other.link_forces.shape
+    assert other.link_forces.sum() > 0.5
+    assert one.link_forces.sum() == pytest.approx(other.link_forces.sum(), rel=0.1, abs=0.1)
+    assert one.push_force == pytest.approx(other.push_force, rel=0.1, abs=0.1)
+    assert one.energies.bending == pytest.approx(other.energies.bending, rel=0.1)
+    assert one.energies.wall == pytest.approx(other.energies.wall, rel=0.3, abs=1e-4)
+    np.testing.assert_allclose(field.shape(), native.shape(), atol=5e-3)
+
+
+def test_a_run_is_recorded_as_the_native_engines(colon) -> None:
+    scene = build_scene(colon, None, DESIGN, OPTIONS, show_lumen=False)
+    run = run_insertion(scene, seconds=2.0, engine=JaxSingle)
+    assert run.outcome is Outcome.TIME_UP
+    model = scene.compile()
+    assert run.trajectory.qpos.shape == (100, model.nq)
+    assert run.trajectory.ctrl.shape == (100, model.nu)
+    assert run.trajectory.insertion[-1] > 0.08
+    assert "wall" in scene.left_out
+
+
+def test_what_it_cannot_honour_is_refused(colon, field) -> None:
+    falling = build_scene(colon, None, DESIGN, replace(OPTIONS, gravity=(0.0, 0.0, -9.81)), show_lumen=False)
+    with pytest.raises(UnsupportedSceneError, match="no gravity"):
+        JaxSingle(falling)
+    with pytest.raises(UnsupportedSceneError, match="by pulls"):
+        field.step(Inputs(0.0, 0.0, wheels=np.zeros(2)), 1)

@@ -1,0 +1,79 @@
+"""A scope whose shaft is added as it goes in does what a whole one does."""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from haustra.envs.sim.growing import GrowingEngine, growing
+from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.models.devices.scope.library import named_design
+from haustra.models.scene import Scene, SceneOptions, build_scene
+from tests.bent_colon import bent_colon
+
+DESIGN, RATE, SECONDS = named_design("adult"), 0.06, 5.0
+
+
+@pytest.fixture(scope="module")
+def tube():
+    return bent_colon([(0.1, 0.0), (0.12, 1.2), (0.9, 0.0)])
+
+
+def _scene(tube, law: Any, **omitted: Any) -> Scene:
+    colon, wall = tube
+    return build_scene(colon, wall, DESIGN, SceneOptions(wall_law=law), show_lumen=False, **omitted)
+
+
+def _drive(engine) -> tuple[np.ndarray, ...]:
+    """Tip, push, torque, largest wall force every 20 ms of a steered and turned insertion."""
+    rows = []
+    for step in range(round(SECONDS / 0.02)):
+        pulls = np.array([0.0, 8.0 * min(1.0, 0.02 * step), 0.0, 0.0])
+        assert engine.step(Inputs(RATE, 0.15, pulls), 4)
+        seen = engine.observe()
+        rows.append((*seen.tip, seen.push_force, seen.torque, seen.link_forces.max(), seen.time, seen.insertion))
+    return tuple(np.array(rows).T)
+
+
+@pytest.mark.parametrize(("law", "path", "peak"), [("pieces", 1e-3, 3e-3), ("planes", 3e-3, 1e-2)])
+def test_it_moves_as_the_whole_scope_does(tube, law, path, peak) -> None:
+    """The tip within 0.1 % of the length inside, peaks within 0.3 %; shaft is added twice.
+
+    Against tangent planes friction lets go a moment earlier or later: three times that.
+    """
+    whole = _scene(tube, law)
+    engine = GrowingEngine(whole, build=lambda deepest: _scene(tube, law, deepest=deepest), stride=0.12)
+    first, second = _drive(NativeEngine(whole)), _drive(engine)
+    assert len(engine.added) == 2
+    inside = first[7][-1]
+    assert np.abs(np.subtract(first[:3], second[:3])).max() < path * inside
+    np.testing.assert_allclose(second[6], first[6], rtol=1e-12)
+    np.testing.assert_allclose(second[7], first[7], atol=path * inside)
+    for row in (3, 4, 5):
+        assert np.abs(first[row][50:]).max() > (0.005 if row == 4 else 0.2)
+        assert np.abs(second[row][50:]).max() == pytest.approx(np.abs(first[row][50:]).max(), rel=peak)
+
+
+def test_what_it_shows_is_that_of_the_whole_scene(tube) -> None:
+    """Its positions and controls, given to the whole scene, put the scope where its shape says."""
+    whole = _scene(tube, "pieces")
+    engine = GrowingEngine(whole, build=lambda deepest: _scene(tube, "pieces", deepest=deepest), stride=0.12)
+    _drive(engine)
+    model = whole.compile()
+    data = mujoco.MjData(model)
+    data.qpos[:], data.ctrl[:] = engine.qpos, engine.ctrl
+    mujoco.mj_kinematics(model, data)
+    nodes = [data.body(name).xpos for name in whole.cable.links]
+    shape = engine.shape()
+    # MuJoCo's places are those at the beginning of the last step, in which the scope moves by 0.3 mm.
+    assert np.abs(shape - np.vstack([nodes, data.site("scope/tip").xpos])).max() < 5e-4
+    assert len(engine.observe().link_forces) == len(whole.cable.links)
+    assert data.ctrl[model.actuator("scope/lock_x_000").id] == 1.0
+    assert 0 < data.ctrl[model.actuator("scope/push").id] == pytest.approx(RATE)
+
+
+def test_under_gravity_all_of_the_shaft_is_there(tube) -> None:
+    colon, wall = tube
+    heavy = build_scene(colon, wall, DESIGN, SceneOptions(gravity=(0.0, 0.0, -9.81)), show_lumen=False)
+    assert isinstance(growing(wall, deepest=0.3)(heavy), NativeEngine)

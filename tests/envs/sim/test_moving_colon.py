@@ -1,0 +1,247 @@
+"""A colon that moves on its mesentery: rods, springs and balances that are known."""
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from haustra.envs.sim import moving_colon
+from haustra.envs.sim.moving_colon import AttachmentPoints, AxisDisplacement
+from haustra.envs.sim.scope_bank import ScopeBank, build_bank
+from haustra.envs.sim.scope_batch import ScopeBatch
+from haustra.envs.sim.scope_values import Controls
+from haustra.envs.sim.scope_worlds import JaxScopes
+from haustra.errors import InvalidOptionError, UnsupportedSceneError
+from haustra.models.devices.scope.library import named_design
+from haustra.models.scene import SceneOptions
+from haustra.models.wall import mesentery
+from haustra.models.wall.lumen_table import lumen_table, pick, stack
+from haustra.models.wall.mesentery import Mesentery, hang
+from tests.bent_colon import winding
+from tests.models.wall.conftest import swept_colon
+from tests.tube_colon import straight_tube
+
+_STEP = 0.005
+_OPTIONS = SceneOptions(
+    insertion_limit=0.3, shaft_cell=0.0625, bending_cell=0.034, sample_spacing=0.03, mesentery=True, wall_law="table"
+)
+
+
+def _straight(length: float = 0.3, **changed: Any) -> Mesentery:
+    """A tube along z with 100 N of tension per strain, hung as `changed` says; worlds first, in double precision."""
+    arcs = np.linspace(0.0, length, 100)
+    own = hang(arcs[:, None] * [0.0, 0.0, 1.0], arcs, np.full(100, 0.02), ())
+    count = len(own.nodes)
+    free = {"hold": np.zeros(count), "support": np.zeros(count), "drag": np.full(count, 0.02)}
+    free |= {"tension": np.full(count - 1, 100.0), "bending": np.zeros(count)}
+    own = mesentery.stack([own._replace(**free | changed)])
+    return Mesentery(*(jnp.asarray(part, jnp.float64) for part in own))
+
+
+def _creep(own: Mesentery, force: np.ndarray, steps: int) -> np.ndarray:
+    """Displacements after steps under forces on the nodes (nodes, 3) [N]."""
+    arcs = jnp.arange(own.nodes.shape[1])[None] * own.spacing[:, None]
+    # A force right at the anus counts as before it.
+    grip = AttachmentPoints(jnp.maximum(arcs, 1e-9), jnp.zeros_like(own.nodes))
+    none = jnp.zeros_like(arcs)
+
+    def step(_: int, shift: AxisDisplacement) -> AxisDisplacement:
+        return moving_colon.step_axis(own, shift, grip, jnp.asarray(force)[None], none, _STEP)
+
+    return np.asarray(jax.lax.fori_loop(0, steps, step, moving_colon.at_rest(own, 1, jnp.float64)).place[0])
+
+
+def _only(count: int, node: int, force: list[float]) -> np.ndarray:
+    forces = np.zeros((count, 3))
+    forces[node] = force
+    return forces
+
+
+@pytest.fixture(autouse=True)
+def _double_precision():
+    with jax.enable_x64(True):
+        yield
+
+
+def test_a_pulled_tube_stretches_and_a_pushed_one_pleats_more() -> None:
+    """F L / EA in tension; in compression divided by the share of stiffness that pleats have."""
+    count = 31
+    anchored = np.zeros(count)
+    anchored[0] = 1e6
+    own = _straight(hold=anchored)
+    length = float(own.lengths.sum())
+    pulled = _creep(own, _only(count, -1, [0, 0, 5.0]), 1500)[-1, 2]
+    assert pulled == pytest.approx(5.0 * length / 100.0, rel=1e-3)
+    pushed = _creep(own, _only(count, -1, [0, 0, -0.5]), 4000)[-1, 2]
+    assert pushed == pytest.approx(-0.5 * length / (100.0 * float(own.pleating[0])), rel=1e-3)
+
+
+def test_a_clamped_tube_bends_like_a_beam() -> None:
+    """F L^3 / 3 EI at the end of a cantilever, within 1 %: it begins half an edge before its second node."""
+    count, rigidity = 31, 0.01
+    clamped, bending = np.zeros(count), np.full(count, rigidity / 0.01)
+    clamped[:2], bending[[0, -1]] = 1e6, 0.0
+    own = _straight(hold=clamped, bending=bending, tension=np.full(count - 1, 1000.0))
+    moved = _creep(own, _only(count, -1, [0.02, 0, 0]), 40000)[-1, 0]
+    assert moved == pytest.approx(0.02 * 0.295**3 / (3 * rigidity), rel=0.01)
+
+
+def test_a_mesentery_is_slack_and_then_taut() -> None:
+    """All nodes pushed alike: they move by the slack, and then by force over stiffness; a little support is felt."""
+    count, force = 31, 0.3
+    own = _straight(slack=np.full(count, 0.05), hold=np.full(count, 70.0), support=np.full(count, 1.0))
+    moved = _creep(own, np.tile([force, 0, 0], (count, 1)), 1000)
+    assert moved[:, 0] == pytest.approx((force + 70.0 * 0.05) / 71.0, rel=1e-3)
+    assert np.abs(moved[:, 1:]).max() < 1e-9
+
+
+def test_a_colon_that_turns_as_a_whole_stores_nothing_and_carries_its_wall_along() -> None:
+    colon = swept_colon(winding([(0.08, 0.0), (0.1, 1.6), (0.1, 0.0)]), name="bend")
+    field = lumen_table(colon, device_radius=0.006, with_mesentery=True)
+    tables = pick(stack([field.tables]), np.array([0]))
+    own = tables.mesentery
+    assert own is not None
+    free = own._replace(hold=0 * own.hold, support=0 * own.support)
+    turn, away = Rotation.from_rotvec([0.2, -0.5, 0.4]), np.array([0.02, 0.01, -0.03])
+    place = turn.apply(own.nodes[0]) + away - own.nodes[0]
+    assert float(moving_colon.energy(free, jnp.asarray(place)[None])[0]) == pytest.approx(0.0, abs=1e-10)
+    random = np.random.default_rng(0)
+    arcs = random.uniform(0.02, 0.25, (1, 200))
+    axis = np.array(
+        [np.interp(arcs[0], field.tables.step * np.arange(len(field.tables.points)), c) for c in field.tables.points.T]
+    ).T
+    points = axis + random.normal(size=axis.shape) * 0.008
+    to_current = np.asarray(moving_colon.to_current(tables, jnp.asarray(place)[None], points[None], arcs))[0]
+    # The shortest turn of a cross-section leaves out what the whole turned about the axis itself.
+    tangents = np.array(
+        [
+            np.interp(arcs[0], np.linspace(0, float(own.spacing[0]) * (len(place) - 1), len(place)), t)
+            for t in own.tangents[0].T
+        ]
+    ).T
+    along = np.einsum("pi,pi->p", points - axis, tangents / np.linalg.norm(tangents, axis=1)[:, None])
+    now = np.einsum(
+        "pi,pi->p",
+        to_current - turn.apply(axis) - away,
+        turn.apply(tangents / np.linalg.norm(tangents, axis=1)[:, None]),
+    )
+    assert np.linalg.norm(to_current - turn.apply(axis) - away, axis=1) == pytest.approx(
+        np.linalg.norm(points - axis, axis=1), rel=0.02
+    )
+    assert now == pytest.approx(along, abs=3e-4)
+    frames = moving_colon.turns_of(own, jnp.asarray(place)[None])
+    back = moving_colon.to_reference(tables, jnp.asarray(place)[None], frames, jnp.asarray(to_current)[None], arcs)
+    assert np.abs(np.asarray(back)[0] - points).max() < 2e-4
+
+
+def test_forces_on_the_wall_do_the_work_that_its_motion_says() -> None:
+    """Power of random forces at random places of the wall, on the wall's own speed there, and of drag on the nodes."""
+    count = 31
+    own = _straight(tension=np.zeros(count - 1))
+    random = np.random.default_rng(1)
+    place = jnp.asarray(random.normal(size=(1, count, 3)) * 0.003)
+    grip = AttachmentPoints(
+        jnp.asarray(random.uniform(0.01, 0.29, (1, 50))), jnp.asarray(random.normal(size=(1, 50, 3)) * 0.015)
+    )
+    force = jnp.asarray(random.normal(size=(1, 50, 3)))
+    own = own._replace(pleating=0 * own.pleating)
+    moved = moving_colon.step_axis(own, AxisDisplacement(place, 0 * place), grip, force, jnp.zeros((1, 50)), _STEP)
+    felt = moving_colon.wall_speeds(own, AxisDisplacement(place, moved.speed), grip)
+    assert float((force * felt).sum()) == pytest.approx(float((own.drag[..., None] * moved.speed**2).sum()), rel=1e-9)
+
+
+def test_the_solver_solves() -> None:
+    random = np.random.default_rng(2)
+    ties, more, right = random.uniform(0, 5, (3, 46)), random.uniform(0.1, 1, (3, 47)), random.normal(size=(3, 47, 3))
+    below, above = np.pad(ties, ((0, 0), (1, 0))), np.pad(ties, ((0, 0), (0, 1)))
+    found = moving_colon.solve_tridiagonal(
+        *(jnp.asarray(part) for part in (-below, more + below + above, -above, right))
+    )
+    for world in range(3):
+        matrix = np.diag((more + below + above)[world]) - np.diag(ties[world], 1) - np.diag(ties[world], -1)
+        assert np.asarray(found[world]) == pytest.approx(np.linalg.solve(matrix, right[world]), rel=1e-9, abs=1e-12)
+
+
+def _bent_bank(**changed: Any) -> ScopeBank:
+    colon = swept_colon(winding([(0.08, 0.0), (0.1, 1.6), (0.2, 0.0)]), name="bend")
+    return build_bank([colon], named_design("adult"), replace(_OPTIONS, **changed))
+
+
+def _pushed(bank: ScopeBank, tables: Any, steps: int = 1200) -> tuple[Any, Any, Any, JaxScopes]:
+    engine = JaxScopes.of(bank.scene)
+    parameters = engine.parameters(bank.scene, 1, friction=0.0)
+    go = jax.jit(
+        lambda now, push: engine.steps(tables, parameters, now, Controls(push, jnp.zeros(1), jnp.zeros((1, 4))), steps)
+    )
+    worlds = go(engine.begin(parameters, tables), jnp.full(1, 0.03))
+    worlds = go(worlds, jnp.zeros(1))
+    return worlds, engine.observe(parameters, tables, worlds), parameters, engine
+
+
+@cache
+def _pushed_in_a_fixed_colon() -> Any:
+    fixed = _bent_bank(mesentery=False)
+    return _pushed(fixed, fixed.tables_on_device())[1]
+
+
+def test_a_colon_that_is_held_firmly_is_one_that_is_fixed() -> None:
+    """Held by 1 N/um a node: tip within 0.2 mm and forces within 1 % of those in a colon fixed in space."""
+    with jax.enable_x64(False):
+        still = _pushed_in_a_fixed_colon()
+        bank = _bent_bank()
+        tables = bank.tables_on_device()
+        assert tables.mesentery is not None
+        firm = tables._replace(mesentery=tables.mesentery._replace(hold=tables.mesentery.hold * 0 + 1e6))
+        _, seen, _, _ = _pushed(bank, firm)
+        assert np.linalg.norm(np.asarray(seen.tip - still.tip)) < 2e-4
+        assert np.asarray(seen.link_forces).sum() == pytest.approx(np.asarray(still.link_forces).sum(), rel=0.01)
+
+
+def test_a_colon_at_rest_holds_what_the_scope_presses() -> None:
+    """In balance, the mesentery's pull is the wall's force on the scope; a colon that gives way presses less."""
+    with jax.enable_x64(False):
+        bank = _bent_bank()
+        tables = bank.tables_on_device()
+        found = tables.mesentery
+        assert found is not None
+        worlds, seen, parameters, engine = _pushed(bank, tables)
+        own = Mesentery(*(part[:1] for part in found))
+        place = worlds.shift.place
+        over = jnp.maximum(jnp.linalg.norm(place, axis=-1) - own.slack, 0.0)
+        pull = (own.hold * over / jnp.maximum(jnp.linalg.norm(place, axis=-1), 1e-9) + own.support)[..., None] * place
+        # The handle and the anus hold the scope: its own balance is the wall's force on it.
+        found, _ = moving_colon.touch(
+            pick(tables, parameters.colon),
+            worlds.shift,
+            engine._samples(parameters.scope, _pose(engine, parameters, worlds)),
+            worlds.arcs[:, :-1],
+        )
+        on_scope = np.asarray((worlds.normal[..., None] * found.inwards).sum(axis=1)[0])
+        held = np.asarray(pull.sum(axis=1)[0])
+        assert np.linalg.norm(on_scope) > 1.0
+        assert held == pytest.approx(-on_scope, abs=0.05 * float(np.linalg.norm(on_scope)))
+        still = _pushed_in_a_fixed_colon()
+        assert 0.001 < float(jnp.linalg.norm(place, axis=-1).max()) < 0.05
+        assert float(seen.link_forces.max()) < float(still.link_forces.max())
+
+
+def _pose(engine: JaxScopes, parameters: Any, worlds: Any) -> Any:
+    from haustra.envs.sim import chain
+
+    return chain.pose(engine.chain, parameters.scope.links, worlds.qpos)
+
+
+def test_what_cannot_move_a_colon_says_so() -> None:
+    with pytest.raises(InvalidOptionError, match="needs wall law 'table'"):
+        SceneOptions(mesentery=True)
+    bank = build_bank([straight_tube()], named_design("adult"), _OPTIONS)
+    with pytest.raises(UnsupportedSceneError, match="jax"):
+        ScopeBatch(bank.scene, bank.tables, worlds=1)
+    still = build_bank([straight_tube()], named_design("adult"), replace(_OPTIONS, mesentery=False))
+    with pytest.raises(UnsupportedSceneError, match="or none"):
+        stack([bank.tables, still.tables])

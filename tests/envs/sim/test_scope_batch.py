@@ -1,0 +1,148 @@
+"""Many scopes on threads: they move as one scope does, each in its own colon, whatever becomes of the others."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from haustra.envs.sim.conditions import Conditions
+from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.scope_batch import BatchInputs, ScopeBatch
+from haustra.errors import UnsupportedSceneError
+from haustra.models.devices.scope.library import named_design
+from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
+from haustra.models.wall.lumen_table import Tables, lumen_table, stack
+from tests.bent_colon import winding
+from tests.models.wall.conftest import swept_colon
+
+DESIGN = named_design("adult")
+OPTIONS = {"insertion_limit": 0.3, "shaft_cell": 0.0625, "bending_cell": 0.034, "twist_hinges": 2}
+PULLS = np.array([12.0, 0.0, 0.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def bend() -> tuple[Scene, Tables]:
+    colon = swept_colon(winding([(0.08, 0.0), (0.1, 1.6), (0.2, 0.0)]), name="bend")
+    scene = build_scene(colon, None, DESIGN, SceneOptions(wall_law="table", **OPTIONS), show_lumen=False)
+    return scene, lumen_table(colon, device_radius=DESIGN.diameter / 2).seen_from(*entry_of(colon))
+
+
+def conditions(worlds: int, friction: float = 0.1) -> Conditions:
+    return Conditions(np.full(worlds, friction), np.full(worlds, 1500.0), np.ones(worlds))
+
+
+def begin(bend: tuple[Scene, Tables], worlds: int, threads: int = 1, friction: float = 0.1) -> ScopeBatch:
+    scene, table = bend
+    batch = ScopeBatch(scene, stack([table]), worlds=worlds, threads=threads)
+    batch.reset(np.arange(worlds), np.zeros(worlds, int), conditions(worlds, friction))
+    return batch
+
+
+def inputs(rates: np.ndarray, pulls: np.ndarray = PULLS) -> BatchInputs:
+    return BatchInputs(rates, np.zeros(len(rates)), np.tile(pulls, (len(rates), 1)))
+
+
+def test_a_scope_moves_as_it_does_against_the_surface_itself(bend):
+    scene, _ = bend
+    planes = build_scene(scene.colon, None, DESIGN, SceneOptions(wall_law="planes", **OPTIONS), show_lumen=False)
+    single, batch = NativeEngine(planes), begin(bend, 1)
+    apart, forces = [], []
+    for _ in range(80):
+        single.step(Inputs(0.06, 0.0, PULLS), 8)
+        assert batch.step(inputs(np.array([0.06])), 8).all()
+        alone, seen = single.observe(), batch.observe()
+        apart.append(np.linalg.norm((alone.tip - scene.entry) @ scene_axes(scene) - seen.tip[0]))
+        forces.append([alone.link_forces.sum(), seen.link_forces.sum()])
+    assert batch.observe().tip_arc[0] > 0.17
+    assert max(apart) < 0.003  # one plane a sphere instead of two, linear springs, a table, positions one step old
+    mean = np.mean(forces, axis=0)
+    assert mean[1] == pytest.approx(mean[0], rel=0.1)
+
+
+def scene_axes(scene: Scene) -> np.ndarray:
+    return entry_of(scene.colon)[1]
+
+
+def test_forces_are_those_of_the_contacts(bend):
+    batch = begin(bend, 1)
+    for _ in range(60):
+        batch.step(inputs(np.array([0.06])), 8)
+    batch.step(inputs(np.array([0.0])), 400)  # at rest, since what is seen is K (d + tau d') of the step's beginning
+    model, data = batch.world_data(0)
+    batch.step(inputs(np.array([0.0])), 1)
+    mujoco.mj_forward(model, data)
+    # The planes that the step used are those of its beginning.
+    model, after = batch.world_data(0)
+    data.mocap_pos[:], data.mocap_quat[:] = after.mocap_pos, after.mocap_quat
+    mujoco.mj_forward(model, data)
+    normal = data.efc_force[data.contact.efc_address]
+    seen = batch.observe().link_forces.sum()
+    assert seen > 1
+    assert normal.sum() == pytest.approx(seen, rel=0.01)  # spheres of one link add up as vectors
+
+
+def test_worlds_do_not_depend_on_threads_nor_on_their_neighbours(bend):
+    rates = np.array([0.02, 0.06, 0.04])
+    together, threaded, alone = begin(bend, 3), begin(bend, 3, threads=2), begin(bend, 1)
+    for _ in range(30):
+        together.step(inputs(rates), 8)
+        threaded.step(inputs(rates), 8)
+        alone.step(inputs(rates[1:2]), 8)
+    assert np.array_equal(together.observe().tip, threaded.observe().tip)
+    assert np.array_equal(together.observe().tip[1], alone.observe().tip[0])
+    threaded.close()
+
+
+def test_a_world_that_diverges_ends_alone(bend):
+    batch, calm = begin(bend, 2), begin(bend, 2)
+    for step in range(20):
+        if step == 10:
+            batch._shards[0]._qvel[0, 5] = np.nan
+        healthy = batch.step(inputs(np.array([0.05, 0.05])), 4)
+        calm.step(inputs(np.array([0.05, 0.05])), 4)
+        assert healthy.tolist() == [step < 10, True]
+    assert np.array_equal(batch.observe().tip[1], calm.observe().tip[1])
+    assert np.isfinite(batch.observe().tip).all()
+    batch.reset(np.array([0]), np.array([0]), conditions(1))
+    assert batch.step(inputs(np.array([0.05, 0.05])), 4).all()
+
+
+def test_a_world_begins_again_as_new(bend):
+    batch, new = begin(bend, 2), begin(bend, 2)
+    for _ in range(20):
+        batch.step(inputs(np.array([0.05, 0.05])), 4)
+    batch.reset(np.array([1]), np.array([0]), conditions(1))
+    for _ in range(20):
+        batch.step(inputs(np.array([0.05, 0.05])), 4)
+        new.step(inputs(np.array([0.05, 0.05])), 4)
+    assert np.array_equal(batch.observe().tip[1], new.observe().tip[1])
+
+
+def test_friction_stiffness_and_shaft_are_those_of_each_world(bend):
+    batch = begin(bend, 4)
+    differing = Conditions(
+        np.array([0.0, 0.3, 0.1, 0.1]), np.array([1500.0, 1500.0, 800.0, 1500.0]), np.array([1.0, 1.0, 1.0, 2.0])
+    )
+    batch.reset(np.arange(4), np.zeros(4, int), differing)
+    push = []
+    for _ in range(80):
+        batch.step(inputs(np.full(4, 0.06)), 8)
+        push.append(batch.observe().push_force)
+    smooth, rough, _, stiff = np.mean(push[40:], axis=0)
+    assert rough > smooth
+    assert stiff > smooth
+    model = batch.world_data(3)[0]
+    assert model.jnt_stiffness.ravel()[2] == pytest.approx(2 * batch.model.jnt_stiffness.ravel()[2])
+
+
+def test_scenes_with_another_wall_are_refused(bend):
+    scene, table = bend
+    planes = build_scene(scene.colon, None, DESIGN, SceneOptions(wall_law="planes", **OPTIONS), show_lumen=False)
+    with pytest.raises(UnsupportedSceneError, match="field"):
+        ScopeBatch(planes, stack([table]), worlds=1)
+
+
+def test_a_worlds_contacts_have_the_law_of_a_scenes(bend):
+    batch = begin(bend, 1)
+    model = batch.world_data(0)[0]
+    for name in ("pair_solref", "pair_solreffriction", "pair_solimp", "pair_friction"):
+        assert np.allclose(getattr(model, name), getattr(batch.model, name), rtol=1e-12), name

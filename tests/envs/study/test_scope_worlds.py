@@ -1,0 +1,81 @@
+"""Studies of scopes on the engine of many worlds: one batch for designs of a kind, halved where memory is short."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import jax
+import pytest
+
+from haustra.envs.study import scope, scope_worlds
+from haustra.envs.study.study import Job, Objective, Study, Variable
+from haustra.errors import UnsupportedSceneError
+from haustra.models.anatomy.colon import ColonSegment
+from haustra.models.anatomy.store import save_colon
+from tests.bent_colon import winding
+from tests.models.wall.conftest import swept_colon
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Study:
+    bend = swept_colon(winding([(0.1, 0.0), (0.12, 1.2), (0.1, 0.0)]), name="bend")
+    end = bend.centreline.length
+    segments = (ColonSegment("rectum", 0.0, 0.03), ColonSegment("sigmoid", 0.03, 0.9 * end))
+    colon = save_colon(
+        replace(bend, segments=(*segments, ColonSegment("descending colon", 0.9 * end, end))), tmp_path / "bend"
+    )
+    return Study(
+        question="scope",
+        title="bend",
+        base="paediatric",
+        variables=(
+            Variable(
+                name="EI", path="design.shaft.*.flexural_rigidity", unit="N m^2", nominal=0.02, low=0.01, high=0.1
+            ),
+            Variable(name="diameter", path="scaled.diameter", unit="m", nominal=0.011, low=0.008, high=0.013),
+        ),
+        conditions={"colon": (str(colon),), "friction": (0.1,)},
+        objectives=(Objective("reach", "maximise"),),
+        options={"seconds": 6.0, "wall": "prism", "timestep": 0.005, "preset": "balanced", "mesentery": False},
+    )
+
+
+def _jobs(study: Study) -> list[Job]:
+    designs = [{"EI": 0.015, "diameter": 0.011}, {"EI": 0.06, "diameter": 0.011}, {"EI": 0.02, "diameter": -1.0}]
+    conditions = {name: values[0] for name, values in study.conditions.items()}
+    return [
+        Job(id=index, design=index, variables=design, conditions=conditions) for index, design in enumerate(designs)
+    ]
+
+
+def test_designs_share_a_batch_and_differ(study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stiffer shaft needs more push in the bend; an impossible design fails alone; short memory changes no row."""
+    results = {result.job: result for result in scope_worlds.WORLDS.start(study, tmp_path)(_jobs(study))}
+    assert [results[index].state for index in range(3)] == ["finished", "finished", "failed"]
+    assert "diameter" in results[2].reason
+    soft, stiff = (float(results[index].scores["push_force_peak_N"] or 0) for index in range(2))
+    assert stiff > 1.5 * soft > 0
+    answer, seen = scope_worlds._answer, []
+
+    def short_of_memory(colons, worlds, seconds):
+        seen.append(len(worlds))
+        if len(worlds) > 1:
+            raise jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED: Out of memory allocating 1 byte")
+        return answer(colons, worlds, seconds)
+
+    monkeypatch.setattr(scope_worlds, "_answer", short_of_memory)
+    again = {result.job: result for result in scope_worlds.WORLDS.start(study, tmp_path)(_jobs(study))}
+    assert seen == [2, 1, 1]
+    assert again[0].scores["push_force_peak_N"] == pytest.approx(soft, rel=1e-3)
+
+
+def test_colons_of_a_study_move_when_asked(study: Study, tmp_path: Path) -> None:
+    """A bend that hangs by a sigmoid's mesentery takes less push; the native engine, whose walls stand, refuses."""
+    moving = replace(study, options={**study.options, "mesentery": True})
+    jobs = _jobs(study)[1:2]
+    with pytest.raises(UnsupportedSceneError, match="jax"):
+        assert scope.NATIVE.prepare
+        scope.NATIVE.prepare(moving, tmp_path, lambda text: None)
+    fixed, moved = (next(iter(scope_worlds.WORLDS.start(each, tmp_path)(jobs))) for each in (study, moving))
+    assert fixed.state == moved.state == "finished"
+    pushes = [float(one.scores["push_force_peak_N"] or 0) for one in (fixed, moved)]
+    assert 0 < pushes[1] < pushes[0]

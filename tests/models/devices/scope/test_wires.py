@@ -1,0 +1,42 @@
+"""Friction, slack and stretch of pull wires. Source: the capstan (Euler-Eytelwein) equation."""
+
+import numpy as np
+import pytest
+
+from haustra.errors import InvalidDesignError
+from haustra.models.devices.scope.wires import WireSet, arriving_pulls, pull_of_travel
+
+PLAIN = WireSet(routing_radius=0.005, pull_limit=60.0)
+RUBBING = WireSet(routing_radius=0.005, pull_limit=60.0, friction=0.2)
+
+
+def test_without_friction_all_of_a_pull_arrives():
+    hand = np.array([10.0, 0.0, 3.0, 0.0])
+    np.testing.assert_array_equal(arriving_pulls(PLAIN, hand, np.ones(4), sheath_angle=7.0), hand)
+
+
+@pytest.mark.parametrize("turns", [0.25, 0.5, 1.0, 2.0])
+def test_a_growing_pull_loses_by_the_capstan_equation(turns):
+    hand = np.array([10.0, 0.0, 0.0, 0.0])
+    arrived = arriving_pulls(RUBBING, hand, np.zeros(4), sheath_angle=2 * np.pi * turns)
+    assert arrived[0] == pytest.approx(10 * np.exp(-0.2 * 2 * np.pi * turns))
+
+
+def test_an_easing_pull_lags_behind():
+    """Pulled to 10 N and eased: nothing changes until the hand is below by the square of the capstan factor."""
+    angle, factor = np.pi, np.exp(-0.2 * np.pi)
+    arrived = arriving_pulls(RUBBING, np.full(4, 10.0), np.zeros(4), sheath_angle=angle)
+    eased = arriving_pulls(RUBBING, np.full(4, 10.0 * factor**2 * 1.01), arrived, sheath_angle=angle)
+    np.testing.assert_array_equal(eased, arrived)
+    slipping = arriving_pulls(RUBBING, np.full(4, 1.0), eased, sheath_angle=angle)
+    np.testing.assert_allclose(slipping, 1.0 / factor)
+    np.testing.assert_allclose(arriving_pulls(RUBBING, np.zeros(4), slipping, sheath_angle=angle), 0.0)
+
+
+def test_travel_takes_up_slack_then_stretches_the_wire():
+    wires = WireSet(routing_radius=0.005, pull_limit=60.0, slack=0.002, compliance=1e-4)
+    travel = np.array([0.001, 0.002, 0.003, 0.1])
+    np.testing.assert_allclose(pull_of_travel(wires, travel, np.zeros(4)), [0, 0, 10, 60])
+    np.testing.assert_allclose(pull_of_travel(wires, np.full(4, 0.004), np.full(4, 0.001)), 10)
+    with pytest.raises(InvalidDesignError, match="compliance"):
+        pull_of_travel(PLAIN, travel, np.zeros(4))

@@ -1,0 +1,58 @@
+"""The tracked robot in a colon: it finds the wall and moves on."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from haustra.errors import InvalidDesignError, InvalidOptionError
+from haustra.models.devices.scope.library import named_design
+from haustra.models.devices.tracked.design import TrackedDesign
+from haustra.models.devices.tracked.standing import stand_in_colon, track_radii
+from haustra.models.scene import SceneOptions, build_scene
+from tests.tube_colon import RADIUS, straight_tube, wedge_wall
+
+DESIGN = TrackedDesign().at_scale(1.1)
+"""A tube of 40 mm is just wider than the 1:1 device reaches."""
+STEP = 1e-3
+
+
+def drive(spec: mujoco.MjSpec, tracked, seconds: float, speed: float):
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    tracked.set_speed(model, speed)
+    pads = [model.actuator(pad.actuator).id for pad in tracked.pads]
+    for control in tracked.phase_controls(speed * STEP * np.arange(round(seconds / STEP))):
+        data.ctrl[pads] = control
+        mujoco.mj_step(model, data)
+    return model, data
+
+
+def test_it_drives_through_a_colon_at_its_tread_speed() -> None:
+    """Nothing holds it back, so the treads stick and the robot moves on as fast as they run."""
+    scene = build_scene(straight_tube(), wedge_wall(), named_design("adult"), SceneOptions(timestep=STEP))
+    tracked = stand_in_colon(scene.spec, straight_tube(), DESIGN, arc=0.3, friction=0.4)
+    _, data = drive(scene.spec, tracked, 1.0, 0.01)
+    assert data.body(tracked.core).xpos[2] > 0.305
+    assert data.joint("tracked/free").qvel[2] == pytest.approx(0.01, rel=0.05)
+    assert np.linalg.norm(data.body(tracked.core).xpos[:2]) < 1e-3
+
+
+def test_each_track_spreads_to_the_wall_it_faces() -> None:
+    colon = straight_tube()
+    radius = colon.radius.copy()
+    radius[:, : radius.shape[1] // 2] *= 0.9
+    assert track_radii(replace(colon, radius=radius), DESIGN, 0.3) == pytest.approx(
+        [0.9 * RADIUS, RADIUS, RADIUS, 0.9 * RADIUS]
+    )
+
+
+def test_places_that_do_not_fit_are_named() -> None:
+    spec = mujoco.MjSpec()
+    with pytest.raises(InvalidDesignError, match=r"straight tube.*40.0 and 40.0 mm wide.*99.6 to 151.6.*fits nowhere"):
+        stand_in_colon(spec, straight_tube(), TrackedDesign(), arc=0.3, friction=0.4)
+    with pytest.raises(InvalidDesignError, match=r"reach 12.\d to 1[89].\d mm.*fits nowhere"):
+        stand_in_colon(spec, straight_tube(), TrackedDesign().at_scale(0.5), arc=0.3, friction=0.4)
+    with pytest.raises(InvalidOptionError, match="cannot stand at 0 mm"):
+        stand_in_colon(spec, straight_tube(), DESIGN, arc=0.0, friction=0.4)

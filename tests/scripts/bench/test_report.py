@@ -1,0 +1,31 @@
+"""The page of benchmarks says what was measured, and what was not reached first of all."""
+
+import json
+from pathlib import Path
+
+from haustra.scripts.bench.pages.validation_page import main
+from haustra.scripts.bench.report import report_bench, said
+from tests.scripts.bench.test_result import BENCH
+
+
+def test_the_page_holds_bars_fronts_and_tables(tmp_path: Path) -> None:
+    page = report_bench(tmp_path, [BENCH]).read_text(encoding="utf-8")
+    assert "Not met: error: nothing finite %, at most 0.1 %" in page
+    assert "1 of 2" in page
+    assert "How far does it bend?" in page
+    assert "Not drawn: timestep=0.02 (diverged)" in page
+    assert "cost s" in page
+
+
+def test_a_bar_in_one_line() -> None:
+    assert said(BENCH.bars[0]) == "order: 1.99, at least 1.8"
+
+
+def test_the_overview_is_written_from_the_same_numbers(tmp_path: Path) -> None:
+    source = tmp_path / "bench.json"
+    source.write_text(json.dumps({"benches": [BENCH.to_json()]}), encoding="utf-8")
+    main(source, tmp_path / "validation.md")
+    text = (tmp_path / "validation.md").read_text(encoding="utf-8")
+    assert "| order | 1.99 | at least 1.8 | met |" in text
+    assert "| joints=40 | 0.06 | 0.4 |" in text
+    assert "**not met**" in text
