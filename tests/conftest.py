@@ -8,7 +8,7 @@ import pytest
 from jaxtyping import install_import_hook
 
 with suppress(ImportError):  # compiled for the GPU from its source, which the checks would change
-    import haustra.envs.sim.warp_kernels  # noqa: F401
+    import haustra.envs.runs.warp_kernels  # noqa: F401
 
 install_import_hook("haustra", "runtime_types.check")
 

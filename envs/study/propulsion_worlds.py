@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from haustra.envs.sim.warp_rigs import WarpRigs
+from haustra.envs.runs.warp_rigs import WarpRigs
 from haustra.envs.study.halving import halved
 from haustra.envs.study.propulsion import (
     Steady,

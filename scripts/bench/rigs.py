@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from haustra.envs.runs.measure.propulsion import pull
-from haustra.envs.sim.warp_rigs import WarpRigs
+from haustra.envs.runs.warp_rigs import WarpRigs
 from haustra.envs.study.propulsion import answer
 from haustra.envs.study.propulsion_worlds import answer_worlds
 from haustra.envs.study.sampling import designs_of, jobs_of

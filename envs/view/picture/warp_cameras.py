@@ -12,7 +12,7 @@ import warp as wp
 from jaxtyping import Float, Int, UInt8
 from mujoco.mjx.third_party import mujoco_warp
 
-from haustra.envs.sim.warp_kernels import along_rays
+from haustra.envs.runs.warp_kernels import along_rays
 from haustra.envs.sim.warp_setup import use_warp
 from haustra.envs.view.picture.lens import camera_axes, lens_rays
 from haustra.models.anatomy.colon import Colon

@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("warp", reason="the extra warp is not installed")
 
 from haustra.envs.runs.measure.propulsion import pull
-from haustra.envs.sim.warp_rigs import WarpRigs
+from haustra.envs.runs.warp_rigs import WarpRigs
 from haustra.errors import InvalidOptionError
 from haustra.models.devices.tracked.design import TrackedDesign
 from haustra.models.devices.tracked.law import PadLaw, load_table

@@ -16,7 +16,7 @@ from jaxtyping import Bool, Complex, Float, Int
 from mujoco.mjx.third_party import mujoco_warp
 
 from haustra.envs.runs.measure.propulsion import READ, SETTLING, TOUCHING
-from haustra.envs.sim.warp_kernels import HARMONICS, MEANS, SUMS, WAVES, count_step, read_forces, steer
+from haustra.envs.runs.warp_kernels import HARMONICS, MEANS, SUMS, WAVES, count_step, read_forces, steer
 from haustra.envs.sim.warp_setup import use_warp
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.devices.tracked.rig import STRING_LENGTH, STRING_STIFFNESS, Rig
