@@ -10,11 +10,11 @@ from typing import Any, NamedTuple, TypeAlias
 import jax.numpy as jnp
 
 from haustra.envs.control.follower import LEAST_RETREAT, STEP_FORWARD, FollowerSettings
-from haustra.envs.sim import moving_colon
 from haustra.envs.sim.precision import precise
 from haustra.envs.sim.scope_values import Controls, Parameters, Readings
 from haustra.errors import InvalidOptionError
 from haustra.models.devices.scope.design import ScopeDesign
+from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables
 
 Array: TypeAlias = Any
@@ -128,7 +128,7 @@ class WorldsFollower:
 
     def _steer(self, tables: Tables, seen: Readings, bend: Array, interval: float) -> Array:
         own = self.settings
-        target = moving_colon.axis_at(tables, seen.shift, (seen.tip_arc + own.look_ahead)[:, None])[:, 0]
+        target = moving_colon.axis_at(jnp, tables, seen.shift, (seen.tip_arc + own.look_ahead)[:, None])[:, 0]
         ahead = jnp.einsum("wij,wi->wj", seen.tip_frame, target - seen.tip)
         sideways = jnp.linalg.norm(ahead[:, :2] + 1e-9, axis=-1)
         turn = own.steer_gain * interval * jnp.arctan2(sideways, ahead[:, 2]) / sideways

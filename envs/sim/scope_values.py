@@ -5,7 +5,7 @@ from typing import Any, NamedTuple, TypeAlias
 import jax.numpy as jnp
 
 from haustra.envs.sim.chain import Links
-from haustra.envs.sim.moving_colon import AttachmentPoints, AxisDisplacement
+from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
 
 Array: TypeAlias = Any
 

@@ -14,12 +14,10 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.sim import chain as links
-from haustra.envs.sim import moving_colon
 from haustra.envs.sim.at_origin import compile_at_origin
 from haustra.envs.sim.chain import Chain
 from haustra.envs.sim.coils import coil_samples
 from haustra.envs.sim.device_arrays import tree_where
-from haustra.envs.sim.moving_colon import AttachmentPoints, AxisDisplacement
 from haustra.envs.sim.precision import precise
 from haustra.envs.sim.scope_reading import read_scope, refuse_unsupported
 from haustra.envs.sim.scope_values import Array, Contact, Controls, Parameters, Readings, Scope, State
@@ -27,7 +25,9 @@ from haustra.errors import InvalidOptionError
 from haustra.models.devices.scope.cable import HAND_PUSH, HAND_ROLL, LOCK_STRETCH
 from haustra.models.devices.scope.stops import STOP_RELAXATION_TIME, STOP_STIFFNESS
 from haustra.models.scene import Scene
-from haustra.models.wall.lumen_table import Tables, WallQuery, pick, touch
+from haustra.models.wall import moving_colon
+from haustra.models.wall.lumen_table import Tables, WallQuery, pick, query
+from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
 
 SLIP_SPEED = 1e-3
 """Friction is that of Coulomb above this speed and viscous below [m/s]: a scope held by its friction creeps at less.
@@ -147,7 +147,7 @@ class JaxScopes:
             normal=jnp.zeros((count, len(self.sample_body)), kind),
             healthy=jnp.ones(count, bool),
             time=jnp.zeros(count, kind),
-            shift=tables.mesentery and moving_colon.at_rest(tables.mesentery, count, kind),
+            shift=tables.mesentery and moving_colon.at_rest(jnp, tables.mesentery, count, kind),
         )
 
     @precise
@@ -227,7 +227,7 @@ class JaxScopes:
         wall_speed = jnp.zeros_like(points)
         if grip is not None and tables.mesentery is not None and worlds.shift is not None:
             grip = AttachmentPoints(grip.arcs[:, :-1], grip.lever[:, :-1])
-            wall_speed = moving_colon.wall_speeds(tables.mesentery, worlds.shift, grip)
+            wall_speed = moving_colon.wall_speeds(jnp, tables.mesentery, worlds.shift, grip)
         speed = self._speeds(where, points, worlds.qvel) - wall_speed
         away = jnp.einsum("wpi,wpi->wp", inwards, speed)
         stiffness = parameters.stiffness[:, None]
@@ -248,7 +248,7 @@ class JaxScopes:
             return None
         pressed = -contact.force(leaving)
         damping = contact.damper + contact.drag
-        return moving_colon.step_axis(tables.mesentery, shift, contact.grip, pressed, damping, self.timestep)
+        return moving_colon.step_axis(jnp, tables.mesentery, shift, contact.grip, pressed, damping, self.timestep)
 
     def _joints(self, parameters: Parameters, worlds: State, hands: Controls) -> tuple[Array, Array]:
         """Torques of springs, stops, locks, hand and wires, and the damping that goes into the matrix."""
@@ -308,9 +308,9 @@ def _look(
     tables: Tables, shift: AxisDisplacement | None, points: Array, arcs: Array
 ) -> tuple[WallQuery, AttachmentPoints | None]:
     """Look points up in one colon a world; and where they hold on to it, if it moves."""
-    return (
-        (touch(jnp, tables, points, arcs), None) if shift is None else moving_colon.touch(tables, shift, points, arcs)
-    )
+    if shift is None:
+        return query(jnp, tables, points, arcs), None
+    return moving_colon.query(jnp, tables, shift, points, arcs)
 
 
 def sound_after(parameters: Parameters, before: State, after: State) -> Array:

@@ -14,7 +14,7 @@ from haustra.models.devices.scope.cable import LOCK_STRETCH
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene
 from haustra.models.wall.law import soft_contact
-from haustra.models.wall.lumen_table import Tables, pick, touch
+from haustra.models.wall.lumen_table import Tables, pick, query
 from haustra.models.wall.planes import AWAY, SLIP_RELAXATION
 
 ROOM = 0.01
@@ -168,7 +168,7 @@ class ThreadSlice:
         self._before = seen
         world, sphere = near = np.nonzero(self._arcs > -_OUTSIDE)
         points = centres[near]
-        found = touch(np, self._tables_of(world), points, self._arcs[near])
+        found = query(np, self._tables_of(world), points, self._arcs[near])
         stiffness, before = self._stiffness[world], self._depth[near]
         rate = np.where(before > -ROOM, (found.depth - before) / self._step_time, 0.0)
         force = stiffness * (found.depth + self._scene.options.wall_damping_time * rate)

@@ -24,7 +24,7 @@ from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene
 from haustra.models.wall.law import soft_contact
-from haustra.models.wall.lumen_table import Tables, pick, touch
+from haustra.models.wall.lumen_table import Tables, pick, query
 from haustra.models.wall.planes import SLIP_RELAXATION
 
 _PER_CONTACT = 3
@@ -115,7 +115,7 @@ class WarpScopes(JaxScopes):
         scope, h = parameters.scope, self.timestep
         where = links.pose(self.chain, scope.links, worlds.qpos)
         points = self._samples(scope, where)
-        found = touch(jnp, tables, jnp.concatenate([points, self._tip(scope, where)], axis=1), worlds.arcs)
+        found = query(jnp, tables, jnp.concatenate([points, self._tip(scope, where)], axis=1), worlds.arcs)
         depth, inwards = found.depth[:, :-1], found.inwards[:, :-1]
         done = step(
             data.replace(

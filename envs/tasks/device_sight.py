@@ -8,12 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
-from haustra.envs.sim import moving_colon
 from haustra.envs.sim.device_arrays import on_device
 from haustra.envs.sim.device_batch import DeviceBatch
 from haustra.envs.sim.precision import precise
 from haustra.envs.tasks.sight import DEPTH_STEPS, STEPS, Lumens, March, Sight, begin_march, march, ray_directions
 from haustra.envs.view.picture.lens import lens_rays
+from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables, pick
 
 
@@ -80,5 +80,5 @@ def _taking_back(tables: Tables, shift: Any) -> Callable[[Any, Any], Any]:
     """From points near some arc lengths to where they would be, had the colon not moved."""
     own = tables.mesentery
     assert own is not None, "displacements of a colon that is fixed in space"
-    frames = moving_colon.turns_of(own, shift)
-    return lambda points, arcs: moving_colon.to_reference(tables, shift, frames, points, arcs)
+    shape = moving_colon.shape_of(jnp, own, shift)
+    return lambda points, arcs: moving_colon.to_reference(jnp, tables, shift, shape, points, arcs)
