@@ -180,7 +180,8 @@ def _step_axis(
             if arcs[world, p] <= 0 or (f[0] == 0 and f[1] == 0 and f[2] == 0 and damping[world, p] == 0):
                 continue
             at, share = node_cell(np, own.spacing[world], count, arcs[world, p])
-            for node, part in ((at, 1 - share), (at + 1, share)):
+            for later in range(2):
+                node, part = at + later, share if later else 1 - share
                 gripped[node] += part * damping[world, p]
                 _put_more(pulled, 0, node, times(part, f))
                 for i in range(3):
@@ -248,9 +249,10 @@ def _add_springs(own: Any, world: int, place: Any, shape: Any, couples: Any, pul
 def loops() -> Loops:
     """Compile, or read what was compiled before."""
     from numba import njit
-    from numba.extending import register_jitable
+    from numba.extending import overload, register_jitable
 
     own = (_node, _put, _put_more, _node_between, _edge_rate, _add_springs)
+    overload(vectors.where)(lambda xp, condition, yes, no: lambda xp, condition, yes, no: yes if condition else no)
     for part in (*vectors.PARTS, *lumen_table.PARTS, *moving_colon.PARTS, *own):
         register_jitable(part)
     files = [Path(str(module.__file__)) for module in (vectors, lumen_table, moving_colon)]
@@ -261,7 +263,7 @@ def loops() -> Loops:
             _ = law  # what is kept is found by it
             loop(*arguments)
 
-        return njit(call, nogil=True, cache=True)
+        return njit(call, nogil=True, cache=True, error_model="numpy")
 
     for loop in (_query, _shape, _query_moved, _step_axis):
         register_jitable(loop)

@@ -19,7 +19,7 @@ from haustra.models.anatomy.colon import Colon
 from haustra.models.wall import mesentery, vectors
 from haustra.models.wall.mesentery import Mesentery
 from haustra.models.wall.signed_distance import LumenDistance
-from haustra.models.wall.vectors import Vector, add, between, dot, minus, times
+from haustra.models.wall.vectors import Vector, add, between, dot, minus, times, where
 
 STATION_STEP = 0.0025
 """Distance between tabulated stations [m]; engineering choice, a seventh of the tightest bends' radius."""
@@ -240,7 +240,7 @@ def query_point(
     normal = _unit(xp, normal)
     slope = xp.maximum(-(normal[0] * cos + normal[1] * sin), LEAST_SLOPE)
     inwards = add(add(times(normal[0], across), times(normal[1], side)), times(normal[2], along))
-    depth = xp.where(arc > 0, (radius - edge) * slope, -1.0)
+    depth = where(xp, arc > 0, (radius - edge) * slope, -1.0)
     return arc, depth, inwards
 
 
@@ -258,7 +258,7 @@ def axis_point(xp: ModuleType, tables: Tables, step: Any, first: Any, count: Any
 def _cell(xp: ModuleType, step: Any, first: Any, count: Any, arc: Any) -> tuple[Any, Any]:
     """Row of the station before an arc length, and the fraction of a step after it (beyond 0 and 1: outside)."""
     place = arc / step
-    j = xp.int32(xp.floor(xp.where(place > 0, xp.minimum(place, count - 2), 0.0)))  # NaN: the first
+    j = xp.int32(xp.floor(where(xp, place > 0, xp.minimum(place, count - 2), 0.0)))  # NaN: the first
     return j + first, place - j
 
 

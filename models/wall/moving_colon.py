@@ -18,7 +18,7 @@ from haustra.models.wall import lumen_table as table
 from haustra.models.wall import vectors
 from haustra.models.wall.lumen_table import Tables, WallQuery
 from haustra.models.wall.mesentery import Mesentery
-from haustra.models.wall.vectors import Vector, add, between, cross, dot, minus, norm, stacked, times, unit_rate
+from haustra.models.wall.vectors import Vector, add, between, cross, dot, minus, norm, stacked, times, unit_rate, where
 
 Array: TypeAlias = Any
 
@@ -83,7 +83,7 @@ def turn_rate(
 ) -> Vector:
     """Rate of `turned` of a vector that itself does not change."""
     along, most = dot(axis, v), xp.maximum(1 + cosine, _LEAST_COSINE)
-    rate = xp.where(1 + cosine > _LEAST_COSINE, cosine_rate, 0.0)
+    rate = where(xp, 1 + cosine > _LEAST_COSINE, cosine_rate, 0.0)
     share = (dot(axis_rate, v) - along * rate / most) / most
     moved = add(times(cosine_rate, v), cross(axis_rate, v))
     return add(moved, add(times(along / most, axis_rate), times(share, axis)))
@@ -106,7 +106,7 @@ def turn_gradient(
     onto = dot(first, axis), dot(second, axis), dot(third, axis)
     from_axis = add(add(times(axis[0], first), times(axis[1], second)), times(axis[2], third))
     diagonal = first[0] + second[1] + third[2]
-    over_cosine = diagonal - xp.where(1 + cosine > _LEAST_COSINE, dot(axis, onto), 0.0) / most**2
+    over_cosine = diagonal - where(xp, 1 + cosine > _LEAST_COSINE, dot(axis, onto), 0.0) / most**2
     about = third[1] - second[2], first[2] - third[0], second[0] - first[1]
     over_axis = add(about, times(1 / most, add(onto, from_axis)))
     return add(times(over_cosine, rest), cross(over_axis, rest))
@@ -141,7 +141,7 @@ def taken_back(
 def edge_tension(xp: ModuleType, length: Any, rest: Any, tension: Any, pleating: Any) -> Any:
     """Force in an edge [N], positive where it is stretched."""
     strain = length / rest - 1
-    stiffness = xp.where(strain > 0, tension, tension * pleating)
+    stiffness = where(xp, strain > 0, tension, tension * pleating)
     return stiffness * strain - SHORTEST_STIFFNESS * xp.maximum(SHORTEST - 1 - strain, 0.0)
 
 
@@ -164,7 +164,7 @@ def node_resistance(
     xp: ModuleType, place: Vector, slack: Any, hold: Any, support: Any, drag: Any, gripped: Any, h: Any
 ) -> Any:
     """What a step's speed meets at a node by itself: damping, and h times a bound of its springs [N s/m]."""
-    return drag + gripped + h * (support + xp.where(dot(place, place) > slack**2, hold, 0.0))
+    return drag + gripped + h * (support + where(xp, dot(place, place) > slack**2, hold, 0.0))
 
 
 def edge_resistance(xp: ModuleType, tension: Any, before: Any, after: Any, length: Any, h: Any) -> Any:
@@ -178,7 +178,7 @@ def edge_resistance(xp: ModuleType, tension: Any, before: Any, after: Any, lengt
 def node_cell(xp: ModuleType, spacing: Any, nodes: Any, arc: Any) -> tuple[Any, Any]:
     """Node before an arc length, and the share of the way to the next, of that many nodes."""
     way = arc / spacing
-    at = xp.int32(xp.floor(xp.where(way > 0, xp.minimum(way, nodes - 2), 0.0)))  # NaN: the first
+    at = xp.int32(xp.floor(where(xp, way > 0, xp.minimum(way, nodes - 2), 0.0)))  # NaN: the first
     return at, xp.minimum(xp.maximum(way - at, 0.0), 1.0)
 
 

@@ -63,5 +63,10 @@ def unit_rate(unit: Vector, length: Any, rate: Vector) -> Vector:
     return times(1 / length, minus(rate, times(dot(unit, rate), unit)))
 
 
+def where(xp: ModuleType, condition: Any, yes: Any, no: Any) -> Any:
+    """`xp.where`, of which numba makes an array of a number."""
+    return xp.where(condition, yes, no)
+
+
 PARTS = (add, minus, times, dot, cross, norm, between, unit_rate)
 """What numba is to compile."""
