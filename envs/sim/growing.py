@@ -50,7 +50,7 @@ class GrowingEngine:
         """Advance by `count` time steps; False when the simulation has diverged."""
         if self._missing and self._engine.insertion > self._deepest - _MARGIN:
             self._deepest += self._stride
-            longer = NativeEngine(self._build(self._deepest))
+            longer = NativeEngine(self._build(self._deepest), table=self._engine.table)
             carry(self._engine, longer)
             self.added.append(float(longer.data.time))
             self._take(longer)
@@ -74,8 +74,8 @@ class GrowingEngine:
         return whole
 
     def colon(self) -> Colon:
-        """The colon, which is fixed in space."""
-        return self.scene.colon
+        """The colon as it lies now."""
+        return self._engine.colon()
 
     def shape(self) -> Float[np.ndarray, "nodes 3"]:
         """Points along the scope's axis, from the handle end of the modelled part to the tip [m]."""

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from haustra.models.wall import lumen_table, moving_colon, vectors
+from haustra.models.wall import lumen_table, moving_colon, planes, vectors
 from haustra.models.wall.lumen_table import axis_point, query_point
 from haustra.models.wall.moving_colon import (
     bend_gradient,
@@ -26,17 +26,20 @@ from haustra.models.wall.moving_colon import (
     turn_rate,
     turned,
 )
+from haustra.models.wall.planes import AWAY
 from haustra.models.wall.vectors import add, between, cross, dot, minus, norm, times, unit_rate
+
+
+ROOM = 0.01
+"""A plane is parked while its sphere has more room than this [m]: two steps at 1 m/s, well above any motion here."""
 
 
 class Loops(NamedTuple):
     """What is compiled."""
 
     query: Callable[..., None]
-    """Of a fixed colon."""
-    shape: Callable[..., None]
-    """Of a colon that moves."""
     query_moved: Callable[..., None]
+    place_planes: Callable[..., None]
     step_axis: Callable[..., None]
 
 
@@ -105,6 +108,7 @@ def _query_moved(
     wall_speed: Any,
 ) -> None:
     """`_query` where the axes have moved; and where the points hold on to the wall, and its speed there."""
+    _shape(own, worlds, place, shape)
     step, first, count = tables.step, tables.first, tables.count
     nodes = place.shape[1]
     turning = np.empty((nodes, 4))
@@ -150,6 +154,47 @@ def _query_moved(
                 _put(wall_speed, world, p, moved)
             else:
                 _put(wall_speed, world, p, (0.0, 0.0, 0.0))
+
+
+def _place_planes(
+    worlds: Any,
+    points: Any,
+    depth: Any,
+    inwards: Any,
+    wall_speed: Any,
+    radius: float,
+    ahead: Any,
+    mocap: Any,
+    geoms: Any,
+    position: Any,
+    turn: Any,
+    surface: Any,
+) -> None:
+    """Put a plane beside each point where its wall is, and give its surface the wall's speed.
+
+    MuJoCo takes a mocap plane for one that stands still. The wall's speed along its normal v changes the force of
+    spring and damper, K d + (c + h K) d', as if the plane were (c / K + h) v further on: `ahead` is c / K + h [s]. The
+    speed along the wall is what its friction sees.
+    """
+    for world in worlds:
+        for p in range(points.shape[1]):
+            normal, speed, into = _node(inwards, world, p), _node(wall_speed, world, p), depth[world, p]
+            away = AWAY
+            if into >= -ROOM:
+                away = radius - into - (ahead[world] * dot(normal, speed) if into > 0 else 0.0)
+            plane = mocap[p]
+            _put(position, world, plane, minus(_node(points, world, p), times(away, normal)))
+            # The shortest turn from z to the normal; half a turn about x where they are opposite.
+            cosine, about = 1 + normal[2], (-normal[1], normal[0], 0.0)
+            if cosine < 1e-9:
+                cosine, about = 0.0, (1.0, 0.0, 0.0)
+            size = 1 / np.sqrt(cosine * cosine + dot(about, about))
+            cosine, about = cosine * size, times(size, about)
+            turn[world, plane, 0] = cosine
+            turn[world, plane, 1], turn[world, plane, 2], turn[world, plane, 3] = about
+            if surface.shape[0] > 0:
+                side = cross(about, speed)
+                _put(surface, world, geoms[p], add(speed, times(2.0, minus(cross(about, side), times(cosine, side)))))
 
 
 def _edge_rate(shape: Any, speed: Any, world: int, edge: int) -> Any:
@@ -251,11 +296,11 @@ def loops() -> Loops:
     from numba import njit
     from numba.extending import overload, register_jitable
 
-    own = (_node, _put, _put_more, _node_between, _edge_rate, _add_springs)
+    own = (_node, _put, _put_more, _node_between, _edge_rate, _shape, _add_springs)
     overload(vectors.where)(lambda xp, condition, yes, no: lambda xp, condition, yes, no: yes if condition else no)
     for part in (*vectors.PARTS, *lumen_table.PARTS, *moving_colon.PARTS, *own):
         register_jitable(part)
-    files = [Path(str(module.__file__)) for module in (vectors, lumen_table, moving_colon)]
+    files = [Path(str(module.__file__)) for module in (vectors, lumen_table, moving_colon, planes)]
     law = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
     def compiled(loop: Callable[..., None]) -> Callable[..., None]:
@@ -265,6 +310,6 @@ def loops() -> Loops:
 
         return njit(call, nogil=True, cache=True, error_model="numpy")
 
-    for loop in (_query, _shape, _query_moved, _step_axis):
+    for loop in (_query, _query_moved, _place_planes, _step_axis):
         register_jitable(loop)
-    return Loops(*(compiled(loop) for loop in (_query, _shape, _query_moved, _step_axis)))
+    return Loops(*(compiled(loop) for loop in (_query, _query_moved, _place_planes, _step_axis)))

@@ -27,7 +27,7 @@ from tests.tube_colon import straight_tube
 
 _STEP = 0.005
 _OPTIONS = SceneOptions(
-    insertion_limit=0.3, shaft_cell=0.0625, bending_cell=0.034, sample_spacing=0.03, mesentery=True, wall_law="table"
+    insertion_limit=0.3, shaft_cell=0.0625, bending_cell=0.034, sample_spacing=0.03, mesentery=True, wall_law="table", softening=False
 )
 
 
