@@ -40,6 +40,7 @@ class Loops(NamedTuple):
     query: Callable[..., None]
     query_moved: Callable[..., None]
     place_planes: Callable[..., None]
+    contacts: Callable[..., None]
     step_axis: Callable[..., None]
 
 
@@ -197,6 +198,50 @@ def _place_planes(
                 _put(surface, world, geoms[p], add(speed, times(2.0, minus(cross(about, side), times(cosine, side)))))
 
 
+def _contacts(
+    sphere_of: Any,
+    geoms: Any,
+    frames: Any,
+    rows: Any,
+    efc_force: Any,
+    efc_speed: Any,
+    friction: bool,
+    damper: float,
+    least_slip: float,
+    force: Any,
+    damping: Any,
+) -> None:
+    """Sum up what MuJoCo's contacts of one world do to the wall at each sphere, and how they damp it.
+
+    Args:
+        sphere_of: sphere of each geom.
+        geoms: of each contact; the second is the sphere's.
+        frames: of each contact, normal towards the sphere.
+        rows: first row of each contact among the constraints, negative without.
+        efc_force: of each row [N].
+        efc_speed: of each row [m/s].
+        friction: whether contacts have rows of friction.
+        damper: of a contact along its normal, with what a step of its spring adds [N s/m].
+        least_slip: friction damps as where it slides at least so fast [m/s].
+        force: on the wall, into which it is written [N].
+        damping: [N s/m].
+    """
+    force[:], damping[:] = 0.0, 0.0
+    for c in range(len(rows)):
+        row = rows[c]
+        if row < 0 or efc_force[row] <= 0:
+            continue
+        sphere = sphere_of[geoms[c, 1]]
+        damping[0, sphere] += damper
+        for axis in range(3 if friction else 1):
+            for i in range(3):
+                force[0, sphere, i] -= efc_force[row + axis] * frames[c, 3 * axis + i]
+        if friction:
+            drag = np.hypot(efc_force[row + 1], efc_force[row + 2])
+            slip = np.hypot(efc_speed[row + 1], efc_speed[row + 2])
+            damping[0, sphere] += drag / max(slip, least_slip)
+
+
 def _edge_rate(shape: Any, speed: Any, world: int, edge: int) -> Any:
     rate = minus(_node(speed, world, edge + 1), _node(speed, world, edge))
     return unit_rate(_node(shape.units, world, edge), shape.lengths[world, edge], rate)
@@ -310,6 +355,7 @@ def loops() -> Loops:
 
         return njit(call, nogil=True, cache=True, error_model="numpy")
 
-    for loop in (_query, _query_moved, _place_planes, _step_axis):
+    entries = _query, _query_moved, _place_planes, _contacts, _step_axis
+    for loop in entries:
         register_jitable(loop)
-    return Loops(*(compiled(loop) for loop in (_query, _query_moved, _place_planes, _step_axis)))
+    return Loops(*map(compiled, entries))

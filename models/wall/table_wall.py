@@ -50,6 +50,9 @@ class TableWalls:
             edges = zeros(nodes - 1, 3), zeros(nodes - 1)
             self._shape = AxisShape(*edges, zeros(nodes, 3), zeros(nodes), zeros(nodes), zeros(nodes, 3))
         self.begin(np.arange(worlds), self._colon, self.arcs)
+        none = np.zeros(0, int)  # what is compiled is compiled before the first step
+        self.look(none, self.inwards)
+        self.give_way(none, self.inwards, self.depth, 0.0)
 
     def begin(
         self, worlds: Int[np.ndarray, " some"], colons: Int[np.ndarray, " some"], arcs: Float[np.ndarray, "some spheres"]
@@ -115,6 +118,7 @@ class TableWall:
             self._surface = model.geom_surfacevel[None]
         self._ahead = np.array([contact.damping / contact.stiffness + model.opt.timestep])
         self._one = np.zeros(1, int)
+        self._force, self._damping = np.zeros((1, count, 3)), np.zeros((1, count))
         self.begin(arcs)
 
     @property
@@ -161,20 +165,18 @@ class TableWall:
         """Let the colon move under the contacts of the step that was made."""
         if self._walls.shift is None:
             return
-        force, damping = np.zeros((1, len(self.spheres), 3)), np.zeros((1, len(self.spheres)))
-        contact = data.contact
-        rows = contact.efc_address
-        active = np.flatnonzero(rows >= 0)
-        if len(active):
-            rows = rows[active]
-            spheres = self._sphere_of[contact.geom[active, 1]]
-            frames, normal = contact.frame[active].reshape(-1, 3, 3), data.efc_force[rows]
-            felt = normal[:, None] * frames[:, 0]
-            grip = np.where(normal > 0, self._contact.damping + self._model.opt.timestep * self._contact.stiffness, 0.0)
-            if self._contact.friction > 0:
-                along = rows[:, None] + [1, 2]
-                drag, slip = data.efc_force[along], data.efc_vel[along]
-                felt = felt + np.einsum("ci,cij->cj", drag, frames[:, 1:])
-                grip = grip + np.linalg.norm(drag, axis=1) / np.maximum(np.linalg.norm(slip, axis=1), SLIP_SPEED)
-            force[0, spheres], damping[0, spheres] = -felt, grip
-        self._walls.give_way(self._one, force, damping, self._model.opt.timestep)
+        contact, law = data.contact, self._contact
+        loops().contacts(
+            self._sphere_of,
+            contact.geom,
+            contact.frame,
+            contact.efc_address,
+            data.efc_force,
+            data.efc_vel,
+            law.friction > 0,
+            law.damping + self._model.opt.timestep * law.stiffness,
+            SLIP_SPEED,
+            self._force,
+            self._damping,
+        )
+        self._walls.give_way(self._one, self._force, self._damping, self._model.opt.timestep)
