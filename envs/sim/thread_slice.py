@@ -14,13 +14,10 @@ from haustra.models.devices.scope.cable import LOCK_STRETCH
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene
 from haustra.models.wall.law import soft_contact
-from haustra.models.wall.lumen_table import Tables, pick, query
+from haustra.models.wall.compiled import ROOM, loops
+from haustra.models.wall.lumen_table import Tables
 from haustra.models.wall.planes import AWAY, SLIP_RELAXATION
-
-ROOM = 0.01
-"""A plane is parked while its sphere has more room than this [m]: two steps at 1 m/s, well above any motion here."""
-_OUTSIDE = 0.03
-"""A sphere is not looked up while it is farther than this before the anus [m]: in one step none comes that far."""
+from haustra.models.wall.table_wall import SLIP_SPEED, TableWalls
 
 
 _TURN = Lock()
@@ -34,7 +31,7 @@ class ThreadSlice:
 
     def __init__(self, scene: Scene, model: mujoco.MjModel, tables: Tables, worlds: int) -> None:
         """Find everything in the model."""
-        self._scene, self._model, self._stack, self._worlds = scene, model, tables, worlds
+        self._scene, self._model, self._worlds = scene, model, worlds
         self._batch = Batch(model, worlds, nthread=1)
         batch, cable = self._batch, scene.cable
         self._qpos, self._qvel, self._act = (batch.bind(name) for name in ("qpos", "qvel", "act"))
@@ -45,21 +42,27 @@ class ThreadSlice:
         self._friction = batch.expand("pair_friction")
         self._solref, self._solimp = batch.expand("pair_solref"), batch.expand("pair_solimp")
         self._solref_friction = batch.expand("pair_solreffriction")
+        self._margin = batch.expand("pair_margin")
         self._springs = [batch.expand(name) for name in ("jnt_stiffness", "dof_damping", "dof_armature")]
         self._find(cable)
         self._step_time = scene.options.timestep
         self._nominal = [np.array(getattr(model, name)) for name in ("jnt_stiffness", "dof_damping", "dof_armature")]
         self._start_state = batch.state[0].copy()
-        self._case = np.zeros(worlds, int)
-        self._tables = pick(tables, self._case)
         self._stiffness = np.full(worlds, float(scene.options.wall_stiffness))
         self.healthy: Bool[np.ndarray, " worlds"] = np.ones(worlds, bool)
         spheres = len(self._spheres)
-        self._arcs = np.zeros((worlds, spheres))
-        self._depth = np.full((worlds, spheres), -1.0)
-        self._inwards = np.zeros((worlds, spheres, 3))
+        self._walls = TableWalls(tables, worlds, spheres)
+        self._surface = np.zeros((0, 0, 0))
+        if tables.mesentery is not None:
+            model.flg_surfacevel = True
+            self._surface = batch.expand("geom_surfacevel")
+        self._ahead = np.full(worlds, scene.options.wall_damping_time + self._step_time)
+        self._friction_of = np.full(worlds, float(scene.options.friction))
         self._normal_force = np.zeros((worlds, spheres))
         self._before = np.zeros((worlds, spheres, 3))
+        """Where the spheres were before the last step but one [m]."""
+        self._points = np.zeros((worlds, spheres, 3))
+        self._on_wall, self._damping = np.zeros((worlds, spheres, 3)), np.zeros((worlds, spheres))
         self._seen: dict[str, np.ndarray] | None = None
 
     def _find(self, cable) -> None:
@@ -69,6 +72,7 @@ class ThreadSlice:
         self._spheres = np.array([model.geom(f"wall/sphere_{i:04d}").id for i in range(count)])
         self._radius = model.geom_size[first, 0]
         self._planes = np.array([model.body_mocapid[model.body(f"wall/plane_{i:04d}_0").id] for i in range(count)])
+        self._plane_geoms = np.array([model.geom(f"wall/plane_{i:04d}_0").id for i in range(count)])
         self._pairs = np.array([model.pair(f"wall/plane_{i:04d}_0").id for i in range(count)])
         self._inverse_inertia = model.body_invweight0[model.geom_bodyid[self._spheres], 0]
         links = {name: index for index, name in enumerate(cable.links)}
@@ -96,9 +100,7 @@ class ThreadSlice:
         self._batch.state[worlds] = self._start_state
         self._batch.warning[worlds] = 0
         self.healthy[worlds] = True
-        self._case[worlds] = case
-        self._tables = pick(self._stack, self._case)
-        self._stiffness[worlds] = conditions.wall_stiffness
+        self._stiffness[worlds], self._friction_of[worlds] = conditions.wall_stiffness, conditions.friction
         self._set_contact(worlds, conditions)
         factor = conditions.shaft_stiffness
         for field, nominal, where in zip(
@@ -113,9 +115,9 @@ class ThreadSlice:
         ids = np.sort(worlds)
         self._batch.forward(ids)
         centres = self._geom_xpos[worlds][:, self._spheres]
-        self._arcs[worlds] = centres[..., 2]
-        self._before[worlds] = centres
-        self._depth[worlds], self._normal_force[worlds] = -1.0, 0.0
+        self._walls.begin(worlds, case, centres[..., 2])
+        self._before[worlds] = self._points[worlds] = centres
+        self._normal_force[worlds] = 0.0
 
     def _set_contact(self, worlds: Int[np.ndarray, " reset"], conditions: Conditions) -> None:
         """Give these worlds' contacts their law: that of `haustra.models.wall.law`."""
@@ -158,32 +160,51 @@ class ThreadSlice:
             self._seen = self._observe()  # here, since other threads may be stepping still
 
     def _place_planes(self) -> None:
-        """Put the planes where the wall is next to each sphere.
+        """Let colons give way to the last step's contacts, and put the planes where the wall is next to each sphere.
 
         What MuJoCo leaves are the spheres' places before its last step; they are carried on by the motion of that
         step, which is right to second order in the time step.
         """
-        seen = self._geom_xpos[:, self._spheres]
-        centres = 2 * seen - self._before
-        self._before = seen
-        world, sphere = near = np.nonzero(self._arcs > -_OUTSIDE)
-        points = centres[near]
-        found = query(np, self._tables_of(world), points, self._arcs[near])
-        stiffness, before = self._stiffness[world], self._depth[near]
-        rate = np.where(before > -ROOM, (found.depth - before) / self._step_time, 0.0)
-        force = stiffness * (found.depth + self._scene.options.wall_damping_time * rate)
-        self._arcs = centres[..., 2].copy()  # before the anus a scope is straight
-        self._arcs[near], self._depth[near], self._inwards[near] = found.arcs, found.depth, found.inwards
-        self._normal_force[near] = np.where(found.depth > 0, np.maximum(force, 0.0), 0.0)
-        away = np.where(found.depth < -ROOM, AWAY, self._radius - found.depth)
-        self._mocap_pos[world, self._planes[sphere]] = points - away[:, None] * found.inwards
-        self._mocap_quat[world, self._planes[sphere]] = _turn_to(found.inwards)
-
-    def _tables_of(self, world: Int[np.ndarray, " points"]) -> Tables:
-        """Tables with one colon a point."""
-        rows = self._tables
-        chosen = {name: getattr(rows, name)[world, 0] for name in ("step", "first", "count")}
-        return rows._replace(**chosen)
+        walls, worlds, h = self._walls, np.flatnonzero(self.healthy), self._step_time
+        loops().carry_on(
+            worlds,
+            self._geom_xpos,
+            self._spheres,
+            self._before,
+            self._points,
+            walls.depth,
+            walls.inwards,
+            walls.wall_speed,
+            self._stiffness,
+            self._friction_of,
+            self._ahead,
+            SLIP_SPEED,
+            h,
+            self._on_wall,
+            self._damping,
+        )
+        walls.give_way(worlds, self._on_wall, self._damping, h)
+        before = walls.depth.copy()
+        walls.look(worlds, self._points)
+        rate = np.where(before > -ROOM, (walls.depth - before) / h, 0.0)
+        force = self._stiffness[:, None] * (walls.depth + self._scene.options.wall_damping_time * rate)
+        self._normal_force = np.where(walls.depth > 0, np.maximum(force, 0.0), 0.0)
+        loops().place_planes(
+            worlds,
+            self._points,
+            walls.depth,
+            walls.inwards,
+            walls.wall_speed,
+            self._radius,
+            self._ahead,
+            self._planes,
+            self._plane_geoms,
+            self._pairs,
+            self._mocap_pos,
+            self._mocap_quat,
+            self._margin,
+            self._surface,
+        )
 
     def _catch_divergence(self) -> None:
         state = np.abs(self._qvel).max(axis=1)
@@ -198,7 +219,7 @@ class ThreadSlice:
         self._batch.state[lost] = self._start_state
         self._batch.warning[lost] = 0
         self._batch.forward(np.flatnonzero(lost))
-        self._before[lost] = self._geom_xpos[lost][:, self._spheres]
+        self._before[lost] = self._points[lost] = self._geom_xpos[lost][:, self._spheres]
 
     def _lock_outside(self) -> None:
         """Hold joints straight that are outside the patient, and free them smoothly as they pass the anus."""
@@ -214,7 +235,7 @@ class ThreadSlice:
     def _observe(self) -> dict[str, np.ndarray]:
         qpos = self._qpos
         frame = self._site_xmat[:, self._tip].reshape(-1, 3, 3)
-        sphere_forces = self._normal_force[..., None] * self._inwards
+        sphere_forces = self._normal_force[..., None] * self._walls.inwards
         links = np.einsum("wsi,sl->wli", sphere_forces, self._members)
         return {
             "time": self._time.copy(),
@@ -223,15 +244,21 @@ class ThreadSlice:
             "hand_lead": self._act[:, 0] - qpos[:, 0],
             "tip": self._site_xpos[:, self._tip].copy(),
             "tip_frame": frame.copy(),
-            "tip_arc": self._arcs[:, -1] + self._radius,
+            "tip_arc": self._walls.arcs[:, -1] + self._radius,
             "bend": np.stack([qpos[:, self._bend_up].sum(axis=1), -qpos[:, self._bend_left].sum(axis=1)], axis=1),
             "push_force": self._force[:, self._push].copy(),
             "torque": self._force[:, self._roll].copy(),
             "tip_force": np.einsum("wij,wi->wj", frame, links[:, self._tip_links].sum(axis=1)),
             "link_forces": np.linalg.norm(links, axis=2),
-            "deepest": self._depth.max(axis=1),
+            "deepest": self._walls.depth.max(axis=1),
             "coils": self._geom_xpos[:, self._coils].copy(),
         }
+
+    @property
+    def shift(self) -> Float[np.ndarray, "worlds nodes 3"] | None:
+        """Displacements of the colons' axes [m]; None where they are fixed."""
+        moved = self._walls.shift
+        return None if moved is None else moved.place.copy()
 
     def positions(self) -> Float[np.ndarray, "worlds joints"]:
         """Joint positions."""
@@ -239,32 +266,18 @@ class ThreadSlice:
 
     def snapshot(self, world: int) -> Snapshot:
         """Where one world is now."""
-        return Snapshot(self._batch.state[world].copy(), self._before[world].copy(), self._arcs[world].copy())
+        return Snapshot(self._batch.state[world].copy(), self._before[world].copy(), self._walls.arcs[world].copy())
 
     def restore(self, world: int, snapshot: Snapshot) -> None:
-        """Put one world where another was."""
+        """Put one world where another was, in a colon at rest."""
         self._seen = None
         self._batch.state[world] = snapshot.state
         self._time[world] = 0.0
         self._batch.forward(np.array([world]))
-        self._before[world], self._arcs[world] = self._geom_xpos[world, self._spheres], snapshot.arcs
-        self._depth[world], self._normal_force[world] = -1.0, 0.0
+        self._walls.begin(np.array([world]), self._walls.colon[[world]], snapshot.arcs[None])
+        self._before[world] = self._points[world] = self._geom_xpos[world, self._spheres]
+        self._normal_force[world] = 0.0
 
     def world_data(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Model and data of one world."""
         return self._batch.get_model(world), self._batch.get_data(world)
-
-
-def _turn_to(normals: Float[np.ndarray, "*rows 3"]) -> Float[np.ndarray, "*rows 4"]:
-    """Quaternions of the shortest turn from z to each normal."""
-    turn = np.empty((*normals.shape[:-1], 4))
-    turn[..., 0] = 1 + normals[..., 2]
-    turn[..., 1], turn[..., 2], turn[..., 3] = -normals[..., 1], normals[..., 0], 0.0
-    opposite = turn[..., 0] < 1e-9
-    if opposite.any():
-        turn[opposite] = [0.0, 1.0, 0.0, 0.0]
-    return turn / np.sqrt(2 * np.maximum(turn[..., :1], 1e-12)) if not opposite.any() else _normalised(turn)
-
-
-def _normalised(turn: np.ndarray) -> np.ndarray:
-    return turn / np.linalg.norm(turn, axis=-1, keepdims=True)

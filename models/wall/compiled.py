@@ -40,6 +40,7 @@ class Loops(NamedTuple):
     query: Callable[..., None]
     query_moved: Callable[..., None]
     place_planes: Callable[..., None]
+    carry_on: Callable[..., None]
     contacts: Callable[..., None]
     step_axis: Callable[..., None]
 
@@ -167,22 +168,26 @@ def _place_planes(
     ahead: Any,
     mocap: Any,
     geoms: Any,
+    pairs: Any,
     position: Any,
     turn: Any,
+    margin: Any,
     surface: Any,
 ) -> None:
-    """Put a plane beside each point where its wall is, and give its surface the wall's speed.
+    """Put a plane beside each sphere where its wall is, and give its surface the wall's speed.
+
+    MuJoCo's contact acts half-way between both outlines, so the plane only touches a sphere that is in the wall, and
+    how deep it is is the pair's margin, from which MuJoCo's spring counts.
 
     MuJoCo takes a mocap plane for one that stands still. The wall's speed along its normal v changes the force of
-    spring and damper, K d + (c + h K) d', as if the plane were (c / K + h) v further on: `ahead` is c / K + h [s]. The
-    speed along the wall is what its friction sees.
+    spring and damper, K d + (c + h K) d', as if it were deeper by (c / K + h) v: `ahead` is c / K + h [s]. The speed
+    along the wall is what its friction sees.
     """
     for world in worlds:
         for p in range(points.shape[1]):
             normal, speed, into = _node(inwards, world, p), _node(wall_speed, world, p), depth[world, p]
-            away = AWAY
-            if into >= -ROOM:
-                away = radius - into - (ahead[world] * dot(normal, speed) if into > 0 else 0.0)
+            away = radius + max(-into, 0.0) if into >= -ROOM else AWAY
+            margin[world, pairs[p]] = max(into + ahead[world] * dot(normal, speed), 0.0) if into > 0 else 0.0
             plane = mocap[p]
             _put(position, world, plane, minus(_node(points, world, p), times(away, normal)))
             # The shortest turn from z to the normal; half a turn about x where they are opposite.
@@ -196,6 +201,62 @@ def _place_planes(
             if surface.shape[0] > 0:
                 side = cross(about, speed)
                 _put(surface, world, geoms[p], add(speed, times(2.0, minus(cross(about, side), times(cosine, side)))))
+
+
+def _carry_on(
+    worlds: Any,
+    seen: Any,
+    spheres: Any,
+    before: Any,
+    points: Any,
+    depth: Any,
+    inwards: Any,
+    wall_speed: Any,
+    stiffness: Any,
+    friction: Any,
+    ahead: Any,
+    least_slip: float,
+    h: float,
+    force: Any,
+    damping: Any,
+) -> None:
+    """Carry spheres on from where they were seen before the last step, and say how they pressed on the wall in it.
+
+    Args:
+        worlds: which.
+        seen: places of all geoms before the last step [m].
+        spheres: geoms of the spheres.
+        before: places of the spheres before the step before that, which become those seen [m].
+        points: where the last step's planes were placed for, which become where the spheres are now [m].
+        depth: of those planes [m].
+        inwards: their normals.
+        wall_speed: their speed [m/s].
+        stiffness: K of each world [N/m].
+        friction: mu of each world.
+        ahead: c / K + h [s].
+        least_slip: friction damps as where it slides at least so fast [m/s].
+        h: time step [s].
+        force: on the wall, into which it is written [N].
+        damping: [N s/m].
+    """
+    for world in worlds:
+        damper = stiffness[world] * ahead[world]
+        for p in range(points.shape[1]):
+            here = _node(seen, world, spheres[p])
+            now = add(here, minus(here, _node(before, world, p)))
+            speed = minus(times(1 / h, minus(now, _node(points, world, p))), _node(wall_speed, world, p))
+            _put(before, world, p, here)
+            _put(points, world, p, now)
+            _put(force, world, p, (0.0, 0.0, 0.0))
+            damping[world, p] = 0.0
+            normal = _node(inwards, world, p)
+            away = dot(normal, speed)
+            load = stiffness[world] * depth[world, p] - damper * away
+            if depth[world, p] > 0 and load > 0:
+                sliding = minus(speed, times(away, normal))
+                drag = friction[world] * load / max(np.sqrt(dot(sliding, sliding)), least_slip)
+                _put(force, world, p, minus(times(drag, sliding), times(load, normal)))
+                damping[world, p] = damper + drag
 
 
 def _contacts(
@@ -355,7 +416,7 @@ def loops() -> Loops:
 
         return njit(call, nogil=True, cache=True, error_model="numpy")
 
-    entries = _query, _query_moved, _place_planes, _contacts, _step_axis
+    entries = _query, _query_moved, _place_planes, _carry_on, _contacts, _step_axis
     for loop in entries:
         register_jitable(loop)
     return Loops(*map(compiled, entries))

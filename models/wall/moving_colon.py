@@ -9,6 +9,7 @@ Laws are written for one node, edge or point with `haustra.models.wall.vectors`:
 numpy and JAX, and in compiled loops by `haustra.models.wall.compiled`.
 """
 
+from collections.abc import Callable
 from types import ModuleType
 from typing import Any, NamedTuple, TypeAlias
 
@@ -262,6 +263,12 @@ def to_reference(xp: ModuleType, tables: Tables, place: Array, shape: AxisShape,
         share,
     )
     return axis + stacked(xp, back)
+
+
+def back_to_reference(xp: ModuleType, tables: Tables, place: Array) -> Callable[[Array, Array], Array]:
+    """`to_reference` with displacements of the nodes [m], of points and arc lengths."""
+    shape = shape_of(xp, _hung(tables), place)
+    return lambda points, arcs: to_reference(xp, tables, place, shape, points, arcs)
 
 
 def to_current(xp: ModuleType, tables: Tables, place: Array, points: Array, arcs: Array) -> Array:

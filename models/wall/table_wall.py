@@ -37,7 +37,8 @@ class TableWalls:
         self.wall_speed: Float[np.ndarray, "worlds spheres 3"] = np.zeros((worlds, spheres, 3))
         """Speed of the wall there [m/s]."""
         self._lever = np.zeros((worlds, spheres, 3))
-        self._colon = np.zeros(worlds, int)
+        self.colon: Int[np.ndarray, " worlds"] = np.zeros(worlds, int)
+        """Which colon each world has."""
         self.shift: AxisDisplacement | None = None
         """Where the axes are, for colons that move."""
         if tables.mesentery is not None:
@@ -49,7 +50,7 @@ class TableWalls:
             self.shift = AxisDisplacement(zeros(nodes, 3), zeros(nodes, 3))
             edges = zeros(nodes - 1, 3), zeros(nodes - 1)
             self._shape = AxisShape(*edges, zeros(nodes, 3), zeros(nodes), zeros(nodes), zeros(nodes, 3))
-        self.begin(np.arange(worlds), self._colon, self.arcs)
+        self.begin(np.arange(worlds), self.colon, self.arcs)
         none = np.zeros(0, int)  # what is compiled is compiled before the first step
         self.look(none, self.inwards)
         self.give_way(none, self.inwards, self.depth, 0.0)
@@ -58,9 +59,9 @@ class TableWalls:
         self, worlds: Int[np.ndarray, " some"], colons: Int[np.ndarray, " some"], arcs: Float[np.ndarray, "some spheres"]
     ) -> None:
         """Take these colons, at rest, in these worlds, whose spheres are at those arc lengths [m]."""
-        self._colon[worlds] = colons
+        self.colon[worlds] = colons
         self.arcs[worlds], self.depth[worlds] = arcs, -1.0
-        picked = pick(self._all, self._colon)
+        picked = pick(self._all, self.colon)
         self._own: Mesentery | None = picked.mesentery
         self._tables = picked._replace(mesentery=None)
         if self.shift is not None:
@@ -108,6 +109,7 @@ class TableWall:
         self.spheres = np.array([model.geom(f"{prefix}sphere_{i:04d}").id for i in range(count)])
         names = [f"{prefix}plane_{i:04d}_0" for i in range(count)]
         self._geoms = np.array([model.geom(name).id for name in names])
+        self._pairs = np.array([model.pair(name).id for name in names])
         self._mocap = np.array([model.body_mocapid[model.body(name).id] for name in names])
         self._sphere_of = np.full(model.ngeom, -1)
         self._sphere_of[self.spheres] = np.arange(count)
@@ -156,8 +158,10 @@ class TableWall:
             self._ahead,
             self._mocap,
             self._geoms,
+            self._pairs,
             data.mocap_pos[None],
             data.mocap_quat[None],
+            self._model.pair_margin[None],
             self._surface,
         )
 
