@@ -75,6 +75,17 @@ class Sight:
             step=tables.step.astype(np.float32),
         )
 
+    def tip_distances(
+        self,
+        case: Int[np.ndarray, " worlds"],
+        eye: Float[np.ndarray, "worlds 3"],
+        frame: Float[np.ndarray, "worlds 3 3"],
+        arc: Float[np.ndarray, " worlds"],
+        at_rest: Callable[[Any, Any], Any] | None = None,
+    ) -> Float[np.ndarray, "worlds rays"]:
+        """Distance to the wall along the rays of `ray_directions` [m], for tips with these frames."""
+        return self.distances(case, eye, np.einsum("wij,rj->wri", frame, ray_directions()), arc, at_rest=at_rest)
+
     def distances(
         self,
         case: Int[np.ndarray, " worlds"],
@@ -151,9 +162,8 @@ class BatchSight:
         frame: Float[np.ndarray, "worlds 3 3"],
         arc: Float[np.ndarray, " worlds"],
     ) -> Float[np.ndarray, "worlds rays"]:
-        """Distance to the wall along the rays of `ray_directions` [m], for tips with these frames."""
-        rays = np.einsum("wij,rj->wri", frame, ray_directions())
-        return self._sight.distances(case, eye, rays, arc, at_rest=self.at_rest(case))
+        """As `Sight.tip_distances`."""
+        return self._sight.tip_distances(case, eye, frame, arc, self.at_rest(case))
 
     def at_rest(self, case: Int[np.ndarray, " worlds"]) -> Callable[[Any, Any], Any] | None:
         """As `march` takes it; None where colons are fixed."""
