@@ -7,6 +7,7 @@ into arrays that are given. Numba keeps what it has compiled until a law changes
 import hashlib
 from collections.abc import Callable
 from functools import cache
+from inspect import unwrap
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -400,23 +401,19 @@ def _add_springs(own: Any, world: int, place: Any, shape: Any, couples: Any, pul
 def loops() -> Loops:
     """Compile, or read what was compiled before."""
     from numba import njit
-    from numba.extending import overload, register_jitable
+    from numba.extending import overload
 
-    own = (_node, _put, _put_more, _node_between, _edge_rate, _shape, _add_springs)
     overload(vectors.where)(lambda xp, condition, yes, no: lambda xp, condition, yes, no: yes if condition else no)
-    for part in (*vectors.PARTS, *lumen_table.PARTS, *moving_colon.PARTS, *own):
-        register_jitable(part)
+    own = (_node, _put, _put_more, _node_between, _edge_rate, _shape, _add_springs)
+    entries = (_query, _query_moved, _place_planes, _carry_on, _contacts, _step_axis)
+    for part in (*vectors.PARTS, *lumen_table.PARTS, *moving_colon.PARTS, *own, *entries):
+        plain = unwrap(part)  # of what checks types at run time
+        overload(part, strict=False)(lambda *_, plain=plain: plain)
     files = [Path(str(module.__file__)) for module in (vectors, lumen_table, moving_colon, planes)]
     law = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
     def compiled(loop: Callable[..., None]) -> Callable[..., None]:
-        def call(*arguments: Any) -> None:
-            _ = law  # what is kept is found by it
-            loop(*arguments)
+        # Numba finds again what it has kept by the values that a function closes over.
+        return njit(lambda *given: loop(*given) if law else None, nogil=True, cache=True, error_model="numpy")
 
-        return njit(call, nogil=True, cache=True, error_model="numpy")
-
-    entries = _query, _query_moved, _place_planes, _carry_on, _contacts, _step_axis
-    for loop in entries:
-        register_jitable(loop)
     return Loops(*map(compiled, entries))

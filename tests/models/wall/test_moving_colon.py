@@ -11,16 +11,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from haustra.envs.sim.scope_bank import ScopeBank, build_bank
-from haustra.envs.sim.scope_batch import ScopeBatch
 from haustra.envs.sim.scope_values import Controls
 from haustra.envs.sim.scope_worlds import JaxScopes
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions
 from haustra.models.wall import mesentery, moving_colon
-from haustra.models.wall.lumen_table import lumen_table, pick, stack
+from haustra.models.wall.lumen_table import axis_at, lumen_table, pick, query, stack
 from haustra.models.wall.mesentery import Mesentery, hang
 from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
+from haustra.models.wall.table_wall import TableWalls
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
 from tests.tube_colon import straight_tube
@@ -215,6 +215,37 @@ def test_numpy_and_jax_step_alike() -> None:
         assert np.abs(mine - np.asarray(theirs)).max() < 1e-12 + 1e-10 * np.abs(mine).max()
 
 
+def test_compiled_loops_are_the_law() -> None:
+    """Look-ups, wall speeds and a step of the axis, as in numpy to rounding."""
+    random = np.random.default_rng(4)
+    colon = swept_colon(winding([(0.08, 0.0), (0.1, 1.6), (0.1, 0.0)]), name="bend")
+    stacked = stack([lumen_table(colon, device_radius=0.006, with_mesentery=True).tables])
+    walls = TableWalls(stacked, 1, 60)
+    world, tables, shift = np.array([0]), pick(stacked, np.array([0])), walls.shift
+    own = tables.mesentery
+    assert own is not None and shift is not None
+    arcs = np.linspace(-0.02, 0.3, 60)[None]
+    points = axis_at(np, tables, arcs) + random.normal(size=(1, 60, 3)) * 0.008
+    walls.begin(world, world, arcs)
+    shift.place[:], shift.speed[:] = (random.normal(size=shift.place.shape) * size for size in (0.003, 0.01))
+    walls.look(world, points)
+    found, grip = moving_colon.query(np, tables, shift, points, arcs)
+    speeds = moving_colon.wall_speeds(np, own, shift, grip)
+    for mine, theirs in zip((walls.arcs, walls.depth, walls.inwards, walls.wall_speed), (*found, speeds), strict=True):
+        assert np.abs(mine - theirs).max() < 1e-12
+    force, damping = random.normal(size=(1, 60, 3)), random.uniform(0, 20, (1, 60))
+    expected = moving_colon.step_axis(np, own, shift, grip, force, damping, _STEP)
+    walls.give_way(world, force, damping, _STEP)
+    assert np.abs(shift.place - expected.place).max() < 1e-12
+    assert np.abs(shift.speed - expected.speed).max() < 1e-10
+    fixed = TableWalls(stacked._replace(mesentery=None), 1, 60)
+    fixed.begin(world, world, arcs)
+    fixed.look(world, points)
+    still = query(np, tables, points, arcs)
+    for mine, theirs in zip((fixed.arcs, fixed.depth, fixed.inwards), still, strict=True):
+        assert np.abs(mine - theirs).max() < 1e-12
+
+
 def test_the_solver_solves() -> None:
     random = np.random.default_rng(2)
     ties, more, right = random.uniform(0, 5, (3, 46)), random.uniform(0.1, 1, (3, 47)), random.normal(size=(3, 47, 3))
@@ -301,8 +332,6 @@ def test_what_cannot_move_a_colon_says_so() -> None:
     with pytest.raises(InvalidOptionError, match="needs wall law 'table'"):
         SceneOptions(mesentery=True)
     bank = build_bank([straight_tube()], named_design("adult"), _OPTIONS)
-    with pytest.raises(UnsupportedSceneError, match="jax"):
-        ScopeBatch(bank.scene, bank.tables, worlds=1)
     still = build_bank([straight_tube()], named_design("adult"), replace(_OPTIONS, mesentery=False))
     with pytest.raises(UnsupportedSceneError, match="or none"):
         stack([bank.tables, still.tables])
