@@ -9,6 +9,7 @@ from jaxtyping import Float
 from haustra.envs.sim.native import Inputs, NativeEngine, Observation
 from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import Scene, build_scene
+from haustra.models.wall.lumen_table import LumenTable
 from haustra.models.wall.pieces.wall import Wall
 
 STRIDE = 0.4
@@ -30,13 +31,21 @@ class GrowingEngine:
     until shaft is first added.
     """
 
-    def __init__(self, scene: Scene, *, build: Callable[[float], Scene], stride: float = STRIDE) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        build: Callable[[float], Scene],
+        stride: float = STRIDE,
+        table: LumenTable | None = None,
+    ) -> None:
         """Build the first part.
 
         Args:
             scene: what is modelled in all.
             build: the same scene for a scope of which at most so much gets in [m].
             stride: shaft that is added at a time [m].
+            table: as for `NativeEngine`.
         """
         self.scene = scene
         self.added: list[float] = []
@@ -44,7 +53,7 @@ class GrowingEngine:
         self._build, self._stride = build, stride
         self._actuators = {each.name: row for row, each in enumerate(scene.spec.actuators)}
         self._deepest = scene.options.start_depth + stride
-        self._take(NativeEngine(build(self._deepest)))
+        self._take(NativeEngine(build(self._deepest), table=table))
 
     def step(self, inputs: Inputs, count: int) -> bool:
         """Advance by `count` time steps; False when the simulation has diverged."""
@@ -92,7 +101,9 @@ class GrowingEngine:
         self._rows = [self._actuators[_later(each.name, self._missing)] for each in engine.scene.spec.actuators]
 
 
-def growing(wall: Wall | None, *, deepest: float) -> Callable[[Scene], GrowingEngine | NativeEngine]:
+def growing(
+    wall: Wall | None, *, deepest: float, table: LumenTable | None = None
+) -> Callable[[Scene], GrowingEngine | NativeEngine]:
     """An engine for scenes with that wall whose scopes get in by at most `deepest` [m].
 
     Under gravity, where shaft outside is not straight, all of it is there from the start.
@@ -100,9 +111,10 @@ def growing(wall: Wall | None, *, deepest: float) -> Callable[[Scene], GrowingEn
 
     def engine(scene: Scene) -> GrowingEngine | NativeEngine:
         if any(scene.options.gravity):
-            return NativeEngine(scene)
+            return NativeEngine(scene, table=table)
         return GrowingEngine(
             scene,
+            table=table,
             build=lambda inside: build_scene(
                 scene.colon,
                 wall,

@@ -192,9 +192,7 @@ def query(xp: ModuleType, tables: Tables, points: Float[Any, "*worlds points 3"]
         points: middles of the device's spheres [m].
         arcs: their arc lengths at the last look [m]; negative before the anus.
     """
-    arcs, depth, inwards = query_point(
-        xp, tables, tables.step, tables.first, tables.count, vectors.of(points), arcs
-    )
+    arcs, depth, inwards = query_point(xp, tables, tables.step, tables.first, tables.count, vectors.of(points), arcs)
     return WallQuery(arcs, depth, vectors.stacked(xp, inwards))
 
 

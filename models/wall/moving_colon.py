@@ -79,9 +79,7 @@ def turned_back(xp: ModuleType, cosine: Any, axis: Vector, v: Vector) -> Vector:
     return turned(xp, cosine, times(-1.0, axis), v)
 
 
-def turn_rate(
-    xp: ModuleType, cosine: Any, axis: Vector, cosine_rate: Any, axis_rate: Vector, v: Vector
-) -> Vector:
+def turn_rate(xp: ModuleType, cosine: Any, axis: Vector, cosine_rate: Any, axis_rate: Vector, v: Vector) -> Vector:
     """Rate of `turned` of a vector that itself does not change."""
     along, most = dot(axis, v), xp.maximum(1 + cosine, _LEAST_COSINE)
     rate = where(xp, 1 + cosine > _LEAST_COSINE, cosine_rate, 0.0)

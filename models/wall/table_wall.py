@@ -5,7 +5,6 @@ does the contact, implicitly and with the exact stiffness of `haustra.models.wal
 way to what presses on it after the step (`haustra.models.wall.moving_colon`).
 """
 
-
 import mujoco
 import numpy as np
 from jaxtyping import Float, Int
@@ -56,7 +55,10 @@ class TableWalls:
         self.give_way(none, self.inwards, self.depth, 0.0)
 
     def begin(
-        self, worlds: Int[np.ndarray, " some"], colons: Int[np.ndarray, " some"], arcs: Float[np.ndarray, "some spheres"]
+        self,
+        worlds: Int[np.ndarray, " some"],
+        colons: Int[np.ndarray, " some"],
+        arcs: Float[np.ndarray, "some spheres"],
     ) -> None:
         """Take these colons, at rest, in these worlds, whose spheres are at those arc lengths [m]."""
         self.colon[worlds] = colons

@@ -35,6 +35,8 @@ def test_a_run_leaves_scores_trajectory_scene_pictures_and_a_report(colon_folder
         "run",
         "--colon",
         str(colon_folder),
+        "--wall-law",
+        "pieces",
         "--wall",
         "prism",
         "-o",
@@ -53,20 +55,23 @@ def test_a_run_leaves_scores_trajectory_scene_pictures_and_a_report(colon_folder
 
 
 def test_a_run_in_a_colon_that_moves(colon_folder, tmp_path, capsys):
-    pytest.importorskip("jax")
-    call = ["run", "--colon", str(colon_folder), "--preset", "fast", "--seconds", "2", "--mesentery"]
+    """Without options: natively, by the lumen's table."""
+    call = ["run", "--colon", str(colon_folder), "--preset", "fast", "--seconds", "2"]
     assert main([*call, "-o", str(tmp_path), "--json"]) == SUCCESS
     printed = json.loads(capsys.readouterr().out)
     assert printed["colon_moved_peak_mm"] > 0 and printed["pieces"] == 0
     options = printed["provenance"]["configuration"]["options"]
     assert options["mesentery"] and options["wall_law"] == "table"
     assert (tmp_path / "outside.png").stat().st_size > 1000
-    assert main([*call, "-o", str(tmp_path / "other"), "--wall-law", "planes"]) == BAD_INPUT
-    assert "needs wall law 'table'" in capsys.readouterr().err
+    assert main([*call, "-o", str(tmp_path / "fixed"), "--fixed", "--json"]) == SUCCESS
+    assert json.loads(capsys.readouterr().out)["colon_moved_peak_mm"] == 0
+    assert main([*call, "-o", str(tmp_path / "other"), "--wall-law", "planes", "--backend", "jax"]) == BAD_INPUT
+    assert "backend jax has no wall law 'planes'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
-    ("options", "preset"), [([], "fast"), (["--timestep", "0.0025"], "custom"), (["--wall-law", "planes"], "custom")]
+    ("options", "preset"),
+    [(["--wall-law", "pieces"], "fast"), (["--wall-law", "pieces", "--timestep", "0.0025"], "custom"), ([], "custom")],
 )
 def test_a_run_says_its_preset_and_how_far_that_is_off(options, preset, colon_folder, tmp_path, capsys):
     call = ["run", "--colon", str(colon_folder), "--wall", "prism", "--preset", "fast", "--seconds", "0.2"]
@@ -103,5 +108,5 @@ def test_tangent_planes_need_no_wall_and_stiffen_by_segment(tmp_path, capsys):
     assert printed["pieces"] == 0
     chosen = printed["provenance"]["configuration"]["options"]
     assert chosen["wall_law"] == "planes" and dict(chosen["segment_stiffness"])["caecum"] == 900
-    assert main([*arguments, "--segment-stiffness"]) == BAD_INPUT
+    assert main([*arguments, "--segment-stiffness", "--wall-law", "table"]) == BAD_INPUT
     assert "planes" in capsys.readouterr().err

@@ -90,7 +90,9 @@ def _both_driven(place: Place, seconds: float) -> dict[str, Value]:
     colon, design, wall = place.colon, find_design("adult"), place.wall("prism")
     deepest = SceneOptions.start_depth + FollowerSettings.advance_rate * seconds
     pieces = build_scene(colon, wall, design, show_lumen=False, deepest=deepest)
-    field = build_scene(colon, None, design, SceneOptions(wall_law="table", softening=False), show_lumen=False, deepest=deepest)
+    field = build_scene(
+        colon, None, design, SceneOptions(wall_law="table", softening=False), show_lumen=False, deepest=deepest
+    )
     runs = {
         "pieces": run_insertion(pieces, seconds=seconds, engine=growing(wall, deepest=deepest)),
         "field": run_insertion(field, seconds=seconds, engine=JaxSingle),

@@ -59,7 +59,10 @@ def _moved(colon: Colon, way: np.ndarray) -> float:
 
 
 def test_one_scene_goes_as_under_jax(colon) -> None:
-    """The same script: tips within 1 % of the length inside, mean wall force within 5 %, the colon moved as far."""
+    """The same script: tips within 1 % of the length inside, mean wall force within 8 %, the colon moved as far.
+
+    Contacts act at the scope's surface natively and at its spheres' middles under JAX.
+    """
     pytest.importorskip("jax")
     from haustra.envs.sim.field_engine import JaxSingle
 
@@ -67,8 +70,8 @@ def test_one_scene_goes_as_under_jax(colon) -> None:
     (mine, one), (theirs, other) = _driven(NativeEngine(scene)), _driven(JaxSingle(scene))
     for a, b in zip(one[::50], other[::50], strict=True):
         assert np.linalg.norm(a.tip - b.tip) < 0.01 * b.insertion
-    assert np.mean(mine) == pytest.approx(np.mean(theirs), rel=0.05)
-    assert _moved(colon, one[-1].way) == pytest.approx(_moved(colon, other[-1].way), rel=0.05)
+    assert np.mean(mine) == pytest.approx(np.mean(theirs), rel=0.08)
+    assert _moved(colon, one[-1].way) == pytest.approx(_moved(colon, other[-1].way), rel=0.08)
     assert _moved(colon, one[-1].way) > 0.005
 
 
@@ -76,13 +79,15 @@ def test_a_batch_goes_as_one_scene(colon) -> None:
     """Two worlds of a batch against one scene; what it reads is one step older."""
     scene = _scene(colon)
     single = NativeEngine(scene)
-    tables = stack([lumen_table(colon, device_radius=scene.cable.radius, with_mesentery=True).seen_from(*entry_of(colon))])
+    tables = stack(
+        [lumen_table(colon, device_radius=scene.cable.radius, with_mesentery=True).seen_from(*entry_of(colon))]
+    )
     batch = ScopeBatch(scene, tables, worlds=2, threads=2)
     both = np.arange(2)
-    numbers = (np.full(2, value) for value in (OPTIONS.friction, OPTIONS.wall_stiffness, 1.0))
+    numbers = (np.full(2, float(value)) for value in (OPTIONS.friction, OPTIONS.wall_stiffness, 1.0))
     batch.reset(both, np.zeros(2, int), Conditions(*numbers))
     mine, theirs = [], []
-    for instant in range(300):
+    for instant in range(280):
         asked = _inputs(instant)
         assert single.step(asked, 4)
         rates = (np.full(2, asked.push_rate), np.full(2, asked.roll_rate))
@@ -109,11 +114,12 @@ def test_shaft_is_added_while_the_colon_goes_on_moving(colon) -> None:
             colon, None, DESIGN, whole.options, show_lumen=False, deepest=min(inside, 0.35), to_save=False
         )
 
-    growing, at_once = GrowingEngine(whole, build=build, stride=0.12), NativeEngine(whole)
+    growing, at_once = GrowingEngine(whole, build=build, stride=0.1), NativeEngine(whole)
     for instant in range(250):
         assert growing.step(_inputs(instant), 4) and at_once.step(_inputs(instant), 4)
     one, other = growing.observe(), at_once.observe()
-    assert growing.added and one.way is not None and other.way is not None
+    assert growing.added
+    assert one.way is not None and other.way is not None
     assert np.linalg.norm(one.tip - other.tip) < 0.01 * other.insertion
     assert _moved(colon, one.way) == pytest.approx(_moved(colon, other.way), rel=0.02)
     assert growing.colon().centreline.points == pytest.approx(one.way)
@@ -123,7 +129,7 @@ def test_shaft_is_added_while_the_colon_goes_on_moving(colon) -> None:
 def test_what_is_in_the_scene_counts(colon, change) -> None:
     """Gravity, in the colon's own frame, and no friction change what the same script does to the colon."""
     usual, other = NativeEngine(_scene(colon)), NativeEngine(_scene(colon, **change))
-    for instant in range(150):
+    for instant in range(250):
         assert usual.step(_inputs(instant), 4) and other.step(_inputs(instant), 4)
     ways = usual.observe().way, other.observe().way
     assert ways[0] is not None and ways[1] is not None

@@ -27,7 +27,13 @@ from tests.tube_colon import straight_tube
 
 _STEP = 0.005
 _OPTIONS = SceneOptions(
-    insertion_limit=0.3, shaft_cell=0.0625, bending_cell=0.034, sample_spacing=0.03, mesentery=True, wall_law="table", softening=False
+    insertion_limit=0.3,
+    shaft_cell=0.0625,
+    bending_cell=0.034,
+    sample_spacing=0.03,
+    mesentery=True,
+    wall_law="table",
+    softening=False,
 )
 
 
@@ -250,8 +256,8 @@ def test_the_solver_solves() -> None:
     random = np.random.default_rng(2)
     ties, more, right = random.uniform(0, 5, (3, 46)), random.uniform(0.1, 1, (3, 47)), random.normal(size=(3, 47, 3))
     below, above = np.pad(ties, ((0, 0), (1, 0))), np.pad(ties, ((0, 0), (0, 1)))
-    found = moving_colon.solve_tridiagonal(jnp, 
-        *(jnp.asarray(part) for part in (-below, more + below + above, -above, right))
+    found = moving_colon.solve_tridiagonal(
+        jnp, *(jnp.asarray(part) for part in (-below, more + below + above, -above, right))
     )
     for world in range(3):
         matrix = np.diag((more + below + above)[world]) - np.diag(ties[world], 1) - np.diag(ties[world], -1)
