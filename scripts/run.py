@@ -22,8 +22,9 @@ class Run:
     preset: Literal["fast", "balanced", "accurate"] = "balanced"
     """How finely the scene is modelled; errors and speed: docs/validation/accuracy.md."""
     wall_law: Literal["pieces", "planes", "table"] | None = None
-    """A table of the lumen (the default), fast and within 2 % of the surface's forces; convex pieces, which stock MuJoCo
-    replays; or tangent planes of the surface itself, at several times the cost a step. The last two stand fixed."""
+    """A table of the lumen (the default), fast and within 2 % of the surface's forces; convex pieces, which stock
+    MuJoCo replays; or tangent planes of the surface itself, at several times the cost a step. The last two stand
+    fixed in space."""
     seconds: float = 60.0
     """Simulated time [s]."""
     fixed: bool = False

@@ -48,7 +48,7 @@ class MovingColon:
 
     def __init__(self, case: TabulatedColon, shift: Float[np.ndarray, "frames nodes 3"], size: tuple[int, int]) -> None:
         """Find a camera that sees all of it at the beginning, in the middle and at the end."""
-                tables = stack([case.mesentery_tables])
+        tables = stack([case.mesentery_tables])
         assert tables.mesentery is not None
         # Among longer colons an axis has nodes added at its end.
         self._shift = shift = shift[:, : tables.mesentery.nodes.shape[1]]

@@ -25,7 +25,7 @@ class CurrentColon:
         self._surface_arcs: np.ndarray | None = None
 
     def way(self, shift: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "stations 3"]:
-        """Where the stations of the centreline are [m], given the nodes' displacements in the tables' coordinates [m]."""
+        """Where the stations of the centreline are [m], given displacements in the tables' coordinates [m]."""
         line = self._colon.centreline
         nodes = self._spacing * np.arange(len(shift))
         moved = np.column_stack([np.interp(line.arc, nodes, shift[:, axis]) for axis in range(3)])

@@ -93,6 +93,7 @@ class ScopeBatch:
         log_to_stderr_only()
         self.scene, self.tables, self.worlds = scene, tables, worlds
         self.model = batch_model(scene)
+        self.model.flg_surfacevel = scene.options.mesentery  # before it is copied: walls that move drag by friction
         parts = np.array_split(np.arange(worlds), min(threads, worlds))
         self._slices = [slice(int(part[0]), int(part[-1]) + 1) for part in parts]
         self._shards = [ThreadSlice(scene, self.model, tables, len(part)) for part in parts]

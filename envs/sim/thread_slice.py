@@ -13,12 +13,11 @@ from haustra.envs.sim.native import FATAL_WARNINGS, SPEED_LIMIT
 from haustra.models.devices.scope.cable import LOCK_STRETCH
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene
-from haustra.models.wall.law import soft_contact
 from haustra.models.wall.compiled import ROOM, loops
+from haustra.models.wall.law import soft_contact
 from haustra.models.wall.lumen_table import Tables
 from haustra.models.wall.planes import AWAY, SLIP_RELAXATION
 from haustra.models.wall.table_wall import SLIP_SPEED, TableWalls
-
 
 _TURN = Lock()
 """Held by the thread that is between two of MuJoCo's steps. Numpy gives Python's own lock away and takes it back in
@@ -54,7 +53,6 @@ class ThreadSlice:
         self._walls = TableWalls(tables, worlds, spheres)
         self._surface = np.zeros((0, 0, 0))
         if tables.mesentery is not None:
-            model.flg_surfacevel = True
             self._surface = batch.expand("geom_surfacevel")
         self._ahead = np.full(worlds, scene.options.wall_damping_time + self._step_time)
         self._friction_of = np.full(worlds, float(scene.options.friction))

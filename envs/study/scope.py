@@ -205,7 +205,9 @@ def _table(folder: Path, name: str, radius: float, moves: bool) -> LumenTable:
 
 
 def prepare(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
-    """Grow the study's colons and build the walls that are missing, where they stand fixed; a grown colon appears at once with its wall.
+    """Grow the study's colons and build the walls that are missing, where they stand fixed.
+
+    A grown colon appears at once with its wall.
 
     Raises:
         HaustraError: when a colon cannot be grown or read, or has no wall.

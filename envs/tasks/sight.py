@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from haustra.envs.tasks.case import TabulatedColon
 from haustra.envs.sim.scope_batch import ScopeBatch
+from haustra.envs.tasks.case import TabulatedColon
 from haustra.models.wall.lumen_table import pick, stack
 from haustra.models.wall.moving_colon import back_to_reference
 

@@ -30,7 +30,6 @@ from haustra.models.wall.moving_colon import (
 from haustra.models.wall.planes import AWAY
 from haustra.models.wall.vectors import add, between, cross, dot, minus, norm, times, unit_rate
 
-
 ROOM = 0.01
 """A plane is parked while its sphere has more room than this [m]: two steps at 1 m/s, well above any motion here."""
 
@@ -321,7 +320,8 @@ def _step_axis(
     damping: Any,
     h: float,
 ) -> None:
-    """One time step of the axes of these worlds, whose shape was found already, in place."""
+    """One time step of the axes of these worlds, in place."""
+    _shape(own, worlds, place, shape)
     count = place.shape[1]
     pulled, couples = np.empty((1, count, 3)), np.empty((count, 3, 3))
     gripped, diagonal, tie = np.empty(count), np.empty(count), np.empty(count)

@@ -10,10 +10,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from haustra.models.wall.compiled import loops
-from haustra.models.wall.lumen_table import LumenTable, Tables, pick, stack
-from haustra.models.wall.moving_colon import AxisDisplacement, AxisShape
 from haustra.models.wall.law import WallContact
+from haustra.models.wall.lumen_table import LumenTable, Tables, pick, stack
 from haustra.models.wall.mesentery import Mesentery
+from haustra.models.wall.moving_colon import AxisDisplacement, AxisShape
 
 SLIP_SPEED = 1e-3
 """Friction's share of a contact's damping of the axis is that of sliding at least this fast [m/s]; engineering choice:

@@ -1,4 +1,4 @@
-"""Vectors as tuples of three components: numbers, or arrays of numpy or JAX; so that numba compiles what is made of them.
+"""Vectors as tuples of three components, numbers or arrays of numpy or JAX: numba compiles what is made of them.
 
 A law that is written for one place with these is one law: for a number a component in a compiled loop, for arrays of
 them in numpy and JAX.
@@ -24,12 +24,12 @@ def stacked(xp: ModuleType, v: Vector) -> Any:
 
 
 def add(a: Vector, b: Vector) -> Vector:
-    """a + b."""
+    """Sum of two vectors."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 def minus(a: Vector, b: Vector) -> Vector:
-    """a - b."""
+    """Difference of two vectors."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 

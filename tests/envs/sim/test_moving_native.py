@@ -107,12 +107,10 @@ def test_a_batch_goes_as_one_scene(colon) -> None:
 
 def test_shaft_is_added_while_the_colon_goes_on_moving(colon) -> None:
     """Added shaft changes nothing: tip and colon are where they are with all of it from the start, within 1 %."""
-    whole = _scene(colon, softening=True)
+    whole = _scene(colon, softening=True, insertion_limit=0.7)
 
     def build(inside: float) -> Scene:
-        return build_scene(
-            colon, None, DESIGN, whole.options, show_lumen=False, deepest=min(inside, 0.35), to_save=False
-        )
+        return build_scene(colon, None, DESIGN, whole.options, show_lumen=False, deepest=inside, to_save=False)
 
     growing, at_once = GrowingEngine(whole, build=build, stride=0.1), NativeEngine(whole)
     for instant in range(250):
