@@ -16,6 +16,7 @@ from haustra.envs.sim.growing import GrowingEngine
 from haustra.envs.sim.native import Inputs, NativeEngine, Observation
 from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import Scene
+from haustra.models.wall.piece_wall import Blocks
 
 CONTROL_INTERVAL = 0.02
 """Time between two decisions of the driver, and between two records [s]; engineering choice: 50 Hz."""
@@ -72,6 +73,10 @@ class Trajectory:
     """The same towards wire 'left' [rad]."""
     colon_moved: Float[np.ndarray, " records"]
     """Farthest that a place of the colon's centreline is from where it was at rest [m]."""
+    mocap_pos: Float[np.ndarray, "records blocks 3"]
+    """Where the bodies are on which pieces of a wall that moves stand, as MuJoCo's mocap_pos [m]."""
+    mocap_quat: Float[np.ndarray, "records blocks 4"]
+    """How they are turned, as MuJoCo's mocap_quat."""
 
 
 @dataclass(frozen=True)
@@ -131,6 +136,10 @@ class Engine(Protocol):
         """The colon as it lies now."""
         ...
 
+    def mocap(self, blocks: Blocks) -> tuple[Float[np.ndarray, "blocks 3"], Float[np.ndarray, "blocks 4"]]:
+        """Where these blocks of the wall are [m], and how they are turned, as quaternions; none in a fixed colon."""
+        ...
+
 
 def run_insertion(
     scene: Scene,
@@ -183,7 +192,8 @@ def _drive(engine: Engine, seconds: float, settings: FollowerSettings, progress:
         inside = behind < seen.insertion
         outside = containment.outside(shape[inside], behind[inside], tracker.arc, seen.way)
         moved = 0.0 if seen.way is None else float(np.linalg.norm(seen.way - line.points, axis=1).max())
-        rows.append((*_record(engine, seen, tracker.arc, outside), *follower.asked, *seen.bend, moved))
+        mocap = engine.mocap(scene.blocks)
+        rows.append((*_record(engine, seen, tracker.arc, outside), *follower.asked, *seen.bend, moved, *mocap))
         if progress and len(rows) % 25 == 0:
             progress(seen.time, tracker.arc)
         if ended := _ended(scene, seen, tracker.arc, outside):
@@ -239,5 +249,5 @@ def _trajectory(rows: list[tuple], engine: Engine) -> Trajectory:
     if not rows:
         empty = np.zeros(0)
         wide = (np.zeros((0, engine.qpos.size)), np.zeros((0, engine.ctrl.size)), np.zeros((0, 3)))
-        return Trajectory(empty, *wide, *[empty] * 15)
+        return Trajectory(empty, *wide, *[empty] * 15, *(part[None][:0] for part in engine.mocap(engine.scene.blocks)))
     return Trajectory(*(np.array(column, dtype=float) for column in zip(*rows, strict=True)))

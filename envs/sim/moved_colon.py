@@ -8,6 +8,7 @@ from jaxtyping import Float
 from haustra.models.anatomy.colon import Centreline, Colon, Surface
 from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables
+from haustra.models.wall.piece_wall import Blocks
 from haustra.models.wall.signed_distance import surface_arcs
 
 
@@ -56,6 +57,15 @@ class CurrentColon:
         shape = moving_colon.shape_of(np, self._mesentery, moved)
         rest = moving_colon.to_reference(np, self._tables, moved, shape, seen, np.array([[arc]]))
         return rest[0, 0] @ self._axes.T + self._origin
+
+    def poses(
+        self, shift: Float[np.ndarray, "nodes 3"], blocks: Blocks
+    ) -> tuple[Float[np.ndarray, "blocks 3"], Float[np.ndarray, "blocks 4"]]:
+        """Where blocks of the wall are [m], and how they are turned, as quaternions."""
+        now, arcs = np.asarray(shift, float)[None], blocks.arcs[None]
+        turns = moving_colon.section_turns(np, self._mesentery, now, arcs)[0]
+        places = self._carried(shift, blocks.places, blocks.arcs)
+        return places, np.column_stack([turns[:, 0], turns[:, 1:] @ self._axes.T])
 
     def _carried(self, shift: np.ndarray, points: np.ndarray, arcs: np.ndarray) -> np.ndarray:
         seen = (points - self._origin) @ self._axes

@@ -282,6 +282,15 @@ def directions(xp: ModuleType, own: Mesentery, place: Array, arcs: Array, v: Arr
     return _turned(xp, own, shape_of(xp, own, place), arcs, v)
 
 
+def section_turns(xp: ModuleType, own: Mesentery, place: Array, arcs: Array) -> Array:
+    """Quaternions by which cross-sections at arc lengths (worlds, points) are turned from rest (worlds, points, 4)."""
+    shape = shape_of(xp, own, place)
+    half = xp.concatenate([1 + shape.cosines[..., None], shape.axes], axis=-1)
+    at, share = _cell(xp, own, arcs)
+    turn = _between(half / xp.linalg.norm(half, axis=-1, keepdims=True), at, share)
+    return turn / xp.linalg.norm(turn, axis=-1, keepdims=True)
+
+
 def axis_at(xp: ModuleType, tables: Tables, place: Array | None, arcs: Array) -> Array:
     """Points of the centreline at arc lengths, where it is now [m]; without displacements, where it is fixed."""
     still = table.axis_at(xp, tables, arcs)
@@ -424,7 +433,7 @@ def _worlds(at: Array) -> Array:
 
 
 def _between(values: Array, at: Array, share: Array) -> Array:
-    """Values of the nodes (worlds, nodes, 3) at places between them (worlds, points, 3)."""
+    """Values of the nodes (worlds, nodes, n) at places between them (worlds, points, n)."""
     world = _worlds(at)
     before, after = values[world, at], values[world, at + 1]
     return before + share[..., None] * (after - before)
