@@ -24,7 +24,8 @@ from haustra.models.devices.scope.stops import apply_stops
 from haustra.models.wall.law import WallContact
 from haustra.models.wall.piece_wall import BLOCK, NO_BLOCKS, Blocks, add_piece_spheres
 from haustra.models.wall.pieces.reach import within_reach
-from haustra.models.wall.pieces.wall import Wall, WallPiece
+from haustra.models.wall.pieces.slabs import SLAB, cut_into_slabs
+from haustra.models.wall.pieces.wall import Wall
 from haustra.models.wall.planes import Sample, add_planes, capsule_samples
 from haustra.quantity import load_quantities
 
@@ -364,20 +365,15 @@ def add_wall(spec: mujoco.MjSpec, wall: Wall) -> None:
 
 
 def add_blocks(spec: mujoco.MjSpec, wall: Wall, colon: Colon, *, touched: bool) -> Blocks:
-    """Put the wall's pieces into a scene, each block on a mocap body that can follow its stretch of the axis."""
-    line = colon.centreline
-    stretches: dict[tuple[float, float], list[WallPiece]] = {}
-    for piece in wall.pieces:
-        stretches.setdefault((piece.start, piece.end), []).append(piece)
-    arcs = np.array([0.5 * (start + end) for start, end in stretches])
-    places = np.column_stack([np.interp(arcs, line.arc, line.points[:, axis]) for axis in range(3)])
+    """Put the wall's pieces into a scene, in blocks on mocap bodies that can follow their stretch of the axis."""
+    slabs = tuple(cut_into_slabs(wall, colon.centreline, longest=SLAB if touched else math.inf))
     count = 0
-    for number, pieces in enumerate(stretches.values()):
-        body = spec.worldbody.add_body(name=f"{BLOCK}{number:03d}", pos=places[number], mocap=True)
-        for piece in pieces:
-            _add_piece(spec, body, f"wall/{count:05d}", piece.vertices - places[number], touched=touched)
+    for number, slab in enumerate(slabs):
+        body = spec.worldbody.add_body(name=f"{BLOCK}{number:03d}", pos=slab.place, mocap=True)
+        for vertices in slab.pieces:
+            _add_piece(spec, body, f"wall/{count:05d}", vertices - slab.place, touched=touched)
             count += 1
-    return Blocks(places, arcs)
+    return Blocks(np.array([slab.place for slab in slabs]), np.array([slab.arc for slab in slabs]))
 
 
 def _add_piece(

@@ -62,10 +62,12 @@ class CurrentColon:
         self, shift: Float[np.ndarray, "nodes 3"], blocks: Blocks
     ) -> tuple[Float[np.ndarray, "blocks 3"], Float[np.ndarray, "blocks 4"]]:
         """Where blocks of the wall are [m], and how they are turned, as quaternions."""
-        now, arcs = np.asarray(shift, float)[None], blocks.arcs[None]
-        turns = moving_colon.section_turns(np, self._mesentery, now, arcs)[0]
-        places = self._carried(shift, blocks.places, blocks.arcs)
-        return places, np.column_stack([turns[:, 0], turns[:, 1:] @ self._axes.T])
+        now = np.asarray(shift, float)[None]
+        places = ((blocks.places - self._origin) @ self._axes)[None]
+        shape = moving_colon.shape_of(np, self._mesentery, now)
+        moved, turns = moving_colon.section_poses(np, self._tables, now, shape, places, blocks.arcs[None])
+        turn = np.column_stack([turns[0, :, 0], turns[0, :, 1:] @ self._axes.T])
+        return moved[0] @ self._axes.T + self._origin, turn
 
     def _carried(self, shift: np.ndarray, points: np.ndarray, arcs: np.ndarray) -> np.ndarray:
         seen = (points - self._origin) @ self._axes

@@ -16,7 +16,7 @@ from haustra.models.wall import lumen_table, moving_colon
 from haustra.models.wall.compiled import loops
 from haustra.models.wall.law import WallContact, apply_contact
 from haustra.models.wall.lumen_table import Tables, pick
-from haustra.models.wall.moving_colon import AxisDisplacement
+from haustra.models.wall.moving_colon import AxisDisplacement, AxisShape
 from haustra.models.wall.pieces.wall import Wall
 from haustra.models.wall.planes import Sample, add_sphere
 from haustra.models.wall.table_wall import SLIP_SPEED
@@ -142,14 +142,19 @@ class PieceWall:
             return
         place, speed = self._moved
         both = np.concatenate([place, place + self._ahead * speed])
+        shape = moving_colon.shape_of(np, self._own, both)
+        self._shape = AxisShape(*(part[:1] for part in shape))
         points, arcs = (np.repeat(part[None], 2, axis=0) for part in (self._blocks.places, self._blocks.arcs))
-        poses = moving_colon.to_current(np, self._axis, both, points, arcs)
-        turns = moving_colon.section_turns(np, self._own, both, arcs)
-        now, ahead = (_matrices(turn) for turn in turns)
+        poses, turns = moving_colon.section_poses(np, self._axis, both, shape, points, arcs)
         data.mocap_pos[self._mocap], data.mocap_quat[self._mocap] = poses[1], turns[1]
-        moved = np.einsum("gij,gj->gi", (ahead - now)[self._block], self._faces) + (poses[1] - poses[0])[self._block]
-        local = np.einsum("gji,gj->gi", ahead[self._block], moved / self._ahead)
-        self._model.geom_surfacevel[self._pieces, :3] = np.einsum("gji,gj->gi", self._frames, local)
+        # Speeds are needed of pieces that are touched: of those that were in the last step.
+        pieces = data.contact.geom[:, 1]
+        pieces = np.unique(pieces[self._block_of[pieces] >= 0])
+        block = self._block_of[pieces]
+        now, ahead = (_matrices(turn[block]) for turn in turns)
+        moved = np.einsum("gij,gj->gi", ahead - now, self._faces[pieces]) + (poses[1] - poses[0])[block]
+        local = np.einsum("gji,gj->gi", ahead, moved / self._ahead)
+        self._model.geom_surfacevel[pieces, :3] = np.einsum("gji,gj->gi", self._frames[pieces], local)
 
     def step(self, data: mujoco.MjData) -> None:
         """Advance by one step, the colon's too."""
@@ -174,10 +179,9 @@ class PieceWall:
         turned = _matrices(data.mocap_quat[self._mocap[block]])
         lever = np.einsum("cji,cj->ci", turned, contact.pos[on] - data.mocap_pos[self._mocap[block]])
         lever += self._levers[block]
-        shape = moving_colon.shape_of(np, self._own, moved.place)
         arcs = self._blocks.arcs[block]
         one = np.zeros(1, int)
-        loops().step_axis(self._own, one, *moved, shape, arcs[None], lever[None], force[None], damping[None], h)
+        loops().step_axis(self._own, one, *moved, self._shape, arcs[None], lever[None], force[None], damping[None], h)
 
     def _find_blocks(self) -> None:
         model, blocks = self._model, self._blocks
@@ -186,14 +190,10 @@ class PieceWall:
         block_of_body = np.full(model.nbody, -1)
         block_of_body[bodies] = np.arange(len(bodies))
         self._block_of = block_of_body[model.geom_bodyid]
-        self._pieces = np.flatnonzero(self._block_of >= 0)
-        self._block = self._block_of[self._pieces]
-        turns = np.zeros((len(self._pieces), 9))
-        for row, geom in enumerate(self._pieces):
-            mujoco.mju_quat2Mat(turns[row], model.geom_quat[geom])
-        self._frames = turns.reshape(-1, 3, 3)
-        pieces = zip(self._pieces, self._frames, strict=True)
-        self._faces = np.array([_nearest_corner(model, geom, frame) for geom, frame in pieces])
+        self._frames, self._faces = np.zeros((model.ngeom, 3, 3)), np.zeros((model.ngeom, 3))
+        for geom in np.flatnonzero(self._block_of >= 0):
+            mujoco.mju_quat2Mat(self._frames[geom].reshape(9), model.geom_quat[geom])
+            self._faces[geom] = _nearest_corner(model, geom, self._frames[geom])
         self._levers = blocks.places - lumen_table.axis_at(np, self._axis, blocks.arcs[None])[0]
         self._ahead = self._contact.damping / self._contact.stiffness + model.opt.timestep
         model.flg_surfacevel = True
