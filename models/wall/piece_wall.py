@@ -71,6 +71,7 @@ def step_once(model: mujoco.MjModel, data: mujoco.MjData, spheres: Bool[np.ndarr
     mujoco.mj_step1(model, data)
     if _leave_out(data, spheres):
         mujoco.mj_makeConstraint(model, data)
+        mujoco.mj_island(model, data)
         mujoco.mj_projectConstraint(model, data)
         mujoco.mj_fwdVelocity(model, data)
     mujoco.mj_step2(model, data)
@@ -191,7 +192,7 @@ class PieceWall:
         block_of_body[bodies] = np.arange(len(bodies))
         self._block_of = block_of_body[model.geom_bodyid]
         self._frames, self._faces = np.zeros((model.ngeom, 3, 3)), np.zeros((model.ngeom, 3))
-        for geom in np.flatnonzero(self._block_of >= 0):
+        for geom in map(int, np.flatnonzero(self._block_of >= 0)):
             mujoco.mju_quat2Mat(self._frames[geom].reshape(9), model.geom_quat[geom])
             self._faces[geom] = _nearest_corner(model, geom, self._frames[geom])
         self._levers = blocks.places - lumen_table.axis_at(np, self._axis, blocks.arcs[None])[0]
