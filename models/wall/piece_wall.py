@@ -29,6 +29,12 @@ BUMPS = 0.6
 surface by this share of their root mean square error: 0.57 in a wall by CoACD (1.5 mm), 0.64 in one of prisms (0.8 mm),
 over 4,000 places each (docs/decisions/wall.md). Its radius is less by that."""
 
+SAME_PLACE, LEAST_SHARE = 0.5, 0.25
+"""A piece is another wall than the one in which a sphere is deepest, and not that one's continuation, where its nearest
+point is less than half as far from the sphere's middle, along the normal of the deepest, as the deepest itself; that
+counts as a quarter of the radius at least. Half: as tangent planes tell two walls (`planes.SAME_SIDE`); a quarter:
+engineering choice, so that what is pressed to its middle is still held by walls across."""
+
 
 @dataclass(frozen=True)
 class Blocks:
@@ -63,13 +69,14 @@ def add_piece_spheres(
 
 
 def step_once(model: mujoco.MjModel, data: mujoco.MjData, spheres: Bool[np.ndarray, " geoms"]) -> None:
-    """Advance by one step, in which each of these spheres is pressed only by the piece in which it is deepest.
+    """Advance by one step, in which what these spheres press at one place counts once.
 
-    Where no sphere touches two pieces it is `mj_step`, to the bit. Contacts that do not count keep their place among
-    `data.contact`, marked as excluded, without force.
+    Of the pieces that a sphere touches the one in which it is deepest counts, and of those that stand in front of the
+    plane that touches it there, as the other side of a valley does, again the deepest. Where none is left out it is
+    `mj_step`, to the bit. Contacts that do not count keep their place among `data.contact`, marked as excluded.
     """
     mujoco.mj_step1(model, data)
-    if _leave_out(data, spheres):
+    if _leave_out(model, data, spheres):
         mujoco.mj_makeConstraint(model, data)
         mujoco.mj_island(model, data)
         mujoco.mj_projectConstraint(model, data)
@@ -77,16 +84,30 @@ def step_once(model: mujoco.MjModel, data: mujoco.MjData, spheres: Bool[np.ndarr
     mujoco.mj_step2(model, data)
 
 
-def _leave_out(data: mujoco.MjData, spheres: np.ndarray) -> bool:
-    """Exclude all contacts of a sphere but the deepest; whether there were any."""
+def _leave_out(model: mujoco.MjModel, data: mujoco.MjData, spheres: np.ndarray) -> bool:
+    """Exclude contacts of spheres that do not count; whether there were any."""
     contact = data.contact
-    touching = contact.geom[:, 0]  # MuJoCo names a sphere before a mesh
-    order = np.lexsort((contact.dist, touching))
-    touching = touching[order]
-    again = order[1:][(touching[1:] == touching[:-1]) & spheres[touching[1:]]]
-    contact.exclude[again] = 1
-    contact.efc_address[again] = -1
-    return len(again) > 0
+    sphere = contact.geom[:, 0]  # MuJoCo names a sphere before a mesh
+    if len(sphere) < 2:
+        return False
+    order = np.lexsort((contact.dist, sphere))
+    order = order[spheres[sphere[order]]]
+    touching = sphere[order]
+    new = np.append(True, touching[1:] != touching[:-1])[: len(order)]
+    if new.all():
+        return False
+    first = np.flatnonzero(new)[np.cumsum(new) - 1]
+    radius, normals = model.geom_size[touching, 0], contact.frame[order, :3]
+    away = radius + contact.dist[order]
+    height = away * np.einsum("ci,ci->c", normals, normals[first])
+    front = ~new & (height < SAME_PLACE * np.maximum(away[first], LEAST_SHARE * radius))
+    other = np.flatnonzero(front)
+    again = touching[other][1:] == touching[other][:-1]
+    front[other[1:][again]] = False
+    out = order[~new & ~front]
+    contact.exclude[out] = 1
+    contact.efc_address[out] = -1
+    return len(out) > 0
 
 
 class PieceWall:

@@ -16,6 +16,9 @@ SLAB = 0.007
 bend of 30 mm tightens to half, joints of blocks of 20 mm open by 10 mm on its outside, and a tip gets out there;
 engineering choice."""
 
+THIN = 2e-4
+"""Nothing thinner than this is cut off [m]: it would make a poor hull."""
+
 
 @dataclass(frozen=True)
 class Slab:
@@ -41,6 +44,7 @@ def cut_into_slabs(wall: Wall, line: Centreline, *, longest: float = SLAB) -> It
             own = pieces
             if number + 2 < len(bounds):
                 origin, normal = _at(line, high), _at(line, high + 1e-3) - _at(line, high - 1e-3)
+                normal /= np.linalg.norm(normal)
                 own, rest = (
                     [part for piece in pieces if len(part := _half(piece, origin, way * normal))] for way in (-1, 1)
                 )
@@ -51,23 +55,19 @@ def cut_into_slabs(wall: Wall, line: Centreline, *, longest: float = SLAB) -> It
 
 def _half(piece: Float[np.ndarray, "vertices 3"], origin: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """The part of a convex solid in front of a plane: its corners, none where it is a sliver."""
-    from scipy.spatial import ConvexHull, QhullError
+    from scipy.spatial import ConvexHull
 
     height = (piece - origin) @ normal
-    if (height >= 0).all():
+    if height.min() > -THIN:
         return piece
+    if height.max() < THIN:
+        return piece[:0]
     ahead, behind = piece[height > 0], piece[height <= 0]
     up, down = height[height > 0], height[height <= 0]
     share = up[:, None] / (up[:, None] - down)
     crossing = ahead[:, None] + share[..., None] * (behind - ahead[:, None])
-    corners = np.concatenate([ahead, crossing.reshape(-1, 3)])
-    if len(corners) < 4:
-        return corners[:0]
-    try:
-        hull = ConvexHull(corners)
-    except QhullError:  # flat
-        return corners[:0]
-    return corners[hull.vertices] if hull.volume > SLIVER else corners[:0]
+    hull = ConvexHull(np.concatenate([ahead, crossing.reshape(-1, 3)]))
+    return hull.points[hull.vertices] if hull.volume > SLIVER else piece[:0]
 
 
 def _at(line: Centreline, arc: float) -> Float[np.ndarray, "3"]:

@@ -22,15 +22,24 @@ SIDE = 0.008
 
 def _floor() -> Wall:
     """Four blocks of 8 mm that meet in a corner at the origin, their tops level with it."""
-    pieces = []
-    for x, y in product((-1, 1), repeat=2):
-        corners = np.array(list(product((0, x * SIDE), (0, y * SIDE), (0, -0.03))), float)
-        pieces.append(WallPiece(corners, 0.0, SIDE))
+    corners = (product((0, x * SIDE), (0, y * SIDE), (0, -0.03)) for x, y in product((-1, 1), repeat=2))
+    return _wall(np.array(list(each), float) for each in corners)
+
+
+def _valley() -> Wall:
+    """Two plates that meet at the origin in a right angle."""
+    along, through = (np.array([x, 0.0, z]) * 0.03 / np.sqrt(2) for x, z in ((1, 1), (1, -1)))
+    plate = np.array([a * along + b * through + [0, y, 0] for a, b, y in product((0, 1), (0, 1), (-0.03, 0.03))])
+    return _wall((plate, plate * [-1, 1, 1]))
+
+
+def _wall(solids) -> Wall:
+    pieces = [WallPiece(corners, 0.0, SIDE) for corners in solids]
     nothing = WallAccuracy(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1, 0)
     return Wall("prism", tuple(pieces), nothing, Provenance(inputs={}, configuration={}), {})
 
 
-def _pressed(place: tuple[float, float], load: float, step, friction: float = 0.0) -> tuple[float, mujoco.MjData]:
+def _pressed(place, load: float, step, friction: float = 0.0, wall: Wall | None = None) -> tuple[float, mujoco.MjData]:
     """How deep a sphere of 200 g comes to rest under a load [m]."""
     spec = mujoco.MjSpec()
     spec.option.timestep = 0.005
@@ -38,13 +47,13 @@ def _pressed(place: tuple[float, float], load: float, step, friction: float = 0.
     spec.option.tolerance = 1e-14
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    body = spec.worldbody.add_body(name="probe", pos=[*place, SPHERE])
+    body = spec.worldbody.add_body(name="probe", pos=[*place, SPHERE * (np.sqrt(2) if wall else 1)])
     body.add_joint(name="z", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
     size = [SPHERE, 0, 0]
     body.add_geom(name="ball", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=size, mass=0.2, contype=0, conaffinity=1)
     contact = WallContact(stiffness=STIFFNESS, damping=0.005 * STIFFNESS, friction=friction)
     apply_contact(spec, spec.compile(), ["ball"], contact, timestep=spec.option.timestep)
-    add_wall(spec, _floor())
+    add_wall(spec, wall or _floor())
     model = spec.compile()
     data = mujoco.MjData(model)
     data.xfrc_applied[model.body("probe").id, 2] = -load
@@ -62,6 +71,12 @@ def test_a_press_on_the_middle_a_joint_or_a_corner_of_pieces_ends_where_hooke_sa
     assert depth == pytest.approx(load / STIFFNESS, rel=0.01)
     force = data.efc_force[data.contact.efc_address[data.contact.efc_address >= 0]]
     assert force.sum() == pytest.approx(load, rel=0.01)
+
+
+def test_two_walls_that_meet_at_an_angle_both_press() -> None:
+    """In a rectangular valley each side bears F / sqrt(2) and gives way by F / (sqrt(2) K): downwards that is F / K."""
+    depth, _ = _pressed((0.0, 0.0), 6.0, step_once, wall=_valley())
+    assert depth == pytest.approx(6.0 / STIFFNESS, rel=0.01)
 
 
 def test_counted_by_themselves_pieces_are_a_stiffer_wall() -> None:
