@@ -41,31 +41,38 @@ class Drive(NamedTuple):
     """Times that it backed off since the last progress."""
 
 
-@dataclass(frozen=True)
-class WorldsFollower:
-    """Push, steer along the lumen ahead, rotate, back off when the wall force rises."""
+class Wires(NamedTuple):
+    """What the follower knows of the wires of each world's scope; leading axis: worlds, or 1."""
 
-    settings: FollowerSettings
-    pull_limit: float
-    bend_limit: float
-    tip_links: int
+    pull_per_angle: Array
+    """Pull of a wire per bend of the bending section [N/rad]."""
+    pull_limit: Array
+    """Largest pull of one wire [N]."""
+    bend_limit: Array
+    """Smallest of the bending section's limits [rad]."""
 
     @classmethod
-    def of(cls, design: ScopeDesign, *, tip_links: int, settings: FollowerSettings | None = None) -> "WorldsFollower":
-        """Get to know a scope's wires; its last `tip_links` links are the bending section.
+    def of(cls, design: ScopeDesign) -> "Wires":
+        """Wires that all worlds share."""
+        numbers = (design.pull_per_angle, design.wires.pull_limit, math.radians(design.limits.smallest))
+        return cls(*(jnp.full(1, number, jnp.float32) for number in numbers))
 
-        Raises:
-            InvalidOptionError: when it is to steer by wheels.
-        """
-        settings = settings or FollowerSettings()
-        if settings.steer != "pulls":
+
+@dataclass(frozen=True)
+class WorldsFollower:
+    """Push, steer along the lumen ahead, rotate, back off when the wall force rises.
+
+    Raises:
+        InvalidOptionError: when it is to steer by wheels.
+    """
+
+    settings: FollowerSettings
+    tip_links: int
+    """Links of the bending section, the last ones."""
+
+    def __post_init__(self) -> None:
+        if self.settings.steer != "pulls":
             raise InvalidOptionError("Many worlds are steered by pulls; steering by wheels needs the native engine.")
-        return cls(
-            settings=settings,
-            pull_limit=design.wires.pull_limit,
-            bend_limit=math.radians(min(design.limits.smallest, settings.steer_limit_deg)),
-            tip_links=tip_links,
-        )
 
     def begin(self, worlds: int, kind: Any = jnp.float32) -> Drive:
         """Nothing seen yet."""
@@ -87,16 +94,17 @@ class WorldsFollower:
             drive: what it remembers.
             interval: time to the next decision [s].
         """
-        pull_per_angle = parameters.scope.pull_per_angle * parameters.tip_bending
-        return self.decide(pull_per_angle, tables, seen, time, drive, interval=interval)
+        scope = parameters.scope
+        wires = Wires(scope.pull_per_angle * parameters.tip_bending, scope.pull_limit, scope.bend_limit)
+        return self.decide(wires, tables, seen, time, drive, interval=interval)
 
     @precise
     def decide(
-        self, pull_per_angle: Array, tables: Tables, seen: Readings, time: Array, drive: Drive, *, interval: float
+        self, wires: Wires, tables: Tables, seen: Readings, time: Array, drive: Drive, *, interval: float
     ) -> tuple[Controls, Drive]:
-        """As `act`, given the pull of a wire per bend of each world's bending section [N/rad]."""
+        """As `act`, given the wires."""
         own, arc = self.settings, seen.tip_arc
-        bend = self._steer(tables, seen, drive.bend, interval)
+        bend = self._steer(wires, tables, seen, drive.bend, interval)
         forward = arc > drive.local_arc + STEP_FORWARD
         local_arc = jnp.where(forward, arc, drive.local_arc)
         local_time = jnp.where(forward, time, drive.local_time)
@@ -121,12 +129,12 @@ class WorldsFollower:
         rate = jnp.minimum(rate, (own.hand_lead_limit - seen.hand_lead) / interval)
         rate = jnp.where(until >= 0, self._retreat_rate(seen), rate)
         roll_rate = jnp.clip((roll_goal - seen.roll) / interval, -own.roll_rate, own.roll_rate)
-        up, left = (bend * pull_per_angle[:, None]).T
-        pulls = jnp.clip(jnp.stack([up, left, -up, -left], axis=-1), 0.0, self.pull_limit)
+        up, left = (bend * wires.pull_per_angle[:, None]).T
+        pulls = jnp.clip(jnp.stack([up, left, -up, -left], axis=-1), 0.0, wires.pull_limit[:, None])
         kept = (bend, best, local_arc, local_time, until, begun, held, roll_goal)
         return Controls(rate, roll_rate, pulls), Drive(*(new.astype(bend.dtype) for new in kept), attempts=attempts)
 
-    def _steer(self, tables: Tables, seen: Readings, bend: Array, interval: float) -> Array:
+    def _steer(self, wires: Wires, tables: Tables, seen: Readings, bend: Array, interval: float) -> Array:
         own = self.settings
         target = moving_colon.axis_at(tables, seen.shift, (seen.tip_arc + own.look_ahead)[:, None])[:, 0]
         ahead = jnp.einsum("wij,wi->wj", seen.tip_frame, target - seen.tip)
@@ -135,7 +143,8 @@ class WorldsFollower:
         bend = bend + turn[:, None] * ahead[:, :2]
         bend = jnp.clip(bend, seen.bend - own.steer_lead, seen.bend + own.steer_lead)
         size = jnp.linalg.norm(bend + 1e-12, axis=-1, keepdims=True)
-        return bend * jnp.minimum(1.0, self.bend_limit / size)
+        most = jnp.minimum(wires.bend_limit, math.radians(own.steer_limit_deg))[:, None]
+        return bend * jnp.minimum(1.0, most / size)
 
     def _slipped(self, seen: Readings, begun: Array, held: Array) -> Array | bool:
         own = self.settings

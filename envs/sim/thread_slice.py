@@ -10,8 +10,9 @@ from mujoco.batch import Batch
 from haustra.envs.sim.coils import coil_samples
 from haustra.envs.sim.conditions import Conditions, Snapshot
 from haustra.envs.sim.native import FATAL_WARNINGS, SPEED_LIMIT
-from haustra.models.devices.scope.cable import LOCK_STRETCH
-from haustra.models.devices.scope.wires import WIRE_NAMES
+from haustra.envs.sim.physics.lock import lock_activation
+from haustra.envs.sim.physics.wires import sheath_angle
+from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.scene import Scene
 from haustra.models.wall.law import soft_contact
 from haustra.models.wall.lumen_table import Tables, pick, touch
@@ -46,6 +47,7 @@ class ThreadSlice:
         self._solref, self._solimp = batch.expand("pair_solref"), batch.expand("pair_solimp")
         self._solref_friction = batch.expand("pair_solreffriction")
         self._springs = [batch.expand(name) for name in ("jnt_stiffness", "dof_damping", "dof_armature")]
+        self._gravity = batch.expand("opt.gravity")
         self._find(cable)
         self._step_time = scene.options.timestep
         self._nominal = [np.array(getattr(model, name)) for name in ("jnt_stiffness", "dof_damping", "dof_armature")]
@@ -60,6 +62,7 @@ class ThreadSlice:
         self._inwards = np.zeros((worlds, spheres, 3))
         self._normal_force = np.zeros((worlds, spheres))
         self._before = np.zeros((worlds, spheres, 3))
+        self._arriving = np.zeros((worlds, len(WIRE_NAMES)))
         self._seen: dict[str, np.ndarray] | None = None
 
     def _find(self, cable) -> None:
@@ -86,6 +89,7 @@ class ThreadSlice:
         shaft = [model.joint(f"scope/bend_{side}_{i:03d}").id for side, i in joints if i not in steerable]
         self._shaft_joints = np.array(shaft)
         self._shaft_dofs = model.jnt_dofadr[self._shaft_joints]
+        self._sheath = model.jnt_qposadr[self._shaft_joints].reshape(-1, 2).T
         self._bend_up, self._bend_left = (
             np.array([model.joint(f"scope/bend_{side}_{i:03d}").qposadr[0] for i in steerable]) for side in "yx"
         )
@@ -100,6 +104,7 @@ class ThreadSlice:
         self._tables = pick(self._stack, self._case)
         self._stiffness[worlds] = conditions.wall_stiffness
         self._set_contact(worlds, conditions)
+        self._gravity[worlds] = np.array(self._scene.options.gravity) @ self._stack.axes[case]
         factor = conditions.shaft_stiffness
         for field, nominal, where in zip(
             self._springs, self._nominal, (self._shaft_joints, self._shaft_dofs, self._shaft_dofs), strict=True
@@ -115,7 +120,7 @@ class ThreadSlice:
         centres = self._geom_xpos[worlds][:, self._spheres]
         self._arcs[worlds] = centres[..., 2]
         self._before[worlds] = centres
-        self._depth[worlds], self._normal_force[worlds] = -1.0, 0.0
+        self._depth[worlds], self._normal_force[worlds], self._arriving[worlds] = -1.0, 0.0, 0.0
 
     def _set_contact(self, worlds: Int[np.ndarray, " reset"], conditions: Conditions) -> None:
         """Give these worlds' contacts their law: that of `haustra.models.wall.law`."""
@@ -144,7 +149,7 @@ class ThreadSlice:
             pulls = np.where(sound[:, None], pulls, 0.0)
         self._ctrl[:, self._push] = push_rate
         self._ctrl[:, self._roll] = roll_rate
-        self._ctrl[:, self._pulls] = pulls
+        self._ctrl[:, self._pulls] = self._arrive(pulls)
         self._lock_outside()
         for step in range(count):
             with _TURN:
@@ -156,6 +161,14 @@ class ThreadSlice:
         with _TURN:
             self._catch_divergence()
             self._seen = self._observe()  # here, since other threads may be stepping still
+
+    def _arrive(self, pulls: Float[np.ndarray, "worlds 4"]) -> Float[np.ndarray, "worlds 4"]:
+        """What of the hands' pulls gets through the bent shafts to the bending sections [N]."""
+        wires, about = self._scene.design.wires, self._sheath
+        angle = sheath_angle(np, self._qpos[:, about[0]], self._qpos[:, about[1]])[:, None]
+        losses = {"friction": wires.friction, "hysteresis": wires.hysteresis}
+        self._arriving = arriving_pulls(np, pulls, self._arriving, **losses, sheath_angle=angle)
+        return self._arriving
 
     def _place_planes(self) -> None:
         """Put the planes where the wall is next to each sphere.
@@ -203,7 +216,7 @@ class ThreadSlice:
     def _lock_outside(self) -> None:
         """Hold joints straight that are outside the patient, and free them smoothly as they pass the anus."""
         insertion = self._scene.options.start_depth + self._qpos[:, :1]
-        held = np.clip((self._behind - insertion) / LOCK_STRETCH, 0.0, 1.0) ** 4
+        held = lock_activation(np, insertion, self._behind)
         self._ctrl[:, self._locks] = held[:, :, None]
 
     def observe(self) -> dict[str, np.ndarray]:
@@ -239,7 +252,8 @@ class ThreadSlice:
 
     def snapshot(self, world: int) -> Snapshot:
         """Where one world is now."""
-        return Snapshot(self._batch.state[world].copy(), self._before[world].copy(), self._arcs[world].copy())
+        parts = (self._batch.state, self._before, self._arcs, self._arriving)
+        return Snapshot(*(part[world].copy() for part in parts))
 
     def restore(self, world: int, snapshot: Snapshot) -> None:
         """Put one world where another was."""
@@ -249,6 +263,7 @@ class ThreadSlice:
         self._batch.forward(np.array([world]))
         self._before[world], self._arcs[world] = self._geom_xpos[world, self._spheres], snapshot.arcs
         self._depth[world], self._normal_force[world] = -1.0, 0.0
+        self._arriving[world] = snapshot.pulls
 
     def world_data(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Model and data of one world."""

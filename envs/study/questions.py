@@ -51,6 +51,7 @@ _ENGINES = {
     ("propulsion", "warp"): "haustra.envs.study.propulsion_worlds:WORLDS",
     ("scope", "native"): "haustra.envs.study.scope:NATIVE",
     ("scope", "jax"): "haustra.envs.study.scope_worlds:WORLDS",
+    ("scope", "warp"): "haustra.envs.study.scope_worlds:WARP_WORLDS",
 }
 """Where an engine for a question is found; loaded when it is asked for."""
 

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from haustra.envs.control.follower import FollowerSettings
-from haustra.envs.control.follower_worlds import Drive, WorldsFollower
+from haustra.envs.control.follower_worlds import Drive, Wires, WorldsFollower
 from haustra.envs.sim.device_arrays import on_device, tree_where
 from haustra.envs.sim.scope_values import Readings
 from haustra.envs.tasks.observation import Observation
@@ -24,13 +24,13 @@ class DeviceFollowerDriver:
         self._task = task
         design = task.bank.design
         settings = settings or FollowerSettings(straighten=task.config.mesentery)
-        follower = WorldsFollower.of(design, tip_links=task.bank.scene.cable.tip_links, settings=settings)
+        follower = WorldsFollower(settings, task.bank.scene.cable.tip_links)
         tables = on_device(task.bank.tables)
-        pull_per_angle = jnp.full(task.worlds, design.pull_per_angle, jnp.float32)
+        wires = Wires.of(design)
         interval, drive, most = task.interval, task.config.drive, design.wires.pull_limit
 
         def act(case: Any, seen: Readings, time: Any, memory: Drive) -> tuple[Any, Drive]:
-            hands, memory = follower.decide(pull_per_angle, pick(tables, case), seen, time, memory, interval=interval)
+            hands, memory = follower.decide(wires, pick(tables, case), seen, time, memory, interval=interval)
             pull = (hands.pulls[:, :2] - hands.pulls[:, 2:]) / most
             rates = [hands.push_rate / drive.push_rate, hands.roll_rate / drive.roll_rate]
             return jnp.clip(jnp.column_stack([*rates, pull]), -1, 1), memory

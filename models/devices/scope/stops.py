@@ -1,5 +1,7 @@
 """Stops of joints: MuJoCo's soft limits made into springs of known stiffness, so that angles end where they should."""
 
+from typing import Any
+
 import mujoco
 
 STOP_STIFFNESS = 150.0
@@ -10,6 +12,11 @@ STOP_RELAXATION_TIME = 0.01
 """Damping over stiffness of a stop [s]; engineering choice."""
 
 _IMPEDANCE_RANGE = (1e-4, 0.9999)
+
+
+def stop_damping(timestep: Any) -> Any:
+    """Damping of a stop, and what a time step [s] of its spring adds [N m s/rad]."""
+    return STOP_STIFFNESS * (STOP_RELAXATION_TIME + timestep)
 
 
 def apply_stops(spec: mujoco.MjSpec, bare: mujoco.MjModel, *, timestep: float) -> None:
@@ -23,7 +30,7 @@ def apply_stops(spec: mujoco.MjSpec, bare: mujoco.MjModel, *, timestep: float) -
         bare: the same scope compiled at rest, for its inverse inertia.
         timestep: the time step [s].
     """
-    damping = STOP_STIFFNESS * (STOP_RELAXATION_TIME + timestep)
+    damping = stop_damping(timestep)
     low, high = _IMPEDANCE_RANGE
     for index in range(bare.njnt):
         name = bare.joint(index).name

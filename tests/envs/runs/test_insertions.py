@@ -49,7 +49,7 @@ def test_scores_are_those_of_the_run_up_to_its_end(runs: Insertions) -> None:
 
 def test_many_worlds_cannot_be_steered_by_wheels(bank: ScopeBank) -> None:
     with pytest.raises(InvalidOptionError, match="wheels"):
-        WorldsFollower.of(bank.scene.design, tip_links=bank.tip_links, settings=FollowerSettings(steer="wheels"))
+        WorldsFollower(FollowerSettings(steer="wheels"), bank.tip_links)
 
 
 def test_unknown_parameters_are_refused(bank: ScopeBank) -> None:
