@@ -1,0 +1,264 @@
+"""Every field of scenes, designs and tasks on every backend: its effect is that of the native engine, or it is refused.
+
+A scope is pushed round a bend, turned and steered. The effect of a field is how the means of what is read off over the
+run change with it. Backends of many worlds meet the wall's table, the native engine its tangent planes, one sphere
+against two planes: effects agree within `TOLERANCE` of their size.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from haustra.envs.control.follower import FollowerSettings
+from haustra.envs.control.follower_worlds import WorldsFollower
+from haustra.envs.sim.capabilities import (
+    BACKENDS,
+    CAMERA,
+    CAPABILITIES,
+    MANY_WORLDS,
+    require_supported,
+    require_task_supported,
+)
+from haustra.envs.sim.conditions import Conditions
+from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.scope_batch import BatchInputs, ScopeBatch
+from haustra.envs.tasks.config import TaskConfig
+from haustra.errors import InvalidOptionError, UnsupportedSceneError
+from haustra.models.anatomy.colon import ColonSegment, Surface
+from haustra.models.devices.scope.design import ScopeDesign, ScopeSection
+from haustra.models.devices.scope.library import named_design
+from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
+from haustra.models.wall.lumen_table import ANGLES, Tables, lumen_table, stack
+from tests.bent_colon import winding
+from tests.models.wall.conftest import swept_colon
+from tests.tube_colon import straight_tube, wedge_wall
+
+TOLERANCE = 0.1
+"""Of the size of an effect."""
+LEAST = 1e-3
+"""Size of the smallest effect that counts as one, in units of `SCALES`."""
+FLOOR = 2e-3
+"""By which effects may differ in any case, in units of `SCALES`."""
+SCALES = np.array([0.01, 0.01, 0.01, 0.3, 0.3, 1.0, 0.01, 1.0, 0.01])
+"""Tip [m], bend [rad], push [N], torque [N m], wall [N], insertion [m]."""
+SECONDS, LOOK = 0.6, 0.04
+"""Of a run, twice that at the wall; and between two looks [s]."""
+PULLS = np.array([10.0, 5.0, 0.0, 0.0])
+PUSH, ROLL = 0.06, 0.4
+
+BEND = replace(
+    swept_colon(winding([(0.06, 0.0), (0.06, 1.0), (0.12, 0.0)]), name="bend"),
+    segments=(ColonSegment("rectum", 0.0, 0.04), ColonSegment("sigmoid", 0.04, 0.24)),
+)
+OPEN = replace(
+    straight_tube(0.4),
+    lumen=Surface(straight_tube(0.4).lumen.vertices * [3, 3, 1], straight_tube(0.4).lumen.faces),
+    radius=3 * straight_tube(0.4).radius,
+)
+"""So wide that no scope meets its wall."""
+NO_WALL = replace(wedge_wall(), pieces=())
+AT_THE_WALL = {"wall_stiffness", "segment_stiffness", "wall_damping_time", "sample_spacing", "friction", "diameter"}
+"""Fields that count where there is contact: a scope in a bend; for the others it stands free under its weight."""
+OPTIONS = SceneOptions(
+    insertion_limit=0.24,
+    shaft_cell=0.0625,
+    bending_cell=0.034,
+    wall_law="planes",
+    sample_spacing=0.02,
+    twist_hinges=2,
+    friction=0.1,
+    start_depth=0.06,
+    wall_stiffness=1500.0,
+)
+SHIPPED = named_design("adult")
+DESIGN = replace(
+    SHIPPED,
+    shaft=(replace(SHIPPED.shaft[0], stiffening=1.5, bias_up_deg=30.0),),
+    bending=replace(SHIPPED.bending, stiffening=1.5),
+    variable_stiffness=0.5,
+)
+
+SCENE_CHANGES: Mapping[str, Any] = {
+    "timestep": 0.0025,
+    "shaft_cell": 0.03,
+    "largest_bend_deg": 5.0,
+    "bending_cell": 0.017,
+    "twist_hinges": 0,
+    "wall_stiffness": 500.0,
+    "segment_stiffness": (("sigmoid", 300.0),),
+    "wall_damping_time": 0.05,
+    "sample_spacing": 0.04,
+    "friction": 0.3,
+    "push_limit": 0.3,
+    "torque_limit": 5e-4,
+    "start_depth": 0.15,
+    "insertion_limit": 0.2,
+    "gravity": (5.0, -6.0, 2.0),
+}
+"""A value of each field that has an effect; 'wall_law' and 'mesentery' have tests of their own."""
+DESIGN_CHANGES: Mapping[str, Callable[[ScopeDesign], ScopeDesign]] = {
+    "diameter": lambda d: replace(d, diameter=0.0145),
+    "mass_per_length": lambda d: replace(d, mass_per_length=10 * d.mass_per_length),
+    "relaxation_time": lambda d: replace(d, relaxation_time=5 * d.relaxation_time),
+    "variable_stiffness": lambda d: replace(d, variable_stiffness=1.0),
+    "temperature_factor_bending": lambda d: replace(d, temperature_factor_bending=0.6),
+    "temperature_factor_torsion": lambda d: replace(d, temperature_factor_torsion=0.1),
+    "shaft.length": lambda d: _shaft(d, length=0.08),
+    "shaft.flexural_rigidity": lambda d: _shaft(d, flexural_rigidity=0.02),
+    "shaft.torsional_rigidity": lambda d: _shaft(d, torsional_rigidity=0.02),
+    "shaft.stiffening": lambda d: _shaft(d, stiffening=3.0),
+    "shaft.minimum_bend_radius": lambda d: _shaft(d, minimum_bend_radius=2.9),
+    "shaft.bias_up_deg": lambda d: _shaft(d, bias_up_deg=60.0),
+    "shaft.bias_left_deg": lambda d: _shaft(d, bias_left_deg=60.0),
+    "bending.length": lambda d: _bending(d, length=1.1 * d.bending.length),
+    "bending.flexural_rigidity": lambda d: _bending(d, flexural_rigidity=0.6 * d.bending.flexural_rigidity),
+    "bending.torsional_rigidity": lambda d: _bending(d, torsional_rigidity=0.005),
+    "bending.stiffening": lambda d: _bending(d, stiffening=3.0),
+    "bending.minimum_bend_radius": lambda d: _bending(d, minimum_bend_radius=0.5),
+    "bending.bias_up_deg": lambda d: _bending(d, bias_up_deg=20.0),
+    "bending.bias_left_deg": lambda d: _bending(d, bias_left_deg=20.0),
+    "limits.up": lambda d: replace(d, limits=replace(d.limits, up=10.0)),
+    "limits.left": lambda d: replace(d, limits=replace(d.limits, left=5.0)),
+    "limits.down": lambda d: replace(d, limits=replace(d.limits, down=10.0)),
+    "limits.right": lambda d: replace(d, limits=replace(d.limits, right=5.0)),
+    "wires.routing_radius": lambda d: _wires(d, routing_radius=0.8 * d.wires.routing_radius),
+    "wires.pull_limit": lambda d: _wires(d, pull_limit=4.0),
+    "wires.friction": lambda d: _wires(d, friction=0.5),
+    "wires.hysteresis": lambda d: _wires(d, hysteresis=0.3),
+    "tip.length": lambda d: replace(d, tip=replace(d.tip, length=1.5 * d.tip.length)),
+}
+"""Designs in which one field has an effect."""
+NO_EFFECT = {"name", "working_length", "wires.slack", "wires.compliance", "tip.field_of_view_deg"}
+"""Fields of designs without an effect on motion under pulls; `CAPABILITIES` says where they count."""
+
+
+def _shaft(design: ScopeDesign, **changed: Any) -> ScopeDesign:
+    return replace(design, shaft=(replace(design.shaft[0], **changed),))
+
+
+def _bending(design: ScopeDesign, **changed: Any) -> ScopeDesign:
+    return replace(design, bending=replace(design.bending, **changed))
+
+
+def _wires(design: ScopeDesign, **changed: Any) -> ScopeDesign:
+    return replace(design, wires=replace(design.wires, **changed))
+
+
+def _case(path: str) -> tuple[ScopeDesign, SceneOptions]:
+    room, _, name = path.partition(".")
+    if room == "scene":
+        return DESIGN, replace(_options(path), **{name: SCENE_CHANGES[name]})
+    return DESIGN_CHANGES[name](DESIGN), _options(path)
+
+
+def _options(path: str) -> SceneOptions:
+    return OPTIONS if _at_the_wall(path) else replace(OPTIONS, gravity=(0.0, -3.0, 0.0), start_depth=0.13)
+
+
+def _at_the_wall(path: str) -> bool:
+    return path.rpartition(".")[2] in AT_THE_WALL
+
+
+def _seconds(path: str) -> float:
+    return 2 * SECONDS if _at_the_wall(path) else SECONDS
+
+
+def _scene(design: ScopeDesign, options: SceneOptions, path: str, *, many: bool) -> Scene:
+    wall = _at_the_wall(path)
+    law = "table" if many else "planes" if wall else "pieces"
+    return build_scene(BEND if wall else OPEN, NO_WALL, design, replace(options, wall_law=law), show_lumen=False)
+
+
+PATHS = [f"scene.{name}" for name in SCENE_CHANGES] + [f"design.{name}" for name in DESIGN_CHANGES]
+
+
+@cache
+def _tables(at_the_wall: bool, radius: float) -> Tables:
+    colon = BEND if at_the_wall else OPEN
+    tables = lumen_table(colon, device_radius=radius).seen_from(*entry_of(colon))
+    if not at_the_wall:  # without the ends of the tube
+        wall = tables.wall.copy()
+        turn = 2 * np.pi * np.arange(ANGLES) / ANGLES
+        wall[...] = np.column_stack([np.full(ANGLES, 1.0), -np.cos(turn), -np.sin(turn), 0 * turn])
+        tables = tables._replace(wall=wall)
+    return stack([tables])
+
+
+def _pulls(time: float, path: str) -> np.ndarray:
+    """Of the wires: against the stop that is asked for; eased at the end, which friction resists."""
+    pulls = np.roll(PULLS, 2) if path.endswith(("down", "right")) else PULLS
+    return pulls if time < 0.75 * _seconds(path) else 0.8 * pulls
+
+
+def _native(design: ScopeDesign, options: SceneOptions, path: str) -> np.ndarray:
+    engine, rows = NativeEngine(_scene(design, options, path, many=False)), []
+    axes = entry_of(engine.scene.colon)[1]
+    for look in range(round(_seconds(path) / LOOK)):
+        engine.step(Inputs(PUSH, ROLL, _pulls(look * LOOK, path)), round(LOOK / options.timestep))
+        seen = engine.observe()
+        tip = axes.T @ (seen.tip - engine.scene.entry)
+        rows.append([*tip, *seen.bend, seen.push_force, seen.torque, seen.link_forces.sum(), seen.insertion])
+    return np.mean(rows, axis=0) / SCALES
+
+
+def _native_batch(design: ScopeDesign, options: SceneOptions, path: str) -> np.ndarray:
+    scene, tables = _scene(design, options, path, many=True), _tables(_at_the_wall(path), design.diameter / 2)
+    batch, rows = ScopeBatch(scene, tables, worlds=1), []
+    own = (np.array([options.friction]), np.array([options.wall_stiffness]), np.ones(1))
+    batch.reset(np.zeros(1, int), np.zeros(1, int), Conditions(*own))
+    for look in range(round(_seconds(path) / LOOK)):
+        asked = BatchInputs(np.array([PUSH]), np.array([ROLL]), _pulls(look * LOOK, path)[None])
+        batch.step(asked, round(LOOK / options.timestep))
+        rows.append(_row(batch.observe()))
+    return np.mean(rows, axis=0)[0] / SCALES
+
+
+def _row(seen: Any) -> np.ndarray:
+    """What is read off of each world of a batch."""
+    forces = np.asarray(seen.link_forces).sum(axis=1)
+    rest = (seen.push_force, seen.torque, forces, seen.insertion)
+    return np.column_stack([seen.tip, seen.bend, *rest]).astype(float)
+
+
+def _effect(run: Callable, path: str) -> np.ndarray:
+    """How what is read off changes with a field."""
+    side = "down" if path.endswith(("down", "right")) else "up"
+    return run(*_case(path), path) - _base(run, f"{'friction' if _at_the_wall(path) else ''}.{side}")
+
+
+@cache
+def _base(run: Callable, like: str) -> np.ndarray:
+    path = "scene.friction" if like.startswith("friction") else f"design.limits.{like[1:]}"
+    return run(DESIGN, _options(path), path)
+
+
+@cache
+def _known(path: str) -> np.ndarray:
+    """The effect on the native engine, which every field but labels has."""
+    return _effect(_native, path)
+
+
+def _agrees(effect: np.ndarray, known: np.ndarray) -> bool:
+    return bool(np.linalg.norm(effect - known) < TOLERANCE * np.linalg.norm(known) + FLOOR)
+
+
+def _refused(path: str, backend: str) -> bool:
+    entry = next(each for each in CAPABILITIES if each.path == path)
+    return not entry.honoured(backend, SCENE_CHANGES.get(path.removeprefix("scene.")))
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_the_native_engine_honours_it(path: str) -> None:
+    assert np.linalg.norm(_known(path)) > LEAST
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_the_native_batch_does_the_same_or_refuses(path: str) -> None:
+    if _refused(path, "native-batch"):
+        pytest.skip("refused: see the test of refusals")
+    effect, known = _effect(_native_batch, path), _known(path)
+    assert _agrees(effect, known), np.round([effect, known], 3)
