@@ -86,6 +86,8 @@ class Insertion:
     """How it was driven."""
     colon: Colon
     """As it lay at the end."""
+    backend: str = "native"
+    """What stepped it, of `haustra.envs.sim.capabilities.BACKENDS`."""
     shaft_added: tuple[float, ...] = ()
     """When shaft was added to the scene [s]: from then on stock MuJoCo repeats it closely, but not to the bit."""
 
@@ -93,6 +95,11 @@ class Insertion:
 @runtime_checkable
 class Engine(Protocol):
     """One scene being stepped: the native engine, or another that steps the same scope."""
+
+    @property
+    def backend(self) -> str:
+        """Its name, of `haustra.envs.sim.capabilities.BACKENDS`."""
+        ...
 
     @property
     def scene(self) -> Scene:
@@ -201,6 +208,7 @@ def _drive(engine: Engine, seconds: float, settings: FollowerSettings, progress:
         attempts=follower.attempts,
         settings=settings,
         colon=engine.colon(),
+        backend=engine.backend,
         shaft_added=tuple(engine.added) if isinstance(engine, GrowingEngine) else (),
     )
 

@@ -28,6 +28,8 @@ from haustra.models.wall.lumen_table import TableAccuracy, lumen_table, stack
 class JaxSingle:
     """A scene of wall law 'table', stepped in JAX."""
 
+    backend = "jax"
+
     table_error: TableAccuracy
     """Of the colon's table against its surface."""
 

@@ -30,6 +30,8 @@ class GrowingEngine:
     until shaft is first added.
     """
 
+    backend = "native"
+
     def __init__(self, scene: Scene, *, build: Callable[[float], Scene], stride: float = STRIDE) -> None:
         """Build the first part.
 

@@ -94,6 +94,8 @@ class NativeEngine:
     saved scene and its controls. Steered by wheels, controls change at every step.
     """
 
+    backend = "native"
+
     def __init__(self, scene: Scene) -> None:
         """Compile the scene and lay the scope straight, its tip at the start depth.
 

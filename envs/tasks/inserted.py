@@ -43,9 +43,7 @@ def inserted_starts(config: TaskConfig, bank: ColonSet) -> tuple[Snapshot, ...]:
         return tuple(Snapshot(*rows) for rows in zip(*kept, strict=True))
     starts = _insert(replace(config, randomisation=_SLIPPERY, limits=Limits(seconds=_SECONDS)), bank)
     path.parent.mkdir(parents=True, exist_ok=True)
-    columns: dict[str, Any] = {
-        name: np.stack([getattr(start, name) for start in starts]) for name in _PARTS
-    }
+    columns: dict[str, Any] = {name: np.stack([getattr(start, name) for start in starts]) for name in _PARTS}
 
     def write(temporary):
         with temporary.open("wb") as file:

@@ -18,7 +18,7 @@ from haustra.models.anatomy.store import colon_hash
 from haustra.models.presets import preset_of
 from haustra.models.scene import Scene
 from haustra.models.wall.pieces.wall import Wall
-from haustra.provenance import Provenance
+from haustra.provenance import Provenance, backend_record
 
 
 def write_run(folder: Path, *, scene: Scene, wall: Wall | None, run: Insertion, seconds: float) -> dict[str, object]:
@@ -40,6 +40,7 @@ def write_run(folder: Path, *, scene: Scene, wall: Wall | None, run: Insertion, 
             "seconds": seconds,
             "shaft_added_s": list(run.shaft_added),
         },
+        backend=backend_record(run.backend),
     )
     scores = score(scene, run, provenance)
     arrays = {**asdict(run.trajectory), "shape": run.shape, "tip_frame": run.tip_frame}

@@ -31,6 +31,7 @@ def score(scene: Scene, run: Insertion, provenance: Provenance) -> dict[str, obj
     arc = float(recorded.tip_arc[-1]) if simulated else scene.options.start_depth
     furthest = float(recorded.tip_arc.max()) if simulated else arc
     return {
+        "backend": run.backend,
         "outcome": run.outcome.value,
         "advice": run.outcome.advice,
         "simulated_s": simulated,

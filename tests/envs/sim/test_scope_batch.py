@@ -178,7 +178,7 @@ def test_worn_wires_lose_pull_as_in_a_single_scope():
     np.testing.assert_allclose(bent["adult"], np.tile(np.where(np.arange(80) < 50, 12.0, 9.6)[:, None], 2))
     alone, many = bent["adult-worn"].T
     assert alone[40] < 0.9 * PULLS[0]
-    assert alone[-1] > 0.95 * alone[49] 
+    assert alone[-1] > 0.95 * alone[49]
     np.testing.assert_allclose(many[10:], alone[10:], rtol=0.01)
 
 
@@ -187,12 +187,11 @@ def test_a_free_scope_sags_the_same_in_a_colon_that_enters_another_way():
     straight = widened(straight_tube(0.5), 3.0)
     turn = Rotation.from_euler("xyz", [70.0, 20.0, 40.0], degrees=True).as_matrix()
     turned = moved(straight, turn)
-    options = SceneOptions(
-        wall_law="table", gravity=(0.0, -9.81, 0.0), start_depth=0.15, friction=0.0, **OPTIONS
-    )
+    options = SceneOptions(wall_law="table", gravity=(0.0, -9.81, 0.0), start_depth=0.15, friction=0.0, **OPTIONS)
     scene = build_scene(straight, None, DESIGN, options, show_lumen=False)
     tables = [
-        lumen_table(colon, device_radius=DESIGN.diameter / 2).seen_from(*entry_of(colon)) for colon in (straight, turned)
+        lumen_table(colon, device_radius=DESIGN.diameter / 2).seen_from(*entry_of(colon))
+        for colon in (straight, turned)
     ]
     batch = ScopeBatch(scene, stack(tables), worlds=2)
     batch.reset(np.arange(2), np.arange(2), conditions(2, 0.0))
