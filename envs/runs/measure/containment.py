@@ -60,9 +60,9 @@ def outside(
     nodes: Float[Any, "*worlds nodes 3"],
     *,
     behind: Float[Any, "*any nodes"],
-    inside: Bool[Any, "*any nodes"],
+    inside: Bool[Any, "*worlds nodes"],
     tip_arc: Float[Any, "*worlds"],
-    radius: Float[Any, "*any"],
+    radius: Any,
     moves: bool,
 ) -> Float[Any, "*worlds"]:
     """How far the node that is furthest out stands outside the lumen [m]; negative when all are inside.

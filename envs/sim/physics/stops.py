@@ -1,4 +1,4 @@
-"""Stops of joints, integrated by backward Euler: what MuJoCo's soft limits are by `haustra.models.devices.scope.stops`."""
+"""Stops of joints by backward Euler: MuJoCo's soft limits as `haustra.models.devices.scope.stops` sets them."""
 
 from types import ModuleType
 from typing import Any

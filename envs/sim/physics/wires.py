@@ -1,4 +1,4 @@
-"""What of the hand's pulls bends the tip: lost in the bent shaft (`arriving_pulls`), limited by what a wire may bear."""
+"""What of the hand's pulls bends the tip: less what a bent shaft loses (`arriving_pulls`), no more than wires bear."""
 
 from types import ModuleType
 from typing import Any

@@ -50,7 +50,7 @@ def test_many_worlds_are_judged_as_one_is():
                 nodes,
                 behind=BEHIND,
                 inside=np.ones(3, bool),
-                tip_arc=0.25,
+                tip_arc=np.float64(0.25),
                 radius=SCOPE,
                 moves=False,
             )
