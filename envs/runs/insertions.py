@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from haustra.envs.control.follower import FollowerSettings
-from haustra.envs.control.follower_worlds import Drive, WorldsFollower
+from haustra.envs.control.follower import FollowerSettings, Memory
+from haustra.envs.control.follower_worlds import WorldsFollower
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.measure.containment import LumenWidths, outside, stack_widths
 from haustra.envs.runs.outcome import Outcome, ending, outcome_of
@@ -82,7 +82,7 @@ class InsertionBatch:
         self._steps = max(1, round(CONTROL_INTERVAL / engine.timestep))
         self.advance = jax.jit(self._advance, static_argnames="count")
 
-    def begin(self, parameters: Parameters) -> tuple[State, Drive, Tally]:
+    def begin(self, parameters: Parameters) -> tuple[State, Memory, Tally]:
         """All scopes at the start, nothing scored."""
         worlds = len(parameters.friction)
         zero = jnp.zeros_like(parameters.friction)
@@ -106,12 +106,12 @@ class InsertionBatch:
                 break
         return self._finish(parameters, worlds, drive, tally)
 
-    def _advance(self, parameters: Parameters, worlds: State, drive: Drive, tally: Tally, *, count: int):
+    def _advance(self, parameters: Parameters, worlds: State, drive: Memory, tally: Tally, *, count: int):
         tables = pick(self._tables, parameters.colon)
         widths = LumenWidths(*(part[parameters.colon] for part in self._widths))
         interval = self._steps * self._engine.timestep
 
-        def one(_: Any, now: tuple[State, Drive, Tally]) -> tuple[State, Drive, Tally]:
+        def one(_: Any, now: tuple[State, Memory, Tally]) -> tuple[State, Memory, Tally]:
             worlds, drive, tally = now
             seen = self._engine.observe(parameters, self._tables, worlds)
             hands, decided = self._follower.act(parameters, tables, seen, worlds.time, drive, interval=interval)
@@ -165,7 +165,7 @@ class InsertionBatch:
             ended=ended,
         )
 
-    def _finish(self, parameters: Parameters, worlds: State, drive: Drive, tally: Tally) -> Insertions:
+    def _finish(self, parameters: Parameters, worlds: State, drive: Memory, tally: Tally) -> Insertions:
         parts = (np.asarray(part) for part in (tally.ended, worlds.healthy, drive.attempts))
         outcomes = [
             outcome_of(int(ended), healthy=bool(healthy), attempts=int(attempts))

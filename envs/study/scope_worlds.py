@@ -38,7 +38,8 @@ BATCH = 4096
 """Jobs in one call; a GPU is full with 1,000 to 8,000 scopes."""
 RADIUS_STEP = 1e-4
 """Tables are made for the base design's radius and for steps of this from it [m]. A scope takes the nearest and touches
-sooner by what is missing, at most half of this."""
+sooner by what is missing, at most half of this: depths are 1.8 um off then (p95, grown seed 0), where the base
+design's table shifted by 1 mm was 38 um off outwards and 98 um inwards."""
 _OPTIONS = {
     "stiffness": "wall_stiffness",
     "damping_time": "wall_damping_time",
