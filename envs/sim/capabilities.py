@@ -148,5 +148,6 @@ def _require(backend: str, table: tuple[Capability, ...], parts: Mapping[str, An
         if not entry.honoured(backend, value):
             others = [other for other in BACKENDS if entry.honoured(other, value)]
             raise UnsupportedSceneError(
-                f"The backend '{backend}' cannot honour {entry.path} = {value!r}; {', '.join(others) or 'none'} can."
+                f"The backend '{backend}' cannot honour {entry.path} = {value!r}, only "
+                f"{', '.join(map(repr, entry.only[backend]))}; {', '.join(others) or 'none'} can."
             )
