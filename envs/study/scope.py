@@ -157,7 +157,7 @@ def _scores(scene: Scene, run: Insertion) -> dict[str, Value | None]:
         "outcome": run.outcome.value,
         "reach": furthest / length,
         "tip_arc_max_m": furthest,
-        "push_force_mean_N": float(np.abs(run.trajectory.push_force).mean()),
+        "push_force_mean_N": cast(float, found["push_force_mean_N"]),
         "looping_s": float(sum(loops)),
         "escaped": float(run.outcome is Outcome.ESCAPED),
         **{name: cast(Value, found[name]) for name in _MEASURED},
