@@ -65,6 +65,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
     from haustra.scripts.bench.verbs.cores import BenchCores
     from haustra.scripts.bench.verbs.cost import BenchCost
     from haustra.scripts.bench.verbs.episodes import BenchEpisodes
+    from haustra.scripts.bench.verbs.errors import BenchErrors
     from haustra.scripts.bench.verbs.grown import BenchGrown
     from haustra.scripts.bench.verbs.profile import BenchProfile
     from haustra.scripts.bench.verbs.pushes import BenchPushes
@@ -109,6 +110,7 @@ def _verbs() -> dict[str, Callable[..., Any]]:
         "bench rods": BenchRods,
         "bench cost": BenchCost,
         "bench accuracy": BenchAccuracy,
+        "bench errors": BenchErrors,
         "bench skip": BenchSkip,
         "bench profile": BenchProfile,
         "bench stability": BenchStability,

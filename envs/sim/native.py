@@ -9,7 +9,7 @@ from jaxtyping import Float
 from haustra.envs.sim.energy import Energies, EnergyMeter
 from haustra.envs.sim.log import log_to_stderr_only
 from haustra.envs.sim.wheels import Wheels
-from haustra.errors import InvalidOptionError
+from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.cable import LOCK_STRETCH, PULL_OUT_LIMIT
 from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
@@ -97,7 +97,13 @@ class NativeEngine:
     """Name in scores."""
 
     def __init__(self, scene: Scene) -> None:
-        """Compile the scene and lay the scope straight, its tip at the start depth."""
+        """Compile the scene and lay the scope straight, its tip at the start depth.
+
+        Raises:
+            UnsupportedSceneError: when the wall is a table of the lumen.
+        """
+        if scene.options.wall_law == "table":
+            raise UnsupportedSceneError("The native engine has no wall law 'table': choose pieces or planes, or JAX.")
         log_to_stderr_only()
         self.scene = scene
         self.model = scene.compile()
