@@ -22,7 +22,7 @@ class BenchAgreement:
     """That are held against the native one, of those that are installed, separated by commas."""
     seeds: int = 256
     """Insertions on each engine; each draws its own colon, friction, stiffness and start."""
-    seconds: float = 60.0
+    seconds: float = 30.0
     """Longest insertion [s]."""
     colons: int = 8
     """Grown colons."""
