@@ -12,7 +12,7 @@ import tyro
 class BenchErrors:
     """Drive one script through every way of modelling and a converged one, and state the errors as ranges over colons.
 
-    Finished tracks are kept: a measurement that was stopped goes on. Some 25 processor minutes a grown colon and scope.
+    Finished tracks are kept: a measurement that was stopped goes on. Some five processor minutes a colon and scope.
     """
 
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
