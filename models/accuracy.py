@@ -106,7 +106,7 @@ def _entry(values: Mapping[str, Any], where: str) -> Measured:
         ranges = {name: (float(values[name][0]), float(values[name][1])) for name in QUANTITIES}
         found = Measured(
             **{name: values[name] for name in ("wall_law", "wall", "mesentery", "preset", "colon", "colons")},
-            error=NumericalError(**ranges, measured_on=values["source"]),
+            error=NumericalError(*(ranges[name] for name in QUANTITIES), measured_on=values["source"]),
         )
     except (KeyError, IndexError, TypeError) as error:
         raise HaustraError(f"{where}: an entry lacks {error}: measure again (`haustra bench errors`).") from error

@@ -104,6 +104,9 @@ class Insertion:
 class Engine(Protocol):
     """One scene being stepped: the native engine, or another that steps the same scope."""
 
+    backend: str
+    """Name in scores."""
+
     @property
     def scene(self) -> Scene:
         """What is stepped."""

@@ -166,8 +166,8 @@ def _verdict(figure: Published, values: np.ndarray) -> Verdict:
         found = [_within(mean - error, mean + error, low, high)]
         if figure.rule == "mean and sd":
             edges = f_distribution.ppf([(1 + CONFIDENCE) / 2, (1 - CONFIDENCE) / 2], len(values) - 1, figure.n - 1)
-            ratios = sd / spread / np.sqrt(edges)
-            found.append(_within(*ratios, 1 / SPREAD_TOLERANCE, SPREAD_TOLERANCE))
+            least, most = (float(sd / spread / np.sqrt(edge)) for edge in edges)
+            found.append(_within(least, most, 1 / SPREAD_TOLERANCE, SPREAD_TOLERANCE))
         if len(values) < LEAST_CASES:
             found = [None]
         return Verdict(*facts, low, high, passed=all(found), shown=None not in found or False in found)
