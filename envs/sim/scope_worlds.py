@@ -129,6 +129,9 @@ class JaxScopes:
         design: Scope = jax.tree.map(lambda part: jnp.asarray(part, kind), scope or read_scope(scene))
         return Parameters(scope=design, **numbers)
 
+    def check(self, parameters: Parameters) -> None:
+        """Refuse parameters that the engine cannot honour; this one can all."""
+
     @precise
     def begin(self, parameters: Parameters, tables: Tables) -> State:
         """All scopes straight, their tips at the start depth, colons that may move at rest."""

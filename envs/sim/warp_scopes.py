@@ -81,12 +81,25 @@ class WarpScopes(JaxScopes):
         """As of `JaxScopes`, but for one design only.
 
         Raises:
-            InvalidOptionError: when a parameter is not known.
+            InvalidOptionError: when a parameter is not known, or MuJoCo would clamp the wall's law.
             UnsupportedSceneError: when designs are given.
         """
         if scope is not None:
             raise UnsupportedSceneError("Worlds of several designs need the engine 'jax': name it.")
-        return super().parameters(scene, worlds, kind=kind, **changed)
+        parameters = super().parameters(scene, worlds, kind=kind, **changed)
+        self.check(parameters)
+        return parameters
+
+    def check(self, parameters: Parameters) -> None:
+        """Refuse parameters that MuJoCo's contacts cannot honour.
+
+        Raises:
+            InvalidOptionError: when MuJoCo would clamp the wall's law.
+        """
+        stiffness, damping_time = (np.asarray(part)[:, None] for part in (parameters.stiffness, parameters.damping_time))
+        damper = stiffness * (damping_time + self.timestep)
+        soft = soft_contact(np, self.inverse_inertia, stiffness, damper, timestep=self.timestep)
+        require_honoured(soft.impedance, what="A stiffness of the wall")
 
     def begin(self, parameters: Parameters, tables: Tables) -> State:
         """All scopes straight, their tips at the start depth."""
