@@ -96,8 +96,8 @@ class WarpScopes(JaxScopes):
         Raises:
             InvalidOptionError: when MuJoCo would clamp the wall's law.
         """
-        stiffness, damping_time = (np.asarray(part)[:, None] for part in (parameters.stiffness, parameters.damping_time))
-        damper = stiffness * (damping_time + self.timestep)
+        stiffness = np.asarray(parameters.stiffness)[:, None]
+        damper = stiffness * (np.asarray(parameters.damping_time)[:, None] + self.timestep)
         soft = soft_contact(np, self.inverse_inertia, stiffness, damper, timestep=self.timestep)
         require_honoured(soft.impedance, what="A stiffness of the wall")
 

@@ -298,7 +298,8 @@ class PlaneWall:
             share = min((SAME_SIDE - steepness[pair]) / ONSET, 1.0)
             depth = share * (height + self._radius[spheres[two]])
             touched = depth > 0
-            self._place(data, 1, spheres[two][touched], centres[two][touched], depth[touched], np.tile(up, (2, 1))[touched])
+            on, normals = two[touched], np.tile(up, (2, 1))[touched]
+            self._place(data, 1, spheres[on], centres[on], depth[touched], normals)
 
     def _place(
         self, data: mujoco.MjData, side: int, spheres: np.ndarray, centres: np.ndarray, depth: np.ndarray, inwards: Any

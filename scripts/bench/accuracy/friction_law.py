@@ -76,7 +76,8 @@ def _run(
 
 def main() -> None:
     """Print the table."""
-    print("| impratio | relaxation | mu | load | creep / v_s | pressed harder | stops late |\n|---|---|---|---|---|---|---|")
+    print("| impratio | relaxation | mu | load | creep / v_s | pressed harder | stops late |")
+    print("|---|---|---|---|---|---|---|")
     for impratio, relaxation in ((10.0, 1.0), (100 / 3, 0.3), (100.0, 1.0), (1000 / 3, 0.3), (1000.0, 0.1)):
         for friction in (0.1, 0.3):
             for load in (1.0, 10.0):

@@ -7,7 +7,6 @@ from typing import Literal, TypeAlias
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
 
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.measure.containment import ESCAPE_DEPTH, Containment

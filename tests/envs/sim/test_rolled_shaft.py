@@ -1,4 +1,4 @@
-"""A shaft that is pressed onto a wall and rolled meets the torque mu F R: friction acts at its surface, not in its axis.
+"""A shaft that is pressed onto a wall and rolled meets the torque mu F R: friction acts at its surface.
 
 Theory: Coulomb's law at the place of contact, whose lever about the shaft's axis is the shaft's radius. What the
 shaft's own damping takes is measured without friction and taken off.
@@ -50,7 +50,8 @@ def _native(law: Literal["pieces", "planes"]) -> tuple[float, float]:
 
 def _rolled(options: SceneOptions) -> tuple[float, float]:
     """Torque of the hand [N m], and the sum of normal forces [N]."""
-    engine = NativeEngine(build_scene(square_tube(), wedge_wall(sectors=4), named_design("adult"), options, show_lumen=False))
+    wall = wedge_wall(sectors=4)
+    engine = NativeEngine(build_scene(square_tube(), wall, named_design("adult"), options, show_lumen=False))
     assert engine.step(Inputs(0.0, 0.0), _SETTLE)
     assert engine.step(Inputs(0.0, _FAST), _ROLL)
     torques, forces = [], []
