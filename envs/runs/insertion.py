@@ -66,6 +66,8 @@ class Trajectory:
     """The same towards wire 'left' [rad]."""
     colon_moved: Float[np.ndarray, " records"]
     """Farthest that a place of the colon's centreline is from where it was at rest [m]."""
+    wall_force_sum: Float[np.ndarray, " records"]
+    """Sum of the wall's normal forces on the whole scope [N]."""
 
 
 @dataclass(frozen=True)
@@ -184,7 +186,9 @@ def _drive(engine: Engine, seconds: float, settings: FollowerSettings, progress:
         inside = behind < seen.insertion
         outside = containment.outside(shape[inside], behind[inside], tracker.arc, seen.way)
         moved = 0.0 if seen.way is None else float(np.linalg.norm(seen.way - line.points, axis=1).max())
-        rows.append((*_record(engine, seen, tracker.arc, outside), *follower.asked, *seen.bend, moved))
+        rows.append(
+            (*_record(engine, seen, tracker.arc, outside), *follower.asked, *seen.bend, moved, seen.wall_force_sum)
+        )
         if progress and len(rows) % 25 == 0:
             progress(seen.time, tracker.arc)
         ended = int(
@@ -238,5 +242,5 @@ def _trajectory(rows: list[tuple], engine: Engine) -> Trajectory:
     if not rows:
         empty = np.zeros(0)
         wide = (np.zeros((0, engine.qpos.size)), np.zeros((0, engine.ctrl.size)), np.zeros((0, 3)))
-        return Trajectory(empty, *wide, *[empty] * 15)
+        return Trajectory(empty, *wide, *[empty] * 16)
     return Trajectory(*(np.array(column, dtype=float) for column in zip(*rows, strict=True)))

@@ -30,7 +30,7 @@ class GrowingEngine:
     until shaft is first added.
     """
 
-    backend = "native"
+    backend = NativeEngine.backend
 
     def __init__(self, scene: Scene, *, build: Callable[[float], Scene], stride: float = STRIDE) -> None:
         """Build the first part.

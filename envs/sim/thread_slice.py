@@ -14,9 +14,10 @@ from haustra.envs.sim.physics.lock import lock_activation
 from haustra.envs.sim.physics.wires import sheath_angle
 from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.scene import Scene
-from haustra.models.wall.law import soft_contact
+from haustra.models.wall.law import normal_force, require_honoured, soft_contact
 from haustra.models.wall.lumen_table import Tables, pick, touch
-from haustra.models.wall.planes import AWAY, SLIP_RELAXATION
+from haustra.models.wall.plane_pose import plane_pose
+from haustra.models.wall.planes import AWAY
 
 ROOM = 0.01
 """A plane is parked while its sphere has more room than this [m]: two steps at 1 m/s, well above any motion here."""
@@ -45,11 +46,13 @@ class ThreadSlice:
         self._site_xpos, self._site_xmat = batch.bind("site_xpos"), batch.bind("site_xmat")
         self._friction = batch.expand("pair_friction")
         self._solref, self._solimp = batch.expand("pair_solref"), batch.expand("pair_solimp")
-        self._solref_friction = batch.expand("pair_solreffriction")
+        self._solref_friction, self._margin = batch.expand("pair_solreffriction"), batch.expand("pair_margin")
         self._springs = [batch.expand(name) for name in ("jnt_stiffness", "dof_damping", "dof_armature")]
         self._gravity = batch.expand("opt.gravity")
         self._find(cable)
         self._step_time = scene.options.timestep
+        self._damper_time = scene.options.wall_damping_time + self._step_time
+        """c + h K over K [s]."""
         self._nominal = [np.array(getattr(model, name)) for name in ("jnt_stiffness", "dof_damping", "dof_armature")]
         self._start_state = batch.state[0].copy()
         self._case = np.zeros(worlds, int)
@@ -125,14 +128,13 @@ class ThreadSlice:
     def _set_contact(self, worlds: Int[np.ndarray, " reset"], conditions: Conditions) -> None:
         """Give these worlds' contacts their law: that of `haustra.models.wall.law`."""
         stiffness = conditions.wall_stiffness[:, None]
-        damper = stiffness * (self._scene.options.wall_damping_time + self._step_time)
-        *solref, impedance = soft_contact(self._inverse_inertia, stiffness, damper, timestep=self._step_time)
-        solref = np.stack(solref, axis=-1)
+        damper = stiffness * self._damper_time
+        soft = soft_contact(np, self._inverse_inertia, stiffness, damper, timestep=self._step_time)
+        require_honoured(soft.impedance, what="A stiffness of the wall")
         where = np.ix_(worlds, self._pairs)
         self._friction[(*where, slice(2))] = conditions.friction[:, None, None]
-        self._solref[where] = solref
-        self._solref_friction[(*where, 1)] = SLIP_RELAXATION * solref[..., 1]
-        self._solimp[(*where, slice(2))] = impedance[..., None]
+        self._solref[where], self._solref_friction[where] = soft.solref, soft.sliding
+        self._solimp[(*where, slice(2))] = soft.impedance[..., None]
 
     def step(
         self,
@@ -183,14 +185,16 @@ class ThreadSlice:
         points = centres[near]
         found = touch(np, self._tables_of(world), points, self._arcs[near])
         stiffness, before = self._stiffness[world], self._depth[near]
-        rate = np.where(before > -ROOM, (found.depth - before) / self._step_time, 0.0)
-        force = stiffness * (found.depth + self._scene.options.wall_damping_time * rate)
+        leaving = (before - found.depth) / self._step_time
+        force = normal_force(np, stiffness * before, stiffness * self._damper_time, leaving)
         self._arcs = centres[..., 2].copy()  # before the anus a scope is straight
         self._arcs[near], self._depth[near], self._inwards[near] = found.arcs, found.depth, found.inwards
-        self._normal_force[near] = np.where(found.depth > 0, np.maximum(force, 0.0), 0.0)
-        away = np.where(found.depth < -ROOM, AWAY, self._radius - found.depth)
-        self._mocap_pos[world, self._planes[sphere]] = points - away[:, None] * found.inwards
-        self._mocap_quat[world, self._planes[sphere]] = _turn_to(found.inwards)
+        self._normal_force[near] = force
+        depth = np.where(found.depth < -ROOM, -AWAY, found.depth)
+        pose = plane_pose(np, points, self._radius, depth, found.inwards)
+        planes = self._planes[sphere]
+        self._mocap_pos[world, planes], self._mocap_quat[world, planes] = pose.position, pose.turn
+        self._margin[world, self._pairs[sphere]] = pose.margin
 
     def _tables_of(self, world: Int[np.ndarray, " points"]) -> Tables:
         """Tables with one colon a point."""
@@ -268,18 +272,3 @@ class ThreadSlice:
     def world_data(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Model and data of one world."""
         return self._batch.get_model(world), self._batch.get_data(world)
-
-
-def _turn_to(normals: Float[np.ndarray, "*rows 3"]) -> Float[np.ndarray, "*rows 4"]:
-    """Quaternions of the shortest turn from z to each normal."""
-    turn = np.empty((*normals.shape[:-1], 4))
-    turn[..., 0] = 1 + normals[..., 2]
-    turn[..., 1], turn[..., 2], turn[..., 3] = -normals[..., 1], normals[..., 0], 0.0
-    opposite = turn[..., 0] < 1e-9
-    if opposite.any():
-        turn[opposite] = [0.0, 1.0, 0.0, 0.0]
-    return turn / np.sqrt(2 * np.maximum(turn[..., :1], 1e-12)) if not opposite.any() else _normalised(turn)
-
-
-def _normalised(turn: np.ndarray) -> np.ndarray:
-    return turn / np.linalg.norm(turn, axis=-1, keepdims=True)

@@ -36,7 +36,7 @@ CHANGES: dict[str, Any] = {
     "drive.roll_rate": 0.5,
     "drive.wheel_rate": 1.0,
     "drive.hand_lead": 0.001,
-    "limits.seconds": 0.5,
+    "limits.seconds": 0.08,
     "limits.perforation_force": 500.0,
     "limits.safe_force": 50.0,
     "limits.caecum_margin": 0.03,
