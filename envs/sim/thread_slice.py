@@ -10,18 +10,11 @@ from mujoco.batch import Batch
 from haustra.envs.sim.coils import coil_samples
 from haustra.envs.sim.conditions import Conditions, Snapshot
 from haustra.envs.sim.native import FATAL_WARNINGS, SPEED_LIMIT
+from haustra.envs.sim.table_planes import TablePlanes
 from haustra.models.devices.scope.cable import LOCK_STRETCH
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene
-from haustra.models.wall.law import soft_contact
-from haustra.models.wall.lumen_table import Tables, pick, touch
-from haustra.models.wall.planes import AWAY, SLIP_RELAXATION
-
-ROOM = 0.01
-"""A plane is parked while its sphere has more room than this [m]: two steps at 1 m/s, well above any motion here."""
-_OUTSIDE = 0.03
-"""A sphere is not looked up while it is farther than this before the anus [m]: in one step none comes that far."""
-
+from haustra.models.wall.lumen_table import Tables
 
 _TURN = Lock()
 """Held by the thread that is between two of MuJoCo's steps. Numpy gives Python's own lock away and takes it back in
@@ -34,43 +27,25 @@ class ThreadSlice:
 
     def __init__(self, scene: Scene, model: mujoco.MjModel, tables: Tables, worlds: int) -> None:
         """Find everything in the model."""
-        self._scene, self._model, self._stack, self._worlds = scene, model, tables, worlds
+        self._scene, self._model, self._worlds = scene, model, worlds
         self._batch = Batch(model, worlds, nthread=1)
         batch, cable = self._batch, scene.cable
         self._qpos, self._qvel, self._act = (batch.bind(name) for name in ("qpos", "qvel", "act"))
         self._ctrl, self._time = batch.bind("ctrl"), batch.bind("time")
-        self._mocap_pos, self._mocap_quat = batch.bind("mocap_pos"), batch.bind("mocap_quat")
         self._geom_xpos, self._force = batch.bind("geom_xpos"), batch.bind("actuator_force")
         self._site_xpos, self._site_xmat = batch.bind("site_xpos"), batch.bind("site_xmat")
-        self._friction = batch.expand("pair_friction")
-        self._solref, self._solimp = batch.expand("pair_solref"), batch.expand("pair_solimp")
-        self._solref_friction = batch.expand("pair_solreffriction")
+        damping_time, count = scene.options.wall_damping_time, len(scene.samples)
+        self._wall = TablePlanes(batch, model, tables, worlds=worlds, count=count, damping_time=damping_time)
         self._springs = [batch.expand(name) for name in ("jnt_stiffness", "dof_damping", "dof_armature")]
         self._find(cable)
-        self._step_time = scene.options.timestep
         self._nominal = [np.array(getattr(model, name)) for name in ("jnt_stiffness", "dof_damping", "dof_armature")]
         self._start_state = batch.state[0].copy()
-        self._case = np.zeros(worlds, int)
-        self._tables = pick(tables, self._case)
-        self._stiffness = np.full(worlds, float(scene.options.wall_stiffness))
         self.healthy: Bool[np.ndarray, " worlds"] = np.ones(worlds, bool)
-        spheres = len(self._spheres)
-        self._arcs = np.zeros((worlds, spheres))
-        self._depth = np.full((worlds, spheres), -1.0)
-        self._inwards = np.zeros((worlds, spheres, 3))
-        self._normal_force = np.zeros((worlds, spheres))
-        self._before = np.zeros((worlds, spheres, 3))
         self._seen: dict[str, np.ndarray] | None = None
 
     def _find(self, cable) -> None:
         model, samples = self._model, self._scene.samples
         count = len(samples)
-        first = model.geom("wall/sphere_0000").id
-        self._spheres = np.array([model.geom(f"wall/sphere_{i:04d}").id for i in range(count)])
-        self._radius = model.geom_size[first, 0]
-        self._planes = np.array([model.body_mocapid[model.body(f"wall/plane_{i:04d}_0").id] for i in range(count)])
-        self._pairs = np.array([model.pair(f"wall/plane_{i:04d}_0").id for i in range(count)])
-        self._inverse_inertia = model.body_invweight0[model.geom_bodyid[self._spheres], 0]
         links = {name: index for index, name in enumerate(cable.links)}
         self._members = np.zeros((count, len(links)))
         self._members[np.arange(count), [links[sample.body] for sample in samples]] = 1.0
@@ -79,7 +54,7 @@ class ThreadSlice:
         self._locks = np.array([[model.actuator(name).id for name in pair] for pair in cable.locks])
         self._behind = cable.length - cable.joint_positions
         self._tip = model.site("scope/tip").id
-        self._coils = self._spheres[coil_samples(model, samples)]
+        self._coils = self._wall.spheres[coil_samples(model, samples)]
         joints = [(side, index) for index, cell in enumerate(cable.cells) for side in "xy"]
         steerable = [index for index, cell in enumerate(cable.cells) if cell.steerable]
         self._tip_links = np.array([cable.links.index(f"scope/link_{index:03d}") for index in steerable])
@@ -96,10 +71,8 @@ class ThreadSlice:
         self._batch.state[worlds] = self._start_state
         self._batch.warning[worlds] = 0
         self.healthy[worlds] = True
-        self._case[worlds] = case
-        self._tables = pick(self._stack, self._case)
-        self._stiffness[worlds] = conditions.wall_stiffness
-        self._set_contact(worlds, conditions)
+        self._wall.case[worlds] = case
+        self._wall.set_contact(worlds, conditions.friction, conditions.wall_stiffness)
         factor = conditions.shaft_stiffness
         for field, nominal, where in zip(
             self._springs, self._nominal, (self._shaft_joints, self._shaft_dofs, self._shaft_dofs), strict=True
@@ -109,25 +82,10 @@ class ThreadSlice:
         if conditions.roll is not None:
             self._qpos[worlds, 1] = self._act[worlds, 1] = conditions.roll
         self._lock_outside()
-        self._mocap_pos[worlds] = [0, 0, -AWAY]
+        self._wall.park(worlds)
         ids = np.sort(worlds)
         self._batch.forward(ids)
-        centres = self._geom_xpos[worlds][:, self._spheres]
-        self._arcs[worlds] = centres[..., 2]
-        self._before[worlds] = centres
-        self._depth[worlds], self._normal_force[worlds] = -1.0, 0.0
-
-    def _set_contact(self, worlds: Int[np.ndarray, " reset"], conditions: Conditions) -> None:
-        """Give these worlds' contacts their law: that of `haustra.models.wall.law`."""
-        stiffness = conditions.wall_stiffness[:, None]
-        damper = stiffness * (self._scene.options.wall_damping_time + self._step_time)
-        *solref, impedance = soft_contact(self._inverse_inertia, stiffness, damper, timestep=self._step_time)
-        solref = np.stack(solref, axis=-1)
-        where = np.ix_(worlds, self._pairs)
-        self._friction[(*where, slice(2))] = conditions.friction[:, None, None]
-        self._solref[where] = solref
-        self._solref_friction[(*where, 1)] = SLIP_RELAXATION * solref[..., 1]
-        self._solimp[(*where, slice(2))] = impedance[..., None]
+        self._wall.begin(worlds)
 
     def step(
         self,
@@ -150,40 +108,12 @@ class ThreadSlice:
             with _TURN:
                 if step:
                     self._catch_divergence()
-                self._place_planes()
+                self._wall.place()
                 ids = None if self.healthy.all() else np.flatnonzero(self.healthy)
             self._batch.step(ids)
         with _TURN:
             self._catch_divergence()
             self._seen = self._observe()  # here, since other threads may be stepping still
-
-    def _place_planes(self) -> None:
-        """Put the planes where the wall is next to each sphere.
-
-        What MuJoCo leaves are the spheres' places before its last step; they are carried on by the motion of that
-        step, which is right to second order in the time step.
-        """
-        seen = self._geom_xpos[:, self._spheres]
-        centres = 2 * seen - self._before
-        self._before = seen
-        world, sphere = near = np.nonzero(self._arcs > -_OUTSIDE)
-        points = centres[near]
-        found = touch(np, self._tables_of(world), points, self._arcs[near])
-        stiffness, before = self._stiffness[world], self._depth[near]
-        rate = np.where(before > -ROOM, (found.depth - before) / self._step_time, 0.0)
-        force = stiffness * (found.depth + self._scene.options.wall_damping_time * rate)
-        self._arcs = centres[..., 2].copy()  # before the anus a scope is straight
-        self._arcs[near], self._depth[near], self._inwards[near] = found.arcs, found.depth, found.inwards
-        self._normal_force[near] = np.where(found.depth > 0, np.maximum(force, 0.0), 0.0)
-        away = np.where(found.depth < -ROOM, AWAY, self._radius - found.depth)
-        self._mocap_pos[world, self._planes[sphere]] = points - away[:, None] * found.inwards
-        self._mocap_quat[world, self._planes[sphere]] = _turn_to(found.inwards)
-
-    def _tables_of(self, world: Int[np.ndarray, " points"]) -> Tables:
-        """Tables with one colon a point."""
-        rows = self._tables
-        chosen = {name: getattr(rows, name)[world, 0] for name in ("step", "first", "count")}
-        return rows._replace(**chosen)
 
     def _catch_divergence(self) -> None:
         state = np.abs(self._qvel).max(axis=1)
@@ -198,7 +128,7 @@ class ThreadSlice:
         self._batch.state[lost] = self._start_state
         self._batch.warning[lost] = 0
         self._batch.forward(np.flatnonzero(lost))
-        self._before[lost] = self._geom_xpos[lost][:, self._spheres]
+        self._wall.rest(np.flatnonzero(lost))
 
     def _lock_outside(self) -> None:
         """Hold joints straight that are outside the patient, and free them smoothly as they pass the anus."""
@@ -214,8 +144,7 @@ class ThreadSlice:
     def _observe(self) -> dict[str, np.ndarray]:
         qpos = self._qpos
         frame = self._site_xmat[:, self._tip].reshape(-1, 3, 3)
-        sphere_forces = self._normal_force[..., None] * self._inwards
-        links = np.einsum("wsi,sl->wli", sphere_forces, self._members)
+        links = np.einsum("wsi,sl->wli", self._wall.forces(), self._members)
         return {
             "time": self._time.copy(),
             "insertion": self._scene.options.start_depth + qpos[:, 0],
@@ -223,13 +152,13 @@ class ThreadSlice:
             "hand_lead": self._act[:, 0] - qpos[:, 0],
             "tip": self._site_xpos[:, self._tip].copy(),
             "tip_frame": frame.copy(),
-            "tip_arc": self._arcs[:, -1] + self._radius,
+            "tip_arc": self._wall.arcs[:, -1] + self._wall.radius[-1],
             "bend": np.stack([qpos[:, self._bend_up].sum(axis=1), -qpos[:, self._bend_left].sum(axis=1)], axis=1),
             "push_force": self._force[:, self._push].copy(),
             "torque": self._force[:, self._roll].copy(),
             "tip_force": np.einsum("wij,wi->wj", frame, links[:, self._tip_links].sum(axis=1)),
             "link_forces": np.linalg.norm(links, axis=2),
-            "deepest": self._depth.max(axis=1),
+            "deepest": self._wall.depth.max(axis=1),
             "coils": self._geom_xpos[:, self._coils].copy(),
         }
 
@@ -239,7 +168,7 @@ class ThreadSlice:
 
     def snapshot(self, world: int) -> Snapshot:
         """Where one world is now."""
-        return Snapshot(self._batch.state[world].copy(), self._before[world].copy(), self._arcs[world].copy())
+        return Snapshot(self._batch.state[world].copy(), self._wall.before[world].copy(), self._wall.arcs[world].copy())
 
     def restore(self, world: int, snapshot: Snapshot) -> None:
         """Put one world where another was."""
@@ -247,24 +176,8 @@ class ThreadSlice:
         self._batch.state[world] = snapshot.state
         self._time[world] = 0.0
         self._batch.forward(np.array([world]))
-        self._before[world], self._arcs[world] = self._geom_xpos[world, self._spheres], snapshot.arcs
-        self._depth[world], self._normal_force[world] = -1.0, 0.0
+        self._wall.resume(np.array([world]), snapshot.arcs[None])
 
     def world_data(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Model and data of one world."""
         return self._batch.get_model(world), self._batch.get_data(world)
-
-
-def _turn_to(normals: Float[np.ndarray, "*rows 3"]) -> Float[np.ndarray, "*rows 4"]:
-    """Quaternions of the shortest turn from z to each normal."""
-    turn = np.empty((*normals.shape[:-1], 4))
-    turn[..., 0] = 1 + normals[..., 2]
-    turn[..., 1], turn[..., 2], turn[..., 3] = -normals[..., 1], normals[..., 0], 0.0
-    opposite = turn[..., 0] < 1e-9
-    if opposite.any():
-        turn[opposite] = [0.0, 1.0, 0.0, 0.0]
-    return turn / np.sqrt(2 * np.maximum(turn[..., :1], 1e-12)) if not opposite.any() else _normalised(turn)
-
-
-def _normalised(turn: np.ndarray) -> np.ndarray:
-    return turn / np.linalg.norm(turn, axis=-1, keepdims=True)
