@@ -3,16 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
-from pathlib import Path
 
 import mujoco
 import numpy as np
 from jaxtyping import Float, Int
 
-from haustra.errors import OutputError, UnsupportedSceneError
-from haustra.files import write_atomically
+from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
-from haustra.models.anatomy.lumen_meshes import add_lumen
 from haustra.models.devices.base import Device, Handles, Pose
 from haustra.models.scene import SceneOptions, empty_spec
 from haustra.models.wall.lumen_table import Tables, lumen_table, stack
@@ -64,18 +61,6 @@ class DeviceScene:
         """1 where a sphere is part of a body that wall forces are summed over."""
         bodies = np.array(self.handles.bodies)
         return np.array([(bodies == sample.body).astype(float) for sample in self.handles.samples])
-
-    def save(self, path: Path, colon: Colon) -> Path:
-        """Write the scene with the lumen's surface as a picture, for MuJoCo's own viewer.
-
-        Raises:
-            OutputError: when the file cannot be written.
-        """
-        if path.suffix != ".xml":
-            raise OutputError(f"Cannot save a scene as '{path.name}': use .xml.")
-        spec = self.spec.copy()
-        add_lumen(spec, colon, group=1)
-        return write_atomically(path, lambda temporary: temporary.write_text(spec.to_xml(), encoding="utf-8"))
 
     def configuration(self) -> dict[str, object]:
         """Options and design as plain JSON values, for provenance."""

@@ -84,7 +84,6 @@ def _verbs() -> dict[str, Callable[..., Any]]:
     from haustra.scripts.report import Report
     from haustra.scripts.run import Run
     from haustra.scripts.sweep import Optimise, Sensitivity, Sweep
-    from haustra.scripts.tracked import TrackedRun
     from haustra.scripts.train import Train
     from haustra.scripts.train_curves import TrainCurves
     from haustra.scripts.tread import TreadFem
@@ -99,7 +98,6 @@ def _verbs() -> dict[str, Callable[..., Any]]:
         "tread fem": TreadFem,
         "propulsion": Propulsion,
         "run": Run,
-        "tracked": TrackedRun,
         "sweep": Sweep,
         "optimise": Optimise,
         "sensitivity": Sensitivity,

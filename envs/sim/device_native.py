@@ -155,9 +155,8 @@ class NativeDevice:
 
 
 def look_ahead(xp: Any, tables: Tables, colons: Any, tip: Any, arcs: Any) -> Any:
-    """Unit vectors (worlds, 3) from the tip to the lumen's axis `LOOK_AHEAD` further on; before the anus to the anus."""
+    """Unit vectors (worlds, 3) from the tip to the lumen's axis `LOOK_AHEAD` further on, at least to the anus."""
     own = pick(tables, colons)
     target = axis_at(xp, own, xp.maximum(arcs + LOOK_AHEAD, 0.0)[:, None])[:, 0]
-    # At the colon's end the axis has no more to look at: straight on.
     away = target - tip
     return away / xp.maximum(xp.sqrt((away**2).sum(axis=-1, keepdims=True)), 1e-6)

@@ -27,7 +27,7 @@ from haustra.models.wall.law import soft_contact
 from haustra.models.wall.lumen_table import Tables, pick, touch
 from haustra.models.wall.planes import SLIP_RELAXATION
 
-_PER_CONTACT = 3
+CONTACT_ROWS = 3
 """Constraint rows of a contact with friction."""
 
 
@@ -56,7 +56,7 @@ class WarpScopes(JaxScopes):
         if scene.options.mesentery:
             raise UnsupportedSceneError("Colons that move on their mesentery need the engine 'jax': name it.")
         chain = JaxScopes.of(scene)
-        host = _for_warp(batch_model(scene))
+        host = for_warp(batch_model(scene))
         try:
             # Room is kept for all that can happen; its solver's limits would be told on stdout at every step.
             model = mjx.put_model(host, impl="warp").tree_replace({"opt._impl.warn_overflow": 0})
@@ -72,7 +72,7 @@ class WarpScopes(JaxScopes):
             model=model,
             inverse_inertia=host.body_invweight0[host.geom_bodyid[spheres], 0],
             locks=np.array([host.actuator(name).id for pair in scene.cable.locks for name in pair]),
-            rows=_PER_CONTACT * len(spheres) + int(host.jnt_limited.sum()),
+            rows=CONTACT_ROWS * len(spheres) + int(host.jnt_limited.sum()),
         )
 
     def parameters(
@@ -125,7 +125,7 @@ class WarpScopes(JaxScopes):
                 qacc_warmstart=worlds.warm,
                 ctrl=self._controls(parameters, worlds, hands),
                 mocap_pos=points - (scope.radius[:, None] - depth)[..., None] * inwards,
-                mocap_quat=_turn_to(inwards),
+                mocap_quat=turn_to(inwards),
             )
         )
         along = jnp.einsum("wpi,wpi->wp", inwards, self._speeds(where, points, done.qvel))
@@ -156,10 +156,10 @@ class WarpScopes(JaxScopes):
         push = self.host.actuator("scope/push").id
         limit = jnp.stack([-parameters.push_limit, parameters.push_limit], axis=-1)
         own = {
-            "pair_friction": _with(model.pair_friction, parameters.friction[:, None, None], 2),
+            "pair_friction": with_columns(model.pair_friction, parameters.friction[:, None, None], 2),
             "pair_solref": jnp.stack(solref, axis=-1),
             "pair_solreffriction": sliding,
-            "pair_solimp": _with(model.pair_solimp, impedance[..., None], 2),
+            "pair_solimp": with_columns(model.pair_solimp, impedance[..., None], 2),
             "jnt_stiffness": scales * model.jnt_stiffness,
             "dof_damping": scales * model.dof_damping,
             "dof_armature": scales * model.dof_armature,
@@ -183,11 +183,11 @@ class WarpScopes(JaxScopes):
         with jax.ensure_compile_time_eval():
             spheres = len(self.inverse_inertia)
             one = mjx.make_data(self.host, impl="warp", naconmax=worlds * spheres, njmax=self.rows)
-        one = jax.tree.map(_filled, one)
+        one = jax.tree.map(filled, one)
         return jax.vmap(lambda _: one)(jnp.arange(worlds))
 
 
-def _for_warp(model: mujoco.MjModel) -> mujoco.MjModel:
+def for_warp(model: mujoco.MjModel) -> mujoco.MjModel:
     """With a solver that Warp has, and without a flag that it does not know: it never resets what diverges.
 
     Dense Jacobians, which scenes ask for, it takes up to 60 dofs only: it is to choose.
@@ -198,13 +198,13 @@ def _for_warp(model: mujoco.MjModel) -> mujoco.MjModel:
     return model
 
 
-def _with(shared: Array, values: Array, count: int) -> Array:
+def with_columns(shared: Array, values: Array, count: int) -> Array:
     """One row a world of an array that they share, its first `count` columns given."""
     rows = jnp.broadcast_to(shared, (len(values), *shared.shape))
     return rows.at[..., :count].set(values)
 
 
-def _filled(part: Any) -> Any:
+def filled(part: Any) -> Any:
     """An array whose entries are all the same as one that is filled when it is needed."""
     if not isinstance(part, jax.Array) or part.size < 2:
         return part
@@ -213,7 +213,7 @@ def _filled(part: Any) -> Any:
     return jnp.full(values.shape, first, values.dtype) if (values == first).all() else part
 
 
-def _turn_to(normals: Array) -> Array:
+def turn_to(normals: Array) -> Array:
     """Quaternions (..., 4) of the shortest turn from z to each unit normal (..., 3)."""
     x, y, z = normals[..., 0], normals[..., 1], normals[..., 2]
     opposite = z < -1 + 1e-6

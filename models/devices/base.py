@@ -46,7 +46,7 @@ class Reading:
     """A quantity of this kind of device, beside those that all have."""
 
     name: str
-    """With its unit at the end, as in scores."""
+    unit: str
     meaning: str
 
 
@@ -72,6 +72,8 @@ class Handles:
     """Geoms that would meet a wall of pieces; without contact where the wall is a table."""
     tip: str
     """Site at the nose, its z axis forwards."""
+    start: float
+    """Distance of the tip from the anus at first [m]."""
 
 
 class State(NamedTuple):
@@ -124,8 +126,6 @@ class Device(ABC):
     """Wall laws that it can meet (`haustra.models.scene.SceneOptions.wall_law`)."""
     left_out: ClassVar[Mapping[str, str]] = {}
     """What its model does not hold, and why."""
-    usual_start: ClassVar[float] = 0.03
-    """Arc length of the tip at the start [m], where nobody says otherwise."""
 
     name: str
 
@@ -199,7 +199,7 @@ class Device(ABC):
 
     @abstractmethod
     def drive(self, xp: ModuleType, seen: Seen, memory: Any) -> tuple[Any, Any]:
-        """What a simple driver commands (worlds, channels), and what it remembers; `memory` is (worlds,), zero at first."""
+        """What a simple driver commands (worlds, channels), and what it remembers (worlds,); zero at first."""
 
     def describe(self) -> dict[str, Any]:
         """The design as plain JSON values, for provenance."""

@@ -47,7 +47,7 @@ class Capsule(Device):
     kind: ClassVar[str] = "capsule"
     left_out: ClassVar[Mapping[str, str]] = {
         "magnet outside": "its force and torque are the controls, at any place and without delay",
-        "tether": "a drag by its weight and friction: its stiffness and its wrap round bends (capstan) are not modelled",
+        "tether": "a drag by weight and friction: its stiffness and its wrap round bends (capstan) are not modelled",
         "grip of a collapsed bowel": "the lumen stands open; `drag` is what slows the body in it",
     }
 
@@ -84,9 +84,9 @@ class Capsule(Device):
     def readings(self) -> tuple[Reading, ...]:
         """What the magnet and the tether do."""
         return (
-            Reading("magnet_force_N", "size of the magnet's force"),
-            Reading("tether_drag_N", "what the tether pulls back with"),
-            Reading("speed_m_s", "of the body"),
+            Reading("magnet_force", "N", "size of the magnet's force"),
+            Reading("tether_drag", "N", "what the tether pulls back with"),
+            Reading("speed", "m/s", "of the body"),
         )
 
     def add_to(self, spec: mujoco.MjSpec, pose: Pose, *, timestep: float, start: float) -> Handles:
@@ -127,7 +127,7 @@ class Capsule(Device):
         samples = tuple(
             Sample(self._name("body"), np.array([0, 0, along]), radius) for along in np.linspace(-half, half, SPHERES)
         )
-        return Handles((self._name("body"),), samples, (self._name("shell"),), self._name("tip"))
+        return Handles((self._name("body"),), samples, (self._name("shell"),), self._name("tip"), start)
 
     def control(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State, commands: Any) -> Any:
         """The wrench, and the tether's drag over the speed at which it is drawn in."""
@@ -140,9 +140,9 @@ class Capsule(Device):
         """Each of `readings`, (worlds,)."""
         force = state.actuator_force[:, [model.actuator(self._name(name)).id for name in _AXES[:3]]]
         return {
-            "magnet_force_N": xp.sqrt((force**2).sum(axis=1)),
-            "tether_drag_N": xp.abs(state.actuator_force[:, model.actuator(self._name("tether")).id]),
-            "speed_m_s": xp.sqrt((self._speed(xp, model, state) ** 2).sum(axis=1)),
+            "magnet_force": xp.sqrt((force**2).sum(axis=1)),
+            "tether_drag": xp.abs(state.actuator_force[:, model.actuator(self._name("tether")).id]),
+            "speed": xp.sqrt((self._speed(xp, model, state) ** 2).sum(axis=1)),
         }
 
     def drive(self, xp: ModuleType, seen: Seen, memory: Any) -> tuple[Any, Any]:
