@@ -87,6 +87,8 @@ def build_device_scene(device: Device, options: SceneOptions | None = None, *, p
     """
     options = options or device_options()
     _require_honoured(device, options)
+    if pose is None and any(options.gravity):
+        raise UnsupportedSceneError("Gravity needs one colon and its pose: colons that take turns lie otherwise each.")
     spec = empty_spec(f"{device.kind} {device.name}", options)
     pose = pose or Pose()
     handles = device.add_to(spec, pose, timestep=options.timestep, start=options.start_depth)

@@ -56,8 +56,8 @@ class NativeDevice:
         self.reset(
             np.arange(worlds),
             np.zeros(worlds, int),
-            friction=np.full(worlds, options.friction),
-            wall_stiffness=np.full(worlds, options.wall_stiffness),
+            friction=np.full(worlds, float(options.friction)),
+            wall_stiffness=np.full(worlds, float(options.wall_stiffness)),
         )
 
     def reset(

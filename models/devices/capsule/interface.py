@@ -96,11 +96,13 @@ class Capsule(Device):
         mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(pose.frame, float).ravel())
         place = pose.position + (start - half - radius) * into
         body = spec.worldbody.add_body(name=self._name("body"), pos=place, quat=quaternion)
+        # MuJoCo's contacts see inertia and not the drag, which is many times the inertia over a time step: without an
+        # armature of that order a body that is pressed on the wall would not come to rest.
         for axis, name in zip(np.eye(3), "xyz", strict=True):
-            slide = mujoco.mjtJoint.mjJNT_SLIDE
-            body.add_joint(name=self._name(f"slide_{name}"), type=slide, axis=axis, damping=[self.drag, 0, 0])
-        ball = mujoco.mjtJoint.mjJNT_BALL
-        body.add_joint(name=self._name("ball"), type=ball, damping=[self.turning_drag, 0, 0])
+            slide = {"type": mujoco.mjtJoint.mjJNT_SLIDE, "axis": axis, "armature": self.drag * timestep}
+            body.add_joint(name=self._name(f"slide_{name}"), damping=[self.drag, 0, 0], **slide)
+        ball = {"type": mujoco.mjtJoint.mjJNT_BALL, "armature": self.turning_drag * timestep}
+        body.add_joint(name=self._name("ball"), damping=[self.turning_drag, 0, 0], **ball)
         body.add_geom(
             name=self._name("shell"),
             type=mujoco.mjtGeom.mjGEOM_CAPSULE,
