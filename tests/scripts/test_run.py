@@ -79,7 +79,7 @@ def test_a_run_says_its_preset_and_how_far_that_is_off(options, preset, colon_fo
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (["--design", "adlut"], "Known: adult, paediatric"),
+        (["--device", "adlut"], "Known: adult, paediatric"),
         (["--seconds", "-1"], "--seconds"),
         (["--friction", "-0.1"], "Friction"),
         (["--timestep", "nan"], "timestep"),

@@ -1,13 +1,14 @@
 """The tracked robot as a device among others. Its treads meet walls of pieces only: their law stands in their pads."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import ModuleType
 from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
 
+from haustra.errors import InvalidDesignError
 from haustra.models.devices.base import Channel, Device, Handles, Pose, Reading, Seen, choice, number, read_fields
 from haustra.models.devices.tracked.design import TRACKS, TrackedDesign
 from haustra.models.devices.tracked.device import add_tracked
@@ -45,7 +46,9 @@ class TrackedRobot(Device):
         found = read_fields(cls, {**own, "design": rest.pop("design", {}), **rest}, where)
         if scale is None:
             return found
-        return cls(**{**vars(found), "design": found.design.at_scale(float(scale))})
+        if not isinstance(scale, int | float) or isinstance(scale, bool):
+            raise InvalidDesignError(f"{where}, at_scale: expected a number, found {scale!r}.")
+        return replace(found, design=found.design.at_scale(float(scale)))
 
     @property
     def controls(self) -> tuple[Channel, ...]:
