@@ -129,10 +129,6 @@ class Evaluate:
         from haustra.envs.tasks.drivers import FollowerDriver, PushDriver, RandomDriver
 
         simple = {"random": RandomDriver, "push": PushDriver, "follower": FollowerDriver}
-        if name == "follower" and self.engine != "native":
-            from haustra.envs.tasks.device_follower import DeviceFollowerDriver
-
-            return DeviceFollowerDriver, None
         if name in simple:
             return simple[name], None
         path = policy_folder(name)

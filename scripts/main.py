@@ -1,29 +1,36 @@
 """The command line: parse, one call, print."""
 
+import io
 import json
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
+import textwrap
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from haustra.errors import HaustraError
 from haustra.scripts.console import summary
+from haustra.scripts.registry import BENCHMARKS, GROUPS, VERBS, first_sentence, load_verb
 
 SUCCESS, BAD_INPUT, DIVERGED = 0, 2, 3
+PROGRAM = "haustra"
+BENCH, LIST = "bench", "--list"
+ABOUT = ("Simulated colons for designing robotic colonoscopes, on MuJoCo.", "")
+HINT = f"{PROGRAM} VERB --help says what each takes; {PROGRAM} {BENCH} {LIST} names the benchmarks."
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit code: 0 success, 2 bad input, 3 a simulation that diverged."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # a terminal that takes ASCII only gets question marks, no traceback
+    name = _verb_of(words)
+    if name is None:
+        return _overview(words)
     import tyro
 
-    verbs = _verbs()
     try:
-        verb: Any = tyro.extras.subcommand_cli_from_dict(
-            verbs,
-            prog="haustra",
-            description="Simulated colons for designing robotic colonoscopes, on MuJoCo.",
-            args=_join_verb(sys.argv[1:] if arguments is None else arguments, verbs),
-        )
+        verb: Any = tyro.cli(load_verb(name), prog=f"{PROGRAM} {name}", args=words[len(name.split()) :])
     except BrokenPipeError:  # of `--help | head`
         _stop_printing()
         return SUCCESS
@@ -46,84 +53,51 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return DIVERGED if result.get("outcome") == "diverged" else SUCCESS
 
 
+def _verb_of(words: Sequence[str]) -> str | None:
+    """Name of the verb that the arguments begin with: the longest that is known, if any is."""
+    two, one = " ".join(words[:2]), " ".join(words[:1])
+    if two in VERBS:
+        return two
+    names_a_benchmark = one == BENCH and len(words) > 1 and not words[1].startswith("-")
+    return one if one in VERBS and not names_a_benchmark and list(words) != [BENCH, LIST] else None
+
+
+def _overview(words: Sequence[str]) -> int:
+    """Say which verbs there are: on request, else as an error."""
+    if list(words) in ([], ["-h"], ["--help"]):
+        return _say([*ABOUT, *_listed(GROUPS), HINT], SUCCESS if words else BAD_INPUT)
+    if list(words) == [BENCH, LIST]:
+        return _say(_listed({"Benchmarks": BENCHMARKS}), SUCCESS)
+    known = {name: name for name in VERBS if name.split()[0] == words[0]} or VERBS
+    wrong = " ".join(words[: 1 if known is VERBS else 2])
+    print(f"{PROGRAM}: '{wrong}' is not known. Known: {', '.join(known)}.", file=sys.stderr)
+    return BAD_INPUT
+
+
+def _listed(groups: Mapping[str, Mapping[str, str]]) -> list[str]:
+    """Lines that name the verbs of each group and say what each does."""
+    lines = []
+    for title, verbs in groups.items():
+        lines.append(f"{title}:")
+        for name in verbs:
+            about = textwrap.wrap(first_sentence(name), 96)
+            lines += [f"  {name:<17} {about[0]}", *(f"  {'':<17} {more}" for more in about[1:])]
+        lines.append("")
+    return lines
+
+
+def _say(lines: Sequence[str], code: int) -> int:
+    try:
+        print("\n".join(lines).rstrip())
+        sys.stdout.flush()
+    except BrokenPipeError:
+        _stop_printing()
+    return code
+
+
 def _stop_printing() -> None:
     """The reader has gone (`| head`): whatever is still buffered goes nowhere, so that closing down says nothing."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def _join_verb(arguments: Sequence[str], verbs: Mapping[str, object]) -> list[str]:
-    """The arguments with a verb of two words as one, which is how the parser knows it."""
-    words = " ".join(arguments[:2])
-    return [words, *arguments[2:]] if len(arguments) > 1 and words in verbs else list(arguments)
-
-
-def _verbs() -> dict[str, Callable[..., Any]]:
-    """Every verb is a frozen dataclass of options; calling it does the work and returns JSON values."""
-    from haustra.scripts.bench.verbs.accuracy import BenchAccuracy
-    from haustra.scripts.bench.verbs.agreement import BenchAgreement
-    from haustra.scripts.bench.verbs.all import BenchAll
-    from haustra.scripts.bench.verbs.cores import BenchCores
-    from haustra.scripts.bench.verbs.cost import BenchCost
-    from haustra.scripts.bench.verbs.episodes import BenchEpisodes
-    from haustra.scripts.bench.verbs.grown import BenchGrown
-    from haustra.scripts.bench.verbs.profile import BenchProfile
-    from haustra.scripts.bench.verbs.pushes import BenchPushes
-    from haustra.scripts.bench.verbs.rigs import BenchRigs
-    from haustra.scripts.bench.verbs.rods import BenchRods
-    from haustra.scripts.bench.verbs.skip import BenchSkip
-    from haustra.scripts.bench.verbs.stability import BenchStability
-    from haustra.scripts.bench.verbs.tracked import BenchTracked
-    from haustra.scripts.bench.verbs.view import BenchView
-    from haustra.scripts.bench.verbs.worlds import BenchWorlds
-    from haustra.scripts.colon import ColonImport
-    from haustra.scripts.colon_check import ColonCheck
-    from haustra.scripts.doctor import Doctor
-    from haustra.scripts.evaluate import Evaluate
-    from haustra.scripts.grow import ColonGrow
-    from haustra.scripts.propulsion import Propulsion
-    from haustra.scripts.report import Report
-    from haustra.scripts.run import Run
-    from haustra.scripts.sweep import Optimise, Sensitivity, Sweep
-    from haustra.scripts.train import Train
-    from haustra.scripts.train_curves import TrainCurves
-    from haustra.scripts.tread import TreadFem
-    from haustra.scripts.view import View
-    from haustra.scripts.wall import WallBuild
-
-    return {
-        "colon import": ColonImport,
-        "colon grow": ColonGrow,
-        "colon check": ColonCheck,
-        "wall": WallBuild,
-        "tread fem": TreadFem,
-        "propulsion": Propulsion,
-        "run": Run,
-        "sweep": Sweep,
-        "optimise": Optimise,
-        "sensitivity": Sensitivity,
-        "report": Report,
-        "view": View,
-        "bench": BenchAll,
-        "bench rods": BenchRods,
-        "bench cost": BenchCost,
-        "bench accuracy": BenchAccuracy,
-        "bench skip": BenchSkip,
-        "bench profile": BenchProfile,
-        "bench stability": BenchStability,
-        "bench tracked": BenchTracked,
-        "bench rigs": BenchRigs,
-        "bench pushes": BenchPushes,
-        "bench grown": BenchGrown,
-        "bench view": BenchView,
-        "bench worlds": BenchWorlds,
-        "bench agreement": BenchAgreement,
-        "bench cores": BenchCores,
-        "bench episodes": BenchEpisodes,
-        "train": Train,
-        "train curves": TrainCurves,
-        "evaluate": Evaluate,
-        "doctor": Doctor,
-    }
 
 
 if __name__ == "__main__":

@@ -110,7 +110,7 @@ class Run:
         chosen = {name: value for name in names if (value := getattr(self, name)) is not None}
         if self.mesentery:
             chosen["mesentery"] = True
-            chosen.setdefault("wall_law", "field")
+            chosen.setdefault("wall_law", "table")
         if self.segment_stiffness:
             from haustra.models.scene import usual_segment_stiffness
 

@@ -1,15 +1,17 @@
-"""A lumen follower: drives a scope without a human, by the lumen's axis ahead of the tip.
+"""A lumen follower: drives scopes without a human, by the lumen's axis ahead of the tip.
 
 It knows the centreline and the wall forces, which a real device does not: a baseline and a demonstration, not a rival
-to a policy that sees only what a camera shows.
+to a policy that sees only what a camera shows. Its rules are one function of (xp, …) for any number of worlds, in numpy
+and in JAX.
 """
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from types import ModuleType
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from haustra.envs.sim.native import Inputs, Observation
 from haustra.models.anatomy.colon import Centreline
@@ -21,6 +23,12 @@ STEP_FORWARD = 0.003
 
 LEAST_RETREAT = 0.03
 """A retreat that straightens goes at least this far [m]: sooner, a slip of the tip says nothing."""
+_FIRST_WAIT = 0.5
+"""It does not back off within this after its last progress [s]."""
+_NEVER = -1e3
+"""A length that stands for none yet [m]."""
+_TINY = 1e-12
+"""Keeps lengths of vectors from being zero where they divide."""
 
 
 @dataclass(frozen=True)
@@ -66,119 +74,227 @@ class FollowerSettings:
     """Loss of arc length after which the tip counts as slipping [m]."""
 
 
+class Steering(NamedTuple):
+    """What the follower must know of the scopes that it steers: numbers, or one a world."""
+
+    pull_per_angle: Any
+    """Pull of a wire per bend of the bending section [N/rad]."""
+    pull_limit: Any
+    """Largest pull of a wire [N]."""
+    bend_limit: Any
+    """Largest bend that it steers for [rad]."""
+    lead: Any
+    """Largest lead of the bend steered for over the bend that is there [rad]."""
+
+    @classmethod
+    def of(cls, design: ScopeDesign, settings: FollowerSettings) -> "Steering":
+        """Read off a design how it is steered."""
+        lead = settings.steer_lead
+        if settings.steer == "wheels":  # what slack and stretch may take up counts as lead
+            wires = design.wires
+            lead += (wires.slack + wires.compliance * wires.pull_limit) / wires.routing_radius
+        return cls(
+            pull_per_angle=design.pull_per_angle,
+            pull_limit=design.wires.pull_limit,
+            bend_limit=math.radians(min(design.limits.smallest, settings.steer_limit_deg)),
+            lead=lead,
+        )
+
+
+class Memory(NamedTuple):
+    """What the follower remembers; leading axis: worlds."""
+
+    bend: Float[Any, "worlds 2"]
+    """Bend that it steers for, towards wires 'up' and 'left', as ideal wires would give it [rad]."""
+    best_arc: Float[Any, " worlds"]
+    """Largest arc length of the tip so far [m]."""
+    local_arc: Float[Any, " worlds"]
+    """Largest arc length of the tip since it last went back [m]."""
+    local_time: Float[Any, " worlds"]
+    """When that was reached [s]."""
+    retreat_until: Float[Any, " worlds"]
+    """Insertion at which it goes on again [m]; negative while it does not retreat."""
+    retreat_from: Float[Any, " worlds"]
+    """Insertion at which it began to retreat [m]."""
+    held_arc: Float[Any, " worlds"]
+    """Largest arc length of the tip since [m]."""
+    roll_goal: Float[Any, " worlds"]
+    """Angle to which it turns the handle [rad]."""
+    attempts: Int[Any, " worlds"]
+    """Times that it backed off since the last progress."""
+
+
+class Decision(NamedTuple):
+    """What the follower asks for until it is asked again; leading axis: worlds."""
+
+    push_rate: Float[Any, " worlds"]
+    """Speed at which the hand pushes the shaft in [m/s]."""
+    roll_rate: Float[Any, " worlds"]
+    """Speed at which the hand turns the shaft [rad/s]."""
+    pulls: Float[Any, "worlds 4"]
+    """Pull of each wire that bends an ideal scope as asked: up, left, down, right [N]."""
+
+
+def begin(xp: ModuleType, worlds: int, kind: Any) -> Memory:
+    """Memory of a follower that has seen nothing yet, in that precision."""
+    zero, never = xp.zeros(worlds, kind), xp.full(worlds, _NEVER, kind)
+    none = xp.zeros(worlds, xp.int32)
+    return Memory(xp.zeros((worlds, 2), kind), never, never, zero, never, never, never, zero, none)
+
+
+def decide(
+    xp: ModuleType,
+    settings: FollowerSettings,
+    steering: Steering,
+    seen: Any,
+    memory: Memory,
+    *,
+    time: Float[Any, " worlds"],
+    arc: Float[Any, " worlds"],
+    target: Float[Any, "worlds 3"],
+    interval: float,
+    tip_links: int,
+) -> tuple[Decision, Memory]:
+    """Push, steer along the lumen ahead, rotate, back off when the wall force rises.
+
+    Args:
+        xp: numpy or jax.numpy.
+        settings: how it drives.
+        steering: the scopes that it steers.
+        seen: readings of all worlds: insertion, roll, hand_lead, tip, tip_frame, bend, push_force, link_forces, as in
+            `haustra.envs.sim.scope_values.Readings`.
+        memory: what it remembers.
+        time: simulated time [s].
+        arc: arc length of the tip [m].
+        target: place of the centreline `settings.look_ahead` ahead of the tip, as the tip's own place is given [m].
+        interval: time to the next decision [s].
+        tip_links: links of the bending section, the last ones.
+    """
+    own = settings
+    bend = _steer(xp, own, steering, seen, memory.bend, target, interval)
+    forward, further = arc > memory.local_arc + STEP_FORWARD, arc > memory.best_arc + STEP_FORWARD
+    local_arc, local_time = xp.where(forward, arc, memory.local_arc), xp.where(forward, time, memory.local_time)
+    best = xp.where(further, arc, memory.best_arc)
+    attempts = xp.where(further, 0, memory.attempts)
+    wall = seen.link_forces.max(axis=1) / own.wall_force_limit
+    tip = seen.link_forces[:, -tip_links:].max(axis=1) / own.tip_force_limit
+    load = xp.maximum(xp.maximum(tip, wall), seen.push_force / own.push_force_limit)
+    waiting = time - local_time
+    back = (memory.retreat_until < 0) & (waiting > _FIRST_WAIT) & ((load > 1) | (waiting > own.patience))
+    attempts = xp.where(back, attempts + 1, attempts)
+    far = own.straighten_distance if own.straighten else own.retreat_distance * xp.minimum(attempts, 4)
+    until = xp.where(back, xp.maximum(0.02, seen.insertion - far), memory.retreat_until)
+    begun = xp.where(back, seen.insertion, memory.retreat_from)
+    held = xp.maximum(xp.where(back, arc, memory.held_arc), arc)
+    # Alternate: a turn one way, twice back, and so on, so that the shaft does not wind up.
+    turn = own.roll_step * ((attempts + 1) // 2) * xp.where(attempts % 2 == 0, 1.0, -1.0)
+    roll_goal = xp.where(back, turn, memory.roll_goal)
+    over = seen.insertion <= until
+    rate_back = -own.retreat_rate
+    if own.straighten:
+        slipped = (arc < held - own.slip) | (seen.insertion <= arc)
+        over = over | (slipped & (seen.insertion <= begun - LEAST_RETREAT))
+        spare = 1 - xp.maximum(wall, -seen.push_force / own.push_force_limit)
+        rate_back = rate_back * xp.clip(2 * spare, 0.0, 1.0)
+    done = (until >= 0) & over
+    until = xp.where(done, _NEVER, until)
+    local_arc, local_time = xp.where(done, arc, local_arc), xp.where(done, time, local_time)
+    rate = own.advance_rate * xp.clip(2 * (1 - load), 0.15, 1.0)
+    # The hand never aims far beyond where the shaft is: the push would only build up.
+    rate = xp.minimum(rate, (own.hand_lead_limit - seen.hand_lead) / interval)
+    decision = Decision(
+        push_rate=xp.where(until >= 0, rate_back, rate),
+        roll_rate=xp.clip((roll_goal - seen.roll) / interval, -own.roll_rate, own.roll_rate),
+        pulls=_pulls(xp, steering, bend),
+    )
+    kept = (bend, best, local_arc, local_time, until, begun, held, roll_goal)
+    return decision, Memory(*(new.astype(memory.bend.dtype) for new in kept), attempts=attempts)
+
+
+def _steer(
+    xp: ModuleType,
+    own: FollowerSettings,
+    steering: Steering,
+    seen: Any,
+    bend: Float[Any, "worlds 2"],
+    target: Float[Any, "worlds 3"],
+    interval: float,
+) -> Float[Any, "worlds 2"]:
+    ahead = xp.einsum("wij,wi->wj", seen.tip_frame, target - seen.tip)
+    sideways = xp.linalg.norm(ahead[:, :2] + _TINY, axis=-1)
+    turn = own.steer_gain * interval * xp.arctan2(sideways, ahead[:, 2]) / sideways
+    lead = xp.reshape(xp.asarray(steering.lead), (-1, 1))
+    bend = xp.clip(bend + turn[:, None] * ahead[:, :2], seen.bend - lead, seen.bend + lead)
+    size = xp.linalg.norm(bend + _TINY, axis=-1)
+    return bend * xp.minimum(1.0, steering.bend_limit / size)[:, None]
+
+
+def _pulls(xp: ModuleType, steering: Steering, bend: Float[Any, "worlds 2"]) -> Float[Any, "worlds 4"]:
+    up, left = steering.pull_per_angle * bend[:, 0], steering.pull_per_angle * bend[:, 1]
+    most = xp.reshape(xp.asarray(steering.pull_limit), (-1, 1))
+    return xp.clip(xp.stack([up, left, -up, -left], axis=-1), 0.0, most)
+
+
 class LumenFollower:
-    """Push, steer along the lumen ahead, rotate, back off when the wall force rises."""
+    """A follower of one scope in one colon."""
 
     def __init__(
         self, line: Centreline, design: ScopeDesign, *, tip_links: int, settings: FollowerSettings | None = None
     ) -> None:
         """Get to know the lumen's axis and the scope's wires; its last `tip_links` links are the bending section."""
         self.settings = settings or FollowerSettings()
-        self._line = line
-        self._tip_links = tip_links
-        self._pull_per_angle = design.pull_per_angle
-        self._wires = design.wires
-        lead = self.settings.steer_lead
-        if self.settings.steer == "wheels":  # what slack and stretch may take up counts as lead
-            lead += (
-                design.wires.slack + design.wires.compliance * design.wires.pull_limit
-            ) / design.wires.routing_radius
-        self._lead = lead
-        self._bend_limit = math.radians(min(design.limits.smallest, self.settings.steer_limit_deg))
-        self._roll_goal = 0.0
-        self._bend = np.zeros(2)
-        self._best_arc = self._local_arc = -math.inf
-        self._local_time = 0.0
-        self._retreat_until: float | None = None
-        self._retreat_from = self._held_arc = -math.inf
-        self.attempts = 0
-        """Times that it backed off since the last progress."""
+        self._line, self._tip_links, self._wires = line, tip_links, design.wires
+        self._steering = Steering.of(design, self.settings)
+        self._memory = begin(np, 1, np.float64)
 
     def act(self, seen: Observation, arc: float, interval: float) -> Inputs:
         """Inputs for the next `interval` [s], given what was seen and the tip's arc length [m]."""
-        self._steer(seen, arc, interval)
-        if arc > self._local_arc + STEP_FORWARD:
-            self._local_arc, self._local_time = arc, seen.time
-        if arc > self._best_arc + STEP_FORWARD:
-            self._best_arc, self.attempts = arc, 0
-        if self._retreat_until is None and self._should_back_off(seen):
-            self._begin_retreat(seen, arc)
-        if self._retreat_until is not None and self._retreat_over(seen, arc, self._retreat_until):
-            self._retreat_until, self._local_arc, self._local_time = None, arc, seen.time
-        push_rate = self._advance_rate(seen, interval) if self._retreat_until is None else self._retreat_rate(seen)
-        turn = self.settings.roll_rate
-        roll_rate = float(np.clip((self._roll_goal - seen.roll) / interval, -turn, turn))
+        decision, self._memory = decide(
+            np,
+            self.settings,
+            self._steering,
+            _one_world(seen),
+            self._memory,
+            time=np.array([seen.time]),
+            arc=np.array([arc]),
+            target=self._ahead(seen, arc)[None],
+            interval=interval,
+            tip_links=self._tip_links,
+        )
+        push_rate, roll_rate = float(decision.push_rate[0]), float(decision.roll_rate[0])
         if self.settings.steer == "wheels":
-            return Inputs(push_rate, roll_rate, wheels=self._wires.routing_radius * self._bend)
-        return Inputs(push_rate, roll_rate, self._pulls())
+            return Inputs(push_rate, roll_rate, wheels=self._wires.routing_radius * self.asked)
+        return Inputs(push_rate, roll_rate, decision.pulls[0])
 
     @property
     def asked(self) -> Float[np.ndarray, "2"]:
         """Bend that it steers for, towards wires 'up' and 'left', as ideal wires would give it [rad]."""
-        return self._bend.copy()
+        return self._memory.bend[0].copy()
 
-    def _steer(self, seen: Observation, arc: float, interval: float) -> None:
-        station = np.searchsorted(self._line.arc, arc + self.settings.look_ahead)
-        way = self._line.points if seen.way is None else seen.way
-        target = way[min(station, len(way) - 1)]
-        ahead = seen.tip_frame.T @ (target - seen.tip)
-        sideways = np.linalg.norm(ahead[:2])
-        if sideways > 0:
-            angle = math.atan2(sideways, ahead[2])
-            self._bend = self._bend + self.settings.steer_gain * interval * angle * ahead[:2] / sideways
-        self._bend = np.clip(self._bend, seen.bend - self._lead, seen.bend + self._lead)
-        size = np.linalg.norm(self._bend)
-        if size > self._bend_limit:
-            self._bend *= self._bend_limit / size
+    @property
+    def attempts(self) -> int:
+        """Times that it backed off since the last progress."""
+        return int(self._memory.attempts[0])
 
-    def _should_back_off(self, seen: Observation) -> bool:
-        tip_force = seen.link_forces[-self._tip_links :].max()
-        waiting = seen.time - self._local_time
-        return bool(
-            waiting > 0.5
-            and (
-                tip_force > self.settings.tip_force_limit
-                or seen.link_forces.max() > self.settings.wall_force_limit
-                or seen.push_force > self.settings.push_force_limit
-                or waiting > self.settings.patience
-            )
-        )
+    def _ahead(self, seen: Observation, arc: float) -> Float[np.ndarray, "3"]:
+        """Place of the centreline that it steers towards, where it is now [m]."""
+        points = self._line.points if seen.way is None else seen.way
+        place = arc + self.settings.look_ahead
+        return np.array([np.interp(place, self._line.arc, points[:, axis]) for axis in range(3)])
 
-    def _begin_retreat(self, seen: Observation, arc: float) -> None:
-        self.attempts += 1
-        distance = self.settings.retreat_distance * min(self.attempts, 4)
-        if self.settings.straighten:
-            distance = self.settings.straighten_distance
-        self._retreat_until = max(0.02, seen.insertion - distance)
-        self._retreat_from, self._held_arc = seen.insertion, arc
-        # Alternate: a turn one way, twice back, and so on, so that the shaft does not wind up.
-        self._roll_goal = self.settings.roll_step * ((self.attempts + 1) // 2) * (-1) ** self.attempts
 
-    def _retreat_over(self, seen: Observation, arc: float, until: float) -> bool:
-        self._held_arc = max(self._held_arc, arc)
-        if not self.settings.straighten:
-            return seen.insertion <= until
-        slipped = arc < self._held_arc - self.settings.slip or seen.insertion <= arc
-        return seen.insertion <= until or (slipped and seen.insertion <= self._retreat_from - LEAST_RETREAT)
+class _OneWorld(NamedTuple):
+    """Readings of one scope as those of one world of a batch."""
 
-    def _retreat_rate(self, seen: Observation) -> float:
-        if not self.settings.straighten:
-            return -self.settings.retreat_rate
-        spare = 1 - max(
-            seen.link_forces.max() / self.settings.wall_force_limit, -seen.push_force / self.settings.push_force_limit
-        )
-        return -self.settings.retreat_rate * float(np.clip(2 * spare, 0.0, 1.0))
+    insertion: np.ndarray
+    roll: np.ndarray
+    hand_lead: np.ndarray
+    tip: np.ndarray
+    tip_frame: np.ndarray
+    bend: np.ndarray
+    push_force: np.ndarray
+    link_forces: np.ndarray
 
-    def _advance_rate(self, seen: Observation, interval: float) -> float:
-        spare = 1 - max(
-            seen.link_forces[-self._tip_links :].max() / self.settings.tip_force_limit,
-            seen.link_forces.max() / self.settings.wall_force_limit,
-            seen.push_force / self.settings.push_force_limit,
-        )
-        rate = self.settings.advance_rate * float(np.clip(2 * spare, 0.15, 1.0))
-        # The hand never aims far beyond where the shaft is: the push would only build up.
-        return min(rate, (self.settings.hand_lead_limit - seen.hand_lead) / interval)
 
-    def _pulls(self) -> Float[np.ndarray, "4"]:
-        up, left = self._bend * self._pull_per_angle
-        return np.clip(np.array([up, left, -up, -left]), 0.0, self._wires.pull_limit)
+def _one_world(seen: Observation) -> _OneWorld:
+    return _OneWorld(*(np.asarray(getattr(seen, name))[None] for name in _OneWorld._fields))

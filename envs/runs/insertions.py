@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from haustra.envs.control.follower import FollowerSettings
-from haustra.envs.control.follower_worlds import Drive, WorldsFollower
+from haustra.envs.control.follower import FollowerSettings, Memory
+from haustra.envs.control.follower_worlds import WorldsFollower
 from haustra.envs.runs.insertion import CAECUM_MARGIN, CONTROL_INTERVAL, MANY_ATTEMPTS
 from haustra.envs.runs.outcome import LEFT_OUTSIDE, Outcome
 from haustra.envs.sim.device_arrays import tree_where
@@ -77,7 +77,7 @@ class InsertionBatch:
         self._steps = max(1, round(CONTROL_INTERVAL / engine.timestep))
         self.advance = jax.jit(self._advance, static_argnames="count")
 
-    def begin(self, parameters: Parameters) -> tuple[State, Drive, Tally]:
+    def begin(self, parameters: Parameters) -> tuple[State, Memory, Tally]:
         """All scopes at the start, nothing scored."""
         worlds = len(parameters.friction)
         zero = jnp.zeros_like(parameters.friction)
@@ -101,13 +101,13 @@ class InsertionBatch:
                 break
         return self._finish(worlds, drive, tally)
 
-    def _advance(self, parameters: Parameters, worlds: State, drive: Drive, tally: Tally, *, count: int):
+    def _advance(self, parameters: Parameters, worlds: State, drive: Memory, tally: Tally, *, count: int):
         tables = pick(self._tables, parameters.colon)
         length = (tables.step * (tables.count - 1))[:, 0].astype(worlds.qpos.dtype)
         longest = parameters.scope.length
         interval = self._steps * self._engine.timestep
 
-        def one(_: Any, now: tuple[State, Drive, Tally]) -> tuple[State, Drive, Tally]:
+        def one(_: Any, now: tuple[State, Memory, Tally]) -> tuple[State, Memory, Tally]:
             worlds, drive, tally = now
             seen = self._engine.observe(parameters, self._tables, worlds)
             hands, decided = self._follower.act(parameters, tables, seen, worlds.time, drive, interval=interval)
@@ -135,7 +135,7 @@ class InsertionBatch:
             inserted=seen.insertion >= longest - LEFT_OUTSIDE,
         )
 
-    def _finish(self, worlds: State, drive: Drive, tally: Tally) -> Insertions:
+    def _finish(self, worlds: State, drive: Memory, tally: Tally) -> Insertions:
         healthy, attempts = np.asarray(worlds.healthy), np.asarray(drive.attempts)
         reached, inserted = np.asarray(tally.reached), np.asarray(tally.inserted)
         outcomes = [

@@ -57,7 +57,7 @@ def build_bank(
     Args:
         colons: at least one.
         design: the scope.
-        options: how to model it; the wall law is 'field' whatever they say.
+        options: how to model it; the wall law is 'table' whatever they say.
         progress: called before each colon.
     """
     options = replace(options or BATCH_OPTIONS, wall_law="table")

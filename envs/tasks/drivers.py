@@ -5,9 +5,8 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Bool, Float
 
-from haustra.envs.control.follower import FollowerSettings, LumenFollower
-from haustra.envs.sim.energy import Energies
-from haustra.envs.sim.native import Observation
+from haustra.envs.control import follower
+from haustra.envs.control.follower import FollowerSettings, Memory, Steering
 from haustra.envs.tasks.observation import Observation as Parts
 from haustra.envs.tasks.scope_task import ACTIONS, ScopeTask
 
@@ -63,45 +62,37 @@ class FollowerDriver:
     """The lumen follower of `haustra.envs.control.follower`: it knows the centreline and all wall forces."""
 
     def __init__(self, task: ScopeTask, *, settings: FollowerSettings | None = None) -> None:
-        """Drive the worlds of a task."""
-        self._task, self._settings = task, settings
+        """Drive the worlds of a task, whichever engine steps them."""
+        self._task = task
+        self._settings = settings or FollowerSettings(straighten=task.config.mesentery)
+        self._steering = Steering.of(task.bank.design, self._settings)
         self._tip_links = task.bank.scene.cable.tip_links
-        self._followers: list[LumenFollower] = [self._new(0)] * task.worlds
+        self._fresh = self._memory = follower.begin(np, task.worlds, np.float64)
 
     def begin(self, worlds: Bool[np.ndarray, " worlds"]) -> None:
         """New colons, new followers."""
-        for world in np.flatnonzero(worlds):
-            self._followers[world] = self._new(int(self._task.case[world]))
+        self._memory = Memory(
+            *(
+                np.where(worlds.reshape(-1, *[1] * (new.ndim - 1)), new, old)
+                for new, old in zip(self._fresh, self._memory, strict=True)
+            )
+        )
 
     def act(self, seen: Parts) -> Float[np.ndarray, "worlds 4"]:
         """What each follower asks for, as actions."""
-        drive, wires = self._task.config.drive, self._task.bank.design.wires
-        actions = np.zeros((self._task.worlds, len(ACTIONS)))
-        for world, follower in enumerate(self._followers):
-            arc = float(self._task.seen.tip_arc[world])
-            asked = follower.act(self._look(world), arc, self._task.interval)
-            pull = (asked.pulls[:2] - asked.pulls[2:]) / wires.pull_limit
-            actions[world] = [asked.push_rate / drive.push_rate, asked.roll_rate / drive.roll_rate, *pull]
-        return np.clip(actions, -1, 1)
-
-    def _new(self, case: int) -> LumenFollower:
-        bank = self._task.bank
-        return LumenFollower(bank.cases[case].line, bank.design, tip_links=self._tip_links, settings=self._settings)
-
-    def _look(self, world: int) -> Observation:
-        seen = self._task.seen
-        return Observation(
-            time=float(seen.time[world]),
-            insertion=float(seen.insertion[world]),
-            roll=float(seen.roll[world]),
-            hand_lead=float(seen.hand_lead[world]),
-            tip=seen.tip[world],
-            tip_frame=seen.tip_frame[world],
-            bend=seen.bend[world],
-            push_force=float(seen.push_force[world]),
-            torque=float(seen.torque[world]),
-            pulls=np.zeros(4),
-            link_forces=seen.link_forces[world],
-            contacts=0,
-            energies=Energies(0.0, 0.0, 0.0),
+        task, drive, own = self._task, self._task.config.drive, self._task.seen
+        decision, self._memory = follower.decide(
+            np,
+            self._settings,
+            self._steering,
+            own,
+            self._memory,
+            time=own.time,
+            arc=own.tip_arc,
+            target=task.way_ahead(np.array([self._settings.look_ahead]))[:, 0],
+            interval=task.interval,
+            tip_links=self._tip_links,
         )
+        pull = (decision.pulls[:, :2] - decision.pulls[:, 2:]) / task.bank.design.wires.pull_limit
+        rates = [decision.push_rate / drive.push_rate, decision.roll_rate / drive.roll_rate]
+        return np.clip(np.column_stack([*rates, pull]), -1, 1)

@@ -1,9 +1,13 @@
 """The command line as a shell sees it."""
 
+import os
 import subprocess
 import sys
 
 import pytest
+
+from haustra.scripts.main import BAD_INPUT, SUCCESS, main
+from haustra.scripts.registry import BENCHMARKS, VERBS, first_sentence, load_verb
 
 
 @pytest.mark.parametrize("arguments", [["doctor", "--json"], ["doctor"], ["bench", "episodes", "--help"]])
@@ -16,3 +20,35 @@ def test_a_reader_that_goes_away_is_no_error(arguments: list[str]) -> None:
         said = process.stderr.read()
     assert said == b""
     assert process.returncode == 0
+
+
+@pytest.mark.parametrize("name", VERBS)
+def test_every_verb_loads_and_says_what_it_does(name: str) -> None:
+    verb = load_verb(name)
+    assert callable(verb) and verb.__dataclass_params__.frozen
+    about = " ".join((verb.__doc__ or "").split())
+    assert about.startswith(first_sentence(name).removesuffix("."))
+
+
+def test_the_overview_names_verbs_and_the_list_benchmarks(capsys) -> None:
+    assert main(["--help"]) == SUCCESS
+    overview = capsys.readouterr().out
+    assert all(name in overview for name in VERBS if name not in BENCHMARKS)
+    assert main(["bench", "--list"]) == SUCCESS
+    benchmarks = capsys.readouterr().out
+    assert all(name in benchmarks for name in BENCHMARKS)
+    assert main([]) == BAD_INPUT
+
+
+@pytest.mark.parametrize("words", [["nope"], ["bench", "nope"], ["colon", "nope"], ["colon"], ["--nope"]])
+def test_a_verb_that_is_not_known_is_refused_in_one_line(words: list[str], capsys) -> None:
+    assert main(words) == BAD_INPUT
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "is not known. Known:" in said
+
+
+def test_a_terminal_that_takes_ascii_only_gets_help() -> None:
+    command = [sys.executable, "-m", "haustra.scripts.main", "--help"]
+    plain = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    finished = subprocess.run(command, capture_output=True, text=True, env=plain, check=True)
+    assert finished.stderr == "" and "haustra VERB --help" in finished.stdout

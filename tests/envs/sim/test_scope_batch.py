@@ -137,7 +137,7 @@ def test_friction_stiffness_and_shaft_are_those_of_each_world(bend):
 def test_scenes_with_another_wall_are_refused(bend):
     scene, table = bend
     planes = build_scene(scene.colon, None, DESIGN, SceneOptions(wall_law="planes", **OPTIONS), show_lumen=False)
-    with pytest.raises(UnsupportedSceneError, match="field"):
+    with pytest.raises(UnsupportedSceneError, match="table"):
         ScopeBatch(planes, stack([table]), worlds=1)
 
 

@@ -15,8 +15,8 @@ pytest.importorskip("jax")
 import jax.numpy as jnp
 
 from haustra.envs.sim.device_batch import DeviceBatch
-from haustra.envs.tasks.device_follower import DeviceFollowerDriver
 from haustra.envs.tasks.device_sight import DeviceSight
+from haustra.envs.tasks.drivers import FollowerDriver
 from haustra.envs.tasks.sight import Sight
 
 
@@ -37,7 +37,7 @@ def test_a_follower_drives_in_colons_that_move():
     task = ScopeTask(config, worlds=2, engine="jax", bank=hung_bank())
     assert isinstance(task.engine, DeviceBatch)
     seen = task.reset(seeds=[1, 2], case=np.array([0, 1]))
-    driver = DeviceFollowerDriver(task)
+    driver = FollowerDriver(task)
     driver.begin(np.ones(2, bool))
     rest = task.way_ahead(np.array([0.03]))
     done = task.step(driver.act(seen))

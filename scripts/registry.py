@@ -1,0 +1,82 @@
+"""Every verb of the command line, by name: where it is found, and what it says of itself.
+
+No verb is imported before it is asked for, so that `haustra --help` answers at once.
+"""
+
+import ast
+from collections.abc import Mapping
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+_SCRIPTS, _BENCH = "haustra.scripts", "haustra.scripts.bench.verbs"
+
+GROUPS: Mapping[str, Mapping[str, str]] = {
+    "Colons and their walls": {
+        "colon grow": f"{_SCRIPTS}.grow:ColonGrow",
+        "colon import": f"{_SCRIPTS}.colon:ColonImport",
+        "colon check": f"{_SCRIPTS}.colon_check:ColonCheck",
+        "wall": f"{_SCRIPTS}.wall:WallBuild",
+    },
+    "Runs": {
+        "run": f"{_SCRIPTS}.run:Run",
+        "report": f"{_SCRIPTS}.report:Report",
+        "view": f"{_SCRIPTS}.view:View",
+    },
+    "Studies of designs": {
+        "sweep": f"{_SCRIPTS}.sweep:Sweep",
+        "optimise": f"{_SCRIPTS}.sweep:Optimise",
+        "sensitivity": f"{_SCRIPTS}.sweep:Sensitivity",
+        "propulsion": f"{_SCRIPTS}.propulsion:Propulsion",
+        "tread fem": f"{_SCRIPTS}.tread:TreadFem",
+    },
+    "Learning to drive": {
+        "train": f"{_SCRIPTS}.train:Train",
+        "train curves": f"{_SCRIPTS}.train_curves:TrainCurves",
+        "evaluate": f"{_SCRIPTS}.evaluate:Evaluate",
+    },
+    "This machine": {"doctor": f"{_SCRIPTS}.doctor:Doctor"},
+}
+"""Verbs in the order of the overview: module and class of each. The class is a frozen dataclass of options; calling an
+instance does the work and returns JSON values."""
+
+BENCHMARKS: Mapping[str, str] = {
+    "bench": f"{_BENCH}.all:BenchAll",
+    "bench accuracy": f"{_BENCH}.accuracy:BenchAccuracy",
+    "bench agreement": f"{_BENCH}.agreement:BenchAgreement",
+    "bench cores": f"{_BENCH}.cores:BenchCores",
+    "bench cost": f"{_BENCH}.cost:BenchCost",
+    "bench episodes": f"{_BENCH}.episodes:BenchEpisodes",
+    "bench grown": f"{_BENCH}.grown:BenchGrown",
+    "bench profile": f"{_BENCH}.profile:BenchProfile",
+    "bench pushes": f"{_BENCH}.pushes:BenchPushes",
+    "bench rigs": f"{_BENCH}.rigs:BenchRigs",
+    "bench rods": f"{_BENCH}.rods:BenchRods",
+    "bench skip": f"{_BENCH}.skip:BenchSkip",
+    "bench stability": f"{_BENCH}.stability:BenchStability",
+    "bench tracked": f"{_BENCH}.tracked:BenchTracked",
+    "bench view": f"{_BENCH}.view:BenchView",
+    "bench worlds": f"{_BENCH}.worlds:BenchWorlds",
+}
+"""Benchmarks likewise; `bench` alone runs those whose results the documentation shows."""
+
+VERBS: Mapping[str, str] = {name: place for group in (*GROUPS.values(), BENCHMARKS) for name, place in group.items()}
+
+
+def load_verb(name: str) -> type[Any]:
+    """Import the class of a verb of `VERBS`."""
+    module, _, found = VERBS[name].partition(":")
+    return getattr(import_module(module), found)
+
+
+def first_sentence(name: str) -> str:
+    """What a verb's class says first of itself, read from its file without importing it."""
+    module, _, wanted = VERBS[name].partition(":")
+    spec = find_spec(module)
+    assert spec is not None and spec.origin is not None, module
+    tree = ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
+    classes = (node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == wanted)
+    about = " ".join((ast.get_docstring(next(classes)) or "").partition("\n\n")[0].split())
+    sentence = about.partition(". ")[0]
+    return sentence if sentence.endswith((".", "?")) else f"{sentence}."
