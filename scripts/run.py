@@ -60,6 +60,7 @@ class Run:
         from haustra.envs.control.follower import FollowerSettings
         from haustra.envs.runs.insertion import run_insertion
         from haustra.envs.view.run_folder import write_run
+        from haustra.errors import InvalidOptionError
         from haustra.files import prepare_folder
         from haustra.models.anatomy.store import load_colon
         from haustra.models.devices.base import load_device
@@ -75,6 +76,8 @@ class Run:
             from haustra.scripts.run_device import run_any
 
             return run_any(self, device)
+        if self.start is not None:
+            raise InvalidOptionError("A scope starts at the anus: leave --start out.")
         design = device.design
         options = replace(find_preset(self.preset).apply(), **self._options())
         _require_seconds(self.seconds)

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from haustra.models.devices.base import Device
     from haustra.scripts.run import Run
 
-_ALWAYS = ("colon", "output", "device", "seconds", "friction", "json")
+_ALWAYS = ("colon", "output", "device", "seconds", "friction", "fixed", "json")
 _TABLE = ("wall_law", "wall_stiffness", "timestep", "gravity")
 _STANDING = ("wall_law", "wall", "start")
 """Options of `haustra run` that devices honour: those that meet the lumen's table, and those that meet pieces."""
@@ -61,7 +61,7 @@ def _standing(asked: "Run", device: "Device", colon: Any, tell: Any) -> Any:
 def _require_honoured(asked: "Run", device: "Device", honoured: tuple[str, ...]) -> None:
     for entry in fields(asked):
         value = getattr(asked, entry.name)
-        usual = value == entry.default or not value
+        usual = value == entry.default or value is None or value is False
         if entry.name not in honoured and not usual:
             raise InvalidOptionError(
                 f"A device of kind '{device.kind}' does not honour --{entry.name.replace('_', '-')}: leave it out."

@@ -174,6 +174,12 @@ def device_scores(run: DeviceRun, colon: Colon) -> dict[str, Any]:
         "backend": run.backend,
         "wall_law": run.wall_law,
         "mesentery": False,
+        "numerical_error": {
+            "wall_force": None,
+            "push": None,
+            "tip_mm": None,
+            "measured_on": f"nothing: no device of kind '{run.device.kind}' was measured",
+        },
         "timestep_s": float(run.spec.option.timestep),
         **run.own_scores,
         "not_modelled": dict(run.left_out),

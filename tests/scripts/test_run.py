@@ -80,6 +80,7 @@ def test_a_run_says_its_preset_and_how_far_that_is_off(options, preset, colon_fo
     ("change", "message"),
     [
         (["--device", "adlut"], "Known: adult, paediatric"),
+        (["--start", "0.3"], "A scope starts at the anus"),
         (["--seconds", "-1"], "--seconds"),
         (["--friction", "-0.1"], "Friction"),
         (["--timestep", "nan"], "timestep"),
