@@ -7,7 +7,6 @@ from haustra.errors import InvalidOptionError
 
 if TYPE_CHECKING:
     from haustra.models.devices.base import Device
-    from haustra.scripts.run import Run
 
 _ALWAYS = ("colon", "output", "device", "seconds", "friction", "fixed", "json")
 _TABLE = ("wall_law", "wall_stiffness", "timestep", "gravity")
@@ -15,8 +14,8 @@ _STANDING = ("wall_law", "wall", "start")
 """Options of `haustra run` that devices honour: those that meet the lumen's table, and those that meet pieces."""
 
 
-def run_any(asked: "Run", device: "Device") -> dict[str, Any]:
-    """Run any device by its own driver and write the folder.
+def run_any(asked: Any, device: "Device") -> dict[str, Any]:
+    """Run any device by its own driver and write the folder; `asked` is a `haustra.scripts.run.Run`.
 
     Raises:
         InvalidOptionError: naming an option that this device does not honour.
@@ -47,7 +46,7 @@ def run_any(asked: "Run", device: "Device") -> dict[str, Any]:
     return write_device_run(folder, colon=colon, run=run)
 
 
-def _standing(asked: "Run", device: "Device", colon: Any, tell: Any) -> Any:
+def _standing(asked: Any, device: "Device", colon: Any, tell: Any) -> Any:
     """A device that stands in a wall of pieces."""
     from haustra.envs.runs.tracked_drive import run_tracked
     from haustra.models.wall.pieces.folder import wall_of
@@ -58,7 +57,7 @@ def _standing(asked: "Run", device: "Device", colon: Any, tell: Any) -> Any:
     )
 
 
-def _require_honoured(asked: "Run", device: "Device", honoured: tuple[str, ...]) -> None:
+def _require_honoured(asked: Any, device: "Device", honoured: tuple[str, ...]) -> None:
     for entry in fields(asked):
         value = getattr(asked, entry.name)
         usual = value == entry.default or value is None or value is False

@@ -83,7 +83,7 @@ class NativeDevice:
 
         A world with commands that are not finite is lost: MuJoCo takes them for none.
         """
-        sound = np.isfinite(commands).all(axis=1)
+        sound = np.asarray(np.isfinite(commands).all(axis=1))
         self._lose(self.healthy & ~sound)
         commands = np.where(sound[:, None], commands, 0.0)
         device = self.scene.device

@@ -289,7 +289,7 @@ def _value(kind: Any, value: Any, where: str, unit: str | None = None) -> Any:
     if not isinstance(value, wanted) or (isinstance(value, bool) and kind is not bool):
         name = {float: "a number", int: "a whole number", bool: "true or false"}.get(kind, "text")
         raise InvalidDesignError(f"{where}: expected {name}, found {value!r}.")
-    return float(value) if kind is float else value
+    return float(typing.cast(float, value)) if kind is float else value
 
 
 def _sourced(table: Mapping[str, Any], where: str, unit: str | None) -> float:

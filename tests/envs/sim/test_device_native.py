@@ -39,6 +39,7 @@ def test_worlds_have_conditions_of_their_own_and_one_that_is_lost_stands(tube):
     one.reset(np.arange(3), np.zeros(3, int), friction=np.array([0.0, 0.5, 0.1]), wall_stiffness=np.full(3, 1500.0))
     commands = np.zeros((3, len(scene.device.controls)))
     commands[:, 0], commands[:, 2] = 0.05, 10.0
+    healthy = np.ones(3, bool)
     for step in range(60):
         if step == 30:
             commands[2, 0] = np.nan

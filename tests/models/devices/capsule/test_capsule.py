@@ -223,7 +223,7 @@ def test_it_is_a_gymnasium_environment(tube):
     one = gymnasium.make("Haustra/Device-v0", device="capsule", colons=[tube])
     check_env(one.unwrapped, skip_render_check=True)
     one.reset(seed=0)
-    gained, over = 0.0, False
+    gained, over, info = 0.0, False, {}
     for _ in range(60):
         _, reward, over, _, info = one.step(np.array([0, 0, 1, 0, 0, 0], np.float32))
         gained += float(reward)
