@@ -18,14 +18,13 @@ from haustra.envs.sim.device_arrays import on_device, tree_where
 from haustra.envs.sim.device_native import look_ahead
 from haustra.envs.sim.native import SPEED_LIMIT
 from haustra.envs.sim.precision import precise
-from haustra.envs.sim.table_planes import ROOM
-from haustra.envs.sim.warp_scopes import CONTACT_ROWS, filled, for_warp, turn_to, with_columns
+from haustra.envs.sim.warp_scopes import CONTACT_ROWS, filled, for_warp, with_columns
 from haustra.errors import UnsupportedSceneError
 from haustra.models.device_scene import DeviceScene
 from haustra.models.devices.base import Seen, State
-from haustra.models.wall.law import soft_contact
+from haustra.models.wall.law import normal_force, soft_contact
 from haustra.models.wall.lumen_table import Tables, touch
-from haustra.models.wall.planes import SLIP_RELAXATION
+from haustra.models.wall.plane_pose import plane_pose
 
 Array = Any
 _USED = ("qpos", "qvel", "act", "qacc_warmstart", "geom_xpos", "site_xpos", "site_xmat", "actuator_force")
@@ -127,12 +126,11 @@ class WarpDevice:
         device, handles = self.scene.device, self.scene.handles
         asked = jnp.where(sound[:, None], commands, 0.0)
         ctrl = device.control(jnp, self.host, handles, self.state(now), asked).astype(jnp.float32)
-        model, axes = self._model_of(conditions)
-        step = jax.vmap(mjx.step, in_axes=(axes, 0))
+        contacts = self._model_of(conditions)
         now = now._replace(healthy=now.healthy & sound)
 
         def one(_: Any, both: tuple[Worlds, Any]) -> tuple[Worlds, Any]:
-            return self._step(conditions, *both, ctrl, lambda data: step(model, data))
+            return self._step(conditions, *both, ctrl, contacts)
 
         return jax.lax.fori_loop(0, count, one, (now, self._data(len(now.time))))[0]
 
@@ -166,21 +164,23 @@ class WarpDevice:
     def _tip(self) -> int:
         return self.host.site(self.scene.handles.tip).id
 
-    def _step(self, conditions: Conditions, now: Worlds, data: Any, ctrl: Array, step: Any) -> tuple[Worlds, Any]:
-        h, pose = self.host.opt.timestep, self.scene.pose
+    def _step(self, conditions: Conditions, now: Worlds, data: Any, ctrl: Array, contacts: Any) -> tuple[Worlds, Any]:
+        h, entry = self.host.opt.timestep, self.scene.pose
         radius = jnp.asarray(self.host.geom_size[self.spheres, 0], jnp.float32)
         seen = now.data["geom_xpos"][:, self.spheres]
         centres = 2 * seen - now.before
         found = touch(jnp, self._tables_of(conditions), centres, now.arcs)
         before_anus = found.arcs <= 0
-        along = (centres - jnp.asarray(pose.position, jnp.float32)) @ jnp.asarray(pose.frame[:, 2], jnp.float32)
-        rate = jnp.where(now.depth > -ROOM, (found.depth - now.depth) / h, 0.0)
-        stiffness = conditions.stiffness[:, None]
-        force = stiffness * (found.depth + self.scene.options.wall_damping_time * rate)
-        force = jnp.where(found.depth > 0, jnp.maximum(force, 0.0), 0.0)
+        along = (centres - jnp.asarray(entry.position, jnp.float32)) @ jnp.asarray(entry.frame[:, 2], jnp.float32)
+        leaving, stiffness = (now.depth - found.depth) / h, conditions.stiffness[:, None]
+        damper = stiffness * (self.scene.options.wall_damping_time + h)
+        force = normal_force(jnp, stiffness * now.depth, damper, leaving)
         kept = {name: now.data[name] for name in ("qpos", "qvel", "act", "qacc_warmstart")}
-        place = centres - (radius - found.depth)[..., None] * found.inwards
-        done = step(data.replace(**kept, ctrl=ctrl, mocap_pos=place, mocap_quat=turn_to(found.inwards)))
+        pose = plane_pose(jnp, centres, radius, found.depth, found.inwards)
+        model, axes = contacts
+        model, axes = model.replace(pair_margin=pose.margin), axes.replace(pair_margin=0)
+        step = jax.vmap(mjx.step, in_axes=(axes, 0))
+        done = step(model, data.replace(**kept, ctrl=ctrl, mocap_pos=pose.position, mocap_quat=pose.turn))
         after = Worlds(
             {name: getattr(done, name).reshape(now.data[name].shape) for name in _USED},
             seen,
@@ -205,12 +205,12 @@ class WarpDevice:
         inverse = jnp.asarray(self.host.body_invweight0[self.host.geom_bodyid[self.spheres], 0], jnp.float32)
         stiffness, h = conditions.stiffness[:, None], self.host.opt.timestep
         damper = stiffness * (self.scene.options.wall_damping_time + h)
-        *solref, impedance = soft_contact(inverse, stiffness, damper, timestep=h)
+        soft = soft_contact(jnp, inverse, stiffness, damper, timestep=h)
         own = {
             "pair_friction": with_columns(self.model.pair_friction, conditions.friction[:, None, None], 2),
-            "pair_solref": jnp.stack(solref, axis=-1),
-            "pair_solreffriction": jnp.stack([jnp.zeros_like(impedance), SLIP_RELAXATION * solref[1]], axis=-1),
-            "pair_solimp": with_columns(self.model.pair_solimp, impedance[..., None], 2),
+            "pair_solref": soft.solref,
+            "pair_solreffriction": soft.sliding,
+            "pair_solimp": with_columns(self.model.pair_solimp, soft.impedance[..., None], 2),
         }
         axes = jax.tree.map(lambda _: None, self.model)
         return self.model.replace(**own), axes.replace(**dict.fromkeys(own, 0))

@@ -47,13 +47,19 @@ def at_rest(own: Mesentery, worlds: int, kind: Any) -> AxisDisplacement:
     return AxisDisplacement(zero, zero)
 
 
-def touch(tables: Tables, shift: AxisDisplacement, points: Array, arcs: Array) -> tuple[WallQuery, AttachmentPoints]:
-    """As `haustra.models.wall.lumen_table.touch`, in a colon that has moved: tables of one colon a world."""
+def touch(
+    tables: Tables, shift: AxisDisplacement, points: Array, arcs: Array, radius: Array
+) -> tuple[WallQuery, AttachmentPoints]:
+    """As `haustra.models.wall.lumen_table.touch`, in a colon that has moved: tables of one colon a world.
+
+    Spheres of that radius a world [m] hold on to the wall with their surfaces.
+    """
     own = _hung(tables)
     frames = turns_of(own, shift.place)
     rest = to_reference(tables, shift.place, frames, points, arcs)
     found = table.touch(jnp, tables, rest, arcs)
-    grip = AttachmentPoints(found.arcs, rest - table.axis_at(jnp, tables, found.arcs))
+    surface = rest - radius[:, None, None] * found.inwards
+    grip = AttachmentPoints(found.arcs, surface - table.axis_at(jnp, tables, found.arcs))
     turned = jnp.einsum("wpij,wpj->wpi", _between(frames, *_cell(own, found.arcs)), found.inwards)
     return found._replace(inwards=_unit(turned)), grip
 

@@ -5,9 +5,10 @@ import numpy as np
 from jaxtyping import Float, Int
 from mujoco.batch import Batch
 
-from haustra.models.wall.law import soft_contact
+from haustra.models.wall.law import normal_force, require_honoured, soft_contact
 from haustra.models.wall.lumen_table import Tables, touch
-from haustra.models.wall.planes import AWAY, SLIP_RELAXATION
+from haustra.models.wall.plane_pose import plane_pose
+from haustra.models.wall.planes import AWAY
 
 ROOM = 0.01
 """A plane is parked while its sphere has more room than this [m]: two steps at 1 m/s, well above any motion here."""
@@ -44,12 +45,14 @@ class TablePlanes:
             anus: where the colons begin [m]; the origin when None.
             inwards: unit vector into the patient; z when None.
         """
-        self._batch, self._stack, self._step_time, self._damping_time = batch, tables, model.opt.timestep, damping_time
+        self._batch, self._stack, self._step_time = batch, tables, model.opt.timestep
+        self._damper_time = damping_time + self._step_time
+        """c + h K over K [s]."""
         self._mocap_pos, self._mocap_quat = batch.bind("mocap_pos"), batch.bind("mocap_quat")
         self._geom_xpos = batch.bind("geom_xpos")
         self._friction = batch.expand("pair_friction")
         self._solref, self._solimp = batch.expand("pair_solref"), batch.expand("pair_solimp")
-        self._solref_friction = batch.expand("pair_solreffriction")
+        self._solref_friction, self._margin = batch.expand("pair_solreffriction"), batch.expand("pair_margin")
         self.spheres = np.array([model.geom(f"wall/sphere_{i:04d}").id for i in range(count)])
         self.radius = model.geom_size[self.spheres, 0]
         self._planes = np.array([model.body_mocapid[model.body(f"wall/plane_{i:04d}_0").id] for i in range(count)])
@@ -75,14 +78,13 @@ class TablePlanes:
         """Give these worlds' contacts their law: that of `haustra.models.wall.law`."""
         self._stiffness[worlds] = wall_stiffness
         stiffness = wall_stiffness[:, None]
-        damper = stiffness * (self._damping_time + self._step_time)
-        *solref, impedance = soft_contact(self._inverse_inertia, stiffness, damper, timestep=self._step_time)
-        solref = np.stack(solref, axis=-1)
+        damper = stiffness * self._damper_time
+        soft = soft_contact(np, self._inverse_inertia, stiffness, damper, timestep=self._step_time)
+        require_honoured(soft.impedance, what="A stiffness of the wall")
         where = np.ix_(worlds, self._pairs)
         self._friction[(*where, slice(2))] = friction[:, None, None]
-        self._solref[where] = solref
-        self._solref_friction[(*where, 1)] = SLIP_RELAXATION * solref[..., 1]
-        self._solimp[(*where, slice(2))] = impedance[..., None]
+        self._solref[where], self._solref_friction[where] = soft.solref, soft.sliding
+        self._solimp[(*where, slice(2))] = soft.impedance[..., None]
 
     def park(self, worlds: Int[np.ndarray, " reset"]) -> None:
         """Take the planes of these worlds out of the way."""
@@ -118,14 +120,16 @@ class TablePlanes:
         points = centres[near]
         found = touch(np, self._tables_of(world, sphere), points, self.arcs[near])
         stiffness, before = self._stiffness[world], self.depth[near]
-        rate = np.where(before > -ROOM, (found.depth - before) / self._step_time, 0.0)
-        force = stiffness * (found.depth + self._damping_time * rate)
+        leaving = (before - found.depth) / self._step_time
+        force = normal_force(np, stiffness * before, stiffness * self._damper_time, leaving)
         self.arcs = self._along(centres)  # before the anus a device is straight
         self.arcs[near], self.depth[near], self.inwards[near] = found.arcs, found.depth, found.inwards
-        self.normal_force[near] = np.where(found.depth > 0, np.maximum(force, 0.0), 0.0)
-        away = np.where(found.depth < -ROOM, AWAY, self.radius[sphere] - found.depth)
-        self._mocap_pos[world, self._planes[sphere]] = points - away[:, None] * found.inwards
-        self._mocap_quat[world, self._planes[sphere]] = turn_to(found.inwards)
+        self.normal_force[near] = force
+        depth = np.where(found.depth < -ROOM, -AWAY, found.depth)
+        pose = plane_pose(np, points, self.radius[sphere], depth, found.inwards)
+        planes = self._planes[sphere]
+        self._mocap_pos[world, planes], self._mocap_quat[world, planes] = pose.position, pose.turn
+        self._margin[world, self._pairs[sphere]] = pose.margin
 
     def forces(self) -> Float[np.ndarray, "worlds spheres 3"]:
         """Normal force of the wall on each sphere [N]."""
@@ -140,18 +144,3 @@ class TablePlanes:
         number = self.case[world] * (self._groups.max() + 1) + self._groups[sphere]
         chosen = {name: getattr(self._stack, name)[number] for name in ("step", "first", "count")}
         return self._stack._replace(**chosen)
-
-
-def turn_to(normals: Float[np.ndarray, "*rows 3"]) -> Float[np.ndarray, "*rows 4"]:
-    """Quaternions of the shortest turn from z to each normal."""
-    turn = np.empty((*normals.shape[:-1], 4))
-    turn[..., 0] = 1 + normals[..., 2]
-    turn[..., 1], turn[..., 2], turn[..., 3] = -normals[..., 1], normals[..., 0], 0.0
-    opposite = turn[..., 0] < 1e-9
-    if opposite.any():
-        turn[opposite] = [0.0, 1.0, 0.0, 0.0]
-    return turn / np.sqrt(2 * np.maximum(turn[..., :1], 1e-12)) if not opposite.any() else _normalised(turn)
-
-
-def _normalised(turn: np.ndarray) -> np.ndarray:
-    return turn / np.linalg.norm(turn, axis=-1, keepdims=True)

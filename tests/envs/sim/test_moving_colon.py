@@ -220,6 +220,7 @@ def test_a_colon_at_rest_holds_what_the_scope_presses() -> None:
             worlds.shift,
             engine._samples(parameters.scope, _pose(engine, parameters, worlds)),
             worlds.arcs[:, :-1],
+            parameters.scope.radius,
         )
         on_scope = np.asarray((worlds.normal[..., None] * found.inwards).sum(axis=1)[0])
         held = np.asarray(pull.sum(axis=1)[0])
