@@ -253,7 +253,7 @@ class TrackedRun:
         rates = states[:, 1 + model.nq : 1 + model.nq + model.nv]
         sound = bool(np.isfinite(states).all() and np.isfinite(sensors).all() and np.abs(rates).max() < _LARGEST_SPEED)
         if sound:
-            self._worms.append(worm.after(design, self._traction(), interval))
+            self._worms.append(WormState.under(design, self._traction()))
             self._arcs.append(self.tracker.update(self.pose()[0]))
         return sound
 

@@ -11,8 +11,8 @@ from haustra.models.devices.tracked.design import TRACKS, TrackedDesign
 from haustra.models.devices.tracked.implied import SPEEDS_RPM, STATEMENTS, best_guaranteed, implied_curves
 from haustra.models.devices.tracked.law import load_law
 
-_YIELDING = 0.1
-"""Time in which a worm under twice its largest torque comes to a stand [s]; engineering choice."""
+_DROOP = 0.1
+"""Share of its largest torque over which the worm slows down to a stand; engineering choice."""
 
 
 @dataclass(frozen=True)
@@ -68,16 +68,17 @@ class WormState:
     torque: float = 0.0
     """What the treads ask of it, and turn the core with [N m]."""
     speed_share: float = 1.0
-    """Its speed over the speed asked for [1]: it falls while the torque is above what the shaft may transmit."""
+    """Its speed over the speed asked for [1]: less than 1 next to the largest torque that the shaft may transmit."""
 
-    def after(self, design: TrackedDesign, traction: float, interval: float) -> "WormState":
-        """The state once the treads have pulled with `traction` [N] for a time [s].
+    @classmethod
+    def under(cls, design: TrackedDesign, traction: float) -> "WormState":
+        """What the worm does while the treads pull with `traction` [N].
 
-        A worm that is asked for more than the shaft transmits slows down and stands; being self-locking it holds.
+        A worm that is asked for more than the shaft transmits stands; being self-locking it holds.
         """
         torque = abs(traction) * worm_lever(design)
-        share = self.speed_share + interval / _YIELDING * (1 - torque / design.worm.torque_limit)
-        return WormState(torque, min(1.0, max(0.0, share)))
+        spare = (1 - torque / design.worm.torque_limit) / _DROOP
+        return cls(torque, min(1.0, max(0.0, spare)))
 
 
 def drive_point(design: TrackedDesign, friction: float, rpm: float, *, diameter: float | None = None) -> DrivePoint:
