@@ -14,6 +14,7 @@ from haustra.envs.runs.measure.containment import ESCAPE_DEPTH
 from haustra.envs.runs.measure.progress import segment_at
 from haustra.envs.runs.outcome import Outcome
 from haustra.envs.sim.device_native import NativeDevice
+from haustra.models.accuracy import NumericalError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.lumen_meshes import add_lumen
 from haustra.models.device_scene import build_device_scene, device_options, device_tables
@@ -174,12 +175,7 @@ def device_scores(run: DeviceRun, colon: Colon) -> dict[str, Any]:
         "backend": run.backend,
         "wall_law": run.wall_law,
         "mesentery": False,
-        "numerical_error": {
-            "wall_force": None,
-            "push": None,
-            "tip_mm": None,
-            "measured_on": f"nothing: no device of kind '{run.device.kind}' was measured",
-        },
+        "numerical_error": NumericalError().to_json(),
         "timestep_s": float(run.spec.option.timestep),
         **run.own_scores,
         "not_modelled": dict(run.left_out),

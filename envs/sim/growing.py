@@ -30,6 +30,8 @@ class GrowingEngine:
     until shaft is first added.
     """
 
+    backend = NativeEngine.backend
+
     def __init__(self, scene: Scene, *, build: Callable[[float], Scene], stride: float = STRIDE) -> None:
         """Build the first part.
 

@@ -58,6 +58,7 @@ def test_it_drives_and_leaves_what_every_device_leaves(
     assert json.loads((tmp_path / "scores.json").read_text())["driven_mm"] == scores["driven_mm"]
     for name in ("trajectory.npz", "scene.xml", "outside.png", "report.html"):
         assert (tmp_path / name).stat().st_size > 1000, name
+    assert scores["numerical_error"]["measured_on"] == "not measured"
 
 
 @pytest.mark.parametrize(

@@ -122,6 +122,6 @@ def test_its_worms_torque_turns_it_and_its_limit_holds_it_back() -> None:
     weak = replace(DESIGN, worm=replace(DESIGN.worm, torque_limit=0.5 * pulled * lever))
     run = drive_in_colon(colon, wall, weak, arc=START, friction=FRICTION, speed=SPEED, seconds=2.0, held=True)
     assert run.worm_share[-1] < 0.2
-    # The worm is asked once a control interval: the string gains this much until it stands, and being self-locking holds.
+    # Asked once a control interval: the string gains this much until the worm stands, and being self-locking it holds.
     late = 500.0 * SPEED * 0.02
     assert 0.45 * pulled < run.leash[-200:].mean() < 0.5 * pulled + late
