@@ -9,10 +9,9 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from haustra.envs.runs.insertion import CAECUM_MARGIN, CONTROL_INTERVAL, Progress
-from haustra.envs.runs.measure.containment import ESCAPE_DEPTH
+from haustra.envs.runs.insertion import CONTROL_INTERVAL, Progress
 from haustra.envs.runs.measure.progress import segment_at
-from haustra.envs.runs.outcome import Outcome
+from haustra.envs.runs.outcome import CAECUM_MARGIN, ESCAPE_DEPTH, Outcome
 from haustra.envs.sim.device_native import NativeDevice
 from haustra.models.accuracy import NumericalError
 from haustra.models.anatomy.colon import Colon

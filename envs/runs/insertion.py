@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.control.follower import FollowerSettings, LumenFollower
-from haustra.envs.runs.measure.containment import ESCAPE_DEPTH, Containment
+from haustra.envs.runs.measure.containment import Containment
 from haustra.envs.runs.measure.progress import ArcTracker
-from haustra.envs.runs.outcome import LEFT_OUTSIDE, Outcome
+from haustra.envs.runs.outcome import Outcome, ending, outcome_of
 from haustra.envs.sim.growing import GrowingEngine
 from haustra.envs.sim.native import Inputs, NativeEngine, Observation
 from haustra.models.anatomy.colon import Colon
@@ -19,12 +19,6 @@ from haustra.models.scene import Scene
 
 CONTROL_INTERVAL = 0.02
 """Time between two decisions of the driver, and between two records [s]; engineering choice: 50 Hz."""
-
-CAECUM_MARGIN = 0.03
-"""The caecum counts as reached this far before the end of the centreline [m]; engineering choice."""
-
-MANY_ATTEMPTS = 3
-"""A run that ends after this many attempts without progress was stuck."""
 
 Progress = Callable[[float, float], None]
 """Called with simulated time [s] and tip arc length [m]."""
@@ -94,18 +88,20 @@ class Insertion:
     """How it was driven."""
     colon: Colon
     """As it lay at the end."""
+    backend: str = "native"
+    """What stepped it, of `haustra.envs.sim.capabilities.BACKENDS`."""
     shaft_added: tuple[float, ...] = ()
     """When shaft was added to the scene [s]: from then on stock MuJoCo repeats it closely, but not to the bit."""
-    backend: str = NativeEngine.backend
-    """What computed it."""
 
 
 @runtime_checkable
 class Engine(Protocol):
     """One scene being stepped: the native engine, or another that steps the same scope."""
 
-    backend: str
-    """Name in scores."""
+    @property
+    def backend(self) -> str:
+        """Its name, of `haustra.envs.sim.capabilities.BACKENDS`."""
+        ...
 
     @property
     def scene(self) -> Scene:
@@ -177,12 +173,12 @@ def _drive(engine: Engine, seconds: float, settings: FollowerSettings, progress:
     containment = Containment(scene.colon, radius=scene.cable.radius)
     rows: list[tuple] = []
     seen, shape = engine.observe(), engine.shape()
-    outcome = Outcome.TIME_UP
+    ended, healthy = 0, True
     began = time.perf_counter()
     while seen.time < seconds - interval / 2:
         inputs = follower.act(seen, tracker.arc, interval)
         if not engine.step(inputs, steps):
-            outcome = Outcome.DIVERGED
+            healthy = False
             break
         seen, shape = engine.observe(), engine.shape()
         tracker.update(seen.tip, seen.way)
@@ -195,13 +191,20 @@ def _drive(engine: Engine, seconds: float, settings: FollowerSettings, progress:
         )
         if progress and len(rows) % 25 == 0:
             progress(seen.time, tracker.arc)
-        if ended := _ended(scene, seen, tracker.arc, outside):
-            outcome = ended
+        ended = int(
+            ending(
+                np,
+                outside=outside,
+                arc=tracker.arc,
+                length=line.length,
+                insertion=seen.insertion,
+                modelled=scene.cable.length,
+            )
+        )
+        if ended:
             break
-    if outcome is Outcome.TIME_UP and follower.attempts >= MANY_ATTEMPTS:
-        outcome = Outcome.STUCK
     return Insertion(
-        outcome=outcome,
+        outcome=outcome_of(ended, healthy=healthy, attempts=follower.attempts),
         trajectory=_trajectory(rows, engine),
         shape=shape,
         tip_frame=seen.tip_frame,
@@ -209,19 +212,9 @@ def _drive(engine: Engine, seconds: float, settings: FollowerSettings, progress:
         attempts=follower.attempts,
         settings=settings,
         colon=engine.colon(),
-        shaft_added=tuple(engine.added) if isinstance(engine, GrowingEngine) else (),
         backend=engine.backend,
+        shaft_added=tuple(engine.added) if isinstance(engine, GrowingEngine) else (),
     )
-
-
-def _ended(scene: Scene, seen: Observation, arc: float, outside: float) -> Outcome | None:
-    if outside > ESCAPE_DEPTH:
-        return Outcome.ESCAPED
-    if arc >= scene.colon.centreline.length - CAECUM_MARGIN:
-        return Outcome.REACHED_CAECUM
-    if seen.insertion >= scene.cable.length - LEFT_OUTSIDE:
-        return Outcome.FULLY_INSERTED
-    return None
 
 
 def _record(engine: Engine, seen: Observation, arc: float, outside: float) -> tuple:

@@ -49,3 +49,5 @@ class Snapshot:
     """Where each sphere was before the last step [m]."""
     arcs: Float[np.ndarray, " spheres"]
     """Arc length of each sphere [m]."""
+    pulls: Float[np.ndarray, "4"]
+    """What of the hand's pulls had arrived at the bending section [N]."""

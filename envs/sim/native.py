@@ -6,12 +6,15 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.sim.capabilities import require_supported
 from haustra.envs.sim.energy import Energies, EnergyMeter
 from haustra.envs.sim.log import log_to_stderr_only
+from haustra.envs.sim.physics.lock import lock_activation
+from haustra.envs.sim.physics.wires import sheath_angle
 from haustra.envs.sim.wheels import Wheels
-from haustra.errors import InvalidOptionError, UnsupportedSceneError
+from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import Colon
-from haustra.models.devices.scope.cable import LOCK_STRETCH, PULL_OUT_LIMIT
+from haustra.models.devices.scope.cable import PULL_OUT_LIMIT
 from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.scene import Scene
 from haustra.models.wall.planes import PlaneWall
@@ -100,10 +103,9 @@ class NativeEngine:
         """Compile the scene and lay the scope straight, its tip at the start depth.
 
         Raises:
-            UnsupportedSceneError: when the wall is a table of the lumen.
+            UnsupportedSceneError: when the scene has what this backend cannot honour.
         """
-        if scene.options.wall_law == "table":
-            raise UnsupportedSceneError("The native engine has no wall law 'table': choose pieces or planes, or JAX.")
+        require_supported(scene, "native")
         log_to_stderr_only()
         self.scene = scene
         self.model = scene.compile()
@@ -263,15 +265,14 @@ class NativeEngine:
     def _arrive(self, pulls: Float[np.ndarray, "4"]) -> Float[np.ndarray, "4"]:
         """What of the hand's pulls gets through the bent shaft to the bending section [N]."""
         self._hand = pulls
-        angle = float(np.hypot(*self.data.qpos[self._sheath]).sum())
-        self._arriving = arriving_pulls(self.scene.design.wires, pulls, self._arriving, sheath_angle=angle)
+        wires, angle = self.scene.design.wires, sheath_angle(np, *self.data.qpos[self._sheath])
+        losses = {"friction": wires.friction, "hysteresis": wires.hysteresis}
+        self._arriving = arriving_pulls(np, pulls, self._arriving, **losses, sheath_angle=angle)
         return self._arriving
 
     def _lock_outside(self, insertion: float) -> None:
         """Hold joints straight that are outside the patient, and free them smoothly as they pass the anus."""
-        position = insertion - self._behind
-        held = np.clip(-position / LOCK_STRETCH, 0.0, 1.0) ** 4
-        self.data.ctrl[self._locks] = held[:, None]
+        self.data.ctrl[self._locks] = lock_activation(np, np.float64(insertion), self._behind)[:, None]
 
     def _link_forces(self) -> tuple[Float[np.ndarray, " links"], Float[np.ndarray, " contacts"]]:
         """Resultant on each link, and the normal force of each contact [N]."""

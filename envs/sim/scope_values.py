@@ -39,6 +39,16 @@ class Scope(NamedTuple):
     """(any,) pull that bends the bending section by an angle [N/rad]."""
     length: Array
     """(any,) of the modelled scope [m]."""
+    start: Array
+    """(any,) depth of the tip at the start [m]."""
+    pull_limit: Array
+    """(any,) largest pull of one wire [N]."""
+    bend_limit: Array
+    """(any,) smallest of the bending section's limits [rad]."""
+    wire_friction: Array
+    """(any,) Coulomb coefficient between wire and sheath [1]."""
+    wire_hysteresis: Array
+    """(any,) part of a pull that is lost in the bending section itself [1]."""
 
 
 class Parameters(NamedTuple):
@@ -61,6 +71,10 @@ class Parameters(NamedTuple):
     """GJ over that of the design [1]."""
     push_limit: Array
     """Largest push of the hand [N]."""
+    torque_limit: Array
+    """Largest torque of the hand [N m]."""
+    gravity: Array
+    """(worlds, 3) in each colon's own frame [m/s^2]."""
 
 
 class State(NamedTuple):
@@ -78,6 +92,8 @@ class State(NamedTuple):
     """(worlds,): false once a world has diverged; it then stays as it was last sound."""
     time: Array
     """(worlds,) [s]."""
+    pulls: Array
+    """(worlds, 4): what of the hand's pulls arrived at the bending section last [N]."""
     warm: Array | None = None
     """(worlds, dofs) accelerations from which MuJoCo's solver begins; None where there is no such solver."""
     shift: AxisDisplacement | None = None

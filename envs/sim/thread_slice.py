@@ -10,9 +10,10 @@ from mujoco.batch import Batch
 from haustra.envs.sim.coils import coil_samples
 from haustra.envs.sim.conditions import Conditions, Snapshot
 from haustra.envs.sim.native import FATAL_WARNINGS, SPEED_LIMIT
+from haustra.envs.sim.physics.lock import lock_activation
+from haustra.envs.sim.physics.wires import sheath_angle
 from haustra.envs.sim.table_planes import TablePlanes
-from haustra.models.devices.scope.cable import LOCK_STRETCH
-from haustra.models.devices.scope.wires import WIRE_NAMES
+from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.scene import Scene
 from haustra.models.wall.lumen_table import Tables
 
@@ -37,10 +38,12 @@ class ThreadSlice:
         damping_time, count = scene.options.wall_damping_time, len(scene.samples)
         self._wall = TablePlanes(batch, model, tables, worlds=worlds, count=count, damping_time=damping_time)
         self._springs = [batch.expand(name) for name in ("jnt_stiffness", "dof_damping", "dof_armature")]
+        self._gravity, self._axes = batch.expand("opt.gravity"), tables.axes
         self._find(cable)
         self._nominal = [np.array(getattr(model, name)) for name in ("jnt_stiffness", "dof_damping", "dof_armature")]
         self._start_state = batch.state[0].copy()
         self.healthy: Bool[np.ndarray, " worlds"] = np.ones(worlds, bool)
+        self._arriving = np.zeros((worlds, len(WIRE_NAMES)))
         self._seen: dict[str, np.ndarray] | None = None
 
     def _find(self, cable) -> None:
@@ -61,6 +64,7 @@ class ThreadSlice:
         shaft = [model.joint(f"scope/bend_{side}_{i:03d}").id for side, i in joints if i not in steerable]
         self._shaft_joints = np.array(shaft)
         self._shaft_dofs = model.jnt_dofadr[self._shaft_joints]
+        self._sheath = model.jnt_qposadr[self._shaft_joints].reshape(-1, 2).T
         self._bend_up, self._bend_left = (
             np.array([model.joint(f"scope/bend_{side}_{i:03d}").qposadr[0] for i in steerable]) for side in "yx"
         )
@@ -73,6 +77,7 @@ class ThreadSlice:
         self.healthy[worlds] = True
         self._wall.case[worlds] = case
         self._wall.set_contact(worlds, conditions.friction, conditions.wall_stiffness)
+        self._gravity[worlds] = np.array(self._scene.options.gravity) @ self._axes[case]
         factor = conditions.shaft_stiffness
         for field, nominal, where in zip(
             self._springs, self._nominal, (self._shaft_joints, self._shaft_dofs, self._shaft_dofs), strict=True
@@ -86,6 +91,7 @@ class ThreadSlice:
         ids = np.sort(worlds)
         self._batch.forward(ids)
         self._wall.begin(worlds)
+        self._arriving[worlds] = 0.0
 
     def step(
         self,
@@ -102,7 +108,7 @@ class ThreadSlice:
             pulls = np.where(sound[:, None], pulls, 0.0)
         self._ctrl[:, self._push] = push_rate
         self._ctrl[:, self._roll] = roll_rate
-        self._ctrl[:, self._pulls] = pulls
+        self._ctrl[:, self._pulls] = self._arrive(pulls)
         self._lock_outside()
         for step in range(count):
             with _TURN:
@@ -114,6 +120,14 @@ class ThreadSlice:
         with _TURN:
             self._catch_divergence()
             self._seen = self._observe()  # here, since other threads may be stepping still
+
+    def _arrive(self, pulls: Float[np.ndarray, "worlds 4"]) -> Float[np.ndarray, "worlds 4"]:
+        """What of the hands' pulls gets through the bent shafts to the bending sections [N]."""
+        wires, about = self._scene.design.wires, self._sheath
+        angle = sheath_angle(np, self._qpos[:, about[0]], self._qpos[:, about[1]])[:, None]
+        losses = {"friction": wires.friction, "hysteresis": wires.hysteresis}
+        self._arriving = arriving_pulls(np, pulls, self._arriving, **losses, sheath_angle=angle)
+        return self._arriving
 
     def _catch_divergence(self) -> None:
         state = np.abs(self._qvel).max(axis=1)
@@ -133,7 +147,7 @@ class ThreadSlice:
     def _lock_outside(self) -> None:
         """Hold joints straight that are outside the patient, and free them smoothly as they pass the anus."""
         insertion = self._scene.options.start_depth + self._qpos[:, :1]
-        held = np.clip((self._behind - insertion) / LOCK_STRETCH, 0.0, 1.0) ** 4
+        held = lock_activation(np, insertion, self._behind)
         self._ctrl[:, self._locks] = held[:, :, None]
 
     def observe(self) -> dict[str, np.ndarray]:
@@ -168,7 +182,8 @@ class ThreadSlice:
 
     def snapshot(self, world: int) -> Snapshot:
         """Where one world is now."""
-        return Snapshot(self._batch.state[world].copy(), self._wall.before[world].copy(), self._wall.arcs[world].copy())
+        parts = (self._batch.state, self._wall.before, self._wall.arcs, self._arriving)
+        return Snapshot(*(part[world].copy() for part in parts))
 
     def restore(self, world: int, snapshot: Snapshot) -> None:
         """Put one world where another was."""
@@ -177,6 +192,7 @@ class ThreadSlice:
         self._time[world] = 0.0
         self._batch.forward(np.array([world]))
         self._wall.resume(np.array([world]), snapshot.arcs[None])
+        self._arriving[world] = snapshot.pulls
 
     def world_data(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Model and data of one world."""

@@ -6,7 +6,7 @@ this replaces by MuJoCo's. Without a GPU the same kernels run on the CPU, slowly
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -15,11 +15,12 @@ import numpy as np
 from mujoco import mjx
 
 from haustra.envs.sim import chain as links
+from haustra.envs.sim.capabilities import require_supported
 from haustra.envs.sim.device_arrays import tree_where
 from haustra.envs.sim.precision import precise
 from haustra.envs.sim.scope_batch import batch_model
 from haustra.envs.sim.scope_values import Array, Controls, Parameters, Scope, State
-from haustra.envs.sim.scope_worlds import JaxScopes, sound_after
+from haustra.envs.sim.scope_worlds import JaxScopes, entry_gravity, sound_after
 from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene
@@ -34,6 +35,8 @@ CONTACT_ROWS = 3
 @dataclass(frozen=True)
 class WarpScopes(JaxScopes):
     """One kind of scope on MuJoCo Warp, for any number of worlds."""
+
+    designs_share: ClassVar[bool] = False
 
     host: mujoco.MjModel
     """Compiled for the CPU, to make data of."""
@@ -53,8 +56,7 @@ class WarpScopes(JaxScopes):
         Raises:
             UnsupportedSceneError: when the scene has what this engine cannot honour.
         """
-        if scene.options.mesentery:
-            raise UnsupportedSceneError("Colons that move on their mesentery need the engine 'jax': name it.")
+        require_supported(scene, "warp")
         chain = JaxScopes.of(scene)
         host = for_warp(batch_model(scene))
         try:
@@ -113,8 +115,9 @@ class WarpScopes(JaxScopes):
     @precise
     def steps(self, tables: Tables, parameters: Parameters, worlds: State, hands: Controls, count: Any) -> State:
         """Several time steps under the same inputs."""
-        model, axes = self._model_of(parameters)
         own_tables = pick(tables, parameters.colon)
+        model, axes = self._of_each(own_tables, parameters, *self._model_of(parameters))
+        worlds = self.arrived(parameters, worlds, hands)
         step = jax.vmap(mjx.step, in_axes=(axes, 0))
 
         def one(_: Any, now: tuple[State, Any]) -> tuple[State, Any]:
@@ -132,7 +135,8 @@ class WarpScopes(JaxScopes):
         where = links.pose(self.chain, scope.links, worlds.qpos)
         points = self._samples(scope, where)
         found = touch(jnp, tables, jnp.concatenate([points, self._tip(scope, where)], axis=1), worlds.arcs)
-        depth, inwards = found.depth[:, :-1], found.inwards[:, :-1]
+        depth = found.depth[:, :-1] + scope.radius[:, None] - tables.device_radius
+        inwards = found.inwards[:, :-1]
         planes = plane_pose(jnp, points, scope.radius[:, None], depth, inwards)
         done = step(
             planes.margin,
@@ -186,12 +190,19 @@ class WarpScopes(JaxScopes):
         axes = jax.tree.map(lambda _: None, model)
         return model.replace(**own), axes.replace(**dict.fromkeys(own, 0))
 
+    def _of_each(self, tables: Tables, parameters: Parameters, model: Any, axes: Any) -> tuple[Any, Any]:
+        """The model with gravity and the hand's torque of each world too, and which arrays have one entry a world."""
+        limit = jnp.stack([-parameters.torque_limit, parameters.torque_limit], axis=-1)
+        limits = model.actuator_forcerange.at[:, self.host.actuator("scope/roll").id].set(limit)
+        own = {"actuator_forcerange": limits, "opt.gravity": entry_gravity(tables, parameters)}
+        return model.tree_replace(own), axes.tree_replace(dict.fromkeys(own, 0))
+
     def _controls(self, parameters: Parameters, worlds: State, hands: Controls) -> Array:
         """Hand, wires, and how firmly what is outside is held."""
         host, kind = self.host, worlds.qpos.dtype
         control = jnp.zeros((len(worlds.time), host.nu), kind)
         named = {"scope/push": hands.push_rate, "scope/roll": hands.roll_rate}
-        named |= {f"scope/pull_{name}": hands.pulls[:, wire] for wire, name in enumerate(WIRE_NAMES)}
+        named |= {f"scope/pull_{name}": worlds.pulls[:, wire] for wire, name in enumerate(WIRE_NAMES)}
         columns = np.array([host.actuator(name).id for name in named])
         control = control.at[:, columns].set(jnp.stack(list(named.values()), axis=-1).astype(kind))
         return control.at[:, self.locks].set(self.lock_activation(parameters, worlds))

@@ -56,6 +56,7 @@ _ENGINES = {
     ("scope", "jax"): "haustra.envs.study.scope_worlds:WORLDS",
     ("device", "native"): "haustra.envs.study.device:NATIVE",
     ("device", "warp"): "haustra.envs.study.device:WARP",
+    ("scope", "warp"): "haustra.envs.study.scope_worlds:WARP_WORLDS",
 }
 """Where an engine for a question is found; loaded when it is asked for."""
 

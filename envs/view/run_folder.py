@@ -19,7 +19,7 @@ from haustra.models.anatomy.store import colon_hash
 from haustra.models.presets import preset_of
 from haustra.models.scene import Scene
 from haustra.models.wall.pieces.wall import Wall
-from haustra.provenance import Provenance
+from haustra.provenance import Provenance, backend_record
 
 
 def write_run(
@@ -51,6 +51,7 @@ def write_run(
             "seconds": seconds,
             "shaft_added_s": list(run.shaft_added),
         },
+        backend=backend_record(run.backend),
     )
     scores = score(scene, run, provenance, wall=wall.method if wall else None, error=error)
     arrays = {**asdict(run.trajectory), "shape": run.shape, "tip_frame": run.tip_frame}

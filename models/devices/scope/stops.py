@@ -1,5 +1,7 @@
 """Stops of joints: MuJoCo's soft limits made into springs of known stiffness, so that angles end where they should."""
 
+from typing import Any
+
 import mujoco
 import numpy as np
 
@@ -11,6 +13,11 @@ past it; stops of 500 N m/rad chatter at 4 ms. MuJoCo's default yields ten times
 
 STOP_RELAXATION_TIME = 0.01
 """Damping over stiffness of a stop [s]; engineering choice."""
+
+
+def stop_damping(timestep: Any) -> Any:
+    """Damping of a stop, and what a time step [s] of its spring adds [N m s/rad]."""
+    return STOP_STIFFNESS * (STOP_RELAXATION_TIME + timestep)
 
 
 def apply_stops(spec: mujoco.MjSpec, bare: mujoco.MjModel, *, timestep: float) -> None:
@@ -27,7 +34,7 @@ def apply_stops(spec: mujoco.MjSpec, bare: mujoco.MjModel, *, timestep: float) -
     Raises:
         InvalidOptionError: when MuJoCo cannot honour such a stop at this time step.
     """
-    damping = STOP_STIFFNESS * (STOP_RELAXATION_TIME + timestep)
+    damping = stop_damping(timestep)
     for index in range(bare.njnt):
         name = bare.joint(index).name
         if not (name.startswith("scope/") and bare.jnt_limited[index]):

@@ -9,8 +9,9 @@ import mujoco
 import numpy as np
 
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
-from haustra.envs.runs.measure.containment import ESCAPE_DEPTH, Containment
+from haustra.envs.runs.measure.containment import Containment
 from haustra.envs.runs.measure.progress import ArcTracker
+from haustra.envs.runs.outcome import ESCAPE_DEPTH
 from haustra.envs.sim.native import Inputs, NativeEngine
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.store import load_colon
