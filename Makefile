@@ -24,7 +24,7 @@ help:
 demo: $(VENV)/.installed
 	$(BIN)/haustra colon grow --seed 0 -o demo/colon
 	$(BIN)/haustra wall demo/colon --method coacd
-	$(BIN)/haustra run --colon demo/colon --design adult -o demo/run
+	$(BIN)/haustra run --colon demo/colon --device adult -o demo/run
 	@echo
 	@echo 'Open $(CURDIR)/demo/run/report.html'
 

@@ -21,7 +21,6 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
     },
     "Runs": {
         "run": f"{_SCRIPTS}.run:Run",
-        "tracked": f"{_SCRIPTS}.tracked:TrackedRun",
         "report": f"{_SCRIPTS}.report:Report",
         "view": f"{_SCRIPTS}.view:View",
     },

@@ -1,4 +1,4 @@
-"""`haustra run`: drive a scope through a colon and score it."""
+"""`haustra run`: drive a device through a colon and score it."""
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -9,14 +9,17 @@ import tyro
 
 @dataclass(frozen=True)
 class Run:
-    """Drive a scope through a colon; leave scores, trajectory, pictures and a report."""
+    """Drive a device through a colon; leave scores, trajectory, pictures and a report."""
 
     colon: Path
     """Folder of a colon, from `haustra colon import` or `haustra colon grow`."""
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for the run."""
-    design: str = "adult"
-    """Name of a scope design (adult, paediatric, adult-worn, adult-variable), or a file that ends in .toml."""
+    device: str = "adult"
+    """Name of a device (adult, paediatric, adult-worn, adult-variable, and what assets/devices holds), or a file that
+    ends in .toml; options that a device does not honour are refused by name."""
+    start: float | None = None
+    """Where a device that stands in the colon stands at first, as its centre's distance from the anus [m]."""
     wall: Literal["coacd", "prism"] = "coacd"
     """Which wall to use; it is built first if the colon's folder does not have it."""
     preset: Literal["fast", "balanced", "accurate"] = "balanced"
@@ -61,16 +64,25 @@ class Run:
         from haustra.envs.runs.error import own_error, refinements
         from haustra.envs.runs.insertion import Insertion, run_insertion
         from haustra.envs.view.run_folder import write_run
+        from haustra.errors import InvalidOptionError
         from haustra.files import prepare_folder
         from haustra.models.anatomy.store import load_colon
-        from haustra.models.devices.scope.files import find_design
+        from haustra.models.devices.base import load_device
+        from haustra.models.devices.scope.interface import Scope
         from haustra.models.presets import find_preset
         from haustra.models.scene import Scene, SceneOptions, build_scene
         from haustra.models.wall.pieces.folder import wall_of
         from haustra.scripts.console import progress_bar
         from haustra.scripts.wall import wall_bar
 
-        design = find_design(self.design)
+        device = load_device(self.device)
+        if not isinstance(device, Scope):
+            from haustra.scripts.run_device import run_any
+
+            return run_any(self, device)
+        if self.start is not None:
+            raise InvalidOptionError("A scope starts at the anus: leave --start out.")
+        design = device.design
         options = replace(find_preset(self.preset).apply(), **self._options())
         _require_seconds(self.seconds)
         colon = load_colon(self.colon)

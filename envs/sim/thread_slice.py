@@ -12,18 +12,10 @@ from haustra.envs.sim.conditions import Conditions, Snapshot
 from haustra.envs.sim.native import FATAL_WARNINGS, SPEED_LIMIT
 from haustra.envs.sim.physics.lock import lock_activation
 from haustra.envs.sim.physics.wires import sheath_angle
+from haustra.envs.sim.table_planes import TablePlanes
 from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.scene import Scene
-from haustra.models.wall.law import normal_force, require_honoured, soft_contact
-from haustra.models.wall.lumen_table import Tables, pick, touch
-from haustra.models.wall.plane_pose import plane_pose
-from haustra.models.wall.planes import AWAY
-
-ROOM = 0.01
-"""A plane is parked while its sphere has more room than this [m]: two steps at 1 m/s, well above any motion here."""
-_OUTSIDE = 0.03
-"""A sphere is not looked up while it is farther than this before the anus [m]: in one step none comes that far."""
-
+from haustra.models.wall.lumen_table import Tables
 
 _TURN = Lock()
 """Held by the thread that is between two of MuJoCo's steps. Numpy gives Python's own lock away and takes it back in
@@ -36,47 +28,27 @@ class ThreadSlice:
 
     def __init__(self, scene: Scene, model: mujoco.MjModel, tables: Tables, worlds: int) -> None:
         """Find everything in the model."""
-        self._scene, self._model, self._stack, self._worlds = scene, model, tables, worlds
+        self._scene, self._model, self._worlds = scene, model, worlds
         self._batch = Batch(model, worlds, nthread=1)
         batch, cable = self._batch, scene.cable
         self._qpos, self._qvel, self._act = (batch.bind(name) for name in ("qpos", "qvel", "act"))
         self._ctrl, self._time = batch.bind("ctrl"), batch.bind("time")
-        self._mocap_pos, self._mocap_quat = batch.bind("mocap_pos"), batch.bind("mocap_quat")
         self._geom_xpos, self._force = batch.bind("geom_xpos"), batch.bind("actuator_force")
         self._site_xpos, self._site_xmat = batch.bind("site_xpos"), batch.bind("site_xmat")
-        self._friction = batch.expand("pair_friction")
-        self._solref, self._solimp = batch.expand("pair_solref"), batch.expand("pair_solimp")
-        self._solref_friction, self._margin = batch.expand("pair_solreffriction"), batch.expand("pair_margin")
+        damping_time, count = scene.options.wall_damping_time, len(scene.samples)
+        self._wall = TablePlanes(batch, model, tables, worlds=worlds, count=count, damping_time=damping_time)
         self._springs = [batch.expand(name) for name in ("jnt_stiffness", "dof_damping", "dof_armature")]
-        self._gravity = batch.expand("opt.gravity")
+        self._gravity, self._axes = batch.expand("opt.gravity"), tables.axes
         self._find(cable)
-        self._step_time = scene.options.timestep
-        self._damper_time = scene.options.wall_damping_time + self._step_time
-        """c + h K over K [s]."""
         self._nominal = [np.array(getattr(model, name)) for name in ("jnt_stiffness", "dof_damping", "dof_armature")]
         self._start_state = batch.state[0].copy()
-        self._case = np.zeros(worlds, int)
-        self._tables = pick(tables, self._case)
-        self._stiffness = np.full(worlds, float(scene.options.wall_stiffness))
         self.healthy: Bool[np.ndarray, " worlds"] = np.ones(worlds, bool)
-        spheres = len(self._spheres)
-        self._arcs = np.zeros((worlds, spheres))
-        self._depth = np.full((worlds, spheres), -1.0)
-        self._inwards = np.zeros((worlds, spheres, 3))
-        self._normal_force = np.zeros((worlds, spheres))
-        self._before = np.zeros((worlds, spheres, 3))
         self._arriving = np.zeros((worlds, len(WIRE_NAMES)))
         self._seen: dict[str, np.ndarray] | None = None
 
     def _find(self, cable) -> None:
         model, samples = self._model, self._scene.samples
         count = len(samples)
-        first = model.geom("wall/sphere_0000").id
-        self._spheres = np.array([model.geom(f"wall/sphere_{i:04d}").id for i in range(count)])
-        self._radius = model.geom_size[first, 0]
-        self._planes = np.array([model.body_mocapid[model.body(f"wall/plane_{i:04d}_0").id] for i in range(count)])
-        self._pairs = np.array([model.pair(f"wall/plane_{i:04d}_0").id for i in range(count)])
-        self._inverse_inertia = model.body_invweight0[model.geom_bodyid[self._spheres], 0]
         links = {name: index for index, name in enumerate(cable.links)}
         self._members = np.zeros((count, len(links)))
         self._members[np.arange(count), [links[sample.body] for sample in samples]] = 1.0
@@ -85,7 +57,7 @@ class ThreadSlice:
         self._locks = np.array([[model.actuator(name).id for name in pair] for pair in cable.locks])
         self._behind = cable.length - cable.joint_positions
         self._tip = model.site("scope/tip").id
-        self._coils = self._spheres[coil_samples(model, samples)]
+        self._coils = self._wall.spheres[coil_samples(model, samples)]
         joints = [(side, index) for index, cell in enumerate(cable.cells) for side in "xy"]
         steerable = [index for index, cell in enumerate(cable.cells) if cell.steerable]
         self._tip_links = np.array([cable.links.index(f"scope/link_{index:03d}") for index in steerable])
@@ -103,11 +75,9 @@ class ThreadSlice:
         self._batch.state[worlds] = self._start_state
         self._batch.warning[worlds] = 0
         self.healthy[worlds] = True
-        self._case[worlds] = case
-        self._tables = pick(self._stack, self._case)
-        self._stiffness[worlds] = conditions.wall_stiffness
-        self._set_contact(worlds, conditions)
-        self._gravity[worlds] = np.array(self._scene.options.gravity) @ self._stack.axes[case]
+        self._wall.case[worlds] = case
+        self._wall.set_contact(worlds, conditions.friction, conditions.wall_stiffness)
+        self._gravity[worlds] = np.array(self._scene.options.gravity) @ self._axes[case]
         factor = conditions.shaft_stiffness
         for field, nominal, where in zip(
             self._springs, self._nominal, (self._shaft_joints, self._shaft_dofs, self._shaft_dofs), strict=True
@@ -117,24 +87,11 @@ class ThreadSlice:
         if conditions.roll is not None:
             self._qpos[worlds, 1] = self._act[worlds, 1] = conditions.roll
         self._lock_outside()
-        self._mocap_pos[worlds] = [0, 0, -AWAY]
+        self._wall.park(worlds)
         ids = np.sort(worlds)
         self._batch.forward(ids)
-        centres = self._geom_xpos[worlds][:, self._spheres]
-        self._arcs[worlds] = centres[..., 2]
-        self._before[worlds] = centres
-        self._depth[worlds], self._normal_force[worlds], self._arriving[worlds] = -1.0, 0.0, 0.0
-
-    def _set_contact(self, worlds: Int[np.ndarray, " reset"], conditions: Conditions) -> None:
-        """Give these worlds' contacts their law: that of `haustra.models.wall.law`."""
-        stiffness = conditions.wall_stiffness[:, None]
-        damper = stiffness * self._damper_time
-        soft = soft_contact(np, self._inverse_inertia, stiffness, damper, timestep=self._step_time)
-        require_honoured(soft.impedance, what="A stiffness of the wall")
-        where = np.ix_(worlds, self._pairs)
-        self._friction[(*where, slice(2))] = conditions.friction[:, None, None]
-        self._solref[where], self._solref_friction[where] = soft.solref, soft.sliding
-        self._solimp[(*where, slice(2))] = soft.impedance[..., None]
+        self._wall.begin(worlds)
+        self._arriving[worlds] = 0.0
 
     def step(
         self,
@@ -157,7 +114,7 @@ class ThreadSlice:
             with _TURN:
                 if step:
                     self._catch_divergence()
-                self._place_planes()
+                self._wall.place()
                 ids = None if self.healthy.all() else np.flatnonzero(self.healthy)
             self._batch.step(ids)
         with _TURN:
@@ -172,36 +129,6 @@ class ThreadSlice:
         self._arriving = arriving_pulls(np, pulls, self._arriving, **losses, sheath_angle=angle)
         return self._arriving
 
-    def _place_planes(self) -> None:
-        """Put the planes where the wall is next to each sphere.
-
-        What MuJoCo leaves are the spheres' places before its last step; they are carried on by the motion of that
-        step, which is right to second order in the time step.
-        """
-        seen = self._geom_xpos[:, self._spheres]
-        centres = 2 * seen - self._before
-        self._before = seen
-        world, sphere = near = np.nonzero(self._arcs > -_OUTSIDE)
-        points = centres[near]
-        found = touch(np, self._tables_of(world), points, self._arcs[near])
-        stiffness, before = self._stiffness[world], self._depth[near]
-        leaving = (before - found.depth) / self._step_time
-        force = normal_force(np, stiffness * before, stiffness * self._damper_time, leaving)
-        self._arcs = centres[..., 2].copy()  # before the anus a scope is straight
-        self._arcs[near], self._depth[near], self._inwards[near] = found.arcs, found.depth, found.inwards
-        self._normal_force[near] = force
-        depth = np.where(found.depth < -ROOM, -AWAY, found.depth)
-        pose = plane_pose(np, points, self._radius, depth, found.inwards)
-        planes = self._planes[sphere]
-        self._mocap_pos[world, planes], self._mocap_quat[world, planes] = pose.position, pose.turn
-        self._margin[world, self._pairs[sphere]] = pose.margin
-
-    def _tables_of(self, world: Int[np.ndarray, " points"]) -> Tables:
-        """Tables with one colon a point."""
-        rows = self._tables
-        chosen = {name: getattr(rows, name)[world, 0] for name in ("step", "first", "count")}
-        return rows._replace(**chosen)
-
     def _catch_divergence(self) -> None:
         state = np.abs(self._qvel).max(axis=1)
         sound = (state < SPEED_LIMIT) & np.isfinite(self._qpos).all(axis=1)
@@ -215,7 +142,7 @@ class ThreadSlice:
         self._batch.state[lost] = self._start_state
         self._batch.warning[lost] = 0
         self._batch.forward(np.flatnonzero(lost))
-        self._before[lost] = self._geom_xpos[lost][:, self._spheres]
+        self._wall.rest(np.flatnonzero(lost))
 
     def _lock_outside(self) -> None:
         """Hold joints straight that are outside the patient, and free them smoothly as they pass the anus."""
@@ -231,8 +158,7 @@ class ThreadSlice:
     def _observe(self) -> dict[str, np.ndarray]:
         qpos = self._qpos
         frame = self._site_xmat[:, self._tip].reshape(-1, 3, 3)
-        sphere_forces = self._normal_force[..., None] * self._inwards
-        links = np.einsum("wsi,sl->wli", sphere_forces, self._members)
+        links = np.einsum("wsi,sl->wli", self._wall.forces(), self._members)
         return {
             "time": self._time.copy(),
             "insertion": self._scene.options.start_depth + qpos[:, 0],
@@ -240,13 +166,13 @@ class ThreadSlice:
             "hand_lead": self._act[:, 0] - qpos[:, 0],
             "tip": self._site_xpos[:, self._tip].copy(),
             "tip_frame": frame.copy(),
-            "tip_arc": self._arcs[:, -1] + self._radius,
+            "tip_arc": self._wall.arcs[:, -1] + self._wall.radius[-1],
             "bend": np.stack([qpos[:, self._bend_up].sum(axis=1), -qpos[:, self._bend_left].sum(axis=1)], axis=1),
             "push_force": self._force[:, self._push].copy(),
             "torque": self._force[:, self._roll].copy(),
             "tip_force": np.einsum("wij,wi->wj", frame, links[:, self._tip_links].sum(axis=1)),
             "link_forces": np.linalg.norm(links, axis=2),
-            "deepest": self._depth.max(axis=1),
+            "deepest": self._wall.depth.max(axis=1),
             "coils": self._geom_xpos[:, self._coils].copy(),
         }
 
@@ -256,7 +182,7 @@ class ThreadSlice:
 
     def snapshot(self, world: int) -> Snapshot:
         """Where one world is now."""
-        parts = (self._batch.state, self._before, self._arcs, self._arriving)
+        parts = (self._batch.state, self._wall.before, self._wall.arcs, self._arriving)
         return Snapshot(*(part[world].copy() for part in parts))
 
     def restore(self, world: int, snapshot: Snapshot) -> None:
@@ -265,8 +191,7 @@ class ThreadSlice:
         self._batch.state[world] = snapshot.state
         self._time[world] = 0.0
         self._batch.forward(np.array([world]))
-        self._before[world], self._arcs[world] = self._geom_xpos[world, self._spheres], snapshot.arcs
-        self._depth[world], self._normal_force[world] = -1.0, 0.0
+        self._wall.resume(np.array([world]), snapshot.arcs[None])
         self._arriving[world] = snapshot.pulls
 
     def world_data(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:

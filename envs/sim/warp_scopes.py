@@ -28,7 +28,7 @@ from haustra.models.wall.law import normal_force, require_honoured, soft_contact
 from haustra.models.wall.lumen_table import Tables, pick, touch
 from haustra.models.wall.plane_pose import plane_pose
 
-_PER_CONTACT = 3
+CONTACT_ROWS = 3
 """Constraint rows of a contact with friction."""
 
 
@@ -58,7 +58,7 @@ class WarpScopes(JaxScopes):
         """
         require_supported(scene, "warp")
         chain = JaxScopes.of(scene)
-        host = _for_warp(batch_model(scene))
+        host = for_warp(batch_model(scene))
         try:
             # Room is kept for all that can happen; its solver's limits would be told on stdout at every step.
             model = mjx.put_model(host, impl="warp").tree_replace({"opt._impl.warn_overflow": 0})
@@ -74,7 +74,7 @@ class WarpScopes(JaxScopes):
             model=model,
             inverse_inertia=host.body_invweight0[host.geom_bodyid[spheres], 0],
             locks=np.array([host.actuator(name).id for pair in scene.cable.locks for name in pair]),
-            rows=_PER_CONTACT * len(spheres) + int(host.jnt_limited.sum()),
+            rows=CONTACT_ROWS * len(spheres) + int(host.jnt_limited.sum()),
         )
 
     def parameters(
@@ -177,10 +177,10 @@ class WarpScopes(JaxScopes):
         push = self.host.actuator("scope/push").id
         limit = jnp.stack([-parameters.push_limit, parameters.push_limit], axis=-1)
         own = {
-            "pair_friction": _with(model.pair_friction, parameters.friction[:, None, None], 2),
+            "pair_friction": with_columns(model.pair_friction, parameters.friction[:, None, None], 2),
             "pair_solref": soft.solref,
             "pair_solreffriction": soft.sliding,
-            "pair_solimp": _with(model.pair_solimp, soft.impedance[..., None], 2),
+            "pair_solimp": with_columns(model.pair_solimp, soft.impedance[..., None], 2),
             "pair_margin": jnp.zeros_like(soft.impedance),
             "jnt_stiffness": scales * model.jnt_stiffness,
             "dof_damping": scales * model.dof_damping,
@@ -212,11 +212,11 @@ class WarpScopes(JaxScopes):
         with jax.ensure_compile_time_eval():
             spheres = len(self.inverse_inertia)
             one = mjx.make_data(self.host, impl="warp", naconmax=worlds * spheres, njmax=self.rows)
-        one = jax.tree.map(_filled, one)
+        one = jax.tree.map(filled, one)
         return jax.vmap(lambda _: one)(jnp.arange(worlds))
 
 
-def _for_warp(model: mujoco.MjModel) -> mujoco.MjModel:
+def for_warp(model: mujoco.MjModel) -> mujoco.MjModel:
     """With a solver that Warp has, and without a flag that it does not know: it never resets what diverges.
 
     Dense Jacobians, which scenes ask for, it takes up to 60 dofs only: it is to choose.
@@ -227,13 +227,13 @@ def _for_warp(model: mujoco.MjModel) -> mujoco.MjModel:
     return model
 
 
-def _with(shared: Array, values: Array, count: int) -> Array:
+def with_columns(shared: Array, values: Array, count: int) -> Array:
     """One row a world of an array that they share, its first `count` columns given."""
     rows = jnp.broadcast_to(shared, (len(values), *shared.shape))
     return rows.at[..., :count].set(values)
 
 
-def _filled(part: Any) -> Any:
+def filled(part: Any) -> Any:
     """An array whose entries are all the same as one that is filled when it is needed."""
     if not isinstance(part, jax.Array) or part.size < 2:
         return part

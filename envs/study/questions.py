@@ -47,12 +47,15 @@ class Question:
 _QUESTIONS = {
     "propulsion": "haustra.envs.study.propulsion:QUESTION",
     "scope": "haustra.envs.study.scope:QUESTION",
+    "device": "haustra.envs.study.device:QUESTION",
 }
 _ENGINES = {
     ("propulsion", "native"): "haustra.envs.study.propulsion:NATIVE",
     ("propulsion", "warp"): "haustra.envs.study.propulsion_worlds:WORLDS",
     ("scope", "native"): "haustra.envs.study.scope:NATIVE",
     ("scope", "jax"): "haustra.envs.study.scope_worlds:WORLDS",
+    ("device", "native"): "haustra.envs.study.device:NATIVE",
+    ("device", "warp"): "haustra.envs.study.device:WARP",
     ("scope", "warp"): "haustra.envs.study.scope_worlds:WARP_WORLDS",
 }
 """Where an engine for a question is found; loaded when it is asked for."""

@@ -99,7 +99,8 @@ def test_a_run_measures_its_own_error(colon_folder, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (["--design", "adlut"], "Known: adult, paediatric"),
+        (["--device", "adlut"], "Known: adult, paediatric"),
+        (["--start", "0.3"], "A scope starts at the anus"),
         (["--seconds", "-1"], "--seconds"),
         (["--friction", "-0.1"], "Friction"),
         (["--timestep", "nan"], "timestep"),
