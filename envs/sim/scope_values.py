@@ -2,9 +2,8 @@
 
 from typing import Any, NamedTuple, TypeAlias
 
-import jax.numpy as jnp
-
 from haustra.envs.sim.chain import Links
+from haustra.models.wall.law import ImplicitContact
 from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
 
 Array: TypeAlias = Any
@@ -133,29 +132,12 @@ class Contact(NamedTuple):
     """The scope's spheres against the wall at the beginning of a step; leading axes: worlds, points."""
 
     points: Array
-    """(..., 3) middles [m]."""
+    """(..., 3) of the scope's surface towards the wall, where contact acts [m]."""
     arcs: Array
     """(worlds, points + 1): arc length of each, and of the tip [m]."""
-    inwards: Array
-    """(..., 3) normals of the wall."""
+    law: ImplicitContact
+    """What the wall does to the scope's surface there."""
     wall_speed: Array
     """(..., 3) of the wall itself [m/s]."""
-    spring: Array
-    """Force of the wall's spring [N]."""
-    damper: Array
-    """Its damping, and what a step of its spring adds [N s/m]."""
-    drag: Array
-    """Friction over sliding speed [N s/m]."""
     grip: AttachmentPoints | None
     """Where they hold on to a colon that moves."""
-
-    @property
-    def damping(self) -> Array:
-        """(..., 3, 3): force over the sphere's speed against the wall [N s/m]."""
-        across = self.inwards[..., :, None] * self.inwards[..., None, :]
-        along = jnp.eye(3, dtype=across.dtype) - across
-        return self.damper[..., None, None] * across + self.drag[..., None, None] * along
-
-    def force(self, speed: Array) -> Array:
-        """On spheres that move at that speed against the wall (..., 3) [N]."""
-        return self.spring[..., None] * self.inwards - jnp.einsum("wpij,wpj->wpi", self.damping, speed)

@@ -26,12 +26,10 @@ from haustra.models.devices.scope.cable import HAND_PUSH, HAND_ROLL, LOCK_STRETC
 from haustra.models.devices.scope.stops import STOP_RELAXATION_TIME, STOP_STIFFNESS
 from haustra.models.scene import Scene
 from haustra.models.wall import moving_colon
+from haustra.models.wall.law import implicit_contact, normal_force
 from haustra.models.wall.lumen_table import Tables, WallQuery, pick, query
 from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
 
-SLIP_SPEED = 1e-3
-"""Friction is that of Coulomb above this speed and viscous below [m/s]: a scope held by its friction creeps at less.
-Engineering choice; the native engine's own regularisation is 7 mm/s for 1 N (`haustra.models.wall.law`)."""
 SPEED_LIMIT = 1e4
 """A generalised speed above this [rad/s or m/s] is divergence, as in the native engine."""
 
@@ -131,6 +129,9 @@ class JaxScopes:
         design: Scope = jax.tree.map(lambda part: jnp.asarray(part, kind), scope or read_scope(scene))
         return Parameters(scope=design, **numbers)
 
+    def check(self, parameters: Parameters) -> None:
+        """Refuse parameters that the engine cannot honour; this one can all."""
+
     @precise
     def begin(self, parameters: Parameters, tables: Tables) -> State:
         """All scopes straight, their tips at the start depth, colons that may move at rest."""
@@ -160,9 +161,9 @@ class JaxScopes:
         own_tables = pick(tables, parameters.colon)
         contact = self._wall(own_tables, parameters, worlds, where)
         points = contact.points
-        force = contact.force(self._speeds(where, points, worlds.qvel) - contact.wall_speed)
+        force = contact.law.force(jnp, self._speeds(where, points, worlds.qvel) - contact.wall_speed)
         of_body = self._body_sums(links.wrench(points, force))
-        felt = self._body_sums(links.point_inertia(points, h * contact.damping))
+        felt = self._body_sums(links.point_inertia(points, h * contact.law.damping(jnp)))
         torque, damping = self._joints(parameters, worlds, hands)
         torque = torque + links.joint_forces(chain, where, links.suffix_sum(of_body - bias))
         matrix = links.mass_matrix(chain, where, links.suffix_sum(own + felt))
@@ -171,8 +172,8 @@ class JaxScopes:
         qvel = worlds.qvel + h * solve(matrix, torque)
         qpos = worlds.qpos + h * qvel
         leaving = self._speeds(where, points, qvel) - contact.wall_speed
-        along = jnp.einsum("wpi,wpi->wp", contact.inwards, leaving)
-        normal = jnp.maximum(contact.spring - contact.damper * along, 0.0)
+        along = jnp.einsum("wpi,wpi->wp", contact.law.inwards, leaving)
+        normal = normal_force(jnp, contact.law.spring, contact.law.damper, along)
         rates = jnp.stack([hands.push_rate, hands.roll_rate], axis=-1).astype(qpos.dtype)
         shift = self._moved(own_tables, worlds.shift, contact, leaving)
         after = worlds._replace(
@@ -194,7 +195,7 @@ class JaxScopes:
         where = links.pose(self.chain, scope.links, worlds.qpos)
         own = pick(tables, parameters.colon)
         spheres = self._samples(scope, where)
-        found, _ = _look(own, worlds.shift, spheres, worlds.arcs[:, :-1])
+        found, _ = _look(own, worlds.shift, spheres, worlds.arcs[:, :-1], scope.radius)
         forces = self._body_sums(worlds.normal[..., None] * found.inwards)
         hand = self._hand(parameters, worlds)
         up, left = (worlds.qpos[:, dofs].sum(axis=1) for dofs in self.bend_dofs)
@@ -216,29 +217,26 @@ class JaxScopes:
         )
 
     def _wall(self, tables: Tables, parameters: Parameters, worlds: State, where: links.Pose) -> Contact:
-        h = self.timestep
         scope = parameters.scope
-        points = self._samples(scope, where)
-        places = jnp.concatenate([points, self._tip(scope, where)], axis=1)
-        found, grip = _look(tables, worlds.shift, places, worlds.arcs)
+        centres = self._samples(scope, where)
+        places = jnp.concatenate([centres, self._tip(scope, where)], axis=1)
+        found, grip = _look(tables, worlds.shift, places, worlds.arcs, scope.radius)
         # A thicker scope touches sooner, by as much as it is thicker: the table holds distances.
         depth = found.depth[:, :-1] + (scope.radius - self.table_radius)[:, None]
         inwards = found.inwards[:, :-1]
+        points = centres - scope.radius[:, None, None] * inwards
         wall_speed = jnp.zeros_like(points)
         if grip is not None and tables.mesentery is not None and worlds.shift is not None:
             grip = AttachmentPoints(grip.arcs[:, :-1], grip.lever[:, :-1])
             wall_speed = moving_colon.wall_speeds(jnp, tables.mesentery, worlds.shift, grip)
         speed = self._speeds(where, points, worlds.qvel) - wall_speed
-        away = jnp.einsum("wpi,wpi->wp", inwards, speed)
         stiffness = parameters.stiffness[:, None]
-        damper = stiffness * (parameters.damping_time[:, None] + h)
-        pressing = (depth > 0) & (stiffness * depth > damper * away)
-        spring = jnp.where(pressing, stiffness * depth, 0.0)
-        damper = jnp.where(pressing, damper, 0.0)
-        sliding = jnp.linalg.norm(speed - away[..., None] * inwards + 1e-12, axis=-1)
-        load = spring - damper * away
-        drag = parameters.friction[:, None] * load / jnp.maximum(sliding, SLIP_SPEED)
-        return Contact(points, found.arcs, inwards, wall_speed, spring, damper, drag, grip)
+        damper = stiffness * (parameters.damping_time[:, None] + self.timestep)
+        friction = parameters.friction[:, None]
+        law = implicit_contact(
+            jnp, depth, inwards, speed, worlds.normal > 0, stiffness=stiffness, damper=damper, friction=friction
+        )
+        return Contact(points, found.arcs, law, wall_speed, grip)
 
     def _moved(
         self, tables: Tables, shift: AxisDisplacement | None, contact: Contact, leaving: Array
@@ -246,8 +244,8 @@ class JaxScopes:
         """Where the colons go under what the scopes do to them, who leave the wall at that speed."""
         if shift is None or tables.mesentery is None or contact.grip is None:
             return None
-        pressed = -contact.force(leaving)
-        damping = contact.damper + contact.drag
+        pressed = -contact.law.force(jnp, leaving)
+        damping = contact.law.damper + contact.law.drag
         return moving_colon.step_axis(jnp, tables.mesentery, shift, contact.grip, pressed, damping, self.timestep)
 
     def _joints(self, parameters: Parameters, worlds: State, hands: Controls) -> tuple[Array, Array]:
@@ -305,12 +303,12 @@ class JaxScopes:
 
 
 def _look(
-    tables: Tables, shift: AxisDisplacement | None, points: Array, arcs: Array
+    tables: Tables, shift: AxisDisplacement | None, points: Array, arcs: Array, radius: Array
 ) -> tuple[WallQuery, AttachmentPoints | None]:
-    """Look points up in one colon a world; and where they hold on to it, if it moves."""
+    """Look spheres up in one colon a world; and where their surfaces hold on to it, if it moves."""
     if shift is None:
         return query(jnp, tables, points, arcs), None
-    return moving_colon.query(jnp, tables, shift, points, arcs)
+    return moving_colon.query(jnp, tables, shift, points, arcs, radius)
 
 
 def sound_after(parameters: Parameters, before: State, after: State) -> Array:

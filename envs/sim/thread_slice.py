@@ -13,11 +13,11 @@ from haustra.envs.sim.native import FATAL_WARNINGS, SPEED_LIMIT
 from haustra.models.devices.scope.cable import LOCK_STRETCH
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene
-from haustra.models.wall.compiled import ROOM, loops
-from haustra.models.wall.law import soft_contact
+from haustra.models.wall.compiled import loops
+from haustra.models.wall.law import SLIP_SPEED, normal_force, require_honoured, soft_contact
 from haustra.models.wall.lumen_table import Tables
-from haustra.models.wall.planes import AWAY, SLIP_RELAXATION
-from haustra.models.wall.table_wall import SLIP_SPEED, TableWalls
+from haustra.models.wall.planes import AWAY
+from haustra.models.wall.table_wall import TableWalls
 
 _TURN = Lock()
 """Held by the thread that is between two of MuJoCo's steps. Numpy gives Python's own lock away and takes it back in
@@ -40,21 +40,22 @@ class ThreadSlice:
         self._site_xpos, self._site_xmat = batch.bind("site_xpos"), batch.bind("site_xmat")
         self._friction = batch.expand("pair_friction")
         self._solref, self._solimp = batch.expand("pair_solref"), batch.expand("pair_solimp")
-        self._solref_friction = batch.expand("pair_solreffriction")
-        self._margin = batch.expand("pair_margin")
+        self._solref_friction, self._margin = batch.expand("pair_solreffriction"), batch.expand("pair_margin")
         self._springs = [batch.expand(name) for name in ("jnt_stiffness", "dof_damping", "dof_armature")]
         self._find(cable)
         self._step_time = scene.options.timestep
+        self._damper_time = scene.options.wall_damping_time + self._step_time
+        """c + h K over K [s]."""
         self._nominal = [np.array(getattr(model, name)) for name in ("jnt_stiffness", "dof_damping", "dof_armature")]
         self._start_state = batch.state[0].copy()
         self._stiffness = np.full(worlds, float(scene.options.wall_stiffness))
         self.healthy: Bool[np.ndarray, " worlds"] = np.ones(worlds, bool)
         spheres = len(self._spheres)
-        self._walls = TableWalls(tables, worlds, spheres)
+        self._walls = TableWalls(tables, worlds, spheres, radius=float(self._radius))
         self._surface = np.zeros((0, 0, 0))
         if tables.mesentery is not None:
             self._surface = batch.expand("geom_surfacevel")
-        self._ahead = np.full(worlds, scene.options.wall_damping_time + self._step_time)
+        self._ahead = np.full(worlds, self._damper_time)
         self._friction_of = np.full(worlds, float(scene.options.friction))
         self._normal_force = np.zeros((worlds, spheres))
         self._before = np.zeros((worlds, spheres, 3))
@@ -120,14 +121,13 @@ class ThreadSlice:
     def _set_contact(self, worlds: Int[np.ndarray, " reset"], conditions: Conditions) -> None:
         """Give these worlds' contacts their law: that of `haustra.models.wall.law`."""
         stiffness = conditions.wall_stiffness[:, None]
-        damper = stiffness * (self._scene.options.wall_damping_time + self._step_time)
-        *solref, impedance = soft_contact(self._inverse_inertia, stiffness, damper, timestep=self._step_time)
-        solref = np.stack(solref, axis=-1)
+        damper = stiffness * self._damper_time
+        soft = soft_contact(np, self._inverse_inertia, stiffness, damper, timestep=self._step_time)
+        require_honoured(soft.impedance, what="A stiffness of the wall")
         where = np.ix_(worlds, self._pairs)
         self._friction[(*where, slice(2))] = conditions.friction[:, None, None]
-        self._solref[where] = solref
-        self._solref_friction[(*where, 1)] = SLIP_RELAXATION * solref[..., 1]
-        self._solimp[(*where, slice(2))] = impedance[..., None]
+        self._solref[where], self._solref_friction[where] = soft.solref, soft.sliding
+        self._solimp[(*where, slice(2))] = soft.impedance[..., None]
 
     def step(
         self,
@@ -184,9 +184,8 @@ class ThreadSlice:
         walls.give_way(worlds, self._on_wall, self._damping, h)
         before = walls.depth.copy()
         walls.look(worlds, self._points)
-        rate = np.where(before > -ROOM, (walls.depth - before) / h, 0.0)
-        force = self._stiffness[:, None] * (walls.depth + self._scene.options.wall_damping_time * rate)
-        self._normal_force = np.where(walls.depth > 0, np.maximum(force, 0.0), 0.0)
+        stiffness, leaving = self._stiffness[:, None], (before - walls.depth) / h
+        self._normal_force = normal_force(np, stiffness * before, stiffness * self._damper_time, leaving)
         loops().place_planes(
             worlds,
             self._points,

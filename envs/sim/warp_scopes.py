@@ -23,9 +23,9 @@ from haustra.envs.sim.scope_worlds import JaxScopes, sound_after
 from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene
-from haustra.models.wall.law import soft_contact
+from haustra.models.wall.law import normal_force, require_honoured, soft_contact
 from haustra.models.wall.lumen_table import Tables, pick, query
-from haustra.models.wall.planes import SLIP_RELAXATION
+from haustra.models.wall.plane_pose import plane_pose
 
 _PER_CONTACT = 3
 """Constraint rows of a contact with friction."""
@@ -81,12 +81,25 @@ class WarpScopes(JaxScopes):
         """As of `JaxScopes`, but for one design only.
 
         Raises:
-            InvalidOptionError: when a parameter is not known.
+            InvalidOptionError: when a parameter is not known, or MuJoCo would clamp the wall's law.
             UnsupportedSceneError: when designs are given.
         """
         if scope is not None:
             raise UnsupportedSceneError("Worlds of several designs need the engine 'jax': name it.")
-        return super().parameters(scene, worlds, kind=kind, **changed)
+        parameters = super().parameters(scene, worlds, kind=kind, **changed)
+        self.check(parameters)
+        return parameters
+
+    def check(self, parameters: Parameters) -> None:
+        """Refuse parameters that MuJoCo's contacts cannot honour.
+
+        Raises:
+            InvalidOptionError: when MuJoCo would clamp the wall's law.
+        """
+        stiffness = np.asarray(parameters.stiffness)[:, None]
+        damper = stiffness * (np.asarray(parameters.damping_time)[:, None] + self.timestep)
+        soft = soft_contact(np, self.inverse_inertia, stiffness, damper, timestep=self.timestep)
+        require_honoured(soft.impedance, what="A stiffness of the wall")
 
     def begin(self, parameters: Parameters, tables: Tables) -> State:
         """All scopes straight, their tips at the start depth."""
@@ -105,7 +118,10 @@ class WarpScopes(JaxScopes):
         step = jax.vmap(mjx.step, in_axes=(axes, 0))
 
         def one(_: Any, now: tuple[State, Any]) -> tuple[State, Any]:
-            return self._step(own_tables, parameters, *now, hands, lambda data: step(model, data))
+            def advance(margin: Array, data: Any) -> Any:
+                return step(model.replace(pair_margin=margin), data)
+
+            return self._step(own_tables, parameters, *now, hands, advance)
 
         return jax.lax.fori_loop(0, count, one, (worlds, self._data(len(worlds.time))))[0]
 
@@ -117,16 +133,18 @@ class WarpScopes(JaxScopes):
         points = self._samples(scope, where)
         found = query(jnp, tables, jnp.concatenate([points, self._tip(scope, where)], axis=1), worlds.arcs)
         depth, inwards = found.depth[:, :-1], found.inwards[:, :-1]
+        planes = plane_pose(jnp, points, scope.radius[:, None], depth, inwards)
         done = step(
+            planes.margin,
             data.replace(
                 qpos=worlds.qpos,
                 qvel=worlds.qvel,
                 act=worlds.hand,
                 qacc_warmstart=worlds.warm,
                 ctrl=self._controls(parameters, worlds, hands),
-                mocap_pos=points - (scope.radius[:, None] - depth)[..., None] * inwards,
-                mocap_quat=_turn_to(inwards),
-            )
+                mocap_pos=planes.position,
+                mocap_quat=planes.turn,
+            ),
         )
         along = jnp.einsum("wpi,wpi->wp", inwards, self._speeds(where, points, done.qvel))
         stiffness = parameters.stiffness[:, None]
@@ -136,7 +154,7 @@ class WarpScopes(JaxScopes):
             qvel=done.qvel,
             hand=done.act,
             arcs=found.arcs,
-            normal=jnp.where(depth > 0, jnp.maximum(stiffness * depth - damper * along, 0.0), 0.0),
+            normal=normal_force(jnp, stiffness * depth, damper, along),
             warm=done.qacc_warmstart,
             time=worlds.time + h,
         )
@@ -149,17 +167,17 @@ class WarpScopes(JaxScopes):
         model, inverse = self.model, jnp.asarray(self.inverse_inertia, jnp.float32)
         stiffness, h = parameters.stiffness[:, None], self.timestep
         damper = stiffness * (parameters.damping_time[:, None] + h)
-        *solref, impedance = soft_contact(inverse, stiffness, damper, timestep=h)
-        sliding = jnp.stack([jnp.zeros_like(impedance), SLIP_RELAXATION * solref[1]], axis=-1)
+        soft = soft_contact(jnp, inverse, stiffness, damper, timestep=h)
         scales = self._scales(parameters)
         limits = jnp.broadcast_to(model.actuator_forcerange, (len(stiffness), *model.actuator_forcerange.shape))
         push = self.host.actuator("scope/push").id
         limit = jnp.stack([-parameters.push_limit, parameters.push_limit], axis=-1)
         own = {
             "pair_friction": _with(model.pair_friction, parameters.friction[:, None, None], 2),
-            "pair_solref": jnp.stack(solref, axis=-1),
-            "pair_solreffriction": sliding,
-            "pair_solimp": _with(model.pair_solimp, impedance[..., None], 2),
+            "pair_solref": soft.solref,
+            "pair_solreffriction": soft.sliding,
+            "pair_solimp": _with(model.pair_solimp, soft.impedance[..., None], 2),
+            "pair_margin": jnp.zeros_like(soft.impedance),
             "jnt_stiffness": scales * model.jnt_stiffness,
             "dof_damping": scales * model.dof_damping,
             "dof_armature": scales * model.dof_armature,
@@ -211,11 +229,3 @@ def _filled(part: Any) -> Any:
     values = np.asarray(part)
     first = values.flat[0]
     return jnp.full(values.shape, first, values.dtype) if (values == first).all() else part
-
-
-def _turn_to(normals: Array) -> Array:
-    """Quaternions (..., 4) of the shortest turn from z to each unit normal (..., 3)."""
-    x, y, z = normals[..., 0], normals[..., 1], normals[..., 2]
-    opposite = z < -1 + 1e-6
-    turn = jnp.stack([1 + z, jnp.where(opposite, 1.0, -y), jnp.where(opposite, 0.0, x), jnp.zeros_like(x)], axis=-1)
-    return turn / jnp.linalg.norm(turn, axis=-1, keepdims=True)

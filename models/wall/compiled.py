@@ -102,6 +102,7 @@ def _query_moved(
     place: Any,
     speed: Any,
     shape: Any,
+    radius: float,
     points: Any,
     arcs: Any,
     depth: Any,
@@ -109,7 +110,7 @@ def _query_moved(
     lever: Any,
     wall_speed: Any,
 ) -> None:
-    """`_query` where the axes have moved; and where the points hold on to the wall, and its speed there."""
+    """`_query` where the axes have moved; and where spheres of that radius hold on to the wall, and its speed there."""
     _shape(own, worlds, place, shape)
     step, first, count = tables.step, tables.first, tables.count
     nodes = place.shape[1]
@@ -141,7 +142,7 @@ def _query_moved(
             rest = add(axis, back)
             arc, depth[world, p], normal = query_point(np, tables, one, begin, end, rest, arc)
             arcs[world, p] = arc
-            held = minus(rest, axis_point(np, tables, one, begin, end, arc))
+            held = minus(minus(rest, times(radius, normal)), axis_point(np, tables, one, begin, end, arc))
             _put(lever, world, p, held)
             at, share = node_cell(np, own.spacing[world], nodes, arc)
             c0, a0 = shape.cosines[world, at], _node(shape.axes, world, at)
