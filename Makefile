@@ -12,7 +12,7 @@ UV_COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --g
 .DELETE_ON_ERROR:
 
 help:
-	@echo 'make demo    grow a colon, build its wall, run a colonoscope through it, write a report'
+	@echo 'make demo    grow a colon, run a colonoscope through it, moving and as a fixed wall of pieces, write reports'
 	@echo 'make test    lint, types and tests, as the project checks itself'
 	@echo 'make bench   run time against error, stability, skipping: some ten minutes, one page'
 	@echo 'make docs    build the documentation into site/'
@@ -23,10 +23,11 @@ help:
 
 demo: $(VENV)/.installed
 	$(BIN)/haustra colon grow --seed 0 -o demo/colon
-	$(BIN)/haustra wall demo/colon --method coacd
 	$(BIN)/haustra run --colon demo/colon --design adult -o demo/run
+	$(BIN)/haustra wall demo/colon --method coacd
+	$(BIN)/haustra run --colon demo/colon --design adult --wall-law pieces -o demo/run-pieces
 	@echo
-	@echo 'Open $(CURDIR)/demo/run/report.html'
+	@echo 'Open $(CURDIR)/demo/run/report.html and $(CURDIR)/demo/run-pieces/report.html'
 
 # A process a core, up to four since each takes a gigabyte, and one thread for numpy's BLAS: on small matrices and two cores, more of them wait for each other far longer than they compute.
 test: lint types

@@ -22,7 +22,7 @@ class TableWalls:
     """Walls of some worlds, each of one of some colons. Arrays are written in place."""
 
     def __init__(self, tables: Tables, worlds: int, spheres: int, *, radius: float) -> None:
-        """All worlds have the first colon, at rest; `tables` are of all colons, stacked, for spheres of `radius` [m]."""
+        """All worlds have the first colon, at rest; `tables` are of all, stacked, for spheres of `radius` [m]."""
         self._all, self._radius = tables, radius
         self.arcs: Float[np.ndarray, "worlds spheres"] = np.zeros((worlds, spheres))
         """Arc length of each sphere [m]."""
