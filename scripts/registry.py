@@ -49,6 +49,7 @@ BENCHMARKS: Mapping[str, str] = {
     "bench cores": f"{_BENCH}.cores:BenchCores",
     "bench cost": f"{_BENCH}.cost:BenchCost",
     "bench episodes": f"{_BENCH}.episodes:BenchEpisodes",
+    "bench errors": f"{_BENCH}.errors:BenchErrors",
     "bench grown": f"{_BENCH}.grown:BenchGrown",
     "bench profile": f"{_BENCH}.profile:BenchProfile",
     "bench pushes": f"{_BENCH}.pushes:BenchPushes",

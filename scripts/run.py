@@ -50,19 +50,23 @@ class Run:
     whole_shaft: bool = False
     """Model all of the shaft from the start, so that stock MuJoCo repeats the run from scene.xml to the bit; otherwise
     shaft that is still outside is added when it is needed, which is faster and the same to 0.1 % until a scope jams."""
+    error: bool = False
+    """Repeat the run at half the time step and with finer joints, and state how far the scores differ: some six times
+    the time. Without it scores state what was measured on other colons."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 
     def __call__(self) -> dict[str, Any]:
         """Build the scene, run it, write everything."""
         from haustra.envs.control.follower import FollowerSettings
-        from haustra.envs.runs.insertion import run_insertion
+        from haustra.envs.runs.error import own_error, refinements
+        from haustra.envs.runs.insertion import Insertion, run_insertion
         from haustra.envs.view.run_folder import write_run
         from haustra.files import prepare_folder
         from haustra.models.anatomy.store import load_colon
         from haustra.models.devices.scope.files import find_design
         from haustra.models.presets import find_preset
-        from haustra.models.scene import build_scene
+        from haustra.models.scene import Scene, SceneOptions, build_scene
         from haustra.models.wall.pieces.folder import wall_of
         from haustra.scripts.console import progress_bar
         from haustra.scripts.wall import wall_bar
@@ -79,17 +83,23 @@ class Run:
                 wall = wall_of(self.colon, colon, self.wall, progress=tell)
         settings = FollowerSettings(steer=self.steer, straighten=options.mesentery)
         deepest = options.start_depth + settings.advance_rate * self.seconds
-        scene = build_scene(colon, wall, design, options, deepest=deepest)
 
-        with progress_bar("simulate", self.seconds, unit="s") as advance:
-            run = run_insertion(
-                scene,
-                seconds=self.seconds,
-                settings=settings,
-                engine=_jax_engine() if self.backend == "jax" else self._native(wall, deepest),
-                progress=lambda time, arc: advance(time, f"tip at {arc:.2f} m"),
-            )
-        return write_run(folder, scene=scene, wall=wall, run=run, seconds=self.seconds)
+        def drive(what: str, options: SceneOptions) -> tuple[Scene, Insertion]:
+            scene = build_scene(colon, wall, design, options, deepest=deepest)
+            with progress_bar(what, self.seconds, unit="s") as advance:
+                return scene, run_insertion(
+                    scene,
+                    seconds=self.seconds,
+                    settings=settings,
+                    engine=_jax_engine() if self.backend == "jax" else self._native(wall, deepest),
+                    progress=lambda time, arc: advance(time, f"tip at {arc:.2f} m"),
+                )
+
+        scene, run = drive("simulate", options)
+        error = None
+        if self.error:
+            error = own_error(run, {name: drive(name, finer)[1] for name, finer in refinements(options).items()})
+        return write_run(folder, scene=scene, wall=wall, run=run, seconds=self.seconds, error=error)
 
     def _native(self, wall, deepest: float):
         """MuJoCo's CPU engine, with all of the shaft or with what is needed."""

@@ -88,6 +88,7 @@ class TrackedRun:
 
         from haustra.envs.runs.measure.propulsion import SETTLING
         from haustra.envs.runs.tracked_drive import CONTROL_INTERVAL
+        from haustra.models.accuracy import NOT_MEASURED
         from haustra.models.anatomy.store import colon_hash
         from haustra.models.devices.tracked.standing import track_radii, where_it_fits
         from haustra.provenance import Provenance
@@ -114,6 +115,10 @@ class TrackedRun:
             "reach_mm": [1e3 * design.smallest_diameter, 1e3 * design.largest_diameter],
             "fits_share_of_colon": fit.share,
             "fits_longest_m": [fit.start, fit.end],
+            "backend": "native",
+            "wall_law": "pieces",
+            "mesentery": False,
+            "numerical_error": NOT_MEASURED.to_json(),
         }
         if outcome == "completed":
             furthest = int(np.argmax(free.arc))

@@ -72,6 +72,8 @@ class Trajectory:
     """The same towards wire 'left' [rad]."""
     colon_moved: Float[np.ndarray, " records"]
     """Farthest that a place of the colon's centreline is from where it was at rest [m]."""
+    wall_force_sum: Float[np.ndarray, " records"]
+    """Sum of the wall's normal forces on the whole scope [N]."""
 
 
 @dataclass(frozen=True)
@@ -94,11 +96,16 @@ class Insertion:
     """As it lay at the end."""
     shaft_added: tuple[float, ...] = ()
     """When shaft was added to the scene [s]: from then on stock MuJoCo repeats it closely, but not to the bit."""
+    backend: str = NativeEngine.backend
+    """What computed it."""
 
 
 @runtime_checkable
 class Engine(Protocol):
     """One scene being stepped: the native engine, or another that steps the same scope."""
+
+    backend: str
+    """Name in scores."""
 
     @property
     def scene(self) -> Scene:
@@ -183,7 +190,9 @@ def _drive(engine: Engine, seconds: float, settings: FollowerSettings, progress:
         inside = behind < seen.insertion
         outside = containment.outside(shape[inside], behind[inside], tracker.arc, seen.way)
         moved = 0.0 if seen.way is None else float(np.linalg.norm(seen.way - line.points, axis=1).max())
-        rows.append((*_record(engine, seen, tracker.arc, outside), *follower.asked, *seen.bend, moved))
+        rows.append(
+            (*_record(engine, seen, tracker.arc, outside), *follower.asked, *seen.bend, moved, seen.wall_force_sum)
+        )
         if progress and len(rows) % 25 == 0:
             progress(seen.time, tracker.arc)
         if ended := _ended(scene, seen, tracker.arc, outside):
@@ -201,6 +210,7 @@ def _drive(engine: Engine, seconds: float, settings: FollowerSettings, progress:
         settings=settings,
         colon=engine.colon(),
         shaft_added=tuple(engine.added) if isinstance(engine, GrowingEngine) else (),
+        backend=engine.backend,
     )
 
 
@@ -239,5 +249,5 @@ def _trajectory(rows: list[tuple], engine: Engine) -> Trajectory:
     if not rows:
         empty = np.zeros(0)
         wide = (np.zeros((0, engine.qpos.size)), np.zeros((0, engine.ctrl.size)), np.zeros((0, 3)))
-        return Trajectory(empty, *wide, *[empty] * 15)
+        return Trajectory(empty, *wide, *[empty] * 16)
     return Trajectory(*(np.array(column, dtype=float) for column in zip(*rows, strict=True)))

@@ -28,6 +28,8 @@ from haustra.models.wall.lumen_table import TableAccuracy, lumen_table, stack
 class JaxSingle:
     """A scene of wall law 'table', stepped in JAX."""
 
+    backend = "jax"
+    """Name in scores."""
     table_error: TableAccuracy
     """Of the colon's table against its surface."""
 
@@ -148,6 +150,7 @@ class JaxSingle:
             pulls=self._hand.copy(),
             link_forces=seen.link_forces,
             contacts=int((self._normal > 0).sum()),
+            wall_force_sum=float(self._normal.sum()),
             way=self._moved.way(np.asarray(self._seen.shift)) if self._moved else None,
             energies=Energies(
                 bending=joints.bending,

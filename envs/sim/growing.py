@@ -31,6 +31,8 @@ class GrowingEngine:
     until shaft is first added.
     """
 
+    backend = NativeEngine.backend
+
     def __init__(
         self,
         scene: Scene,

@@ -85,6 +85,8 @@ class Observation:
     """Stored in the bent scope and in the pressed wall."""
     way: Float[np.ndarray, "stations 3"] | None = None
     """Where the stations of the colon's centreline are now [m]; None where the colon is fixed in space."""
+    wall_force_sum: float = 0.0
+    """Sum of the wall's normal forces [N]: unlike those on links, it does not depend on how long links are."""
 
 
 class NativeEngine:
@@ -93,6 +95,9 @@ class NativeEngine:
     Every step is a function of the compiled scene and of `data.ctrl` alone, so that stock MuJoCo repeats a run from the
     saved scene and its controls. Steered by wheels, controls change at every step.
     """
+
+    backend = "native"
+    """Name in scores."""
 
     def __init__(self, scene: Scene, *, table: LumenTable | None = None) -> None:
         """Compile the scene and lay the scope straight, its tip at the start depth.
@@ -252,7 +257,7 @@ class NativeEngine:
         """What can be read off at the end of the last step."""
         data = self.data
         frame = data.site_xmat[self._tip].reshape(3, 3)
-        forces, contacts = self._link_forces()
+        forces, normal = self._link_forces()
         return Observation(
             time=data.time,
             insertion=self.insertion,
@@ -265,9 +270,10 @@ class NativeEngine:
             torque=float(data.actuator_force[self._roll]),
             pulls=self._hand.copy(),
             link_forces=forces,
-            contacts=contacts,
+            contacts=int((normal > 0).sum()),
             way=self._moved.way(self._shift) if self._moved else None,
             energies=self._energies.read(data),
+            wall_force_sum=float(normal.sum()),
         )
 
     def colon(self) -> Colon:
@@ -296,7 +302,8 @@ class NativeEngine:
         held = np.clip(-position / LOCK_STRETCH, 0.0, 1.0) ** 4
         self.data.ctrl[self._locks] = held[:, None]
 
-    def _link_forces(self) -> tuple[Float[np.ndarray, " links"], int]:
+    def _link_forces(self) -> tuple[Float[np.ndarray, " links"], Float[np.ndarray, " contacts"]]:
+        """Resultant on each link, and the normal force of each contact [N]."""
         data = self.data
         contact, count = data.contact, len(self.scene.cable.links)
         rows = contact.efc_address
@@ -305,7 +312,7 @@ class NativeEngine:
         links = self._link_of_body[self.model.geom_bodyid[contact.geom[active]]].max(axis=1)
         forces = contact.frame[active, :3] * normal[:, None]
         total = [np.bincount(links, weights=forces[:, axis], minlength=count) for axis in range(3)]
-        return np.linalg.norm(total, axis=0), int((normal > 0).sum())
+        return np.linalg.norm(total, axis=0), normal
 
 
 def _require_possible(inputs: Inputs) -> None:

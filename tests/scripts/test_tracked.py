@@ -41,6 +41,7 @@ def test_it_drives_and_leaves_scores_and_a_picture(
     assert 0.05 < scores["pull_N"] < 1.0
     assert 0 < scores["fits_share_of_colon"] <= 1
     assert json.loads((tmp_path / "scores.json").read_text())["driven_mm"] == scores["driven_mm"]
+    assert scores["wall_law"] == "pieces" and scores["numerical_error"]["measured_on"] == "not measured"
     assert (tmp_path / "outside.png").stat().st_size > 1000
 
 
