@@ -134,8 +134,9 @@ class NativeEngine:
         self._start = scene.options.start_depth
         self._lock_outside(self._start)
         self._planes = self._wall_planes() if scene.samples else None
-        moves = self.table and self.table.tables.mesentery
-        self._moved = CurrentColon(scene.colon, stack([self.table.tables]), np.zeros(3), np.eye(3)) if moves else None
+        self._moved: CurrentColon | None = None
+        if self.table is not None and self.table.tables.mesentery is not None:
+            self._moved = CurrentColon(scene.colon, stack([self.table.tables]), np.zeros(3), np.eye(3))
         self._law = self._segment_law()
         stiffness = self._law.by_geom if self._law else scene.options.wall_stiffness
         self._energies = EnergyMeter(model, wall_stiffness=stiffness)

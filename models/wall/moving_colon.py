@@ -356,8 +356,8 @@ def spring_forces(xp: ModuleType, own: Mesentery, place: Array, couples: Array) 
         couples: sums of f v^T of forces on vectors from each node's axis to the wall (worlds, nodes, 3, 3) [N m].
     """
     shape = shape_of(xp, own, place)
-    rows = (vectors.of(couples[..., row, :]) for row in range(3))
-    work = turn_gradient(xp, vectors.of(own.tangents), shape.cosines, vectors.of(shape.axes), tuple(rows))
+    rows = vectors.of(couples[..., 0, :]), vectors.of(couples[..., 1, :]), vectors.of(couples[..., 2, :])
+    work = turn_gradient(xp, vectors.of(own.tangents), shape.cosines, vectors.of(shape.axes), rows)
     work = stacked(xp, unit_rate(vectors.of(shape.tangents), shape.sums, work))
     change = vectors.of(shape.units[:, 1:] - shape.units[:, :-1])
     bend = stacked(xp, bend_gradient(xp, change, own.turns[:, 1:-1], own.bending[:, 1:-1]))
