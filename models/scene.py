@@ -65,8 +65,8 @@ class SceneOptions:
     wall_damping_time: float = 0.005
     """Damping over stiffness of the wall [s]; engineering choice; sliding adds mu c v to the normal force."""
     wall_law: Literal["pieces", "planes", "table"] = "pieces"
-    """What the scope meets: the wall's convex pieces, tangent planes of the lumen (docs/decisions/wall.md), or a table
-    of the lumen that an engine of many worlds reads (`haustra.models.wall.lumen_table`); such a scene has no wall."""
+    """What the scope meets: the wall's convex pieces, tangent planes of the lumen (docs/decisions/wall.md), or tangent
+    planes by a table of the lumen (`haustra.models.wall.lumen_table`); a saved scene of the last has no wall."""
     mesentery: bool = False
     """Let the colon swing, stretch and pleat on its mesentery (`haustra.models.wall.mesentery`); otherwise it is fixed
     in space and gives way by its wall's stiffness only. Law 'table' only."""
@@ -80,6 +80,9 @@ class SceneOptions:
     """Largest torque that the hand applies [N m]."""
     start_depth: float = 0.03
     """How far the tip is past the anus at the start [m]."""
+    softening: bool = True
+    """Let hinges of the shaft soften as they bend (`haustra.models.devices.scope.cable.SOFTENING`), so that a bend in
+    any direction is as stiff; engines of many worlds have linear springs only."""
     insertion_limit: float | None = None
     """How much of the scope the scene models [m]; the whole scope, or as much as the colon can take, when None."""
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -342,8 +345,7 @@ def _add_scope(spec, design: ScopeDesign, cells, entry, frame, options: SceneOpt
         push_limit=options.push_limit,
         torque_limit=options.torque_limit,
         timestep=options.timestep,
-        # Engines of many worlds have no cubic springs.
-        cubic=options.wall_law != "table",
+        cubic=options.softening,
         outside=outside,
     )
 

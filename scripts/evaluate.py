@@ -28,7 +28,7 @@ class Evaluate:
     friction: tuple[float, float] | None = None
     """Range of Coulomb's coefficient."""
     mesentery: bool | None = None
-    """Let colons move on their mesentery (--engine jax); as the first policy's when not given."""
+    """Let colons move on their mesentery (engines native and jax); as the first policy's when not given."""
     seconds: float = 90.0
     """Longest episode [s]."""
     engine: Literal["native", "jax", "warp"] = "native"

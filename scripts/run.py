@@ -25,14 +25,15 @@ class Run:
     preset: Literal["fast", "balanced", "accurate"] = "balanced"
     """How finely the scene is modelled; errors and speed: docs/validation/accuracy.md."""
     wall_law: Literal["pieces", "planes", "table"] | None = None
-    """Convex pieces; tangent planes: true forces at any depth and no build, at several times the cost a step; or a
-    table of the lumen: no build, several times faster, stepped by JAX (extra mjx). As the preset says when not given.
-    """
+    """A table of the lumen (the default), fast and within 2 % of the surface's forces; convex pieces, which stock
+    MuJoCo replays; or tangent planes of the surface itself, at several times the cost a step. The last two stand
+    fixed in space."""
     seconds: float = 60.0
     """Simulated time [s]."""
-    mesentery: bool = False
-    """Let the colon swing, stretch and pleat on its mesentery instead of standing fixed in space; by the table of the
-    lumen (--wall-law table)."""
+    fixed: bool = False
+    """Let the colon stand fixed in space instead of swinging, stretching and pleating on its mesentery."""
+    backend: Literal["native", "jax"] = "native"
+    """What steps the scene: MuJoCo, or a chain in JAX (extra mjx), which knows the table only."""
     friction: float | None = None
     """Coulomb coefficient between scope and wall; the sourced default when not given."""
     wall_stiffness: float | None = None
@@ -84,6 +85,7 @@ class Run:
             raise InvalidOptionError("A scope starts at the anus: leave --start out.")
         design = device.design
         options = replace(find_preset(self.preset).apply(), **self._options())
+        self._require_backend(options)
         _require_seconds(self.seconds)
         colon = load_colon(self.colon)
         folder = prepare_folder(self.output)
@@ -101,7 +103,7 @@ class Run:
                     scene,
                     seconds=self.seconds,
                     settings=settings,
-                    engine=_field_engine() if options.wall_law == "table" else self._native(wall, deepest),
+                    engine=_jax_engine() if self.backend == "jax" else self._native(wall, deepest),
                     progress=lambda time, arc: advance(time, f"tip at {arc:.2f} m"),
                 )
 
@@ -118,12 +120,18 @@ class Run:
 
         return NativeEngine if self.whole_shaft else growing(wall, deepest=deepest)
 
+    def _require_backend(self, options) -> None:
+        from haustra.errors import UnsupportedSceneError
+
+        if self.backend == "jax" and options.wall_law != "table":
+            raise UnsupportedSceneError(f"The backend jax has no wall law '{options.wall_law}': leave out --wall-law.")
+
     def _options(self) -> dict[str, Any]:
         names = ("wall_law", "friction", "wall_stiffness", "push_limit", "timestep", "largest_bend_deg", "gravity")
         chosen = {name: value for name in names if (value := getattr(self, name)) is not None}
-        if self.mesentery:
-            chosen["mesentery"] = True
-            chosen.setdefault("wall_law", "table")
+        chosen.setdefault("wall_law", "planes" if self.segment_stiffness else "table")
+        chosen["mesentery"] = chosen["wall_law"] == "table" and not self.fixed
+        chosen["softening"] = self.backend == "native"
         if self.segment_stiffness:
             from haustra.models.scene import usual_segment_stiffness
 
@@ -131,8 +139,8 @@ class Run:
         return chosen
 
 
-def _field_engine():
-    """The engine of the field's law, its compiled programs kept for the next run."""
+def _jax_engine():
+    """The engine in JAX, its compiled programs kept for the next run."""
     from haustra.envs.sim.jax_setup import compute_on_one_thread, use_jax
     from haustra.models.wall.cache import cache_folder
 

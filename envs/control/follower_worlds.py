@@ -8,10 +8,10 @@ import jax.numpy as jnp
 
 from haustra.envs.control import follower
 from haustra.envs.control.follower import FollowerSettings, Memory, Steering
-from haustra.envs.sim import moving_colon
 from haustra.envs.sim.precision import precise
 from haustra.envs.sim.scope_values import Controls, Parameters, Readings
 from haustra.errors import InvalidOptionError
+from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables
 
 Array: TypeAlias = Any
@@ -67,7 +67,7 @@ class WorldsFollower:
             memory,
             time=time,
             arc=seen.tip_arc,
-            target=moving_colon.axis_at(tables, seen.shift, ahead)[:, 0],
+            target=moving_colon.axis_at(jnp, tables, seen.shift, ahead)[:, 0],
             interval=interval,
             tip_links=self.tip_links,
         )

@@ -3,9 +3,11 @@
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.sim.moved_colon import CurrentColon
 from haustra.envs.tasks.case import TabulatedColon
 from haustra.envs.view.picture.outside import OutsideView, default_rotation
 from haustra.models.anatomy.colon import Surface
+from haustra.models.scene import entry_of
 from haustra.models.wall.lumen_table import stack
 
 _ROOM = 0.004
@@ -46,15 +48,13 @@ class MovingColon:
 
     def __init__(self, case: TabulatedColon, shift: Float[np.ndarray, "frames nodes 3"], size: tuple[int, int]) -> None:
         """Find a camera that sees all of it at the beginning, in the middle and at the end."""
-        from haustra.envs.sim.moved_colon import CurrentColon  # needs JAX
-
         tables = stack([case.mesentery_tables])
         assert tables.mesentery is not None
         # Among longer colons an axis has nodes added at its end.
         self._shift = shift = shift[:, : tables.mesentery.nodes.shape[1]]
         self._case, self._size = case, size
         rest = case.colon()
-        self._colon = CurrentColon(rest, tables)
+        self._colon = CurrentColon(rest, tables, *entry_of(rest))
         self._rotation = default_rotation(rest.lumen, case.points)
         ends = (self._colon.colon(at).lumen.vertices for at in (shift[0], shift[len(shift) // 2], shift[-1]))
         self._framed = np.vstack(list(ends))

@@ -8,7 +8,6 @@ import mujoco
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from haustra.envs.sim import moving_colon
 from haustra.envs.sim.conditions import Conditions, Snapshot
 from haustra.envs.sim.device_arrays import on_device, tree_where
 from haustra.envs.sim.device_engines import device_engine
@@ -16,6 +15,7 @@ from haustra.envs.sim.scope_batch import BatchInputs, BatchObservation
 from haustra.envs.sim.scope_values import Controls, Parameters, Readings, State
 from haustra.errors import UnsupportedSceneError
 from haustra.models.scene import Scene
+from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables, pick
 
 
@@ -53,7 +53,7 @@ class DeviceBatch:
             return state, dynamics.observe(parameters, own, state)
 
         def way(colon: Any, seen: Readings, distances: Any) -> Any:
-            return moving_colon.axis_at(pick(own, colon), seen.shift, seen.tip_arc[:, None] + distances)
+            return moving_colon.axis_at(jnp, pick(own, colon), seen.shift, seen.tip_arc[:, None] + distances)
 
         self._way = jax.jit(way)
         self._advance = jax.jit(advance)

@@ -89,7 +89,7 @@ class NativeDevice:
         device = self.scene.device
         self._ctrl[:] = device.control(np, self.model, self.scene.handles, self._state(), commands)
         for _ in range(count):
-            self._wall.place()
+            self._wall.place(np.flatnonzero(self.healthy))
             self._batch.step(None if self.healthy.all() else np.flatnonzero(self.healthy))
             self._catch_divergence()
         return self.healthy.copy()

@@ -23,7 +23,7 @@ from haustra.errors import UnsupportedSceneError
 from haustra.models.device_scene import DeviceScene
 from haustra.models.devices.base import Seen, State
 from haustra.models.wall.law import normal_force, soft_contact
-from haustra.models.wall.lumen_table import Tables, touch
+from haustra.models.wall.lumen_table import Tables, query
 from haustra.models.wall.plane_pose import plane_pose
 
 Array = Any
@@ -169,7 +169,7 @@ class WarpDevice:
         radius = jnp.asarray(self.host.geom_size[self.spheres, 0], jnp.float32)
         seen = now.data["geom_xpos"][:, self.spheres]
         centres = 2 * seen - now.before
-        found = touch(jnp, self._tables_of(conditions), centres, now.arcs)
+        found = query(jnp, self._tables_of(conditions), centres, now.arcs)
         before_anus = found.arcs <= 0
         along = (centres - jnp.asarray(entry.position, jnp.float32)) @ jnp.asarray(entry.frame[:, 2], jnp.float32)
         leaving, stiffness = (now.depth - found.depth) / h, conditions.stiffness[:, None]

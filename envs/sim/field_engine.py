@@ -44,10 +44,11 @@ class JaxSingle:
         self.data = mujoco.MjData(self.model)
         field = lumen_table(scene.colon, device_radius=scene.cable.radius, with_mesentery=scene.options.mesentery)
         self.table_error = field.error
-        tables = stack([field.seen_from(*entry_of(scene.colon))])
+        place = entry_of(scene.colon)
+        tables = stack([field.seen_from(*place)])
         self._engine = JaxScopes.of(scene)
         own = on_device(tables)
-        self._moved = CurrentColon(scene.colon, own) if scene.options.mesentery else None
+        self._moved = CurrentColon(scene.colon, tables, *place) if scene.options.mesentery else None
         parameters = self._engine.parameters(scene, 1)
 
         self._shapes: list[tuple[int, ...]] = []

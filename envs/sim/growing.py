@@ -9,6 +9,7 @@ from jaxtyping import Float
 from haustra.envs.sim.native import Inputs, NativeEngine, Observation
 from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import Scene, build_scene
+from haustra.models.wall.lumen_table import LumenTable
 from haustra.models.wall.pieces.wall import Wall
 
 STRIDE = 0.4
@@ -32,13 +33,21 @@ class GrowingEngine:
 
     backend = NativeEngine.backend
 
-    def __init__(self, scene: Scene, *, build: Callable[[float], Scene], stride: float = STRIDE) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        build: Callable[[float], Scene],
+        stride: float = STRIDE,
+        table: LumenTable | None = None,
+    ) -> None:
         """Build the first part.
 
         Args:
             scene: what is modelled in all.
             build: the same scene for a scope of which at most so much gets in [m].
             stride: shaft that is added at a time [m].
+            table: as for `NativeEngine`.
         """
         self.scene = scene
         self.added: list[float] = []
@@ -46,13 +55,13 @@ class GrowingEngine:
         self._build, self._stride = build, stride
         self._actuators = {each.name: row for row, each in enumerate(scene.spec.actuators)}
         self._deepest = scene.options.start_depth + stride
-        self._take(NativeEngine(build(self._deepest)))
+        self._take(NativeEngine(build(self._deepest), table=table))
 
     def step(self, inputs: Inputs, count: int) -> bool:
         """Advance by `count` time steps; False when the simulation has diverged."""
         if self._missing and self._engine.insertion > self._deepest - _MARGIN:
             self._deepest += self._stride
-            longer = NativeEngine(self._build(self._deepest))
+            longer = NativeEngine(self._build(self._deepest), table=self._engine.table)
             carry(self._engine, longer)
             self.added.append(float(longer.data.time))
             self._take(longer)
@@ -76,8 +85,8 @@ class GrowingEngine:
         return whole
 
     def colon(self) -> Colon:
-        """The colon, which is fixed in space."""
-        return self.scene.colon
+        """The colon as it lies now."""
+        return self._engine.colon()
 
     def shape(self) -> Float[np.ndarray, "nodes 3"]:
         """Points along the scope's axis, from the handle end of the modelled part to the tip [m]."""
@@ -94,7 +103,9 @@ class GrowingEngine:
         self._rows = [self._actuators[_later(each.name, self._missing)] for each in engine.scene.spec.actuators]
 
 
-def growing(wall: Wall | None, *, deepest: float) -> Callable[[Scene], GrowingEngine | NativeEngine]:
+def growing(
+    wall: Wall | None, *, deepest: float, table: LumenTable | None = None
+) -> Callable[[Scene], GrowingEngine | NativeEngine]:
     """An engine for scenes with that wall whose scopes get in by at most `deepest` [m].
 
     Under gravity, where shaft outside is not straight, all of it is there from the start.
@@ -102,9 +113,10 @@ def growing(wall: Wall | None, *, deepest: float) -> Callable[[Scene], GrowingEn
 
     def engine(scene: Scene) -> GrowingEngine | NativeEngine:
         if any(scene.options.gravity):
-            return NativeEngine(scene)
+            return NativeEngine(scene, table=table)
         return GrowingEngine(
             scene,
+            table=table,
             build=lambda inside: build_scene(
                 scene.colon,
                 wall,

@@ -2,13 +2,11 @@
 
 from dataclasses import replace
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from haustra.envs.sim import moving_colon
 from haustra.models.anatomy.colon import Centreline, Colon, Surface
-from haustra.models.scene import entry_of
+from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables
 from haustra.models.wall.signed_distance import surface_arcs
 
@@ -16,17 +14,18 @@ from haustra.models.wall.signed_distance import surface_arcs
 class CurrentColon:
     """Takes one colon along with its axis."""
 
-    def __init__(self, colon: Colon, tables: Tables) -> None:
-        """For the colon's own tables, stacked and seen from its entry."""
-        self._colon, self._tables = colon, tables
-        self._origin, self._axes = entry_of(colon)
+    def __init__(
+        self, colon: Colon, tables: Tables, origin: Float[np.ndarray, "3"], axes: Float[np.ndarray, "3 3"]
+    ) -> None:
+        """For the colon's own tables, stacked and in coordinates that begin at `origin` [m] with columns `axes`."""
+        self._colon, self._tables, self._origin, self._axes = colon, tables, origin, axes
         assert tables.mesentery is not None
         self._mesentery = tables.mesentery
         self._spacing = float(np.asarray(tables.mesentery.spacing)[0])
         self._surface_arcs: np.ndarray | None = None
 
     def way(self, shift: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "stations 3"]:
-        """Where the stations of the centreline are [m], given the nodes' displacements from the entry's axes [m]."""
+        """Where the stations of the centreline are [m], given displacements in the tables' coordinates [m]."""
         line = self._colon.centreline
         nodes = self._spacing * np.arange(len(shift))
         moved = np.column_stack([np.interp(line.arc, nodes, shift[:, axis]) for axis in range(3)])
@@ -53,17 +52,16 @@ class CurrentColon:
         self, shift: Float[np.ndarray, "nodes 3"], place: Float[np.ndarray, "3"], arc: float
     ) -> np.ndarray:
         """Where a place at that arc length would be, had the colon not moved [m]."""
-        seen, moved = jnp.asarray((place - self._origin) @ self._axes)[None, None], jnp.asarray(shift)[None]
-        turns = moving_colon.turns_of(self._mesentery, moved)
-        rest = moving_colon.to_reference(self._tables, moved, turns, seen, jnp.asarray([[arc]]))
-        return np.asarray(rest, float)[0, 0] @ self._axes.T + self._origin
+        seen, moved = ((place - self._origin) @ self._axes)[None, None], np.asarray(shift, float)[None]
+        shape = moving_colon.shape_of(np, self._mesentery, moved)
+        rest = moving_colon.to_reference(np, self._tables, moved, shape, seen, np.array([[arc]]))
+        return rest[0, 0] @ self._axes.T + self._origin
 
     def _carried(self, shift: np.ndarray, points: np.ndarray, arcs: np.ndarray) -> np.ndarray:
         seen = (points - self._origin) @ self._axes
-        moved = moving_colon.to_current(self._tables, jnp.asarray(shift)[None], jnp.asarray(seen)[None], arcs[None])
-        return np.asarray(moved, float)[0] @ self._axes.T + self._origin
+        moved = moving_colon.to_current(np, self._tables, np.asarray(shift, float)[None], seen[None], arcs[None])
+        return moved[0] @ self._axes.T + self._origin
 
     def _turned(self, shift: np.ndarray, vectors: np.ndarray, arcs: np.ndarray) -> np.ndarray:
-        seen = jnp.asarray(vectors @ self._axes)[None]
-        turned = moving_colon.turned(self._mesentery, jnp.asarray(shift)[None], arcs[None], seen)
-        return np.asarray(turned, float)[0] @ self._axes.T
+        own, seen = self._mesentery, (vectors @ self._axes)[None]
+        return moving_colon.directions(np, own, np.asarray(shift, float)[None], arcs[None], seen)[0] @ self._axes.T

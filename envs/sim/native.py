@@ -9,6 +9,7 @@ from jaxtyping import Float
 from haustra.envs.sim.capabilities import require_supported
 from haustra.envs.sim.energy import Energies, EnergyMeter
 from haustra.envs.sim.log import log_to_stderr_only
+from haustra.envs.sim.moved_colon import CurrentColon
 from haustra.envs.sim.physics.lock import lock_activation
 from haustra.envs.sim.physics.wires import sheath_angle
 from haustra.envs.sim.wheels import Wheels
@@ -17,9 +18,11 @@ from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.cable import PULL_OUT_LIMIT
 from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.scene import Scene
-from haustra.models.wall.planes import PlaneWall
+from haustra.models.wall.lumen_table import LumenTable, lumen_table, stack
+from haustra.models.wall.planes import PlaneWall, add_planes
 from haustra.models.wall.segment_law import SegmentLaw
 from haustra.models.wall.signed_distance import LumenDistance
+from haustra.models.wall.table_wall import TableWall
 
 SPEED_LIMIT = 1e4
 """A generalised speed above this [rad/s or m/s] is divergence, not motion."""
@@ -99,8 +102,12 @@ class NativeEngine:
     backend = "native"
     """Name in scores."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, *, table: LumenTable | None = None) -> None:
         """Compile the scene and lay the scope straight, its tip at the start depth.
+
+        Args:
+            scene: what is modelled.
+            table: of the colon for this scope, when it is there already; wall law 'table' only.
 
         Raises:
             UnsupportedSceneError: when the scene has what this backend cannot honour.
@@ -108,7 +115,8 @@ class NativeEngine:
         require_supported(scene, "native")
         log_to_stderr_only()
         self.scene = scene
-        self.model = scene.compile()
+        self.table = table
+        self.model = self._compiled()
         self.data = mujoco.MjData(self.model)
         cable = scene.cable
         model = self.model
@@ -133,6 +141,9 @@ class NativeEngine:
         self._start = scene.options.start_depth
         self._lock_outside(self._start)
         self._planes = self._wall_planes() if scene.samples else None
+        self._moved: CurrentColon | None = None
+        if self.table is not None and self.table.tables.mesentery is not None:
+            self._moved = CurrentColon(scene.colon, stack([self.table.tables]), np.zeros(3), np.eye(3))
         self._law = self._segment_law()
         stiffness = self._law.by_geom if self._law else scene.options.wall_stiffness
         self._energies = EnergyMeter(model, wall_stiffness=stiffness)
@@ -180,6 +191,8 @@ class NativeEngine:
         if self._planes and other._planes:
             # This scope may have more shaft; straight, both lie with their tips in the same place.
             self._planes.begin(np.interp(self._straight_arcs, other._straight_arcs, other._planes.arcs))
+            if isinstance(self._planes, TableWall) and isinstance(other._planes, TableWall):
+                self._planes.resume(other._planes)
         mujoco.mj_forward(self.model, self.data)
 
     def _advance(self, count: int) -> None:
@@ -194,18 +207,34 @@ class NativeEngine:
             if self._law:
                 self._law.follow(self._planes.arcs)
             mujoco.mj_step(self.model, self.data)
+            if isinstance(self._planes, TableWall):
+                self._planes.give_way(self.data)
 
-    def _wall_planes(self) -> PlaneWall:
+    def _compiled(self) -> mujoco.MjModel:
+        """The scene's model; by a table, each sphere has a plane to be placed, of which a saved scene knows nothing."""
+        scene, options = self.scene, self.scene.options
+        if options.wall_law != "table":
+            return scene.compile()
+        self.table = self.table or lumen_table(
+            scene.colon, device_radius=scene.cable.radius, with_mesentery=options.mesentery
+        )
+        spec = scene.spec.copy()
+        add_planes(spec, spec.compile(), scene.samples, options.contact, timestep=options.timestep, planes=1)
+        return spec.compile()
+
+    def _wall_planes(self) -> PlaneWall | TableWall:
         """The tangent planes of a scope that lies straight at the anus."""
         mujoco.mj_kinematics(self.model, self.data)
         spheres = [self.model.geom(f"wall/sphere_{number:04d}").id for number in range(len(self.scene.samples))]
         self._straight_arcs = (self.data.geom_xpos[spheres] - self.scene.entry) @ self.scene.entry_direction
+        if self.table is not None:
+            return TableWall(self.model, self.table, self.scene.options.contact, arcs=self._straight_arcs)
         return PlaneWall(self.model, LumenDistance(self.scene.colon), arcs=self._straight_arcs)
 
     def _segment_law(self) -> SegmentLaw | None:
         """What pushes back by segment, if the scene asks for it."""
         options = self.scene.options
-        if self._planes is None or not options.segment_stiffness:
+        if not isinstance(self._planes, PlaneWall) or not options.segment_stiffness:
             return None
         stiffness = dict(options.segment_stiffness)
         return SegmentLaw(self.model, self.scene.colon, stiffness, options.contact, self._planes)
@@ -250,13 +279,19 @@ class NativeEngine:
             pulls=self._hand.copy(),
             link_forces=forces,
             contacts=int((normal > 0).sum()),
+            way=self._moved.way(self._shift) if self._moved else None,
             energies=self._energies.read(data),
             wall_force_sum=float(normal.sum()),
         )
 
     def colon(self) -> Colon:
-        """The colon, which is fixed in space."""
-        return self.scene.colon
+        """The colon as it lies now."""
+        return self._moved.colon(self._shift) if self._moved else self.scene.colon
+
+    @property
+    def _shift(self) -> Float[np.ndarray, "nodes 3"]:
+        assert isinstance(self._planes, TableWall) and self._planes.shift is not None
+        return self._planes.shift
 
     def shape(self) -> Float[np.ndarray, "nodes 3"]:
         """Points along the scope's axis, from the handle end of the modelled part to the tip [m]."""

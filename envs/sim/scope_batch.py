@@ -92,6 +92,7 @@ class ScopeBatch:
         log_to_stderr_only()
         self.scene, self.tables, self.worlds = scene, tables, worlds
         self.model = batch_model(scene)
+        self.model.flg_surfacevel = scene.options.mesentery  # before it is copied: walls that move drag by friction
         parts = np.array_split(np.arange(worlds), min(threads, worlds))
         self._slices = [slice(int(part[0]), int(part[-1]) + 1) for part in parts]
         self._shards = [ThreadSlice(scene, self.model, tables, len(part)) for part in parts]
@@ -121,6 +122,12 @@ class ScopeBatch:
         """What can be read off at the end of the last step."""
         parts = [shard.observe() for shard in self._shards]
         return BatchObservation(**{name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
+
+    @property
+    def shift(self) -> Float[np.ndarray, "worlds nodes 3"] | None:
+        """Displacements of the colons' axes at the beginning of the last time step [m]; None where they are fixed."""
+        found = [shard.shift for shard in self._shards]
+        return np.concatenate([part for part in found if part is not None]) if found[0] is not None else None
 
     def positions(self) -> Float[np.ndarray, "worlds joints"]:
         """Joint positions of all scopes, as MuJoCo counts them."""

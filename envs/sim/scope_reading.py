@@ -70,7 +70,9 @@ def refuse_unsupported(scene: Scene) -> None:
     model = scene.compile()
     cubic = np.asarray(model.jnt_stiffnesspoly) if hasattr(model, "jnt_stiffnesspoly") else np.zeros(1)
     if np.abs(cubic).max(initial=0) > 0:
-        raise UnsupportedSceneError("The JAX scope engine has linear springs only: build the scope with cubic=False.")
+        raise UnsupportedSceneError(
+            "The JAX scope engine has linear springs only: build the scene with softening=False."
+        )
     if model.nplugin or model.neq:
         raise UnsupportedSceneError(
             "The JAX scope engine has no plugins or equality constraints: use the native engine."

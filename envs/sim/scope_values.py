@@ -3,8 +3,8 @@
 from typing import Any, NamedTuple, TypeAlias
 
 from haustra.envs.sim.chain import Links
-from haustra.envs.sim.moving_colon import AttachmentPoints, AxisDisplacement
 from haustra.models.wall.law import ImplicitContact
+from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
 
 Array: TypeAlias = Any
 

@@ -15,12 +15,10 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.sim import chain as links
-from haustra.envs.sim import moving_colon
 from haustra.envs.sim.at_origin import compile_at_origin
 from haustra.envs.sim.chain import Chain
 from haustra.envs.sim.coils import coil_samples
 from haustra.envs.sim.device_arrays import tree_where
-from haustra.envs.sim.moving_colon import AttachmentPoints, AxisDisplacement
 from haustra.envs.sim.physics.hand import HAND_DAMPING, hand_force
 from haustra.envs.sim.physics.lock import lock_activation
 from haustra.envs.sim.physics.stops import stop_torque
@@ -31,8 +29,10 @@ from haustra.envs.sim.scope_values import Array, Contact, Controls, Parameters, 
 from haustra.errors import InvalidOptionError
 from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.scene import Scene
+from haustra.models.wall import moving_colon
 from haustra.models.wall.law import implicit_contact, normal_force
-from haustra.models.wall.lumen_table import Tables, WallQuery, pick, touch
+from haustra.models.wall.lumen_table import Tables, WallQuery, pick, query
+from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
 
 SPEED_LIMIT = 1e4
 """A generalised speed above this [rad/s or m/s] is divergence, as in the native engine."""
@@ -158,7 +158,7 @@ class JaxScopes:
             healthy=jnp.ones(count, bool),
             time=jnp.zeros(count, kind),
             pulls=jnp.zeros((count, len(WIRE_NAMES)), kind),
-            shift=tables.mesentery and moving_colon.at_rest(tables.mesentery, count, kind),
+            shift=tables.mesentery and moving_colon.at_rest(jnp, tables.mesentery, count, kind),
         )
 
     def step(self, tables: Tables, parameters: Parameters, worlds: State, hands: Controls) -> State:
@@ -256,7 +256,7 @@ class JaxScopes:
         wall_speed = jnp.zeros_like(points)
         if grip is not None and tables.mesentery is not None and worlds.shift is not None:
             grip = AttachmentPoints(grip.arcs[:, :-1], grip.lever[:, :-1])
-            wall_speed = moving_colon.wall_speeds(tables.mesentery, worlds.shift, grip)
+            wall_speed = moving_colon.wall_speeds(jnp, tables.mesentery, worlds.shift, grip)
         speed = self._speeds(where, points, worlds.qvel) - wall_speed
         stiffness = parameters.stiffness[:, None]
         damper = stiffness * (parameters.damping_time[:, None] + self.timestep)
@@ -274,7 +274,7 @@ class JaxScopes:
             return None
         pressed = -contact.law.force(jnp, leaving)
         damping = contact.law.damper + contact.law.drag
-        return moving_colon.step_axis(tables.mesentery, shift, contact.grip, pressed, damping, self.timestep)
+        return moving_colon.step_axis(jnp, tables.mesentery, shift, contact.grip, pressed, damping, self.timestep)
 
     def _joints(self, parameters: Parameters, worlds: State) -> tuple[Array, Array]:
         """Torques of springs, stops, locks, hand and wires, and the damping that goes into the matrix."""
@@ -343,8 +343,8 @@ def _look(
 ) -> tuple[WallQuery, AttachmentPoints | None]:
     """Look spheres up in one colon a world; and where their surfaces hold on to it, if it moves."""
     if shift is None:
-        return touch(jnp, tables, points, arcs), None
-    return moving_colon.touch(tables, shift, points, arcs, radius)
+        return query(jnp, tables, points, arcs), None
+    return moving_colon.query(jnp, tables, shift, points, arcs, radius)
 
 
 def entry_gravity(tables: Tables, parameters: Parameters) -> Float[Array, "worlds 3"]:

@@ -114,7 +114,7 @@ class ThreadSlice:
             with _TURN:
                 if step:
                     self._catch_divergence()
-                self._wall.place()
+                self._wall.place(np.flatnonzero(self.healthy))
                 ids = None if self.healthy.all() else np.flatnonzero(self.healthy)
             self._batch.step(ids)
         with _TURN:
@@ -176,17 +176,22 @@ class ThreadSlice:
             "coils": self._geom_xpos[:, self._coils].copy(),
         }
 
+    @property
+    def shift(self) -> Float[np.ndarray, "worlds nodes 3"] | None:
+        """Displacements of the colons' axes [m]; None where they are fixed."""
+        return self._wall.shift
+
     def positions(self) -> Float[np.ndarray, "worlds joints"]:
         """Joint positions."""
         return self._qpos.copy()
 
     def snapshot(self, world: int) -> Snapshot:
         """Where one world is now."""
-        parts = (self._batch.state, self._wall.before, self._wall.arcs, self._arriving)
+        parts = (self._batch.state, self._wall.arcs, self._arriving)
         return Snapshot(*(part[world].copy() for part in parts))
 
     def restore(self, world: int, snapshot: Snapshot) -> None:
-        """Put one world where another was."""
+        """Put one world where another was, in a colon at rest."""
         self._seen = None
         self._batch.state[world] = snapshot.state
         self._time[world] = 0.0

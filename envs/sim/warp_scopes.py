@@ -25,7 +25,7 @@ from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene
 from haustra.models.wall.law import normal_force, require_honoured, soft_contact
-from haustra.models.wall.lumen_table import Tables, pick, touch
+from haustra.models.wall.lumen_table import Tables, pick, query
 from haustra.models.wall.plane_pose import plane_pose
 
 CONTACT_ROWS = 3
@@ -134,7 +134,7 @@ class WarpScopes(JaxScopes):
         scope, h = parameters.scope, self.timestep
         where = links.pose(self.chain, scope.links, worlds.qpos)
         points = self._samples(scope, where)
-        found = touch(jnp, tables, jnp.concatenate([points, self._tip(scope, where)], axis=1), worlds.arcs)
+        found = query(jnp, tables, jnp.concatenate([points, self._tip(scope, where)], axis=1), worlds.arcs)
         depth = found.depth[:, :-1] + scope.radius[:, None] - tables.device_radius
         inwards = found.inwards[:, :-1]
         planes = plane_pose(jnp, points, scope.radius[:, None], depth, inwards)

@@ -19,7 +19,7 @@ from haustra.envs.study.paths import with_values
 from haustra.envs.study.questions import Engine, Question, Runner, one_by_one
 from haustra.envs.study.sampling import conditions_of
 from haustra.envs.study.study import Column, Job, Result, ScoreError, Study, Value
-from haustra.errors import InvalidOptionError, InvalidStudyError, UnsupportedSceneError
+from haustra.errors import InvalidOptionError, InvalidStudyError
 from haustra.models.accuracy import stated_error
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
@@ -28,10 +28,10 @@ from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.devices.scope.files import find_design
 from haustra.models.presets import MODELLING, find_preset
 from haustra.models.scene import Scene, SceneOptions, build_scene
+from haustra.models.wall.lumen_table import LumenTable, lumen_table
 from haustra.models.wall.pieces.build import Method
 from haustra.models.wall.pieces.folder import wall_folder, wall_of
 from haustra.models.wall.pieces.store import load_wall
-from haustra.models.wall.pieces.wall import Wall
 from haustra.provenance import Provenance
 
 COLONS = "colons"
@@ -141,11 +141,19 @@ def _with_diameter(design: ScopeDesign, diameter: float) -> ScopeDesign:
 def answer(study: Study, folder: Path, job: Job) -> Result:
     """Drive one scope into one colon."""
     setup = build_setup(study, job.variables, job.conditions)
-    colon, wall = _colon_and_wall(folder, str(job.conditions["colon"]), str(study.options["wall"]))
+    name = str(job.conditions["colon"])
+    colon = _colon(folder, name)
+    wall = table = None
+    if setup.options.wall_law == "table":
+        table = _table(folder, name, setup.design.diameter / 2, setup.options.mesentery)
+    elif setup.options.wall_law == "pieces":
+        wall = load_wall(wall_folder(_colon_folder(folder, name), cast(Method, study.options["wall"])))
     seconds = float(study.options["seconds"])
     deepest = setup.options.start_depth + setup.driver.advance_rate * seconds
     scene = build_scene(colon, wall, setup.design, setup.options, show_lumen=False, deepest=deepest)
-    run = run_insertion(scene, seconds=seconds, settings=setup.driver, engine=growing(wall, deepest=deepest))
+    run = run_insertion(
+        scene, seconds=seconds, settings=setup.driver, engine=growing(wall, deepest=deepest, table=table)
+    )
     if run.outcome is Outcome.DIVERGED:
         return Result(job.id, "diverged", reason=run.outcome.advice)
     return Result(job.id, "finished", scores=_scores(scene, run), curves=_curves(run.trajectory))
@@ -189,23 +197,24 @@ def _colon_folder(folder: Path, name: str) -> Path:
 
 
 @lru_cache(maxsize=4)
-def _colon_and_wall(folder: Path, name: str, method: Method) -> tuple[Colon, Wall]:
-    place = _colon_folder(folder, name)
-    return load_colon(place), load_wall(wall_folder(place, method))
+def _colon(folder: Path, name: str) -> Colon:
+    return load_colon(_colon_folder(folder, name))
+
+
+@lru_cache(maxsize=4)
+def _table(folder: Path, name: str, radius: float, moves: bool) -> LumenTable:
+    return lumen_table(_colon(folder, name), device_radius=radius, with_mesentery=moves)
 
 
 def prepare(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
-    """Grow the study's colons and build the walls that are missing; a grown colon appears at once with its wall.
+    """Grow the study's colons and build the walls that are missing, where they stand fixed.
+
+    A grown colon appears at once with its wall.
 
     Raises:
         HaustraError: when a colon cannot be grown or read, or has no wall.
-        UnsupportedSceneError: when the colons are to move.
     """
-    if study.options["mesentery"]:
-        raise UnsupportedSceneError(
-            "Colons that move on their mesentery (options.mesentery) need the engine 'jax': name it."
-        )
-    method = cast(Method, study.options["wall"])
+    method, moves = cast(Method, study.options["wall"]), bool(study.options["mesentery"])
     for name in map(str, study.conditions["colon"]):
         place = _colon_folder(folder, name)
         if name.startswith("grown-") and not (place / METADATA).is_file():
@@ -213,10 +222,11 @@ def prepare(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
             half = place.with_name(f".{name}.{os.getpid()}")
             colon = grow_colon(seed=int(name.removeprefix("grown-")))
             save_colon(colon, half)
-            wall_of(half, colon, method)
+            if not moves:
+                wall_of(half, colon, method)
             shutil.rmtree(place, ignore_errors=True)
             half.rename(place)
-        elif not name.startswith("grown-"):
+        elif not moves:
             tell(f"wall of {place.name}")
             wall_of(place, load_colon(place), method)
 

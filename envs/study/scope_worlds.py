@@ -128,7 +128,7 @@ def _options(asked: SceneOptions) -> SceneOptions:
         for name in ("shaft_cell", "bending_cell", "twist_hinges", "sample_spacing")
         if getattr(asked, name) == getattr(usual, name)
     }
-    return replace(asked, wall_law="table", **own)
+    return replace(asked, wall_law="table", softening=False, **own)
 
 
 def _out_of_memory(error: Exception) -> bool:

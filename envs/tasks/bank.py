@@ -23,7 +23,12 @@ from haustra.models.wall.lumen_table import ANGLES, STATION_STEP, Tables, stack
 from haustra.provenance import content_hash, package_versions
 
 TASK_OPTIONS = SceneOptions(
-    wall_law="table", shaft_cell=0.0625, bending_cell=0.034, twist_hinges=2, sample_spacing=0.0315
+    wall_law="table",
+    softening=False,
+    shaft_cell=0.0625,
+    bending_cell=0.034,
+    twist_hinges=2,
+    sample_spacing=0.0315,
 )
 """Coarser than in studies: at most sixty dofs and two spheres a link, and tips within 1.4 to 2.4 % of the length inside
 (docs/validation/worlds.md). How far a driver comes hardly depends on it (docs/validation/navigation.md)."""
@@ -81,7 +86,7 @@ def make_bank(cases: Sequence[TabulatedColon], design: ScopeDesign, options: Sce
         raise InvalidOptionError("A bank needs at least one colon.")
     if any(abs(case.device_radius - design.diameter / 2) > 1e-9 for case in cases):
         raise InvalidOptionError(f"A case was made for a scope of another diameter than '{design.name}': make it anew.")
-    return ColonSet(tuple(cases), design, replace(options or TASK_OPTIONS, wall_law="table"))
+    return ColonSet(tuple(cases), design, replace(options or TASK_OPTIONS, wall_law="table", softening=False))
 
 
 def grown_bank(

@@ -8,7 +8,7 @@ import numpy as np
 
 from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.pictures import Pictures, in_bytes
-from haustra.envs.tasks.sight import RANGE, Sight
+from haustra.envs.tasks.sight import RANGE, BatchSight, Sight
 
 if TYPE_CHECKING:
     from haustra.envs.tasks.device_sight import DeviceSight
@@ -21,7 +21,7 @@ def depth_cameras(
     engine: str,
     bank: ColonSet,
     sight: Sight,
-    eyes: "Sight | DeviceSight",
+    eyes: "BatchSight | DeviceSight",
     pictures: Pictures,
     *,
     worlds: int,
@@ -44,6 +44,6 @@ def depth_cameras(
         colons = [case.colon() for case in bank.cases]
         cameras = WarpCameras(colons, worlds=worlds, size=size, field_of_view_deg=pictures.view, reach=RANGE)
         return lambda case, eye, frame, arc: cameras.depth(case, eye, frame, sight.beyond(case, eye, arc))
-    if isinstance(eyes, Sight):
-        return lambda case, eye, frame, arc: in_bytes(pictures.depth(case, eye, frame, arc, size))
+    if isinstance(eyes, BatchSight):
+        return lambda case, eye, frame, arc: in_bytes(pictures.depth(case, eye, frame, arc, size, eyes.at_rest(case)))
     return partial(eyes.depth, field_of_view_deg=pictures.view, size=size)

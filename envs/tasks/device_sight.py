@@ -1,6 +1,5 @@
 """The rays of `haustra.envs.tasks.sight` where JAX computes: thousands of cameras at once."""
 
-from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -8,13 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
-from haustra.envs.sim import moving_colon
 from haustra.envs.sim.device_arrays import on_device
 from haustra.envs.sim.device_batch import DeviceBatch
 from haustra.envs.sim.precision import precise
 from haustra.envs.tasks.sight import DEPTH_STEPS, STEPS, Lumens, March, Sight, begin_march, march, ray_directions
 from haustra.envs.view.picture.lens import lens_rays
-from haustra.models.wall.lumen_table import Tables, pick
+from haustra.models.wall import moving_colon
+from haustra.models.wall.lumen_table import pick
 
 
 class DeviceSight:
@@ -30,7 +29,8 @@ class DeviceSight:
         def cast(rays, steps, case, eye, frame, arc, shift):
             directions = jnp.einsum("wij,rj->wri", frame, rays)
             now = begin_march(jnp, arc, len(rays), steps[-1])
-            at_rest = _taking_back(pick(tables, case), shift) if tables and shift is not None else None
+            moved = tables and shift is not None
+            at_rest = moving_colon.back_to_reference(jnp, pick(tables, case), shift) if moved else None
 
             def further(now: March, distance: Any) -> tuple[March, None]:
                 return march(jnp, lumens, case, eye, directions, now, distance, at_rest), None
@@ -74,11 +74,3 @@ class DeviceSight:
         eye, frame, arc = (place.astype(np.float32) for place in places)
         shift = self._engine and self._engine.shift
         return rays.astype(np.float32), steps.astype(np.float32), case.astype(np.int32), eye, frame, arc, shift
-
-
-def _taking_back(tables: Tables, shift: Any) -> Callable[[Any, Any], Any]:
-    """From points near some arc lengths to where they would be, had the colon not moved."""
-    own = tables.mesentery
-    assert own is not None, "displacements of a colon that is fixed in space"
-    frames = moving_colon.turns_of(own, shift)
-    return lambda points, arcs: moving_colon.to_reference(tables, shift, frames, points, arcs)

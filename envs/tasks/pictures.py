@@ -3,6 +3,9 @@
 Colour by the renderer of `haustra.envs.view.picture`, depth by rays into the tables.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
@@ -40,11 +43,15 @@ class Pictures:
         frame: Float[np.ndarray, "worlds 3 3"],
         arc: Float[np.ndarray, " worlds"],
         size: int,
+        at_rest: Callable[[Any, Any], Any] | None = None,
     ) -> Float[np.ndarray, "worlds size size"]:
-        """Distance to the wall in each pixel of the same pictures [m]; zero outside the lens's circle."""
+        """Distance to the wall in each pixel of the same pictures [m]; zero outside the lens's circle.
+
+        Colons that have moved are drawn with `at_rest`, as `haustra.envs.tasks.sight.march` takes it.
+        """
         rays, within = lens_rays(self.view, size)
         directions = rays.reshape(-1, 3) @ frame.swapaxes(-1, -2)
-        found = self._sight.distances(case, eye, directions, arc, DEPTH_STEPS)
+        found = self._sight.distances(case, eye, directions, arc, DEPTH_STEPS, at_rest)
         return np.where(within, found.reshape(-1, size, size), 0.0)
 
     def both(self, case: int, eye: Eye, arc: float, size: int) -> UInt8[np.ndarray, "size size 4"]:

@@ -18,10 +18,11 @@ from haustra.envs.tasks.coverage import Coverage
 from haustra.envs.tasks.depth import DepthCameras, depth_cameras
 from haustra.envs.tasks.pictures import Pictures
 from haustra.envs.tasks.rewards import Moment, reward
-from haustra.envs.tasks.sight import Sight
+from haustra.envs.tasks.sight import BatchSight, Sight
 from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.scope.library import named_design
-from haustra.models.wall.lumen_table import axis_at, pick
+from haustra.models.wall import moving_colon
+from haustra.models.wall.lumen_table import pick
 
 if TYPE_CHECKING:
     from haustra.envs.sim.device_batch import DeviceBatch
@@ -218,12 +219,13 @@ class ScopeTask:
         """Places of the centreline that far ahead of the tip, from the entry [m]. No device knows them."""
         if not isinstance(self.engine, ScopeBatch):
             return self.engine.way_ahead(distances)
-        return axis_at(np, pick(self.bank.tables, self.case), self.seen.tip_arc[:, None] + distances)
+        tables, arcs = pick(self.bank.tables, self.case), self.seen.tip_arc[:, None] + distances
+        return moving_colon.axis_at(np, tables, self.engine.shift, arcs)
 
     @property
     def shift(self) -> Float[np.ndarray, "worlds nodes 3"] | None:
         """Displacements of the colons' axes [m]; None where they are fixed in space."""
-        found = None if isinstance(self.engine, ScopeBatch) else self.engine.shift
+        found = self.engine.shift
         return None if found is None else np.asarray(found)
 
     def render_depth(self, world: int, size: int) -> Float[np.ndarray, "size size"]:
@@ -368,10 +370,10 @@ def _engine(name: str, bank: ColonSet, worlds: int, threads: int) -> "ScopeBatch
     return DeviceBatch(bank.scene, bank.tables, worlds=worlds, engine=name)
 
 
-def _eyes(engine: "ScopeBatch | DeviceBatch", sight: Sight) -> "Sight | DeviceSight":
+def _eyes(engine: "ScopeBatch | DeviceBatch", sight: Sight) -> "BatchSight | DeviceSight":
     """Rays are followed where the physics is."""
     if isinstance(engine, ScopeBatch):
-        return sight
+        return BatchSight(sight, engine)
     from haustra.envs.tasks.device_sight import DeviceSight
 
     return DeviceSight(sight, engine)

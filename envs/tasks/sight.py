@@ -13,8 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from haustra.envs.sim.scope_batch import ScopeBatch
 from haustra.envs.tasks.case import TabulatedColon
-from haustra.models.wall.lumen_table import stack
+from haustra.models.wall.lumen_table import pick, stack
+from haustra.models.wall.moving_colon import back_to_reference
 
 RANGE = 0.12
 """Farthest distance that is measured [m]: the lamps show little beyond; engineering choice."""
@@ -79,9 +81,10 @@ class Sight:
         eye: Float[np.ndarray, "worlds 3"],
         frame: Float[np.ndarray, "worlds 3 3"],
         arc: Float[np.ndarray, " worlds"],
+        at_rest: Callable[[Any, Any], Any] | None = None,
     ) -> Float[np.ndarray, "worlds rays"]:
         """Distance to the wall along the rays of `ray_directions` [m], for tips with these frames."""
-        return self.distances(case, eye, np.einsum("wij,rj->wri", frame, ray_directions()), arc)
+        return self.distances(case, eye, np.einsum("wij,rj->wri", frame, ray_directions()), arc, at_rest=at_rest)
 
     def distances(
         self,
@@ -90,6 +93,7 @@ class Sight:
         directions: Float[np.ndarray, "worlds rays 3"],
         arc: Float[np.ndarray, " worlds"],
         steps: Float[np.ndarray, " steps"] | None = None,
+        at_rest: Callable[[Any, Any], Any] | None = None,
     ) -> Float[np.ndarray, "worlds rays"]:
         """Distance to the wall along rays [m], at most the last of `steps`.
 
@@ -99,12 +103,13 @@ class Sight:
             directions: unit vectors.
             arc: arc length of the eye [m].
             steps: distances at which the wall is looked for [m].
+            at_rest: as in `march`.
         """
         steps = (STEPS if steps is None else steps).astype(np.float32)
         eye, directions = eye.astype(np.float32), directions.astype(np.float32)
         now = begin_march(np, arc, directions.shape[1], float(steps[-1]))
         for distance in steps:
-            now = march(np, self.lumens, case, eye, directions, now, distance)
+            now = march(np, self.lumens, case, eye, directions, now, distance, at_rest)
             if not now.open.any():
                 break
         return now.found.astype(float)
@@ -141,6 +146,29 @@ class Sight:
         turn = 2 * np.pi * columns / sight.shape[1]
         across = frames[row, :, 0] * np.cos(turn)[:, None] + frames[row, :, 1] * np.sin(turn)[:, None]
         return (points[row] + sight[row, columns][:, None] * across).astype(float)
+
+
+class BatchSight:
+    """Rays from the tips of a batch into its colons, where they are now."""
+
+    def __init__(self, sight: Sight, engine: ScopeBatch) -> None:
+        """The engine knows where colons that move are."""
+        self._sight, self._engine = sight, engine
+
+    def tip_distances(
+        self,
+        case: Int[np.ndarray, " worlds"],
+        eye: Float[np.ndarray, "worlds 3"],
+        frame: Float[np.ndarray, "worlds 3 3"],
+        arc: Float[np.ndarray, " worlds"],
+    ) -> Float[np.ndarray, "worlds rays"]:
+        """As `Sight.tip_distances`."""
+        return self._sight.tip_distances(case, eye, frame, arc, self.at_rest(case))
+
+    def at_rest(self, case: Int[np.ndarray, " worlds"]) -> Callable[[Any, Any], Any] | None:
+        """As `march` takes it; None where colons are fixed."""
+        shift = self._engine.shift
+        return None if shift is None else back_to_reference(np, pick(self._engine.tables, case), shift)
 
 
 class March(NamedTuple):

@@ -16,9 +16,10 @@ from scipy.interpolate import CubicSpline
 
 from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
-from haustra.models.wall import mesentery
+from haustra.models.wall import mesentery, vectors
 from haustra.models.wall.mesentery import Mesentery
 from haustra.models.wall.signed_distance import LumenDistance
+from haustra.models.wall.vectors import Vector, add, between, dot, minus, times, where
 
 STATION_STEP = 0.0025
 """Distance between tabulated stations [m]; engineering choice, a seventh of the tightest bends' radius."""
@@ -142,7 +143,7 @@ def stack(tables: Sequence[Tables]) -> Tables:
 
 
 def pick(tables: Tables, colons: Int[Any, " worlds"]) -> Tables:
-    """One colon a world, for `touch` with points of shape (worlds, points, 3); of the wall, nothing is copied."""
+    """One colon a world, for `query` with points of shape (worlds, points, 3); of the wall, nothing is copied."""
     moving = tables.mesentery and Mesentery(*(part[colons] for part in tables.mesentery))
     chosen = {name: getattr(tables, name)[colons][:, None] for name in ("step", "first", "count", "device_radius")}
     return tables._replace(**chosen, axes=tables.axes[colons], mesentery=moving)
@@ -198,7 +199,7 @@ def lumen_table(
     )
 
 
-def touch(xp: ModuleType, tables: Tables, points: Float[Any, "*worlds points 3"], arcs: Float[Any, "..."]) -> WallQuery:
+def query(xp: ModuleType, tables: Tables, points: Float[Any, "*worlds points 3"], arcs: Float[Any, "..."]) -> WallQuery:
     """Look points up that were near `arcs` at the last look.
 
     Args:
@@ -207,74 +208,97 @@ def touch(xp: ModuleType, tables: Tables, points: Float[Any, "*worlds points 3"]
         points: middles of the device's spheres [m].
         arcs: their arc lengths at the last look [m]; negative before the anus.
     """
-    j, u = _cell(xp, tables, arcs)
-    axis, tangent = _line_at(xp, tables, j, u)
-    arcs = arcs + xp.clip(_dot(xp, points - axis, tangent), -WINDOW, WINDOW)
-    j, u = _cell(xp, tables, arcs)
-    axis, frame = _frame_at(xp, tables, j, u)
-    offset = points - axis
-    x, y = _dot(xp, offset, frame[..., 0]), _dot(xp, offset, frame[..., 1])
+    arcs, depth, inwards = query_point(xp, tables, tables.step, tables.first, tables.count, vectors.of(points), arcs)
+    return WallQuery(arcs, depth, vectors.stacked(xp, inwards))
+
+
+def query_point(
+    xp: ModuleType, tables: Tables, step: Any, first: Any, count: Any, point: Vector, arc: Any
+) -> tuple[Any, Any, Vector]:
+    """`query` of one point, or of arrays of them: arc length [m], depth [m] and inward normal.
+
+    Args:
+        xp: numpy or jax.numpy; numpy where numba compiles it.
+        tables: whose points, frames and wall are read.
+        step: distance between the colon's stations [m].
+        first: its first station.
+        count: its stations.
+        point: middle of the sphere [m].
+        arc: its arc length at the last look [m].
+    """
+    frames, wall = tables.frames, tables.wall
+    j, u = _cell(xp, step, first, count, arc)
+    beside = xp.minimum(xp.maximum(u, 0.0), 1.0)
+    tangent = between(_column(frames, j, 2), _column(frames, j + 1, 2), beside)
+    ahead = dot(minus(point, _line(tables, j, u)), tangent) / xp.sqrt(dot(tangent, tangent))
+    arc = arc + xp.minimum(xp.maximum(ahead, -WINDOW), WINDOW)
+    j, u = _cell(xp, step, first, count, arc)
+    offset = minus(point, _line(tables, j, u))
+    u = xp.minimum(xp.maximum(u, 0.0), 1.0)
+    across, side, along = (
+        _unit(xp, between(_column(frames, j, 0), _column(frames, j + 1, 0), u)),
+        _unit(xp, between(_column(frames, j, 1), _column(frames, j + 1, 1), u)),
+        _unit(xp, between(_column(frames, j, 2), _column(frames, j + 1, 2), u)),
+    )
+    x, y = dot(offset, across), dot(offset, side)
     radius = xp.sqrt(x * x + y * y + 1e-14)
     cos, sin = x / radius, y / radius
-    count = tables.wall.shape[-2]
-    turn = xp.arctan2(sin, cos) * (count / (2 * np.pi))
+    angles = wall.shape[1]
+    turn = xp.arctan2(sin, cos) * (angles / (2 * np.pi))
     k = xp.floor(turn)
-    w = (turn - k)[..., None]
-    k = k.astype(np.int32) % count
-    after = (k + 1) % count
-    u = xp.clip(u, 0.0, 1.0)[..., None]
-    cells, j = tables.wall.reshape(-1, tables.wall.shape[-1]), j * count
-    wall = (1 - u) * ((1 - w) * _rows(xp, cells, j + k) + w * _rows(xp, cells, j + after))
-    j = j + count
-    wall = wall + u * ((1 - w) * _rows(xp, cells, j + k) + w * _rows(xp, cells, j + after))
-    normal = wall[..., 1:]
-    normal = normal / xp.sqrt(_dot(xp, normal, normal))[..., None]
-    slope = xp.maximum(-(normal[..., 0] * cos + normal[..., 1] * sin), LEAST_SLOPE)
-    inwards = xp.einsum("...ij,...j->...i", frame, normal)
-    depth = xp.where(arcs > 0, (radius - wall[..., 0]) * slope, -1.0)
-    return WallQuery(arcs, depth, inwards)
+    w = turn - k
+    k = xp.int32(k) % angles
+    after = (k + 1) % angles
+    edge = _mixed(wall, j, k, after, u, w, 0)
+    normal = _mixed(wall, j, k, after, u, w, 1), _mixed(wall, j, k, after, u, w, 2), _mixed(wall, j, k, after, u, w, 3)
+    normal = _unit(xp, normal)
+    slope = xp.maximum(-(normal[0] * cos + normal[1] * sin), LEAST_SLOPE)
+    inwards = add(add(times(normal[0], across), times(normal[1], side)), times(normal[2], along))
+    depth = where(xp, arc > 0, (radius - edge) * slope, -1.0)
+    return arc, depth, inwards
 
 
 def axis_at(xp: ModuleType, tables: Tables, arcs: Float[Any, "..."]) -> Float[Any, "..."]:
     """Points of the centreline at arc lengths [m]; the last one beyond its end."""
-    j, u = _cell(xp, tables, arcs)
-    u = xp.clip(u, 0.0, 1.0)[..., None]
-    return (1 - u) * _rows(xp, tables.points, j) + u * _rows(xp, tables.points, j + 1)
+    return vectors.stacked(xp, axis_point(xp, tables, tables.step, tables.first, tables.count, arcs))
 
 
-def _cell(xp: ModuleType, tables: Tables, arcs: Any) -> tuple[Any, Any]:
+def axis_point(xp: ModuleType, tables: Tables, step: Any, first: Any, count: Any, arc: Any) -> Vector:
+    """`axis_at` one arc length, or arrays of them [m]; the colon's stations as in `query_point`."""
+    j, u = _cell(xp, step, first, count, arc)
+    return _line(tables, j, xp.minimum(xp.maximum(u, 0.0), 1.0))
+
+
+def _cell(xp: ModuleType, step: Any, first: Any, count: Any, arc: Any) -> tuple[Any, Any]:
     """Row of the station before an arc length, and the fraction of a step after it (beyond 0 and 1: outside)."""
-    place = arcs / tables.step
-    j = xp.clip(xp.floor(place), 0, tables.count - 2).astype(np.int32)
-    return j + tables.first, place - j
+    place = arc / step
+    j = xp.int32(xp.floor(where(xp, place > 0, xp.minimum(place, count - 2), 0.0)))  # NaN: the first
+    return j + first, place - j
 
 
-def _rows(xp: ModuleType, array: Any, index: Any) -> Any:
-    """Rows of an array; in numpy four times as fast as by square brackets."""
-    return np.take(array, index, axis=0, mode="clip") if xp is np else array[index]
+def _line(tables: Tables, j: Any, u: Any) -> Vector:
+    """The centreline, which goes on straight beyond its ends."""
+    line = tables.points
+    before, after = (line[j, 0], line[j, 1], line[j, 2]), (line[j + 1, 0], line[j + 1, 1], line[j + 1, 2])
+    return between(before, after, u)
 
 
-def _dot(xp: ModuleType, first: Any, second: Any) -> Any:
-    """Products of vectors; several times as fast in numpy as a sum over an axis of three."""
-    return xp.einsum("...i,...i->...", first, second)
+def _column(frames: Any, j: Any, axis: int) -> Vector:
+    return frames[j, 0, axis], frames[j, 1, axis], frames[j, 2, axis]
 
 
-def _line_at(xp: ModuleType, tables: Tables, j: Any, u: Any) -> tuple[Any, Any]:
-    """The centreline, which goes on straight beyond its ends, and its tangent."""
-    u = u[..., None]
-    axis = (1 - u) * _rows(xp, tables.points, j) + u * _rows(xp, tables.points, j + 1)
-    u = xp.clip(u, 0.0, 1.0)
-    tangent = (1 - u) * _rows(xp, tables.frames, j)[..., 2] + u * _rows(xp, tables.frames, j + 1)[..., 2]
-    return axis, tangent / xp.sqrt(_dot(xp, tangent, tangent))[..., None]
+def _mixed(wall: Any, j: Any, k: Any, after: Any, u: Any, w: Any, part: int) -> Any:
+    """One number of the wall, between two stations and two angles."""
+    here = (1 - w) * wall[j, k, part] + w * wall[j, after, part]
+    return (1 - u) * here + u * ((1 - w) * wall[j + 1, k, part] + w * wall[j + 1, after, part])
 
 
-def _frame_at(xp: ModuleType, tables: Tables, j: Any, u: Any) -> tuple[Any, Any]:
-    """The centreline, which goes on straight beyond its ends, and its frame."""
-    u = u[..., None]
-    axis = (1 - u) * _rows(xp, tables.points, j) + u * _rows(xp, tables.points, j + 1)
-    u = xp.clip(u, 0.0, 1.0)[..., None]
-    frame = (1 - u) * _rows(xp, tables.frames, j) + u * _rows(xp, tables.frames, j + 1)
-    return axis, frame / xp.sqrt(xp.einsum("...ij,...ij->...j", frame, frame))[..., None, :]
+def _unit(xp: ModuleType, v: Vector) -> Vector:
+    return times(1 / xp.sqrt(dot(v, v)), v)
+
+
+PARTS = (_cell, _line, _column, _mixed, _unit, query_point, axis_point)
+"""What numba is to compile."""
 
 
 def _stations(colon: Colon) -> tuple[np.ndarray, np.ndarray, float]:
@@ -333,7 +357,7 @@ def _error(surface, tables: Tables, arcs, radius, rays, device_radius: float, se
     ray = np.cos(turn)[:, None] * rays[s, a] + np.sin(turn)[:, None] * side
     shift = random.uniform(-0.5, 0.5, (len(s), 1)) * float(tables.step)
     places = tables.points[s] + out[:, None] * ray + shift * tables.frames[s, :, 2]
-    found = touch(np, tables, places, arcs[s])
+    found = query(np, tables, places, arcs[s])
     exact = surface.nearest(places, found.arcs)
     depth = exact.outside + device_radius
     near = np.abs(depth) < 0.003

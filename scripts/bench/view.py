@@ -82,7 +82,7 @@ class _Moving:
     """A scope that the lumen follower drives, and what of the lumen its tip may see."""
 
     def __init__(self, colon: Colon, design: ScopeDesign, joints: int) -> None:
-        options = replace(options_for(colon, design, joints), wall_law="table", timestep=0.005)
+        options = replace(options_for(colon, design, joints), wall_law="table", softening=False, timestep=0.005)
         self.engine = JaxSingle(build_scene(colon, None, design, options))
         self.sight = LumenInSight(self.engine.model)
         self._tracker = ArcTracker(colon.centreline, start=options.start_depth)

@@ -36,6 +36,8 @@ def test_a_run_leaves_scores_trajectory_scene_pictures_and_a_report(colon_folder
         "run",
         "--colon",
         str(colon_folder),
+        "--wall-law",
+        "pieces",
         "--wall",
         "prism",
         "-o",
@@ -54,16 +56,18 @@ def test_a_run_leaves_scores_trajectory_scene_pictures_and_a_report(colon_folder
 
 
 def test_a_run_in_a_colon_that_moves(colon_folder, tmp_path, capsys):
-    pytest.importorskip("jax")
-    call = ["run", "--colon", str(colon_folder), "--preset", "fast", "--seconds", "2", "--mesentery"]
+    """Without options: natively, by the lumen's table."""
+    call = ["run", "--colon", str(colon_folder), "--preset", "fast", "--seconds", "2"]
     assert main([*call, "-o", str(tmp_path), "--json"]) == SUCCESS
     printed = json.loads(capsys.readouterr().out)
     assert printed["colon_moved_peak_mm"] > 0 and printed["pieces"] == 0
     options = printed["provenance"]["configuration"]["options"]
     assert options["mesentery"] and options["wall_law"] == "table"
     assert (tmp_path / "outside.png").stat().st_size > 1000
-    assert main([*call, "-o", str(tmp_path / "other"), "--wall-law", "planes"]) == BAD_INPUT
-    assert "needs wall law 'table'" in capsys.readouterr().err
+    assert main([*call, "-o", str(tmp_path / "fixed"), "--fixed", "--json"]) == SUCCESS
+    assert json.loads(capsys.readouterr().out)["colon_moved_peak_mm"] == 0
+    assert main([*call, "-o", str(tmp_path / "other"), "--wall-law", "planes", "--backend", "jax"]) == BAD_INPUT
+    assert "backend jax has no wall law 'planes'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -77,8 +81,8 @@ def test_a_run_says_its_preset_its_wall_and_that_nobody_measured_its_error(
     assert main([*call, *options, "-o", str(tmp_path), "--json"]) == SUCCESS
     scores = json.loads(capsys.readouterr().out)
     assert scores["preset"] == scores["provenance"]["configuration"]["preset"] == preset
-    assert scores["wall_law"] == ("planes" if "planes" in options else "pieces")
-    assert scores["backend"] == "native" and scores["mesentery"] is False
+    assert scores["wall_law"] == ("planes" if "planes" in options else "table")
+    assert scores["backend"] == "native" and scores["mesentery"] is ("planes" not in options)
     nothing = {"wall_force": [None, None], "push": [None, None], "tip_mm": [None, None]}
     assert scores["numerical_error"] == {**nothing, "measured_on": "not measured"}
 
@@ -124,5 +128,5 @@ def test_tangent_planes_need_no_wall_and_stiffen_by_segment(tmp_path, capsys):
     assert printed["pieces"] == 0
     chosen = printed["provenance"]["configuration"]["options"]
     assert chosen["wall_law"] == "planes" and dict(chosen["segment_stiffness"])["caecum"] == 900
-    assert main([*arguments, "--segment-stiffness"]) == BAD_INPUT
+    assert main([*arguments, "--segment-stiffness", "--wall-law", "table"]) == BAD_INPUT
     assert "planes" in capsys.readouterr().err

@@ -22,7 +22,13 @@ def replay_in_field(
 ) -> Track:
     """Drive one world by a script against the tabulated lumen. Compilation is not part of the cost."""
     with jax.enable_x64(double):
-        return _replay(script, colon, design, replace(options, wall_law="table"), np.float64 if double else np.float32)
+        return _replay(
+            script,
+            colon,
+            design,
+            replace(options, wall_law="table", softening=False),
+            np.float64 if double else np.float32,
+        )
 
 
 def _replay(script: Script, colon: Colon, design: ScopeDesign, options: SceneOptions, kind: type) -> Track:

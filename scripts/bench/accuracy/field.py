@@ -71,7 +71,7 @@ def _one_script(place: Place, seconds: float) -> dict[str, Value]:
     script = record_script(colon, design, exact, seconds=seconds)
     planes = replay(script, colon, None, design, exact)
     pieces = replay(script, colon, place.wall("prism"), design, options)
-    field = replay_in_field(script, colon, design, replace(options, wall_law="table"))
+    field = replay_in_field(script, colon, design, replace(options, wall_law="table", softening=False))
     found: dict[str, Value] = {"inserted_m": float(planes.insertion[-1])}
     for name, errors in (
         ("field_against_pieces", compare(field, pieces)),
@@ -90,7 +90,9 @@ def _both_driven(place: Place, seconds: float) -> dict[str, Value]:
     colon, design, wall = place.colon, find_design("adult"), place.wall("prism")
     deepest = SceneOptions.start_depth + FollowerSettings.advance_rate * seconds
     pieces = build_scene(colon, wall, design, show_lumen=False, deepest=deepest)
-    field = build_scene(colon, None, design, SceneOptions(wall_law="table"), show_lumen=False, deepest=deepest)
+    field = build_scene(
+        colon, None, design, SceneOptions(wall_law="table", softening=False), show_lumen=False, deepest=deepest
+    )
     runs = {
         "pieces": run_insertion(pieces, seconds=seconds, engine=growing(wall, deepest=deepest)),
         "field": run_insertion(field, seconds=seconds, engine=JaxSingle),

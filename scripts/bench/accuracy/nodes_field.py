@@ -45,7 +45,9 @@ def _pushed(colon: Colon, design: ScopeDesign, options: SceneOptions, deepest: f
     from haustra.envs.sim.scope_worlds import JaxScopes
     from haustra.scripts.bench.accuracy.drive_worlds import hands_of
 
-    scene = build_scene(colon, None, design, replace(options, wall_law="table"), show_lumen=False, deepest=deepest)
+    scene = build_scene(
+        colon, None, design, replace(options, wall_law="table", softening=False), show_lumen=False, deepest=deepest
+    )
     table = lumen_table(colon, device_radius=scene.cable.radius)
     tables = on_device(stack([table.seen_from(*entry_of(colon))]))
     engine = JaxScopes.of(scene)

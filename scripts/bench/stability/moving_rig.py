@@ -18,7 +18,7 @@ from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
 from haustra.models.wall import mesentery
 from haustra.models.wall.lumen_table import Tables, lumen_table
 
-OPTIONS = SceneOptions(wall_law="table", mesentery=True, insertion_limit=1.0)
+OPTIONS = SceneOptions(wall_law="table", softening=False, mesentery=True, insertion_limit=1.0)
 """A metre of scope: more does not get in."""
 INTERVAL = 0.02
 """Between two changes of inputs [s], or one time step if that is more."""

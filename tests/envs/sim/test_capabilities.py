@@ -101,7 +101,7 @@ SCENE_CHANGES: Mapping[str, Any] = {
     "insertion_limit": 0.2,
     "gravity": (5.0, -6.0, 2.0),
 }
-"""A value of each field that has an effect; 'wall_law' and 'mesentery' have tests of their own."""
+"""A value of each field that has an effect; 'wall_law', 'mesentery' and 'softening' have tests of their own."""
 DESIGN_CHANGES: Mapping[str, Callable[[ScopeDesign], ScopeDesign]] = {
     "diameter": lambda d: replace(d, diameter=0.0145),
     "mass_per_length": lambda d: replace(d, mass_per_length=10 * d.mass_per_length),
@@ -176,7 +176,8 @@ def _seconds(path: str) -> float:
 def _scene(design: ScopeDesign, options: SceneOptions, path: str, *, many: bool) -> Scene:
     wall = _at_the_wall(path)
     law = "table" if many else "planes" if wall else "pieces"
-    return build_scene(BEND if wall else OPEN, NO_WALL, design, replace(options, wall_law=law), show_lumen=False)
+    options = replace(options, wall_law=law, softening=not many)
+    return build_scene(BEND if wall else OPEN, NO_WALL, design, options, show_lumen=False)
 
 
 PATHS = [f"scene.{name}" for name in SCENE_CHANGES] + [f"design.{name}" for name in DESIGN_CHANGES]
@@ -387,7 +388,8 @@ def test_warp_steps_the_same_model_as_the_native_batch(path: str) -> None:
 REFUSALS = {
     "scene.segment_stiffness": replace(OPTIONS, segment_stiffness=(("sigmoid", 300.0),)),
     "scene.wall_law": OPTIONS,
-    "scene.mesentery": replace(OPTIONS, wall_law="table", mesentery=True),
+    "scene.mesentery": replace(OPTIONS, wall_law="table", mesentery=True, softening=False),
+    "scene.softening": replace(OPTIONS, wall_law="table"),
 }
 
 
@@ -429,11 +431,11 @@ def test_a_camera_that_tasks_cannot_show_is_refused_by_them(entry: Any, backend:
         ("jax", {"task": "withdrawal"}),
         ("warp", {"task": "withdrawal"}),
         ("warp", {"mesentery": True}),
-        ("native-batch", {"mesentery": True}),
     ],
 )
 def test_what_a_backend_cannot_honour_of_a_task_it_refuses_by_name(backend: str, changed: dict) -> None:
-    scene = build_scene(OPEN, None, DESIGN, replace(OPTIONS, wall_law="table"), show_lumen=False)
+    options = replace(OPTIONS, wall_law="table", softening=False)
+    scene = build_scene(OPEN, None, DESIGN, options, show_lumen=False)
     with pytest.raises(UnsupportedSceneError, match=f"'{backend}' cannot honour task.{next(iter(changed))}"):
         require_task_supported(TaskConfig(**changed), scene, backend)
 

@@ -16,7 +16,7 @@ from tests.tube_colon import straight_tube
 
 @pytest.fixture(scope="module")
 def model() -> mujoco.MjModel:
-    options = SceneOptions(wall_law="table", insertion_limit=0.3, gravity=(1.0, 2.0, -9.0))
+    options = SceneOptions(wall_law="table", softening=False, insertion_limit=0.3, gravity=(1.0, 2.0, -9.0))
     return build_scene(straight_tube(), None, named_design("adult"), options, show_lumen=False).compile()
 
 

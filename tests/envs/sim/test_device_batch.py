@@ -21,7 +21,13 @@ from tests.task_bank import hung_bank, short_bank
 
 _DESIGN = named_design("adult")
 _OPTIONS = SceneOptions(
-    wall_law="table", insertion_limit=0.3, shaft_cell=0.0625, bending_cell=0.034, twist_hinges=2, sample_spacing=0.03
+    wall_law="table",
+    softening=False,
+    insertion_limit=0.3,
+    shaft_cell=0.0625,
+    bending_cell=0.034,
+    twist_hinges=2,
+    sample_spacing=0.03,
 )
 
 

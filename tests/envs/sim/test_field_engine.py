@@ -16,7 +16,9 @@ from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions, build_scene
 from tests.bent_colon import bent_colon
 
-OPTIONS = SceneOptions(wall_law="table", insertion_limit=0.35, shaft_cell=0.0625, bending_cell=0.034, twist_hinges=2)
+OPTIONS = SceneOptions(
+    wall_law="table", softening=False, insertion_limit=0.35, shaft_cell=0.0625, bending_cell=0.034, twist_hinges=2
+)
 DESIGN = named_design("adult")
 
 

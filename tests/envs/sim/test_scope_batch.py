@@ -27,7 +27,9 @@ PULLS = np.array([12.0, 0.0, 0.0, 0.0])
 @pytest.fixture(scope="module")
 def bend() -> tuple[Scene, Tables]:
     colon = swept_colon(winding([(0.08, 0.0), (0.1, 1.6), (0.2, 0.0)]), name="bend")
-    scene = build_scene(colon, None, DESIGN, SceneOptions(wall_law="table", **OPTIONS), show_lumen=False)
+    scene = build_scene(
+        colon, None, DESIGN, SceneOptions(wall_law="table", softening=False, **OPTIONS), show_lumen=False
+    )
     return scene, lumen_table(colon, device_radius=DESIGN.diameter / 2).seen_from(*entry_of(colon))
 
 

@@ -7,7 +7,7 @@ from haustra.models.anatomy.colon import Centreline, Colon, ColonSegment, Surfac
 from haustra.models.anatomy.frames import centreline_through
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.tube import tube
-from haustra.models.wall.lumen_table import lumen_table, pick, stack, touch
+from haustra.models.wall.lumen_table import lumen_table, pick, query, stack
 from haustra.provenance import Provenance
 
 _LUMEN, _DEVICE = 0.02, 0.006
@@ -38,7 +38,7 @@ def _colon(lumen: Surface, line: Centreline) -> Colon:
 def test_depth_and_normal_in_a_straight_stretch() -> None:
     field = lumen_table(_bent_tube(0.06), device_radius=_DEVICE)
     points = np.array([[0.015, 0, 0.05], [0.0, -0.012, 0.05], [0.0, 0.016, 0.051]])
-    found = touch(np, field.tables, points, np.full(3, 0.05))
+    found = query(np, field.tables, points, np.full(3, 0.05))
     # The surface is a polygon of 48 corners: its sides are 0.2 % nearer than its corners.
     np.testing.assert_allclose(found.depth, [0.001, -0.002, 0.002], atol=6e-5)
     # Half the angle between two sides is 3.75 degrees.
@@ -52,7 +52,7 @@ def test_depth_in_a_bend_on_either_side(side: float) -> None:
     middle = np.array([0.06, 0, 0.1])
     outward = np.array([-1.0, 0, 1.0]) / np.sqrt(2)
     point = middle + (0.06 + side * 0.015) * outward
-    found = touch(np, field.tables, point[None], np.array([0.1 + 0.06 * np.pi / 4]))
+    found = query(np, field.tables, point[None], np.array([0.1 + 0.06 * np.pi / 4]))
     assert found.depth[0] == pytest.approx(0.001, abs=1e-4)
     assert found.inwards[0] @ (-side * outward) > np.cos(np.radians(3.8))
 
@@ -63,7 +63,7 @@ def test_arc_follows_a_point_that_moves_along() -> None:
     line = colon.centreline
     arcs = np.array([line.arc[5]])
     for point in line.points[5::3]:
-        arcs = touch(np, field.tables, point[None], arcs).arcs
+        arcs = query(np, field.tables, point[None], arcs).arcs
     assert arcs[0] == pytest.approx(line.length, abs=0.006)
 
 
@@ -79,10 +79,10 @@ def test_stacked_tables_are_those_of_each_colon() -> None:
     fields = [lumen_table(_bent_tube(radius), device_radius=_DEVICE) for radius in (0.05, 0.08)]
     points = np.array([[0.015, 0.001, 0.12], [0.01, 0.012, 0.11]])
     arcs = np.array([0.12, 0.11])
-    together = touch(
+    together = query(
         np, pick(stack([f.tables for f in fields]), np.array([1, 0])), np.stack([points] * 2), np.stack([arcs] * 2)
     )
     for world, colon in enumerate((1, 0)):
-        alone = touch(np, fields[colon].tables, points, arcs)
+        alone = query(np, fields[colon].tables, points, arcs)
         np.testing.assert_array_equal(together.depth[world], alone.depth)
         np.testing.assert_array_equal(together.inwards[world], alone.inwards)

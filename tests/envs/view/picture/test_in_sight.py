@@ -13,7 +13,7 @@ from tests.models.wall.conftest import swept_colon
 
 def test_only_what_lies_before_the_camera_and_near_is_shown() -> None:
     colon = swept_colon(winding([(0.9, 0.0)]), name="straight")
-    options = SceneOptions(wall_law="table", insertion_limit=0.3, sample_spacing=0.03)
+    options = SceneOptions(wall_law="table", softening=False, insertion_limit=0.3, sample_spacing=0.03)
     engine = JaxSingle(build_scene(colon, None, named_design("adult"), options))
     for _ in range(60):
         engine.step(Inputs(0.1, 0.0), 4)

@@ -10,25 +10,30 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from haustra.envs.sim import moving_colon
-from haustra.envs.sim.moving_colon import AttachmentPoints, AxisDisplacement
 from haustra.envs.sim.scope_bank import ScopeBank, build_bank
-from haustra.envs.sim.scope_batch import ScopeBatch
 from haustra.envs.sim.scope_values import Controls
 from haustra.envs.sim.scope_worlds import JaxScopes
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions
-from haustra.models.wall import mesentery
-from haustra.models.wall.lumen_table import lumen_table, pick, stack
+from haustra.models.wall import mesentery, moving_colon
+from haustra.models.wall.lumen_table import axis_at, lumen_table, pick, query, stack
 from haustra.models.wall.mesentery import Mesentery, hang
+from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
+from haustra.models.wall.table_wall import TableWalls
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
 from tests.tube_colon import straight_tube
 
 _STEP = 0.005
 _OPTIONS = SceneOptions(
-    insertion_limit=0.3, shaft_cell=0.0625, bending_cell=0.034, sample_spacing=0.03, mesentery=True, wall_law="table"
+    insertion_limit=0.3,
+    shaft_cell=0.0625,
+    bending_cell=0.034,
+    sample_spacing=0.03,
+    mesentery=True,
+    wall_law="table",
+    softening=False,
 )
 
 
@@ -51,9 +56,9 @@ def _creep(own: Mesentery, force: np.ndarray, steps: int) -> np.ndarray:
     none = jnp.zeros_like(arcs)
 
     def step(_: int, shift: AxisDisplacement) -> AxisDisplacement:
-        return moving_colon.step_axis(own, shift, grip, jnp.asarray(force)[None], none, _STEP)
+        return moving_colon.step_axis(jnp, own, shift, grip, jnp.asarray(force)[None], none, _STEP)
 
-    return np.asarray(jax.lax.fori_loop(0, steps, step, moving_colon.at_rest(own, 1, jnp.float64)).place[0])
+    return np.asarray(jax.lax.fori_loop(0, steps, step, moving_colon.at_rest(jnp, own, 1, jnp.float64)).place[0])
 
 
 def _only(count: int, node: int, force: list[float]) -> np.ndarray:
@@ -109,14 +114,14 @@ def test_a_colon_that_turns_as_a_whole_stores_nothing_and_carries_its_wall_along
     free = own._replace(hold=0 * own.hold, support=0 * own.support)
     turn, away = Rotation.from_rotvec([0.2, -0.5, 0.4]), np.array([0.02, 0.01, -0.03])
     place = turn.apply(own.nodes[0]) + away - own.nodes[0]
-    assert float(moving_colon.energy(free, jnp.asarray(place)[None])[0]) == pytest.approx(0.0, abs=1e-10)
+    assert float(moving_colon.energy(jnp, free, jnp.asarray(place)[None])[0]) == pytest.approx(0.0, abs=1e-10)
     random = np.random.default_rng(0)
     arcs = random.uniform(0.02, 0.25, (1, 200))
     axis = np.array(
         [np.interp(arcs[0], field.tables.step * np.arange(len(field.tables.points)), c) for c in field.tables.points.T]
     ).T
     points = axis + random.normal(size=axis.shape) * 0.008
-    to_current = np.asarray(moving_colon.to_current(tables, jnp.asarray(place)[None], points[None], arcs))[0]
+    to_current = np.asarray(moving_colon.to_current(jnp, tables, jnp.asarray(place)[None], points[None], arcs))[0]
     # The shortest turn of a cross-section leaves out what the whole turned about the axis itself.
     tangents = np.array(
         [
@@ -134,8 +139,8 @@ def test_a_colon_that_turns_as_a_whole_stores_nothing_and_carries_its_wall_along
         np.linalg.norm(points - axis, axis=1), rel=0.02
     )
     assert now == pytest.approx(along, abs=3e-4)
-    frames = moving_colon.turns_of(own, jnp.asarray(place)[None])
-    back = moving_colon.to_reference(tables, jnp.asarray(place)[None], frames, jnp.asarray(to_current)[None], arcs)
+    shape = moving_colon.shape_of(jnp, own, jnp.asarray(place)[None])
+    back = moving_colon.to_reference(jnp, tables, jnp.asarray(place)[None], shape, jnp.asarray(to_current)[None], arcs)
     assert np.abs(np.asarray(back)[0] - points).max() < 2e-4
 
 
@@ -150,9 +155,101 @@ def test_forces_on_the_wall_do_the_work_that_its_motion_says() -> None:
     )
     force = jnp.asarray(random.normal(size=(1, 50, 3)))
     own = own._replace(pleating=0 * own.pleating)
-    moved = moving_colon.step_axis(own, AxisDisplacement(place, 0 * place), grip, force, jnp.zeros((1, 50)), _STEP)
-    felt = moving_colon.wall_speeds(own, AxisDisplacement(place, moved.speed), grip)
+    moved = moving_colon.step_axis(jnp, own, AxisDisplacement(place, 0 * place), grip, force, jnp.zeros((1, 50)), _STEP)
+    felt = moving_colon.wall_speeds(jnp, own, AxisDisplacement(place, moved.speed), grip)
     assert float((force * felt).sum()) == pytest.approx(float((own.drag[..., None] * moved.speed**2).sum()), rel=1e-9)
+
+
+def _random_bend() -> tuple[Mesentery, np.ndarray, np.random.Generator]:
+    """A bent colon, pulled about by up to its slack."""
+    random = np.random.default_rng(3)
+    colon = swept_colon(winding([(0.08, 0.0), (0.1, 1.6), (0.1, 0.0)]), name="bend")
+    tables = stack([lumen_table(colon, device_radius=0.006, with_mesentery=True).tables])
+    own = tables.mesentery
+    assert own is not None
+    own = own._replace(slack=0.5 * random.uniform(0, 0.01, own.slack.shape))
+    return own, random.normal(size=own.nodes.shape) * 0.004, random
+
+
+def test_spring_forces_are_the_slope_of_the_energy_and_couples_that_of_their_work() -> None:
+    """Against automatic differentiation: -dE/dx of the energy, and d/dx of sum f . R(x) v for forces on the wall."""
+    own, place, random = _random_bend()
+    none = np.zeros((*place.shape, 3))
+    forces = moving_colon.spring_forces(np, own, place, none)
+    slope = jax.grad(lambda place: moving_colon.energy(jnp, own, place).sum())(jnp.asarray(place))
+    assert np.abs(forces + np.asarray(slope)).max() < 1e-10 * np.abs(forces).max()
+    couples = random.normal(size=none.shape)
+
+    def work(place: Any) -> Any:
+        shape = moving_colon.shape_of(jnp, own, place)
+        turns = jnp.stack([_turned(shape, axis) for axis in np.eye(3)], axis=-1)
+        return (turns * couples).sum()
+
+    turning = moving_colon.spring_forces(np, own, place, couples) - forces
+    expected = np.asarray(jax.grad(work)(jnp.asarray(place)))
+    assert np.abs(turning - expected).max() < 1e-10 * np.abs(expected).max()
+
+
+def _turned(shape: moving_colon.AxisShape, v: np.ndarray) -> Any:
+    axes = tuple(shape.axes[..., i] for i in range(3))
+    return jnp.stack(moving_colon.turned(jnp, shape.cosines, axes, tuple(v)), axis=-1)
+
+
+def test_speeds_of_the_wall_are_the_rate_of_its_places() -> None:
+    """Against automatic differentiation along the nodes' speeds."""
+    own, place, random = _random_bend()
+    speed = random.normal(size=place.shape) * 0.01
+    grip = AttachmentPoints(random.uniform(0.01, 0.25, (1, 40)), random.normal(size=(1, 40, 3)) * 0.015)
+    found = moving_colon.wall_speeds(np, own, AxisDisplacement(place, speed), grip)
+
+    def places(place: Any) -> Any:
+        at, share = moving_colon.node_cell(np, own.spacing[:, None], place.shape[1], grip.arcs)
+        moved = place[0][at] + share[..., None] * (place[0][at + 1] - place[0][at])
+        return moved + moving_colon.directions(jnp, own, place, grip.arcs, grip.lever)
+
+    expected = jax.jvp(places, (jnp.asarray(place),), (jnp.asarray(speed),))[1]
+    assert np.abs(found - np.asarray(expected)).max() < 1e-10 * np.abs(found).max()
+
+
+def test_numpy_and_jax_step_alike() -> None:
+    own, place, random = _random_bend()
+    grip = AttachmentPoints(random.uniform(-0.01, 0.25, (1, 40)), random.normal(size=(1, 40, 3)) * 0.015)
+    shift = AxisDisplacement(place, random.normal(size=place.shape) * 0.01)
+    force, damping = random.normal(size=(1, 40, 3)), random.uniform(0, 20, (1, 40))
+    one, other = (moving_colon.step_axis(xp, own, shift, grip, force, damping, _STEP) for xp in (np, jnp))
+    for mine, theirs in zip(one, other, strict=True):
+        assert np.abs(mine - np.asarray(theirs)).max() < 1e-12 + 1e-10 * np.abs(mine).max()
+
+
+def test_compiled_loops_are_the_law() -> None:
+    """Look-ups, wall speeds and a step of the axis, as in numpy to rounding."""
+    random = np.random.default_rng(4)
+    colon = swept_colon(winding([(0.08, 0.0), (0.1, 1.6), (0.1, 0.0)]), name="bend")
+    stacked = stack([lumen_table(colon, device_radius=0.006, with_mesentery=True).tables])
+    walls = TableWalls(stacked, 1, 60, radius=0.006)
+    world, tables, shift = np.array([0]), pick(stacked, np.array([0])), walls.shift
+    own = tables.mesentery
+    assert own is not None and shift is not None
+    arcs = np.linspace(-0.02, 0.3, 60)[None]
+    points = axis_at(np, tables, arcs) + random.normal(size=(1, 60, 3)) * 0.008
+    walls.begin(world, world, arcs)
+    shift.place[:], shift.speed[:] = (random.normal(size=shift.place.shape) * size for size in (0.003, 0.01))
+    walls.look(world, points)
+    found, grip = moving_colon.query(np, tables, shift, points, arcs, np.full(1, 0.006))
+    speeds = moving_colon.wall_speeds(np, own, shift, grip)
+    for mine, theirs in zip((walls.arcs, walls.depth, walls.inwards, walls.wall_speed), (*found, speeds), strict=True):
+        assert np.abs(mine - theirs).max() < 1e-12
+    force, damping = random.normal(size=(1, 60, 3)), random.uniform(0, 20, (1, 60))
+    expected = moving_colon.step_axis(np, own, shift, grip, force, damping, _STEP)
+    walls.give_way(world, force, damping, _STEP)
+    assert np.abs(shift.place - expected.place).max() < 1e-12
+    assert np.abs(shift.speed - expected.speed).max() < 1e-10
+    fixed = TableWalls(stacked._replace(mesentery=None), 1, 60, radius=0.006)
+    fixed.begin(world, world, arcs)
+    fixed.look(world, points)
+    still = query(np, tables, points, arcs)
+    for mine, theirs in zip((fixed.arcs, fixed.depth, fixed.inwards), still, strict=True):
+        assert np.abs(mine - theirs).max() < 1e-12
 
 
 def test_the_solver_solves() -> None:
@@ -160,7 +257,7 @@ def test_the_solver_solves() -> None:
     ties, more, right = random.uniform(0, 5, (3, 46)), random.uniform(0.1, 1, (3, 47)), random.normal(size=(3, 47, 3))
     below, above = np.pad(ties, ((0, 0), (1, 0))), np.pad(ties, ((0, 0), (0, 1)))
     found = moving_colon.solve_tridiagonal(
-        *(jnp.asarray(part) for part in (-below, more + below + above, -above, right))
+        jnp, *(jnp.asarray(part) for part in (-below, more + below + above, -above, right))
     )
     for world in range(3):
         matrix = np.diag((more + below + above)[world]) - np.diag(ties[world], 1) - np.diag(ties[world], -1)
@@ -215,7 +312,8 @@ def test_a_colon_at_rest_holds_what_the_scope_presses() -> None:
         over = jnp.maximum(jnp.linalg.norm(place, axis=-1) - own.slack, 0.0)
         pull = (own.hold * over / jnp.maximum(jnp.linalg.norm(place, axis=-1), 1e-9) + own.support)[..., None] * place
         # The handle and the anus hold the scope: its own balance is the wall's force on it.
-        found, _ = moving_colon.touch(
+        found, _ = moving_colon.query(
+            jnp,
             pick(tables, parameters.colon),
             worlds.shift,
             engine._samples(parameters.scope, _pose(engine, parameters, worlds)),
@@ -241,8 +339,6 @@ def test_what_cannot_move_a_colon_says_so() -> None:
     with pytest.raises(InvalidOptionError, match="needs wall law 'table'"):
         SceneOptions(mesentery=True)
     bank = build_bank([straight_tube()], named_design("adult"), _OPTIONS)
-    with pytest.raises(UnsupportedSceneError, match="jax"):
-        ScopeBatch(bank.scene, bank.tables, worlds=1)
     still = build_bank([straight_tube()], named_design("adult"), replace(_OPTIONS, mesentery=False))
     with pytest.raises(UnsupportedSceneError, match="or none"):
         stack([bank.tables, still.tables])

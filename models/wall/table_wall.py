@@ -1,0 +1,194 @@
+"""Walls by the lumen's table for worlds that MuJoCo steps: a tangent plane beside each sphere before every step.
+
+The place of each sphere is looked up in the table of its colon, and a plane, a mocap body, is put there, so that MuJoCo
+does the contact, implicitly and with the exact stiffness of `haustra.models.wall.law`. A colon on its mesentery gives
+way to what presses on it after the step (`haustra.models.wall.moving_colon`).
+"""
+
+import mujoco
+import numpy as np
+from jaxtyping import Float, Int
+
+from haustra.models.wall.compiled import loops
+from haustra.models.wall.law import SLIP_SPEED, WallContact
+from haustra.models.wall.lumen_table import LumenTable, Tables, pick, stack
+from haustra.models.wall.mesentery import Mesentery
+from haustra.models.wall.moving_colon import AxisDisplacement, AxisShape
+
+_FIXED = np.zeros((0, 0, 0))
+
+
+class TableWalls:
+    """Walls of some worlds, each of one of some colons. Arrays are written in place."""
+
+    def __init__(self, tables: Tables, worlds: int, spheres: int, *, radius: float) -> None:
+        """All worlds have the first colon, at rest; `tables` are of all, stacked, for spheres of `radius` [m]."""
+        self._all, self._radius = tables, radius
+        self.arcs: Float[np.ndarray, "worlds spheres"] = np.zeros((worlds, spheres))
+        """Arc length of each sphere [m]."""
+        self.depth: Float[np.ndarray, "worlds spheres"] = np.full((worlds, spheres), -1.0)
+        """How deep each is in the wall [m]; negative for room."""
+        self.inwards: Float[np.ndarray, "worlds spheres 3"] = np.zeros((worlds, spheres, 3))
+        """Normal of the wall next to it."""
+        self.wall_speed: Float[np.ndarray, "worlds spheres 3"] = np.zeros((worlds, spheres, 3))
+        """Speed of the wall there [m/s]."""
+        self._lever = np.zeros((worlds, spheres, 3))
+        self.colon: Int[np.ndarray, " worlds"] = np.zeros(worlds, int)
+        """Which colon each world has."""
+        self.shift: AxisDisplacement | None = None
+        """Where the axes are, for colons that move."""
+        if tables.mesentery is not None:
+            nodes = tables.mesentery.nodes.shape[1]
+
+            def zeros(*shape: int) -> np.ndarray:
+                return np.zeros((worlds, *shape))
+
+            self.shift = AxisDisplacement(zeros(nodes, 3), zeros(nodes, 3))
+            edges = zeros(nodes - 1, 3), zeros(nodes - 1)
+            self._shape = AxisShape(*edges, zeros(nodes, 3), zeros(nodes), zeros(nodes), zeros(nodes, 3))
+        self.begin(np.arange(worlds), self.colon, self.arcs)
+        none = np.zeros(0, int)  # what is compiled is compiled before the first step
+        self.look(none, self.inwards)
+        self.give_way(none, self.inwards, self.depth, 0.0)
+
+    def begin(
+        self,
+        worlds: Int[np.ndarray, " some"],
+        colons: Int[np.ndarray, " some"],
+        arcs: Float[np.ndarray, "some spheres"],
+    ) -> None:
+        """Take these colons, at rest, in these worlds, whose spheres are at those arc lengths [m]."""
+        self.colon[worlds] = colons
+        self.arcs[worlds], self.depth[worlds] = arcs, -1.0
+        picked = pick(self._all, self.colon)
+        self._own: Mesentery | None = picked.mesentery
+        self._tables = picked._replace(mesentery=None)
+        if self.shift is not None:
+            self.shift.place[worlds], self.shift.speed[worlds] = 0.0, 0.0
+
+    def look(self, worlds: Int[np.ndarray, " some"], points: Float[np.ndarray, "worlds spheres 3"]) -> None:
+        """Find the wall next to the spheres of these worlds [m]."""
+        found = self.arcs, self.depth, self.inwards
+        if self.shift is None:
+            loops().query(self._tables, worlds, points, *found)
+            return
+        loops().query_moved(
+            self._tables,
+            self._own,
+            worlds,
+            *self.shift,
+            self._shape,
+            self._radius,
+            points,
+            *found,
+            self._lever,
+            self.wall_speed,
+        )
+
+    def give_way(
+        self,
+        worlds: Int[np.ndarray, " some"],
+        force: Float[np.ndarray, "worlds spheres 3"],
+        damping: Float[np.ndarray, "worlds spheres"],
+        timestep: float,
+    ) -> None:
+        """Let the axes of these worlds move for a step [s] under forces on the wall [N], damped at least so [N s/m]."""
+        if self.shift is not None:
+            loops().step_axis(
+                self._own, worlds, *self.shift, self._shape, self.arcs, self._lever, force, damping, timestep
+            )
+
+
+class TableWall:
+    """The wall of one compiled scene that MuJoCo steps, in the colon's own coordinates."""
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        table: LumenTable,
+        contact: WallContact,
+        *,
+        arcs: Float[np.ndarray, " spheres"],
+        prefix: str = "wall/",
+    ) -> None:
+        """Find spheres and planes; `arcs` says where along the colon each sphere is at the start [m]."""
+        count = len(arcs)
+        self._model, self._contact = model, contact
+        self.spheres = np.array([model.geom(f"{prefix}sphere_{i:04d}").id for i in range(count)])
+        names = [f"{prefix}plane_{i:04d}_0" for i in range(count)]
+        self._geoms = np.array([model.geom(name).id for name in names])
+        self._pairs = np.array([model.pair(name).id for name in names])
+        self._mocap = np.array([model.body_mocapid[model.body(name).id] for name in names])
+        self._sphere_of = np.full(model.ngeom, -1)
+        self._sphere_of[self.spheres] = np.arange(count)
+        self._walls = TableWalls(stack([table.tables]), 1, count, radius=table.device_radius)
+        self._surface = _FIXED
+        if self._walls.shift is not None:
+            model.flg_surfacevel = True
+            self._surface = model.geom_surfacevel[None]
+        self._ahead = np.array([contact.damping / contact.stiffness + model.opt.timestep])
+        self._one = np.zeros(1, int)
+        self._force, self._damping = np.zeros((1, count, 3)), np.zeros((1, count))
+        self.begin(arcs)
+
+    @property
+    def arcs(self) -> Float[np.ndarray, " spheres"]:
+        """Arc length of each sphere [m]."""
+        return self._walls.arcs[0]
+
+    @property
+    def shift(self) -> Float[np.ndarray, "nodes 3"] | None:
+        """Displacement of the colon's axis from rest [m]; None where it is fixed in space."""
+        return None if self._walls.shift is None else self._walls.shift.place[0]
+
+    def begin(self, arcs: Float[np.ndarray, " spheres"]) -> None:
+        """Look for every sphere anew, near these arc lengths along the colon [m], which is at rest."""
+        self._walls.begin(self._one, self._one, arcs[None])
+
+    def resume(self, other: "TableWall") -> None:
+        """Take over where the same colon has moved to in another scene."""
+        mine, theirs = self._walls.shift, other._walls.shift
+        if mine is not None and theirs is not None:
+            mine.place[:], mine.speed[:] = theirs.place, theirs.speed
+
+    def update(self, data: mujoco.MjData) -> None:
+        """Put the planes where the wall is now next to their spheres; to be called before every step."""
+        mujoco.mj_kinematics(self._model, data)
+        walls, points = self._walls, data.geom_xpos[self.spheres][None]
+        walls.look(self._one, points)
+        loops().place_planes(
+            self._one,
+            points,
+            walls.depth,
+            walls.inwards,
+            walls.wall_speed,
+            float(self._model.geom_size[self.spheres[0], 0]),
+            self._ahead,
+            self._mocap,
+            self._geoms,
+            self._pairs,
+            data.mocap_pos[None],
+            data.mocap_quat[None],
+            self._model.pair_margin[None],
+            self._surface,
+        )
+
+    def give_way(self, data: mujoco.MjData) -> None:
+        """Let the colon move under the contacts of the step that was made."""
+        if self._walls.shift is None:
+            return
+        contact, law = data.contact, self._contact
+        loops().contacts(
+            self._sphere_of,
+            contact.geom,
+            contact.frame,
+            contact.efc_address,
+            data.efc_force,
+            data.efc_vel,
+            law.friction > 0,
+            law.damping + self._model.opt.timestep * law.stiffness,
+            SLIP_SPEED,
+            self._force,
+            self._damping,
+        )
+        self._walls.give_way(self._one, self._force, self._damping, self._model.opt.timestep)

@@ -1,0 +1,134 @@
+"""A colon on its mesentery under MuJoCo does what it does under JAX, in one scene and in a batch."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from haustra.envs.sim.conditions import Conditions
+from haustra.envs.sim.growing import GrowingEngine
+from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.scope_batch import BatchInputs, ScopeBatch
+from haustra.models.anatomy.colon import Colon, ColonSegment
+from haustra.models.devices.scope.library import named_design
+from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
+from haustra.models.wall.lumen_table import lumen_table, stack
+from tests.bent_colon import bent_colon
+
+OPTIONS = SceneOptions(
+    wall_law="table",
+    mesentery=True,
+    softening=False,
+    insertion_limit=0.35,
+    shaft_cell=0.0625,
+    bending_cell=0.034,
+    twist_hinges=2,
+)
+DESIGN = named_design("adult")
+
+
+@pytest.fixture(scope="module")
+def colon() -> Colon:
+    """A bend that hangs on a sigmoid's mesentery."""
+    bend = bent_colon([(0.1, 0.0), (0.1, 1.2), (0.2, 0.0)])[0]
+    ends = (0.05, bend.centreline.length - 0.05, bend.centreline.length)
+    names = ("rectum", "sigmoid", "descending")
+    parts = [ColonSegment(n, start, end) for n, start, end in zip(names, (0.0, *ends), ends, strict=False)]
+    return replace(bend, segments=tuple(parts))
+
+
+def _scene(colon: Colon, **changed) -> Scene:
+    return build_scene(colon, None, DESIGN, replace(OPTIONS, **changed), show_lumen=False)
+
+
+def _inputs(instant: int) -> Inputs:
+    return Inputs(0.04, 0.1, np.array([0.0, 6.0 * min(1.0, instant / 100), 0.0, 0.0]))
+
+
+def _driven(engine, instants: int = 350) -> tuple[list, list]:
+    forces, seen = [], []
+    for instant in range(instants):
+        assert engine.step(_inputs(instant), 4)
+        seen.append(engine.observe())
+        forces.append(seen[-1].link_forces.sum())
+    return forces, seen
+
+
+def _moved(colon: Colon, way: np.ndarray) -> float:
+    return float(np.linalg.norm(way - colon.centreline.points, axis=1).max())
+
+
+def test_one_scene_goes_as_under_jax(colon) -> None:
+    """The same script: tips within 1 % of the length inside, mean wall force within 8 %, the colon moved as far.
+
+    Contacts act at the scope's surface natively and at its spheres' middles under JAX.
+    """
+    pytest.importorskip("jax")
+    from haustra.envs.sim.field_engine import JaxSingle
+
+    scene = _scene(colon)
+    (mine, one), (theirs, other) = _driven(NativeEngine(scene)), _driven(JaxSingle(scene))
+    for a, b in zip(one[::50], other[::50], strict=True):
+        assert np.linalg.norm(a.tip - b.tip) < 0.01 * b.insertion
+    assert np.mean(mine) == pytest.approx(np.mean(theirs), rel=0.08)
+    assert _moved(colon, one[-1].way) == pytest.approx(_moved(colon, other[-1].way), rel=0.08)
+    assert _moved(colon, one[-1].way) > 0.005
+
+
+def test_a_batch_goes_as_one_scene(colon) -> None:
+    """Two worlds of a batch against one scene; what it reads is one step older."""
+    scene = _scene(colon)
+    single = NativeEngine(scene)
+    tables = stack(
+        [lumen_table(colon, device_radius=scene.cable.radius, with_mesentery=True).seen_from(*entry_of(colon))]
+    )
+    batch = ScopeBatch(scene, tables, worlds=2, threads=2)
+    both = np.arange(2)
+    numbers = (np.full(2, float(value)) for value in (OPTIONS.friction, OPTIONS.wall_stiffness, 1.0))
+    batch.reset(both, np.zeros(2, int), Conditions(*numbers))
+    mine, theirs = [], []
+    for instant in range(280):
+        asked = _inputs(instant)
+        assert single.step(asked, 4)
+        rates = (np.full(2, asked.push_rate), np.full(2, asked.roll_rate))
+        assert batch.step(BatchInputs(*rates, np.tile(asked.pulls, (2, 1))), 4).all()
+        mine.append(single.observe().link_forces.sum())
+        theirs.append(batch.observe().link_forces.sum(axis=1))
+    found, seen = batch.observe(), single.observe()
+    origin, axes = entry_of(colon)
+    assert np.linalg.norm(found.tip @ axes.T + origin - seen.tip, axis=1).max() < 0.01 * seen.insertion
+    assert np.mean(theirs, axis=0) == pytest.approx(np.mean(mine), rel=0.05)
+    assert batch.shift is not None and seen.way is not None
+    assert np.linalg.norm(batch.shift, axis=2).max() == pytest.approx(_moved(colon, seen.way), rel=0.1)
+    assert np.array_equal(batch.shift[0], batch.shift[1])
+    batch.reset(np.array([1]), np.zeros(1, int), Conditions(*(np.full(1, value) for value in (0.1, 1500.0, 1.0))))
+    assert not batch.shift[1].any() and batch.shift[0].any()
+
+
+def test_shaft_is_added_while_the_colon_goes_on_moving(colon) -> None:
+    """Added shaft changes nothing: tip and colon are where they are with all of it from the start, within 1 %."""
+    whole = _scene(colon, softening=True, insertion_limit=0.7)
+
+    def build(inside: float) -> Scene:
+        return build_scene(colon, None, DESIGN, whole.options, show_lumen=False, deepest=inside, to_save=False)
+
+    growing, at_once = GrowingEngine(whole, build=build, stride=0.1), NativeEngine(whole)
+    for instant in range(250):
+        assert growing.step(_inputs(instant), 4) and at_once.step(_inputs(instant), 4)
+    one, other = growing.observe(), at_once.observe()
+    assert growing.added
+    assert one.way is not None and other.way is not None
+    assert np.linalg.norm(one.tip - other.tip) < 0.01 * other.insertion
+    assert _moved(colon, one.way) == pytest.approx(_moved(colon, other.way), rel=0.02)
+    assert growing.colon().centreline.points == pytest.approx(one.way)
+
+
+@pytest.mark.parametrize("change", [{"gravity": (0.0, 0.0, -9.81)}, {"friction": 0.0}])
+def test_what_is_in_the_scene_counts(colon, change) -> None:
+    """Gravity, in the colon's own frame, and no friction change what the same script does to the colon."""
+    usual, other = NativeEngine(_scene(colon)), NativeEngine(_scene(colon, **change))
+    for instant in range(250):
+        assert usual.step(_inputs(instant), 4) and other.step(_inputs(instant), 4)
+    ways = usual.observe().way, other.observe().way
+    assert ways[0] is not None and ways[1] is not None
+    assert np.abs(ways[0] - ways[1]).max() > 1e-4
