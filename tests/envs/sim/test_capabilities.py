@@ -416,10 +416,10 @@ def test_what_a_backend_cannot_honour_of_a_scene_it_refuses_by_name(path: str, b
 def test_a_camera_that_tasks_cannot_show_is_refused_by_them(entry: Any, backend: str) -> None:
     name = entry.path.removeprefix("design.tip.")
     design = replace(DESIGN, tip=replace(DESIGN.tip, **{name: 0.001 if "offset" in name else 0.5}))
-    scene = build_scene(OPEN, None, design, replace(OPTIONS, wall_law="table"), show_lumen=False)
+    scene = build_scene(OPEN, None, design, replace(OPTIONS, wall_law="table", softening=False), show_lumen=False)
     with pytest.raises(UnsupportedSceneError, match=name):
         require_task_supported(TaskConfig(), scene, backend)
-    base = build_scene(OPEN, None, DESIGN, replace(OPTIONS, wall_law="table"), show_lumen=False)
+    base = build_scene(OPEN, None, DESIGN, replace(OPTIONS, wall_law="table", softening=False), show_lumen=False)
     drawn, usual = scene.compile(), base.compile()
     parts = ("cam_pos", "cam_quat", "light_diffuse", "light_dir")
     assert any(not np.allclose(getattr(drawn, part), getattr(usual, part)) for part in parts)

@@ -166,7 +166,7 @@ def test_worn_wires_lose_pull_as_in_a_single_scope():
     for wires in ("adult", "adult-worn"):
         design = replace(DESIGN, wires=replace(named_design(wires).wires))
         planes, tabled = (
-            build_scene(colon, None, design, SceneOptions(wall_law=law, **OPTIONS), show_lumen=False)
+            build_scene(colon, None, design, SceneOptions(wall_law=law, softening=False, **OPTIONS), show_lumen=False)
             for law in ("planes", "table")
         )
         single, batch = NativeEngine(planes), begin((tabled, table), 1)
@@ -189,7 +189,9 @@ def test_a_free_scope_sags_the_same_in_a_colon_that_enters_another_way():
     straight = widened(straight_tube(0.5), 3.0)
     turn = Rotation.from_euler("xyz", [70.0, 20.0, 40.0], degrees=True).as_matrix()
     turned = moved(straight, turn)
-    options = SceneOptions(wall_law="table", gravity=(0.0, -9.81, 0.0), start_depth=0.15, friction=0.0, **OPTIONS)
+    options = SceneOptions(
+        wall_law="table", softening=False, gravity=(0.0, -9.81, 0.0), start_depth=0.15, friction=0.0, **OPTIONS
+    )
     scene = build_scene(straight, None, DESIGN, options, show_lumen=False)
     tables = [
         lumen_table(colon, device_radius=DESIGN.diameter / 2).seen_from(*entry_of(colon))
