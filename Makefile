@@ -23,10 +23,11 @@ help:
 
 demo: $(VENV)/.installed
 	$(BIN)/haustra colon grow --seed 0 -o demo/colon
+	$(BIN)/haustra run --colon demo/colon --device adult -o demo/run
 	$(BIN)/haustra wall demo/colon --method coacd
-	$(BIN)/haustra run --colon demo/colon --design adult -o demo/run
+	$(BIN)/haustra run --colon demo/colon --device adult --wall-law pieces -o demo/run-pieces
 	@echo
-	@echo 'Open $(CURDIR)/demo/run/report.html'
+	@echo 'Open $(CURDIR)/demo/run/report.html and $(CURDIR)/demo/run-pieces/report.html'
 
 # A process a core, up to four since each takes a gigabyte, and one thread for numpy's BLAS: on small matrices and two cores, more of them wait for each other far longer than they compute.
 test: lint types
@@ -50,6 +51,7 @@ format: $(VENV)/.installed-dev
 
 docs: $(VENV)/.installed-dev
 	$(BIN)/python -m haustra.scripts.bench.pages.numbers_page docs/numbers.md
+	$(BIN)/python -m haustra.scripts.bench.pages.capabilities_page docs/decisions/capabilities.md
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 wheel: $(VENV)/.installed-dev

@@ -13,3 +13,8 @@ def asset(name: str) -> Path:
     if not path.is_file():
         raise FileNotFoundError(f"No shipped file '{name}' in {path.parent}: reinstall haustra.")
     return path
+
+
+def assets(folder: str, suffix: str) -> dict[str, Path]:
+    """Shipped files of one folder by their stems, in order."""
+    return {path.stem: path for path in sorted((Path(__file__).parent / folder).glob(f"*{suffix}"))}

@@ -1,12 +1,25 @@
 """Where a result comes from: enough to make it again."""
 
 import hashlib
+import os
 import platform
-from collections.abc import Mapping
+import subprocess
+import sys
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 
+_BACKENDS: Mapping[str, tuple[str, ...]] = {
+    "native": (),
+    "jax": ("jax", "jaxlib"),
+    "warp": ("jax", "jaxlib", "mujoco-mjx", "warp-lang"),
+}
+"""What each backend computes with besides MuJoCo."""
+_ASK_JAX = "import jax; device = jax.devices()[0]; print(device.platform, device.device_kind)"
+_LONGEST_ASK = 120.0
+"""To begin with a device [s]."""
 _PACKAGES = ("haustra", "mujoco", "numpy", "scipy", "trimesh", "manifold3d", "coacd")
 
 
@@ -20,6 +33,8 @@ class Provenance:
     """Every option that shaped the result; JSON values only."""
     versions: Mapping[str, str] = field(default_factory=lambda: package_versions())
     """Versions of Python and of the packages that took part."""
+    backend: Mapping[str, str] = field(default_factory=dict)
+    """What computed it (`backend_record`); empty where nothing was stepped."""
     created: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
     """UTC time, ISO 8601."""
 
@@ -39,10 +54,49 @@ def content_hash(*parts: bytes) -> str:
 
 def package_versions() -> dict[str, str]:
     """Versions of Python and of the packages that shape results here."""
-    found = {"python": platform.python_version()}
-    for name in _PACKAGES:
+    return {"python": platform.python_version(), **_versions(_PACKAGES)}
+
+
+def backend_record(name: str) -> dict[str, str]:
+    """Name of a backend, the kind of device it computes on, and versions of what it computes with.
+
+    Args:
+        name: native, jax or warp.
+    """
+    device = _processor() if name == "native" else _jax_device()
+    return {"backend": name, "device": device, **_versions(("mujoco", *_BACKENDS[name]))}
+
+
+def _versions(packages: Iterable[str]) -> dict[str, str]:
+    found = {}
+    for name in packages:
         try:
             found[name] = version(name)
         except PackageNotFoundError:
             continue
     return found
+
+
+def _processor() -> str:
+    return f"cpu {platform.machine()}"
+
+
+@cache
+def _jax_device() -> str:
+    """Platform and kind of JAX's first device; a process that has not loaded JAX asks another, and touches none."""
+    if (jax := sys.modules.get("jax")) is not None:
+        device = jax.devices()[0]
+        return f"{device.platform} {device.device_kind}"
+    asked = {**os.environ, "XLA_PYTHON_CLIENT_PREALLOCATE": "false"}
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", _ASK_JAX],
+            capture_output=True,
+            text=True,
+            timeout=_LONGEST_ASK,
+            env=asked,
+            check=True,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return "unknown"
+    return done.stdout.strip()

@@ -1,17 +1,14 @@
 """Three ways to model a scene, by what they cost and how far they are off: `fast`, `balanced`, `accurate`.
 
-Their errors are measured, not promised: `haustra bench accuracy` finds them, and assets/presets.toml holds them.
+Their errors are measured, not promised: `haustra.models.accuracy`.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache
 from typing import Any
 
-from haustra.assets import asset
 from haustra.errors import InvalidOptionError
 from haustra.models.scene import SceneOptions
-from haustra.quantity import Quantity, load_quantities
 
 CUSTOM = "custom"
 """Name of options that are no preset's."""
@@ -46,14 +43,6 @@ class Preset:
         """Value of every option of `MODELLING`."""
         return {name: getattr(SceneOptions(), name) for name in MODELLING} | dict(self.changes)
 
-    def measured(self) -> dict[str, Quantity]:
-        """Errors and speed in an insertion, by name; empty for a preset that was never measured.
-
-        `tip_error` [m], `push_error` [1], `wall_force_error` [1] and `real_time_factor` [1].
-        """
-        prefix = f"{self.name}."
-        return {name.removeprefix(prefix): each for name, each in _measured().items() if name.startswith(prefix)}
-
 
 PRESETS: Mapping[str, Preset] = {
     preset.name: preset
@@ -86,29 +75,12 @@ def find_preset(name: str) -> Preset:
 
 
 def preset_of(options: SceneOptions) -> str:
-    """Name of the preset that computes a scene as those options do; `custom` when none does."""
+    """Name of the preset whose joints and time step those options have; `custom` when none does.
+
+    What the scope meets, `wall_law`, is stated beside it: a preset can be run against any wall.
+    """
     for preset in PRESETS.values():
-        if all(getattr(options, entry) == value for entry, value in preset.modelling.items()):
+        steps = {entry: value for entry, value in preset.modelling.items() if entry != "wall_law"}
+        if all(getattr(options, entry) == value for entry, value in steps.items()):
             return preset.name
     return CUSTOM
-
-
-def error_class(options: SceneOptions) -> dict[str, float | str | None]:
-    """What a run with those options says of its own accuracy, as plain JSON values; None where nothing was measured."""
-    name = preset_of(options)
-    found = PRESETS[name].measured() if name in PRESETS else {}
-
-    def value(entry: str, unit: float = 1.0) -> float | None:
-        return found[entry].value * unit if entry in found else None
-
-    return {
-        "preset": name,
-        "preset_tip_error_mm": value("tip_error", 1e3),
-        "preset_push_error": value("push_error"),
-        "preset_wall_force_error": value("wall_force_error"),
-    }
-
-
-@cache
-def _measured() -> dict[str, Quantity]:
-    return load_quantities(asset("presets.toml"))

@@ -210,7 +210,7 @@ def build_scene(
     if deepest is not None and not any(options.gravity):
         cells, outside = leave_out(cells, design, deepest=deepest, twist_hinges=options.twist_hinges)
 
-    spec = _empty_spec(f"{colon.name} with {design.name}", options)
+    spec = empty_spec(f"{colon.name} with {design.name}", options)
     cable = _add_scope(spec, design, cells, entry, frame, options, outside)
     bare = spec.compile()
     apply_stops(spec, bare, timestep=options.timestep)
@@ -321,7 +321,8 @@ def _shaft_spacing(colon: Colon, design: ScopeDesign, options: SceneOptions) -> 
     )
 
 
-def _empty_spec(name: str, options: SceneOptions) -> mujoco.MjSpec:
+def empty_spec(name: str, options: SceneOptions) -> mujoco.MjSpec:
+    """A scene with nothing in it, and the solver options of all scenes."""
     spec = mujoco.MjSpec()
     spec.modelname = name
     spec.compiler.degree = False

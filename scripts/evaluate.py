@@ -28,7 +28,7 @@ class Evaluate:
     friction: tuple[float, float] | None = None
     """Range of Coulomb's coefficient."""
     mesentery: bool | None = None
-    """Let colons move on their mesentery (--engine jax); as the first policy's when not given."""
+    """Let colons move on their mesentery (engines native and jax); as the first policy's when not given."""
     seconds: float = 90.0
     """Longest episode [s]."""
     engine: Literal["native", "jax", "warp"] = "native"
@@ -59,7 +59,7 @@ class Evaluate:
         from haustra.envs.learning.figures import draw_evaluations
         from haustra.errors import InvalidOptionError
         from haustra.files import prepare_folder, write_json
-        from haustra.provenance import Provenance
+        from haustra.provenance import Provenance, backend_record
 
         if self.colons < 1 or self.episodes < 1 or not 0 < self.seconds <= 3600:
             raise InvalidOptionError("Give at least one colon, one episode and a time up to 3600 s.")
@@ -89,7 +89,8 @@ class Evaluate:
             "drivers": [one.summary() | {"by_colon": one.by_colon()} for one in done],
         }
         colons = [str(path) for path in self.colon_folders] or self.colons
-        provenance = Provenance(inputs={}, configuration={"task": config.to_json(), "colons": colons})
+        asked = {"task": config.to_json(), "colons": colons}
+        provenance = Provenance(inputs={}, configuration=asked, backend=backend_record(self.engine))
         write_json(folder / "evaluation.json", result | {"provenance": provenance.to_json()})
         write_json(folder / "episodes.json", {one.driver: one.rows() for one in done})
         draw_evaluations(done, folder / "evaluation.png")

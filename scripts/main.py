@@ -24,7 +24,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal that takes ASCII only gets question marks, no traceback
-    name = _verb_of(words)
+    name = verb_of(words)
     if name is None:
         return _overview(words)
     import tyro
@@ -53,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return DIVERGED if result.get("outcome") == "diverged" else SUCCESS
 
 
-def _verb_of(words: Sequence[str]) -> str | None:
+def verb_of(words: Sequence[str]) -> str | None:
     """Name of the verb that the arguments begin with: the longest that is known, if any is."""
     two, one = " ".join(words[:2]), " ".join(words[:1])
     if two in VERBS:

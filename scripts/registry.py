@@ -21,7 +21,6 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
     },
     "Runs": {
         "run": f"{_SCRIPTS}.run:Run",
-        "tracked": f"{_SCRIPTS}.tracked:TrackedRun",
         "report": f"{_SCRIPTS}.report:Report",
         "view": f"{_SCRIPTS}.view:View",
     },
@@ -49,6 +48,7 @@ BENCHMARKS: Mapping[str, str] = {
     "bench cores": f"{_BENCH}.cores:BenchCores",
     "bench cost": f"{_BENCH}.cost:BenchCost",
     "bench episodes": f"{_BENCH}.episodes:BenchEpisodes",
+    "bench errors": f"{_BENCH}.errors:BenchErrors",
     "bench grown": f"{_BENCH}.grown:BenchGrown",
     "bench profile": f"{_BENCH}.profile:BenchProfile",
     "bench pushes": f"{_BENCH}.pushes:BenchPushes",

@@ -1,4 +1,4 @@
-"""`haustra run`: drive a scope through a colon and score it."""
+"""`haustra run`: drive a device through a colon and score it."""
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -9,21 +9,24 @@ import tyro
 
 @dataclass(frozen=True)
 class Run:
-    """Drive a scope through a colon; leave scores, trajectory, pictures and a report."""
+    """Drive a device through a colon; leave scores, trajectory, pictures and a report."""
 
     colon: Path
     """Folder of a colon, from `haustra colon import` or `haustra colon grow`."""
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for the run."""
-    design: str = "adult"
-    """Name of a scope design (adult, paediatric, adult-worn, adult-variable), or a file that ends in .toml."""
+    device: str = "adult"
+    """Name of a device (adult, paediatric, adult-worn, adult-variable, and what assets/devices holds), or a file that
+    ends in .toml; options that a device does not honour are refused by name."""
+    start: float | None = None
+    """Where a device that stands in the colon stands at first, as its centre's distance from the anus [m]."""
     wall: Literal["coacd", "prism"] = "coacd"
     """Which wall to use; it is built first if the colon's folder does not have it."""
     preset: Literal["fast", "balanced", "accurate"] = "balanced"
     """How finely the scene is modelled; errors and speed: docs/validation/accuracy.md."""
     wall_law: Literal["pieces", "planes", "table"] | None = None
-    """A table of the lumen (the default), fast and within 2 % of the surface's forces; convex pieces, which stock
-    MuJoCo replays; or tangent planes of the surface itself, at several times the cost a step. The last two stand
+    """A table of the lumen (the default), fast and within 2 % of the surface's forces; convex pieces, which are
+    in scene.xml for any MuJoCo; or tangent planes of the surface itself, at several times the cost a step, which stand
     fixed in space."""
     seconds: float = 60.0
     """Simulated time [s]."""
@@ -48,26 +51,40 @@ class Run:
     gravity: tuple[float, float, float] | None = None
     """Gravity in the colon's frame [m/s^2]; none when not given."""
     whole_shaft: bool = False
-    """Model all of the shaft from the start, so that stock MuJoCo repeats the run from scene.xml to the bit; otherwise
-    shaft that is still outside is added when it is needed, which is faster and the same to 0.1 % until a scope jams."""
+    """Model all of the shaft from the start, as scene.xml does; otherwise shaft that is still outside is added when it
+    is needed, which is faster and nearly the same until a scope jams."""
+    error: bool = False
+    """Repeat the run at half the time step and with finer joints, and state how far the scores differ: some six times
+    the time. Without it scores state what was measured on other colons."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 
     def __call__(self) -> dict[str, Any]:
         """Build the scene, run it, write everything."""
         from haustra.envs.control.follower import FollowerSettings
-        from haustra.envs.runs.insertion import run_insertion
+        from haustra.envs.runs.error import own_error, refinements
+        from haustra.envs.runs.insertion import Insertion, run_insertion
         from haustra.envs.view.run_folder import write_run
+        from haustra.errors import InvalidOptionError
         from haustra.files import prepare_folder
         from haustra.models.anatomy.store import load_colon
-        from haustra.models.devices.scope.files import find_design
+        from haustra.models.devices.base import load_device
+        from haustra.models.devices.scope.interface import Scope
         from haustra.models.presets import find_preset
-        from haustra.models.scene import build_scene
-        from haustra.models.wall.pieces.folder import wall_of
+        from haustra.models.scene import Scene, SceneOptions, build_scene
+        from haustra.models.wall.pieces.folder import wall_folder, wall_of
+        from haustra.models.wall.pieces.store import METADATA
         from haustra.scripts.console import progress_bar
         from haustra.scripts.wall import wall_bar
 
-        design = find_design(self.design)
+        device = load_device(self.device)
+        if not isinstance(device, Scope):
+            from haustra.scripts.run_device import run_any
+
+            return run_any(self, device)
+        if self.start is not None:
+            raise InvalidOptionError("A scope starts at the anus: leave --start out.")
+        design = device.design
         options = replace(find_preset(self.preset).apply(), **self._options())
         self._require_backend(options)
         _require_seconds(self.seconds)
@@ -77,19 +94,28 @@ class Run:
         if options.wall_law == "pieces":
             with wall_bar() as tell:
                 wall = wall_of(self.colon, colon, self.wall, progress=tell)
+        elif options.mesentery and (wall_folder(self.colon, self.wall) / METADATA).is_file():
+            wall = wall_of(self.colon, colon, self.wall)  # as a picture in scene.xml
         settings = FollowerSettings(steer=self.steer, straighten=options.mesentery)
         deepest = options.start_depth + settings.advance_rate * self.seconds
-        scene = build_scene(colon, wall, design, options, deepest=deepest)
 
-        with progress_bar("simulate", self.seconds, unit="s") as advance:
-            run = run_insertion(
-                scene,
-                seconds=self.seconds,
-                settings=settings,
-                engine=_jax_engine() if self.backend == "jax" else self._native(wall, deepest),
-                progress=lambda time, arc: advance(time, f"tip at {arc:.2f} m"),
-            )
-        return write_run(folder, scene=scene, wall=wall, run=run, seconds=self.seconds)
+        def drive(what: str, options: SceneOptions) -> tuple[Scene, Insertion]:
+            scene = build_scene(colon, wall, design, options, deepest=deepest)
+            with progress_bar(what, self.seconds, unit="s") as advance:
+                return scene, run_insertion(
+                    scene,
+                    seconds=self.seconds,
+                    settings=settings,
+                    engine=_jax_engine() if self.backend == "jax" else self._native(wall, deepest),
+                    progress=lambda time, arc: advance(time, f"tip at {arc:.2f} m"),
+                )
+
+        scene, run = drive("simulate", options)
+        error = None
+        if self.error:
+            error = own_error(run, {name: drive(name, finer)[1] for name, finer in refinements(options).items()})
+        touched = wall if options.wall_law == "pieces" else None
+        return write_run(folder, scene=scene, wall=touched, run=run, seconds=self.seconds, error=error)
 
     def _native(self, wall, deepest: float):
         """MuJoCo's CPU engine, with all of the shaft or with what is needed."""
@@ -108,7 +134,7 @@ class Run:
         names = ("wall_law", "friction", "wall_stiffness", "push_limit", "timestep", "largest_bend_deg", "gravity")
         chosen = {name: value for name in names if (value := getattr(self, name)) is not None}
         chosen.setdefault("wall_law", "planes" if self.segment_stiffness else "table")
-        chosen["mesentery"] = chosen["wall_law"] == "table" and not self.fixed
+        chosen["mesentery"] = chosen["wall_law"] != "planes" and not self.fixed
         chosen["softening"] = self.backend == "native"
         if self.segment_stiffness:
             from haustra.models.scene import usual_segment_stiffness

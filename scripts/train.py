@@ -29,7 +29,7 @@ class Train:
     difficulty: Literal["any", "easy", "moderate", "difficult", "hard"] | None = None
     """Band of tortuosity that colons are grown from."""
     mesentery: bool | None = None
-    """Let colons move on their mesentery; engine jax only."""
+    """Let colons move on their mesentery; engines native and jax."""
     colons: int | None = None
     """Number of grown colons (seeds 0, 1, ...)."""
     engine: Literal["native", "jax", "warp"] | None = None

@@ -29,6 +29,11 @@ def straight_tube(length: float = 0.6) -> Colon:
     )
 
 
+def square_tube(length: float = 0.6) -> Colon:
+    """The same with four flat sides, a corner each towards x and y, as `wedge_wall` of four sectors."""
+    return replace(straight_tube(length), lumen=_cylinder(length, RADIUS / np.cos(np.pi / 4), 4))
+
+
 def folded_tube(length: float = 0.2, *, gap: float = 0.008, thickness: float = 0.002) -> Colon:
     """The same with a flat fold all round in the middle, that leaves a round gap of that radius [m]."""
     tube, half = straight_tube(length), 0.5 * thickness
@@ -74,15 +79,15 @@ def wedge_wall(length: float = 0.6, *, sectors: int = 12, slabs: int = 3, thickn
     return Wall("prism", tuple(pieces), error, Provenance(inputs={}, configuration={}), {})
 
 
-def _cylinder(length: float) -> Surface:
-    angles = 2 * np.pi * np.arange(_ANGLES) / _ANGLES
-    ring = RADIUS * np.column_stack([np.cos(angles), np.sin(angles)])
-    lower = np.column_stack([ring, np.zeros(_ANGLES)])
-    upper = np.column_stack([ring, np.full(_ANGLES, length)])
+def _cylinder(length: float, radius: float = RADIUS, sides: int = _ANGLES) -> Surface:
+    angles = 2 * np.pi * np.arange(sides) / sides
+    ring = radius * np.column_stack([np.cos(angles), np.sin(angles)])
+    lower = np.column_stack([ring, np.zeros(sides)])
+    upper = np.column_stack([ring, np.full(sides, length)])
     vertices = np.vstack([lower, upper, [[0, 0, 0], [0, 0, length]]])
     faces = []
-    for k in range(_ANGLES):
-        after = (k + 1) % _ANGLES
-        faces += [[k, after, _ANGLES + k], [after, _ANGLES + after, _ANGLES + k]]
-        faces += [[2 * _ANGLES, after, k], [2 * _ANGLES + 1, _ANGLES + k, _ANGLES + after]]
+    for k in range(sides):
+        after = (k + 1) % sides
+        faces += [[k, after, sides + k], [after, sides + after, sides + k]]
+        faces += [[2 * sides, after, k], [2 * sides + 1, sides + k, sides + after]]
     return Surface(vertices=vertices, faces=np.array(faces))

@@ -1,5 +1,6 @@
 """The lumen follower of many worlds in JAX: the rules of `haustra.envs.control.follower` on tables of colons."""
 
+import math
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -10,7 +11,6 @@ from haustra.envs.control.follower import FollowerSettings, Memory, Steering
 from haustra.envs.sim.precision import precise
 from haustra.envs.sim.scope_values import Controls, Parameters, Readings
 from haustra.errors import InvalidOptionError
-from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables
 
@@ -19,23 +19,19 @@ Array: TypeAlias = Any
 
 @dataclass(frozen=True)
 class WorldsFollower:
-    """Push, steer along the lumen ahead, rotate, back off when the wall force rises."""
+    """Push, steer along the lumen ahead, rotate, back off when the wall force rises.
+
+    Raises:
+        InvalidOptionError: when it is to steer by wheels.
+    """
 
     settings: FollowerSettings
-    steering: Steering
     tip_links: int
+    """Links of the bending section, the last ones."""
 
-    @classmethod
-    def of(cls, design: ScopeDesign, *, tip_links: int, settings: FollowerSettings | None = None) -> "WorldsFollower":
-        """Get to know a scope's wires; its last `tip_links` links are the bending section.
-
-        Raises:
-            InvalidOptionError: when it is to steer by wheels.
-        """
-        settings = settings or FollowerSettings()
-        if settings.steer != "pulls":
+    def __post_init__(self) -> None:
+        if self.settings.steer != "pulls":
             raise InvalidOptionError("Many worlds are steered by pulls; steering by wheels needs the native engine.")
-        return cls(settings=settings, steering=Steering.of(design, settings), tip_links=tip_links)
 
     def begin(self, worlds: int, kind: Any = jnp.float32) -> Memory:
         """Memory of a follower that has seen nothing yet."""
@@ -55,11 +51,17 @@ class WorldsFollower:
             memory: what it remembers.
             interval: time to the next decision [s].
         """
-        ahead = (seen.tip_arc + self.settings.look_ahead)[:, None]
-        steering = self.steering._replace(pull_per_angle=parameters.scope.pull_per_angle * parameters.tip_bending)
+        scope, own = parameters.scope, self.settings
+        steering = Steering(
+            pull_per_angle=scope.pull_per_angle * parameters.tip_bending,
+            pull_limit=scope.pull_limit,
+            bend_limit=jnp.minimum(scope.bend_limit, math.radians(own.steer_limit_deg)),
+            lead=own.steer_lead,
+        )
+        ahead = (seen.tip_arc + own.look_ahead)[:, None]
         decision, memory = follower.decide(
             jnp,
-            self.settings,
+            own,
             steering,
             seen,
             memory,

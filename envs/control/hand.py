@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.physics.hand import hand_force
 from haustra.errors import InvalidOptionError
-from haustra.models.devices.scope.cable import HAND_PUSH, HAND_ROLL
 
 
 @dataclass(frozen=True)
@@ -113,9 +113,7 @@ class HapticHandle:
             self._ahead -= self._step
         speed = data.qvel[:2] + self._ahead * self._acceleration
         shaft = data.qpos[:2] + self._ahead * (data.qvel[:2] + speed) / 2
-        stiffness, damping = np.array([HAND_PUSH, HAND_ROLL]).T
-        wanted = stiffness * (np.array([position, roll]) - shaft) - damping * speed
-        force, torque = np.clip(wanted, -self._force_limits, self._force_limits)
+        force, torque = hand_force(np, np.array([position, roll]), shaft, speed, self._force_limits)
         return float(force), float(torque)
 
 

@@ -31,7 +31,7 @@ from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import InvalidOptionError
 from haustra.files import prepare_folder, write_json
 from haustra.models.devices.scope.library import named_design
-from haustra.provenance import Provenance
+from haustra.provenance import Provenance, backend_record
 
 Progress = Callable[[int, str], None]
 """Told environment steps done, and a note."""
@@ -170,7 +170,7 @@ class _Run:
         about = {
             "training": self.training.to_json(),
             "steps": self.model.num_timesteps,
-            "provenance": Provenance(inputs={}, configuration={}).to_json(),
+            "provenance": Provenance({}, {}, backend=backend_record(self.training.engine)).to_json(),
         }
         save_policy(self.folder, policy_of(self.model, self.training, about, self.normaliser))
 

@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.control.follower import FollowerSettings, LumenFollower
-from haustra.envs.runs.measure.containment import ESCAPE_DEPTH, Containment
+from haustra.envs.runs.measure.containment import Containment
 from haustra.envs.runs.measure.progress import ArcTracker
-from haustra.envs.runs.outcome import LEFT_OUTSIDE, Outcome
+from haustra.envs.runs.outcome import Outcome, ending, outcome_of
 from haustra.envs.sim.growing import GrowingEngine
 from haustra.envs.sim.native import Inputs, NativeEngine, Observation
 from haustra.models.anatomy.colon import Colon
@@ -20,12 +20,6 @@ from haustra.models.wall.piece_wall import Blocks
 
 CONTROL_INTERVAL = 0.02
 """Time between two decisions of the driver, and between two records [s]; engineering choice: 50 Hz."""
-
-CAECUM_MARGIN = 0.03
-"""The caecum counts as reached this far before the end of the centreline [m]; engineering choice."""
-
-MANY_ATTEMPTS = 3
-"""A run that ends after this many attempts without progress was stuck."""
 
 Progress = Callable[[float, float], None]
 """Called with simulated time [s] and tip arc length [m]."""
@@ -73,6 +67,8 @@ class Trajectory:
     """The same towards wire 'left' [rad]."""
     colon_moved: Float[np.ndarray, " records"]
     """Farthest that a place of the colon's centreline is from where it was at rest [m]."""
+    wall_force_sum: Float[np.ndarray, " records"]
+    """Sum of the wall's normal forces on the whole scope [N]."""
     mocap_pos: Float[np.ndarray, "records blocks 3"]
     """Where the bodies are on which pieces of a wall that moves stand, as MuJoCo's mocap_pos [m]."""
     mocap_quat: Float[np.ndarray, "records blocks 4"]
@@ -97,6 +93,8 @@ class Insertion:
     """How it was driven."""
     colon: Colon
     """As it lay at the end."""
+    backend: str = "native"
+    """What stepped it, of `haustra.envs.sim.capabilities.BACKENDS`."""
     shaft_added: tuple[float, ...] = ()
     """When shaft was added to the scene [s]: from then on stock MuJoCo repeats it closely, but not to the bit."""
 
@@ -104,6 +102,11 @@ class Insertion:
 @runtime_checkable
 class Engine(Protocol):
     """One scene being stepped: the native engine, or another that steps the same scope."""
+
+    @property
+    def backend(self) -> str:
+        """Its name, of `haustra.envs.sim.capabilities.BACKENDS`."""
+        ...
 
     @property
     def scene(self) -> Scene:
@@ -179,12 +182,12 @@ def _drive(engine: Engine, seconds: float, settings: FollowerSettings, progress:
     containment = Containment(scene.colon, radius=scene.cable.radius)
     rows: list[tuple] = []
     seen, shape = engine.observe(), engine.shape()
-    outcome = Outcome.TIME_UP
+    ended, healthy = 0, True
     began = time.perf_counter()
     while seen.time < seconds - interval / 2:
         inputs = follower.act(seen, tracker.arc, interval)
         if not engine.step(inputs, steps):
-            outcome = Outcome.DIVERGED
+            healthy = False
             break
         seen, shape = engine.observe(), engine.shape()
         tracker.update(seen.tip, seen.way)
@@ -192,17 +195,24 @@ def _drive(engine: Engine, seconds: float, settings: FollowerSettings, progress:
         inside = behind < seen.insertion
         outside = containment.outside(shape[inside], behind[inside], tracker.arc, seen.way)
         moved = 0.0 if seen.way is None else float(np.linalg.norm(seen.way - line.points, axis=1).max())
-        mocap = engine.mocap(scene.blocks)
-        rows.append((*_record(engine, seen, tracker.arc, outside), *follower.asked, *seen.bend, moved, *mocap))
+        last = moved, seen.wall_force_sum, *engine.mocap(scene.blocks)
+        rows.append((*_record(engine, seen, tracker.arc, outside), *follower.asked, *seen.bend, *last))
         if progress and len(rows) % 25 == 0:
             progress(seen.time, tracker.arc)
-        if ended := _ended(scene, seen, tracker.arc, outside):
-            outcome = ended
+        ended = int(
+            ending(
+                np,
+                outside=outside,
+                arc=tracker.arc,
+                length=line.length,
+                insertion=seen.insertion,
+                modelled=scene.cable.length,
+            )
+        )
+        if ended:
             break
-    if outcome is Outcome.TIME_UP and follower.attempts >= MANY_ATTEMPTS:
-        outcome = Outcome.STUCK
     return Insertion(
-        outcome=outcome,
+        outcome=outcome_of(ended, healthy=healthy, attempts=follower.attempts),
         trajectory=_trajectory(rows, engine),
         shape=shape,
         tip_frame=seen.tip_frame,
@@ -210,18 +220,9 @@ def _drive(engine: Engine, seconds: float, settings: FollowerSettings, progress:
         attempts=follower.attempts,
         settings=settings,
         colon=engine.colon(),
+        backend=engine.backend,
         shaft_added=tuple(engine.added) if isinstance(engine, GrowingEngine) else (),
     )
-
-
-def _ended(scene: Scene, seen: Observation, arc: float, outside: float) -> Outcome | None:
-    if outside > ESCAPE_DEPTH:
-        return Outcome.ESCAPED
-    if arc >= scene.colon.centreline.length - CAECUM_MARGIN:
-        return Outcome.REACHED_CAECUM
-    if seen.insertion >= scene.cable.length - LEFT_OUTSIDE:
-        return Outcome.FULLY_INSERTED
-    return None
 
 
 def _record(engine: Engine, seen: Observation, arc: float, outside: float) -> tuple:
@@ -249,5 +250,5 @@ def _trajectory(rows: list[tuple], engine: Engine) -> Trajectory:
     if not rows:
         empty = np.zeros(0)
         wide = (np.zeros((0, engine.qpos.size)), np.zeros((0, engine.ctrl.size)), np.zeros((0, 3)))
-        return Trajectory(empty, *wide, *[empty] * 15, *(part[None][:0] for part in engine.mocap(engine.scene.blocks)))
+        return Trajectory(empty, *wide, *[empty] * 16, *(part[None][:0] for part in engine.mocap(engine.scene.blocks)))
     return Trajectory(*(np.array(column, dtype=float) for column in zip(*rows, strict=True)))

@@ -11,12 +11,15 @@ from jaxtyping import Float
 
 from haustra.envs.control.follower import FollowerSettings, Memory
 from haustra.envs.control.follower_worlds import WorldsFollower
-from haustra.envs.runs.insertion import CAECUM_MARGIN, CONTROL_INTERVAL, MANY_ATTEMPTS
-from haustra.envs.runs.outcome import LEFT_OUTSIDE, Outcome
+from haustra.envs.runs.insertion import CONTROL_INTERVAL
+from haustra.envs.runs.measure.containment import LumenWidths, outside, stack_widths
+from haustra.envs.runs.outcome import Outcome, ending, outcome_of
+from haustra.envs.sim import moving_colon
 from haustra.envs.sim.device_arrays import tree_where
 from haustra.envs.sim.device_engines import device_engine
+from haustra.envs.sim.precision import precise
 from haustra.envs.sim.scope_bank import ScopeBank
-from haustra.envs.sim.scope_values import Parameters, State
+from haustra.envs.sim.scope_values import Parameters, Readings, State
 from haustra.envs.sim.scope_worlds import JaxScopes
 from haustra.models.wall.lumen_table import Tables, pick
 
@@ -35,8 +38,8 @@ class Tally(NamedTuple):
     wall_sum: Array
     loop_excess_peak: Array
     intervals: Array
-    reached: Array
-    inserted: Array
+    ended: Array
+    """Row of `haustra.envs.runs.outcome.ENDINGS`; 0 while a run goes on."""
 
 
 @dataclass(frozen=True)
@@ -65,15 +68,17 @@ class Insertions:
 class InsertionBatch:
     """One scope, stacked colons, many worlds: compiled once, run as often as wanted."""
 
-    def __init__(self, engine: JaxScopes, follower: WorldsFollower, tables: Tables) -> None:
+    def __init__(self, engine: JaxScopes, follower: WorldsFollower, tables: Tables, widths: LumenWidths) -> None:
         """Prepare; nothing is compiled before the first run.
 
         Args:
             engine: the scope.
             follower: who drives.
             tables: of all colons (`stack`), seen from their entries.
+            widths: of the same colons (`stack_widths`).
         """
         self._engine, self._follower, self._tables = engine, follower, tables
+        self._widths = LumenWidths(*(jnp.asarray(part, tables.points.dtype) for part in widths))
         self._steps = max(1, round(CONTROL_INTERVAL / engine.timestep))
         self.advance = jax.jit(self._advance, static_argnames="count")
 
@@ -81,9 +86,9 @@ class InsertionBatch:
         """All scopes at the start, nothing scored."""
         worlds = len(parameters.friction)
         zero = jnp.zeros_like(parameters.friction)
-        no = jnp.zeros(worlds, bool)
-        start = zero + self._engine.start
-        tally = Tally(start, zero, zero, zero, zero, zero, jnp.zeros(worlds, jnp.int32), no, no)
+        none = jnp.zeros(worlds, jnp.int32)
+        start = zero + parameters.scope.start
+        tally = Tally(start, zero, zero, zero, zero, zero, none, none)
         return self._engine.begin(parameters, self._tables), self._follower.begin(worlds, zero.dtype), tally
 
     def run(
@@ -95,16 +100,15 @@ class InsertionBatch:
         for first in range(0, intervals, _CHUNK):
             count = min(_CHUNK, intervals - first)
             worlds, drive, tally = self.advance(parameters, worlds, drive, tally, count=count)
-            over = np.asarray(tally.reached | tally.inserted | ~worlds.healthy)
+            over = np.asarray((tally.ended > 0) | ~worlds.healthy)
             progress((first + count) * self._steps * self._engine.timestep)
             if over.all():
                 break
-        return self._finish(worlds, drive, tally)
+        return self._finish(parameters, worlds, drive, tally)
 
     def _advance(self, parameters: Parameters, worlds: State, drive: Memory, tally: Tally, *, count: int):
         tables = pick(self._tables, parameters.colon)
-        length = (tables.step * (tables.count - 1))[:, 0].astype(worlds.qpos.dtype)
-        longest = parameters.scope.length
+        widths = LumenWidths(*(part[parameters.colon] for part in self._widths))
         interval = self._steps * self._engine.timestep
 
         def one(_: Any, now: tuple[State, Memory, Tally]) -> tuple[State, Memory, Tally]:
@@ -113,15 +117,42 @@ class InsertionBatch:
             hands, decided = self._follower.act(parameters, tables, seen, worlds.time, drive, interval=interval)
             stepped = self._engine.steps(self._tables, parameters, worlds, hands, self._steps)
             # A world that has ended stays as it is, as a single run would.
-            running = ~(tally.reached | tally.inserted) & stepped.healthy
+            running = (tally.ended == 0) & stepped.healthy
             worlds = tree_where(running, stepped, worlds)._replace(healthy=stepped.healthy)
             drive = tree_where(running, decided, drive)
             after = self._engine.observe(parameters, self._tables, worlds)
-            return worlds, drive, tree_where(running, self._score(tally, after, length, longest), tally)
+            ended = self._ended(parameters, tables, widths, worlds, after)
+            return worlds, drive, tree_where(running, self._score(tally, after, ended), tally)
 
         return jax.lax.fori_loop(0, count, one, (worlds, drive, tally))
 
-    def _score(self, tally: Tally, seen: Any, length: Array, longest: Array) -> Tally:
+    @precise
+    def _ended(
+        self, parameters: Parameters, tables: Tables, widths: LumenWidths, worlds: State, seen: Readings
+    ) -> Array:
+        """Which runs end now, and why; tables and widths are those of each world."""
+        scope, behind = parameters.scope, self._engine.behind(parameters)
+        apart = outside(
+            jnp,
+            widths,
+            moving_colon.axis_at(tables, seen.shift, widths.arcs),
+            self._engine.shape(parameters, worlds),
+            behind=behind,
+            inside=behind < seen.insertion[:, None],
+            tip_arc=seen.tip_arc,
+            radius=scope.radius,
+            moves=seen.shift is not None,
+        )
+        return ending(
+            jnp,
+            outside=apart,
+            arc=seen.tip_arc,
+            length=(tables.step * (tables.count - 1))[:, 0].astype(worlds.qpos.dtype),
+            insertion=seen.insertion,
+            modelled=scope.length,
+        ).astype(jnp.int32)
+
+    def _score(self, tally: Tally, seen: Readings, ended: Array) -> Tally:
         wall = seen.link_forces.max(axis=1)
         return Tally(
             tip_arc_max=jnp.maximum(tally.tip_arc_max, seen.tip_arc),
@@ -131,24 +162,14 @@ class InsertionBatch:
             wall_sum=tally.wall_sum + wall,
             loop_excess_peak=jnp.maximum(tally.loop_excess_peak, seen.insertion - seen.tip_arc),
             intervals=tally.intervals + 1,
-            reached=seen.tip_arc >= length - CAECUM_MARGIN,
-            inserted=seen.insertion >= longest - LEFT_OUTSIDE,
+            ended=ended,
         )
 
-    def _finish(self, worlds: State, drive: Memory, tally: Tally) -> Insertions:
-        healthy, attempts = np.asarray(worlds.healthy), np.asarray(drive.attempts)
-        reached, inserted = np.asarray(tally.reached), np.asarray(tally.inserted)
+    def _finish(self, parameters: Parameters, worlds: State, drive: Memory, tally: Tally) -> Insertions:
+        parts = (np.asarray(part) for part in (tally.ended, worlds.healthy, drive.attempts))
         outcomes = [
-            Outcome.DIVERGED
-            if not healthy[world]
-            else Outcome.REACHED_CAECUM
-            if reached[world]
-            else Outcome.FULLY_INSERTED
-            if inserted[world]
-            else Outcome.STUCK
-            if attempts[world] >= MANY_ATTEMPTS
-            else Outcome.TIME_UP
-            for world in range(len(healthy))
+            outcome_of(int(ended), healthy=bool(healthy), attempts=int(attempts))
+            for ended, healthy, attempts in zip(*parts, strict=True)
         ]
         intervals = np.asarray(tally.intervals)
         plain = {name: np.asarray(getattr(tally, name), float) for name in Tally._fields[:6]}
@@ -156,7 +177,7 @@ class InsertionBatch:
             outcome=tuple(outcomes),
             simulated=np.asarray(worlds.time, float),
             tip_arc_max=plain["tip_arc_max"],
-            insertion=self._engine.start + np.asarray(worlds.qpos[:, 0], float),
+            insertion=np.asarray(parameters.scope.start + worlds.qpos[:, 0], float),
             push_force_peak=plain["push_peak"],
             torque_peak=plain["torque_peak"],
             wall_force_peak=plain["wall_peak"],
@@ -191,7 +212,7 @@ def run_insertions(
         UnsupportedSceneError: when the scope has what this engine cannot honour.
     """
     dynamics = device_engine(engine).of(bank.scene)
-    follower = WorldsFollower.of(bank.scene.design, tip_links=bank.tip_links, settings=settings)
-    batch = InsertionBatch(dynamics, follower, bank.tables_on_device())
+    follower = WorldsFollower(settings or FollowerSettings(), bank.tip_links)
+    batch = InsertionBatch(dynamics, follower, bank.tables_on_device(), stack_widths(bank.colons))
     parameters = dynamics.parameters(bank.scene, worlds, **changed)
     return batch.run(parameters, seconds=seconds, progress=progress)

@@ -1,9 +1,17 @@
 """How a run ended."""
 
 from enum import Enum
+from types import ModuleType
+from typing import Any
 
+CAECUM_MARGIN = 0.03
+"""The caecum counts as reached this far before the end of the centreline [m]; engineering choice."""
+ESCAPE_DEPTH = 0.03
+"""A scope that stands this far outside the lumen has left the colon [m]: the default wall is no thicker."""
 LEFT_OUTSIDE = 0.005
 """A scope is fully inserted when less than this is left outside [m]: a hand has nothing to push by any more."""
+MANY_ATTEMPTS = 3
+"""A run that ends after this many attempts without progress was stuck."""
 
 
 class Outcome(Enum):
@@ -30,3 +38,30 @@ _ADVICE = {
     Outcome.ESCAPED: "The scope broke through the wall: push less, or stiffen the wall.",
     Outcome.DIVERGED: "The simulation became unstable: halve the timestep, or soften what was made stiffer.",
 }
+
+
+ENDINGS = (None, Outcome.ESCAPED, Outcome.REACHED_CAECUM, Outcome.FULLY_INSERTED)
+"""What the numbers of `ending` mean; None: the run goes on."""
+
+
+def ending(xp: ModuleType, *, outside: Any, arc: Any, length: Any, insertion: Any, modelled: Any) -> Any:
+    """Why runs end now, as rows of `ENDINGS`: one number, or one a world.
+
+    Args:
+        xp: numpy or jax.numpy.
+        outside: how far the scope stands outside the lumen [m].
+        arc: arc length of the tip [m].
+        length: of the colon's centreline [m].
+        insertion: length of scope past the anus [m].
+        modelled: length of the modelled scope [m].
+    """
+    inserted = xp.where(insertion >= modelled - LEFT_OUTSIDE, 3, 0)
+    reached = xp.where(arc >= length - CAECUM_MARGIN, 2, inserted)
+    return xp.where(outside > ESCAPE_DEPTH, 1, reached)
+
+
+def outcome_of(ended: int, *, healthy: bool, attempts: int) -> Outcome:
+    """How a run went that diverged, ended for that row of `ENDINGS`, or ran out of time after so many attempts."""
+    if not healthy:
+        return Outcome.DIVERGED
+    return ENDINGS[ended] or (Outcome.STUCK if attempts >= MANY_ATTEMPTS else Outcome.TIME_UP)

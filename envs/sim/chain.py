@@ -57,8 +57,6 @@ class Chain:
     """(dofs, 3) in the body's frame."""
     turn: np.ndarray
     """(dofs, 3, 3) constant rotation before each dof: that of its body in its parent, at the body's first dof."""
-    gravity: np.ndarray
-    """(3,) [m/s^2]."""
 
     @classmethod
     def of(cls, model: mujoco.MjModel) -> "Chain":
@@ -84,7 +82,6 @@ class Chain:
             hinge=model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE,
             axis=model.jnt_axis.copy(),
             turn=turn,
-            gravity=model.opt.gravity.copy(),
         )
 
 
@@ -166,13 +163,15 @@ def mass_matrix(chain: Chain, where: Pose, composite: Float[Array, "worlds bodie
     return lower + jnp.swapaxes(jnp.tril(lower, -1), -1, -2)
 
 
-def bias(chain: Chain, where: Pose, inertia: Array, qvel: Array) -> Float[Array, "worlds bodies 6"]:
-    """Wrench on each body that its present velocity and gravity need, at zero joint acceleration."""
+def bias(
+    chain: Chain, where: Pose, inertia: Array, qvel: Array, gravity: Float[Array, "any 3"]
+) -> Float[Array, "worlds bodies 6"]:
+    """Wrench on each body that its present velocity and gravity [m/s^2] need, at zero joint acceleration."""
     moving = where.screw * qvel[..., None]
     speed = jnp.cumsum(moving, axis=1)
     turning = jnp.cumsum(_motion_cross(speed, moving), axis=1)[:, chain.last_dof]
     velocity = speed[:, chain.last_dof]
-    fall = jnp.concatenate([jnp.zeros(3), -jnp.asarray(chain.gravity)]).astype(qvel.dtype)
+    fall = jnp.concatenate([jnp.zeros_like(gravity), -gravity], axis=-1).astype(qvel.dtype)[:, None]
     momentum = jnp.einsum("wbij,wbj->wbi", inertia, velocity)
     return jnp.einsum("wbij,wbj->wbi", inertia, turning + fall) + _force_cross(velocity, momentum)
 

@@ -45,7 +45,7 @@ class Snapshot:
 
     state: Float[np.ndarray, " state"]
     """MuJoCo's integration state."""
-    spheres: Float[np.ndarray, "spheres 3"]
-    """Where each sphere was before the last step [m]."""
     arcs: Float[np.ndarray, " spheres"]
     """Arc length of each sphere [m]."""
+    pulls: Float[np.ndarray, "4"]
+    """What of the hand's pulls had arrived at the bending section [N]."""

@@ -74,7 +74,9 @@ class DeviceBatch:
             all_worlds = np.array(getattr(self._parameters, name))
             all_worlds[worlds] = values
             now[name] = jnp.asarray(all_worlds)
-        self._parameters = self._parameters._replace(**now)
+        parameters = self._parameters._replace(**now)
+        self._engine.check(parameters)
+        self._parameters = parameters
         roll, anew = np.zeros(self.worlds, np.float32), np.zeros(self.worlds, bool)
         anew[worlds] = True
         if conditions.roll is not None:

@@ -20,7 +20,7 @@ from haustra.envs.sim.scope_values import Array, Controls, Readings, State
 from haustra.envs.sim.scope_worlds import JaxScopes
 from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
-from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
+from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene, entry_of
 from haustra.models.wall.lumen_table import TableAccuracy, lumen_table, stack
 from haustra.models.wall.piece_wall import Blocks
@@ -29,6 +29,8 @@ from haustra.models.wall.piece_wall import Blocks
 class JaxSingle:
     """A scene of wall law 'table', stepped in JAX."""
 
+    backend = "jax"
+    """Name in scores."""
     table_error: TableAccuracy
     """Of the colon's table against its surface."""
 
@@ -38,8 +40,6 @@ class JaxSingle:
         Raises:
             UnsupportedSceneError: when the scene has what this engine cannot honour.
         """
-        if any(scene.options.gravity):
-            raise UnsupportedSceneError("The JAX scope engine has no gravity: use the native engine.")
         self.scene = scene
         self.model = scene.compile()
         self.data = mujoco.MjData(self.model)
@@ -60,7 +60,7 @@ class JaxSingle:
             now = self._engine.steps(own, parameters, now, hands, count)
             seen = self._engine.observe(parameters, own, now)
             seen = [part for part in seen if part is not None]
-            parts = (held, now.qpos, now.normal, now.healthy, now.time, *seen)
+            parts = (held, now.pulls, now.qpos, now.normal, now.healthy, now.time, *seen)
             self._shapes = [part.shape[1:] for part in parts]
             return now, jnp.concatenate([part.ravel().astype(jnp.float32) for part in parts])
 
@@ -68,14 +68,10 @@ class JaxSingle:
         self._advance = jax.jit(advance)
         self._worlds = self._engine.begin(parameters, own)
         self._step(np.zeros(6, np.float32), 0)
-        self._hand = self._arriving = np.zeros(len(WIRE_NAMES))
+        self._hand = np.zeros(len(WIRE_NAMES))
         self._energies = EnergyMeter(self.model, wall_stiffness=scene.options.wall_stiffness)
         self._tip = self.model.site("scope/tip").id
         self._links = [self.model.body(name).id for name in scene.cable.links]
-        shaft = [index for index, cell in enumerate(scene.cable.cells) if not cell.steerable]
-        self._sheath = np.array(
-            [[self.model.joint(f"scope/bend_{side}_{i:03d}").qposadr[0] for i in shaft] for side in "xy"]
-        )
         controls = ("scope/push", "scope/roll", *(f"scope/pull_{name}" for name in WIRE_NAMES))
         self._controls = [self.model.actuator(name).id for name in controls]
         self._locks = np.array([[self.model.actuator(name).id for name in pair] for pair in scene.cable.locks])
@@ -90,11 +86,9 @@ class JaxSingle:
         if inputs.wheels is not None:
             raise UnsupportedSceneError("The JAX scope engine steers by pulls: use the native engine for wheels.")
         self._hand = inputs.pulls
-        angle = float(np.hypot(*self.data.qpos[self._sheath]).sum())
-        self._arriving = arriving_pulls(self.scene.design.wires, inputs.pulls, self._arriving, sheath_angle=angle)
-        asked = np.array([inputs.push_rate, inputs.roll_rate, *self._arriving], np.float32)
+        asked = np.array([inputs.push_rate, inputs.roll_rate, *inputs.pulls], np.float32)
         self._step(asked, count)
-        self.data.ctrl[self._controls] = asked
+        self.data.ctrl[self._controls] = [*asked[:2], *self._arriving]
         self.data.ctrl[self._locks] = self._held.reshape(-1, 2)
         self._place()
         return self.healthy()
@@ -105,9 +99,9 @@ class JaxSingle:
         ends = np.cumsum([np.prod(shape, dtype=int) for shape in self._shapes])
         parts = np.split(np.asarray(flat, float), ends[:-1])
         parts = [part.reshape(shape) for part, shape in zip(parts, self._shapes, strict=True)]
-        self._held, self._qpos, self._normal, healthy, time = parts[:5]
+        self._held, self._arriving, self._qpos, self._normal, healthy, time = parts[:6]
         self._healthy, self._time = bool(healthy), float(time)
-        self._seen = Readings(*parts[5:])
+        self._seen = Readings(*parts[6:])
 
     def healthy(self) -> bool:
         """Whether the state is finite and of plausible speed."""
@@ -155,6 +149,7 @@ class JaxSingle:
             pulls=self._hand.copy(),
             link_forces=seen.link_forces,
             contacts=int((self._normal > 0).sum()),
+            wall_force_sum=float(self._normal.sum()),
             way=self._moved.way(np.asarray(self._seen.shift)) if self._moved else None,
             energies=Energies(
                 bending=joints.bending,

@@ -32,6 +32,8 @@ class GrowingEngine:
     first added.
     """
 
+    backend = NativeEngine.backend
+
     def __init__(
         self,
         scene: Scene,

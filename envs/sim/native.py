@@ -6,13 +6,16 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.sim.capabilities import require_supported
 from haustra.envs.sim.energy import Energies, EnergyMeter
 from haustra.envs.sim.log import log_to_stderr_only
 from haustra.envs.sim.moved_colon import CurrentColon
+from haustra.envs.sim.physics.lock import lock_activation
+from haustra.envs.sim.physics.wires import sheath_angle
 from haustra.envs.sim.wheels import Wheels
 from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import Colon
-from haustra.models.devices.scope.cable import LOCK_STRETCH, PULL_OUT_LIMIT
+from haustra.models.devices.scope.cable import PULL_OUT_LIMIT
 from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.scene import Scene
 from haustra.models.wall.lumen_table import LumenTable, Tables, axis_tables, lumen_table, stack
@@ -86,6 +89,8 @@ class Observation:
     """Stored in the bent scope and in the pressed wall."""
     way: Float[np.ndarray, "stations 3"] | None = None
     """Where the stations of the colon's centreline are now [m]; None where the colon is fixed in space."""
+    wall_force_sum: float = 0.0
+    """Sum of the wall's normal forces [N]: unlike those on links, it does not depend on how long links are."""
 
 
 class NativeEngine:
@@ -96,13 +101,20 @@ class NativeEngine:
     `mj_step` nearly. Steered by wheels, controls change at every step.
     """
 
+    backend = "native"
+    """Name in scores."""
+
     def __init__(self, scene: Scene, *, table: LumenTable | None = None) -> None:
         """Compile the scene and lay the scope straight, its tip at the start depth.
 
         Args:
             scene: what is modelled.
             table: of the colon for this scope, when it is there already; wall law 'table' only.
+
+        Raises:
+            UnsupportedSceneError: when the scene has what this backend cannot honour.
         """
+        require_supported(scene, "native")
         log_to_stderr_only()
         self.scene = scene
         self.table = table
@@ -262,7 +274,7 @@ class NativeEngine:
         """What can be read off at the end of the last step."""
         data = self.data
         frame = data.site_xmat[self._tip].reshape(3, 3)
-        forces, contacts = self._link_forces()
+        forces, normal = self._link_forces()
         return Observation(
             time=data.time,
             insertion=self.insertion,
@@ -275,9 +287,10 @@ class NativeEngine:
             torque=float(data.actuator_force[self._roll]),
             pulls=self._hand.copy(),
             link_forces=forces,
-            contacts=contacts,
+            contacts=int((normal > 0).sum()),
             way=self._moved.way(self._shift) if self._moved else None,
             energies=self._energies.read(data),
+            wall_force_sum=float(normal.sum()),
         )
 
     def colon(self) -> Colon:
@@ -302,17 +315,17 @@ class NativeEngine:
     def _arrive(self, pulls: Float[np.ndarray, "4"]) -> Float[np.ndarray, "4"]:
         """What of the hand's pulls gets through the bent shaft to the bending section [N]."""
         self._hand = pulls
-        angle = float(np.hypot(*self.data.qpos[self._sheath]).sum())
-        self._arriving = arriving_pulls(self.scene.design.wires, pulls, self._arriving, sheath_angle=angle)
+        wires, angle = self.scene.design.wires, sheath_angle(np, *self.data.qpos[self._sheath])
+        losses = {"friction": wires.friction, "hysteresis": wires.hysteresis}
+        self._arriving = arriving_pulls(np, pulls, self._arriving, **losses, sheath_angle=angle)
         return self._arriving
 
     def _lock_outside(self, insertion: float) -> None:
         """Hold joints straight that are outside the patient, and free them smoothly as they pass the anus."""
-        position = insertion - self._behind
-        held = np.clip(-position / LOCK_STRETCH, 0.0, 1.0) ** 4
-        self.data.ctrl[self._locks] = held[:, None]
+        self.data.ctrl[self._locks] = lock_activation(np, np.float64(insertion), self._behind)[:, None]
 
-    def _link_forces(self) -> tuple[Float[np.ndarray, " links"], int]:
+    def _link_forces(self) -> tuple[Float[np.ndarray, " links"], Float[np.ndarray, " contacts"]]:
+        """Resultant on each link, and the normal force of each contact [N]."""
         data = self.data
         contact, count = data.contact, len(self.scene.cable.links)
         rows = contact.efc_address
@@ -321,7 +334,7 @@ class NativeEngine:
         links = self._link_of_body[self.model.geom_bodyid[contact.geom[active]]].max(axis=1)
         forces = contact.frame[active, :3] * normal[:, None]
         total = [np.bincount(links, weights=forces[:, axis], minlength=count) for axis in range(3)]
-        return np.linalg.norm(total, axis=0), int((normal > 0).sum())
+        return np.linalg.norm(total, axis=0), normal
 
 
 def _require_possible(inputs: Inputs) -> None:

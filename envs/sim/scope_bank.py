@@ -24,14 +24,22 @@ class ScopeBank:
 
     scene: Scene
     """Of the longest colon."""
-    names: tuple[str, ...]
-    """Of the colons, in the order of the tables."""
-    lengths: tuple[float, ...]
-    """Of their centrelines [m]."""
+    colons: tuple[Colon, ...]
+    """In the order of the tables."""
     tables: Tables
     """Of all colons, each seen from its entry."""
     errors: tuple[TableAccuracy, ...]
     """Of each colon's table against its surface."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the colons, in the order of the tables."""
+        return tuple(colon.name for colon in self.colons)
+
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """Lengths of their centrelines [m]."""
+        return tuple(colon.centreline.length for colon in self.colons)
 
     @property
     def tip_links(self) -> int:
@@ -71,8 +79,7 @@ def build_bank(
         errors.append(field.error)
     return ScopeBank(
         scene=scene,
-        names=tuple(colon.name for colon in colons),
-        lengths=tuple(colon.centreline.length for colon in colons),
+        colons=tuple(colons),
         tables=stack(tables),
         errors=tuple(errors),
     )

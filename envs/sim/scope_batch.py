@@ -13,10 +13,10 @@ import mujoco
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from haustra.envs.sim.capabilities import require_supported
 from haustra.envs.sim.conditions import Conditions, Snapshot
 from haustra.envs.sim.log import log_to_stderr_only
 from haustra.envs.sim.thread_slice import ThreadSlice
-from haustra.errors import UnsupportedSceneError
 from haustra.models.scene import Scene
 from haustra.models.wall.law import WallContact
 from haustra.models.wall.lumen_table import Tables
@@ -86,10 +86,9 @@ class ScopeBatch:
             threads: each steps its own part of the worlds.
 
         Raises:
-            UnsupportedSceneError: when the scene has another wall.
+            UnsupportedSceneError: when the scene has what this backend cannot honour.
         """
-        if scene.options.wall_law != "table":
-            raise UnsupportedSceneError("A batch of scopes needs a scene with wall_law 'table': build it so.")
+        require_supported(scene, "native-batch")
         log_to_stderr_only()
         self.scene, self.tables, self.worlds = scene, tables, worlds
         self.model = batch_model(scene)

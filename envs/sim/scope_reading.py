@@ -6,6 +6,7 @@ import jax
 import numpy as np
 
 from haustra.envs.sim.at_origin import compile_at_origin
+from haustra.envs.sim.capabilities import require_supported
 from haustra.envs.sim.chain import Links
 from haustra.envs.sim.scope_values import Scope
 from haustra.errors import UnsupportedSceneError
@@ -45,6 +46,11 @@ def read_scope(scene: Scene) -> Scope:
         "tip_place": model.site("scope/tip").pos.copy()[None],
         "pull_per_angle": np.float64(design.pull_per_angle),
         "length": np.float64(cable.length),
+        "start": np.float64(scene.options.start_depth),
+        "pull_limit": np.float64(design.wires.pull_limit),
+        "bend_limit": np.radians(design.limits.smallest),
+        "wire_friction": np.float64(design.wires.friction),
+        "wire_hysteresis": np.float64(design.wires.hysteresis),
     }
     return Scope(links=Links.of(model), **{name: np.asarray(part)[None] for name, part in parts.items()})
 
@@ -60,13 +66,7 @@ def refuse_unsupported(scene: Scene) -> None:
     Raises:
         UnsupportedSceneError: naming the first such thing.
     """
-    if scene.options.wall_law != "table":
-        raise UnsupportedSceneError(
-            f"The JAX scope engine has no wall law '{scene.options.wall_law}': build the scene with wall_law='table'."
-        )
-    wires = scene.design.wires
-    if wires.friction or wires.hysteresis:
-        raise UnsupportedSceneError("The JAX scope engine has no friction of wires: use the native engine.")
+    require_supported(scene, "jax")
     model = scene.compile()
     cubic = np.asarray(model.jnt_stiffnesspoly) if hasattr(model, "jnt_stiffnesspoly") else np.zeros(1)
     if np.abs(cubic).max(initial=0) > 0:

@@ -2,9 +2,8 @@
 
 from typing import Any, NamedTuple, TypeAlias
 
-import jax.numpy as jnp
-
 from haustra.envs.sim.chain import Links
+from haustra.models.wall.law import ImplicitContact
 from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
 
 Array: TypeAlias = Any
@@ -40,6 +39,16 @@ class Scope(NamedTuple):
     """(any,) pull that bends the bending section by an angle [N/rad]."""
     length: Array
     """(any,) of the modelled scope [m]."""
+    start: Array
+    """(any,) depth of the tip at the start [m]."""
+    pull_limit: Array
+    """(any,) largest pull of one wire [N]."""
+    bend_limit: Array
+    """(any,) smallest of the bending section's limits [rad]."""
+    wire_friction: Array
+    """(any,) Coulomb coefficient between wire and sheath [1]."""
+    wire_hysteresis: Array
+    """(any,) part of a pull that is lost in the bending section itself [1]."""
 
 
 class Parameters(NamedTuple):
@@ -62,6 +71,10 @@ class Parameters(NamedTuple):
     """GJ over that of the design [1]."""
     push_limit: Array
     """Largest push of the hand [N]."""
+    torque_limit: Array
+    """Largest torque of the hand [N m]."""
+    gravity: Array
+    """(worlds, 3) in each colon's own frame [m/s^2]."""
 
 
 class State(NamedTuple):
@@ -79,6 +92,8 @@ class State(NamedTuple):
     """(worlds,): false once a world has diverged; it then stays as it was last sound."""
     time: Array
     """(worlds,) [s]."""
+    pulls: Array
+    """(worlds, 4): what of the hand's pulls arrived at the bending section last [N]."""
     warm: Array | None = None
     """(worlds, dofs) accelerations from which MuJoCo's solver begins; None where there is no such solver."""
     shift: AxisDisplacement | None = None
@@ -133,29 +148,12 @@ class Contact(NamedTuple):
     """The scope's spheres against the wall at the beginning of a step; leading axes: worlds, points."""
 
     points: Array
-    """(..., 3) middles [m]."""
+    """(..., 3) of the scope's surface towards the wall, where contact acts [m]."""
     arcs: Array
     """(worlds, points + 1): arc length of each, and of the tip [m]."""
-    inwards: Array
-    """(..., 3) normals of the wall."""
+    law: ImplicitContact
+    """What the wall does to the scope's surface there."""
     wall_speed: Array
     """(..., 3) of the wall itself [m/s]."""
-    spring: Array
-    """Force of the wall's spring [N]."""
-    damper: Array
-    """Its damping, and what a step of its spring adds [N s/m]."""
-    drag: Array
-    """Friction over sliding speed [N s/m]."""
     grip: AttachmentPoints | None
     """Where they hold on to a colon that moves."""
-
-    @property
-    def damping(self) -> Array:
-        """(..., 3, 3): force over the sphere's speed against the wall [N s/m]."""
-        across = self.inwards[..., :, None] * self.inwards[..., None, :]
-        along = jnp.eye(3, dtype=across.dtype) - across
-        return self.damper[..., None, None] * across + self.drag[..., None, None] * along
-
-    def force(self, speed: Array) -> Array:
-        """On spheres that move at that speed against the wall (..., 3) [N]."""
-        return self.spring[..., None] * self.inwards - jnp.einsum("wpij,wpj->wpi", self.damping, speed)

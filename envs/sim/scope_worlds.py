@@ -5,8 +5,9 @@ and locks add `h J^T A J` to the mass matrix, which costs no more than the compo
 the wall has its stiffness to rounding at rest, as in the native engine, and steps of 5 ms are stable.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -18,20 +19,21 @@ from haustra.envs.sim.at_origin import compile_at_origin
 from haustra.envs.sim.chain import Chain
 from haustra.envs.sim.coils import coil_samples
 from haustra.envs.sim.device_arrays import tree_where
+from haustra.envs.sim.physics.hand import HAND_DAMPING, hand_force
+from haustra.envs.sim.physics.lock import lock_activation
+from haustra.envs.sim.physics.stops import stop_torque
+from haustra.envs.sim.physics.wires import borne_pulls, sheath_angle
 from haustra.envs.sim.precision import precise
 from haustra.envs.sim.scope_reading import read_scope, refuse_unsupported
 from haustra.envs.sim.scope_values import Array, Contact, Controls, Parameters, Readings, Scope, State
 from haustra.errors import InvalidOptionError
-from haustra.models.devices.scope.cable import HAND_PUSH, HAND_ROLL, LOCK_STRETCH
-from haustra.models.devices.scope.stops import STOP_RELAXATION_TIME, STOP_STIFFNESS
+from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.scene import Scene
 from haustra.models.wall import moving_colon
+from haustra.models.wall.law import implicit_contact, normal_force
 from haustra.models.wall.lumen_table import Tables, WallQuery, pick, query
 from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
 
-SLIP_SPEED = 1e-3
-"""Friction is that of Coulomb above this speed and viscous below [m/s]: a scope held by its friction creeps at less.
-Engineering choice; the native engine's own regularisation is 7 mm/s for 1 N (`haustra.models.wall.law`)."""
 SPEED_LIMIT = 1e4
 """A generalised speed above this [rad/s or m/s] is divergence, as in the native engine."""
 
@@ -40,13 +42,12 @@ SPEED_LIMIT = 1e4
 class JaxScopes:
     """How one kind of scope hangs together, for any number of worlds: a pure function of state, inputs, parameters."""
 
+    designs_share: ClassVar[bool] = True
+    """Whether worlds of one batch may be of several designs."""
+
     chain: Chain
     timestep: Array
     """[s]: a number, or what JAX traces, for programs of any time step."""
-    start: float
-    """Depth of the tip at the start [m]."""
-    table_radius: float
-    """Radius of the spheres that the colons' tables were made for [m]."""
     lock_dofs: np.ndarray
     """(joints, 2)."""
     scale: np.ndarray
@@ -56,7 +57,8 @@ class JaxScopes:
     coils: np.ndarray
     """(coils,) spheres on which an imager's coils sit."""
     bend_dofs: tuple[np.ndarray, np.ndarray]
-    torque_limit: float
+    shaft_dofs: tuple[np.ndarray, np.ndarray]
+    """Hinges of the shaft about x and about y, joint by joint: what its wires are bent through."""
 
     @classmethod
     def of(cls, scene: Scene) -> "JaxScopes":
@@ -70,21 +72,20 @@ class JaxScopes:
         names = [model.joint(index).name for index in range(model.njnt)]
         cells = scene.cable.cells
         steerable = {index for index, cell in enumerate(cells) if cell.steerable}
+        shaft = [index for index in range(len(cells)) if index not in steerable]
 
-        def bend(side: str) -> np.ndarray:
-            return np.array([names.index(f"scope/bend_{side}_{index:03d}") for index in sorted(steerable)])
+        def bend(side: str, of: Iterable[int]) -> np.ndarray:
+            return np.array([names.index(f"scope/bend_{side}_{index:03d}") for index in of], int)
 
         return cls(
             chain=Chain.of(model),
             timestep=scene.options.timestep,
-            start=scene.options.start_depth,
-            table_radius=scene.cable.radius,
             lock_dofs=np.array([[names.index(f"scope/bend_{a}_{i:03d}") for a in "xy"] for i in range(len(cells))]),
             scale=np.array([_scale_of(name, steerable) for name in names]),
             sample_body=np.array([model.body(sample.body).id - 1 for sample in scene.samples]),
             coils=coil_samples(model, scene.samples),
-            bend_dofs=(bend("y"), bend("x")),
-            torque_limit=scene.options.torque_limit,
+            bend_dofs=(bend("y", sorted(steerable)), bend("x", sorted(steerable))),
+            shaft_dofs=(bend("x", shaft), bend("y", shaft)),
         )
 
     def same_topology(self, other: "JaxScopes") -> bool:
@@ -93,6 +94,7 @@ class JaxScopes:
             self.timestep == other.timestep
             and np.array_equal(self.chain.axis, other.chain.axis)
             and np.array_equal(self.scale, other.scale)
+            and np.array_equal(self.chain.turn, other.chain.turn)
             and np.array_equal(self.sample_body, other.sample_body)
         )
 
@@ -121,15 +123,23 @@ class JaxScopes:
             "tip_bending": 1.0,
             "torsion": 1.0,
             "push_limit": options.push_limit,
+            "torque_limit": options.torque_limit,
+            "gravity": options.gravity,
         }
         for name in changed:
             if name not in own:
                 raise InvalidOptionError(f"'{name}' cannot differ between worlds. What can: {', '.join(own)}.")
         own |= changed
-        numbers = {name: jnp.broadcast_to(jnp.asarray(value), (worlds,)) for name, value in own.items()}
+        numbers = {
+            name: jnp.broadcast_to(jnp.asarray(value), (worlds, 3) if name == "gravity" else (worlds,))
+            for name, value in own.items()
+        }
         numbers = {name: value if name == "colon" else value.astype(kind) for name, value in numbers.items()}
         design: Scope = jax.tree.map(lambda part: jnp.asarray(part, kind), scope or read_scope(scene))
         return Parameters(scope=design, **numbers)
+
+    def check(self, parameters: Parameters) -> None:
+        """Refuse parameters that the engine cannot honour; this one can all."""
 
     @precise
     def begin(self, parameters: Parameters, tables: Tables) -> State:
@@ -147,23 +157,41 @@ class JaxScopes:
             normal=jnp.zeros((count, len(self.sample_body)), kind),
             healthy=jnp.ones(count, bool),
             time=jnp.zeros(count, kind),
+            pulls=jnp.zeros((count, len(WIRE_NAMES)), kind),
             shift=tables.mesentery and moving_colon.at_rest(jnp, tables.mesentery, count, kind),
         )
 
-    @precise
     def step(self, tables: Tables, parameters: Parameters, worlds: State, hands: Controls) -> State:
         """One time step of all worlds."""
+        return self._stepped(tables, parameters, self.arrived(parameters, worlds, hands), hands)
+
+    def arrived(self, parameters: Parameters, worlds: State, hands: Controls) -> State:
+        """State in which what gets through of the hands' pulls has arrived at the bending sections."""
+        scope, (about_x, about_y) = parameters.scope, self.shaft_dofs
+        angle = sheath_angle(jnp, worlds.qpos[:, about_x], worlds.qpos[:, about_y])
+        pulls = arriving_pulls(
+            jnp,
+            hands.pulls.astype(worlds.qpos.dtype),
+            worlds.pulls,
+            friction=scope.wire_friction[:, None],
+            hysteresis=scope.wire_hysteresis[:, None],
+            sheath_angle=angle[:, None],
+        )
+        return worlds._replace(pulls=pulls)
+
+    @precise
+    def _stepped(self, tables: Tables, parameters: Parameters, worlds: State, hands: Controls) -> State:
         chain, h, scope = self.chain, self.timestep, parameters.scope
         where = links.pose(chain, scope.links, worlds.qpos)
         own = links.inertias(scope.links, where)
-        bias = links.bias(chain, where, own, worlds.qvel)
         own_tables = pick(tables, parameters.colon)
+        bias = links.bias(chain, where, own, worlds.qvel, entry_gravity(own_tables, parameters))
         contact = self._wall(own_tables, parameters, worlds, where)
         points = contact.points
-        force = contact.force(self._speeds(where, points, worlds.qvel) - contact.wall_speed)
+        force = contact.law.force(jnp, self._speeds(where, points, worlds.qvel) - contact.wall_speed)
         of_body = self._body_sums(links.wrench(points, force))
-        felt = self._body_sums(links.point_inertia(points, h * contact.damping))
-        torque, damping = self._joints(parameters, worlds, hands)
+        felt = self._body_sums(links.point_inertia(points, h * contact.law.damping(jnp)))
+        torque, damping = self._joints(parameters, worlds)
         torque = torque + links.joint_forces(chain, where, links.suffix_sum(of_body - bias))
         matrix = links.mass_matrix(chain, where, links.suffix_sum(own + felt))
         armature = scope.armature * self._scales(parameters)
@@ -171,8 +199,8 @@ class JaxScopes:
         qvel = worlds.qvel + h * solve(matrix, torque)
         qpos = worlds.qpos + h * qvel
         leaving = self._speeds(where, points, qvel) - contact.wall_speed
-        along = jnp.einsum("wpi,wpi->wp", contact.inwards, leaving)
-        normal = jnp.maximum(contact.spring - contact.damper * along, 0.0)
+        along = jnp.einsum("wpi,wpi->wp", contact.law.inwards, leaving)
+        normal = normal_force(jnp, contact.law.spring, contact.law.damper, along)
         rates = jnp.stack([hands.push_rate, hands.roll_rate], axis=-1).astype(qpos.dtype)
         shift = self._moved(own_tables, worlds.shift, contact, leaving)
         after = worlds._replace(
@@ -185,7 +213,8 @@ class JaxScopes:
 
     def steps(self, tables: Tables, parameters: Parameters, worlds: State, hands: Controls, count: Any) -> State:
         """Several time steps under the same inputs; differentiable when `count` is a number and not an array."""
-        return jax.lax.fori_loop(0, count, lambda _, now: self.step(tables, parameters, now, hands), worlds)
+        worlds = self.arrived(parameters, worlds, hands)
+        return jax.lax.fori_loop(0, count, lambda _, now: self._stepped(tables, parameters, now, hands), worlds)
 
     @precise
     def observe(self, parameters: Parameters, tables: Tables, worlds: State) -> Readings:
@@ -194,12 +223,12 @@ class JaxScopes:
         where = links.pose(self.chain, scope.links, worlds.qpos)
         own = pick(tables, parameters.colon)
         spheres = self._samples(scope, where)
-        found, _ = _look(own, worlds.shift, spheres, worlds.arcs[:, :-1])
+        found, _ = _look(own, worlds.shift, spheres, worlds.arcs[:, :-1], scope.radius)
         forces = self._body_sums(worlds.normal[..., None] * found.inwards)
         hand = self._hand(parameters, worlds)
         up, left = (worlds.qpos[:, dofs].sum(axis=1) for dofs in self.bend_dofs)
         return Readings(
-            insertion=self.start + worlds.qpos[:, 0],
+            insertion=scope.start + worlds.qpos[:, 0],
             roll=worlds.qpos[:, 1],
             hand_lead=worlds.hand[:, 0] - worlds.qpos[:, 0],
             tip=self._tip(scope, where)[:, 0],
@@ -210,35 +239,32 @@ class JaxScopes:
             torque=hand[:, 1],
             tip_force=jnp.einsum("wij,wi->wj", where.rotation[:, -1], forces[:, -len(self.bend_dofs[0]) :].sum(axis=1)),
             link_forces=jnp.linalg.norm(forces, axis=-1),
-            deepest=found.depth.max(axis=1) + scope.radius - self.table_radius,
+            deepest=found.depth.max(axis=1) + scope.radius - own.device_radius[:, 0],
             coils=spheres[:, self.coils],
             shift=worlds.shift and worlds.shift.place,
         )
 
     def _wall(self, tables: Tables, parameters: Parameters, worlds: State, where: links.Pose) -> Contact:
-        h = self.timestep
         scope = parameters.scope
-        points = self._samples(scope, where)
-        places = jnp.concatenate([points, self._tip(scope, where)], axis=1)
-        found, grip = _look(tables, worlds.shift, places, worlds.arcs)
+        centres = self._samples(scope, where)
+        places = jnp.concatenate([centres, self._tip(scope, where)], axis=1)
+        found, grip = _look(tables, worlds.shift, places, worlds.arcs, scope.radius)
         # A thicker scope touches sooner, by as much as it is thicker: the table holds distances.
-        depth = found.depth[:, :-1] + (scope.radius - self.table_radius)[:, None]
+        depth = found.depth[:, :-1] + scope.radius[:, None] - tables.device_radius
         inwards = found.inwards[:, :-1]
+        points = centres - scope.radius[:, None, None] * inwards
         wall_speed = jnp.zeros_like(points)
         if grip is not None and tables.mesentery is not None and worlds.shift is not None:
             grip = AttachmentPoints(grip.arcs[:, :-1], grip.lever[:, :-1])
             wall_speed = moving_colon.wall_speeds(jnp, tables.mesentery, worlds.shift, grip)
         speed = self._speeds(where, points, worlds.qvel) - wall_speed
-        away = jnp.einsum("wpi,wpi->wp", inwards, speed)
         stiffness = parameters.stiffness[:, None]
-        damper = stiffness * (parameters.damping_time[:, None] + h)
-        pressing = (depth > 0) & (stiffness * depth > damper * away)
-        spring = jnp.where(pressing, stiffness * depth, 0.0)
-        damper = jnp.where(pressing, damper, 0.0)
-        sliding = jnp.linalg.norm(speed - away[..., None] * inwards + 1e-12, axis=-1)
-        load = spring - damper * away
-        drag = parameters.friction[:, None] * load / jnp.maximum(sliding, SLIP_SPEED)
-        return Contact(points, found.arcs, inwards, wall_speed, spring, damper, drag, grip)
+        damper = stiffness * (parameters.damping_time[:, None] + self.timestep)
+        friction = parameters.friction[:, None]
+        law = implicit_contact(
+            jnp, depth, inwards, speed, worlds.normal > 0, stiffness=stiffness, damper=damper, friction=friction
+        )
+        return Contact(points, found.arcs, law, wall_speed, grip)
 
     def _moved(
         self, tables: Tables, shift: AxisDisplacement | None, contact: Contact, leaving: Array
@@ -246,42 +272,50 @@ class JaxScopes:
         """Where the colons go under what the scopes do to them, who leave the wall at that speed."""
         if shift is None or tables.mesentery is None or contact.grip is None:
             return None
-        pressed = -contact.force(leaving)
-        damping = contact.damper + contact.drag
+        pressed = -contact.law.force(jnp, leaving)
+        damping = contact.law.damper + contact.law.drag
         return moving_colon.step_axis(jnp, tables.mesentery, shift, contact.grip, pressed, damping, self.timestep)
 
-    def _joints(self, parameters: Parameters, worlds: State, hands: Controls) -> tuple[Array, Array]:
+    def _joints(self, parameters: Parameters, worlds: State) -> tuple[Array, Array]:
         """Torques of springs, stops, locks, hand and wires, and the damping that goes into the matrix."""
-        kind, h, scope = worlds.qpos.dtype, self.timestep, parameters.scope
+        kind, scope = worlds.qpos.dtype, parameters.scope
         scale = self._scales(parameters)
         stiffness, damping = scope.stiffness * scale, scope.damping * scale
-        over = jnp.maximum(worlds.qpos - scope.high, 0.0) - jnp.maximum(scope.low - worlds.qpos, 0.0)
-        damping = damping + jnp.where(over != 0, STOP_STIFFNESS * (STOP_RELAXATION_TIME + h), 0.0)
-        torque = -stiffness * (worlds.qpos - scope.rest) - STOP_STIFFNESS * over
+        stops, stopped = stop_torque(jnp, worlds.qpos, scope.low, scope.high, timestep=self.timestep)
+        damping = damping + stopped
+        torque = -stiffness * (worlds.qpos - scope.rest) + stops
         held = self.lock_activation(parameters, worlds)
         dofs = self.lock_dofs.ravel()
         torque = torque.at[:, dofs].add(-scope.lock_stiffness * held * worlds.qpos[:, dofs])
         damping = damping.at[:, dofs].add(scope.lock_damping * held)
-        pulled = (hands.pulls.astype(kind)[:, None] @ scope.arms)[:, 0]
+        pulled = (borne_pulls(jnp, worlds.pulls, scope.pull_limit[:, None])[:, None] @ scope.arms)[:, 0]
         torque = torque - pulled - damping * worlds.qvel
         # The hand's damper is in its force already; where the force is at its limit, it damps no more.
         hand = self._hand(parameters, worlds)
-        free = jnp.abs(hand) < jnp.stack([parameters.push_limit, jnp.full_like(hand[:, 1], self.torque_limit)], axis=-1)
+        free = jnp.abs(hand) < _hand_limits(parameters)
         torque = torque.at[:, :2].add(hand)
-        damping = damping.at[:, :2].add(jnp.where(free, jnp.array([HAND_PUSH[1], HAND_ROLL[1]], kind), 0.0))
+        damping = damping.at[:, :2].add(jnp.where(free, jnp.asarray(HAND_DAMPING, kind), 0.0))
         return torque, damping
 
     def _hand(self, parameters: Parameters, worlds: State) -> Float[Array, "worlds 2"]:
-        stiffness, damping = np.array([HAND_PUSH, HAND_ROLL], dtype=worlds.qpos.dtype).T
-        force = stiffness * (worlds.hand - worlds.qpos[:, :2]) - damping * worlds.qvel[:, :2]
-        limit = jnp.stack([parameters.push_limit, jnp.full_like(parameters.push_limit, self.torque_limit)], axis=-1)
-        return jnp.clip(force, -limit, limit)
+        return hand_force(jnp, worlds.hand, worlds.qpos[:, :2], worlds.qvel[:, :2], _hand_limits(parameters))
 
     def lock_activation(self, parameters: Parameters, worlds: State) -> Array:
         """How firmly each bending dof is held outside the patient, 0 to 1: (worlds, 2 joints)."""
-        position = self.start + worlds.qpos[:, :1] - parameters.scope.behind
-        held = jnp.clip(-position / LOCK_STRETCH, 0.0, 1.0) ** 4
+        scope = parameters.scope
+        held = lock_activation(jnp, scope.start[:, None] + worlds.qpos[:, :1], scope.behind)
         return jnp.repeat(held, 2, axis=1)
+
+    def shape(self, parameters: Parameters, worlds: State) -> Float[Array, "worlds nodes 3"]:
+        """Points along the scopes' axes from the entry: handle end of the modelled part, each joint, and tip [m]."""
+        where = links.pose(self.chain, parameters.scope.links, worlds.qpos)
+        return jnp.concatenate([where.origin, self._tip(parameters.scope, where)], axis=1)
+
+    def behind(self, parameters: Parameters) -> Float[Array, "any nodes"]:
+        """Distance of each of those points from the tip along the scope [m]."""
+        scope = parameters.scope
+        length = scope.length[:, None]
+        return jnp.concatenate([length, scope.behind, 0 * length], axis=1)
 
     def _scales(self, parameters: Parameters) -> Float[Array, "worlds dofs"]:
         one = jnp.ones_like(parameters.bending)
@@ -305,12 +339,21 @@ class JaxScopes:
 
 
 def _look(
-    tables: Tables, shift: AxisDisplacement | None, points: Array, arcs: Array
+    tables: Tables, shift: AxisDisplacement | None, points: Array, arcs: Array, radius: Array
 ) -> tuple[WallQuery, AttachmentPoints | None]:
-    """Look points up in one colon a world; and where they hold on to it, if it moves."""
+    """Look spheres up in one colon a world; and where their surfaces hold on to it, if it moves."""
     if shift is None:
         return query(jnp, tables, points, arcs), None
-    return moving_colon.query(jnp, tables, shift, points, arcs)
+    return moving_colon.query(jnp, tables, shift, points, arcs, radius)
+
+
+def entry_gravity(tables: Tables, parameters: Parameters) -> Float[Array, "worlds 3"]:
+    """Gravity in the frames of the entries [m/s^2], of one colon a world (`pick`)."""
+    return jnp.einsum("wij,wi->wj", tables.axes, parameters.gravity)
+
+
+def _hand_limits(parameters: Parameters) -> Float[Array, "worlds 2"]:
+    return jnp.stack([parameters.push_limit, parameters.torque_limit], axis=-1)
 
 
 def sound_after(parameters: Parameters, before: State, after: State) -> Array:

@@ -6,7 +6,7 @@ this replaces by MuJoCo's. Without a GPU the same kernels run on the CPU, slowly
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -15,25 +15,28 @@ import numpy as np
 from mujoco import mjx
 
 from haustra.envs.sim import chain as links
+from haustra.envs.sim.capabilities import require_supported
 from haustra.envs.sim.device_arrays import tree_where
 from haustra.envs.sim.precision import precise
 from haustra.envs.sim.scope_batch import batch_model
 from haustra.envs.sim.scope_values import Array, Controls, Parameters, Scope, State
-from haustra.envs.sim.scope_worlds import JaxScopes, sound_after
+from haustra.envs.sim.scope_worlds import JaxScopes, entry_gravity, sound_after
 from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene
-from haustra.models.wall.law import soft_contact
+from haustra.models.wall.law import normal_force, require_honoured, soft_contact
 from haustra.models.wall.lumen_table import Tables, pick, query
-from haustra.models.wall.planes import SLIP_RELAXATION
+from haustra.models.wall.plane_pose import plane_pose
 
-_PER_CONTACT = 3
+CONTACT_ROWS = 3
 """Constraint rows of a contact with friction."""
 
 
 @dataclass(frozen=True)
 class WarpScopes(JaxScopes):
     """One kind of scope on MuJoCo Warp, for any number of worlds."""
+
+    designs_share: ClassVar[bool] = False
 
     host: mujoco.MjModel
     """Compiled for the CPU, to make data of."""
@@ -53,10 +56,9 @@ class WarpScopes(JaxScopes):
         Raises:
             UnsupportedSceneError: when the scene has what this engine cannot honour.
         """
-        if scene.options.mesentery:
-            raise UnsupportedSceneError("Colons that move on their mesentery need the engine 'jax': name it.")
+        require_supported(scene, "warp")
         chain = JaxScopes.of(scene)
-        host = _for_warp(batch_model(scene))
+        host = for_warp(batch_model(scene))
         try:
             # Room is kept for all that can happen; its solver's limits would be told on stdout at every step.
             model = mjx.put_model(host, impl="warp").tree_replace({"opt._impl.warn_overflow": 0})
@@ -72,7 +74,7 @@ class WarpScopes(JaxScopes):
             model=model,
             inverse_inertia=host.body_invweight0[host.geom_bodyid[spheres], 0],
             locks=np.array([host.actuator(name).id for pair in scene.cable.locks for name in pair]),
-            rows=_PER_CONTACT * len(spheres) + int(host.jnt_limited.sum()),
+            rows=CONTACT_ROWS * len(spheres) + int(host.jnt_limited.sum()),
         )
 
     def parameters(
@@ -81,12 +83,25 @@ class WarpScopes(JaxScopes):
         """As of `JaxScopes`, but for one design only.
 
         Raises:
-            InvalidOptionError: when a parameter is not known.
+            InvalidOptionError: when a parameter is not known, or MuJoCo would clamp the wall's law.
             UnsupportedSceneError: when designs are given.
         """
         if scope is not None:
             raise UnsupportedSceneError("Worlds of several designs need the engine 'jax': name it.")
-        return super().parameters(scene, worlds, kind=kind, **changed)
+        parameters = super().parameters(scene, worlds, kind=kind, **changed)
+        self.check(parameters)
+        return parameters
+
+    def check(self, parameters: Parameters) -> None:
+        """Refuse parameters that MuJoCo's contacts cannot honour.
+
+        Raises:
+            InvalidOptionError: when MuJoCo would clamp the wall's law.
+        """
+        stiffness = np.asarray(parameters.stiffness)[:, None]
+        damper = stiffness * (np.asarray(parameters.damping_time)[:, None] + self.timestep)
+        soft = soft_contact(np, self.inverse_inertia, stiffness, damper, timestep=self.timestep)
+        require_honoured(soft.impedance, what="A stiffness of the wall")
 
     def begin(self, parameters: Parameters, tables: Tables) -> State:
         """All scopes straight, their tips at the start depth."""
@@ -100,12 +115,16 @@ class WarpScopes(JaxScopes):
     @precise
     def steps(self, tables: Tables, parameters: Parameters, worlds: State, hands: Controls, count: Any) -> State:
         """Several time steps under the same inputs."""
-        model, axes = self._model_of(parameters)
         own_tables = pick(tables, parameters.colon)
+        model, axes = self._of_each(own_tables, parameters, *self._model_of(parameters))
+        worlds = self.arrived(parameters, worlds, hands)
         step = jax.vmap(mjx.step, in_axes=(axes, 0))
 
         def one(_: Any, now: tuple[State, Any]) -> tuple[State, Any]:
-            return self._step(own_tables, parameters, *now, hands, lambda data: step(model, data))
+            def advance(margin: Array, data: Any) -> Any:
+                return step(model.replace(pair_margin=margin), data)
+
+            return self._step(own_tables, parameters, *now, hands, advance)
 
         return jax.lax.fori_loop(0, count, one, (worlds, self._data(len(worlds.time))))[0]
 
@@ -116,17 +135,20 @@ class WarpScopes(JaxScopes):
         where = links.pose(self.chain, scope.links, worlds.qpos)
         points = self._samples(scope, where)
         found = query(jnp, tables, jnp.concatenate([points, self._tip(scope, where)], axis=1), worlds.arcs)
-        depth, inwards = found.depth[:, :-1], found.inwards[:, :-1]
+        depth = found.depth[:, :-1] + scope.radius[:, None] - tables.device_radius
+        inwards = found.inwards[:, :-1]
+        planes = plane_pose(jnp, points, scope.radius[:, None], depth, inwards)
         done = step(
+            planes.margin,
             data.replace(
                 qpos=worlds.qpos,
                 qvel=worlds.qvel,
                 act=worlds.hand,
                 qacc_warmstart=worlds.warm,
                 ctrl=self._controls(parameters, worlds, hands),
-                mocap_pos=points - (scope.radius[:, None] - depth)[..., None] * inwards,
-                mocap_quat=_turn_to(inwards),
-            )
+                mocap_pos=planes.position,
+                mocap_quat=planes.turn,
+            ),
         )
         along = jnp.einsum("wpi,wpi->wp", inwards, self._speeds(where, points, done.qvel))
         stiffness = parameters.stiffness[:, None]
@@ -136,7 +158,7 @@ class WarpScopes(JaxScopes):
             qvel=done.qvel,
             hand=done.act,
             arcs=found.arcs,
-            normal=jnp.where(depth > 0, jnp.maximum(stiffness * depth - damper * along, 0.0), 0.0),
+            normal=normal_force(jnp, stiffness * depth, damper, along),
             warm=done.qacc_warmstart,
             time=worlds.time + h,
         )
@@ -149,17 +171,17 @@ class WarpScopes(JaxScopes):
         model, inverse = self.model, jnp.asarray(self.inverse_inertia, jnp.float32)
         stiffness, h = parameters.stiffness[:, None], self.timestep
         damper = stiffness * (parameters.damping_time[:, None] + h)
-        *solref, impedance = soft_contact(inverse, stiffness, damper, timestep=h)
-        sliding = jnp.stack([jnp.zeros_like(impedance), SLIP_RELAXATION * solref[1]], axis=-1)
+        soft = soft_contact(jnp, inverse, stiffness, damper, timestep=h)
         scales = self._scales(parameters)
         limits = jnp.broadcast_to(model.actuator_forcerange, (len(stiffness), *model.actuator_forcerange.shape))
         push = self.host.actuator("scope/push").id
         limit = jnp.stack([-parameters.push_limit, parameters.push_limit], axis=-1)
         own = {
-            "pair_friction": _with(model.pair_friction, parameters.friction[:, None, None], 2),
-            "pair_solref": jnp.stack(solref, axis=-1),
-            "pair_solreffriction": sliding,
-            "pair_solimp": _with(model.pair_solimp, impedance[..., None], 2),
+            "pair_friction": with_columns(model.pair_friction, parameters.friction[:, None, None], 2),
+            "pair_solref": soft.solref,
+            "pair_solreffriction": soft.sliding,
+            "pair_solimp": with_columns(model.pair_solimp, soft.impedance[..., None], 2),
+            "pair_margin": jnp.zeros_like(soft.impedance),
             "jnt_stiffness": scales * model.jnt_stiffness,
             "dof_damping": scales * model.dof_damping,
             "dof_armature": scales * model.dof_armature,
@@ -168,12 +190,19 @@ class WarpScopes(JaxScopes):
         axes = jax.tree.map(lambda _: None, model)
         return model.replace(**own), axes.replace(**dict.fromkeys(own, 0))
 
+    def _of_each(self, tables: Tables, parameters: Parameters, model: Any, axes: Any) -> tuple[Any, Any]:
+        """The model with gravity and the hand's torque of each world too, and which arrays have one entry a world."""
+        limit = jnp.stack([-parameters.torque_limit, parameters.torque_limit], axis=-1)
+        limits = model.actuator_forcerange.at[:, self.host.actuator("scope/roll").id].set(limit)
+        own = {"actuator_forcerange": limits, "opt.gravity": entry_gravity(tables, parameters)}
+        return model.tree_replace(own), axes.tree_replace(dict.fromkeys(own, 0))
+
     def _controls(self, parameters: Parameters, worlds: State, hands: Controls) -> Array:
         """Hand, wires, and how firmly what is outside is held."""
         host, kind = self.host, worlds.qpos.dtype
         control = jnp.zeros((len(worlds.time), host.nu), kind)
         named = {"scope/push": hands.push_rate, "scope/roll": hands.roll_rate}
-        named |= {f"scope/pull_{name}": hands.pulls[:, wire] for wire, name in enumerate(WIRE_NAMES)}
+        named |= {f"scope/pull_{name}": worlds.pulls[:, wire] for wire, name in enumerate(WIRE_NAMES)}
         columns = np.array([host.actuator(name).id for name in named])
         control = control.at[:, columns].set(jnp.stack(list(named.values()), axis=-1).astype(kind))
         return control.at[:, self.locks].set(self.lock_activation(parameters, worlds))
@@ -183,11 +212,11 @@ class WarpScopes(JaxScopes):
         with jax.ensure_compile_time_eval():
             spheres = len(self.inverse_inertia)
             one = mjx.make_data(self.host, impl="warp", naconmax=worlds * spheres, njmax=self.rows)
-        one = jax.tree.map(_filled, one)
+        one = jax.tree.map(filled, one)
         return jax.vmap(lambda _: one)(jnp.arange(worlds))
 
 
-def _for_warp(model: mujoco.MjModel) -> mujoco.MjModel:
+def for_warp(model: mujoco.MjModel) -> mujoco.MjModel:
     """With a solver that Warp has, and without a flag that it does not know: it never resets what diverges.
 
     Dense Jacobians, which scenes ask for, it takes up to 60 dofs only: it is to choose.
@@ -198,24 +227,16 @@ def _for_warp(model: mujoco.MjModel) -> mujoco.MjModel:
     return model
 
 
-def _with(shared: Array, values: Array, count: int) -> Array:
+def with_columns(shared: Array, values: Array, count: int) -> Array:
     """One row a world of an array that they share, its first `count` columns given."""
     rows = jnp.broadcast_to(shared, (len(values), *shared.shape))
     return rows.at[..., :count].set(values)
 
 
-def _filled(part: Any) -> Any:
+def filled(part: Any) -> Any:
     """An array whose entries are all the same as one that is filled when it is needed."""
     if not isinstance(part, jax.Array) or part.size < 2:
         return part
     values = np.asarray(part)
     first = values.flat[0]
     return jnp.full(values.shape, first, values.dtype) if (values == first).all() else part
-
-
-def _turn_to(normals: Array) -> Array:
-    """Quaternions (..., 4) of the shortest turn from z to each unit normal (..., 3)."""
-    x, y, z = normals[..., 0], normals[..., 1], normals[..., 2]
-    opposite = z < -1 + 1e-6
-    turn = jnp.stack([1 + z, jnp.where(opposite, 1.0, -y), jnp.where(opposite, 0.0, x), jnp.zeros_like(x)], axis=-1)
-    return turn / jnp.linalg.norm(turn, axis=-1, keepdims=True)

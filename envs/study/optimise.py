@@ -12,7 +12,7 @@ import numpy as np
 
 from haustra.envs.study.export import export, require_polars, results_frame
 from haustra.envs.study.questions import find_engine
-from haustra.envs.study.ranking import DesignTable, design_table, ranked
+from haustra.envs.study.ranking import DesignTable, design_table, errors_of, ranked
 from haustra.envs.study.run import DONE, Computing, Progress, answer_all, job_map
 from haustra.envs.study.sampling import conditions_of, jobs_of, require_budget
 from haustra.envs.study.store import SweepStore, open_store
@@ -78,19 +78,21 @@ def run_optimise(
 def table_of(store: SweepStore) -> DesignTable:
     """The objectives of the designs tried so far."""
     scores = list(dict.fromkeys(objective.score for objective in store.study.objectives))
-    return design_table(results_frame(store), store.study, scores)
+    errors = errors_of(store.study, store.sessions())
+    return design_table(results_frame(store), store.study, scores, errors=errors)
 
 
 def front_rows(table: DesignTable) -> list[dict[str, float]]:
-    """Designs on the Pareto front: number, variables, mean of each objective."""
-    places, front = ranked(table)
+    """Designs on the Pareto front: number, rank (shared where they are not told apart), variables, mean objectives."""
+    found = ranked(table)
     return [
         {
             "design": int(table.designs[place]),
+            "rank": int(rank),
             **{name: float(values[place]) for name, values in table.variables.items()},
             **{o.score: float(table.means(o.score)[place]) for o in table.study.objectives},
         }
-        for place in places[front]
+        for place, rank in zip(found.places[found.front], found.ranks[found.front], strict=True)
     ]
 
 

@@ -6,7 +6,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TypeAlias
 
-from haustra.envs.study.study import Column, Job, Result, Study, Value
+from haustra.envs.study.study import Column, Job, Result, ScoreError, Study, Value
 from haustra.errors import HaustraError, InvalidOptionError, InvalidStudyError, MissingDependencyError
 
 Runner: TypeAlias = Callable[[Sequence[Job]], Iterable[Result]]
@@ -40,17 +40,23 @@ class Question:
     check: Callable[[Study, Mapping[str, float], Mapping[str, Value]], object]
     """Builds the design for values of the variables and conditions, without running it; raises when it is impossible
     or when a path or an option is not known."""
+    errors: Callable[[Study, str], Mapping[str, ScoreError]] = lambda study, engine: {}
+    """Largest numerical errors of scores that were measured for what a study asks of an engine."""
 
 
 _QUESTIONS = {
     "propulsion": "haustra.envs.study.propulsion:QUESTION",
     "scope": "haustra.envs.study.scope:QUESTION",
+    "device": "haustra.envs.study.device:QUESTION",
 }
 _ENGINES = {
     ("propulsion", "native"): "haustra.envs.study.propulsion:NATIVE",
     ("propulsion", "warp"): "haustra.envs.study.propulsion_worlds:WORLDS",
     ("scope", "native"): "haustra.envs.study.scope:NATIVE",
     ("scope", "jax"): "haustra.envs.study.scope_worlds:WORLDS",
+    ("device", "native"): "haustra.envs.study.device:NATIVE",
+    ("device", "warp"): "haustra.envs.study.device:WARP",
+    ("scope", "warp"): "haustra.envs.study.scope_worlds:WARP_WORLDS",
 }
 """Where an engine for a question is found; loaded when it is asked for."""
 

@@ -1,14 +1,20 @@
-"""Which designs are best, how sure that is, and what each variable does."""
+"""Which designs are best, how sure that is, and what each variable does.
+
+Two designs are told apart in a score when their mean difference, condition by condition, exceeds both its 95 % interval
+over the conditions and the numerical error of the score, where that was measured. Those that no objective tells apart
+share a rank.
+"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from haustra.envs.study.questions import find_question
 from haustra.envs.study.sampling import conditions_of, design_names
-from haustra.envs.study.study import Objective, Study
+from haustra.envs.study.study import Objective, ScoreError, Study
 
 if TYPE_CHECKING:
     import polars
@@ -44,6 +50,8 @@ class DesignTable:
     """By column."""
     scores: Mapping[str, Float[np.ndarray, "designs conditions"]]
     """By column; only numbers."""
+    errors: Mapping[str, ScoreError] = field(default_factory=dict)
+    """Numerical errors by column, where they were measured."""
 
     @property
     def complete(self) -> Bool[np.ndarray, " designs"]:
@@ -55,9 +63,26 @@ class DesignTable:
         """Mean of a score over the conditions; NaN unless all are there."""
         return self.scores[score].mean(1)
 
+    def told_apart(self, score: str, one: int, others: Int[np.ndarray, " others"]) -> Bool[np.ndarray, " others"]:
+        """Which other designs surely differ from one in a score, all by their places in the table."""
+        values = self.scores[score]
+        differences = values[others] - values[one]
+        conditions = values.shape[1]
+        scatter = differences.std(axis=1, ddof=1) if conditions > 1 else np.zeros(len(others))
+        larger = np.maximum(np.abs(values[others].mean(1)), abs(values[one].mean()))
+        error = self.errors.get(score, ScoreError())
+        bound = np.maximum(_normal_quantile() * scatter / np.sqrt(conditions), error.relative * larger + error.absolute)
+        return np.abs(differences.mean(1)) > bound
 
-def design_table(frame: "polars.DataFrame", study: Study, scores: Sequence[str]) -> DesignTable:
-    """Results by design; `scores` are columns of numbers."""
+
+def design_table(
+    frame: "polars.DataFrame",
+    study: Study,
+    scores: Sequence[str],
+    *,
+    errors: Mapping[str, ScoreError] | None = None,
+) -> DesignTable:
+    """Results by design; `scores` are columns of numbers, `errors` their numerical errors."""
     count = len(conditions_of(study))
     designs = np.unique(frame["design"].to_numpy())
     rows = np.searchsorted(designs, frame["design"].to_numpy())
@@ -75,7 +100,20 @@ def design_table(frame: "polars.DataFrame", study: Study, scores: Sequence[str])
             variable.column: frame[variable.column].cast(float).to_numpy()[first] for variable in study.variables
         },
         scores=found,
+        errors=errors or {},
     )
+
+
+def errors_of(study: Study, sessions: Sequence[Mapping]) -> Mapping[str, ScoreError]:
+    """Numerical errors of a study's scores; none where several engines computed it."""
+    engines = {str(session["engine"]) for session in sessions}
+    return find_question(study.question).errors(study, engines.pop()) if len(engines) == 1 else {}
+
+
+def _normal_quantile() -> float:
+    from scipy.stats import norm
+
+    return float(norm.ppf((1 + CONFIDENCE) / 2))
 
 
 def interval(values: Float[np.ndarray, " n"]) -> Interval:
@@ -85,9 +123,7 @@ def interval(values: Float[np.ndarray, " n"]) -> Interval:
     """
     low = high = None
     if len(values) >= _MANY:
-        from scipy.stats import norm
-
-        half = float(norm.ppf((1 + CONFIDENCE) / 2) * values.std(ddof=1) / np.sqrt(len(values)))
+        half = float(_normal_quantile() * values.std(ddof=1) / np.sqrt(len(values)))
         low, high = float(values.mean()) - half, float(values.mean()) + half
     elif len(values) > 1 and np.ptp(values) > 0:
         from scipy.stats import bootstrap
@@ -116,21 +152,47 @@ def to_minimise(table: DesignTable, objectives: Sequence[Objective]) -> Float[np
     return np.stack([table.means(o.score) * (-1 if o.goal == "maximise" else 1) for o in objectives], axis=1)
 
 
-def ranked(table: DesignTable) -> tuple[Int[np.ndarray, " ranked"], Bool[np.ndarray, " ranked"]]:
-    """Places of the complete designs in the table, best first, and which of them are on the Pareto front.
+@dataclass(frozen=True)
+class Ranking:
+    """Complete designs, best first."""
 
-    First the front, then the others; within each by the mean of their ranks in the objectives, which needs no weights.
+    places: Int[np.ndarray, " ranked"]
+    """In the table."""
+    front: Bool[np.ndarray, " ranked"]
+    """On the Pareto front, or not told apart from one that is."""
+    ranks: Int[np.ndarray, " ranked"]
+    """From 1; those that are not told apart from the first of them share a rank, which the next is higher by their
+    number."""
+
+
+def ranked(table: DesignTable) -> Ranking:
+    """First the Pareto front, then the others; within each by the mean of ranks in the objectives: no weights needed.
+
+    Designs that are not told apart stand together under one rank.
     """
     places = np.flatnonzero(table.complete)
     if not len(places) or not table.study.objectives:
-        return places, np.zeros(len(places), bool)
+        return Ranking(places, np.zeros(len(places), bool), np.arange(1, len(places) + 1))
     from scipy.stats import rankdata
 
     values = to_minimise(table, table.study.objectives)[places]
     front = pareto_front(values)
-    rank = rankdata(values, axis=0).mean(1)
-    order = np.lexsort((places, rank, ~front))
-    return places[order], front[order]
+    for place in places[front]:
+        front |= ~_differ(table, int(place), places)
+    left = np.lexsort((places, rankdata(values, axis=0).mean(1), ~front))
+    order: list[int] = []
+    ranks: list[int] = []
+    while len(left):
+        same = ~_differ(table, int(places[left[0]]), places[left])
+        ranks += [len(order) + 1] * int(same.sum())
+        order += left[same].tolist()
+        left = left[~same]
+    return Ranking(places[order], front[order], np.array(ranks))
+
+
+def _differ(table: DesignTable, one: int, others: Int[np.ndarray, " others"]) -> Bool[np.ndarray, " others"]:
+    """Which others some objective tells apart from one design."""
+    return np.any([table.told_apart(objective.score, one, others) for objective in table.study.objectives], axis=0)
 
 
 @dataclass(frozen=True)
@@ -142,11 +204,15 @@ class Comparison:
     """Over the conditions."""
     against_first: tuple[Interval, ...]
     """Difference to the first design, condition by condition, which conditions that differ do not blur."""
+    error: ScoreError | None = None
+    """Of numerics; None where nobody measured it."""
 
     def surely_differs(self, place: int) -> bool:
-        """Whether the difference of a design to the first excludes zero."""
+        """Whether the difference of a design to the first excludes zero and exceeds the numerical error."""
         found = self.against_first[place]
-        return found.low is not None and found.high is not None and (found.low > 0 or found.high < 0)
+        bound = (self.error or ScoreError()).of(max(abs(self.each[0].mean), abs(self.each[place].mean)))
+        excludes_zero = found.low is not None and found.high is not None and (found.low > 0 or found.high < 0)
+        return excludes_zero and abs(found.mean) > bound
 
 
 def compare(table: DesignTable, places: Sequence[int], scores: Sequence[str]) -> list[Comparison]:
@@ -157,7 +223,8 @@ def compare(table: DesignTable, places: Sequence[int], scores: Sequence[str]) ->
         common = values[:, np.isfinite(values).all(0)]
         if common.shape[1]:
             each = tuple(interval(row) for row in common)
-            found.append(Comparison(score, each, tuple(interval(row - common[0]) for row in common)))
+            against = tuple(interval(row - common[0]) for row in common)
+            found.append(Comparison(score, each, against, table.errors.get(score)))
     return found
 
 

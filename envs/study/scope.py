@@ -17,14 +17,16 @@ from haustra.envs.runs.outcome import Outcome
 from haustra.envs.sim.growing import growing
 from haustra.envs.study.paths import with_values
 from haustra.envs.study.questions import Engine, Question, Runner, one_by_one
-from haustra.envs.study.study import Column, Job, Result, Study, Value
+from haustra.envs.study.sampling import conditions_of
+from haustra.envs.study.study import Column, Job, Result, ScoreError, Study, Value
 from haustra.errors import InvalidOptionError, InvalidStudyError
+from haustra.models.accuracy import stated_error
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.store import METADATA, load_colon, save_colon
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.devices.scope.files import find_design
-from haustra.models.presets import find_preset
+from haustra.models.presets import MODELLING, find_preset
 from haustra.models.scene import Scene, SceneOptions, build_scene
 from haustra.models.wall.lumen_table import LumenTable, lumen_table
 from haustra.models.wall.pieces.build import Method
@@ -165,7 +167,7 @@ def _scores(scene: Scene, run: Insertion) -> dict[str, Value | None]:
         "outcome": run.outcome.value,
         "reach": furthest / length,
         "tip_arc_max_m": furthest,
-        "push_force_mean_N": float(np.abs(run.trajectory.push_force).mean()),
+        "push_force_mean_N": cast(float, found["push_force_mean_N"]),
         "looping_s": float(sum(loops)),
         "escaped": float(run.outcome is Outcome.ESCAPED),
         **{name: cast(Value, found[name]) for name in _MEASURED},
@@ -229,6 +231,39 @@ def prepare(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
             wall_of(place, load_colon(place), method)
 
 
+def score_errors(study: Study, engine: str) -> dict[str, ScoreError]:
+    """The highest errors measured for the study's wall, preset and grown colons, as bounds of its scores.
+
+    Forces were measured as means; of peaks, which are off by more, this is the least that can be said. What a variable
+    changes in the model itself, other engines and imported colons were not measured.
+    """
+    modelled = {f"scene.{name}" for name in MODELLING}
+    paths = {*study.changes, *(variable.path for variable in study.variables)}
+    colons = [str(name) for name in study.conditions["colon"]]
+    if engine != "native" or paths & modelled or not all(name.startswith("grown-") for name in colons):
+        return {}
+    options = build_setup(study, {}, conditions_of(study)[0]).options
+    stated = stated_error(options, "grown", wall=str(study.options["wall"]))
+    found: dict[str, ScoreError] = {}
+    for quantity, scores in _BOUNDED.items():
+        high = getattr(stated, quantity)[1]
+        if high is not None:
+            found |= dict.fromkeys(scores, ScoreError(relative=high))
+    if (high := stated.tip_mm[1]) is not None:
+        found["tip_arc_max_m"] = ScoreError(absolute=high / 1e3)
+        found["reach"] = ScoreError(absolute=high / 1e3 / _SHORTEST)
+    return found
+
+
+_BOUNDED = {
+    "wall_force": ("wall_force_mean_N", "wall_force_peak_N"),
+    "push": ("push_force_mean_N", "push_force_peak_N"),
+}
+"""Measured errors, and the scores that they bound."""
+_SHORTEST = 1.0
+"""No grown colon is shorter [m] (assets/anatomy/published.csv)."""
+
+
 def _start(study: Study, folder: Path) -> Runner:
     return one_by_one(lambda job: answer(study, folder, job))
 
@@ -247,5 +282,6 @@ QUESTION = Question(
         "mesentery": False,
     },
     check=build_setup,
+    errors=score_errors,
 )
 NATIVE = Engine(start=_start, prepare=prepare)

@@ -18,7 +18,7 @@ from typing import Literal, TypeVar
 from haustra.envs.study.study import Job, Result, Study
 from haustra.errors import InvalidOptionError, OutputError, UnreadableFileError
 from haustra.files import prepare_folder
-from haustra.provenance import package_versions
+from haustra.provenance import backend_record, package_versions
 
 FILE, LOCK = "sweep.sqlite", "sweep.lock"
 FORMAT_VERSION = 1
@@ -62,7 +62,7 @@ class SweepStore:
     def begin_session(self, *, engine: str, pool: str) -> None:
         """Note who computes from now on; jobs that died with an earlier claimant wait again."""
         with self._writing() as connection:
-            values = (_now(), node(), engine, pool, json.dumps(package_versions()))
+            values = (_now(), node(), engine, pool, json.dumps(package_versions() | backend_record(engine)))
             cursor = connection.execute(
                 "insert into sessions (began, host, engine, map, versions) values (?, ?, ?, ?, ?)", values
             )

@@ -175,6 +175,20 @@ class Column:
 
 
 @dataclass(frozen=True)
+class ScoreError:
+    """How far a score is off at most by numerics, whatever the design."""
+
+    relative: float = 0.0
+    """Of the score's size [1]."""
+    absolute: float = 0.0
+    """In the score's unit."""
+
+    def of(self, size: float) -> float:
+        """Error of a score of that size, in its unit."""
+        return self.relative * abs(size) + self.absolute
+
+
+@dataclass(frozen=True)
 class Result:
     """How a job ended."""
 

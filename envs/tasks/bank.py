@@ -32,7 +32,7 @@ TASK_OPTIONS = SceneOptions(
 )
 """Coarser than in studies: at most sixty dofs and two spheres a link, and tips within 1.4 to 2.4 % of the length inside
 (docs/validation/worlds.md). How far a driver comes hardly depends on it (docs/validation/navigation.md)."""
-_FORMAT = 3
+_FORMAT = 4
 """Of the files; a bank of another format is built anew."""
 
 

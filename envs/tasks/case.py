@@ -18,7 +18,7 @@ from haustra.models.wall.lumen_table import Tables, lumen_table
 from haustra.models.wall.mesentery import hang
 from haustra.provenance import Provenance
 
-_ARRAYS = ("points", "frames", "wall", "sight", "step", "device_radius", "borders")
+_ARRAYS = ("points", "frames", "wall", "sight", "step", "device_radius", "axes", "borders")
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,8 @@ class TabulatedColon:
     """Distance between stations [m]."""
     device_radius: float
     """Radius of the spheres that the wall is for [m]."""
+    axes: Float[np.ndarray, "3 3"]
+    """Columns: axes of the entry's coordinates in the colon's own, in which gravity is given."""
     borders: Float[np.ndarray, " borders"] = field(default_factory=lambda: np.zeros(0))
     """Arc lengths where the six segments begin, and where the last ends [m]; empty when they are not known."""
 
@@ -56,7 +58,14 @@ class TabulatedColon:
     def tables(self) -> Tables:
         """What the engines of many worlds look points up in."""
         return Tables(
-            self.points, self.frames, self.wall, np.float64(self.step), np.int32(0), np.int32(len(self.points))
+            self.points,
+            self.frames,
+            self.wall,
+            np.float64(self.step),
+            np.int32(0),
+            np.int32(len(self.points)),
+            axes=self.axes,
+            device_radius=np.float64(self.device_radius),
         )
 
     @property
@@ -116,6 +125,7 @@ def case_of(colon: Colon, *, device_radius: float) -> TabulatedColon:
         sight=colon.radius[rows.clip(0, len(colon.radius) - 1)][:, columns],
         step=step,
         device_radius=device_radius,
+        axes=tables.axes,
         borders=np.array([*(each.start for each in colon.segments), colon.segments[-1].end])
         if [each.name for each in colon.segments] == list(SEGMENTS)
         else np.zeros(0),

@@ -45,5 +45,5 @@ def depth_cameras(
         cameras = WarpCameras(colons, worlds=worlds, size=size, field_of_view_deg=pictures.view, reach=RANGE)
         return lambda case, eye, frame, arc: cameras.depth(case, eye, frame, sight.beyond(case, eye, arc))
     if isinstance(eyes, BatchSight):
-        return lambda case, *eye: in_bytes(pictures.depth(case, *eye, size, at_rest=eyes.at_rest(case)))
+        return lambda case, eye, frame, arc: in_bytes(pictures.depth(case, eye, frame, arc, size, eyes.at_rest(case)))
     return partial(eyes.depth, field_of_view_deg=pictures.view, size=size)

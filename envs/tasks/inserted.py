@@ -1,7 +1,7 @@
 """Scopes that are already in the caecum, for withdrawal: the lumen follower brings each colon's there once."""
 
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from haustra.provenance import content_hash
 
 _SECONDS = 120.0
 """Longest insertion [s]."""
+_PARTS = tuple(entry.name for entry in fields(Snapshot))
 _SLIPPERY = Randomisation(
     friction=(0.01, 0.01),
     wall_stiffness=(1500.0, 1500.0),
@@ -34,17 +35,15 @@ def inserted_starts(config: TaskConfig, bank: ColonSet) -> tuple[Snapshot, ...]:
         bank: the colons.
     """
     key = [content_hash(np.ascontiguousarray(case.wall).tobytes()) for case in bank.cases]
-    made_by = json.dumps([key, config.design, str(bank.options), str(config.drive)], sort_keys=True)
+    made_by = json.dumps([_PARTS, key, config.design, str(bank.options), str(config.drive)], sort_keys=True)
     path = cache_folder() / "starts" / f"{content_hash(made_by.encode())}.npz"
     if path.exists():
         with np.load(path, allow_pickle=False) as file:
-            kept = [file[name] for name in ("state", "spheres", "arcs")]
+            kept = [file[name] for name in _PARTS]
         return tuple(Snapshot(*rows) for rows in zip(*kept, strict=True))
     starts = _insert(replace(config, randomisation=_SLIPPERY, limits=Limits(seconds=_SECONDS)), bank)
     path.parent.mkdir(parents=True, exist_ok=True)
-    columns: dict[str, Any] = {
-        name: np.stack([getattr(start, name) for start in starts]) for name in ("state", "spheres", "arcs")
-    }
+    columns: dict[str, Any] = {name: np.stack([getattr(start, name) for start in starts]) for name in _PARTS}
 
     def write(temporary):
         with temporary.open("wb") as file:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from haustra.envs.sim.capabilities import require_task_supported
 from haustra.envs.sim.conditions import Conditions, Snapshot
 from haustra.envs.sim.device_engines import require_device_engine
 from haustra.envs.sim.scope_batch import BatchInputs, BatchObservation, ScopeBatch
@@ -86,6 +87,9 @@ class ScopeTask:
         design = named_design(config.design)
         bank = bank or grown_bank(range(*config.seeds), design, difficulty=config.difficulty, progress=progress)
         self.bank = bank.with_mesentery(config.mesentery)
+        if engine != "native":
+            require_device_engine(engine)
+        require_task_supported(config, self.bank.scene, "native-batch" if engine == "native" else engine)
         self.engine = _engine(engine, self.bank, worlds, threads)
         self.sight = Sight(self.bank.cases)
         self._eyes = _eyes(self.engine, self.sight)
@@ -357,7 +361,6 @@ class ScopeTask:
 def _engine(name: str, bank: ColonSet, worlds: int, threads: int) -> "ScopeBatch | DeviceBatch":
     if name == "native":
         return ScopeBatch(bank.scene, bank.tables, worlds=worlds, threads=threads)
-    require_device_engine(name)
     from haustra.envs.sim.jax_setup import share_memory, use_jax
 
     share_memory()

@@ -14,15 +14,26 @@ from haustra.envs.view.picture.plots import time_figure
 from haustra.envs.view.picture.tip import tip_view
 from haustra.envs.view.report.run_report import report_run
 from haustra.files import prepare_folder, write_atomically, write_json
+from haustra.models.accuracy import NumericalError
 from haustra.models.anatomy.store import colon_hash
 from haustra.models.presets import preset_of
 from haustra.models.scene import Scene
 from haustra.models.wall.pieces.wall import Wall
-from haustra.provenance import Provenance
+from haustra.provenance import Provenance, backend_record
 
 
-def write_run(folder: Path, *, scene: Scene, wall: Wall | None, run: Insertion, seconds: float) -> dict[str, object]:
+def write_run(
+    folder: Path,
+    *,
+    scene: Scene,
+    wall: Wall | None,
+    run: Insertion,
+    seconds: float,
+    error: NumericalError | None = None,
+) -> dict[str, object]:
     """Write a finished run into `folder` and return its scores; `wall` is None where the scene has no pieces.
+
+    The numerical error is that of the run itself where it was measured, otherwise that of other runs of its kind.
 
     Files: scores.json, trajectory.npz, scene.xml, outside.png, tip.png, forces.png, report.html.
 
@@ -40,8 +51,9 @@ def write_run(folder: Path, *, scene: Scene, wall: Wall | None, run: Insertion, 
             "seconds": seconds,
             "shaft_added_s": list(run.shaft_added),
         },
+        backend=backend_record(run.backend),
     )
-    scores = score(scene, run, provenance)
+    scores = score(scene, run, provenance, wall=wall.method if wall else None, error=error)
     arrays = {**asdict(run.trajectory), "shape": run.shape, "tip_frame": run.tip_frame}
     write_atomically(folder / "trajectory.npz", lambda path: np.savez_compressed(path, allow_pickle=False, **arrays))
     scene.save(folder / "scene.xml")

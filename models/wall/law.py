@@ -1,20 +1,48 @@
-"""How a soft wall pushes back: a spring in N/m, realised exactly by MuJoCo's soft contact."""
+"""How a soft wall pushes back on a device and rubs it: one law for every engine.
+
+A place of the device that is d deep in the wall (a sphere of radius r whose centre is r - d from it) is pushed along
+the wall's normal n, and rubbed across it, with
+
+    F   = max(0, K d + c d'),
+    f_t = -mu(v) F v_t / max(|v_t|, v_s),    mu(v) = mu + m |v_t|,
+
+where v_t is the speed of the device's surface against the wall's. Both act at the device's surface, centre - r n: the
+wall is indented until it touches it there. v_s, the slip speed (`SLIP_SPEED`), makes friction a function of the speed
+at any load: below it, friction is a damper of mu F / v_s, so a device that Coulomb's law would hold creeps at less than
+v_s. m is zero but for a wall under a film of mucus, on which friction rises with the speed.
+
+A step h of it by backward Euler is F = K d - (c + h K) v_n' for a place that leaves the wall at v_n' at the step's end,
+and the friction of the load and speed at its beginning over that speed, times the speed at its end: a spring, a damper
+and a drag (`implicit_contact`). MuJoCo's own contacts are made to take the same step of the normal, exactly, and
+friction that is no softer (`soft_contact`; docs/decisions/contact.md has what that leaves).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
+import numpy as np
+from jaxtyping import Float
 
-from haustra.errors import InvalidOptionError
+from haustra.assets import asset
+from haustra.errors import InvalidOptionError, UnsupportedSceneError
+from haustra.quantity import load_quantities
+
+SLIP_SPEED = load_quantities(asset("numbers/contact.toml"))["contact.slip_speed"].value
+"""v_s: friction is Coulomb's above this sliding speed and viscous below [m/s]."""
+
+IMPEDANCE_RATIO = 100.0
+"""Stiffness of friction over that of the normal (MuJoCo's impratio). Friction below Coulomb's limit is a damper of this
+times (c + h K): at K = 1500 N/m and h = 5 ms contacts slip at no more than `SLIP_SPEED` up to mu F = 1.5 N."""
+
+SLIP_RELAXATION = 0.3
+"""Share of a slip that friction takes away in one step, where contacts are pairs. MuJoCo's cone presses a body that
+slides at speed v harder, by mu (c + h K) v times this: at 1, K = 1500 N/m, h = 5 ms, mu = 0.1 and 0.1 m/s by 0.15 N.
+Lower, a body comes to rest more slowly than by Coulomb's law: at 0.1 it stops up to 9 % late, at 0.3 within 1 %."""
 
 _IMPEDANCE_RANGE = (1e-4, 0.9999)
 """MuJoCo clamps impedance to this range (mjMINIMP, mjMAXIMP)."""
-
-IMPEDANCE_RATIO = 10.0
-"""Stiffness of friction over that of the normal (MuJoCo's impratio). Friction below Coulomb's limit is a damper of this
-times (c + h K): with 1, at K = 1500 N/m and h = 5 ms, a scope held by 1 N creeps at 67 mm/s and feels its full friction
-only when it moves faster; with 10 at 7 mm/s, in as many iterations. 100 takes three times as many."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +54,9 @@ class WallContact:
     damping: float
     """Normal damping c of one contact [N s/m]."""
     friction: float
-    """Coulomb coefficient [1]."""
+    """Coulomb coefficient mu [1]."""
+    friction_rise: float = 0.0
+    """Rise m of the coefficient with sliding speed, as on mucus [s/m]; MuJoCo's contacts have none."""
 
     def __post_init__(self) -> None:
         for name in ("stiffness", "damping"):
@@ -35,12 +65,96 @@ class WallContact:
                 raise InvalidOptionError(f"Wall {name} is {value}; it must be positive and below 1e9.")
         if not 0 <= self.friction <= 5:
             raise InvalidOptionError(f"Friction is {self.friction}; it must be between 0 and 5.")
+        if not 0 <= self.friction_rise < 1e3:
+            raise InvalidOptionError(f"Friction rises by {self.friction_rise} s/m; it must be from 0 to below 1000.")
 
 
-def apply_contact(
-    spec: mujoco.MjSpec, bare: mujoco.MjModel, geoms: Sequence[str], contact: WallContact, *, timestep: float
-) -> None:
-    """Give geoms of moving bodies the contact law F = K d + c d', integrated by backward Euler.
+class ImplicitContact(NamedTuple):
+    """One step of the law, for any places: numbers, or arrays of numpy or JAX."""
+
+    inwards: Any
+    """(..., 3) normals n of the wall."""
+    spring: Any
+    """K d where the wall is touched, else 0 [N]."""
+    damper: Any
+    """c + h K there, else 0 [N s/m]."""
+    drag: Any
+    """Friction over sliding speed [N s/m]."""
+
+    def damping(self, xp: Any) -> Any:
+        """Force over the surface's speed against the wall (..., 3, 3) [N s/m]."""
+        across = self.inwards[..., :, None] * self.inwards[..., None, :]
+        along = xp.eye(3, dtype=across.dtype) - across
+        return self.damper[..., None, None] * across + self.drag[..., None, None] * along
+
+    def force(self, xp: Any, speed: Any) -> Any:
+        """Force on a surface that moves at that speed against the wall (..., 3) [N]."""
+        return self.spring[..., None] * self.inwards - xp.einsum("...ij,...j->...i", self.damping(xp), speed)
+
+
+def implicit_contact(
+    xp: Any,
+    depth: Any,
+    inwards: Any,
+    speed: Any,
+    carried: Any,
+    *,
+    stiffness: Any,
+    damper: Any,
+    friction: Any,
+    friction_rise: Any = 0.0,
+) -> ImplicitContact:
+    """The law at the beginning of a step.
+
+    Whether a place that leaves the wall will press at the step's end is not known at its beginning. One that pressed at
+    the end of the last step is taken to: let go, light links fall back in the next step and chatter. Where it does not,
+    the wall holds it for that one step by what its damper lacks.
+
+    Args:
+        xp: numpy or jax.numpy.
+        depth: d (...) [m].
+        inwards: normals of the wall (..., 3).
+        speed: of the device's surface against the wall (..., 3) [m/s].
+        carried: whether there was a force at the end of the last step (...).
+        stiffness: K [N/m].
+        damper: c + h K [N s/m].
+        friction: mu [1].
+        friction_rise: m [s/m].
+    """
+    leaving = xp.einsum("...i,...i->...", inwards, speed)
+    pressing = (depth > 0) & (carried | (stiffness * depth > damper * leaving))
+    spring, damper = xp.where(pressing, stiffness * depth, 0.0), xp.where(pressing, damper, 0.0)
+    sliding = xp.linalg.norm(speed - leaving[..., None] * inwards + 1e-12, axis=-1)
+    coefficient = friction + friction_rise * sliding
+    drag = coefficient * normal_force(xp, spring, damper, leaving) / xp.maximum(sliding, SLIP_SPEED)
+    return ImplicitContact(inwards, spring, damper, drag)
+
+
+def normal_force(xp: Any, spring: Any, damper: Any, leaving: Any) -> Any:
+    """Normal force at the end of a step [N], of places that then leave the wall at that speed [m/s].
+
+    Args:
+        xp: numpy or jax.numpy.
+        spring: K d at the step's beginning, 0 where the wall was not touched [N].
+        damper: c + h K, of any value where it was not [N s/m].
+        leaving: speed along the inward normal at the step's end [m/s].
+    """
+    return xp.where(spring > 0, xp.maximum(spring - damper * leaving, 0.0), 0.0)
+
+
+class SoftContact(NamedTuple):
+    """The law in MuJoCo's parameters, for any contacts: numbers, or arrays of numpy or JAX."""
+
+    solref: Any
+    """(..., 2) of the normal."""
+    sliding: Any
+    """(..., 2) solref of friction, which MuJoCo takes for pairs only."""
+    impedance: Any
+    """Both ends of solimp."""
+
+
+def soft_contact(xp: Any, inverse_inertia: Any, stiffness: Any, damper: Any, *, timestep: Any) -> SoftContact:
+    """Parameters with which MuJoCo's contact is F = K d + c d', integrated by backward Euler.
 
     MuJoCo's contact force is f = (-b v - k d r - a) / R with R = (1 - d) A / d, where A approximates the inverse
     inertia (`body_invweight0`), d is the impedance and a the acceleration in the contact. A backward Euler step of the
@@ -53,26 +167,7 @@ def apply_contact(
     with friction.
 
     Args:
-        spec: the scene that holds the geoms.
-        bare: the same moving bodies compiled at rest, for their inverse inertia; it need not hold the wall.
-        geoms: names of geoms of moving bodies. They get priority over the wall's own parameters.
-        contact: the law.
-        timestep: the time step h it is integrated with [s].
-    """
-    spec.option.impratio = IMPEDANCE_RATIO
-    for name in geoms:
-        inverse_inertia = bare.body_invweight0[bare.geom_bodyid[bare.geom(name).id], 0]
-        geom = spec.geom(name)
-        geom.solref, geom.solimp = contact_parameters(inverse_inertia, contact, timestep=timestep, where=name)
-        geom.friction = [contact.friction, 0.0, 0.0]
-        geom.condim = 3 if contact.friction > 0 else 1
-        geom.priority = 1
-
-
-def soft_contact(inverse_inertia: Any, stiffness: Any, damper: Any, *, timestep: Any) -> tuple[Any, Any, Any]:
-    """Both numbers of solref, and the impedance, of the law of `apply_contact`: numbers, or arrays of numpy or JAX.
-
-    Args:
+        xp: numpy or jax.numpy.
         inverse_inertia: `body_invweight0` [1/kg].
         stiffness: K [N/m].
         damper: c + h K [N s/m].
@@ -80,29 +175,72 @@ def soft_contact(inverse_inertia: Any, stiffness: Any, damper: Any, *, timestep:
     """
     impedance = inverse_inertia / (inverse_inertia + 1 / (timestep * damper))
     scale = (1 - impedance) * inverse_inertia
-    return -stiffness * scale, -damper * scale, impedance
+    solref = xp.stack([-stiffness * scale, -damper * scale], axis=-1)
+    sliding = xp.stack([xp.zeros_like(scale), -SLIP_RELAXATION * damper * scale], axis=-1)
+    return SoftContact(solref, sliding, impedance)
+
+
+def require_honoured(impedance: float | Float[np.ndarray, "..."], *, what: str) -> None:
+    """Refuse a contact or stop whose impedance MuJoCo would clamp, which would change its stiffness in silence.
+
+    Raises:
+        InvalidOptionError: naming what it is.
+    """
+    low, high = _IMPEDANCE_RANGE
+    if not ((np.asarray(impedance) > low) & (np.asarray(impedance) < high)).all():
+        raise InvalidOptionError(
+            f"{what} is outside what MuJoCo can honour at this time step: change the stiffness or the time step."
+        )
 
 
 def contact_parameters(
-    inverse_inertia: float, contact: WallContact, *, timestep: float, where: str
-) -> tuple[list[float], list[float]]:
-    """MuJoCo's solref and solimp that give a body of that `body_invweight0` [1/kg] the law of `apply_contact`.
+    inverse_inertia: float | Float[np.ndarray, "*n"], contact: WallContact, *, timestep: float, where: str
+) -> SoftContact:
+    """MuJoCo's parameters that give bodies of that `body_invweight0` [1/kg] a law (`soft_contact`).
 
     Raises:
         InvalidOptionError: when MuJoCo would clamp the impedance; `where` names the place in the message.
+        UnsupportedSceneError: when the law's friction rises with speed.
     """
-    implicit_damping = contact.damping + timestep * contact.stiffness
-    low, high = _IMPEDANCE_RANGE
-    spring, damper, impedance = soft_contact(inverse_inertia, contact.stiffness, implicit_damping, timestep=timestep)
-    if not low < impedance < high:
-        raise InvalidOptionError(
-            f"Wall stiffness {contact.stiffness} N/m at a time step of {timestep} s is outside what MuJoCo can "
-            f"honour on '{where}': change the stiffness or the time step."
-        )
-    return [spring, damper], [
-        impedance,
-        impedance,
-        0.001,
-        0.5,
-        2,
-    ]  # constant impedance: width, midpoint, power have no effect
+    if contact.friction_rise:
+        raise UnsupportedSceneError("Friction that rises with speed is not had by MuJoCo's contacts: use engine 'jax'.")
+    damper = contact.damping + timestep * contact.stiffness
+    soft = soft_contact(np, np.asarray(inverse_inertia), contact.stiffness, damper, timestep=timestep)
+    require_honoured(soft.impedance, what=f"Wall stiffness {contact.stiffness:g} N/m on '{where}'")
+    return soft
+
+
+def solimp(impedance: float) -> list[float]:
+    """MuJoCo's solimp of a constant impedance: width, midpoint and power have no effect."""
+    return [impedance, impedance, 0.001, 0.5, 2]
+
+
+def require_impedance_ratio(spec: mujoco.MjSpec, ratio: float) -> None:
+    """Let the scene's impratio be no less than a part asks for: it is one number, and its largest serves all.
+
+    Friction that is stiffer than a part needs comes nearer to Coulomb's, at the price of the solver's iterations.
+    """
+    spec.option.impratio = max(spec.option.impratio, ratio)
+
+
+def apply_contact(
+    spec: mujoco.MjSpec, bare: mujoco.MjModel, geoms: Sequence[str], contact: WallContact, *, timestep: float
+) -> None:
+    """Give geoms of moving bodies the law, against all that they touch.
+
+    Args:
+        spec: the scene that holds the geoms.
+        bare: the same moving bodies compiled at rest, for their inverse inertia; it need not hold the wall.
+        geoms: names of geoms of moving bodies. They get priority over the wall's own parameters.
+        contact: the law.
+        timestep: the time step h it is integrated with [s].
+    """
+    require_impedance_ratio(spec, IMPEDANCE_RATIO)
+    for name in geoms:
+        inverse_inertia = bare.body_invweight0[bare.geom_bodyid[bare.geom(name).id], 0]
+        geom = spec.geom(name)
+        soft = contact_parameters(inverse_inertia, contact, timestep=timestep, where=name)
+        geom.solref, geom.solimp = soft.solref, solimp(float(soft.impedance))
+        geom.friction = [contact.friction, 0.0, 0.0]
+        geom.condim = 3 if contact.friction > 0 else 1
+        geom.priority = 1

@@ -54,6 +54,10 @@ class Tables(NamedTuple):
     """Index of the colon's first station: one number, or one a colon."""
     count: Any
     """Stations of the colon: one number, or one a colon."""
+    axes: Any
+    """(3, 3): columns are the axes of these coordinates in the colon's own; one a colon when stacked."""
+    device_radius: Any
+    """Radius of the spheres that the wall is for [m]: one number, or one a colon."""
     mesentery: Mesentery | None = None
     """How the colon may move; None: it is fixed in space."""
 
@@ -112,6 +116,7 @@ class LumenTable:
         return own._replace(
             points=(own.points - origin) @ axes,
             frames=np.einsum("ij,sik->sjk", axes, own.frames),
+            axes=own.axes @ axes,
             mesentery=own.mesentery and mesentery.seen_from(own.mesentery, origin, axes),
         )
 
@@ -131,6 +136,8 @@ def stack(tables: Sequence[Tables]) -> Tables:
         step=np.array([float(one.step) for one in tables]),
         first=np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int32),
         count=np.array(counts, np.int32),
+        axes=np.stack([one.axes for one in tables]),
+        device_radius=np.array([float(one.device_radius) for one in tables]),
         mesentery=mesentery.stack(moving) if moving else None,
     )
 
@@ -138,8 +145,8 @@ def stack(tables: Sequence[Tables]) -> Tables:
 def pick(tables: Tables, colons: Int[Any, " worlds"]) -> Tables:
     """One colon a world, for `query` with points of shape (worlds, points, 3); of the wall, nothing is copied."""
     moving = tables.mesentery and Mesentery(*(part[colons] for part in tables.mesentery))
-    chosen = {name: getattr(tables, name)[colons][:, None] for name in ("step", "first", "count")}
-    return tables._replace(**chosen, mesentery=moving)
+    chosen = {name: getattr(tables, name)[colons][:, None] for name in ("step", "first", "count", "device_radius")}
+    return tables._replace(**chosen, axes=tables.axes[colons], mesentery=moving)
 
 
 def lumen_table(
@@ -173,7 +180,16 @@ def lumen_table(
     inwards[grazing] = -rays[grazing]
     local = np.einsum("sij,sai->saj", frames, inwards)
     wall = np.concatenate([radius[..., None], local], axis=-1)
-    tables = Tables(points, frames, wall, np.float64(step), np.int32(0), np.int32(len(points)))
+    tables = Tables(
+        points,
+        frames,
+        wall,
+        np.float64(step),
+        np.int32(0),
+        np.int32(len(points)),
+        axes=np.eye(3),
+        device_radius=np.float64(device_radius),
+    )
     if with_mesentery:
         tables = _hung(tables, colon)
     narrow = arcs[(radius <= LEAST_RADIUS).mean(axis=1) > 0.5]

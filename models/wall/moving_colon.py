@@ -207,14 +207,18 @@ def at_rest(xp: ModuleType, own: Mesentery, worlds: int, kind: Any) -> AxisDispl
 
 
 def query(
-    xp: ModuleType, tables: Tables, shift: AxisDisplacement, points: Array, arcs: Array
+    xp: ModuleType, tables: Tables, shift: AxisDisplacement, points: Array, arcs: Array, radius: Array
 ) -> tuple[WallQuery, AttachmentPoints]:
-    """As `haustra.models.wall.lumen_table.query`, in a colon that has moved: tables of one colon a world."""
+    """As `haustra.models.wall.lumen_table.query`, in a colon that has moved: tables of one colon a world.
+
+    Spheres of that radius a world [m] hold on to the wall with their surfaces.
+    """
     own = _hung(tables)
     shape = shape_of(xp, own, shift.place)
     rest = to_reference(xp, tables, shift.place, shape, points, arcs)
     found = table.query(xp, tables, rest, arcs)
-    grip = AttachmentPoints(found.arcs, rest - table.axis_at(xp, tables, found.arcs))
+    surface = rest - radius[:, None, None] * found.inwards
+    grip = AttachmentPoints(found.arcs, surface - table.axis_at(xp, tables, found.arcs))
     return found._replace(inwards=_unit(xp, _turned(xp, own, shape, found.arcs, found.inwards))), grip
 
 
@@ -372,8 +376,8 @@ def spring_forces(xp: ModuleType, own: Mesentery, place: Array, couples: Array) 
         couples: sums of f v^T of forces on vectors from each node's axis to the wall (worlds, nodes, 3, 3) [N m].
     """
     shape = shape_of(xp, own, place)
-    rows = (vectors.of(couples[..., row, :]) for row in range(3))
-    work = turn_gradient(xp, vectors.of(own.tangents), shape.cosines, vectors.of(shape.axes), tuple(rows))
+    rows = vectors.of(couples[..., 0, :]), vectors.of(couples[..., 1, :]), vectors.of(couples[..., 2, :])
+    work = turn_gradient(xp, vectors.of(own.tangents), shape.cosines, vectors.of(shape.axes), rows)
     work = stacked(xp, unit_rate(vectors.of(shape.tangents), shape.sums, work))
     change = vectors.of(shape.units[:, 1:] - shape.units[:, :-1])
     bend = stacked(xp, bend_gradient(xp, change, own.turns[:, 1:-1], own.bending[:, 1:-1]))

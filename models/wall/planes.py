@@ -15,17 +15,21 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from haustra.models.wall.law import IMPEDANCE_RATIO, WallContact, contact_parameters
+from haustra.models.wall.law import (
+    IMPEDANCE_RATIO,
+    SLIP_RELAXATION,
+    WallContact,
+    contact_parameters,
+    require_impedance_ratio,
+    solimp,
+)
+from haustra.models.wall.plane_pose import plane_pose
 from haustra.models.wall.signed_distance import CANDIDATES, ClosestPoints, LumenDistance
 
 PLANES = 2
 """Planes a sphere: one for each side of a valley."""
 AWAY = 1e3
 """How far behind the wall a plane waits that nothing is to touch [m]."""
-SLIP_RELAXATION = 0.3
-"""Share of a slip that friction takes away in one step. MuJoCo's cone presses a body that slides at speed v harder, by
-mu (c + h K) v times this: at 1, K = 1500 N/m, h = 5 ms, mu = 0.1 and 0.1 m/s by 0.15 N. Lower, a body comes to rest
-more slowly than by Coulomb's law: at 0.1 it stops up to 9 % late, at 0.3 within 1 %."""
 ENTRANCE = 0.05
 """A sphere before the anal end's plane is outside the patient when it was last seen no further in than this [m];
 further in, it lies in a loop that passes behind."""
@@ -112,11 +116,11 @@ def add_planes(
         planes: planes a sphere.
         prefix: of the names.
     """
-    spec.option.impratio = IMPEDANCE_RATIO / SLIP_RELAXATION
+    require_impedance_ratio(spec, IMPEDANCE_RATIO / SLIP_RELAXATION)  # friction damps by their product
     for number, sample in enumerate(samples):
         sphere = add_sphere(spec, number, sample, prefix=prefix)
         inverse_inertia = bare.body_invweight0[bare.body(sample.body).id, 0]
-        solref, solimp = contact_parameters(inverse_inertia, contact, timestep=timestep, where=sample.body)
+        soft = contact_parameters(inverse_inertia, contact, timestep=timestep, where=sample.body)
         for side in range(planes):
             name = f"{prefix}plane_{number:04d}_{side}"
             body = spec.worldbody.add_body(name=name, pos=[0, 0, -AWAY], mocap=True)
@@ -135,9 +139,9 @@ def add_planes(
                 geomname2=sphere,
                 condim=3 if contact.friction > 0 else 1,
                 friction=[contact.friction, contact.friction, 0, 0, 0],
-                solref=solref,
-                solreffriction=[0, SLIP_RELAXATION * solref[1]],
-                solimp=solimp,
+                solref=soft.solref,
+                solreffriction=soft.sliding,
+                solimp=solimp(float(soft.impedance)),
             )
 
 
@@ -208,7 +212,7 @@ class PlaneWall:
             self._inwards[due], self._normals[due] = first.inwards, first.normals
             self.arcs[due], self._seen[due], self.outside[due] = first.arcs, centres[due], first.outside
             self._room[due] = np.maximum(-first.outside - self._radius[due], 0.0)
-            _place(data, self._planes[due, 0], first.points, first.inwards)
+            self._place(data, 0, due, centres[due], first.outside + self._radius[due], first.inwards)
             touching = first.outside > -self._radius[due]
             at, inwards = due[touching], first.inwards[touching]
             self._place_second(data, at, centres[at], inwards)
@@ -276,8 +280,8 @@ class PlaneWall:
             return
         feet = self._nearest(1, spheres, centres + self._radius[spheres, None] * inwards)
         same = np.einsum("ij,ij->i", inwards, feet.inwards) > SAME_SIDE
-        away = np.where(same, AWAY, 0.0)[:, None] * feet.inwards
-        _place(data, self._planes[spheres, 1], feet.points - away, feet.inwards)
+        depth = self._radius[spheres] - np.einsum("ij,ij->i", centres - feet.points, feet.inwards)
+        self._place(data, 1, spheres, centres, depth - np.where(same, AWAY, 0.0), feet.inwards)
 
     def _place_edges(self, data: mujoco.MjData, spheres: np.ndarray, centres: np.ndarray, inwards: np.ndarray) -> None:
         """Put the second planes of neighbours that stand astride of a fold onto its edge.
@@ -303,14 +307,17 @@ class PlaneWall:
             height = self._field.edge(middle, up, self._candidates[0, spheres[two]].ravel())
             share = min((SAME_SIDE - steepness[pair]) / ONSET, 1.0)
             depth = share * (height + self._radius[spheres[two]])
-            offset = self._radius[spheres[two]] - depth
             touched = depth > 0
-            _place(
-                data,
-                self._planes[spheres[two], 1][touched],
-                (centres[two] - offset[:, None] * up)[touched],
-                np.tile(up, (2, 1))[touched],
-            )
+            on, normals = two[touched], np.tile(up, (2, 1))[touched]
+            self._place(data, 1, spheres[on], centres[on], depth[touched], normals)
+
+    def _place(
+        self, data: mujoco.MjData, side: int, spheres: np.ndarray, centres: np.ndarray, depth: np.ndarray, inwards: Any
+    ) -> None:
+        """Put the first or second planes of spheres that are so deep in the wall [m], along its normals."""
+        planes, pose = self._planes[spheres, side], plane_pose(np, centres, self._radius[spheres], depth, inwards)
+        data.mocap_pos[planes], data.mocap_quat[planes] = pose.position, pose.turn
+        self._model.pair_margin[self.pairs[spheres, side]] = pose.margin
 
 
 def _across(vector: np.ndarray, along: np.ndarray) -> np.ndarray:
@@ -327,13 +334,3 @@ def _same_wall(feet: ClosestPoints, outside: Any, normals: np.ndarray, moved: An
     crossed = ((feet.outside > 0) != (outside > 0)) & (np.abs(outside) > moved)
     turned = (feet.normals * normals).sum(axis=1) < 0
     return ~crossed & ~(turned & (outside > -moved))
-
-
-def _place(data: mujoco.MjData, planes: np.ndarray, points: np.ndarray, normals: np.ndarray) -> None:
-    """Put planes through points, facing along normals."""
-    data.mocap_pos[planes] = points
-    # The shortest turn from z to the normal; half a turn about x where they are opposite.
-    turn = np.column_stack([1 + normals[:, 2], -normals[:, 1], normals[:, 0], np.zeros(len(normals))])
-    opposite = turn[:, 0] < 1e-9
-    turn[opposite] = [0.0, 1.0, 0.0, 0.0]
-    data.mocap_quat[planes] = turn / np.linalg.norm(turn, axis=1, keepdims=True)

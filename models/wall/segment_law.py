@@ -15,7 +15,7 @@ from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.landmarks import SEGMENTS
 from haustra.models.wall.law import WallContact, contact_parameters
-from haustra.models.wall.planes import SLIP_RELAXATION, PlaneWall
+from haustra.models.wall.planes import PlaneWall
 
 
 class SegmentLaw:
@@ -50,13 +50,12 @@ class SegmentLaw:
         self._segment = np.full(len(spheres), -1)
         inertia = model.body_invweight0[model.geom_bodyid[spheres], 0]
         self._stiffness = np.array([stiffness.get(name, usual.stiffness) for name in names])
-        self._solref, self._solimp = np.zeros((len(names), len(spheres), 2)), np.zeros((len(names), len(spheres), 5))
-        for row, (name, value) in enumerate(zip(names, self._stiffness, strict=True)):
-            law = replace(usual, stiffness=float(value), damping=usual.damping / usual.stiffness * float(value))
-            for sphere, inverse in enumerate(inertia):
-                self._solref[row, sphere], self._solimp[row, sphere] = contact_parameters(
-                    float(inverse), law, timestep=model.opt.timestep, where=name
-                )
+        damping_time = usual.damping / usual.stiffness
+        laws = [replace(usual, stiffness=value, damping=damping_time * value) for value in self._stiffness.tolist()]
+        self._laws = [
+            contact_parameters(inertia, law, timestep=model.opt.timestep, where=name)
+            for name, law in zip(names, laws, strict=True)
+        ]
         self.by_geom: Float[np.ndarray, " geoms"] = np.zeros(model.ngeom)
         """Stiffness that each sphere meets now [N/m]; 0 for other geoms."""
         self.follow(np.zeros(len(spheres)))
@@ -68,7 +67,8 @@ class SegmentLaw:
         segment = segment[spheres]
         self._segment[spheres] = segment
         self.by_geom[self._spheres[spheres]] = self._stiffness[segment]
-        solref, pairs = self._solref[segment, spheres], self._pairs[spheres]
-        self._model.pair_solref[pairs] = solref[:, None]
-        self._model.pair_solimp[pairs] = self._solimp[segment, spheres][:, None]
-        self._model.pair_solreffriction[pairs, 1] = SLIP_RELAXATION * solref[:, None, 1]
+        for sphere, number in zip(spheres.tolist(), segment.tolist(), strict=True):
+            law, pairs = self._laws[number], self._pairs[sphere]
+            self._model.pair_solref[pairs] = law.solref[sphere]
+            self._model.pair_solreffriction[pairs] = law.sliding[sphere]
+            self._model.pair_solimp[pairs, :2] = law.impedance[sphere]

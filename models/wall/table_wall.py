@@ -10,23 +10,20 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from haustra.models.wall.compiled import loops
-from haustra.models.wall.law import WallContact
+from haustra.models.wall.law import SLIP_SPEED, WallContact
 from haustra.models.wall.lumen_table import LumenTable, Tables, pick, stack
 from haustra.models.wall.mesentery import Mesentery
 from haustra.models.wall.moving_colon import AxisDisplacement, AxisShape
 
-SLIP_SPEED = 1e-3
-"""Friction's share of a contact's damping of the axis is that of sliding at least this fast [m/s]; engineering choice:
-it only says how much of a step the axis may take at once."""
 _FIXED = np.zeros((0, 0, 0))
 
 
 class TableWalls:
     """Walls of some worlds, each of one of some colons. Arrays are written in place."""
 
-    def __init__(self, tables: Tables, worlds: int, spheres: int) -> None:
-        """All worlds have the first colon, at rest; `tables` are of all colons, stacked."""
-        self._all = tables
+    def __init__(self, tables: Tables, worlds: int, spheres: int, *, radius: float) -> None:
+        """All worlds have the first colon, at rest; `tables` are of all, stacked, for spheres of `radius` [m]."""
+        self._all, self._radius = tables, radius
         self.arcs: Float[np.ndarray, "worlds spheres"] = np.zeros((worlds, spheres))
         """Arc length of each sphere [m]."""
         self.depth: Float[np.ndarray, "worlds spheres"] = np.full((worlds, spheres), -1.0)
@@ -76,7 +73,16 @@ class TableWalls:
             loops().query(self._tables, worlds, points, *found)
             return
         loops().query_moved(
-            self._tables, self._own, worlds, *self.shift, self._shape, points, *found, self._lever, self.wall_speed
+            self._tables,
+            self._own,
+            worlds,
+            *self.shift,
+            self._shape,
+            self._radius,
+            points,
+            *found,
+            self._lever,
+            self.wall_speed,
         )
 
     def give_way(
@@ -115,7 +121,7 @@ class TableWall:
         self._mocap = np.array([model.body_mocapid[model.body(name).id] for name in names])
         self._sphere_of = np.full(model.ngeom, -1)
         self._sphere_of[self.spheres] = np.arange(count)
-        self._walls = TableWalls(stack([table.tables]), 1, count)
+        self._walls = TableWalls(stack([table.tables]), 1, count, radius=table.device_radius)
         self._surface = _FIXED
         if self._walls.shift is not None:
             model.flg_surfacevel = True

@@ -17,9 +17,13 @@ from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.measures import anatomy_of
 from haustra.models.anatomy.store import colon_hash
 from haustra.provenance import Provenance, content_hash
+from haustra.scripts.bench.result import LEAST_CASES
 
 CONFIDENCE = 0.95
-"""Two samples agree when their difference is what chance gives in this share of cases."""
+"""Of the intervals of differences: all of an interval has to lie within the tolerance."""
+MEAN_TOLERANCE, SPREAD_TOLERANCE = 0.1, 1.5
+"""Largest relative difference of means, and largest ratio of standard deviations either way, that count as agreement;
+engineering choices: cohorts of one study differ by a tenth in length, and by a half in spread."""
 NORMAL_QUANTILE = 1.96
 """Of the normal distribution, two-sided, at that confidence."""
 CHAIN = 0.01
@@ -60,6 +64,8 @@ class Verdict:
     high: float
     """Highest one."""
     passed: bool
+    shown: bool = True
+    """Whether the cases were enough to tell: too few, or an interval on both sides of a tolerance, tell nothing."""
 
 
 def published_figures() -> list[Published]:
@@ -152,28 +158,38 @@ def values_of(rows: Sequence[Mapping], figure: Published) -> np.ndarray:
 
 def _verdict(figure: Published, values: np.ndarray) -> Verdict:
     mean, sd = float(values.mean()), float(values.std(ddof=1))
-    low, high, passed = -np.inf, np.inf, True
+    facts = (figure, len(values), mean, sd, float(values.min()), float(values.max()))
     if figure.rule in ("mean", "mean and sd") and figure.mean is not None and figure.n is not None:
+        low, high = figure.mean * (1 - MEAN_TOLERANCE), figure.mean * (1 + MEAN_TOLERANCE)
         spread = sd if figure.sd is None else figure.sd  # no spread published: the grown colons' own
-        error = NORMAL_QUANTILE * np.sqrt(spread**2 / figure.n + sd**2 / len(values))
-        low, high = float(figure.mean - error), float(figure.mean + error)
-        passed = bool(low <= mean <= high)
+        error = NORMAL_QUANTILE * float(np.sqrt(spread**2 / figure.n + sd**2 / len(values)))
+        found = [_within(mean - error, mean + error, low, high)]
         if figure.rule == "mean and sd":
-            edges = f_distribution.ppf([(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], len(values) - 1, figure.n - 1)
-            passed = passed and bool(edges[0] <= (sd / spread) ** 2 <= edges[1])
-    else:
-        wider = CHAIN if figure.measure.endswith("length_m") else 0.0
-        low = -np.inf if figure.low is None else figure.low * (1 - wider)
-        high = np.inf if figure.high is None else figure.high * (1 + wider)
-        looked_at = {
-            "mean within": [mean],
-            "mean above": [mean],
-            "all within": values,
-            "all below": values,
-            "95 % below": [np.quantile(values, 0.95)],
-        }[figure.rule]
-        passed = bool(low <= min(looked_at) and max(looked_at) <= high)
-    return Verdict(figure, len(values), mean, sd, float(values.min()), float(values.max()), low, high, passed)
+            edges = f_distribution.ppf([(1 + CONFIDENCE) / 2, (1 - CONFIDENCE) / 2], len(values) - 1, figure.n - 1)
+            least, most = (float(sd / spread / np.sqrt(edge)) for edge in edges)
+            found.append(_within(least, most, 1 / SPREAD_TOLERANCE, SPREAD_TOLERANCE))
+        if len(values) < LEAST_CASES:
+            found = [None]
+        return Verdict(*facts, low, high, passed=all(found), shown=None not in found or False in found)
+    wider = CHAIN if figure.measure.endswith("length_m") else 0.0
+    low = -np.inf if figure.low is None else figure.low * (1 - wider)
+    high = np.inf if figure.high is None else figure.high * (1 + wider)
+    looked_at = {
+        "mean within": [mean],
+        "mean above": [mean],
+        "all within": values,
+        "all below": values,
+        "95 % below": [np.quantile(values, 0.95)],
+    }[figure.rule]
+    inside, enough = bool(low <= min(looked_at) and max(looked_at) <= high), len(values) >= LEAST_CASES
+    return Verdict(*facts, low, high, passed=inside and enough, shown=enough or not inside)
+
+
+def _within(low: float, high: float, least: float, most: float) -> bool | None:
+    """Whether all of an interval lies within a tolerance; None where it lies on both sides of its edge."""
+    if least <= low and high <= most:
+        return True
+    return False if high < least or low > most else None
 
 
 def _number(text: str) -> float | None:

@@ -60,7 +60,7 @@ def rows_table(table: Table) -> page.Table:
 
 
 def _bars(bars: Sequence[Criterion]) -> page.Table:
-    rows = [(bar.what, *measured_and_bound(bar), "met" if bar.met else "NOT met") for bar in bars]
+    rows = [(bar.what, *measured_and_bound(bar), bar.verdict) for bar in bars]
     return page.Table("Bars", ("what", "measured", "bar", "verdict"), rows)
 
 

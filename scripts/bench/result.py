@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 import numpy as np
+from jaxtyping import Float
 
 Value = str | int | float | bool | None
 
@@ -64,14 +65,53 @@ class Criterion:
     measured: float
     bound: float
     unit: str
-    sense: Literal["at least", "at most"]
+    sense: Literal["at least", "at most", "within"]
+    interval: tuple[float, float] | None = None
+    """95 % confidence of a mean difference: 'within' asks that all of it lies from -bound to +bound."""
 
     @property
     def met(self) -> bool:
-        """False as well when nothing finite was measured."""
+        """False as well when nothing finite was measured, and when too little was to show it."""
         if not np.isfinite(self.measured):
             return False
+        if self.sense == "within":
+            return self.interval is not None and max(map(abs, self.interval)) <= self.bound
         return bool(self.measured >= self.bound if self.sense == "at least" else self.measured <= self.bound)
+
+    @property
+    def verdict(self) -> Literal["met", "not met", "not shown"]:
+        """Not shown: the interval lies on both sides of the bound, so that more cases may say either."""
+        if self.met:
+            return "met"
+        if self.sense == "within" and self.interval is not None:
+            low, high = self.interval
+            return "not shown" if low <= self.bound and high >= -self.bound else "not met"
+        return "not met"
+
+
+LEAST_CASES = 10
+"""Equivalence is not shown by fewer cases, however little they happen to scatter."""
+
+
+def mean_interval(values: Float[np.ndarray, " cases"]) -> tuple[float, float, float]:
+    """Mean and its 95 % confidence by Student's t; without bounds below `LEAST_CASES`."""
+    mean, count = float(np.mean(values)), len(values)
+    if count < LEAST_CASES:
+        return mean, -np.inf, np.inf
+    from scipy import stats
+
+    half = float(stats.t.ppf(0.975, count - 1) * stats.sem(values))
+    return mean, mean - half, mean + half
+
+
+def equivalence(what: str, differences: Float[np.ndarray, " cases"], *, tolerance: float, unit: str) -> Criterion:
+    """Whether a mean difference is shown to be within a tolerance: the whole of its interval has to be.
+
+    Fewer cases have a wider interval, so that they make it harder and not easier (Schuirmann 1987, doi
+    10.1007/BF01068419).
+    """
+    mean, low, high = mean_interval(differences)
+    return Criterion(what, mean, tolerance, unit, "within", (low, high))
 
 
 @dataclass(frozen=True)
@@ -93,7 +133,7 @@ class Bench:
         """Plain values; numbers that are not finite become null."""
         values = asdict(self)
         for bar, plain in zip(self.bars, values["bars"], strict=True):
-            plain["met"] = bar.met
+            plain["met"], plain["verdict"] = bar.met, bar.verdict
         for front, plain in zip(self.fronts, values["fronts"], strict=True):
             plain["best"] = [point.setting for point in front.best()]
         return _finite(values)
@@ -109,9 +149,7 @@ def bench_from_json(values: Mapping[str, Any]) -> Bench:
         name=values["name"],
         title=values["title"],
         summary=tuple(values["summary"]),
-        bars=tuple(
-            Criterion(**{**_without(bar, "met"), "measured": _number(bar["measured"])}) for bar in values["bars"]
-        ),
+        bars=tuple(map(_criterion, values["bars"])),
         fronts=tuple(
             ParetoFront(
                 **_without(front, "best", "points"),
@@ -125,6 +163,15 @@ def bench_from_json(values: Mapping[str, Any]) -> Bench:
         tables=tuple(Table(table["title"], tuple(table["rows"]), table["note"]) for table in values["tables"]),
         machine=values["machine"],
     )
+
+
+def _criterion(values: Mapping[str, Any]) -> Criterion:
+    ends = values.get("interval")
+    if ends is not None:
+        low, high = ends
+        ends = (-np.inf if low is None else low, np.inf if high is None else high)
+    plain = _without(values, "met", "verdict", "interval")
+    return Criterion(**{**plain, "measured": _number(values["measured"])}, interval=ends)
 
 
 def observed_orders(steps: Sequence[float], errors: Sequence[float]) -> tuple[float, ...]:

@@ -10,8 +10,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.control.follower_worlds import WorldsFollower
 from haustra.envs.runs.insertions import InsertionBatch, run_insertions
+from haustra.envs.runs.measure.containment import stack_widths
 from haustra.envs.sim.device_engines import device_engine
 from haustra.envs.sim.scope_bank import ScopeBank
 from haustra.envs.sim.scope_values import Controls, Parameters
@@ -80,8 +82,8 @@ def measure_rates(
 def _measure(bank: ScopeBank, engine: JaxScopes, tables: Any, count: int, devices: int, sharding: Any) -> Rate:
     colons = np.arange(count) % len(bank.names)
     parameters = _share(engine.parameters(bank.scene, count, colon=colons), count, sharding)
-    follower = WorldsFollower.of(bank.scene.design, tip_links=bank.tip_links)
-    batch = InsertionBatch(engine, follower, tables)
+    follower = WorldsFollower(FollowerSettings(), bank.tip_links)
+    batch = InsertionBatch(engine, follower, tables, stack_widths(bank.colons))
     state = jax.device_put(batch.begin(parameters), sharding)
     state = batch.advance(parameters, *state, count=_WARM_UP)
     worlds = jax.block_until_ready(state)[0]

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from haustra.models.wall.law import WallContact, apply_contact
+from haustra.models.wall.law import SLIP_SPEED, WallContact, apply_contact
 from haustra.scripts.bench.accuracy.capstan import rope_round_a_bend
 
 GRAVITY = 9.81
@@ -43,13 +43,13 @@ def test_a_body_starts_to_slide_at_the_angle_of_friction_within_half_a_degree(fr
         mujoco.mj_step(model, data, 1000)
         speeds.append(data.qvel[0])
     free = 5.0 * GRAVITY * (np.sin(limit + half_degree) - friction * np.cos(limit + half_degree))
-    assert speeds[0] < 0.002  # it creeps, 200 times slower than it slides one degree further
+    assert speeds[0] < SLIP_SPEED  # it creeps, 400 times slower than it slides one degree further
     assert speeds[1] == pytest.approx(free, rel=0.05)
 
 
 @pytest.mark.parametrize(("friction", "speed"), [(0.1, 0.5), (0.1, 0.1), (0.3, 0.1)])
 def test_a_sliding_body_stops_after_v_squared_over_2_mu_g(friction, speed):
-    """Faster, MuJoCo's cone first throws it up: at 0.5 m/s and 0.3 it stops 3 % short."""
+    """The faster, and the rougher, the more MuJoCo's cone first throws it up: at 0.5 m/s and 0.3 it stops 3 % short."""
     model, data = slider(0.0, friction, timestep=0.001)
     mujoco.mj_step(model, data, 1000)
     start = data.qpos[0]
@@ -57,7 +57,7 @@ def test_a_sliding_body_stops_after_v_squared_over_2_mu_g(friction, speed):
     mujoco.mj_step(model, data, int(2.0 / model.opt.timestep))
     assert data.qvel[0] < 1e-4
     first_step = 0.5 * speed * model.opt.timestep  # what semi-implicit steps leave out
-    assert data.qpos[0] - start + first_step == pytest.approx(speed**2 / (2 * friction * GRAVITY), rel=0.01)
+    assert data.qpos[0] - start + first_step == pytest.approx(speed**2 / (2 * friction * GRAVITY), rel=0.015)
 
 
 @pytest.mark.parametrize(("turn", "friction"), [(np.pi / 2, 0.1), (np.pi / 2, 0.3), (np.pi, 0.1)])

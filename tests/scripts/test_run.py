@@ -14,6 +14,7 @@ from tests.tube_colon import straight_tube, wedge_wall
 KEYS = {
     "outcome", "simulated_s", "wall_clock_s", "real_time_factor", "insertion_m", "tip_arc_m", "tip_segment",
     "push_force_peak_N", "torque_peak_Nm", "wall_force_peak_N", "dofs", "joints", "pieces", "timestep_s", "provenance",
+    "backend", "wall_law", "mesentery", "numerical_error",
 }  # fmt: skip
 
 
@@ -70,21 +71,40 @@ def test_a_run_in_a_colon_that_moves(colon_folder, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("options", "preset"),
-    [(["--wall-law", "pieces"], "fast"), (["--wall-law", "pieces", "--timestep", "0.0025"], "custom"), ([], "custom")],
+    ("options", "preset"), [([], "fast"), (["--timestep", "0.0025"], "custom"), (["--wall-law", "planes"], "fast")]
 )
-def test_a_run_says_its_preset_and_how_far_that_is_off(options, preset, colon_folder, tmp_path, capsys):
+def test_a_run_says_its_preset_its_wall_and_that_nobody_measured_its_error(
+    options, preset, colon_folder, tmp_path, capsys
+):
+    """An imported tube is no grown colon: what was measured there does not hold here."""
     call = ["run", "--colon", str(colon_folder), "--wall", "prism", "--preset", "fast", "--seconds", "0.2"]
     assert main([*call, *options, "-o", str(tmp_path), "--json"]) == SUCCESS
     scores = json.loads(capsys.readouterr().out)
     assert scores["preset"] == scores["provenance"]["configuration"]["preset"] == preset
-    assert (scores["preset_tip_error_mm"] is None) == (preset == "custom")
+    assert scores["wall_law"] == ("planes" if "planes" in options else "table")
+    assert scores["backend"] == "native" and scores["mesentery"] is ("planes" not in options)
+    nothing = {"wall_force": [None, None], "push": [None, None], "tip_mm": [None, None]}
+    assert scores["numerical_error"] == {**nothing, "measured_on": "not measured"}
+
+
+def test_a_run_measures_its_own_error(colon_folder, tmp_path, capsys):
+    call = ["run", "--colon", str(colon_folder), "--wall-law", "planes", "--seconds", "1", "--error"]
+    assert main([*call, "-o", str(tmp_path), "--json"]) == SUCCESS
+    stated = json.loads(capsys.readouterr().out)["numerical_error"]
+    assert stated["measured_on"] == "this run against half the time step and finer joints"
+    assert stated["differences"].keys() == {"half the time step", "finer joints"}
+    tips = sorted(each["tip_mm"] for each in stated["differences"].values())
+    assert stated["tip_mm"] == tips and 0 < tips[1] < 5
+    assert stated["push"][0] <= stated["push"][1] < 0.5
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Differences from its repeats" in page and "this run against half the time step" in page
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (["--design", "adlut"], "Known: adult, paediatric"),
+        (["--device", "adlut"], "Known: adult, paediatric"),
+        (["--start", "0.3"], "A scope starts at the anus"),
         (["--seconds", "-1"], "--seconds"),
         (["--friction", "-0.1"], "Friction"),
         (["--timestep", "nan"], "timestep"),

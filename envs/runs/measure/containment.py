@@ -1,12 +1,13 @@
 """Whether the scope is still inside the colon."""
 
+from collections.abc import Sequence
+from types import ModuleType
+from typing import Any, NamedTuple
+
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from haustra.models.anatomy.colon import Colon
-
-ESCAPE_DEPTH = 0.03
-"""A scope that stands this far outside the lumen has left the colon [m]: the default wall is no thicker."""
 
 _LARGEST_RADIUS = 0.06
 """Radii above this are looks along the lumen, not across [m]."""
@@ -20,22 +21,86 @@ _PLEATED = 3.0
 """By how much more centreline a length of scope may have gathered where the colon moves."""
 
 
-class Containment:
-    """Measures how far a scope stands outside a colon's lumen, from the radius field.
+_STATION_STEP = 0.01
+"""Distance between stations for many worlds [m]: a scope that stands out by `ESCAPE_DEPTH` seems 0.3 mm further."""
+
+
+class LumenWidths(NamedTuple):
+    """Stations of one colon's centreline and how wide it is there; or of several colons, or one a world, first."""
+
+    arcs: Any
+    """Arc lengths [m]."""
+    width: Any
+    """Largest radius of the lumen within a centimetre [m]."""
+
+
+def lumen_widths(colon: Colon) -> LumenWidths:
+    """Of a colon, at every station of its centreline."""
+    line = colon.centreline
+    widest = np.minimum(colon.radius, _LARGEST_RADIUS).max(axis=1)
+    reach = int(np.ceil(_BLUR / (line.arc[1] - line.arc[0])))
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(widest, reach, mode="edge"), 2 * reach + 1)
+    return LumenWidths(line.arc, windows.max(axis=1))
+
+
+def stack_widths(colons: Sequence[Colon]) -> LumenWidths:
+    """Widths of several colons, a row each, at every centimetre; a shorter one's last station fills its row up."""
+    longest = max(colon.centreline.length for colon in colons)
+    arcs = _STATION_STEP * np.arange(int(np.ceil(longest / _STATION_STEP)) + 1)
+    rows = [lumen_widths(colon) for colon in colons]
+    each = [np.minimum(arcs, row.arcs[-1]) for row in rows]
+    widths = [np.interp(own, *row) for own, row in zip(each, rows, strict=True)]
+    return LumenWidths(np.array(each), np.array(widths))
+
+
+def outside(
+    xp: ModuleType,
+    widths: LumenWidths,
+    stations: Float[Any, "*worlds stations 3"],
+    nodes: Float[Any, "*worlds nodes 3"],
+    *,
+    behind: Float[Any, "*any nodes"],
+    inside: Bool[Any, "*worlds nodes"],
+    tip_arc: Float[Any, "*worlds"],
+    radius: Any,
+    moves: bool,
+) -> Float[Any, "*worlds"]:
+    """How far the node that is furthest out stands outside the lumen [m]; negative when all are inside.
 
     A bound, not a distance: the lumen is taken as round with its largest radius within a centimetre, so a scope that
     lies in a haustrum counts as inside, and one that has left through the wall is seen once it is clear of it.
+
+    Args:
+        xp: numpy or jax.numpy.
+        widths: of one colon, or of one a world.
+        stations: where the stations are now [m].
+        nodes: points on the scopes' axes [m].
+        behind: their distances from the tip along the scope [m].
+        inside: which of them are past the anus: the others do not count.
+        tip_arc: arc length of the tip [m].
+        radius: of the scope [m].
+        moves: whether the colon may gather on the scope.
     """
+    least, most = _PATH_STRETCH
+    most *= _PLEATED if moves else 1.0
+    tip, arcs = xp.asarray(tip_arc)[..., None, None], widths.arcs[..., None, :]
+    low, high = tip - most * behind[..., None] - _BLUR, tip - least * behind[..., None] + _BLUR
+    # Beyond its ends, the first and the last station count.
+    candidates = (arcs >= xp.minimum(low, arcs[..., -1:])) & (arcs <= xp.maximum(high, arcs[..., :1]))
+    # One product of matrices instead of a difference for every pair: half the time of a check.
+    squares = (nodes**2).sum(-1)[..., None] + (stations**2).sum(-1)[..., None, :]
+    squares = squares - 2 * xp.matmul(nodes, xp.swapaxes(stations, -1, -2))
+    distance = xp.sqrt(xp.maximum(squares, 0.0)) - widths.width[..., None, :] + xp.asarray(radius)[..., None, None]
+    nearest = xp.where(candidates, distance, np.inf).min(-1)
+    return xp.where(inside, nearest, -np.inf).max(-1)
+
+
+class Containment:
+    """Measures how far a scope stands outside one colon's lumen: `outside`, at every station of its centreline."""
 
     def __init__(self, colon: Colon, *, radius: float) -> None:
         """For a scope of that radius [m]."""
-        line = colon.centreline
-        self._points, self._arc = line.points, line.arc
-        widest = np.minimum(colon.radius, _LARGEST_RADIUS).max(axis=1)
-        reach = int(np.ceil(_BLUR / (line.arc[1] - line.arc[0])))
-        windows = np.lib.stride_tricks.sliding_window_view(np.pad(widest, reach, mode="edge"), 2 * reach + 1)
-        self._room = windows.max(axis=1) - radius
-        self._squares = np.einsum("ij,ij->i", self._points, self._points)
+        self._points, self._widths, self._radius = colon.centreline.points, lumen_widths(colon), radius
 
     def outside(
         self,
@@ -52,17 +117,19 @@ class Containment:
             tip_arc: arc length of the tip [m].
             way: where the centreline's stations are now [m], when the colon has moved.
         """
-        points = self._points if way is None else way
-        of_points = self._squares if way is None else np.einsum("ij,ij->i", way, way)
+        arcs, width = self._widths
         if not len(nodes):
-            return -float(self._room.min())
-        least, most = _PATH_STRETCH
-        most *= 1.0 if way is None else _PLEATED
-        low, high = tip_arc - most * behind - _BLUR, tip_arc - least * behind + _BLUR
-        passed = slice(0, max(1, int(np.searchsorted(self._arc, high.max(), side="right"))))
-        candidates = (self._arc[passed] >= low[:, None]) & (self._arc[passed] <= high[:, None])
-        candidates[:, 0] |= ~candidates.any(axis=1)
-        # One product of matrices instead of a difference for every pair: half the time of a check.
-        squares = np.einsum("ij,ij->i", nodes, nodes)[:, None] - 2 * nodes @ points[passed].T
-        distance = np.sqrt(np.maximum(squares + of_points[passed], 0.0)) - self._room[passed]
-        return float(np.where(candidates, distance, np.inf).min(axis=1).max())
+            return -float(width.min() - self._radius)
+        passed = slice(0, max(1, int(np.searchsorted(arcs, tip_arc + _BLUR, side="right"))))
+        found = outside(
+            np,
+            LumenWidths(arcs[passed], width[passed]),
+            (self._points if way is None else way)[passed],
+            nodes,
+            behind=behind,
+            inside=np.ones(len(nodes), bool),
+            tip_arc=np.float64(tip_arc),
+            radius=np.float64(self._radius),
+            moves=way is not None,
+        )
+        return float(found)

@@ -8,12 +8,20 @@ import numpy as np
 from haustra.envs.runs.insertion import Insertion, Trajectory
 from haustra.envs.runs.measure.looping import looping
 from haustra.envs.runs.measure.progress import segment_at
-from haustra.models.presets import error_class
+from haustra.models.accuracy import NumericalError, kind_of, stated_error
+from haustra.models.presets import preset_of
 from haustra.models.scene import Scene
 from haustra.provenance import Provenance
 
 
-def score(scene: Scene, run: Insertion, provenance: Provenance) -> dict[str, object]:
+def score(
+    scene: Scene,
+    run: Insertion,
+    provenance: Provenance,
+    *,
+    wall: str | None = None,
+    error: NumericalError | None = None,
+) -> dict[str, object]:
     """Scores of a run as plain JSON values, units in the names.
 
     Forces are sampled at the control rate (50 Hz). `wall_force_peak_N` is the largest resultant normal force of the
@@ -24,8 +32,17 @@ def score(scene: Scene, run: Insertion, provenance: Provenance) -> dict[str, obj
     neither needs axes. `loop_N_s` and so on say how long a loop of that name was there, seen along y, which is assumed
     to run from front to back. `pull_back_shortening_m` is the most scope that was pulled back while the tip stayed.
     `colon_moved_peak_mm` is how far a colon on its mesentery was moved at most.
-    `preset` and its errors say how far the model itself was off in a reference insertion (docs/validation/accuracy.md).
+    `wall_force_sum_mean_N` is the mean of all normal forces together, which does not depend on how long links are.
+    `numerical_error` holds ranges of relative errors of that mean and of the mean push, and of the tip's distance.
+
+    Args:
+        scene: colon, wall and scope.
+        run: what happened.
+        provenance: where the numbers come from.
+        wall: how the pieces of the wall were made, if there are any.
+        error: measured on this run; what was measured on others for this wall law, preset and kind of colon when None.
     """
+    error = error or stated_error(scene.options, kind_of(scene.colon), wall=wall)
     recorded = run.trajectory
     simulated = float(recorded.time[-1]) if len(recorded.time) else 0.0
     arc = float(recorded.tip_arc[-1]) if simulated else scene.options.start_depth
@@ -43,9 +60,11 @@ def score(scene: Scene, run: Insertion, provenance: Provenance) -> dict[str, obj
         "tip_segment_max": segment_at(scene.colon, furthest),
         "colon_length_m": scene.colon.centreline.length,
         "push_force_peak_N": _peak(recorded.push_force),
+        "push_force_mean_N": float(np.abs(recorded.push_force).mean()) if simulated else 0.0,
         "torque_peak_Nm": _peak(recorded.torque),
         "wall_force_peak_N": _peak(recorded.wall_force),
         "wall_force_mean_N": float(recorded.wall_force.mean()) if simulated else 0.0,
+        "wall_force_sum_mean_N": float(recorded.wall_force_sum.mean()) if simulated else 0.0,
         "scope_energy_peak_J": _peak(recorded.scope_energy),
         "scope_energy_mean_J": float(recorded.scope_energy.mean()) if simulated else 0.0,
         "wall_energy_peak_J": _peak(recorded.wall_energy),
@@ -59,7 +78,11 @@ def score(scene: Scene, run: Insertion, provenance: Provenance) -> dict[str, obj
         "joints": len(scene.cable.cells),
         "pieces": scene.pieces,
         "timestep_s": scene.options.timestep,
-        **error_class(scene.options),
+        "preset": preset_of(scene.options),
+        "backend": run.backend,
+        "wall_law": scene.options.wall_law,
+        "mesentery": scene.options.mesentery,
+        "numerical_error": error.to_json(),
         "peak_memory_MB": peak_memory() / 1e6,
         "provenance": provenance.to_json(),
     }

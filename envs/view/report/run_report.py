@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.view.report.page import write_report
-from haustra.envs.view.report.sections import Chart, Gallery, Highlights, Picture, Section, Warnings
+from haustra.envs.view.report.sections import Chart, Gallery, Highlights, Picture, Section, Table, Warnings
 from haustra.envs.view.report.values import flat, name_and_unit, provenance_table, score_table, shown
 from haustra.errors import UnreadableFileError
 
@@ -34,6 +34,12 @@ _PANELS = {
     "length [m]": {"scope inserted": "insertion", "tip along the colon": "tip_arc"},
 }
 """Axis label, and for each curve its name and the array of trajectory.npz that holds it."""
+_ERRORS = {
+    "wall_force": ("mean sum of wall forces", "%"),
+    "push": ("mean push", "%"),
+    "tip_mm": ("path of the tip, median distance", "mm"),
+}
+"""Keys of scores.json's numerical error, their labels and units."""
 _PICTURES = {
     "outside": (
         "From outside",
@@ -61,7 +67,8 @@ def report_run(folder: Path) -> Path:
         sections.append(Gallery("The end of the run", pictures))
     if chart := _chart(folder / "trajectory.npz"):
         sections.append(chart)
-    sections.append(score_table(scores, leave_out=("provenance", "warnings")))
+    sections.append(score_table(scores, leave_out=("provenance", "warnings", "numerical_error")))
+    sections += _numerical_error(scores.get("numerical_error"))
     sections.append(provenance_table(scores.get("provenance", {})))
     return write_report(
         folder, title="A colonoscope's way through a colon", subtitle=_subtitle(scores), sections=sections
@@ -92,6 +99,29 @@ def _highlights(scores: Mapping[str, object]) -> dict[str, str]:
         for key, label in _HIGHLIGHTS.items()
         if key in scores
     }
+
+
+def _numerical_error(stated: object) -> list[Section]:
+    """Ranges of errors with what they were measured on, and how the run differs from its own repeats."""
+    if not isinstance(stated, Mapping):
+        return []
+    rows = [(label, _ends(stated.get(key), unit)) for key, (label, unit) in _ERRORS.items()]
+    sections: list[Section] = [Table("Numerical error", ("of", "range"), rows, f"{stated.get('measured_on', '')}.")]
+    repeats = stated.get("differences")
+    if isinstance(repeats, Mapping) and repeats:
+        names = list(next(iter(repeats.values())))
+        differences = [(name.replace("_", " "), *(shown(each[name]) for each in repeats.values())) for name in names]
+        note = "Forces: relative, the repeat less the run. A link of half the length bears less of a spread load."
+        sections.append(Table("Differences from its repeats", ("score", *repeats), differences, note))
+    return sections
+
+
+def _ends(ends: object, unit: str) -> str:
+    match ends:
+        case [int() | float() as low, int() | float() as high]:
+            scale = 100 if unit == "%" else 1
+            return f"{scale * low:.2g} to {scale * high:.2g} {unit}"
+    return "not measured"
 
 
 def _pictures(folder: Path) -> list[Picture]:

@@ -15,16 +15,18 @@ from haustra.envs.study.ranking import (
     Comparison,
     DesignTable,
     Interval,
+    Ranking,
     compare,
     design_table,
     effects_of,
+    errors_of,
     interval,
     ranked,
 )
 from haustra.envs.study.sampling import conditions_of
 from haustra.envs.study.sensitivity import sobol_indices
 from haustra.envs.study.store import SweepStore, read_store
-from haustra.envs.study.study import Column, Study, with_unit
+from haustra.envs.study.study import Column, ScoreError, Study, with_unit
 from haustra.envs.view.report.page import write_report
 from haustra.envs.view.report.sections import Highlights, Section, Table, Warnings
 from haustra.envs.view.report.sweep_plots import (
@@ -43,6 +45,8 @@ if TYPE_CHECKING:
 
 _RANKED, _CURVES, _REASONS, _COMPARED = 25, 4, 20, 3
 """Designs in the table, designs in curves, reasons of failures, and designs compared when none are named."""
+_FEW = 6
+"""Sets of conditions below which a bootstrap's intervals are known to be too narrow."""
 _MOST_LINES = 3000
 """Designs drawn in parallel coordinates and the Pareto plot at most: the best."""
 
@@ -78,10 +82,11 @@ def report_sweep(folder: Path, *, designs: Sequence[str] = ()) -> tuple[Path, li
     require_polars()
     with read_store(folder) as store:
         sweep = _read(store)
-        places, front = ranked(sweep.table)
+        found = ranked(sweep.table)
+        places, front = found.places, found.front
         chosen = _chosen(sweep.table, designs) if designs else [int(place) for place in places[:_COMPARED]]
         comparisons = compare(sweep.table, chosen, _score_names(sweep.study)) if len(chosen) > 1 else []
-        sections: list[Section] = [_highlights(sweep, places), _warnings(sweep), _ranking(sweep, places, front)]
+        sections: list[Section] = [_highlights(sweep, places), _warnings(sweep), _ranking(sweep, found)]
         if len(places) > 1 and sweep.study.objectives:
             sections += _plots(sweep, places, front)
         sections += _comparison(sweep, chosen, comparisons)
@@ -94,7 +99,8 @@ def report_sweep(folder: Path, *, designs: Sequence[str] = ()) -> tuple[Path, li
 
 def _read(store: SweepStore) -> _Sweep:
     study, frame = store.study, results_frame(store)
-    table = design_table(frame, study, _score_names(study))
+    errors = errors_of(study, store.sessions())
+    table = design_table(frame, study, _score_names(study), errors=errors)
     label = {column.name: _label(column) for column in columns_of(study)}
     return _Sweep(store, study, frame, table, label)
 
@@ -157,10 +163,12 @@ def _warnings(sweep: _Sweep) -> Warnings:
         )
     if len(conditions_of(sweep.study)) == 1:
         messages.append("There is one set of conditions only, so nothing can be said about uncertainty.")
+    elif len(conditions_of(sweep.study)) < _FEW:
+        messages.append("There are few sets of conditions: intervals over them are narrower than they should be.")
     return Warnings(messages)
 
 
-def _ranking(sweep: _Sweep, places: Int[np.ndarray, " ranked"], front: Bool[np.ndarray, " ranked"]) -> Table:
+def _ranking(sweep: _Sweep, found: Ranking) -> Table:
     study, table = sweep.study, sweep.table
     scores = [objective.score for objective in study.objectives]
     header = (
@@ -171,13 +179,19 @@ def _ranking(sweep: _Sweep, places: Int[np.ndarray, " ranked"], front: Bool[np.n
         "",
     )
     rows = []
-    for rank, place in enumerate(places[:_RANKED]):
+    shared = Counter(found.ranks.tolist())
+    for rank, place, front in zip(found.ranks[:_RANKED], found.places, found.front, strict=False):
         values = [shown(float(table.variables[v.column][place])) for v in study.variables]
-        means = [_with_bounds(interval(table.scores[score][place])) for score in scores]
-        rows.append((str(rank + 1), table.names[place], *values, *means, "Pareto" if front[rank] else ""))
+        means = [_with_error(interval(table.scores[score][place]), table.errors.get(score)) for score in scores]
+        same = " =" if shared[int(rank)] > 1 else ""
+        rows.append((f"{rank}{same}", table.names[place], *values, *means, "Pareto" if front else ""))
+    unknown = [sweep.label[score] for score in scores if score not in table.errors]
     note = (
-        "Means over the conditions, in brackets with 95 % confidence by bootstrap. First the Pareto front, then the "
-        f"others, each by mean rank over the objectives. {len(places)} designs finished under all conditions."
+        "Means over the conditions, in brackets with 95 % confidence by bootstrap, after ± with their numerical error. "
+        "First the Pareto front, then the others, each by mean rank over the objectives. Designs that share a rank (=) "
+        "are not told apart: in every objective they differ by less than numerics or conditions make uncertain. "
+        + (f"Nobody measured the numerical error of {', '.join(unknown)}. " if unknown else "")
+        + f"{len(found.places)} designs finished under all conditions."
     )
     return Table("Ranked designs", header, rows, note)
 
@@ -228,10 +242,12 @@ def _comparison(sweep: _Sweep, places: Sequence[int], comparisons: Sequence[Comp
             _with_bounds(each) + (" *" if found.surely_differs(place) else "")
             for place, each in enumerate(found.against_first)
         ]
-        rows.append((sweep.label[found.score], *map(_with_bounds, found.each), *differences[1:]))
+        each = [_with_error(one, found.error) for one in found.each]
+        rows.append((sweep.label[found.score], *each, *differences[1:]))
     note = (
         "Means over the conditions that all finished, with 95 % confidence by bootstrap; differences are taken "
-        "condition by condition. * excludes zero; with many scores, one in twenty does by chance."
+        "condition by condition; after ± the numerical error, where it was measured. * excludes zero and exceeds that "
+        "error: the designs are told apart. With many scores, one in twenty excludes zero by chance."
     )
     drawn = comparisons[: max(2, min(4, len(sweep.study.objectives)))]
     variables = Table(
@@ -256,6 +272,8 @@ def _rows(table: DesignTable, places: Sequence[int], comparisons: Sequence[Compa
             "difference": found.against_first[index].mean,
             "difference_low": found.against_first[index].low,
             "difference_high": found.against_first[index].high,
+            "numerical_error": found.error and found.error.of(found.each[index].mean),
+            "told_apart": found.surely_differs(index),
         }
         for found in comparisons
         for index, place in enumerate(places)
@@ -310,3 +328,7 @@ def _with_bounds(found: Interval) -> str:
     if found.low is None or found.high is None or found.low == found.high:
         return shown(found.mean)
     return f"{shown(found.mean)} ({shown(found.low)} to {shown(found.high)})"
+
+
+def _with_error(found: Interval, error: ScoreError | None) -> str:
+    return _with_bounds(found) + (f" ± {shown(error.of(found.mean))}" if error else "")

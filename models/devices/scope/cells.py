@@ -98,7 +98,8 @@ def _cell(design: ScopeDesign, section: ScopeSection, start: float, length: floa
         up, left, down, right = (
             math.radians(angle) * share for angle in (limits.up, limits.left, limits.down, limits.right)
         )
-        stop = (up, left, down, right)
+        tightest = length / (section.minimum_bend_radius or math.inf) or math.inf
+        stop = (min(up, tightest), min(left, tightest), min(down, tightest), min(right, tightest))
     elif section.minimum_bend_radius is not None:
         tightest = length / section.minimum_bend_radius
         stop = (tightest, tightest, tightest, tightest)

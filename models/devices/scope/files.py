@@ -1,14 +1,13 @@
 """Scope designs as TOML files: tables and keys are the fields of `ScopeDesign`, lengths in metres."""
 
 import tomllib
-import types
-import typing
-from dataclasses import MISSING, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
 from haustra.errors import InvalidDesignError, UnreadableFileError
 from haustra.files import write_atomically
+from haustra.models.devices.base import read_fields
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.devices.scope.library import DESIGN_NAMES, named_design
 
@@ -40,7 +39,7 @@ def load_design(path: Path) -> ScopeDesign:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise UnreadableFileError(f"Cannot read the design '{path}': {error}.") from error
-    return _read(ScopeDesign, table, path.name)
+    return read_fields(ScopeDesign, table, path.name)
 
 
 def save_design(design: ScopeDesign, path: Path) -> Path:
@@ -77,35 +76,3 @@ def _lines(part: Any) -> list[str]:
         elif isinstance(value, int | float):
             lines.append(f"{entry.name} = {value!r}")
     return lines
-
-
-def _read(kind: type, table: Any, where: str) -> Any:
-    if not isinstance(table, dict):
-        raise InvalidDesignError(f"{where}: expected a table of values, found {type(table).__name__}.")
-    known = {entry.name: entry for entry in fields(kind)}
-    unknown = sorted(set(table) - set(known))
-    if unknown:
-        raise InvalidDesignError(f"{where}: '{unknown[0]}' is not known. Known: {', '.join(known)}.")
-    required = [name for name, entry in known.items() if entry.default is MISSING and entry.default_factory is MISSING]
-    missing = [name for name in required if name not in table]
-    if missing:
-        raise InvalidDesignError(f"{where}: '{missing[0]}' is missing: add it.")
-    types_of = typing.get_type_hints(kind)
-    return kind(**{name: _value(types_of[name], value, f"{where}, {name}") for name, value in table.items()})
-
-
-def _value(kind: Any, value: Any, where: str) -> Any:
-    if is_dataclass(kind):
-        return _read(typing.cast(type, kind), value, where)
-    if typing.get_origin(kind) is tuple:
-        if not isinstance(value, list):
-            raise InvalidDesignError(f"{where}: expected a list of tables, [[{where.rpartition(' ')[2]}]].")
-        part = typing.get_args(kind)[0]
-        return tuple(_value(part, each, f"{where} {index}") for index, each in enumerate(value))
-    if isinstance(kind, types.UnionType):
-        kind = next(option for option in typing.get_args(kind) if option is not type(None))
-    wanted = (int, float) if kind is float else kind
-    if not isinstance(value, wanted) or isinstance(value, bool):
-        name = "a number" if kind is float else "text"
-        raise InvalidDesignError(f"{where}: expected {name}, found {value!r}.")
-    return float(value) if kind is float else value

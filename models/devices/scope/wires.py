@@ -6,6 +6,8 @@ scopes show both, and slack besides (Rozeboom 2016, Endosc Int Open 4:E466: 2 of
 """
 
 from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -35,26 +37,30 @@ class WireSet:
 
 
 def arriving_pulls(
-    wires: WireSet,
-    hand: Float[np.ndarray, "4"],
-    before: Float[np.ndarray, "4"],
+    xp: ModuleType,
+    hand: Float[Any, "*worlds 4"],
+    before: Float[Any, "*worlds 4"],
     *,
-    sheath_angle: float,
-) -> Float[np.ndarray, "4"]:
+    friction: Any,
+    hysteresis: Any,
+    sheath_angle: Any,
+) -> Float[Any, "*worlds 4"]:
     """Pull at the bending section when the hand pulls with `hand`, and `before` arrived until now [N].
 
     While the hand's pull changes little, the wire sticks in its sheath and nothing changes at its end; it slips when
     the ratio of both tensions leaves the band of the capstan equation, exp(-mu theta) to exp(mu theta).
 
     Args:
-        wires: the wires.
+        xp: numpy or jax.numpy.
         hand: pull of each wire at the wheels [N].
         before: what arrived so far [N].
+        friction: `WireSet.friction`; this and what follows are numbers, or one a world with a last axis of one.
+        hysteresis: `WireSet.hysteresis`.
         sheath_angle: angle that the shaft is bent through between wheels and bending section, summed regardless of
             direction [rad].
     """
-    loss = np.exp(-wires.friction * sheath_angle) * (1 - wires.hysteresis)
-    return np.clip(before, hand * loss, hand / loss)
+    loss = xp.exp(-friction * sheath_angle) * (1 - hysteresis)
+    return xp.clip(before, hand * loss, hand / loss)
 
 
 def travel_of_wheels(wheels: Float[np.ndarray, "2"]) -> Float[np.ndarray, "4"]:

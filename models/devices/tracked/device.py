@@ -11,6 +11,7 @@ from haustra.errors import InvalidOptionError
 from haustra.models.devices.tracked.design import TRACKS, TrackedDesign
 from haustra.models.devices.tracked.law import PadLaw, load_law
 from haustra.models.devices.tracked.loop import CORE_FRICTION, LoopPart, add_loop, soften
+from haustra.models.wall.law import require_impedance_ratio
 
 TIPS = ("rear", "front")
 """The two tips of a strut set."""
@@ -153,7 +154,7 @@ def add_tracked(
         )
     law = load_law(design.tread)
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    spec.option.impratio = max(spec.option.impratio, _LOOP_IMPRATIO if loops else _FREE_IMPRATIO if free else _IMPRATIO)
+    require_impedance_ratio(spec, _LOOP_IMPRATIO if loops else _FREE_IMPRATIO if free else _IMPRATIO)
     core = _add_core(spec, design, position, frame, free=free, prefix=prefix)
     pads: list[Pad] = []
     parts: list[LoopPart] = []

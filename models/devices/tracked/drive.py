@@ -11,6 +11,9 @@ from haustra.models.devices.tracked.design import TRACKS, TrackedDesign
 from haustra.models.devices.tracked.implied import SPEEDS_RPM, STATEMENTS, best_guaranteed, implied_curves
 from haustra.models.devices.tracked.law import load_law
 
+_DROOP = 0.1
+"""Share of its largest torque over which the worm slows down to a stand; engineering choice."""
+
 
 @dataclass(frozen=True)
 class DrivePoint:
@@ -53,6 +56,31 @@ def track_normal(design: TrackedDesign, diameter: float) -> float:
     return 2 * float(law.mean_force(indentation))
 
 
+def worm_lever(design: TrackedDesign) -> float:
+    """Torque that the worm needs over the traction of all treads [m]: lead / (2 pi efficiency)."""
+    return design.worm.lead / (math.tau * design.worm.efficiency)
+
+
+@dataclass(frozen=True)
+class WormState:
+    """What the one worm does, in a colon as in the rigs: its torque, and how fast it still runs under it."""
+
+    torque: float = 0.0
+    """What the treads ask of it, and turn the core with [N m]."""
+    speed_share: float = 1.0
+    """Its speed over the speed asked for [1]: less than 1 next to the largest torque that the shaft may transmit."""
+
+    @classmethod
+    def under(cls, design: TrackedDesign, traction: float) -> "WormState":
+        """What the worm does while the treads pull with `traction` [N].
+
+        A worm that is asked for more than the shaft transmits stands; being self-locking it holds.
+        """
+        torque = abs(traction) * worm_lever(design)
+        spare = (1 - torque / design.worm.torque_limit) / _DROOP
+        return cls(torque, min(1.0, max(0.0, spare)))
+
+
 def drive_point(design: TrackedDesign, friction: float, rpm: float, *, diameter: float | None = None) -> DrivePoint:
     """Quasi-static balance of the device held by a string.
 
@@ -71,7 +99,7 @@ def drive_point(design: TrackedDesign, friction: float, rpm: float, *, diameter:
     speed = design.tread_speed(rpm)
     effective = friction * design.speed_friction.factor(speed) * design.shaft.transmission(rpm * math.tau / 60)
     normal = TRACKS * track_normal(design, diameter)
-    lever = design.worm.lead / (math.tau * design.worm.efficiency)
+    lever = worm_lever(design)
     force = effective * normal / math.hypot(1.0, lever / radius)
     torque = force * lever
     if torque > design.worm.torque_limit:

@@ -7,12 +7,13 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.control.follower import FollowerSettings, LumenFollower
-from haustra.envs.runs.insertion import CONTROL_INTERVAL
+from haustra.envs.runs.insertion import CONTROL_INTERVAL, Engine
 from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.design import ScopeDesign
-from haustra.models.scene import SceneOptions, build_scene
+from haustra.models.scene import Scene, SceneOptions, build_scene
 from haustra.models.wall.pieces.wall import Wall
 from haustra.scripts.bench.accuracy.knobs import Tweak, unchanged
 from haustra.scripts.bench.accuracy.timing import processor_seconds
@@ -70,7 +71,7 @@ class Errors:
     tip: float
     """Median distance of the tips [m]."""
     push: float
-    """Difference of the mean push forces, relative [1]; moments differ more, since a scope sticks and slips."""
+    """Difference of the mean sizes of push, relative [1]; moments differ more, since a scope sticks and slips."""
     wall: float
     """The same of the wall's force [1]."""
 
@@ -81,17 +82,37 @@ def steady_push(seconds: float, rate: float) -> Script:
     return Script(np.full(count, rate), np.zeros(count), np.zeros((count, 4)))
 
 
+def honouring(scene: Scene) -> Engine:
+    """The engine that steps a scene: native MuJoCo, or the chain in JAX, on one thread, where that refuses.
+
+    Raises:
+        UnsupportedSceneError: when neither honours it.
+    """
+    try:
+        return NativeEngine(scene)
+    except UnsupportedSceneError:
+        from haustra.envs.sim.jax_setup import compute_on_one_thread, use_jax
+        from haustra.models.wall.cache import cache_folder
+
+        compute_on_one_thread()
+        use_jax(cache=cache_folder() / "jax")
+        from haustra.envs.sim.field_engine import JaxSingle
+
+        return JaxSingle(scene)
+
+
 def record_script(colon: Colon, design: ScopeDesign, options: SceneOptions, *, seconds: float) -> Script:
-    """What the lumen follower does in tangent planes, where it feels true forces."""
-    deepest = options.start_depth + FollowerSettings.advance_rate * seconds
-    engine = NativeEngine(build_scene(colon, None, design, options, show_lumen=False, deepest=deepest))
+    """What the lumen follower does in that scene; in tangent planes it feels true forces."""
+    settings = FollowerSettings(straighten=options.mesentery)
+    deepest = options.start_depth + settings.advance_rate * seconds
+    engine = honouring(build_scene(colon, None, design, options, show_lumen=False, deepest=deepest))
     links = engine.scene.cable.tip_links
-    follower = LumenFollower(colon.centreline, design, tip_links=links)
+    follower = LumenFollower(colon.centreline, design, tip_links=links, settings=settings)
     tracker = ArcTracker(colon.centreline, start=options.start_depth)
     rows = []
     for _ in range(round(seconds / CONTROL_INTERVAL)):
         seen = engine.observe()
-        inputs = follower.act(seen, tracker.update(seen.tip), CONTROL_INTERVAL)
+        inputs = follower.act(seen, tracker.update(seen.tip, seen.way), CONTROL_INTERVAL)
         engine.step(inputs, round(CONTROL_INTERVAL / options.timestep))
         rows.append([inputs.push_rate, inputs.roll_rate, *inputs.pulls])
     table = np.array(rows)
@@ -107,11 +128,15 @@ def replay(
     *,
     tweak: Tweak = unchanged,
 ) -> Track:
-    """Drive one model by a script; records end where it diverges."""
+    """Drive one model by a script; records end where it diverges.
+
+    Raises:
+        UnsupportedSceneError: when no engine honours the scene.
+    """
     deepest = script.deepest(options.start_depth)
     scene = build_scene(colon, wall, design, options, show_lumen=False, deepest=deepest)
     tweak(scene.spec)
-    engine = NativeEngine(scene)
+    engine = honouring(scene)
     steps = round(CONTROL_INTERVAL / options.timestep)
     rows, spent, healthy = [], 0.0, True
     for index in range(len(script)):
@@ -137,12 +162,9 @@ def replay(
     )
 
 
-def _read(engine: NativeEngine) -> tuple[float, ...]:
-    seen, wrench, total = engine.observe(), np.zeros(6), 0.0
-    for number in range(engine.data.ncon):
-        mujoco.mj_contactForce(engine.model, engine.data, number, wrench)
-        total += wrench[0]
-    return (*seen.tip, seen.insertion, seen.push_force, total, float(seen.contacts))
+def _read(engine: Engine) -> tuple[float, ...]:
+    seen = engine.observe()
+    return (*seen.tip, seen.insertion, seen.push_force, seen.wall_force_sum, float(seen.contacts))
 
 
 def compare(track: Track, reference: Track) -> Errors:
@@ -152,7 +174,7 @@ def compare(track: Track, reference: Track) -> Errors:
     gap = np.linalg.norm(track.tip - reference.tip, axis=1)
     return Errors(
         tip=float(np.median(gap)),
-        push=abs(float(track.push.mean() / reference.push.mean()) - 1),
+        push=abs(float(np.abs(track.push).mean() / np.abs(reference.push).mean()) - 1),
         wall=abs(float(track.wall.mean() / reference.wall.mean()) - 1),
     )
 

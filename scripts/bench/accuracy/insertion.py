@@ -56,6 +56,7 @@ def refined(shaft: int, bending: int, timestep: float) -> SceneOptions:
     return replace(
         base,
         wall_law="planes",
+        mesentery=False,
         sample_spacing=SAMPLES,
         shaft_cell=base.shaft_cell / shaft,
         bending_cell=base.bending_cell / bending,

@@ -133,6 +133,14 @@ def _answered(name: str, effort: Effort, folder: Path | None, state: str) -> Ben
     return part
 
 
+def code_state() -> str:
+    """A hash of versions and of the code that models and steps scenes, with that of the benchmarks of accuracy."""
+    files = [path for room in _ROOMS for path in (_CODE / room).rglob("*.py")] + list(
+        Path(__file__).parent.glob("*.py")
+    )
+    return content_hash(json.dumps(package_versions()).encode(), *(path.read_bytes() for path in sorted(files)))
+
+
 def _state(effort: Effort, name: str) -> str:
     """A hash of the effort, of versions, and of the code that shapes an answer: other questions do not."""
     asked = [effort.quick, [str(path.resolve()) for path in effort.colons], str(effort.rods), package_versions()]

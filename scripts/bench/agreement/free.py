@@ -11,10 +11,11 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.sim.at_origin import compile_at_origin
+from haustra.envs.sim.physics.lock import lock_activation
 from haustra.envs.sim.scope_bank import BATCH_OPTIONS
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.design import ScopeDesign
-from haustra.models.scene import Scene, build_scene
+from haustra.models.scene import Scene, build_scene, entry_of
 from haustra.scripts.bench.agreement.row import Agreement
 
 _FREE = 0.3
@@ -59,7 +60,9 @@ Mover = Callable[[Trial], Motion]
 def trials(colon: Colon, design: ScopeDesign) -> tuple[Trial, Trial]:
     """Weight across the scope; and a wire that is pulled and let go. Of the colon nothing is used but its entry."""
     options = replace(BATCH_OPTIONS, start_depth=_FREE, insertion_limit=_FREE + _OUTSIDE)
-    across = replace(options, gravity=(0.0, -9.81, 0.0))
+    axes = entry_of(colon)[1]
+    down = axes @ [0.0, -9.81, 0.0]
+    across = replace(options, gravity=(float(down[0]), float(down[1]), float(down[2])))
     weight, plain = (build_scene(colon, None, design, each, show_lumen=False) for each in (across, options))
     return Trial("weight", weight), Trial("wire", plain, _PULL)
 
@@ -86,7 +89,7 @@ def by_jax(trial: Trial) -> Motion:
     from haustra.envs.sim.scope_worlds import JaxScopes
 
     engine = JaxScopes.of(trial.scene)
-    tables, parameters = on_device(_open_space()), engine.parameters(trial.scene, 1, stiffness=1e-9)
+    tables, parameters = on_device(_open_space(trial.scene)), engine.parameters(trial.scene, 1, stiffness=1e-9)
     go = jax.jit(lambda now, hands: engine.steps(tables, parameters, now, hands, _EVERY))
     worlds, seen = engine.begin(parameters, tables), []
     for look in range(_LOOKS):
@@ -146,12 +149,9 @@ def _questions(trial: Trial) -> tuple[Agreement, Agreement]:
 
 def _straight(trial: Trial, model: mujoco.MjModel) -> tuple[mujoco.MjData, int]:
     """A straight scope with its locks set, and the control of its wire."""
-    from haustra.models.devices.scope.cable import LOCK_STRETCH
-
     data, cable = mujoco.MjData(model), trial.scene.cable
     locks = np.array([[model.actuator(name).id for name in pair] for pair in cable.locks])
-    before = cable.length - cable.joint_positions - _FREE
-    data.ctrl[locks] = (np.clip(before / LOCK_STRETCH, 0.0, 1.0) ** 4)[:, None]
+    data.ctrl[locks] = lock_activation(np, np.float64(_FREE), cable.length - cable.joint_positions)[:, None]
     return data, model.actuator("scope/pull_up").id
 
 
@@ -164,8 +164,8 @@ def _tips(model: mujoco.MjModel, motion: Motion) -> Float[np.ndarray, "looks 3"]
     return np.array(tips)
 
 
-def _open_space():
-    """A straight lumen that is as wide as tables can be."""
+def _open_space(scene: Scene):
+    """A straight lumen that is as wide as tables can be, from the scene's entry on."""
     from haustra.models.wall.lumen_table import ANGLES, MOST_RADIUS, STATION_STEP, Tables, stack
 
     count = int(2 * _FREE / STATION_STEP)
@@ -174,4 +174,6 @@ def _open_space():
     ring = np.column_stack([np.full(ANGLES, MOST_RADIUS), -np.cos(turn), -np.sin(turn), np.zeros(ANGLES)])
     wall = np.broadcast_to(ring, (count, *ring.shape)).copy()
     frames = np.broadcast_to(np.eye(3), (count, 3, 3)).copy()
-    return stack([Tables(points, frames, wall, np.float64(STATION_STEP), np.int32(0), np.int32(count))])
+    numbers = (np.float64(STATION_STEP), np.int32(0), np.int32(count))
+    axes, radius = entry_of(scene.colon)[1], np.float64(scene.cable.radius)
+    return stack([Tables(points, frames, wall, *numbers, axes=axes, device_radius=radius)])

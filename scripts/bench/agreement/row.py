@@ -1,5 +1,6 @@
 """One line of the table of agreement: a quantity, an engine against the native one, the tolerance and its reason."""
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -21,6 +22,8 @@ class Agreement:
     """None where the engine is absent."""
     interval: tuple[float, float] | None = None
     """95 % confidence of a mean difference over seeds; all of it must lie within the tolerance."""
+    cases: int | None = None
+    """Seeds that both engines ran."""
     absent: str = ""
     """Why the engine was not asked."""
 
@@ -36,8 +39,15 @@ class Agreement:
         return Agreement(self.quantity, engine, self.tolerance, self.unit, self.reason, absent=why)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain values."""
-        return {**asdict(self), "agrees": self.agrees}
+        """Plain values; an interval without bounds is null."""
+        bounded = self.interval is not None and all(map(math.isfinite, self.interval))
+        half = (self.interval[1] - self.interval[0]) / 2 if self.interval and bounded else None
+        return {
+            **asdict(self),
+            "interval": self.interval if bounded else None,
+            "half_width": half,
+            "agrees": self.agrees,
+        }
 
 
 Part = Callable[[], Iterable[Agreement]]

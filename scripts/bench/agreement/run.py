@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 from haustra.envs.sim.device_engines import DEVICE_ENGINES
 from haustra.envs.tasks.bank import ColonSet
 from haustra.scripts.bench.agreement.free import Mover, by_jax, by_warp, compare_free, trials
-from haustra.scripts.bench.agreement.insertions import Runs, compare_insertions, run_seeds
+from haustra.scripts.bench.agreement.insertions import Runs, compare_insertions, insertions
 from haustra.scripts.bench.agreement.pads import NO_SURFACE_SPEED, compare_pads
 from haustra.scripts.bench.agreement.row import Agreement
 from haustra.scripts.bench.machine import machine
@@ -27,9 +28,11 @@ def compare_engines(
     parts: Sequence[str],
     *,
     engines: Sequence[str] = DEVICE_ENGINES,
+    mesentery: Sequence[bool] = (False, True),
     seeds: int,
     seconds: float,
-    threads: int,
+    processes: int,
+    folder: Path | None = None,
     device: str | None = None,
     progress: Callable[[float, str], None] = lambda done, note: None,
 ) -> list[Agreement]:
@@ -39,9 +42,11 @@ def compare_engines(
         bank: colons and scope.
         parts: of `PARTS`.
         engines: of `DEVICE_ENGINES`.
+        mesentery: kinds of colons for insertions: fixed, on their mesentery.
         seeds: of insertions.
         seconds: longest insertion [s].
-        threads: of the native engine.
+        processes: of the native engine.
+        folder: where finished insertions are kept and looked for.
         device: as Warp names it.
         progress: told parts done.
     """
@@ -60,22 +65,34 @@ def compare_engines(
         elif part == "pads":
             rows += compare_pads({"jax": NO_SURFACE_SPEED, **absent}, device=device)
         else:
-
-            def run(engine: str, done: int = done) -> Runs:
-                return run_seeds(
+            for hung in mesentery:
+                rows += _insertions(
                     bank,
-                    engine=engine,
+                    absent,
+                    mesentery=hung,
                     seeds=seeds,
                     seconds=seconds,
-                    threads=threads,
-                    progress=lambda time: progress(done, f"insertions, {engine}: {time:.0f} s"),
+                    processes=processes,
+                    folder=folder,
+                    progress=lambda share, note, done=done: progress(done + share, f"insertions, {note}"),
                 )
-
-            known = None if len(absent) == len(DEVICE_ENGINES) else run("native")
-            found = {engine: absent.get(engine) or run(engine) for engine in DEVICE_ENGINES}
-            rows += compare_insertions(known, found)
     progress(len(parts), "")
     return rows
+
+
+def _insertions(bank: ColonSet, absent: dict[str, str], *, mesentery: bool, **asked: Any) -> list[Agreement]:
+    """Rows for one kind of colon; where the native engine refuses it, there is nothing to compare with."""
+    known = "nothing to compare"
+    if len(absent) < len(DEVICE_ENGINES):
+        known = insertions(bank, engine="native", mesentery=mesentery, **asked)
+    if isinstance(known, str):
+        refused: dict[str, Runs | str] = {engine: absent.get(engine, f"native: {known}") for engine in DEVICE_ENGINES}
+        return compare_insertions(None, refused, mesentery=mesentery)
+    found = {
+        engine: absent.get(engine) or insertions(bank, engine=engine, mesentery=mesentery, **asked)
+        for engine in DEVICE_ENGINES
+    }
+    return compare_insertions(known, found, mesentery=mesentery)
 
 
 def devices() -> dict[str, Any]:

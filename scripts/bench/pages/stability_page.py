@@ -42,7 +42,7 @@ def _bars(bench: Bench) -> Iterator[str]:
     yield "| bar | measured | bound | |\n|---|---|---|---|"
     for bar in bench.bars:
         measured, bound = measured_and_bound(bar)
-        yield f"| {bar.what} | {measured} | {bound} | {'met' if bar.met else '**not met**'} |"
+        yield f"| {bar.what} | {measured} | {bound} | {bar.verdict if bar.met else f'**{bar.verdict}**'} |"
 
 
 def _steps(rows: tuple[Mapping[str, Any], ...]) -> Iterator[str]:

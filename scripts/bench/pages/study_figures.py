@@ -31,11 +31,11 @@ class StudyFigures:
             study, frame = store.study, results_frame(store)
         scores = [objective.score for objective in study.objectives]
         table = design_table(frame, study, scores)
-        places, front = ranked(table)
+        found = ranked(table)
         conditions = [name for name in ("friction", "speed_m_s") if name in frame.columns]
         effects = effects_of(frame, study, conditions)
         stem = self.output / f"study-{self.name or study.question}"
-        return [_front(stem, table, places, front, scores), _effects(stem, effects)]
+        return [_front(stem, table, found.places, found.front, scores), _effects(stem, effects)]
 
 
 def _front(stem: Path, table, places, front, scores) -> Path:

@@ -39,7 +39,7 @@ def _lines(bench: Bench) -> Iterator[str]:
         yield "| bar | measured | bound | verdict |\n|---|---|---|---|"
         for bar in bench.bars:
             measured, bound = measured_and_bound(bar)
-            yield f"| {bar.what} | {measured} | {bound} | {'met' if bar.met else '**not met**'} |"
+            yield f"| {bar.what} | {measured} | {bound} | {bar.verdict if bar.met else f'**{bar.verdict}**'} |"
         yield ""
     for front in bench.fronts:
         yield f"### {front.question}\n\nAgainst {front.reference}. The settings that nothing beats, cheapest first:\n"

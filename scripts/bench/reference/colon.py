@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.physics.stops import stop_torque
 from haustra.models.devices.scope.stops import STOP_STIFFNESS
 from haustra.scripts.bench.reference.chain import SerialChain
 from haustra.scripts.bench.reference.descent import find_minimum
@@ -176,10 +177,10 @@ class _Search:
         diagonal = diagonal + self.lock
 
         low, high = self.model.jnt_range[self.limited].T
-        past = np.minimum(qpos[self.limited] - low, 0) + np.maximum(qpos[self.limited] - high, 0)
-        energy += 0.5 * STOP_STIFFNESS * past @ past
-        force[self.limited] += STOP_STIFFNESS * past
-        diagonal[self.limited] += STOP_STIFFNESS * (past != 0)
+        stops, _ = stop_torque(np, qpos[self.limited], low, high, timestep=0.0)
+        energy += 0.5 * stops @ stops / STOP_STIFFNESS
+        force[self.limited] -= stops
+        diagonal[self.limited] += STOP_STIFFNESS * (stops != 0)
         tangent = np.diag(diagonal) - slope
         if len(contacts.body) == 0:
             return float(energy), force, tangent

@@ -89,6 +89,8 @@ class MovingRig:
                 step=float(self._fixed.step) * each,
                 first=0 * each,
                 count=int(self._fixed.count) * each,
+                axes=np.tile(self._fixed.axes, (self.worlds, 1, 1)),
+                device_radius=float(self._fixed.device_radius) * each,
                 mesentery=mesentery.stack([mesentery.seen_from(own, *self._place) for own in moving]),
             )
         )

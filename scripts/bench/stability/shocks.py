@@ -7,21 +7,20 @@ from typing import Literal, TypeAlias
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
 
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
-from haustra.envs.runs.measure.containment import ESCAPE_DEPTH, Containment
+from haustra.envs.runs.measure.containment import Containment
 from haustra.envs.runs.measure.progress import ArcTracker
+from haustra.envs.runs.outcome import ESCAPE_DEPTH
 from haustra.envs.sim.native import Inputs, NativeEngine
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.store import load_colon
 from haustra.models.devices.scope.cable import PULL_OUT_LIMIT
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions, build_scene
-from haustra.models.wall.law import WallContact, contact_parameters
+from haustra.models.wall.law import SoftContact, WallContact, contact_parameters, solimp
 from haustra.models.wall.pieces.folder import wall_of
 from haustra.models.wall.pieces.wall import Wall
-from haustra.models.wall.planes import SLIP_RELAXATION
 from haustra.scripts.bench.result import Criterion, Table
 from haustra.scripts.bench.stability.laying import lay_along
 from haustra.scripts.bench.stability.part import Part, Progress, RunOptions
@@ -314,19 +313,18 @@ def set_wall(engine: NativeEngine, factor: float) -> None:
         friction=options.friction,
     )
 
-    def parameters(body: int) -> tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 5"]]:
-        inverse = model.body_invweight0[body, 0]
-        where = model.body(body).name
-        solref, solimp = contact_parameters(float(inverse), law, timestep=options.timestep, where=where)
-        return np.array(solref), np.array(solimp)
+    def parameters(body: int) -> SoftContact:
+        inverse, where = float(model.body_invweight0[body, 0]), model.body(body).name
+        return contact_parameters(inverse, law, timestep=options.timestep, where=where)
 
     for pair in range(model.npair):
         bodies = [model.geom_bodyid[geom] for geom in (model.pair_geom1[pair], model.pair_geom2[pair])]
-        moving = next(body for body in bodies if model.body_mocapid[body] < 0)
-        model.pair_solref[pair], model.pair_solimp[pair] = parameters(moving)
-        model.pair_solreffriction[pair, 1] = SLIP_RELAXATION * model.pair_solref[pair, 1]
+        soft = parameters(next(body for body in bodies if model.body_mocapid[body] < 0))
+        model.pair_solref[pair], model.pair_solreffriction[pair] = soft.solref, soft.sliding
+        model.pair_solimp[pair] = solimp(float(soft.impedance))
     for geom in _scope_geoms(engine):
-        model.geom_solref[geom], model.geom_solimp[geom] = parameters(model.geom_bodyid[geom])
+        soft = parameters(model.geom_bodyid[geom])
+        model.geom_solref[geom], model.geom_solimp[geom] = soft.solref, solimp(float(soft.impedance))
 
 
 def _scope_geoms(engine: NativeEngine) -> list[int]:

@@ -63,6 +63,5 @@ def bars_and_fronts(result: dict[str, Any]) -> dict[str, Any]:
         shown[front["question"]] = chosen and f"{chosen['setting']}: {chosen['error']:.2g} at {chosen['cost']:.2g}"
     for bar in result["bars"]:
         measured = "nothing" if bar["measured"] is None else f"{bar['measured']:.3g}"
-        verdict = "met" if bar["met"] else "NOT met"
-        shown[bar["what"]] = f"{measured} {bar['unit']}, {bar['sense']} {bar['bound']:g}: {verdict}"
+        shown[bar["what"]] = f"{measured} {bar['unit']}, {bar['sense']} {bar['bound']:g}: {bar['verdict']}"
     return shown

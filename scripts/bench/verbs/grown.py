@@ -61,7 +61,8 @@ class BenchGrown:
             "self_intersecting": [f"{row['cohort']} {row['seed']}" for row in grown if row["crossings"]],
             "passed": sum(verdict.passed for verdict in verdicts),
             "compared": len(verdicts),
-            "not_passed": [_line(verdict) for verdict in verdicts if not verdict.passed],
+            "not_passed": [_line(verdict) for verdict in verdicts if verdict.shown and not verdict.passed],
+            "not_shown": [_line(verdict) for verdict in verdicts if not verdict.shown],
         }
         write_json(
             folder / "comparison.json",

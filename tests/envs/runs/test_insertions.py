@@ -26,9 +26,14 @@ def bank() -> ScopeBank:
 
 @pytest.fixture(scope="module")
 def runs(bank: ScopeBank) -> Insertions:
-    """The straight tube, the bend, and the bend with a hand that hardly pushes."""
+    """The straight tube, the bend, the bend with a hand that hardly pushes, and with a wall that hardly holds."""
     return run_insertions(
-        bank, worlds=3, seconds=14, colon=np.array([0, 1, 1]), push_limit=np.array([43.0, 43.0, 0.05])
+        bank,
+        worlds=4,
+        seconds=14,
+        colon=np.array([0, 1, 1, 1]),
+        push_limit=np.array([43.0, 43.0, 0.05, 43.0]),
+        stiffness=np.array([1500.0, 1500.0, 1500.0, 0.5]),
     )
 
 
@@ -37,6 +42,12 @@ def test_short_tubes_are_passed_and_a_hand_without_force_is_not(runs: Insertions
     assert runs.outcome[2] in (Outcome.TIME_UP, Outcome.STUCK)
     assert runs.tip_arc_max[0] == pytest.approx(0.27, abs=0.005)
     assert runs.tip_arc_max[2] < 0.25
+
+
+def test_a_scope_that_leaves_through_the_wall_has_escaped(runs: Insertions) -> None:
+    """As a single run ends: three centimetres outside, with the wall that deep."""
+    assert runs.outcome[3] is Outcome.ESCAPED
+    assert runs.simulated[3] < 13
 
 
 def test_scores_are_those_of_the_run_up_to_its_end(runs: Insertions) -> None:
@@ -49,7 +60,7 @@ def test_scores_are_those_of_the_run_up_to_its_end(runs: Insertions) -> None:
 
 def test_many_worlds_cannot_be_steered_by_wheels(bank: ScopeBank) -> None:
     with pytest.raises(InvalidOptionError, match="wheels"):
-        WorldsFollower.of(bank.scene.design, tip_links=bank.tip_links, settings=FollowerSettings(steer="wheels"))
+        WorldsFollower(FollowerSettings(steer="wheels"), bank.tip_links)
 
 
 def test_unknown_parameters_are_refused(bank: ScopeBank) -> None:

@@ -11,6 +11,7 @@ from haustra.models.anatomy.colon import Centreline, Colon, ColonSegment
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.mesh_colon import import_colon
 from haustra.models.devices.tracked.design import TrackedDesign
+from haustra.models.devices.tracked.drive import worm_lever
 from haustra.models.wall.pieces.wall import Wall, WallPiece
 from tests.ring_wall import bent_colon, ring_wall
 from tests.tube_colon import straight_tube, wedge_wall
@@ -106,3 +107,21 @@ def test_a_step_beyond_stability_is_reported(tmp_path: Path, monkeypatch: pytest
     )
     assert run.outcome == "diverged"
     assert not list(tmp_path.iterdir())
+
+
+def test_its_worms_torque_turns_it_and_its_limit_holds_it_back() -> None:
+    """t = F lead / (2 pi eta) in the worm and on the core; what the shaft may transmit bounds the pull at a string."""
+    colon = bent_colon(bend=0.04)
+    wall = ring_wall(colon)
+    strong = drive(colon, wall, held=True, seconds=2.0)
+    lever = worm_lever(DESIGN)
+    pulled = strong.leash[settled(strong)].mean()
+    torque = strong.worm_torque[len(strong.worm_torque) // 2 :].mean()
+    assert torque == pytest.approx(pulled * lever, rel=0.15)
+    assert (strong.worm_share == 1).all() and torque < DESIGN.worm.torque_limit
+    weak = replace(DESIGN, worm=replace(DESIGN.worm, torque_limit=0.5 * pulled * lever))
+    run = drive_in_colon(colon, wall, weak, arc=START, friction=FRICTION, speed=SPEED, seconds=2.0, held=True)
+    assert run.worm_share[-1] < 0.2
+    # Asked once a control interval: the string gains this much until the worm stands, and being self-locking it holds.
+    late = 500.0 * SPEED * 0.02
+    assert 0.45 * pulled < run.leash[-200:].mean() < 0.5 * pulled + late

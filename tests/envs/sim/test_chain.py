@@ -30,7 +30,9 @@ def test_mass_bias_and_places_are_those_of_mujoco(model: mujoco.MjModel, kind: t
         where = links.pose(chain, own, jnp.asarray(qpos, kind))
         inertia = links.inertias(own, where)
         mass = np.asarray(links.mass_matrix(chain, where, links.suffix_sum(inertia)))
-        wrenches = links.bias(chain, where, inertia, jnp.asarray(qvel, kind))
+        wrenches = links.bias(
+            chain, where, inertia, jnp.asarray(qvel, kind), jnp.asarray(model.opt.gravity, kind)[None]
+        )
         bias = np.asarray(links.joint_forces(chain, where, links.suffix_sum(wrenches)))
         origin = np.asarray(where.origin)
     data = mujoco.MjData(model)

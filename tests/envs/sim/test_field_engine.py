@@ -64,9 +64,6 @@ def test_a_run_is_recorded_as_the_native_engines(colon) -> None:
     assert "wall" in scene.left_out
 
 
-def test_what_it_cannot_honour_is_refused(colon, field) -> None:
-    falling = build_scene(colon, None, DESIGN, replace(OPTIONS, gravity=(0.0, 0.0, -9.81)), show_lumen=False)
-    with pytest.raises(UnsupportedSceneError, match="no gravity"):
-        JaxSingle(falling)
+def test_what_it_cannot_honour_is_refused(field) -> None:
     with pytest.raises(UnsupportedSceneError, match="by pulls"):
         field.step(Inputs(0.0, 0.0, wheels=np.zeros(2)), 1)

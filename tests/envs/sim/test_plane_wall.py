@@ -37,7 +37,7 @@ def pressed(options: SceneOptions) -> tuple[float, float, float]:
         assert engine.step(Inputs(0.2, 0.0), 2)
     for _ in range(80):
         assert engine.step(Inputs(0.0, 0.0, np.array([20.0, 0.0, 0.0, 0.0])), 4)
-    depth = -engine.data.contact.dist
+    depth = engine.data.contact.includemargin - engine.data.contact.dist
     deepest = int(depth.argmax())
     force = engine.data.efc_force[engine.data.contact.efc_address[deepest]]
     return float(depth[deepest]), float(force), engine.observe().energies.wall
@@ -65,7 +65,7 @@ def test_each_segment_pushes_back_with_its_own_stiffness():
     force = engine.data.efc_force[contact.efc_address]
     touching = force > 0.2
     assert (place[touching] > 0.31).any()
-    expected = np.where(place > 0.3, 700.0, 2400.0) * -contact.dist
+    expected = np.where(place > 0.3, 700.0, 2400.0) * (contact.includemargin - contact.dist)
     clear = touching & (np.abs(place - 0.3) > 0.01)
     np.testing.assert_allclose(force[clear], expected[clear], rtol=0.05)
 

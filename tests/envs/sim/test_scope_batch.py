@@ -1,18 +1,23 @@
 """Many scopes on threads: they move as one scope does, each in its own colon, whatever becomes of the others."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.native import Inputs, NativeEngine
 from haustra.envs.sim.scope_batch import BatchInputs, ScopeBatch
 from haustra.errors import UnsupportedSceneError
+from haustra.models.anatomy.colon import Centreline, Surface
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
 from haustra.models.wall.lumen_table import Tables, lumen_table, stack
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
+from tests.tube_colon import straight_tube
 
 DESIGN = named_design("adult")
 OPTIONS = {"insertion_limit": 0.3, "shaft_cell": 0.0625, "bending_cell": 0.034, "twist_hinges": 2}
@@ -139,7 +144,7 @@ def test_friction_stiffness_and_shaft_are_those_of_each_world(bend):
 def test_scenes_with_another_wall_are_refused(bend):
     scene, table = bend
     planes = build_scene(scene.colon, None, DESIGN, SceneOptions(wall_law="planes", **OPTIONS), show_lumen=False)
-    with pytest.raises(UnsupportedSceneError, match="table"):
+    with pytest.raises(UnsupportedSceneError, match="wall_law"):
         ScopeBatch(planes, stack([table]), worlds=1)
 
 
@@ -148,3 +153,71 @@ def test_a_worlds_contacts_have_the_law_of_a_scenes(bend):
     model = batch.world_data(0)[0]
     for name in ("pair_solref", "pair_solreffriction", "pair_solimp", "pair_friction"):
         assert np.allclose(getattr(model, name), getattr(batch.model, name), rtol=1e-12), name
+
+
+def test_worn_wires_lose_pull_as_in_a_single_scope():
+    """Capstan and hysteresis: a worn scope bends as much less in a batch as it does alone (`arriving_pulls`).
+
+    Its shaft follows a bend of the tube; eased by less than what friction holds, its tip stays bent.
+    """
+    colon = swept_colon(winding([(0.08, 0.0), (0.12, 1.6), (0.02, 0.0)]), name="bend")
+    table = lumen_table(colon, device_radius=DESIGN.diameter / 2).seen_from(*entry_of(colon))
+    bent = {}
+    for wires in ("adult", "adult-worn"):
+        design = replace(DESIGN, wires=replace(named_design(wires).wires))
+        planes, tabled = (
+            build_scene(colon, None, design, SceneOptions(wall_law=law, softening=False, **OPTIONS), show_lumen=False)
+            for law in ("planes", "table")
+        )
+        single, batch = NativeEngine(planes), begin((tabled, table), 1)
+        rows = []
+        for step in range(80):
+            pulls = PULLS if step < 50 else 0.8 * PULLS
+            single.step(Inputs(0.04 if step < 50 else 0.0, 0.0, pulls), 8)
+            batch.step(inputs(np.array([0.04 if step < 50 else 0.0]), pulls), 8)
+            rows.append((single.data.ctrl[single._pulls[0]], batch.world_data(0)[1].ctrl[single._pulls[0]]))
+        bent[wires] = np.array(rows)
+    np.testing.assert_allclose(bent["adult"], np.tile(np.where(np.arange(80) < 50, 12.0, 9.6)[:, None], 2))
+    alone, many = bent["adult-worn"].T
+    assert alone[40] < 0.9 * PULLS[0]
+    assert alone[-1] > 0.95 * alone[49]
+    np.testing.assert_allclose(many[10:], alone[10:], rtol=0.01)
+
+
+def test_a_free_scope_sags_the_same_in_a_colon_that_enters_another_way():
+    """Gravity is given in the colon's frame; worlds are stepped in the frame of their entry."""
+    straight = widened(straight_tube(0.5), 3.0)
+    turn = Rotation.from_euler("xyz", [70.0, 20.0, 40.0], degrees=True).as_matrix()
+    turned = moved(straight, turn)
+    options = SceneOptions(
+        wall_law="table", softening=False, gravity=(0.0, -9.81, 0.0), start_depth=0.15, friction=0.0, **OPTIONS
+    )
+    scene = build_scene(straight, None, DESIGN, options, show_lumen=False)
+    tables = [
+        lumen_table(colon, device_radius=DESIGN.diameter / 2).seen_from(*entry_of(colon))
+        for colon in (straight, turned)
+    ]
+    batch = ScopeBatch(scene, stack(tables), worlds=2)
+    batch.reset(np.arange(2), np.arange(2), conditions(2, 0.0))
+    for _ in range(20):
+        batch.step(inputs(np.zeros(2), np.zeros(4)), 10)
+    for world, colon in enumerate((straight, turned)):
+        alone = NativeEngine(build_scene(colon, None, DESIGN, replace(options, wall_law="planes"), show_lumen=False))
+        alone.step(Inputs(0.0, 0.0), 200)
+        tip = (alone.observe().tip - alone.scene.entry) @ entry_of(colon)[1]
+        assert np.linalg.norm(batch.observe().tip[world] - tip) < 1e-5
+    assert np.linalg.norm(batch.observe().tip[0] - batch.observe().tip[1]) > 0.003
+
+
+def widened(colon, factor):
+    lumen = Surface(colon.lumen.vertices * [factor, factor, 1.0], colon.lumen.faces)
+    return replace(colon, lumen=lumen, radius=factor * colon.radius)
+
+
+def moved(colon, turn):
+    line = colon.centreline
+    return replace(
+        colon,
+        lumen=Surface(colon.lumen.vertices @ turn.T, colon.lumen.faces),
+        centreline=Centreline(line.points @ turn.T, line.arc, np.einsum("ij,sjk->sik", turn, line.frames)),
+    )

@@ -13,11 +13,12 @@ from haustra.envs.sim import chain as links
 from haustra.envs.sim.native import Inputs, NativeEngine
 from haustra.envs.sim.scope_bank import ScopeBank, build_bank
 from haustra.envs.sim.scope_values import Controls
-from haustra.envs.sim.scope_worlds import SLIP_SPEED, JaxScopes
+from haustra.envs.sim.scope_worlds import JaxScopes
 from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.scope.cable import STOP_SHARE
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions, build_scene
+from haustra.models.wall.law import SLIP_SPEED
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
 from tests.tube_colon import RADIUS, straight_tube, wedge_wall

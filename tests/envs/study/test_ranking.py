@@ -1,10 +1,13 @@
 """Ranking, Pareto fronts, effects and comparisons on tables whose answers are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import polars
 import pytest
 
 from haustra.envs.study.ranking import DesignTable, compare, design_table, interval, main_effect, pareto_front, ranked
+from haustra.envs.study.study import ScoreError
 from tests.envs.study.studies import study
 
 OBJECTIVES = [{"score": "force_N", "goal": "maximise"}, {"score": "ripple_fraction", "goal": "minimise"}]
@@ -30,10 +33,44 @@ def test_a_front_is_what_nothing_beats() -> None:
 def test_the_front_comes_first_and_incomplete_designs_not_at_all() -> None:
     # 0 is best in force, 2 in ripple, 1 is beaten by 0, 3 misses a condition.
     table = _table([[3, 3], [2, 2], [1, 1], [9, np.nan]], [[0.2, 0.2], [0.3, 0.3], [0.1, 0.1], [0.0, 0.0]])
-    places, front = ranked(table)
-    assert set(places[:2].tolist()) == {0, 2}
-    assert places[2] == 1
-    assert front.tolist() == [True, True, False]
+    found = ranked(table)
+    assert set(found.places[:2].tolist()) == {0, 2}
+    assert found.places[2] == 1
+    assert found.front.tolist() == [True, True, False]
+    assert found.ranks.tolist() == [1, 2, 3]
+
+
+def test_designs_within_the_numerical_error_share_a_rank() -> None:
+    """5 % of 10 N are 0.5 N: 10.0 and 9.7 N are one rank, 9.0 N is another; by the tie, the fourth is fourth."""
+    table = _table([[9.0, 9.0], [10.0, 10.0], [9.7, 9.7], [8.9, 8.9]], np.full((4, 2), 0.2))
+    assert ranked(table).ranks.tolist() == [1, 2, 3, 4], "nobody measured an error"
+    found = ranked(replace(table, errors={"force_N": ScoreError(relative=0.05)}))
+    assert found.places.tolist() == [1, 2, 0, 3]
+    assert found.ranks.tolist() == [1, 1, 3, 3]
+    assert found.front.tolist() == [True, True, False, False]
+
+
+def test_designs_within_the_interval_over_conditions_share_a_rank() -> None:
+    """Differences of 1 and -0.9 N have a mean of 0.05 N and say nothing; of 1 and 0.9 N they do."""
+    ripple = np.full((2, 2), 0.2)
+    assert ranked(_table([[5.0, 5.0], [6.0, 4.1]], ripple)).ranks.tolist() == [1, 1]
+    assert ranked(_table([[5.0, 5.0], [6.0, 5.9]], ripple)).ranks.tolist() == [1, 2]
+
+
+def test_one_objective_is_enough_to_tell_designs_apart() -> None:
+    table = _table([[10.0, 10.0], [10.01, 10.01]], [[0.1, 0.1], [0.3, 0.3]])
+    found = ranked(replace(table, errors={"force_N": ScoreError(relative=0.05)}))
+    assert found.ranks.tolist() == [1, 2]
+
+
+def test_a_difference_below_the_numerical_error_is_none() -> None:
+    table = _table([[10, 20], [10.2, 20.4]], np.zeros((2, 2)))
+    (found,) = compare(table, [0, 1], ["force_N"])
+    assert found.surely_differs(1)
+    (found,) = compare(replace(table, errors={"force_N": ScoreError(relative=0.03)}), [0, 1], ["force_N"])
+    assert not found.surely_differs(1)
+    (found,) = compare(replace(table, errors={"force_N": ScoreError(absolute=0.2)}), [0, 1], ["force_N"])
+    assert found.surely_differs(1)
 
 
 def test_an_interval_covers_the_mean_as_often_as_it_says() -> None:

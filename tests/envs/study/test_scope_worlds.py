@@ -38,6 +38,10 @@ def study(tmp_path: Path) -> Study:
     )
 
 
+_SHORT = {"scene.insertion_limit": 0.16, "scene.shaft_cell": 0.0625, "scene.bending_cell": 0.034}
+"""Few joints, so that programs compile soon."""
+
+
 def _jobs(study: Study) -> list[Job]:
     designs = [{"EI": 0.015, "diameter": 0.011}, {"EI": 0.06, "diameter": 0.011}, {"EI": 0.02, "diameter": -1.0}]
     conditions = {name: values[0] for name, values in study.conditions.items()}
@@ -55,16 +59,48 @@ def test_designs_share_a_batch_and_differ(study: Study, tmp_path: Path, monkeypa
     assert stiff > 1.5 * soft > 0
     answer, seen = scope_worlds._answer, []
 
-    def short_of_memory(colons, worlds, seconds):
+    def short_of_memory(colons, worlds, seconds, engine):
         seen.append(len(worlds))
         if len(worlds) > 1:
             raise jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED: Out of memory allocating 1 byte")
-        return answer(colons, worlds, seconds)
+        return answer(colons, worlds, seconds, engine)
 
     monkeypatch.setattr(scope_worlds, "_answer", short_of_memory)
     again = {result.job: result for result in scope_worlds.WORLDS.start(study, tmp_path)(_jobs(study))}
     assert seen == [2, 1, 1]
     assert again[0].scores["push_force_peak_N"] == pytest.approx(soft, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_rows_do_not_depend_on_the_order_of_jobs(study: Study, tmp_path: Path) -> None:
+    """A wire of 5 N bends the tip less than one of 80 N, whichever job comes first, and as each does alone."""
+    pulls = Variable(name="pull", path="design.wires.pull_limit", unit="N", nominal=20.0, low=1.0, high=100.0)
+    limits = Variable(name="right", path="design.limits.right", unit="deg", nominal=160.0, low=10.0, high=180.0)
+    torque = Variable(name="torque", path="scene.torque_limit", unit="N m", nominal=1.0, low=1e-4, high=5.0)
+    start = Variable(name="start", path="scene.start_depth", unit="m", nominal=0.03, low=0.02, high=0.1)
+    study = replace(study, variables=(pulls, limits, torque, start), options={**study.options, "seconds": 1.6})
+    study = replace(study, changes=_SHORT)
+    conditions = {name: values[0] for name, values in study.conditions.items()}
+    weak = {"pull": 1.0, "right": 160.0, "torque": 1.0, "start": 0.1}
+    strong = {"pull": 80.0, "right": 160.0, "torque": 1.0, "start": 0.1}
+    straight = {**strong, "right": 12.0}
+    shallow = {**strong, "start": 0.03}
+    designs = [weak, strong, straight, shallow]
+    jobs = [Job(id=i, design=i, variables=each, conditions=conditions) for i, each in enumerate(designs)]
+
+    def rows(some: list[Job]) -> dict[int, dict]:
+        return {one.job: dict(one.scores) for one in scope_worlds.WORLDS.start(study, tmp_path)(some)}
+
+    forth, back = rows(jobs), rows(jobs[::-1])
+    alone = {jobs[0].id: rows(jobs[:1])[jobs[0].id]}
+    for name in ("insertion_m", "tip_arc_max_m", "push_force_peak_N", "torque_peak_Nm", "wall_force_peak_N"):
+        for job in jobs:
+            assert forth[job.id][name] == pytest.approx(back[job.id][name], rel=1e-3, abs=1e-6), (name, job.id)
+        for job, row in alone.items():
+            assert forth[job][name] == pytest.approx(row[name], rel=1e-3, abs=1e-6), (name, job)
+    ways = [(round(row["wall_force_peak_N"], 3), round(row["tip_arc_max_m"], 4)) for row in forth.values()]
+    assert len(set(ways)) == len(jobs)
+    assert forth[3]["insertion_m"] == pytest.approx(forth[1]["insertion_m"] - 0.07, abs=0.02)
 
 
 def test_colons_of_a_study_move_when_asked(study: Study, tmp_path: Path) -> None:

@@ -226,7 +226,7 @@ def test_compiled_loops_are_the_law() -> None:
     random = np.random.default_rng(4)
     colon = swept_colon(winding([(0.08, 0.0), (0.1, 1.6), (0.1, 0.0)]), name="bend")
     stacked = stack([lumen_table(colon, device_radius=0.006, with_mesentery=True).tables])
-    walls = TableWalls(stacked, 1, 60)
+    walls = TableWalls(stacked, 1, 60, radius=0.006)
     world, tables, shift = np.array([0]), pick(stacked, np.array([0])), walls.shift
     own = tables.mesentery
     assert own is not None and shift is not None
@@ -235,7 +235,7 @@ def test_compiled_loops_are_the_law() -> None:
     walls.begin(world, world, arcs)
     shift.place[:], shift.speed[:] = (random.normal(size=shift.place.shape) * size for size in (0.003, 0.01))
     walls.look(world, points)
-    found, grip = moving_colon.query(np, tables, shift, points, arcs)
+    found, grip = moving_colon.query(np, tables, shift, points, arcs, np.full(1, 0.006))
     speeds = moving_colon.wall_speeds(np, own, shift, grip)
     for mine, theirs in zip((walls.arcs, walls.depth, walls.inwards, walls.wall_speed), (*found, speeds), strict=True):
         assert np.abs(mine - theirs).max() < 1e-12
@@ -244,7 +244,7 @@ def test_compiled_loops_are_the_law() -> None:
     walls.give_way(world, force, damping, _STEP)
     assert np.abs(shift.place - expected.place).max() < 1e-12
     assert np.abs(shift.speed - expected.speed).max() < 1e-10
-    fixed = TableWalls(stacked._replace(mesentery=None), 1, 60)
+    fixed = TableWalls(stacked._replace(mesentery=None), 1, 60, radius=0.006)
     fixed.begin(world, world, arcs)
     fixed.look(world, points)
     still = query(np, tables, points, arcs)
@@ -318,6 +318,7 @@ def test_a_colon_at_rest_holds_what_the_scope_presses() -> None:
             worlds.shift,
             engine._samples(parameters.scope, _pose(engine, parameters, worlds)),
             worlds.arcs[:, :-1],
+            parameters.scope.radius,
         )
         on_scope = np.asarray((worlds.normal[..., None] * found.inwards).sum(axis=1)[0])
         held = np.asarray(pull.sum(axis=1)[0])

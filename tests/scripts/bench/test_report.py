@@ -11,7 +11,7 @@ from tests.scripts.bench.test_result import BENCH
 def test_the_page_holds_bars_fronts_and_tables(tmp_path: Path) -> None:
     page = report_bench(tmp_path, [BENCH]).read_text(encoding="utf-8")
     assert "Not met: error: nothing finite %, at most 0.1 %" in page
-    assert "1 of 2" in page
+    assert "2 of 4" in page
     assert "How far does it bend?" in page
     assert "Not drawn: timestep=0.02 (diverged)" in page
     assert "cost s" in page

@@ -1,7 +1,9 @@
 import numpy as np
 import pytest
 
-from haustra.envs.runs.measure.containment import Containment
+from haustra.envs.runs.measure.containment import Containment, LumenWidths, outside, stack_widths
+from tests.bent_colon import winding
+from tests.models.wall.conftest import swept_colon
 from tests.tube_colon import RADIUS, straight_tube
 
 SCOPE = 0.0064
@@ -26,3 +28,30 @@ def test_being_inside_another_loop_is_no_excuse():
     # The tip is beside the beginning of the tube, which is inside, but far from where it has got to.
     nodes = np.array([[0.0, 0.0, 0.02]])
     assert Containment(straight_tube(), radius=SCOPE).outside(nodes, np.zeros(1), 0.4) > 0.3
+
+
+def test_many_worlds_are_judged_as_one_is():
+    """Stations every centimetre instead of every two millimetres: no more than a millimetre apart, outside or in."""
+    colons = [straight_tube(), swept_colon(winding([(0.1, 0.0), (0.12, 1.2), (0.1, 0.0)]), name="bend")]
+    widths = stack_widths(colons)
+    random = np.random.default_rng(0)
+    for row, colon in enumerate(colons):
+        own = LumenWidths(*(part[row] for part in widths))
+        line = colon.centreline
+        stations = np.column_stack([np.interp(own.arcs, line.arc, line.points[:, axis]) for axis in range(3)])
+        for away in (0.0, 0.02, 0.045, 0.06):
+            rows = np.searchsorted(line.arc, 0.25 - BEHIND)
+            nodes = line.points[rows] + away * line.frames[rows, :, 0] + random.normal(0, 0.001, (3, 3))
+            known = Containment(colon, radius=SCOPE).outside(nodes, BEHIND, 0.25)
+            found = outside(
+                np,
+                own,
+                stations,
+                nodes,
+                behind=BEHIND,
+                inside=np.ones(3, bool),
+                tip_arc=np.float64(0.25),
+                radius=SCOPE,
+                moves=False,
+            )
+            assert found == pytest.approx(known, abs=0.001 if away > 0.03 else 0.003)

@@ -8,7 +8,8 @@ import pytest
 from haustra.envs.study.run import answer_all
 from haustra.envs.study.sampling import designs_of, jobs_of
 from haustra.envs.study.store import open_store
-from haustra.envs.study.study import Result
+from haustra.envs.study.study import Result, ScoreError
+from haustra.envs.view.report import sweep_report
 from haustra.envs.view.report.sweep_report import report_sweep
 from haustra.errors import InvalidOptionError, UnreadableFileError
 from tests.envs.study.studies import study
@@ -63,6 +64,19 @@ def test_the_best_is_first_with_its_uncertainty(page: str) -> None:
     table = page[page.index("Ranked designs") :]
     assert "<td>14 (13 to 15)</td>" in table[: table.index("</table>")]
     assert max(table.index(f"design {number}<") for number in (6, 10, 11)) < table.index("design 8<")
+
+
+def test_what_is_not_told_apart_shares_a_rank_and_says_so(tmp_path: Path, monkeypatch) -> None:
+    """With 50 % of numerical error in force, and none known in ripple, 11 and 8 differ in nothing: both have 0.12."""
+    monkeypatch.setattr(sweep_report, "errors_of", lambda study, sessions: {"force_N": ScoreError(relative=0.5)})
+    path, rows = report_sweep(_fill(tmp_path), designs=("11", "8"))
+    page = path.read_text(encoding="utf-8")
+    table = page[page.index("Ranked designs") :]
+    assert re.search(r"<td>\d+ =</td><td>design 11</td>", table)
+    assert "<td>14 (13 to 15) ± 7</td>" in table
+    assert "Nobody measured the numerical error of ripple fraction" in table
+    force = next(row for row in rows if row["score"] == "force_N" and row["design"] == "design 8")
+    assert force["difference"] == pytest.approx(-3) and not force["told_apart"]
 
 
 def test_failures_are_counted_and_text_cannot_run(page: str) -> None:

@@ -39,6 +39,13 @@ def test_it_drives_through_a_colon_at_its_tread_speed() -> None:
     assert np.linalg.norm(data.body(tracked.core).xpos[:2]) < 1e-3
 
 
+def test_in_a_colon_its_friction_is_as_stiff_as_it_asks_for() -> None:
+    """The treads' friction saturates at the slowest tread speed with an impratio of 1e3; scopes ask for less."""
+    scene = build_scene(straight_tube(), wedge_wall(), named_design("adult"), SceneOptions(insertion_limit=0.3))
+    stand_in_colon(scene.spec, straight_tube(), DESIGN, arc=0.3, friction=0.4)
+    assert scene.spec.option.impratio == 1e3
+
+
 def test_each_track_spreads_to_the_wall_it_faces() -> None:
     colon = straight_tube()
     radius = colon.radius.copy()

@@ -1,0 +1,186 @@
+"""One run of any device: driven by its own driver until it is through, out, lost or out of time, and scored."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from haustra.envs.runs.insertion import CONTROL_INTERVAL, Progress
+from haustra.envs.runs.measure.progress import segment_at
+from haustra.envs.runs.outcome import CAECUM_MARGIN, ESCAPE_DEPTH, Outcome
+from haustra.envs.sim.device_native import NativeDevice
+from haustra.models.accuracy import NumericalError
+from haustra.models.anatomy.colon import Colon
+from haustra.models.anatomy.lumen_meshes import add_lumen
+from haustra.models.device_scene import build_device_scene, device_options, device_tables
+from haustra.models.devices.base import Device, Pose, Reading
+from haustra.models.scene import SceneOptions, entry_of
+
+PATIENCE = 10.0
+"""A run whose time is up was stuck when it made less than `_HEADWAY` in this time [s]."""
+_HEADWAY = 0.005
+
+Records = Mapping[str, Any]
+"""What was recorded at every control interval, by name: `time` [s], `tip_arc` [m], `wall_force` [N], `deepest` [m] and
+the device's own readings, each (records,); where they are known `tip` (records, 3), `qpos`, `ctrl`."""
+
+
+@dataclass(frozen=True)
+class DeviceRun:
+    """A finished run of any device."""
+
+    device: Device
+    outcome: Outcome
+    records: Records
+    shape: Float[np.ndarray, "points 3"]
+    """Points along the device at the end, from its rear to its nose, in the colon's coordinates [m]."""
+    radius: float
+    """Of the device, to draw it [m]."""
+    spec: mujoco.MjSpec
+    """The scene that was run, with the lumen as a picture, in the colon's coordinates."""
+    wall_clock: float
+    """Time that stepping and deciding took [s]."""
+    backend: str
+    wall_law: str
+    left_out: Mapping[str, str]
+    configuration: Mapping[str, object]
+    """Every option that shaped the run; JSON values only."""
+    own_scores: Mapping[str, Any] = field(default_factory=dict)
+    """Scores of this kind of device, beside the means and peaks of its readings."""
+
+
+def run_device(
+    device: Device,
+    colon: Colon,
+    options: SceneOptions | None = None,
+    *,
+    seconds: float,
+    progress: Progress | None = None,
+) -> DeviceRun:
+    """Let a device's own driver drive it for up to `seconds` of simulated time, natively, against the lumen's table.
+
+    Raises:
+        UnsupportedSceneError: naming what the device or its scene does not honour.
+    """
+    options = options or device_options()
+    scene = build_device_scene(device, options, pose=Pose(*entry_of(colon)))
+    engine = NativeDevice(scene, device_tables(scene, [colon]))
+    steps = max(1, round(CONTROL_INTERVAL / options.timestep))
+    rows: list[dict[str, Any]] = []
+    memory, outcome, shape = np.zeros(1), None, engine.spheres()[0]
+    seen = engine.observe()
+    began = time.perf_counter()
+    while outcome is None and seen.time[0] < seconds - steps * options.timestep / 2:
+        commands, memory = device.drive(np, seen, memory)
+        if not engine.step(commands, steps).all():
+            outcome = Outcome.DIVERGED
+            break
+        seen, shape = engine.observe(), engine.spheres()[0]
+        qpos, ctrl = engine.positions()
+        row = {name: getattr(seen, name)[0] for name in ("time", "tip", "tip_arc", "wall_force", "deepest")}
+        own = {name: value[0] for name, value in engine.readings().items()}
+        rows.append({**row, **own, "qpos": qpos[0], "ctrl": ctrl[0], "commands": commands[0]})
+        outcome = ended(row, colon.centreline.length)
+        if progress and len(rows) % 25 == 0:
+            progress(float(seen.time[0]), float(seen.tip_arc[0]))
+    records = {name: np.array([row[name] for row in rows], float) for name in rows[0]} if rows else _nothing(device)
+    spec = scene.spec.copy()
+    add_lumen(spec, colon, group=1)
+    return DeviceRun(
+        device=device,
+        outcome=outcome or time_is_up(records),
+        records=records,
+        shape=shape,
+        radius=max(scene.radii),
+        spec=spec,
+        wall_clock=time.perf_counter() - began,
+        backend=engine.name,
+        wall_law=options.wall_law,
+        left_out=scene.left_out,
+        configuration={**scene.configuration(), "seconds": seconds, "driver": "the device's own"},
+    )
+
+
+def ended(row: Mapping[str, Any], length: float) -> Outcome | None:
+    """Why a run ends with this record in a colon of that length [m]; None while it goes on."""
+    if row["deepest"] > ESCAPE_DEPTH:
+        return Outcome.ESCAPED
+    return Outcome.REACHED_CAECUM if row["tip_arc"] >= length - CAECUM_MARGIN else None
+
+
+def time_is_up(records: Records) -> Outcome:
+    """How a run ended that nothing else ended: it was stuck if it came no further lately."""
+    at, arc = records["time"], records["tip_arc"]
+    if not len(at) or at[-1] < PATIENCE:
+        return Outcome.TIME_UP
+    late = at > at[-1] - PATIENCE
+    before = float(arc[~late].max(initial=0.0))
+    return Outcome.STUCK if arc[late].max() - before < _HEADWAY else Outcome.TIME_UP
+
+
+def common_scores(outcome: Outcome, records: Records, readings: tuple[Reading, ...], length: float) -> dict[str, Any]:
+    """Scores that make sense for any device, and mean and peak of its own readings, as plain JSON values.
+
+    `wall_force` is the largest resultant normal force of the wall on one body of the device; `outside_max_mm` how deep
+    its surface stood in the wall at rest, negative for room; `reach` how far its tip came over the colon's length.
+    """
+    count = len(records["time"])
+
+    def of(name: str, pick: Callable[[np.ndarray], Any], otherwise: float = 0.0) -> float:
+        return float(pick(np.asarray(records[name]))) if count else otherwise
+
+    furthest = of("tip_arc", np.max)
+    scores: dict[str, Any] = {
+        "outcome": outcome.value,
+        "simulated_s": of("time", np.max),
+        "tip_arc_m": of("tip_arc", lambda arc: arc[-1]),
+        "tip_arc_max_m": furthest,
+        "reach": min(max(furthest / length, 0.0), 1.0),
+        "wall_force_peak_N": of("wall_force", np.max),
+        "wall_force_mean_N": of("wall_force", np.mean),
+        "outside_max_mm": 1e3 * of("deepest", np.max),
+    }
+    for reading in readings:
+        mean, peak = reading_columns(reading)
+        scores[mean] = of(reading.name, np.mean)
+        scores[peak] = of(reading.name, lambda values: np.abs(values).max())
+    return scores
+
+
+def reading_columns(reading: Reading) -> tuple[str, str]:
+    """Names of the scores that hold mean and peak of a reading, with its unit."""
+    unit = "" if reading.unit == "1" else "_" + reading.unit.replace("/", "_").replace(" ", "")
+    return f"{reading.name}_mean{unit}", f"{reading.name}_peak{unit}"
+
+
+def device_scores(run: DeviceRun, colon: Colon) -> dict[str, Any]:
+    """All scores of a run but its provenance, as plain JSON values."""
+    found = common_scores(run.outcome, run.records, run.device.readings, colon.centreline.length)
+    simulated = found["simulated_s"]
+    return {
+        "device": run.device.name,
+        "device_kind": run.device.kind,
+        **found,
+        "advice": run.outcome.advice,
+        "tip_segment": segment_at(colon, found["tip_arc_m"]),
+        "tip_segment_max": segment_at(colon, found["tip_arc_max_m"]),
+        "colon_length_m": colon.centreline.length,
+        "wall_clock_s": run.wall_clock,
+        "real_time_factor": simulated / run.wall_clock if run.wall_clock > 0 else 0.0,
+        "backend": run.backend,
+        "wall_law": run.wall_law,
+        "mesentery": False,
+        "numerical_error": NumericalError().to_json(),
+        "timestep_s": float(run.spec.option.timestep),
+        **run.own_scores,
+        "not_modelled": dict(run.left_out),
+    }
+
+
+def _nothing(device: Device) -> dict[str, Any]:
+    names = ("time", "tip_arc", "wall_force", "deepest", *(reading.name for reading in device.readings))
+    return {name: np.zeros(0) for name in names}

@@ -1,0 +1,154 @@
+"""Which backend honours which field of a scene, a design and a task; what a backend cannot honour it refuses by name.
+
+One table, `CAPABILITIES`, holds every field there is. Constructors of backends call `require_supported`;
+`tests/envs/sim/test_capabilities.py` runs each field on each backend and finds its effect or its refusal.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from operator import attrgetter
+from typing import Any
+
+from haustra.errors import InvalidOptionError, UnsupportedSceneError
+from haustra.models.scene import Scene
+
+BACKENDS: Mapping[str, str] = {
+    "native": "one scene on MuJoCo's CPU engine",
+    "native-batch": "many scopes on MuJoCo's CPU threads",
+    "jax": "many scopes, or one, as a chain in JAX",
+    "warp": "many scopes on MuJoCo Warp",
+}
+"""What each backend is, by name."""
+MANY_WORLDS = ("native-batch", "jax", "warp")
+"""Backends that step many scopes at once, in tasks too."""
+
+
+@dataclass(frozen=True)
+class Capability:
+    """Who honours one field."""
+
+    path: str
+    """Where the field is: scene, design, randomisation, task or tracked, then its name."""
+    only: Mapping[str, tuple[Any, ...]] = field(default_factory=dict)
+    """Backends that refuse values, and the values that they honour; the others honour all."""
+    about: str = ""
+    """What else there is to know."""
+
+    def honoured(self, backend: str, value: Any) -> bool:
+        """Whether a backend honours a value."""
+        return backend not in self.only or value in self.only[backend]
+
+
+def _in(room: str, *names: str, **more: Any) -> tuple[Capability, ...]:
+    return tuple(Capability(f"{room}.{name}", **more) for name in names)
+
+
+def _only(*values: Any, backends: tuple[str, ...] = MANY_WORLDS) -> Mapping[str, tuple[Any, ...]]:
+    return dict.fromkeys(backends, values)
+
+
+_SECTION = (
+    *("length", "flexural_rigidity", "torsional_rigidity", "stiffening", "minimum_bend_radius"),
+    *("bias_up_deg", "bias_left_deg"),
+)
+_WHEELS = "counts where wheels steer, which backends of many worlds refuse"
+_LABEL = "a name, which shapes nothing"
+
+SCENE = (
+    *_in("scene", "timestep", "shaft_cell", "bending_cell", "twist_hinges", "sample_spacing"),
+    *_in("scene", "largest_bend_deg", about="many worlds share the joints that suit the longest of their colons"),
+    *_in("scene", "wall_stiffness", "wall_damping_time", "friction", "push_limit", "torque_limit", "start_depth"),
+    *_in("scene", "insertion_limit"),
+    *_in("scene", "gravity", about="in each colon's own frame"),
+    *_in("scene", "segment_stiffness", only=_only(())),
+    *_in("scene", "wall_law", only=_only("table")),
+    *_in("scene", "mesentery", only=_only(False, backends=("warp",))),
+    *_in("scene", "softening", only=_only(False)),
+)
+"""Fields of `SceneOptions`."""
+
+DESIGN = (
+    *_in("design", "name", about=_LABEL),
+    *_in("design", "diameter", "mass_per_length", "relaxation_time", "variable_stiffness"),
+    *_in("design", "temperature_factor_bending", "temperature_factor_torsion"),
+    *_in("design", "working_length", about="a check of the design, which shapes nothing"),
+    *_in("design.shaft", *_SECTION),
+    *_in("design.bending", *_SECTION),
+    *_in("design.limits", "up", "left", "down", "right"),
+    *_in("design.wires", "routing_radius", "pull_limit", "friction", "hysteresis"),
+    *_in("design.wires", "slack", "compliance", about=_WHEELS),
+    *_in("design.tip", "length"),
+    *_in("design.tip", "field_of_view_deg", about="for pictures only"),
+)
+"""Fields of `ScopeDesign` and its parts."""
+
+CAMERA = (
+    *_in("design.tip", "camera_offset_up", "camera_offset_left", "camera_tilt_deg", only=_only(0.0)),
+    *_in("design.tip", "light", only=_only(1.0)),
+)
+"""Fields of `ScopeTip` that shape pictures only; tasks, which draw their own, refuse what they cannot show."""
+
+_PULLED = "drawn by the task, which every backend steps"
+RANDOMISATION = (
+    *_in("randomisation", "friction", "wall_stiffness", "shaft_stiffness", "start_roll"),
+    *_in("randomisation", "wire_gain", "wire_slack", about=_PULLED),
+)
+"""Fields of `Randomisation`."""
+
+_RULES = "a rule of the task, which every backend steps"
+TASK = (
+    *_in("task", "task", only=_only("insertion", backends=("jax", "warp"))),
+    *_in("task", "mesentery", only=_only(False, backends=("warp",))),
+    *_in("task", "design", "difficulty", "seeds"),
+    *_in("task", "observation", "privileged", "imager", "memory", "picture_size", "depth", "pictures", about=_RULES),
+    *_in("task", "randomisation", about="its fields follow"),
+    *_in("task.drive", "control_interval", "push_rate", "roll_rate", "wheel_rate", "hand_lead", about=_RULES),
+    *_in("task.limits", "seconds", "perforation_force", "safe_force", "caecum_margin", about=_RULES),
+    *_in("task.weights", "progress", "advance", "facing", "reached", "time", "wall_force", about=_RULES),
+    *_in("task.weights", "looping", "perforation", "coverage", about=_RULES),
+)
+"""Fields of `TaskConfig` and its parts."""
+
+CAPABILITIES = (*SCENE, *DESIGN, *CAMERA, *TASK, *RANDOMISATION)
+
+
+def require_supported(scene: Scene, backend: str) -> None:
+    """Refuse what a backend cannot honour of a scene.
+
+    Raises:
+        InvalidOptionError: when the backend is not known.
+        UnsupportedSceneError: naming the field, its value, the backend, and those that honour it.
+    """
+    _require(backend, (*SCENE, *DESIGN), {"scene": scene.options, "design": scene.design})
+
+
+def require_task_supported(config: Any, scene: Scene, backend: str) -> None:
+    """Refuse what a backend of many worlds cannot honour of a task, its design and its scene.
+
+    Args:
+        config: a `haustra.envs.tasks.config.TaskConfig`.
+        scene: of the task's scope.
+        backend: one of `MANY_WORLDS`.
+
+    Raises:
+        InvalidOptionError: when the backend is not known.
+        UnsupportedSceneError: naming the field, its value, the backend, and those that honour it.
+    """
+    _require(backend, (*TASK, *CAMERA), {"task": config, "design": scene.design})
+    require_supported(scene, backend)
+
+
+def _require(backend: str, table: tuple[Capability, ...], parts: Mapping[str, Any]) -> None:
+    if backend not in BACKENDS:
+        raise InvalidOptionError(f"Backend '{backend}' is not known. Known: {', '.join(BACKENDS)}.")
+    for entry in table:
+        if not entry.only:
+            continue
+        room, _, name = entry.path.partition(".")
+        value = attrgetter(name)(parts[room])
+        if not entry.honoured(backend, value):
+            others = [other for other in BACKENDS if entry.honoured(other, value)]
+            raise UnsupportedSceneError(
+                f"The backend '{backend}' cannot honour {entry.path} = {value!r}, only "
+                f"{', '.join(map(repr, entry.only[backend]))}; {', '.join(others) or 'none'} can."
+            )

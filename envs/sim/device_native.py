@@ -1,0 +1,162 @@
+"""Any device on MuJoCo's CPU engine, in many worlds: planes placed where the table says, commands in, readings out."""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from mujoco.batch import Batch
+
+from haustra.envs.sim.log import log_to_stderr_only
+from haustra.envs.sim.native import FATAL_WARNINGS, SPEED_LIMIT
+from haustra.envs.sim.table_planes import TablePlanes
+from haustra.models.device_scene import DeviceScene
+from haustra.models.devices.base import LOOK_AHEAD, Seen, State
+from haustra.models.wall.lumen_table import Tables, axis_at, pick
+
+
+class NativeDevice:
+    """Worlds of one device, each in a colon, with friction and wall stiffness of its own."""
+
+    name = "native"
+
+    def __init__(self, scene: DeviceScene, tables: Tables, *, worlds: int = 1, threads: int = 1) -> None:
+        """Compile one model for all worlds.
+
+        Args:
+            scene: device and options (`haustra.models.device_scene.build_device_scene`).
+            tables: the colons (`haustra.models.device_scene.device_tables`).
+            worlds: how many.
+            threads: of MuJoCo.
+        """
+        log_to_stderr_only()
+        self.scene, self.worlds, self._tables = scene, worlds, tables
+        self.model = model = scene.compile()
+        self._batch = batch = Batch(model, worlds, nthread=threads)
+        self._qpos, self._qvel, self._act = (batch.bind(name) for name in ("qpos", "qvel", "act"))
+        self._ctrl, self._time, self._force = (batch.bind(name) for name in ("ctrl", "time", "actuator_force"))
+        self._site_xpos, self._site_xmat = batch.bind("site_xpos"), batch.bind("site_xmat")
+        self._xpos = batch.bind("geom_xpos")
+        self._tip = model.site(scene.handles.tip).id
+        self._wall = TablePlanes(
+            batch,
+            model,
+            tables,
+            worlds=worlds,
+            count=len(scene.handles.samples),
+            damping_time=scene.options.wall_damping_time,
+            groups=scene.groups,
+            anus=scene.pose.position,
+            inwards=scene.pose.frame[:, 2],
+        )
+        self._nose = self._wall.radius[-1]
+        self._start_state = batch.state[0].copy()
+        self.healthy: Bool[np.ndarray, " worlds"] = np.ones(worlds, bool)
+        options = scene.options
+        self.reset(
+            np.arange(worlds),
+            np.zeros(worlds, int),
+            friction=np.full(worlds, float(options.friction)),
+            wall_stiffness=np.full(worlds, float(options.wall_stiffness)),
+        )
+
+    def reset(
+        self,
+        worlds: Int[np.ndarray, " reset"],
+        colons: Int[np.ndarray, " reset"],
+        *,
+        friction: Float[np.ndarray, " reset"],
+        wall_stiffness: Float[np.ndarray, " reset"],
+    ) -> None:
+        """Put the devices of some worlds to the anus of the colons of those numbers."""
+        self._batch.state[worlds] = self._start_state
+        self._batch.warning[worlds] = 0
+        self.healthy[worlds] = True
+        self._wall.case[worlds] = colons
+        self._wall.set_contact(worlds, friction, wall_stiffness)
+        self._wall.park(worlds)
+        self._batch.forward(np.sort(worlds))
+        self._wall.begin(worlds)
+
+    def step(self, commands: Float[np.ndarray, "worlds channels"], count: int) -> Bool[np.ndarray, " worlds"]:
+        """Advance by `count` time steps; False for worlds that are lost, which stand still at their start from then.
+
+        A world with commands that are not finite is lost: MuJoCo takes them for none.
+        """
+        sound = np.asarray(np.isfinite(commands).all(axis=1))
+        self._lose(self.healthy & ~sound)
+        commands = np.where(sound[:, None], commands, 0.0)
+        device = self.scene.device
+        self._ctrl[:] = device.control(np, self.model, self.scene.handles, self._state(), commands)
+        for _ in range(count):
+            self._wall.place(np.flatnonzero(self.healthy))
+            self._batch.step(None if self.healthy.all() else np.flatnonzero(self.healthy))
+            self._catch_divergence()
+        return self.healthy.copy()
+
+    def observe(self) -> Seen:
+        """What every device can be told by, at the end of the last step."""
+        arcs = self._arc()
+        tip = self._site_xpos[:, self._tip].copy()
+        links = np.einsum("wsi,sb->wbi", self._wall.forces(), self.scene.members)
+        return Seen(
+            time=self._time.reshape(-1).copy(),
+            tip=tip,
+            tip_frame=self._frame(),
+            tip_arc=arcs,
+            ahead=look_ahead(np, self._tables, self._wall.case * len(self.scene.radii), tip, arcs),
+            wall_force=np.linalg.norm(links, axis=2).max(axis=1),
+            deepest=self._wall.depth.max(axis=1),
+        )
+
+    def readings(self) -> dict[str, Float[np.ndarray, " worlds"]]:
+        """The device's own quantities, by name."""
+        return self.scene.device.read(np, self.model, self.scene.handles, self._state())
+
+    def spheres(self) -> Float[np.ndarray, "worlds spheres 3"]:
+        """Places of the device's spheres, the last at its nose [m]."""
+        return self._xpos[:, self._wall.spheres].copy()
+
+    def positions(self) -> tuple[Float[np.ndarray, "worlds positions"], Float[np.ndarray, "worlds actuators"]]:
+        """Generalised positions [m, rad], and the controls that led there."""
+        return self._qpos.copy(), self._ctrl.copy()
+
+    def world_data(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        """Model and data of one world as MuJoCo's own values, to draw or to check."""
+        return self._batch.get_model(world), self._batch.get_data(world)
+
+    def _state(self) -> State:
+        # Python's own arrays: a device must not write into what MuJoCo steps.
+        return State(
+            self._qpos.copy(), self._qvel.copy(), self._act.copy(), self._frame(), self._arc(), self._force.copy()
+        )
+
+    def _frame(self) -> Float[np.ndarray, "worlds 3 3"]:
+        return self._site_xmat[:, self._tip].reshape(-1, 3, 3).copy()
+
+    def _arc(self) -> Float[np.ndarray, " worlds"]:
+        return self._wall.arcs[:, -1] + self._nose
+
+    def _catch_divergence(self) -> None:
+        state = np.abs(self._qvel).max(axis=1)
+        sound = (state < SPEED_LIMIT) & np.isfinite(self._qpos).all(axis=1)
+        sound &= ~self._batch.warning[:, FATAL_WARNINGS, 1].any(axis=1)
+        self._lose(self.healthy & ~sound)
+
+    def _lose(self, lost: Bool[np.ndarray, " worlds"]) -> None:
+        """Take worlds out until they are reset."""
+        if not lost.any():
+            return
+        self.healthy &= ~lost
+        self._batch.state[lost] = self._start_state
+        self._batch.warning[lost] = 0
+        self._batch.forward(np.flatnonzero(lost))
+        self._wall.begin(np.flatnonzero(lost))
+
+
+def look_ahead(xp: Any, tables: Tables, colons: Any, tip: Any, arcs: Any) -> Any:
+    """Unit vectors (worlds, 3) from the tip to the lumen's axis `LOOK_AHEAD` further on, at least to the anus."""
+    own = pick(tables, colons)
+    target = axis_at(xp, own, xp.maximum(arcs + LOOK_AHEAD, 0.0)[:, None])[:, 0]
+    away = target - tip
+    return away / xp.maximum(xp.sqrt((away**2).sum(axis=-1, keepdims=True)), 1e-6)

@@ -1,0 +1,19 @@
+"""What of the hand's pulls bends the tip: less what a bent shaft loses (`arriving_pulls`), no more than wires bear."""
+
+from types import ModuleType
+from typing import Any
+
+from jaxtyping import Float
+
+_TINY = 1e-24
+"""Keeps the derivative of a straight joint's angle finite; less than rounding [rad^2]."""
+
+
+def sheath_angle(xp: ModuleType, about_x: Float[Any, "*worlds joints"], about_y: Float[Any, "*worlds joints"]) -> Any:
+    """Angle that shafts are bent through, summed regardless of direction [rad], from the angles of their hinges."""
+    return xp.sqrt(about_x * about_x + about_y * about_y + _TINY).sum(-1)
+
+
+def borne_pulls(xp: ModuleType, pulls: Float[Any, "*worlds 4"], limit: Float[Any, "*any"]) -> Float[Any, "*worlds 4"]:
+    """Pulls that wires bear [N]: none pushes, and none pulls with more than its limit."""
+    return xp.clip(pulls, 0.0, limit)

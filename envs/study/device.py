@@ -1,0 +1,188 @@
+"""How far any device gets in a colon by its own driver, as a question for studies."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from haustra.envs.runs.device_run import common_scores, ended, reading_columns, run_device, time_is_up
+from haustra.envs.runs.insertion import CONTROL_INTERVAL
+from haustra.envs.runs.outcome import Outcome
+from haustra.envs.study.halving import halved
+from haustra.envs.study.paths import with_values
+from haustra.envs.study.questions import Engine, Question, Runner, one_by_one
+from haustra.envs.study.study import Column, Job, Result, Study, Value
+from haustra.errors import HaustraError, InvalidStudyError
+from haustra.models.anatomy.colon import Colon
+from haustra.models.anatomy.grown import grow_colon
+from haustra.models.anatomy.store import load_colon
+from haustra.models.device_scene import build_device_scene, device_options, device_tables
+from haustra.models.devices.base import Device, Pose, load_device
+from haustra.models.scene import SceneOptions, entry_of
+
+BATCH = 1024
+"""Jobs in one call of the engine 'warp'."""
+_BASE = "adult"
+
+SCORES = (
+    Column("outcome", "text", "why the run ended: reached_caecum, stuck, time_up or escaped"),
+    Column("reach", "1", "how far the tip came, as a share of the colon's length"),
+    Column("tip_arc_max_m", "m", "the same as a length along the colon"),
+    Column("wall_force_peak_N", "N", "largest resultant wall force on one body, at 50 Hz"),
+    Column("wall_force_mean_N", "N", "its mean over the run"),
+    Column("outside_max_mm", "mm", "how deep the device's surface stood in the wall at rest; negative for room"),
+    Column("simulated_s", "s", "time that was simulated"),
+    Column("escaped", "1", "1 where the device broke through the wall, which ends the run"),
+    Column("readings", "text", "means and peaks of the device's own readings, as name=value"),
+)
+
+
+def build_setup(
+    study: Study, variables: Mapping[str, float], conditions: Mapping[str, Value]
+) -> tuple[Device, SceneOptions]:
+    """The device with the variables applied, and the options of its scene.
+
+    Paths: `design.*` are numbers of the device, or of the design that it holds, `scene.*` of `SceneOptions`;
+    `condition.friction` replaces the condition.
+
+    Raises:
+        InvalidDesignError: when the design is impossible.
+        InvalidStudyError: when a path is not known.
+        UnsupportedSceneError: naming what scenes of this device do not honour.
+    """
+    paths = {variable.name: variable.path for variable in study.variables}
+    changes = {**study.changes, **{paths[name]: value for name, value in variables.items()}}
+    rooms: dict[str, dict[str, float]] = {"design": {}, "scene": {}}
+    friction = float(conditions["friction"])
+    for path, value in changes.items():
+        room, _, rest = path.partition(".")
+        if room in rooms and rest:
+            rooms[room][rest] = value
+        elif path == "condition.friction":
+            friction = value
+        else:
+            raise InvalidStudyError(f"'{path}' is not known. Known: design.<field>, scene.<field>, condition.friction")
+    seed = str(conditions["colon"]).removeprefix("grown-")
+    if seed != conditions["colon"] and not seed.isdigit():
+        raise InvalidStudyError(f"Colon '{conditions['colon']}' is not known: give grown-<seed> or a colon's folder.")
+    if not 0 < float(study.options["seconds"]) <= 3600:
+        raise InvalidStudyError(f"options.seconds is {study.options['seconds']}: give a time up to 3600 s")
+    base = load_device(_BASE if study.base == "default" else study.base)
+    own = {entry.name for entry in fields(base)}
+    inside = {
+        path if path.partition(".")[0] in own else f"design.{path}": value for path, value in rooms["design"].items()
+    }
+    device = with_values(base, inside) if inside else base
+    options = device_options(friction=friction, timestep=float(study.options["timestep"]))
+    options = with_values(options, rooms["scene"]) if rooms["scene"] else options
+    build_device_scene(device, options, pose=Pose())
+    return device, options
+
+
+def result_of(job: Job, device: Device, outcome: Outcome, records: Mapping[str, np.ndarray], length: float) -> Result:
+    """A job's row from what was recorded."""
+    if outcome is Outcome.DIVERGED:
+        return Result(job.id, "diverged", reason=outcome.advice)
+    found = common_scores(outcome, records, device.readings, length)
+    own = [name for reading in device.readings for name in reading_columns(reading)]
+    scores: dict[str, Any] = {
+        **found,
+        "escaped": float(outcome is Outcome.ESCAPED),
+        "readings": " ".join(f"{name}={found[name]:.6g}" for name in own),
+    }
+    return Result(job.id, "finished", scores={column.name: scores[column.name] for column in SCORES})
+
+
+@lru_cache(maxsize=8)
+def _colon(name: str) -> Colon:
+    seed = name.removeprefix("grown-")
+    return load_colon(Path(name)) if seed == name else grow_colon(seed=int(seed))
+
+
+def _start(study: Study, folder: Path) -> Runner:
+    seconds = float(study.options["seconds"])
+
+    def answer(job: Job) -> Result:
+        device, options = build_setup(study, job.variables, job.conditions)
+        colon = _colon(str(job.conditions["colon"]))
+        run = run_device(device, colon, options, seconds=seconds)
+        return result_of(job, device, run.outcome, run.records, colon.centreline.length)
+
+    return one_by_one(answer)
+
+
+def _start_warp(study: Study, folder: Path) -> Runner:
+    """Jobs of one design share a batch: colons and friction are numbers of each world, a design is a model."""
+    from haustra.envs.sim.warp_setup import use_warp
+
+    use_warp()
+    names = tuple(map(str, study.conditions["colon"]))
+    seconds = float(study.options["seconds"])
+
+    def run(jobs: Sequence[Job]) -> Iterable[Result]:
+        groups: dict[Any, list[Job]] = {}
+        for job in jobs:
+            groups.setdefault(tuple(sorted(job.variables.items())), []).append(job)
+        for group in groups.values():
+            try:
+                yield from halved(lambda some: _answer_warp(study, names, some, seconds), group, full=_out_of_memory)
+            except HaustraError as error:
+                yield from (Result(job.id, "failed", reason=" ".join(str(error).split())) for job in group)
+
+    return run
+
+
+def _out_of_memory(error: Exception) -> bool:
+    return "RESOURCE_EXHAUSTED" in str(error)
+
+
+def _answer_warp(study: Study, names: tuple[str, ...], jobs: Sequence[Job], seconds: float) -> list[Result]:
+    import jax.numpy as jnp
+
+    from haustra.envs.sim.device_warp import Conditions, WarpDevice, drive_worlds
+
+    setups = [build_setup(study, job.variables, job.conditions) for job in jobs]
+    device, options = setups[0]
+    colons = [_colon(name) for name in names]
+    scene = build_device_scene(device, options)
+    engine = WarpDevice.of(scene, device_tables(scene, colons, [Pose(*entry_of(colon)) for colon in colons]))
+    number = [names.index(str(job.conditions["colon"])) for job in jobs]
+    conditions = Conditions(
+        jnp.asarray(number),
+        jnp.asarray([one.friction for _, one in setups], jnp.float32),
+        jnp.asarray([one.wall_stiffness for _, one in setups], jnp.float32),
+    )
+    records = drive_worlds(engine, conditions, seconds=seconds, interval=CONTROL_INTERVAL)
+    found = []
+    for row, job in enumerate(jobs):
+        length = colons[number[row]].centreline.length
+        outcome, kept = _until_ended({name: values[row] for name, values in records.items()}, length)
+        found.append(result_of(job, device, outcome, kept, length))
+    return found
+
+
+def _until_ended(records: dict[str, np.ndarray], length: float) -> tuple[Outcome, dict[str, np.ndarray]]:
+    """How one world of a batch ended, and its records until then: the batch goes on to the end."""
+    for index in range(len(records["time"])):
+        if not records["healthy"][index]:
+            return Outcome.DIVERGED, records
+        if outcome := ended({name: values[index] for name, values in records.items()}, length):
+            return outcome, {name: values[: index + 1] for name, values in records.items()}
+    return time_is_up(records), records
+
+
+QUESTION = Question(
+    scores=SCORES,
+    conditions={
+        "colon": Column("colon", "text", "grown-<seed>, or the folder of a colon"),
+        "friction": Column("friction", "1", "Coulomb's coefficient between device and wall"),
+    },
+    options={"seconds": 30.0, "timestep": SceneOptions.timestep},
+    check=build_setup,
+)
+NATIVE = Engine(start=_start)
+WARP = Engine(start=_start_warp, batch=BATCH, most_workers=1)
+"""One process: it fills the device by itself."""

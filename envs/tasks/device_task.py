@@ -1,0 +1,140 @@
+"""Any device as a Gymnasium environment: its declared controls in, what it is told by out."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+
+from haustra.envs.runs.device_run import ended
+from haustra.envs.runs.outcome import Outcome
+from haustra.envs.sim.device_native import NativeDevice
+from haustra.errors import InvalidOptionError
+from haustra.models.anatomy.colon import Colon
+from haustra.models.anatomy.grown import grow_colon
+from haustra.models.device_scene import build_device_scene, device_options, device_tables
+from haustra.models.devices.base import Device, Pose, load_device
+from haustra.models.scene import entry_of
+
+_COMMON = 3 + 1 + 1 + 1
+"""Direction ahead in the tip's frame, progress, wall force, room."""
+_LARGEST = 10.0
+"""Bound of all observations."""
+
+
+@dataclass(frozen=True)
+class DeviceRules:
+    """An episode of any device."""
+
+    seeds: tuple[int, int] = (0, 1)
+    """Grown colons: from the first seed up to, not including, the last; one is drawn for each episode."""
+    friction: tuple[float, float] = (0.03, 0.1)
+    """Between device and wall, drawn evenly [1]."""
+    wall_stiffness: tuple[float, float] = (700.0, 2400.0)
+    """Of a contact, drawn evenly: the measured range [N/m]."""
+    seconds: float = 90.0
+    """Then the episode is truncated [s]."""
+    control_interval: float = 0.04
+    """Between two actions [s]."""
+    force_weight: float = 0.02
+    """What a control step costs, times the wall force over `safe_force`, squared [1]."""
+    safe_force: float = 5.0
+    """[N]; engineering choice."""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.seeds[0] < self.seeds[1]:
+            raise InvalidOptionError(f"Seeds {self.seeds} hold no colon: give a first and a larger last one.")
+
+
+class DeviceEnv(gymnasium.Env):
+    """One device in grown colons, natively against the lumen's table.
+
+    Actions: one number from -1 to 1 a declared channel, over its range. Observations: the direction of the lumen ahead
+    in the tip's frame, the share of the colon passed, wall force [N], depth in the wall [cm], then the device's own
+    readings over those of a metre, newton or second. Reward: progress through the colon in percent, less force.
+    """
+
+    metadata = {"render_modes": [], "render_fps": 25}  # noqa: RUF012
+
+    def __init__(
+        self,
+        device: str | Device = "adult",
+        *,
+        colons: Sequence[Colon] | None = None,
+        rules: DeviceRules | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        """Take a device, or load one by name or file, and colons, or grow those of the rules' seeds.
+
+        Raises:
+            InvalidOptionError: when pictures are asked for.
+            InvalidDesignError: when the device is not known.
+            UnsupportedSceneError: when it cannot meet the lumen's table.
+        """
+        if render_mode is not None:
+            raise InvalidOptionError("The environment of any device draws no pictures: leave render_mode out.")
+        self.render_mode, self.rules = None, rules or DeviceRules()
+        self.device = device if isinstance(device, Device) else load_device(device)
+        colons = list(colons or [grow_colon(seed=seed) for seed in range(*self.rules.seeds)])
+        self._lengths = [colon.centreline.length for colon in colons]
+        scene = build_device_scene(self.device, device_options())
+        poses = [Pose(*entry_of(colon)) for colon in colons]
+        self._engine = NativeDevice(scene, device_tables(scene, colons, poses))
+        self._steps = max(1, round(self.rules.control_interval / scene.options.timestep))
+        channels = self.device.controls
+        self._low = np.array([channel.low for channel in channels])
+        self._high = np.array([channel.high for channel in channels])
+        self.action_space = spaces.Box(-1.0, 1.0, (len(channels),), np.float32)
+        size = _COMMON + len(self.device.readings)
+        self.observation_space = spaces.Box(-_LARGEST, _LARGEST, (size,), np.float32)
+        self._colon, self._best, self._begun = 0, 0.0, False
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Put the device to the anus of a colon."""
+        super().reset(seed=seed)
+        rules = self.rules
+        self._colon = int(self.np_random.integers(len(self._lengths)))
+        drawn = {
+            name: np.array([self.np_random.uniform(*getattr(rules, name))]) for name in ("friction", "wall_stiffness")
+        }
+        self._engine.reset(np.zeros(1, int), np.array([self._colon]), **drawn)
+        self._best, self._begun = float(self._engine.observe().tip_arc[0]), True
+        return self._shown(), {name: float(value[0]) for name, value in drawn.items()}
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """One control interval.
+
+        Raises:
+            InvalidOptionError: before the first reset.
+        """
+        if not self._begun:
+            raise InvalidOptionError("The environment was not reset: call reset first.")
+        share = np.clip(np.nan_to_num(np.asarray(action, float)), -1, 1)
+        commands = self._low + 0.5 * (share + 1) * (self._high - self._low)
+        sound = bool(self._engine.step(commands[None], self._steps)[0])
+        seen, length = self._engine.observe(), self._lengths[self._colon]
+        arc, force = float(seen.tip_arc[0]), float(seen.wall_force[0])
+        row = {"tip_arc": arc, "deepest": float(seen.deepest[0])}
+        outcome = ended(row, length) if sound else Outcome.DIVERGED
+        gained = max(arc - self._best, 0.0) if sound else 0.0
+        self._best += gained
+        reward = 100.0 * gained / length - self.rules.force_weight * (force / self.rules.safe_force) ** 2
+        late = outcome is None and float(seen.time[0]) >= self.rules.seconds
+        info = {
+            "tip_arc": arc,
+            "progress": min(self._best / length, 1.0),
+            "wall_force": force,
+            "outcome": outcome.value if outcome else "",
+            **{name: float(value[0]) for name, value in self._engine.readings().items()},
+        }
+        return self._shown(), reward if sound else 0.0, outcome is not None, late, info
+
+    def _shown(self) -> np.ndarray:
+        seen = self._engine.observe()
+        ahead = seen.tip_frame[0].T @ seen.ahead[0]
+        common = [seen.tip_arc[0] / self._lengths[self._colon], seen.wall_force[0], 100.0 * seen.deepest[0]]
+        own = [value[0] for value in self._engine.readings().values()]
+        shown = np.concatenate([ahead, common, own])
+        return np.clip(np.nan_to_num(shown), -_LARGEST, _LARGEST).astype(np.float32)

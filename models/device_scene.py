@@ -1,0 +1,144 @@
+"""A scene of any device in a colon that is a table: one MjSpec, its spheres each with a plane to be placed."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from functools import cached_property
+
+import mujoco
+import numpy as np
+from jaxtyping import Float, Int
+
+from haustra.errors import UnsupportedSceneError
+from haustra.models.anatomy.colon import Colon
+from haustra.models.devices.base import Device, Handles, Pose
+from haustra.models.scene import SceneOptions, empty_spec
+from haustra.models.wall.lumen_table import Tables, lumen_table, stack
+from haustra.models.wall.planes import add_planes
+
+HONOURED = (
+    "timestep",
+    "wall_stiffness",
+    "wall_damping_time",
+    "wall_law",
+    "friction",
+    "start_depth",
+    "gravity",
+)
+"""Scene options that scenes of any device take; the others are refused by name where they are not the usual ones."""
+
+_TOLERANCE = 1e-8
+"""Of the solver: MuJoCo's own."""
+
+
+@dataclass(frozen=True)
+class DeviceScene:
+    """A device at the anus of a colon that is not in the scene, ready to compile."""
+
+    spec: mujoco.MjSpec
+    device: Device
+    handles: Handles
+    options: SceneOptions
+    pose: Pose
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    """What the scene does not model, and why."""
+
+    def compile(self) -> mujoco.MjModel:
+        """The compiled model."""
+        return self.spec.compile()
+
+    @cached_property
+    def radii(self) -> tuple[float, ...]:
+        """Radii of the device's spheres, each once: a colon needs a table for each [m]."""
+        return tuple(sorted({sample.radius for sample in self.handles.samples}))
+
+    @property
+    def groups(self) -> Int[np.ndarray, " spheres"]:
+        """Number of the radius of each sphere."""
+        return np.array([self.radii.index(sample.radius) for sample in self.handles.samples])
+
+    @cached_property
+    def members(self) -> Float[np.ndarray, "spheres bodies"]:
+        """1 where a sphere is part of a body that wall forces are summed over."""
+        bodies = np.array(self.handles.bodies)
+        return np.array([(bodies == sample.body).astype(float) for sample in self.handles.samples])
+
+    def configuration(self) -> dict[str, object]:
+        """Options and design as plain JSON values, for provenance."""
+        options = {name: value for name, value in asdict(self.options).items() if name in HONOURED}
+        return {"options": options, "design": self.device.describe(), "left_out": dict(self.left_out)}
+
+
+def device_options(**changed: object) -> SceneOptions:
+    """Options of a scene of any device: the usual ones, with the lumen as a table."""
+    return SceneOptions(**{"wall_law": "table", **changed})  # type: ignore[arg-type]
+
+
+def build_device_scene(device: Device, options: SceneOptions | None = None, *, pose: Pose | None = None) -> DeviceScene:
+    """Put a device before the anus of a colon.
+
+    Args:
+        device: the device.
+        options: how to model it; those that are not of `HONOURED` must be the usual ones.
+        pose: the anus and the way in; the origin and z when None, where colons can take turns
+            (`haustra.models.wall.lumen_table.LumenTable.seen_from`).
+
+    Raises:
+        UnsupportedSceneError: naming the option that is not honoured, or the wall that the device cannot meet.
+    """
+    options = options or device_options()
+    _require_honoured(device, options)
+    if pose is None and any(options.gravity):
+        raise UnsupportedSceneError("Gravity needs one colon and its pose: colons that take turns lie otherwise each.")
+    spec = empty_spec(f"{device.kind} {device.name}", options)
+    pose = pose or Pose()
+    handles = device.add_to(spec, pose, timestep=options.timestep, start=options.start_depth)
+    bare = spec.compile()
+    for name in handles.geoms:
+        spec.geom(name).conaffinity = 0
+    add_planes(spec, bare, handles.samples, options.contact, timestep=options.timestep, planes=1)
+    spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    spec.option.tolerance = _TOLERANCE
+    return DeviceScene(spec, device, handles, options, pose, {**_left_out(options), **device.left_out})
+
+
+def device_tables(scene: DeviceScene, colons: list[Colon], poses: list[Pose] | None = None) -> Tables:
+    """Tables of colons, one a radius of the device's spheres, seen from poses, or where the colons are when None."""
+    found = []
+    for number, colon in enumerate(colons):
+        for radius in scene.radii:
+            table = lumen_table(colon, device_radius=radius)
+            pose = poses[number] if poses else None
+            found.append(table.seen_from(pose.position, pose.frame) if pose else table.tables)
+    return stack(found)
+
+
+def _require_honoured(device: Device, options: SceneOptions) -> None:
+    usual = device_options()
+    for entry in fields(SceneOptions):
+        if entry.name not in HONOURED and getattr(options, entry.name) != getattr(usual, entry.name):
+            raise UnsupportedSceneError(
+                f"Scenes of a device of kind '{device.kind}' do not honour the option {entry.name}: leave it out. "
+                f"Honoured: {', '.join(HONOURED)}."
+            )
+    if options.wall_law != "table":
+        raise UnsupportedSceneError(
+            f"A device of kind '{device.kind}' meets the lumen's table only: wall law '{options.wall_law}' is not "
+            "honoured."
+        )
+    if "table" not in device.walls:
+        raise UnsupportedSceneError(
+            f"A device of kind '{device.kind}' cannot meet the lumen's table. It can meet: {', '.join(device.walls)}."
+        )
+
+
+def _left_out(options: SceneOptions) -> dict[str, str]:
+    left_out = {
+        "mesentery": "the colon gives way by its wall's stiffness only; sigmoid and transverse colon do not swing",
+        "self-contact": "the device does not touch itself",
+        "wall": "its table is the engine's: stock MuJoCo moves the saved device without one",
+    }
+    if not options.friction:
+        left_out["friction"] = "none was asked for: contacts have a normal force only"
+    if not any(options.gravity):
+        left_out["gravity"] = "the patient's posture is not known"
+    return left_out

@@ -1,0 +1,343 @@
+"""A device behind one interface: what it adds to a scene, what moves it, what it tells, and how it drives itself.
+
+A kind of device is a folder of `haustra.models.devices` with a module `interface`, whose `DEVICE` is a final class of
+`Device`. A design is a TOML file: it names its `kind`, and every other key is a declared field with unit and range. No
+code is loaded but what is installed. `control`, `read` and `drive` are functions of arrays of numpy or JAX with worlds
+first, so that one device runs on every engine.
+"""
+
+import tomllib
+import types
+import typing
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any, ClassVar, NamedTuple
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from haustra.assets import assets
+from haustra.errors import HaustraError, InvalidDesignError, UnreadableFileError
+from haustra.models.wall.planes import Sample
+from haustra.quantity import Quantity
+
+_QUANTITY = {entry.name for entry in fields(Quantity)}
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One control: an actuator of MuJoCo, so that stock MuJoCo repeats a run from the scene and its controls."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    actuator: str
+    """Name of the actuator whose control it is; a wrench is six motors (`add_wrench`)."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A quantity of this kind of device, beside those that all have."""
+
+    name: str
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where a device enters the patient."""
+
+    position: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+    """The anus [m]."""
+    frame: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
+    """Columns: two normals and the direction into the patient."""
+
+
+@dataclass(frozen=True)
+class Handles:
+    """Names of what a device added to a scene."""
+
+    bodies: tuple[str, ...]
+    """Bodies that meet the wall: wall forces are summed over each."""
+    samples: tuple[Sample, ...]
+    """Spheres that meet the wall."""
+    geoms: tuple[str, ...]
+    """Geoms that would meet a wall of pieces; without contact where the wall is a table."""
+    tip: str
+    """Site at the nose, its z axis forwards."""
+    start: float
+    """Distance of the tip from the anus at first [m]."""
+
+
+class State(NamedTuple):
+    """What a device may look at, worlds first; arrays of numpy or JAX."""
+
+    qpos: Any
+    """(worlds, positions) generalised positions [m, rad]."""
+    qvel: Any
+    """(worlds, dofs) generalised velocities [m/s, rad/s]."""
+    act: Any
+    """(worlds, activations) of actuators that have a state."""
+    tip_frame: Any
+    """(worlds, 3, 3) columns are the tip site's axes."""
+    tip_arc: Any
+    """(worlds,) arc length of the centreline next to the tip [m]."""
+    actuator_force: Any
+    """(worlds, actuators) [N, N m]."""
+
+
+class Seen(NamedTuple):
+    """What every device can be told by, worlds first, in the coordinates of the scene."""
+
+    time: Any
+    """(worlds,) simulated time [s]."""
+    tip: Any
+    """(worlds, 3) position of the tip [m]."""
+    tip_frame: Any
+    """(worlds, 3, 3) columns are the tip site's axes; the last looks forwards."""
+    tip_arc: Any
+    """(worlds,) arc length of the centreline next to the tip [m]."""
+    ahead: Any
+    """(worlds, 3) unit vector from the tip to the lumen's axis `LOOK_AHEAD` further on."""
+    wall_force: Any
+    """(worlds,) largest resultant normal force of the wall on one body [N]."""
+    deepest: Any
+    """(worlds,) how deep the device's surface stands in the wall at rest [m]; negative for room."""
+
+
+LOOK_AHEAD = 0.03
+"""How far along the lumen's axis `Seen.ahead` looks [m]; engineering choice: a bend's radius."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Device(ABC):
+    """A design of some kind. Numbers are declared by `number`, so that each has a unit and a range."""
+
+    kind: ClassVar[str]
+    """Name of its folder."""
+    walls: ClassVar[tuple[str, ...]] = ("table",)
+    """Wall laws that it can meet (`haustra.models.scene.SceneOptions.wall_law`)."""
+    left_out: ClassVar[Mapping[str, str]] = {}
+    """What its model does not hold, and why."""
+
+    name: str
+
+    def __post_init__(self) -> None:
+        for entry in fields(self):
+            value, limits = getattr(self, entry.name), entry.metadata
+            if "low" in limits and not limits["low"] <= value <= limits["high"]:
+                raise InvalidDesignError(
+                    f"Device '{self.name}': {entry.name} is {value:g}; give {limits['low']:g} to {limits['high']:g} "
+                    f"{limits['unit']}."
+                )
+            if "choices" in limits and value not in limits["choices"]:
+                raise InvalidDesignError(
+                    f"Device '{self.name}': {entry.name} '{value}' is not known. Known: {', '.join(limits['choices'])}."
+                )
+
+    @classmethod
+    def from_toml(cls, table: Mapping[str, Any], where: str) -> "Device":
+        """A design from a parsed file without its `kind`.
+
+        Raises:
+            InvalidDesignError: when a key is unknown or missing, or a value is out of its range.
+        """
+        return read_fields(cls, table, where)
+
+    @classmethod
+    def named(cls, name: str) -> "Device | None":
+        """A shipped design that is made of numbers elsewhere and has no file; None when there is none."""
+        return None
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """Names that `named` knows."""
+        return ()
+
+    @property
+    @abstractmethod
+    def controls(self) -> tuple[Channel, ...]:
+        """What moves it."""
+
+    @property
+    def readings(self) -> tuple[Reading, ...]:
+        """What it tells beside what all devices tell: what `read` returns."""
+        return ()
+
+    @abstractmethod
+    def add_to(self, spec: mujoco.MjSpec, pose: Pose, *, timestep: float, start: float) -> Handles:
+        """Put it into a scene.
+
+        Args:
+            spec: the scene.
+            pose: the anus and the way in.
+            timestep: that the scene is stepped with [s].
+            start: distance of the tip from the anus [m].
+        """
+
+    def control(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State, commands: Any) -> Any:
+        """Controls (worlds, actuators) of MuJoCo for commands (worlds, channels), held for one control interval.
+
+        Commands are cut off at the channels' limits. A device with actuators that are no channel, such as those that
+        hold what is outside the patient, extends this.
+        """
+        channels = self.controls
+        low, high = np.array([one.low for one in channels]), np.array([one.high for one in channels])
+        columns = [model.actuator(one.actuator).id for one in channels]
+        return put(xp, xp.zeros((len(commands), model.nu), commands.dtype), columns, xp.clip(commands, low, high))
+
+    def read(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State) -> dict[str, Any]:
+        """Each of `readings`, (worlds,)."""
+        return {}
+
+    @abstractmethod
+    def drive(self, xp: ModuleType, seen: Seen, memory: Any) -> tuple[Any, Any]:
+        """What a simple driver commands (worlds, channels), and what it remembers (worlds,); zero at first."""
+
+    def describe(self) -> dict[str, Any]:
+        """The design as plain JSON values, for provenance."""
+        from dataclasses import asdict
+
+        return {"kind": self.kind, **asdict(self)}
+
+
+def number(unit: str, low: float, high: float) -> Any:
+    """A field of a device that holds a number in that unit and range."""
+    return field(metadata={"unit": unit, "low": low, "high": high})
+
+
+def choice(*choices: str, default: str) -> Any:
+    """A field of a device that holds one of some words."""
+    return field(default=default, metadata={"choices": choices})
+
+
+def put(xp: ModuleType, array: Any, columns: Any, values: Any) -> Any:
+    """An array with some of its columns replaced, in numpy or JAX."""
+    if xp is np:
+        array[:, columns] = values
+        return array
+    return array.at[:, np.asarray(columns)].set(values)
+
+
+def add_wrench(spec: mujoco.MjSpec, site: str, names: tuple[str, ...], *, frame: str) -> None:
+    """Six motors at a site, force along and torque about three axes: the site's own, or the patient's.
+
+    Args:
+        spec: the scene; for the patient's axes it gets a site at the world's origin.
+        site: where the wrench acts.
+        names: of the six motors: forces along x, y, z, torques about x, y, z.
+        frame: 'own' or 'patient'.
+    """
+    patient = f"{site}_patient"
+    if frame == "patient":
+        spec.worldbody.add_site(name=patient, group=5)
+    for axis, name in enumerate(names):
+        motor = spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_SITE, target=site)
+        motor.set_to_motor()
+        motor.gear = np.eye(6)[axis]
+        if frame == "patient":
+            motor.refsite = patient
+
+
+def read_fields(kind: type, table: Any, where: str) -> Any:
+    """A dataclass of numbers, texts and further such dataclasses from a parsed TOML table.
+
+    A number may be given with its unit, range and source, as in assets/numbers.
+
+    Raises:
+        InvalidDesignError: when a key is unknown or missing, or a value is of the wrong kind.
+    """
+    if not isinstance(table, Mapping):
+        raise InvalidDesignError(f"{where}: expected a table of values, found {type(table).__name__}.")
+    known = {entry.name: entry for entry in fields(kind)}
+    unknown = sorted(set(table) - set(known))
+    if unknown:
+        raise InvalidDesignError(f"{where}: '{unknown[0]}' is not known. Known: {', '.join(known)}.")
+    required = [name for name, entry in known.items() if entry.default is MISSING and entry.default_factory is MISSING]
+    missing = [name for name in required if name not in table]
+    if missing:
+        raise InvalidDesignError(f"{where}: '{missing[0]}' is missing: add it.")
+    types_of = typing.get_type_hints(kind)
+    return kind(
+        **{
+            name: _value(types_of[name], value, f"{where}, {name}", known[name].metadata.get("unit"))
+            for name, value in table.items()
+        }
+    )
+
+
+def _value(kind: Any, value: Any, where: str, unit: str | None = None) -> Any:
+    if is_dataclass(kind):
+        return read_fields(typing.cast(type, kind), value, where)
+    if typing.get_origin(kind) is tuple:
+        if not isinstance(value, list):
+            raise InvalidDesignError(f"{where}: expected a list of tables, [[{where.rpartition(' ')[2]}]].")
+        part = typing.get_args(kind)[0]
+        return tuple(_value(part, each, f"{where} {index}") for index, each in enumerate(value))
+    if isinstance(kind, types.UnionType):
+        kind = next(option for option in typing.get_args(kind) if option is not type(None))
+    if kind is float and isinstance(value, Mapping) and set(value) <= _QUANTITY:
+        value = _sourced(value, where, unit)
+    wanted = (int, float) if kind is float else kind
+    if not isinstance(value, wanted) or (isinstance(value, bool) and kind is not bool):
+        name = {float: "a number", int: "a whole number", bool: "true or false"}.get(kind, "text")
+        raise InvalidDesignError(f"{where}: expected {name}, found {value!r}.")
+    return float(typing.cast(float, value)) if kind is float else value
+
+
+def _sourced(table: Mapping[str, Any], where: str, unit: str | None) -> float:
+    try:
+        quantity = Quantity(**table)
+    except (TypeError, HaustraError) as error:
+        raise InvalidDesignError(f"{where}: {error}") from error
+    if unit is not None and quantity.unit != unit:
+        raise InvalidDesignError(f"{where}: is in '{quantity.unit}'; give it in '{unit}'.")
+    return quantity.value
+
+
+def kinds() -> tuple[str, ...]:
+    """Kinds of devices: the folders beside this file that hold an interface."""
+    return tuple(sorted(path.parent.name for path in Path(__file__).parent.glob("*/interface.py")))
+
+
+def shipped_devices() -> tuple[str, ...]:
+    """Names of all designs that ship."""
+    return (*(name for kind in kinds() for name in _class_of(kind).names()), *assets("devices", ".toml"))
+
+
+def load_device(name: str | Path) -> Device:
+    """A shipped design by its name, or one from a file that ends in .toml; a file without a `kind` is a scope.
+
+    Raises:
+        InvalidDesignError: when there is no such design or kind, or a value is impossible.
+        UnreadableFileError: when the file cannot be read.
+    """
+    if not str(name).endswith(".toml"):
+        for kind in kinds():
+            if found := _class_of(kind).named(str(name)):
+                return found
+    files = assets("devices", ".toml")
+    if not str(name).endswith(".toml") and name not in files:
+        raise InvalidDesignError(
+            f"Device '{name}' is not known. Known: {', '.join(shipped_devices())}; or name a file that ends in .toml."
+        )
+    path = files.get(str(name), Path(name))
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        raise UnreadableFileError(f"Cannot read the device '{path}': {error}.") from error
+    kind = table.pop("kind", "scope")
+    if kind not in kinds():
+        raise InvalidDesignError(f"{path.name}: kind '{kind}' is not known. Known: {', '.join(kinds())}.")
+    return _class_of(kind).from_toml(table, path.name)
+
+
+def _class_of(kind: str) -> type[Device]:
+    return import_module(f"haustra.models.devices.{kind}.interface").DEVICE

@@ -1,0 +1,1 @@
+"""A tethered capsule that a magnetic wrench moves."""

@@ -1,0 +1,171 @@
+"""A tethered magnetic capsule: a free body, six contact spheres along its axis, and a wrench as its control.
+
+The magnet outside the patient is not modelled: whatever it is, it acts by a force and a torque, within limits. The
+tether is a drag on the rear end, friction times the weight of what has been drawn in,
+
+    T = mu (m / L) g s,
+
+for a tether that lies straight on a level wall, s being the arc length of the tip. Bends multiply it by exp(mu theta)
+(the capstan's law), which is not modelled.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any, ClassVar
+
+import mujoco
+import numpy as np
+
+from haustra.models.devices.base import (
+    Channel,
+    Device,
+    Handles,
+    Pose,
+    Reading,
+    Seen,
+    State,
+    add_wrench,
+    choice,
+    number,
+    put,
+)
+from haustra.models.devices.capsule.driver import drive
+from haustra.models.wall.planes import Sample
+
+SPHERES = 6
+_GRAVITY = 9.81
+_SLIP = 2e-3
+"""Speed below which the tether's drag fades, so that it holds and does not chatter [m/s]; engineering choice."""
+_AXES = tuple(f"{what}_{axis}" for what in ("force", "torque") for axis in "xyz")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Capsule(Device):
+    """Numbers of a tethered magnetic capsule, in SI units."""
+
+    kind: ClassVar[str] = "capsule"
+    left_out: ClassVar[Mapping[str, str]] = {
+        "magnet outside": "its force and torque are the controls, at any place and without delay",
+        "tether": "a drag by weight and friction: its stiffness and its wrap round bends (capstan) are not modelled",
+        "grip of a collapsed bowel": "the lumen stands open; `drag` is what slows the body in it",
+    }
+
+    length: float = number("m", 0.006, 0.06)
+    """Over both round ends."""
+    diameter: float = number("m", 0.004, 0.03)
+    mass: float = number("kg", 1e-3, 0.1)
+    drag: float = number("N s/m", 0.1, 200.0)
+    """Force over speed in the lumen's mucus."""
+    turning_drag: float = number("N m s/rad", 1e-5, 0.1)
+    """Torque over turning rate there."""
+    force_limit: float = number("N", 0.0, 10.0)
+    """Along each axis."""
+    torque_limit: float = number("N m", 0.0, 0.5)
+    """About each axis."""
+    tether_mass_per_length: float = number("kg/m", 0.0, 0.1)
+    tether_friction: float = number("1", 0.0, 2.0)
+    """Coulomb's coefficient between tether and wall."""
+    safe_force: float = number("N", 0.05, 20.0)
+    """Wall force beyond which the driver backs off."""
+    frame: str = choice("patient", "own", default="patient")
+    """Axes of force and torque: the patient's, as a magnet outside has them, or the body's own."""
+
+    @property
+    def controls(self) -> tuple[Channel, ...]:
+        """Force and torque of the magnet."""
+        limits = [("N", self.force_limit)] * 3 + [("N m", self.torque_limit)] * 3
+        return tuple(
+            Channel(name, unit, -limit, limit, self._name(name))
+            for name, (unit, limit) in zip(_AXES, limits, strict=True)
+        )
+
+    @property
+    def readings(self) -> tuple[Reading, ...]:
+        """What the magnet and the tether do."""
+        return (
+            Reading("magnet_force", "N", "size of the magnet's force"),
+            Reading("tether_drag", "N", "what the tether pulls back with"),
+            Reading("speed", "m/s", "of the body"),
+        )
+
+    def add_to(self, spec: mujoco.MjSpec, pose: Pose, *, timestep: float, start: float) -> Handles:
+        """A body on three slides and a ball, which is free and lets the mucus resist motion and turning apart."""
+        radius, half = self.diameter / 2, max(self.length - self.diameter, 0.0) / 2
+        into, quaternion = pose.frame[:, 2], np.empty(4)
+        mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(pose.frame, float).ravel())
+        place = pose.position + (start - half - radius) * into
+        body = spec.worldbody.add_body(name=self._name("body"), pos=place, quat=quaternion)
+        # MuJoCo's contacts see inertia and not the drag, which is many times the inertia over a time step: without an
+        # armature of that order a body that is pressed on the wall would not come to rest.
+        for axis, name in zip(np.eye(3), "xyz", strict=True):
+            slide = {"type": mujoco.mjtJoint.mjJNT_SLIDE, "axis": axis, "armature": self.drag * timestep}
+            body.add_joint(name=self._name(f"slide_{name}"), damping=[self.drag, 0, 0], **slide)
+        ball = {"type": mujoco.mjtJoint.mjJNT_BALL, "armature": self.turning_drag * timestep}
+        body.add_joint(name=self._name("ball"), damping=[self.turning_drag, 0, 0], **ball)
+        body.add_geom(
+            name=self._name("shell"),
+            type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+            fromto=[0, 0, -half, 0, 0, half],
+            size=[radius, 0, 0],
+            mass=self.mass,
+            contype=0,
+            conaffinity=1,
+            rgba=[0.9, 0.9, 0.95, 1],
+        )
+        body.add_site(name=self._name("tip"), pos=[0, 0, half + radius])
+        body.add_site(name=self._name("centre"))
+        body.add_site(name=self._name("rear"), pos=[0, 0, -half - radius])
+        add_wrench(spec, self._name("centre"), tuple(map(self._name, _AXES)), frame=self.frame)
+        # A damper along the axis at the rear end whose coefficient is the control: MuJoCo is implicit in it.
+        spec.add_actuator(
+            name=self._name("tether"),
+            trntype=mujoco.mjtTrn.mjTRN_SITE,
+            target=self._name("rear"),
+            gear=[0, 0, 1, 0, 0, 0],
+            gaintype=mujoco.mjtGain.mjGAIN_AFFINE,
+            gainprm=[0, 0, -1] + [0] * 7,
+        )
+        samples = tuple(
+            Sample(self._name("body"), np.array([0, 0, along]), radius) for along in np.linspace(-half, half, SPHERES)
+        )
+        return Handles((self._name("body"),), samples, (self._name("shell"),), self._name("tip"), start)
+
+    def control(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State, commands: Any) -> Any:
+        """The wrench, and the tether's drag over the speed at which it is drawn in."""
+        controls = super().control(xp, model, handles, state, commands)
+        along = xp.abs(xp.einsum("wi,wi->w", self._speed(xp, model, state), state.tip_frame[..., 2]))
+        damper = self._tether(xp, state) / xp.maximum(along, _SLIP)
+        return put(xp, controls, [model.actuator(self._name("tether")).id], damper[:, None])
+
+    def read(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State) -> dict[str, Any]:
+        """Each of `readings`, (worlds,)."""
+        force = state.actuator_force[:, [model.actuator(self._name(name)).id for name in _AXES[:3]]]
+        return {
+            "magnet_force": xp.sqrt((force**2).sum(axis=1)),
+            "tether_drag": xp.abs(state.actuator_force[:, model.actuator(self._name("tether")).id]),
+            "speed": xp.sqrt((self._speed(xp, model, state) ** 2).sum(axis=1)),
+        }
+
+    def drive(self, xp: ModuleType, seen: Seen, memory: Any) -> tuple[Any, Any]:
+        """Pull along the lumen's axis ahead; back off while the wall presses too hard."""
+        limits = self.force_limit, self.torque_limit
+        return drive(xp, seen, memory, limits=limits, safe_force=self.safe_force, own_frame=self.frame == "own")
+
+    def _tether(self, xp: ModuleType, state: State) -> Any:
+        """Drag of a tether as long as the way that the tip has come [N]."""
+        weight = self.tether_mass_per_length * _GRAVITY
+        return self.tether_friction * weight * xp.maximum(state.tip_arc, 0.0)
+
+    def _speed(self, xp: ModuleType, model: mujoco.MjModel, state: State) -> Any:
+        """Velocity of the body in the scene's axes (worlds, 3) [m/s]; its slides lie along the axes of entry."""
+        dofs = [int(model.joint(self._name(f"slide_{axis}")).dofadr[0]) for axis in "xyz"]
+        entry = np.empty(9)
+        mujoco.mju_quat2Mat(entry, model.body(self._name("body")).quat)
+        return state.qvel[:, dofs] @ entry.reshape(3, 3).T
+
+    def _name(self, part: str) -> str:
+        return f"{self.kind}/{part}"
+
+
+DEVICE = Capsule

@@ -1,0 +1,103 @@
+"""`haustra bench errors`: how far every wall law and preset is off, over many colons."""
+
+import os
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+
+@dataclass(frozen=True)
+class BenchErrors:
+    """Drive one script through every way of modelling and a converged one, and state the errors as ranges over colons.
+
+    Finished tracks are kept: a measurement that was stopped goes on. Some five processor minutes a colon and scope.
+    """
+
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+    """Folder for colons, tracks, errors.json and accuracy.toml."""
+    colons: int = 10
+    """Colons grown from seeds 0, 1, 2, ...; a range over fewer than ten is not stated."""
+    folders: str = ""
+    """Folders of further colons, separated by commas."""
+    designs: str = "adult,paediatric"
+    """Scope designs, separated by commas."""
+    laws: str = "pieces,planes,table"
+    """Wall laws, separated by commas."""
+    walls: str = "prism"
+    """How pieces are made, separated by commas: prism, coacd."""
+    presets: str = "fast,balanced,accurate"
+    """Presets, separated by commas."""
+    colon: Literal["fixed", "mesentery", "both"] = "both"
+    """Fixed in space, on its mesentery, or both."""
+    seconds: float = 10.0
+    """Length of the script [s]."""
+    processes: int = 0
+    """At a time; as many as there are cores when 0."""
+    ship: bool = False
+    """Write assets/accuracy.toml too, which runs state their errors from."""
+    json: bool = field(default=False)
+    """Print one JSON document instead of a table."""
+
+    def __call__(self) -> dict[str, Any]:
+        """Measure."""
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+        from haustra.assets import asset
+        from haustra.errors import InvalidOptionError
+        from haustra.files import write_atomically, write_json
+        from haustra.models.presets import find_preset
+        from haustra.scripts.bench.accuracy.errors import Asked, accuracy_toml, measure_errors, ranges_of, refusals
+        from haustra.scripts.bench.machine import machine
+        from haustra.scripts.console import progress_bar
+
+        if self.colons < 0 or self.processes < 0 or not 0 < self.seconds <= 600:
+            raise InvalidOptionError("Give colons and processes of 0 or more, and a time of up to 600 s.")
+        asked = Asked(
+            grown=self.colons,
+            folders=tuple(map(Path, _words(self.folders))),
+            designs=_words(self.designs),
+            laws=_known(self.laws, ("pieces", "planes", "table")),
+            walls=_known(self.walls, ("prism", "coacd")),
+            presets=tuple(find_preset(name).name for name in _words(self.presets)),
+            mesentery={"fixed": (False,), "mesentery": (True,), "both": (False, True)}[self.colon],
+            seconds=self.seconds,
+        )
+        processes = self.processes or os.cpu_count() or 1
+        with progress_bar("errors", 1, unit="tracks") as advance:
+            rows = measure_errors(asked, self.output, processes=processes, progress=advance)
+        where, ranges = machine(), ranges_of(rows)
+        text = accuracy_toml(ranges, asked, where)
+        for path in (self.output / "accuracy.toml", *((asset("accuracy.toml"),) if self.ship else ())):
+            write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+        result = {"ranges": [asdict(each) for each in ranges], "refused": refusals(rows), "machine": where}
+        write_json(self.output / "errors.json", {**result, "rows": rows})
+        return result if self.json else {**{_title(each): _said(each) for each in ranges}, "refused": result["refused"]}
+
+
+def _words(text: str) -> tuple[str, ...]:
+    return tuple(word.strip() for word in text.split(",") if word.strip())
+
+
+def _known(text: str, known: tuple[str, ...]) -> tuple[str, ...]:
+    from haustra.errors import InvalidOptionError
+
+    for word in _words(text):
+        if word not in known:
+            raise InvalidOptionError(f"'{word}' is not known. Known: {', '.join(known)}.")
+    return _words(text)
+
+
+def _title(ranges) -> str:
+    hung = "mesentery" if ranges.mesentery else "fixed"
+    return " ".join(part for part in (ranges.wall_law, ranges.wall, hung, ranges.preset, ranges.colon) if part)
+
+
+def _said(ranges) -> str:
+    wall, push, tip = ranges.wall_force, ranges.push, ranges.tip_mm
+    fallen = f", {ranges.fallen} fell over" if ranges.fallen else ""
+    return (
+        f"wall force {100 * wall[0]:.2g} to {100 * wall[1]:.2g} %, push {100 * push[0]:.2g} to {100 * push[1]:.2g} %, "
+        f"tip {tip[0]:.2g} to {tip[1]:.2g} mm, {ranges.colons} colons{fallen}"
+    )
