@@ -201,8 +201,17 @@ def lumen_table(
 def axis_tables(colon: Colon) -> Tables:
     """Tables of a colon that moves, of its axis only: no wall is tabulated, to be looked up in."""
     points, frames, step = _stations(colon)
-    wall = np.zeros((0, 1, 4))
-    return _hung(Tables(points, frames, wall, np.float64(step), np.int32(0), np.int32(len(points))), colon)
+    tables = Tables(
+        points,
+        frames,
+        np.zeros((0, 1, 4)),
+        np.float64(step),
+        np.int32(0),
+        np.int32(len(points)),
+        axes=np.eye(3),
+        device_radius=np.float64(0.0),
+    )
+    return _hung(tables, colon)
 
 
 def _hung(tables: Tables, colon: Colon) -> Tables:

@@ -36,9 +36,9 @@ def _drive(engine) -> tuple[np.ndarray, ...]:
     return tuple(np.array(rows).T)
 
 
-@pytest.mark.parametrize(("law", "path", "peak"), [("pieces", 3e-3, 2e-2), ("planes", 3e-3, 1e-2)])
+@pytest.mark.parametrize(("law", "path", "peak"), [("pieces", 6e-3, 2e-2), ("planes", 3e-3, 2e-2)])
 def test_it_moves_as_the_whole_scope_does(tube, law, path, peak) -> None:
-    """The tip within 0.3 % of the length inside, peaks within 2 %; shaft is added twice.
+    """The tip within 0.3 to 0.6 % of the length inside, peaks within 2 %; shaft is added twice.
 
     Friction lets go a moment earlier or later, and against pieces another piece is the deepest.
     """
