@@ -192,9 +192,10 @@ class NativeEngine:
         self._lock_outside(self.insertion)
         # This scope may have more shaft; straight, both lie with their tips in the same place.
         self._wall.begin(np.interp(self._straight_arcs, other._straight_arcs, other._wall.arcs))
-        for kind in (TableWall, PieceWall):
-            if isinstance(self._wall, kind) and isinstance(other._wall, kind):
-                self._wall.resume(other._wall)
+        if isinstance(self._wall, TableWall) and isinstance(other._wall, TableWall):
+            self._wall.resume(other._wall)
+        if isinstance(self._wall, PieceWall) and isinstance(other._wall, PieceWall):
+            self._wall.resume(other._wall)
         mujoco.mj_forward(self.model, self.data)
 
     def _advance(self, count: int) -> None:

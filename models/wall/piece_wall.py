@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float
 from haustra.models.wall import lumen_table, moving_colon
 from haustra.models.wall.compiled import loops
 from haustra.models.wall.law import WallContact, apply_contact
-from haustra.models.wall.lumen_table import Tables, pick
+from haustra.models.wall.lumen_table import Tables
 from haustra.models.wall.moving_colon import AxisDisplacement, AxisShape
 from haustra.models.wall.pieces.wall import Wall
 from haustra.models.wall.planes import Sample, add_sphere
@@ -131,9 +131,9 @@ class PieceWall:
         self.arcs: Float[np.ndarray, " spheres"] = np.zeros(spheres)
         """Not looked up: where spheres were said to be at the start [m]."""
         self._moved: AxisDisplacement | None = None
-        self._blocks, self._axis = blocks, axis
+        self._blocks = blocks
         if axis is not None and axis.mesentery is not None:
-            self._own = pick(axis, np.zeros(1, int)).mesentery
+            self._axis, self._own = axis, axis.mesentery
             self._moved = AxisDisplacement(*(np.zeros_like(axis.mesentery.nodes) for _ in range(2)))
             self._find_blocks()
 
