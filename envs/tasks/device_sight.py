@@ -29,8 +29,9 @@ class DeviceSight:
         def cast(rays, steps, case, eye, frame, arc, shift):
             directions = jnp.einsum("wij,rj->wri", frame, rays)
             now = begin_march(jnp, arc, len(rays), steps[-1])
-            moved = tables and shift is not None
-            at_rest = moving_colon.back_to_reference(jnp, pick(tables, case), shift) if moved else None
+            at_rest = None
+            if tables is not None and shift is not None:
+                at_rest = moving_colon.back_to_reference(jnp, pick(tables, case), shift)
 
             def further(now: March, distance: Any) -> tuple[March, None]:
                 return march(jnp, lumens, case, eye, directions, now, distance, at_rest), None
