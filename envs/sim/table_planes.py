@@ -70,7 +70,7 @@ class TablePlanes:
         Raises:
             UnsupportedSceneError: when colons are to move and spheres have several radii.
         """
-        self._step_time = model.opt.timestep
+        self._batch, self._step_time = batch, model.opt.timestep
         self._damper_time = damping_time + self._step_time
         """c + h K over K [s]."""
         self._mocap_pos, self._mocap_quat = batch.bind("mocap_pos"), batch.bind("mocap_quat")
@@ -171,8 +171,12 @@ class TablePlanes:
         """Let colons give way to the last step's contacts, and put the planes where the wall is next to each sphere.
 
         What MuJoCo leaves are the spheres' places before its last step; they are carried on by the motion of that
-        step, which is right to second order in the time step.
+        step, which is right to second order in the time step. A colon that moves must know how fast it was pressed in
+        the last step, or it rocks where walls are stiff: there places are asked for anew.
         """
+        moves = self._groups[0].walls.shift is not None
+        if moves:
+            self._batch.forward(worlds, stage=mujoco.mjtStage.mjSTAGE_POS)
         h, stiffness = self._step_time, self._stiffness[:, None]
         for group in self._groups:
             walls = group.walls
@@ -190,6 +194,7 @@ class TablePlanes:
                 self._ahead,
                 SLIP_SPEED,
                 h,
+                float(not moves),
                 group.on_wall,
                 group.damping,
             )

@@ -219,6 +219,7 @@ def _carry_on(
     ahead: Any,
     least_slip: float,
     h: float,
+    lead: float,
     force: Any,
     damping: Any,
 ) -> None:
@@ -238,6 +239,7 @@ def _carry_on(
         ahead: c / K + h [s].
         least_slip: friction damps as where it slides at least so fast [m/s].
         h: time step [s].
+        lead: 1 where what is seen is of before the last step, 0 where it is of now.
         force: on the wall, into which it is written [N].
         damping: [N s/m].
     """
@@ -245,7 +247,7 @@ def _carry_on(
         damper = stiffness[world] * ahead[world]
         for p in range(points.shape[1]):
             here = _node(seen, world, spheres[p])
-            now = add(here, minus(here, _node(before, world, p)))
+            now = add(here, times(lead, minus(here, _node(before, world, p))))
             speed = minus(times(1 / h, minus(now, _node(points, world, p))), _node(wall_speed, world, p))
             _put(before, world, p, here)
             _put(points, world, p, now)

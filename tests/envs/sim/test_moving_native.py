@@ -75,16 +75,17 @@ def test_one_scene_goes_as_under_jax(colon) -> None:
     assert _moved(colon, one[-1].way) > 0.005
 
 
-def test_a_batch_goes_as_one_scene(colon) -> None:
-    """Two worlds of a batch against one scene; what it reads is one step older."""
-    scene = _scene(colon)
+@pytest.mark.parametrize("stiffness", [1500.0, 2400.0])
+def test_a_batch_goes_as_one_scene(colon, stiffness) -> None:
+    """Two worlds of a batch against one scene; what it reads is one step older. A stiff wall makes nothing rock."""
+    scene = _scene(colon, wall_stiffness=stiffness)
     single = NativeEngine(scene)
     tables = stack(
         [lumen_table(colon, device_radius=scene.cable.radius, with_mesentery=True).seen_from(*entry_of(colon))]
     )
     batch = ScopeBatch(scene, tables, worlds=2, threads=2)
     both = np.arange(2)
-    numbers = (np.full(2, float(value)) for value in (OPTIONS.friction, OPTIONS.wall_stiffness, 1.0))
+    numbers = (np.full(2, float(value)) for value in (OPTIONS.friction, stiffness, 1.0))
     batch.reset(both, np.zeros(2, int), Conditions(*numbers))
     mine, theirs = [], []
     for instant in range(280):

@@ -59,7 +59,7 @@ def robot_before(scene: Scene, design: TrackedDesign) -> tuple[Tracked, str]:
 
 
 def test_in_a_straight_lumen_it_pulls_what_holds_the_scope_back() -> None:
-    options = SceneOptions(timestep=STEP, insertion_limit=0.2)
+    options = SceneOptions(softening=False, timestep=STEP, insertion_limit=0.2)
     scene = build_scene(straight_tube(), wedge_wall(), named_design("adult"), options)
     tracked, joint = robot_before(scene, TrackedDesign().at_scale(1.2))
     data, forces = pull(scene, tracked, joint, 2.0, 0.01)
@@ -74,7 +74,13 @@ def test_round_a_bend_the_drag_grows_as_the_capstan_says() -> None:
     colon = bent_colon(bend=0.06)
     wall = ring_wall(colon)
     options = SceneOptions(
-        timestep=STEP, shaft_cell=0.014, bending_cell=0.014, twist_hinges=0, friction=friction, insertion_limit=0.28
+        softening=False,
+        timestep=STEP,
+        shaft_cell=0.014,
+        bending_cell=0.014,
+        twist_hinges=0,
+        friction=friction,
+        insertion_limit=0.28,
     )
     scene = build_scene(colon, wall, limp_shaft(), options, show_lumen=False)
     tracked, joint = robot_before(scene, TrackedDesign().at_scale(1.0))
