@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from haustra.assets import asset
-from haustra.envs.sim.scope_values import Controls
+from haustra.envs.sim.state import Controls
 from haustra.models.anatomy.store import load_colon
 from haustra.models.devices.scope.cable import PULL_OUT_LIMIT
 from haustra.models.devices.scope.library import named_design

@@ -1,0 +1,172 @@
+"""What steps scopes: the interfaces that tasks, runs and studies know, and many worlds of a backend by its name."""
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar, Protocol, runtime_checkable
+
+import mujoco
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from haustra.envs.sim.conditions import Conditions, Snapshot
+from haustra.envs.sim.device_engines import require_device_engine
+from haustra.envs.sim.state import Controls, Readings
+from haustra.models.anatomy.colon import Colon
+from haustra.models.scene import Scene
+from haustra.models.wall.lumen_table import Tables
+
+
+class AbstractBackend(ABC):
+    """Many scopes that are stepped together, each in a colon of its own; places are seen from the colons' entries."""
+
+    name: ClassVar[str]
+    """What it is called, of `haustra.envs.sim.capabilities.BACKENDS`."""
+    on_device: ClassVar[bool]
+    """Whether its state lies on JAX's device, where rays of sight are then followed too."""
+    traces_pictures: ClassVar[bool]
+    """Whether depth pictures are traced to the lumen's triangles by MuJoCo Warp, instead of followed in its table."""
+
+    scene: Scene
+    """Scope and options, with wall law 'table'."""
+    tables: Tables
+    """The colons, seen from their entries and stacked."""
+    worlds: int
+    """How many scopes."""
+
+    @abstractmethod
+    def reset(self, worlds: Int[np.ndarray, " reset"], case: Int[np.ndarray, " reset"], conditions: Conditions) -> None:
+        """Lay the scopes of some worlds straight, tips at the start depth, in the colons of those numbers.
+
+        Raises:
+            UnsupportedSceneError: when the backend cannot honour a condition.
+        """
+
+    @abstractmethod
+    def step(self, inputs: Controls, count: int) -> Bool[np.ndarray, " worlds"]:
+        """Advance all worlds by `count` time steps; False for those that have diverged, which stand still from then.
+
+        Raises:
+            InvalidOptionError: when inputs are not of the shapes of this many worlds.
+        """
+
+    @abstractmethod
+    def read(self) -> Readings:
+        """What can be read off at the end of the last step; positions and forces are those at its beginning."""
+
+    @property
+    @abstractmethod
+    def displacement(self) -> Float[Any, "worlds nodes 3"] | None:
+        """Of the colons' axes from rest [m], where the backend has them; None where the colons are fixed in space."""
+
+    @abstractmethod
+    def way_ahead(self, distances: Float[np.ndarray, " places"]) -> Float[np.ndarray, "worlds places 3"]:
+        """Places of the centreline those distances [m] ahead of the tip, where they are now, from the entry [m]."""
+
+    @abstractmethod
+    def positions(self) -> Float[np.ndarray, "worlds joints"]:
+        """Joint positions of all scopes, as MuJoCo counts them [m, rad]."""
+
+    @abstractmethod
+    def snapshot(self, world: int) -> Snapshot:
+        """Where one world is now.
+
+        Raises:
+            UnsupportedSceneError: when the backend keeps none.
+        """
+
+    @abstractmethod
+    def restore(self, world: int, snapshot: Snapshot) -> None:
+        """Put one world, which was reset to the same colon, where another was.
+
+        Raises:
+            UnsupportedSceneError: when the backend keeps no snapshots.
+        """
+
+    @abstractmethod
+    def world_data(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        """Model and data of one world as MuJoCo's own values, to draw or to check."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """End what is held open."""
+
+
+def backend_of(name: str) -> type[AbstractBackend]:
+    """The backend of many worlds of that name: 'native', 'jax' or 'warp'.
+
+    Raises:
+        InvalidOptionError: when there is none.
+        MissingDependencyError: when what it computes with is not installed.
+    """
+    if name == "native":
+        from haustra.envs.sim.native_batch import NativeBackend
+
+        return NativeBackend
+    require_device_engine(name)
+    from haustra.envs.sim.jax_setup import share_memory, use_jax
+
+    share_memory()
+    use_jax()
+    from haustra.envs.sim.jax_backends import JaxBackend, WarpBackend
+
+    return JaxBackend if name == "jax" else WarpBackend
+
+
+def load_backend(name: str, scene: Scene, tables: Tables, *, worlds: int, threads: int = 1) -> AbstractBackend:
+    """Many worlds of a backend.
+
+    Args:
+        name: as for `backend_of`.
+        scene: scope and options, built with wall_law "table" for any of the colons.
+        tables: the colons, seen from their entries (`LumenTable.seen_from`) and stacked.
+        worlds: how many.
+        threads: of the CPU; what computes on JAX's device has its own.
+
+    Raises:
+        InvalidOptionError: when there is no backend of that name.
+        MissingDependencyError: when what it computes with is not installed.
+        UnsupportedSceneError: when the scene has what the backend cannot honour.
+    """
+    kind: Any = backend_of(name)
+    own = {} if kind.on_device else {"threads": threads}
+    return kind(scene, tables, worlds=worlds, **own)
+
+
+@runtime_checkable
+class SingleBackend(Protocol):
+    """One scene being stepped: on MuJoCo's CPU engine, growing there, or in JAX. Arrays have no axis of worlds."""
+
+    @property
+    def backend(self) -> str:
+        """Its name, of `haustra.envs.sim.capabilities.BACKENDS`."""
+        ...
+
+    @property
+    def scene(self) -> Scene:
+        """What is stepped."""
+        ...
+
+    @property
+    def qpos(self) -> Float[np.ndarray, " positions"]:
+        """Generalised positions [m, rad]."""
+        ...
+
+    @property
+    def ctrl(self) -> Float[np.ndarray, " actuators"]:
+        """Controls of the last step [m/s, rad/s, N, 1]."""
+        ...
+
+    def step(self, inputs: Controls, count: int) -> bool:
+        """Advance by `count` time steps; False when the simulation has diverged."""
+        ...
+
+    def read(self) -> Readings:
+        """What can be read off."""
+        ...
+
+    def shape(self) -> Float[np.ndarray, "nodes 3"]:
+        """Points along the scope's axis [m]."""
+        ...
+
+    def colon(self) -> Colon:
+        """The colon as it lies now."""
+        ...
