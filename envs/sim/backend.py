@@ -50,7 +50,10 @@ class AbstractBackend(ABC):
 
     @abstractmethod
     def read(self) -> Readings:
-        """What can be read off at the end of the last step; positions and forces are those at its beginning."""
+        """What can be read off at the end of the last step.
+
+        Where MuJoCo steps, places and forces of the wall are those at the beginning of its last time step.
+        """
 
     @property
     @abstractmethod

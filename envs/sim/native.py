@@ -8,6 +8,7 @@ from haustra.envs.sim.capabilities import require_supported
 from haustra.envs.sim.energy import EnergyMeter
 from haustra.envs.sim.log import log_to_stderr_only
 from haustra.envs.sim.moved_colon import CurrentColon
+from haustra.envs.sim.physics.hand import hand_force
 from haustra.envs.sim.physics.lock import lock_activation
 from haustra.envs.sim.physics.wires import sheath_angle
 from haustra.envs.sim.state import Controls, Readings
@@ -70,6 +71,7 @@ class NativeEngine:
         model = self.model
         self._push = model.actuator("scope/push").id
         self._roll = model.actuator("scope/roll").id
+        self._hand_limits = model.actuator_forcerange[[self._push, self._roll], 1]
         self._pulls = [model.actuator(f"scope/pull_{name}").id for name in WIRE_NAMES]
         self._locks = np.array([[model.actuator(name).id for name in pair] for pair in cable.locks])
         self._tip = model.site("scope/tip").id
@@ -215,6 +217,8 @@ class NativeEngine:
         data = self.data
         frame = data.site_xmat[self._tip].reshape(3, 3)
         forces, normal = self._link_forces()
+        # What MuJoCo leaves is that of the beginning of its last step.
+        hand = hand_force(np, data.act[:2], data.qpos[:2], data.qvel[:2], self._hand_limits)
         return Readings(
             time=data.time,
             insertion=self.insertion,
@@ -223,8 +227,8 @@ class NativeEngine:
             tip=data.site_xpos[self._tip].copy(),
             tip_frame=frame.copy(),
             bend=np.array([data.qpos[self._bend_up].sum(), -data.qpos[self._bend_left].sum()]),
-            push_force=float(data.actuator_force[self._push]),
-            torque=float(data.actuator_force[self._roll]),
+            push_force=float(hand[0]),
+            torque=float(hand[1]),
             pulls=self._hand.copy(),
             link_forces=forces,
             contacts=int((normal > 0).sum()),

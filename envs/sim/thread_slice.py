@@ -10,6 +10,7 @@ from mujoco.batch import Batch
 from haustra.envs.sim.coils import coil_samples
 from haustra.envs.sim.conditions import Conditions, Snapshot
 from haustra.envs.sim.native import FATAL_WARNINGS, SPEED_LIMIT
+from haustra.envs.sim.physics.hand import hand_force
 from haustra.envs.sim.physics.lock import lock_activation
 from haustra.envs.sim.physics.wires import sheath_angle
 from haustra.envs.sim.table_planes import TablePlanes
@@ -33,7 +34,7 @@ class ThreadSlice:
         batch, cable = self._batch, scene.cable
         self._qpos, self._qvel, self._act = (batch.bind(name) for name in ("qpos", "qvel", "act"))
         self._ctrl, self._time = batch.bind("ctrl"), batch.bind("time")
-        self._geom_xpos, self._force = batch.bind("geom_xpos"), batch.bind("actuator_force")
+        self._geom_xpos = batch.bind("geom_xpos")
         self._site_xpos, self._site_xmat = batch.bind("site_xpos"), batch.bind("site_xmat")
         damping_time, count = scene.options.wall_damping_time, len(scene.samples)
         self._wall = TablePlanes(batch, model, tables, worlds=worlds, count=count, damping_time=damping_time)
@@ -53,6 +54,7 @@ class ThreadSlice:
         self._members = np.zeros((count, len(links)))
         self._members[np.arange(count), [links[sample.body] for sample in samples]] = 1.0
         self._push, self._roll = model.actuator("scope/push").id, model.actuator("scope/roll").id
+        self._hand_limits = model.actuator_forcerange[[self._push, self._roll], 1]
         self._pulls = np.array([model.actuator(f"scope/pull_{name}").id for name in WIRE_NAMES])
         self._locks = np.array([[model.actuator(name).id for name in pair] for pair in cable.locks])
         self._behind = cable.length - cable.joint_positions
@@ -159,6 +161,8 @@ class ThreadSlice:
         qpos = self._qpos
         frame = self._site_xmat[:, self._tip].reshape(-1, 3, 3)
         links = np.einsum("wsi,sl->wli", self._wall.forces(), self._members)
+        # What MuJoCo leaves is that of the beginning of its last step.
+        hand = hand_force(np, self._act[:, :2], qpos[:, :2], self._qvel[:, :2], self._hand_limits)
         return {
             "time": self._time.copy(),
             "insertion": self._scene.options.start_depth + qpos[:, 0],
@@ -168,8 +172,8 @@ class ThreadSlice:
             "tip_frame": frame.copy(),
             "tip_arc": self._wall.arcs[:, -1] + self._wall.radius[-1],
             "bend": np.stack([qpos[:, self._bend_up].sum(axis=1), -qpos[:, self._bend_left].sum(axis=1)], axis=1),
-            "push_force": self._force[:, self._push].copy(),
-            "torque": self._force[:, self._roll].copy(),
+            "push_force": hand[:, 0],
+            "torque": hand[:, 1],
             "tip_force": np.einsum("wij,wi->wj", frame, links[:, self._tip_links].sum(axis=1)),
             "link_forces": np.linalg.norm(links, axis=2),
             "deepest": self._wall.depth.max(axis=1),

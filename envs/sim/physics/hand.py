@@ -17,7 +17,7 @@ def hand_force(
     aim: Float[Any, "*worlds 2"],
     place: Float[Any, "*worlds 2"],
     speed: Float[Any, "*worlds 2"],
-    limit: Float[Any, "*worlds 2"],
+    limit: Float[Any, "*any 2"],
 ) -> Float[Any, "*worlds 2"]:
     """Force along the shaft [N] and torque about it [N m] on a handle that is at `place` and moves.
 

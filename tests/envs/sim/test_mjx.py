@@ -42,7 +42,7 @@ def test_mass_matrix_and_bias_are_those_of_mjx() -> None:
     where = links.pose(chain, own, qpos[None])
     inertia = links.inertias(own, where)
     ours = links.mass_matrix(chain, where, links.suffix_sum(inertia))[0] + jnp.diag(jnp.asarray(model.dof_armature))
-    wrenches = links.bias(chain, where, inertia, qvel[None])
+    wrenches = links.bias(chain, where, inertia, qvel[None], jnp.asarray(model.opt.gravity, jnp.float32)[None])
     np.testing.assert_allclose(ours, mass, atol=2e-6 * float(jnp.abs(mass).max()))
     forces = links.joint_forces(chain, where, links.suffix_sum(wrenches))[0]
     np.testing.assert_allclose(forces, bias, atol=2e-5 * float(jnp.abs(bias).max()))
