@@ -12,7 +12,6 @@ from haustra.envs.runs.measure.containment import Containment
 from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.runs.outcome import Outcome, ending, outcome_of
 from haustra.envs.sim.backend import SingleBackend
-from haustra.envs.sim.growing import GrowingEngine
 from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.state import Readings
 from haustra.models.anatomy.colon import Colon
@@ -173,7 +172,7 @@ def _drive(engine: SingleBackend, seconds: float, settings: FollowerSettings, pr
         settings=settings,
         colon=engine.colon(),
         backend=engine.backend,
-        shaft_added=tuple(engine.added) if isinstance(engine, GrowingEngine) else (),
+        shaft_added=tuple(engine.added),
     )
 
 

@@ -14,7 +14,6 @@ from haustra.envs.control.follower_worlds import WorldsFollower
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.measure.containment import LumenWidths, outside, stack_widths
 from haustra.envs.runs.outcome import Outcome, ending, outcome_of
-from haustra.envs.sim import moving_colon
 from haustra.envs.sim.device_arrays import tree_where
 from haustra.envs.sim.device_engines import device_engine
 from haustra.envs.sim.precision import precise
@@ -22,6 +21,7 @@ from haustra.envs.sim.scope_bank import ScopeBank
 from haustra.envs.sim.scope_values import Parameters, State
 from haustra.envs.sim.scope_worlds import JaxScopes
 from haustra.envs.sim.state import Readings
+from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables, pick
 
 Array: TypeAlias = Any
@@ -136,7 +136,7 @@ class InsertionBatch:
         apart = outside(
             jnp,
             widths,
-            moving_colon.axis_at(tables, seen.displacement, widths.arcs),
+            moving_colon.axis_at(jnp, tables, seen.displacement, widths.arcs),
             self._engine.shape(parameters, worlds),
             behind=behind,
             inside=behind < seen.insertion[:, None],

@@ -1,6 +1,7 @@
 """What steps scopes: the interfaces that tasks, runs and studies know, and many worlds of a backend by its name."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import mujoco
@@ -141,6 +142,11 @@ class SingleBackend(Protocol):
     @property
     def backend(self) -> str:
         """Its name, of `haustra.envs.sim.capabilities.BACKENDS`."""
+        ...
+
+    @property
+    def added(self) -> Sequence[float]:
+        """When shaft was added to the scene [s]."""
         ...
 
     @property

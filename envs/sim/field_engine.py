@@ -4,6 +4,7 @@ The scope meets the colon's table of radii (`haustra.models.wall.lumen_table`), 
 drawn is placed by MuJoCo.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -30,6 +31,8 @@ class JaxSingle:
 
     backend = "jax"
     """Name in scores."""
+    added: Sequence[float] = ()
+    """When shaft was added [s]: never."""
     table_error: TableAccuracy
     """Of the colon's table against its surface."""
 

@@ -1,5 +1,7 @@
 """MuJoCo on the CPU, one scene: hand and wires in, what the scope does out. Divergence is detected, never hidden."""
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 from jaxtyping import Float
@@ -50,6 +52,8 @@ class NativeEngine:
 
     backend = "native"
     """Name in scores."""
+    added: Sequence[float] = ()
+    """When shaft was added [s]: never."""
 
     def __init__(self, scene: Scene, *, table: LumenTable | None = None) -> None:
         """Compile the scene and lay the scope straight, its tip at the start depth.

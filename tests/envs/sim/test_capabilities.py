@@ -369,10 +369,10 @@ def test_jax_does_the_same(path: str, by_jax: _Jax) -> None:
 def test_warp_steps_the_same_model_as_the_native_batch(path: str) -> None:
     """Each design has a batch of its own there, of the native batch's own model but for solver and flags."""
     pytest.importorskip("warp")
-    from haustra.envs.sim.warp_scopes import _for_warp
+    from haustra.envs.sim.warp_scopes import for_warp
 
     scene = _scene(*_case(path), path, many=True)
-    own, known = _for_warp(batch_model(scene)), batch_model(scene)
+    own, known = for_warp(batch_model(scene)), batch_model(scene)
     for name in (
         "body_mass",
         "jnt_stiffness",
