@@ -21,8 +21,10 @@ from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.devices.scope.outside import Outside, leave_out
 from haustra.models.devices.scope.spacing import adaptive_spacing
 from haustra.models.devices.scope.stops import apply_stops
-from haustra.models.wall.law import WallContact, apply_contact
+from haustra.models.wall.law import WallContact
+from haustra.models.wall.piece_wall import BLOCK, NO_BLOCKS, Blocks, add_piece_spheres
 from haustra.models.wall.pieces.reach import within_reach
+from haustra.models.wall.pieces.slabs import SLAB, cut_into_slabs
 from haustra.models.wall.pieces.wall import Wall
 from haustra.models.wall.planes import Sample, add_planes, capsule_samples
 from haustra.quantity import load_quantities
@@ -69,7 +71,7 @@ class SceneOptions:
     planes by a table of the lumen (`haustra.models.wall.lumen_table`); a saved scene of the last has no wall."""
     mesentery: bool = False
     """Let the colon swing, stretch and pleat on its mesentery (`haustra.models.wall.mesentery`); otherwise it is fixed
-    in space and gives way by its wall's stiffness only. Law 'table' only."""
+    in space and gives way by its wall's stiffness only. Laws 'pieces' and 'table'."""
     sample_spacing: float | None = None
     """Distance between the spheres that meet planes or field [m]; three quarters of the scope's diameter when None."""
     friction: float = _CONTACT["contact.friction"].value
@@ -95,9 +97,9 @@ class SceneOptions:
                 raise InvalidOptionError(f"Scene option {name} is {value}; it must be a positive number.")
         if self.wall_law not in ("pieces", "planes", "table"):
             raise InvalidOptionError(f"Wall law '{self.wall_law}' is not known. Known: pieces, planes, table.")
-        if self.mesentery and self.wall_law != "table":
+        if self.mesentery and self.wall_law == "planes":
             raise InvalidOptionError(
-                f"A colon that moves on its mesentery needs wall law 'table': '{self.wall_law}' is fixed in space."
+                "A colon that moves on its mesentery needs wall law 'table' or 'pieces': 'planes' is fixed in space."
             )
         if self.segment_stiffness and self.wall_law != "planes":
             raise InvalidOptionError(
@@ -144,7 +146,9 @@ class Scene:
     pieces: int
     """Convex pieces of the wall."""
     samples: tuple[Sample, ...] = ()
-    """Spheres of the scope that meet tangent planes or the field; none in a wall of pieces."""
+    """Spheres of the scope that meet the wall."""
+    blocks: Blocks = NO_BLOCKS
+    """Where the wall's pieces stand on mocap bodies, in a colon that moves."""
     left_out: Mapping[str, str] = field(default_factory=dict)
     """What the scene does not model, and why that is sound."""
 
@@ -187,7 +191,7 @@ def build_scene(
 
     Args:
         colon: the colon.
-        wall: its wall of pieces; not needed for the other laws.
+        wall: its wall of pieces; where the law is a table of a colon that moves it is a picture, without contact.
         design: the scope.
         options: how to model it.
         show_lumen: add the lumen surface as a picture, without contact.
@@ -210,24 +214,26 @@ def build_scene(
     cable = _add_scope(spec, design, cells, entry, frame, options, outside)
     bare = spec.compile()
     apply_stops(spec, bare, timestep=options.timestep)
-    apply_contact(spec, bare, cable.geoms, options.contact, timestep=options.timestep)
-    samples: tuple[Sample, ...] = ()
-    pieces = unreached = 0
-    if options.wall_law == "pieces":
-        if wall is None:
-            raise InvalidOptionError("Wall law 'pieces' needs a wall: build one, or choose planes or table.")
-        reached = within_reach(wall, entry, deepest=deepest) if deepest is not None else wall
-        add_wall(spec, reached)
-        pieces = len(reached.pieces)
+    for name in cable.geoms:
+        spec.geom(name).conaffinity = 0
+    samples = capsule_samples(bare, cable.geoms, spacing=options.sample_spacing or _SAMPLE_SPACING * design.diameter)
+    if options.wall_law == "planes":
+        add_planes(spec, bare, samples, options.contact, timestep=options.timestep)
+    blocks, pieces, unreached = NO_BLOCKS, 0, 0
+    touched = options.wall_law == "pieces"
+    if touched and wall is None:
+        raise InvalidOptionError("Wall law 'pieces' needs a wall: build one, or choose planes or table.")
+    if wall is not None and touched:
+        add_piece_spheres(spec, samples, options.contact, wall, timestep=options.timestep)
+    if wall is not None and (touched or options.mesentery):
+        if options.mesentery:  # all of it: a colon that moves comes to meet the scope
+            blocks = add_blocks(spec, wall, colon, touched=touched)
+            pieces = len(wall.pieces)
+        else:
+            reached = within_reach(wall, entry, deepest=deepest) if deepest is not None else wall
+            add_wall(spec, reached)
+            pieces = len(reached.pieces)
         unreached = len(wall.pieces) - pieces
-    else:
-        samples = capsule_samples(
-            bare, cable.geoms, spacing=options.sample_spacing or _SAMPLE_SPACING * design.diameter
-        )
-        for name in cable.geoms:
-            spec.geom(name).conaffinity = 0
-        if options.wall_law == "planes":
-            add_planes(spec, bare, samples, options.contact, timestep=options.timestep)
     if show_lumen:
         add_lumen(spec, colon, group=_LUMEN_GROUP)
     return Scene(
@@ -241,6 +247,7 @@ def build_scene(
         entry_direction=frame[:, 2],
         pieces=pieces,
         samples=samples,
+        blocks=blocks,
         left_out=_left_out(design, options, modelled, outside, unreached),
     )
 
@@ -261,7 +268,9 @@ def _left_out(
     if modelled < design.length - 1e-9:
         left_out["shaft outside"] = f"the last {design.length - modelled:.3f} m of shaft never enter this colon"
     if options.wall_law == "table":
-        left_out["wall"] = "its table is the engine's: stock MuJoCo moves the saved scope without one"
+        left_out["wall"] = "its table is the engine's: in stock MuJoCo nothing touches the saved scope"
+    if options.wall_law == "pieces":
+        left_out["joints of pieces"] = "where a place touches several, the deepest counts; in stock MuJoCo all do"
     if outside and outside.length:
         left_out["shaft held outside"] = f"{outside.length:.3f} m stay outside in this run: their mass and twist count"
     if unreached:
@@ -353,15 +362,37 @@ def _add_scope(spec, design: ScopeDesign, cells, entry, frame, options: SceneOpt
 def add_wall(spec: mujoco.MjSpec, wall: Wall) -> None:
     """Put the wall's pieces into a scene, fixed to the world."""
     for index, piece in enumerate(wall.pieces):
-        name = f"wall/{index:05d}"
-        mesh = spec.add_mesh(name=name, uservert=np.ascontiguousarray(piece.vertices, dtype=float).ravel())
-        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
-        spec.worldbody.add_geom(
-            name=name,
-            type=mujoco.mjtGeom.mjGEOM_MESH,
-            meshname=name,
-            contype=1,
-            conaffinity=0,
-            group=_WALL_GROUP,
-            rgba=[0.85, 0.55, 0.5, 0.3],
-        )
+        _add_piece(spec, spec.worldbody, f"wall/{index:05d}", piece.vertices)
+
+
+def add_blocks(spec: mujoco.MjSpec, wall: Wall, colon: Colon, *, touched: bool) -> Blocks:
+    """Put the wall's pieces into a scene, in blocks on mocap bodies that can follow their stretch of the axis."""
+    slabs = tuple(cut_into_slabs(wall, colon.centreline, longest=SLAB if touched else math.inf))
+    count = 0
+    for number, slab in enumerate(slabs):
+        body = spec.worldbody.add_body(name=f"{BLOCK}{number:03d}", pos=slab.place, mocap=True)
+        for vertices in slab.pieces:
+            _add_piece(spec, body, f"wall/{count:05d}", vertices - slab.place, touched=touched)
+            count += 1
+    return Blocks(np.array([slab.place for slab in slabs]), np.array([slab.arc for slab in slabs]))
+
+
+def _add_piece(
+    spec: mujoco.MjSpec,
+    body: mujoco.MjsBody,
+    name: str,
+    vertices: Float[np.ndarray, "vertices 3"],
+    *,
+    touched: bool = True,
+) -> None:
+    mesh = spec.add_mesh(name=name, uservert=np.ascontiguousarray(vertices, dtype=float).ravel())
+    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+    body.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_MESH,
+        meshname=name,
+        contype=int(touched),
+        conaffinity=0,
+        group=_WALL_GROUP,
+        rgba=[0.85, 0.55, 0.5, 0.3],
+    )

@@ -25,8 +25,8 @@ class Run:
     preset: Literal["fast", "balanced", "accurate"] = "balanced"
     """How finely the scene is modelled; errors and speed: docs/validation/accuracy.md."""
     wall_law: Literal["pieces", "planes", "table"] | None = None
-    """A table of the lumen (the default), fast and within 2 % of the surface's forces; convex pieces, which stock
-    MuJoCo replays; or tangent planes of the surface itself, at several times the cost a step. The last two stand
+    """A table of the lumen (the default), fast and within 2 % of the surface's forces; convex pieces, which are
+    in scene.xml for any MuJoCo; or tangent planes of the surface itself, at several times the cost a step, which stand
     fixed in space."""
     seconds: float = 60.0
     """Simulated time [s]."""
@@ -51,8 +51,8 @@ class Run:
     gravity: tuple[float, float, float] | None = None
     """Gravity in the colon's frame [m/s^2]; none when not given."""
     whole_shaft: bool = False
-    """Model all of the shaft from the start, so that stock MuJoCo repeats the run from scene.xml to the bit; otherwise
-    shaft that is still outside is added when it is needed, which is faster and the same to 0.1 % until a scope jams."""
+    """Model all of the shaft from the start, as scene.xml does; otherwise shaft that is still outside is added when it
+    is needed, which is faster and nearly the same until a scope jams."""
     error: bool = False
     """Repeat the run at half the time step and with finer joints, and state how far the scores differ: some six times
     the time. Without it scores state what was measured on other colons."""
@@ -72,7 +72,8 @@ class Run:
         from haustra.models.devices.scope.interface import Scope
         from haustra.models.presets import find_preset
         from haustra.models.scene import Scene, SceneOptions, build_scene
-        from haustra.models.wall.pieces.folder import wall_of
+        from haustra.models.wall.pieces.folder import wall_folder, wall_of
+        from haustra.models.wall.pieces.store import METADATA
         from haustra.scripts.console import progress_bar
         from haustra.scripts.wall import wall_bar
 
@@ -93,6 +94,8 @@ class Run:
         if options.wall_law == "pieces":
             with wall_bar() as tell:
                 wall = wall_of(self.colon, colon, self.wall, progress=tell)
+        elif options.mesentery and (wall_folder(self.colon, self.wall) / METADATA).is_file():
+            wall = wall_of(self.colon, colon, self.wall)  # as a picture in scene.xml
         settings = FollowerSettings(steer=self.steer, straighten=options.mesentery)
         deepest = options.start_depth + settings.advance_rate * self.seconds
 
@@ -111,7 +114,8 @@ class Run:
         error = None
         if self.error:
             error = own_error(run, {name: drive(name, finer)[1] for name, finer in refinements(options).items()})
-        return write_run(folder, scene=scene, wall=wall, run=run, seconds=self.seconds, error=error)
+        touched = wall if options.wall_law == "pieces" else None
+        return write_run(folder, scene=scene, wall=touched, run=run, seconds=self.seconds, error=error)
 
     def _native(self, wall, deepest: float):
         """MuJoCo's CPU engine, with all of the shaft or with what is needed."""
@@ -130,7 +134,7 @@ class Run:
         names = ("wall_law", "friction", "wall_stiffness", "push_limit", "timestep", "largest_bend_deg", "gravity")
         chosen = {name: value for name in names if (value := getattr(self, name)) is not None}
         chosen.setdefault("wall_law", "planes" if self.segment_stiffness else "table")
-        chosen["mesentery"] = chosen["wall_law"] == "table" and not self.fixed
+        chosen["mesentery"] = chosen["wall_law"] != "planes" and not self.fixed
         chosen["softening"] = self.backend == "native"
         if self.segment_stiffness:
             from haustra.models.scene import usual_segment_stiffness

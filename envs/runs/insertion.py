@@ -68,6 +68,10 @@ class Trajectory:
     """Farthest that a place of the colon's centreline is from where it was at rest [m]."""
     wall_force_sum: Float[np.ndarray, " records"]
     """Sum of the wall's normal forces on the whole scope [N]."""
+    mocap_pos: Float[np.ndarray, "records blocks 3"]
+    """Where the bodies are on which pieces of a wall that moves stand, as MuJoCo's mocap_pos [m]."""
+    mocap_quat: Float[np.ndarray, "records blocks 4"]
+    """How they are turned, as MuJoCo's mocap_quat."""
 
 
 @dataclass(frozen=True)
@@ -145,9 +149,8 @@ def _drive(engine: SingleBackend, seconds: float, settings: FollowerSettings, pr
         inside = behind < seen.insertion
         outside = containment.outside(shape[inside], behind[inside], tracker.arc, seen.way)
         moved = 0.0 if seen.way is None else float(np.linalg.norm(seen.way - line.points, axis=1).max())
-        rows.append(
-            (*_record(engine, seen, tracker.arc, outside), *follower.asked, *seen.bend, moved, seen.wall_force_sum)
-        )
+        last = moved, seen.wall_force_sum, *engine.mocap(scene.blocks)
+        rows.append((*_record(engine, seen, tracker.arc, outside), *follower.asked, *seen.bend, *last))
         if progress and len(rows) % 25 == 0:
             progress(seen.time, tracker.arc)
         ended = int(
@@ -201,5 +204,5 @@ def _trajectory(rows: list[tuple], engine: SingleBackend) -> Trajectory:
     if not rows:
         empty = np.zeros(0)
         wide = (np.zeros((0, engine.qpos.size)), np.zeros((0, engine.ctrl.size)), np.zeros((0, 3)))
-        return Trajectory(empty, *wide, *[empty] * 16)
+        return Trajectory(empty, *wide, *[empty] * 16, *(part[None][:0] for part in engine.mocap(engine.scene.blocks)))
     return Trajectory(*(np.array(column, dtype=float) for column in zip(*rows, strict=True)))

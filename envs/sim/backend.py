@@ -1,4 +1,4 @@
-"""What steps scopes: the interfaces that tasks, runs and studies know, and many worlds of a backend by its name."""
+"""What steps scopes: the interfaces that tasks, runs and studies know."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -9,11 +9,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from haustra.envs.sim.conditions import Conditions, Snapshot
-from haustra.envs.sim.device_engines import require_device_engine
 from haustra.envs.sim.state import Controls, Readings
 from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import Scene
 from haustra.models.wall.lumen_table import Tables
+from haustra.models.wall.piece_wall import Blocks
 
 
 class AbstractBackend(ABC):
@@ -94,47 +94,6 @@ class AbstractBackend(ABC):
         """End what is held open."""
 
 
-def backend_of(name: str) -> type[AbstractBackend]:
-    """The backend of many worlds of that name: 'native', 'jax' or 'warp'.
-
-    Raises:
-        InvalidOptionError: when there is none.
-        MissingDependencyError: when what it computes with is not installed.
-    """
-    if name == "native":
-        from haustra.envs.sim.native_batch import NativeBackend
-
-        return NativeBackend
-    require_device_engine(name)
-    from haustra.envs.sim.jax_setup import share_memory, use_jax
-
-    share_memory()
-    use_jax()
-    from haustra.envs.sim.jax_backends import JaxBackend, WarpBackend
-
-    return JaxBackend if name == "jax" else WarpBackend
-
-
-def load_backend(name: str, scene: Scene, tables: Tables, *, worlds: int, threads: int = 1) -> AbstractBackend:
-    """Many worlds of a backend.
-
-    Args:
-        name: as for `backend_of`.
-        scene: scope and options, built with wall_law "table" for any of the colons.
-        tables: the colons, seen from their entries (`LumenTable.seen_from`) and stacked.
-        worlds: how many.
-        threads: of the CPU; what computes on JAX's device has its own.
-
-    Raises:
-        InvalidOptionError: when there is no backend of that name.
-        MissingDependencyError: when what it computes with is not installed.
-        UnsupportedSceneError: when the scene has what the backend cannot honour.
-    """
-    kind: Any = backend_of(name)
-    own = {} if kind.on_device else {"threads": threads}
-    return kind(scene, tables, worlds=worlds, **own)
-
-
 @runtime_checkable
 class SingleBackend(Protocol):
     """One scene being stepped: on MuJoCo's CPU engine, growing there, or in JAX. Arrays have no axis of worlds."""
@@ -178,4 +137,8 @@ class SingleBackend(Protocol):
 
     def colon(self) -> Colon:
         """The colon as it lies now."""
+        ...
+
+    def mocap(self, blocks: Blocks) -> tuple[Float[np.ndarray, "blocks 3"], Float[np.ndarray, "blocks 4"]]:
+        """Where these blocks of the wall are [m], and how they are turned, as quaternions; none in a fixed colon."""
         ...

@@ -46,7 +46,7 @@ class EnergyMeter:
 
     def read(self, data: mujoco.MjData) -> Energies:
         """Energies of the state whose contacts were last found."""
-        depth = np.maximum(data.contact.includemargin - data.contact.dist, 0.0)
+        depth = np.maximum(data.contact.includemargin - data.contact.dist, 0.0) * (data.contact.exclude == 0)
         return Energies(
             bending=self._of_joints(data, self._bends),
             twist=self._of_joints(data, self._twists),

@@ -24,6 +24,7 @@ from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene, entry_of
 from haustra.models.wall.lumen_table import TableAccuracy, lumen_table, stack
+from haustra.models.wall.piece_wall import Blocks
 
 
 class JaxSingle:
@@ -119,6 +120,12 @@ class JaxSingle:
     def colon(self) -> Colon:
         """The colon as it lies now."""
         return self._moved.colon(np.asarray(self._seen.displacement)) if self._moved else self.scene.colon
+
+    def mocap(self, blocks: Blocks) -> tuple[Float[np.ndarray, "blocks 3"], Float[np.ndarray, "blocks 4"]]:
+        """Where these blocks of the wall are [m], and how they are turned, as quaternions; none in a fixed colon."""
+        if self._moved is None:
+            return np.zeros((0, 3)), np.zeros((0, 4))
+        return self._moved.poses(np.asarray(self._seen.displacement), blocks)
 
     @property
     def qpos(self) -> Float[np.ndarray, " positions"]:

@@ -10,6 +10,7 @@ from haustra.envs.sim.state import Controls, Readings
 from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import Scene, build_scene
 from haustra.models.wall.lumen_table import LumenTable
+from haustra.models.wall.piece_wall import Blocks
 from haustra.models.wall.pieces.wall import Wall
 
 STRIDE = 0.4
@@ -26,9 +27,9 @@ class GrowingEngine:
     """A scene on MuJoCo's CPU engine, stepped as scenes of rising length of shaft; seen from outside, as one.
 
     Shaft outside the patient is held straight, so a scene without it does the same to 0.1 %
-    (`haustra.models.devices.scope.outside`). When shaft is added, positions, speeds and hands go on as they were. Stock
-    MuJoCo, given the whole scene and the recorded controls, repeats such a run as closely as that, and to the bit only
-    until shaft is first added.
+    (`haustra.models.devices.scope.outside`). When shaft is added, positions, speeds and hands go on as they were. The
+    whole scene, given the recorded controls, repeats such a run as closely as that, and to the bit only until shaft is
+    first added.
     """
 
     backend = NativeEngine.backend
@@ -84,6 +85,10 @@ class GrowingEngine:
         whole[self._rows] = self._engine.data.ctrl
         return whole
 
+    def mocap(self, blocks: Blocks) -> tuple[Float[np.ndarray, "blocks 3"], Float[np.ndarray, "blocks 4"]]:
+        """Where these blocks of the wall are [m], and how they are turned, as quaternions; none in a fixed colon."""
+        return self._engine.mocap(blocks)
+
     def colon(self) -> Colon:
         """The colon as it lies now."""
         return self._engine.colon()
@@ -119,7 +124,7 @@ def growing(
             table=table,
             build=lambda inside: build_scene(
                 scene.colon,
-                wall,
+                wall if scene.options.wall_law == "pieces" else None,
                 scene.design,
                 scene.options,
                 show_lumen=False,

@@ -8,6 +8,7 @@ from jaxtyping import Float
 from haustra.models.anatomy.colon import Centreline, Colon, Surface
 from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables
+from haustra.models.wall.piece_wall import Blocks
 from haustra.models.wall.signed_distance import surface_arcs
 
 
@@ -58,6 +59,17 @@ class CurrentColon:
         shape = moving_colon.shape_of(np, self._mesentery, moved)
         rest = moving_colon.to_reference(np, self._tables, moved, shape, seen, np.array([[arc]]))
         return rest[0, 0] @ self._axes.T + self._origin
+
+    def poses(
+        self, displacement: Float[np.ndarray, "nodes 3"], blocks: Blocks
+    ) -> tuple[Float[np.ndarray, "blocks 3"], Float[np.ndarray, "blocks 4"]]:
+        """Where blocks of the wall are [m], and how they are turned, as quaternions."""
+        now = np.asarray(displacement, float)[None]
+        places = ((blocks.places - self._origin) @ self._axes)[None]
+        shape = moving_colon.shape_of(np, self._mesentery, now)
+        moved, turns = moving_colon.section_poses(np, self._tables, now, shape, places, blocks.arcs[None])
+        turn = np.column_stack([turns[0, :, 0], turns[0, :, 1:] @ self._axes.T])
+        return moved[0] @ self._axes.T + self._origin, turn
 
     def _carried(self, displacement: np.ndarray, points: np.ndarray, arcs: np.ndarray) -> np.ndarray:
         seen = (points - self._origin) @ self._axes

@@ -20,7 +20,8 @@ from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.cable import PULL_OUT_LIMIT
 from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.scene import Scene
-from haustra.models.wall.lumen_table import LumenTable, lumen_table, stack
+from haustra.models.wall.lumen_table import LumenTable, Tables, axis_tables, lumen_table, stack
+from haustra.models.wall.piece_wall import BLOCK, Blocks, PieceWall
 from haustra.models.wall.planes import PlaneWall, add_planes
 from haustra.models.wall.segment_law import SegmentLaw
 from haustra.models.wall.signed_distance import LumenDistance
@@ -46,8 +47,9 @@ FATAL_WARNINGS = [
 class NativeEngine:
     """One scene on MuJoCo's CPU engine.
 
-    Every step is a function of the compiled scene and of `data.ctrl` alone, so that stock MuJoCo repeats a run from the
-    saved scene and its controls. Steered by wheels, controls change at every step.
+    In a wall of pieces that is fixed in space every step is a function of the compiled scene and of `data.ctrl` alone:
+    `haustra.models.wall.piece_wall.step_once` repeats a run from the saved scene and its controls to the bit, and
+    `mj_step` nearly. Steered by wheels, controls change at every step.
     """
 
     backend = "native"
@@ -94,10 +96,9 @@ class NativeEngine:
         self._behind = cable.length - cable.joint_positions
         self._start = scene.options.start_depth
         self._lock_outside(self._start)
-        self._planes = self._wall_planes() if scene.samples else None
-        self._moved: CurrentColon | None = None
-        if self.table is not None and self.table.tables.mesentery is not None:
-            self._moved = CurrentColon(scene.colon, stack([self.table.tables]), np.zeros(3), np.eye(3))
+        self._axis = self._tabulated_axis()
+        self._moved = CurrentColon(scene.colon, self._axis, np.zeros(3), np.eye(3)) if self._axis else None
+        self._wall = self._placed_wall()
         self._law = self._segment_law()
         stiffness = self._law.by_geom if self._law else scene.options.wall_stiffness
         self._energies = EnergyMeter(model, wall_stiffness=stiffness)
@@ -135,38 +136,36 @@ class NativeEngine:
         data = self.data
         data.qpos[:], data.qvel[:], data.act[:2] = qpos, 0.0, qpos[:2]
         self._lock_outside(self.insertion)
-        if self._planes:
-            self._planes.begin(self._straight_arcs + self.insertion - self._start)
+        self._wall.begin(self._straight_arcs + self.insertion - self._start)
         mujoco.mj_forward(self.model, data)
 
     def resume(self, other: "NativeEngine") -> None:
         """Go on with the hands of an engine of the same scope, whose positions and speeds this one was given."""
         self._hand, self._arriving = other._hand, other._arriving
         self._lock_outside(self.insertion)
-        if self._planes and other._planes:
-            # This scope may have more shaft; straight, both lie with their tips in the same place.
-            self._planes.begin(np.interp(self._straight_arcs, other._straight_arcs, other._planes.arcs))
-            if isinstance(self._planes, TableWall) and isinstance(other._planes, TableWall):
-                self._planes.resume(other._planes)
+        # This scope may have more shaft; straight, both lie with their tips in the same place.
+        self._wall.begin(np.interp(self._straight_arcs, other._straight_arcs, other._wall.arcs))
+        if isinstance(self._wall, TableWall) and isinstance(other._wall, TableWall):
+            self._wall.resume(other._wall)
+        if isinstance(self._wall, PieceWall) and isinstance(other._wall, PieceWall):
+            self._wall.resume(other._wall)
         mujoco.mj_forward(self.model, self.data)
 
     def _advance(self, count: int) -> None:
-        """Advance by `count` steps; tangent planes follow before each."""
-        if self._planes is None:
-            mujoco.mj_step(self.model, self.data, count)
-            return
+        """Advance by `count` steps; the wall follows before each."""
         for _ in range(count):
             if not np.isfinite(self.data.qpos).all():
                 return
-            self._planes.update(self.data)
+            self._wall.update(self.data)
             if self._law:
-                self._law.follow(self._planes.arcs)
-            mujoco.mj_step(self.model, self.data)
-            if isinstance(self._planes, TableWall):
-                self._planes.give_way(self.data)
+                self._law.follow(self._wall.arcs)
+            self._wall.step(self.data)
 
     def _compiled(self) -> mujoco.MjModel:
-        """The scene's model; by a table, each sphere has a plane to be placed, of which a saved scene knows nothing."""
+        """The scene's model; by a table, each sphere has a plane to be placed, of which a saved scene knows nothing.
+
+        Pieces that nothing touches are in the saved scene only.
+        """
         scene, options = self.scene, self.scene.options
         if options.wall_law != "table":
             return scene.compile()
@@ -174,25 +173,36 @@ class NativeEngine:
             scene.colon, device_radius=scene.cable.radius, with_mesentery=options.mesentery
         )
         spec = scene.spec.copy()
+        for number in range(len(scene.blocks.arcs)):
+            spec.delete(spec.body(f"{BLOCK}{number:03d}"))
         add_planes(spec, spec.compile(), scene.samples, options.contact, timestep=options.timestep, planes=1)
         return spec.compile()
 
-    def _wall_planes(self) -> PlaneWall | TableWall:
-        """The tangent planes of a scope that lies straight at the anus."""
+    def _tabulated_axis(self) -> Tables | None:
+        """Of a colon that moves."""
+        if not self.scene.options.mesentery:
+            return None
+        return stack([self.table.tables if self.table else axis_tables(self.scene.colon)])
+
+    def _placed_wall(self) -> TableWall | PlaneWall | PieceWall:
+        """The wall of a scope that lies straight at the anus."""
         mujoco.mj_kinematics(self.model, self.data)
-        spheres = [self.model.geom(f"wall/sphere_{number:04d}").id for number in range(len(self.scene.samples))]
-        self._straight_arcs = (self.data.geom_xpos[spheres] - self.scene.entry) @ self.scene.entry_direction
+        scene, contact = self.scene, self.scene.options.contact
+        spheres = [self.model.geom(f"wall/sphere_{number:04d}").id for number in range(len(scene.samples))]
+        self._straight_arcs = (self.data.geom_xpos[spheres] - scene.entry) @ scene.entry_direction
         if self.table is not None:
-            return TableWall(self.model, self.table, self.scene.options.contact, arcs=self._straight_arcs)
-        return PlaneWall(self.model, LumenDistance(self.scene.colon), arcs=self._straight_arcs)
+            return TableWall(self.model, self.table, contact, arcs=self._straight_arcs)
+        if scene.options.wall_law == "pieces":
+            return PieceWall(self.model, contact, spheres=len(spheres), axis=self._axis, blocks=scene.blocks)
+        return PlaneWall(self.model, LumenDistance(scene.colon), arcs=self._straight_arcs)
 
     def _segment_law(self) -> SegmentLaw | None:
         """What pushes back by segment, if the scene asks for it."""
         options = self.scene.options
-        if not isinstance(self._planes, PlaneWall) or not options.segment_stiffness:
+        if not isinstance(self._wall, PlaneWall) or not options.segment_stiffness:
             return None
         stiffness = dict(options.segment_stiffness)
-        return SegmentLaw(self.model, self.scene.colon, stiffness, options.contact, self._planes)
+        return SegmentLaw(self.model, self.scene.colon, stiffness, options.contact, self._wall)
 
     @property
     def insertion(self) -> float:
@@ -247,8 +257,14 @@ class NativeEngine:
 
     @property
     def _displacement(self) -> Float[np.ndarray, "nodes 3"]:
-        assert isinstance(self._planes, TableWall) and self._planes.displacement is not None
-        return self._planes.displacement
+        assert not isinstance(self._wall, PlaneWall) and self._wall.displacement is not None
+        return self._wall.displacement
+
+    def mocap(self, blocks: Blocks) -> tuple[Float[np.ndarray, "blocks 3"], Float[np.ndarray, "blocks 4"]]:
+        """Where these blocks of the wall are [m], and how they are turned, as quaternions; none in a fixed colon."""
+        if isinstance(self._wall, PieceWall):
+            return self.data.mocap_pos.copy(), self.data.mocap_quat.copy()
+        return self._moved.poses(self._displacement, blocks) if self._moved else (np.zeros((0, 3)), np.zeros((0, 4)))
 
     def shape(self) -> Float[np.ndarray, "nodes 3"]:
         """Points along the scope's axis, from the handle end of the modelled part to the tip [m]."""

@@ -30,7 +30,7 @@ class DeviceEyes(Eyes):
             directions = jnp.einsum("wij,rj->wri", frame, rays)
             now = begin_march(jnp, arc, len(rays), steps[-1])
             at_rest = None
-            if tables and displacement is not None:
+            if tables is not None and displacement is not None:
                 at_rest = moving_colon.back_to_reference(jnp, pick(tables, case), displacement)
 
             def further(now: March, distance: Any) -> tuple[March, None]:

@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from haustra.envs.sim.backend import AbstractBackend, backend_of, load_backend
+from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.capabilities import require_task_supported
 from haustra.envs.sim.conditions import Conditions, Snapshot
+from haustra.envs.sim.load import backend_of, load_backend
 from haustra.envs.sim.state import Controls, Readings
 from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.bank import ColonSet, grown_bank

@@ -191,12 +191,34 @@ def lumen_table(
         device_radius=np.float64(device_radius),
     )
     if with_mesentery:
-        width = np.interp(arcs, colon.centreline.arc, np.median(colon.radius, axis=1))
-        tables = tables._replace(mesentery=mesentery.hang(points, arcs, width, colon.segments))
+        tables = _hung(tables, colon)
     narrow = arcs[(radius <= LEAST_RADIUS).mean(axis=1) > 0.5]
     return LumenTable(
         tables, device_radius, _error(surface, tables, arcs, radius, rays, device_radius, seed), tuple(narrow.tolist())
     )
+
+
+def axis_tables(colon: Colon) -> Tables:
+    """Tables of a colon that moves, of its axis only: no wall is tabulated, to be looked up in."""
+    points, frames, step = _stations(colon)
+    tables = Tables(
+        points,
+        frames,
+        np.zeros((0, 1, 4)),
+        np.float64(step),
+        np.int32(0),
+        np.int32(len(points)),
+        axes=np.eye(3),
+        device_radius=np.float64(0.0),
+    )
+    return _hung(tables, colon)
+
+
+def _hung(tables: Tables, colon: Colon) -> Tables:
+    """With the colon's mesentery."""
+    arcs = tables.step * np.arange(len(tables.points))
+    width = np.interp(arcs, colon.centreline.arc, np.median(colon.radius, axis=1))
+    return tables._replace(mesentery=mesentery.hang(tables.points, arcs, width, colon.segments))
 
 
 def query(xp: ModuleType, tables: Tables, points: Float[Any, "*worlds points 3"], arcs: Float[Any, "..."]) -> WallQuery:

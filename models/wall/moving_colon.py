@@ -275,15 +275,35 @@ def back_to_reference(xp: ModuleType, tables: Tables, place: Array) -> Callable[
 
 def to_current(xp: ModuleType, tables: Tables, place: Array, points: Array, arcs: Array) -> Array:
     """Points of the colon at rest at those arc lengths (worlds, points, 3), where they are now [m]."""
-    own = _hung(tables)
-    axis = table.axis_at(xp, tables, arcs)
-    moved = _between(place, *_cell(xp, own, arcs))
-    return axis + moved + _turned(xp, own, shape_of(xp, own, place), arcs, points - axis)
+    return _current(xp, tables, place, shape_of(xp, _hung(tables), place), points, arcs)
 
 
 def directions(xp: ModuleType, own: Mesentery, place: Array, arcs: Array, v: Array) -> Array:
     """Directions in the colon at rest (worlds, points, 3), as they stand where it is now."""
     return _turned(xp, own, shape_of(xp, own, place), arcs, v)
+
+
+def section_poses(
+    xp: ModuleType, tables: Tables, place: Array, shape: AxisShape, points: Array, arcs: Array
+) -> tuple[Array, Array]:
+    """Where bodies are that go along with cross-sections at arc lengths, and how they are turned from rest.
+
+    Args:
+        xp: numpy or jax.numpy.
+        tables: of each world.
+        place: displacement of the nodes [m].
+        shape: `shape_of` them.
+        points: where the bodies are at rest (worlds, points, 3) [m].
+        arcs: [m].
+
+    Returns:
+        Points [m], and quaternions (worlds, points, 4).
+    """
+    own = _hung(tables)
+    half = xp.concatenate([1 + shape.cosines[..., None], shape.axes], axis=-1)
+    turn = _between(half / xp.linalg.norm(half, axis=-1, keepdims=True), *_cell(xp, own, arcs))
+    turn = turn / xp.linalg.norm(turn, axis=-1, keepdims=True)
+    return _current(xp, tables, place, shape, points, arcs), turn
 
 
 def axis_at(xp: ModuleType, tables: Tables, place: Array | None, arcs: Array) -> Array:
@@ -403,6 +423,12 @@ def energy(xp: ModuleType, own: Mesentery, place: Array) -> Array:
     return along.sum(axis=1) + bent.sum(axis=1) + held.sum(axis=1)
 
 
+def _current(xp: ModuleType, tables: Tables, place: Array, shape: AxisShape, points: Array, arcs: Array) -> Array:
+    own, axis = _hung(tables), table.axis_at(xp, tables, arcs)
+    moved = _between(place, *_cell(xp, own, arcs))
+    return axis + moved + _turned(xp, own, shape, arcs, points - axis)
+
+
 def _hung(tables: Tables) -> Mesentery:
     assert tables.mesentery is not None, "tables of a colon that is fixed in space"
     return tables.mesentery
@@ -428,7 +454,7 @@ def _worlds(at: Array) -> Array:
 
 
 def _between(values: Array, at: Array, share: Array) -> Array:
-    """Values of the nodes (worlds, nodes, 3) at places between them (worlds, points, 3)."""
+    """Values of the nodes (worlds, nodes, n) at places between them (worlds, points, n)."""
     world = _worlds(at)
     before, after = values[world, at], values[world, at + 1]
     return before + share[..., None] * (after - before)

@@ -79,6 +79,22 @@ def capsule_samples(bare: mujoco.MjModel, geoms: Sequence[str], *, spacing: floa
     return tuple(samples)
 
 
+def add_sphere(spec: mujoco.MjSpec, number: int, sample: Sample, *, prefix: str = "wall/") -> str:
+    """Add a sphere without mass that touches what pairs say, and return its name."""
+    name = f"{prefix}sphere_{number:04d}"
+    spec.body(sample.body).add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        pos=sample.position,
+        size=[sample.radius, 0, 0],
+        mass=0,
+        contype=0,
+        conaffinity=0,
+        group=3,
+    )
+    return name
+
+
 def add_planes(
     spec: mujoco.MjSpec,
     bare: mujoco.MjModel,
@@ -102,17 +118,7 @@ def add_planes(
     """
     require_impedance_ratio(spec, IMPEDANCE_RATIO / SLIP_RELAXATION)  # friction damps by their product
     for number, sample in enumerate(samples):
-        sphere = f"{prefix}sphere_{number:04d}"
-        spec.body(sample.body).add_geom(
-            name=sphere,
-            type=mujoco.mjtGeom.mjGEOM_SPHERE,
-            pos=sample.position,
-            size=[sample.radius, 0, 0],
-            mass=0,
-            contype=0,
-            conaffinity=0,
-            group=3,
-        )
+        sphere = add_sphere(spec, number, sample, prefix=prefix)
         inverse_inertia = bare.body_invweight0[bare.body(sample.body).id, 0]
         soft = contact_parameters(inverse_inertia, contact, timestep=timestep, where=sample.body)
         for side in range(planes):
@@ -218,6 +224,10 @@ class PlaneWall:
         data.mocap_quat[self._planes[before, 0]] = [1, 0, 0, 0]
         self._room[before] = 0.0
         return self.outside
+
+    def step(self, data: mujoco.MjData) -> None:
+        """Advance by one step."""
+        mujoco.mj_step(self._model, data)
 
     def _follow(self, spheres: np.ndarray, centres: np.ndarray, moved: np.ndarray) -> ClosestPoints:
         """The wall next to those of all spheres on the side where they were before all moved so far [m]."""

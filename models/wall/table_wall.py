@@ -173,10 +173,14 @@ class TableWall:
             self._surface,
         )
 
-    def give_way(self, data: mujoco.MjData) -> None:
+    def step(self, data: mujoco.MjData) -> None:
+        """Advance by one step, the colon's too."""
+        mujoco.mj_step(self._model, data)
+        if self._walls.displacement is not None:
+            self._give_way(data)
+
+    def _give_way(self, data: mujoco.MjData) -> None:
         """Let the colon move under the contacts of the step that was made."""
-        if self._walls.displacement is None:
-            return
         contact, law = data.contact, self._contact
         loops().contacts(
             self._sphere_of,

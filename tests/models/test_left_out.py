@@ -31,7 +31,7 @@ def _drive(scene) -> np.ndarray:
 
 
 def test_a_scene_without_what_it_cannot_reach_does_the_same(tube) -> None:
-    """Bound of 0.1 % of the length inside for the tip, and of the peaks for force and torque."""
+    """Bound of 0.2 % of the length inside for the tip, and of 0.3 % of the peaks for force and torque."""
     colon, wall = tube
     whole = build_scene(colon, wall, DESIGN, show_lumen=False)
     gone = build_scene(colon, wall, DESIGN, show_lumen=False, deepest=DEEPEST)
@@ -39,11 +39,11 @@ def test_a_scene_without_what_it_cannot_reach_does_the_same(tube) -> None:
     assert gone.compile().nv < 0.6 * whole.compile().nv
     assert {"shaft held outside", "wall out of reach"} <= gone.left_out.keys()
     first, second = _drive(whole), _drive(gone)
-    assert np.linalg.norm(first[:, :3] - second[:, :3], axis=1).max() < 1e-3 * DEEPEST
+    assert np.linalg.norm(first[:, :3] - second[:, :3], axis=1).max() < 2e-3 * DEEPEST
     for column, least in ((3, 0.2), (4, 0.01)):
         late = np.abs(first[50:, column]).max(), np.abs(second[50:, column]).max()
         assert late[0] > least
-        assert late[1] == pytest.approx(late[0], rel=1e-3)
+        assert late[1] == pytest.approx(late[0], rel=3e-3)
 
 
 def test_what_can_be_reached_stays(tube) -> None:

@@ -33,6 +33,9 @@ FORCE_TOLERANCE = 0.1
 """Mean push and mean sum of wall forces, relative, median over colons; and means of the follower's scores, of which
 the whole 95 % interval has to lie within; engineering choice."""
 
+PIECES_PUSH, PIECES_WALL = 0.05, 0.1
+"""Mean push and mean sum of wall forces of pieces against planes, relative, mean over colons; engineering choice."""
+
 _SCORES: Mapping[str, str] = {"furthest": "m", "push_mean": "N", "push_peak": "N", "wall_mean": "N"}
 
 
@@ -148,6 +151,9 @@ def _bars(paths: list[dict[str, Value]], scores: list[dict[str, Value]]) -> tupl
             Criterion(f"Field against {what}, mean push", median(f"{of}_push"), FORCE_TOLERANCE, "1", "at most"),
             Criterion(f"Field against {what}, mean wall force", median(f"{of}_wall"), FORCE_TOLERANCE, "1", "at most"),
         ]
+    for name, most in (("push", PIECES_PUSH), ("wall", PIECES_WALL)):
+        mean = float(np.mean([float(row[f"pieces_against_planes_{name}"] or 0.0) for row in paths]))
+        found.append(Criterion(f"Pieces against exact planes, mean {name}, mean of colons", mean, most, "1", "at most"))
     for score in _SCORES:
         gap, pieces = _gaps(scores, score)
         what = f"Field against pieces, mean {score} of an insertion"

@@ -6,8 +6,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from haustra.envs.sim.backend import AbstractBackend, backend_of, load_backend
+from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.conditions import Conditions
+from haustra.envs.sim.load import backend_of, load_backend
 from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.native_batch import NativeBackend
 from haustra.envs.sim.state import Controls, Readings

@@ -5,9 +5,9 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from haustra.envs.sim.backend import load_backend
 from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.device_engines import device_engine
+from haustra.envs.sim.load import load_backend
 from haustra.envs.sim.scope_reading import read_scope
 from haustra.envs.sim.state import Controls
 from haustra.envs.tasks.vector import NavigationVectorEnv

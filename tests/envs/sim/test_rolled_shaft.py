@@ -85,7 +85,7 @@ def _batch(make: Callable) -> tuple[float, float]:
 
 
 def _device(engine: str) -> tuple[float, float]:
-    from haustra.envs.sim.backend import load_backend
+    from haustra.envs.sim.load import load_backend
 
     return _batch(lambda scene, tables: load_backend(engine, scene, tables, worlds=2))
 

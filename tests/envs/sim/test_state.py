@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from haustra.envs.sim.backend import AbstractBackend, backend_of
+from haustra.envs.sim.backend import AbstractBackend
+from haustra.envs.sim.load import backend_of
 from haustra.envs.sim.state import Controls, Readings, refuse_others
 from haustra.errors import InvalidOptionError
 

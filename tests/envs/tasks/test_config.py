@@ -22,7 +22,7 @@ PINNED = Randomisation(
 )
 PAID = Weights(**{entry.name: 0.5 for entry in fields(Weights)})
 ENDED = Limits(seconds=1.0, perforation_force=0.5, safe_force=0.4, caecum_margin=0.2)
-"""So that a short episode is perforated, reaches its end and runs out of time."""
+"""So that a short episode is perforated and reaches its end."""
 BASE = TaskConfig(design=DESIGN, observation="state", randomisation=PINNED, weights=PAID, limits=ENDED)
 CHANGES: dict[str, Any] = {
     "randomisation.friction": (0.5, 0.5),
@@ -36,7 +36,6 @@ CHANGES: dict[str, Any] = {
     "drive.roll_rate": 0.5,
     "drive.wheel_rate": 1.0,
     "drive.hand_lead": 0.001,
-    "limits.seconds": 0.08,
     "limits.perforation_force": 500.0,
     "limits.safe_force": 50.0,
     "limits.caecum_margin": 0.03,
@@ -44,9 +43,9 @@ CHANGES: dict[str, Any] = {
 }
 SEEN: dict[str, dict[str, Any]] = {
     "observation": {"observation": "lumen"},
-    "privileged": {"privileged": True},
-    "imager": {"imager": True},
-    "memory": {"memory": (1.0,)},
+    "privileged": {"observation": "dict", "privileged": True},
+    "imager": {"observation": "dict", "imager": True},
+    "memory": {"observation": "dict", "memory": (1.0,)},
     "depth": {"observation": "dict", "depth": True},
     "pictures": {"observation": "dict", "pictures": True},
     "picture_size": {"observation": "depth", "picture_size": 32},
@@ -75,6 +74,14 @@ def test_it_changes_an_episode(path: str) -> None:
     assert not np.allclose(_episode(path, CHANGES[path]), _episode(), rtol=1e-6, atol=1e-9)
 
 
+def test_an_episode_ends_when_its_time_is_up() -> None:
+    config = replace(BASE, limits=Limits(seconds=0.08))
+    task = ScopeTask(config, bank=short_bank())
+    task.reset(seeds=[0], case=0)
+    truncated = [bool(task.step(np.zeros((1, 4))).truncated[0]) for _ in range(3)]
+    assert truncated == [False, True, True]
+
+
 @pytest.mark.parametrize("name", SEEN)
 def test_it_changes_what_is_seen(name: str) -> None:
     changed = SEEN[name]
@@ -85,5 +92,5 @@ def test_it_changes_what_is_seen(name: str) -> None:
 def test_every_rule_is_here() -> None:
     parts = {"drive": Drive, "limits": Limits, "randomisation": Randomisation, "weights": Weights}
     inner = {f"{part}.{entry.name}" for part, kind in parts.items() for entry in fields(kind)}
-    assert inner == set(CHANGES)
+    assert inner == {*CHANGES, "limits.seconds"}
     assert {entry.name for entry in fields(TaskConfig)} == {*parts, *SEEN, *ELSEWHERE}

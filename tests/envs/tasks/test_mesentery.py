@@ -78,9 +78,7 @@ def test_a_camera_that_moves_with_the_colon_sees_the_same():
     assert np.abs(drawn[0].astype(int) - drawn[1]).max() <= 1
 
 
-@pytest.mark.parametrize(
-    ("engine", "changed"), [("native", {}), ("jax", {"observation": "pixels"}), ("jax", {"task": "withdrawal"})]
-)
+@pytest.mark.parametrize(("engine", "changed"), [("jax", {"observation": "pixels"}), ("jax", {"task": "withdrawal"})])
 def test_what_cannot_be_done_in_colons_that_move_is_refused(engine, changed):
     with pytest.raises(UnsupportedSceneError, match="mesentery"):
         ScopeTask(TaskConfig(design=DESIGN, mesentery=True, **changed), engine=engine, bank=hung_bank())

@@ -339,7 +339,7 @@ def _pose(engine: JaxScopes, parameters: Any, worlds: Any) -> Any:
 
 def test_what_cannot_move_a_colon_says_so() -> None:
     with pytest.raises(InvalidOptionError, match="needs wall law 'table'"):
-        SceneOptions(mesentery=True)
+        SceneOptions(wall_law="planes", mesentery=True)
     bank = build_bank([straight_tube()], named_design("adult"), _OPTIONS)
     still = build_bank([straight_tube()], named_design("adult"), replace(_OPTIONS, mesentery=False))
     with pytest.raises(UnsupportedSceneError, match="or none"):
