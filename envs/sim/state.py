@@ -7,7 +7,7 @@ Both records are trees to JAX.
 from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
-from jaxtyping import Float, Real, jaxtyped
+from jaxtyping import Float, Real
 
 from haustra.errors import InvalidOptionError
 from haustra.models.devices.scope.wires import WIRE_NAMES
@@ -94,19 +94,25 @@ class Readings(NamedTuple):
         return _checked(self)
 
 
-_SHAPES = {kind: get_type_hints(kind) for kind in (Controls, Readings)}
+_AXES = {
+    kind: [None if shape is Any else shape.dim_str.split()[1:] for shape in get_type_hints(kind).values()]
+    for kind in (Controls, Readings)
+}
+"""Axes of each field behind the worlds; None of what is no array. Read once: controls are checked at every call."""
 
 
 def _checked(record: Any) -> Any:
     """The record itself; all its arrays have the same worlds."""
-    with jaxtyped("context"):
-        for (name, shape), value in zip(_SHAPES[type(record)].items(), record, strict=True):
-            if value is None or shape is Any:
-                continue
-            if not isinstance(value if hasattr(value, "shape") else np.asarray(value), shape):
-                raise InvalidOptionError(
-                    f"The {type(record).__name__} have {name} of shape {np.shape(value)}: {shape}."
-                )
+    worlds = np.shape(record[0])
+    for name, axes, value in zip(record._fields, _AXES[type(record)], record, strict=True):
+        if value is None or axes is None:
+            continue
+        shape = np.shape(value)
+        own = shape[len(worlds) :]
+        fits = shape[: len(worlds)] == worlds and len(own) == len(axes)
+        if not fits or any(axis.isdecimal() and int(axis) != size for axis, size in zip(axes, own, strict=True)):
+            wanted = " ".join(map(str, (*worlds, *axes)))
+            raise InvalidOptionError(f"The {type(record).__name__} have {name} of shape {shape}: give ({wanted}).")
     return record
 
 
