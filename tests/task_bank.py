@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from haustra.envs.learning.recording import Recording
-from haustra.envs.sim.scope_batch import batch_model
+from haustra.envs.sim.native_batch import batch_model
 from haustra.envs.tasks.bank import TASK_OPTIONS, ColonSet, make_bank
 from haustra.envs.tasks.case import case_of
 from haustra.models.devices.scope.library import named_design

@@ -13,7 +13,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from haustra.envs.sim.native import Inputs, Observation
+from haustra.envs.sim.state import Controls, Readings
 from haustra.models.anatomy.colon import Centreline
 from haustra.models.devices.scope.design import ScopeDesign
 
@@ -162,7 +162,7 @@ def decide(
         settings: how it drives.
         steering: the scopes that it steers.
         seen: readings of all worlds: insertion, roll, hand_lead, tip, tip_frame, bend, push_force, link_forces, as in
-            `haustra.envs.sim.scope_values.Readings`.
+            `haustra.envs.sim.state.Readings`.
         memory: what it remembers.
         time: simulated time [s].
         arc: arc length of the tip [m].
@@ -247,7 +247,7 @@ class LumenFollower:
         self._steering = Steering.of(design, self.settings)
         self._memory = begin(np, 1, np.float64)
 
-    def act(self, seen: Observation, arc: float, interval: float) -> Inputs:
+    def act(self, seen: Readings, arc: float, interval: float) -> Controls:
         """Inputs for the next `interval` [s], given what was seen and the tip's arc length [m]."""
         decision, self._memory = decide(
             np,
@@ -263,8 +263,8 @@ class LumenFollower:
         )
         push_rate, roll_rate = float(decision.push_rate[0]), float(decision.roll_rate[0])
         if self.settings.steer == "wheels":
-            return Inputs(push_rate, roll_rate, wheels=self._wires.routing_radius * self.asked)
-        return Inputs(push_rate, roll_rate, decision.pulls[0])
+            return Controls(push_rate, roll_rate, wheels=self._wires.routing_radius * self.asked)
+        return Controls(push_rate, roll_rate, decision.pulls[0])
 
     @property
     def asked(self) -> Float[np.ndarray, "2"]:
@@ -276,25 +276,14 @@ class LumenFollower:
         """Times that it backed off since the last progress."""
         return int(self._memory.attempts[0])
 
-    def _ahead(self, seen: Observation, arc: float) -> Float[np.ndarray, "3"]:
+    def _ahead(self, seen: Readings, arc: float) -> Float[np.ndarray, "3"]:
         """Place of the centreline that it steers towards, where it is now [m]."""
         points = self._line.points if seen.way is None else seen.way
         place = arc + self.settings.look_ahead
         return np.array([np.interp(place, self._line.arc, points[:, axis]) for axis in range(3)])
 
 
-class _OneWorld(NamedTuple):
-    """Readings of one scope as those of one world of a batch."""
-
-    insertion: np.ndarray
-    roll: np.ndarray
-    hand_lead: np.ndarray
-    tip: np.ndarray
-    tip_frame: np.ndarray
-    bend: np.ndarray
-    push_force: np.ndarray
-    link_forces: np.ndarray
-
-
-def _one_world(seen: Observation) -> _OneWorld:
-    return _OneWorld(*(np.asarray(getattr(seen, name))[None] for name in _OneWorld._fields))
+def _one_world(seen: Readings) -> Readings:
+    """What every backend measures of one scope, as of one world of many."""
+    needed = (name for name in Readings._fields if name not in Readings._field_defaults)
+    return Readings(**{name: np.asarray(getattr(seen, name))[None] for name in needed})

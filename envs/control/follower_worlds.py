@@ -9,7 +9,8 @@ import jax.numpy as jnp
 from haustra.envs.control import follower
 from haustra.envs.control.follower import FollowerSettings, Memory, Steering
 from haustra.envs.sim.precision import precise
-from haustra.envs.sim.scope_values import Controls, Parameters, Readings
+from haustra.envs.sim.scope_values import Parameters
+from haustra.envs.sim.state import Controls, Readings
 from haustra.errors import InvalidOptionError
 from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables
@@ -67,7 +68,7 @@ class WorldsFollower:
             memory,
             time=time,
             arc=seen.tip_arc,
-            target=moving_colon.axis_at(jnp, tables, seen.shift, ahead)[:, 0],
+            target=moving_colon.axis_at(jnp, tables, seen.displacement, ahead)[:, 0],
             interval=interval,
             tip_links=self.tip_links,
         )

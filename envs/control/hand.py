@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.physics.hand import hand_force
+from haustra.envs.sim.state import Controls
 from haustra.errors import InvalidOptionError
 
 
@@ -40,15 +41,15 @@ class Gesture:
         ):
             raise InvalidOptionError("A gesture needs finite numbers, a positive duration and no negative jiggling.")
 
-    def inputs(self, time: float) -> Inputs:
+    def inputs(self, time: float) -> Controls:
         """Inputs `time` after the gesture began [s]; jiggling starts and ends where the steady motion is."""
         turn = 2 * math.pi * self.jiggle_frequency
         jiggle = self.jiggle_amplitude * turn * math.cos(turn * time)
         wheels = None if self.wheels is None else np.array(self.wheels)
-        return Inputs(self.push_rate + jiggle, self.roll_rate, np.array(self.pulls), wheels)
+        return Controls(self.push_rate + jiggle, self.roll_rate, np.array(self.pulls), wheels)
 
 
-def inputs_at(gestures: Sequence[Gesture], time: float) -> Inputs | None:
+def inputs_at(gestures: Sequence[Gesture], time: float) -> Controls | None:
     """Inputs of a sequence of gestures at `time` [s]; None when all are done."""
     for gesture in gestures:
         if time < gesture.duration:
@@ -107,7 +108,7 @@ class HapticHandle:
             # The engine's hand aims at where the device is; a control is a speed, so as to get there in one step.
             rates = (np.array([position, roll]) - data.act[:2]) / self._step
             before = data.qvel[:2].copy()
-            inputs = Inputs(float(rates[0]), float(rates[1]), np.zeros(4) if pulls is None else pulls, wheels)
+            inputs = Controls(float(rates[0]), float(rates[1]), np.zeros(4) if pulls is None else pulls, wheels)
             self.engine.step(inputs, 1)
             self._acceleration = (data.qvel[:2] - before) / self._step
             self._ahead -= self._step

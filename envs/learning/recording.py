@@ -33,7 +33,7 @@ class Recording:
     """Of the hand [N]."""
     wall_force: Float[np.ndarray, " frames"]
     """Largest on a link at any step since the state before [N]."""
-    shift: Float[np.ndarray, "frames nodes 3"] | None = None
+    displacement: Float[np.ndarray, "frames nodes 3"] | None = None
     """Displacements of the colon's axis [m], to a tenth of a millimetre; None in a colon that is fixed in space."""
 
 
@@ -45,7 +45,7 @@ class Recorder:
         self._task = task
         self._every = max(1, round(INTERVAL / task.interval))
         self._rows: list[list[np.ndarray]] = [[] for _ in range(task.worlds)]
-        self._shifts: list[list[np.ndarray]] = [[] for _ in range(task.worlds)]
+        self._displacements: list[list[np.ndarray]] = [[] for _ in range(task.worlds)]
         self._force = np.zeros(task.worlds)
         self._rank: tuple[float, ...] = ()
         self.best: Recording | None = None
@@ -54,7 +54,7 @@ class Recorder:
     def begin(self, worlds: list[int]) -> None:
         """Episodes begin in these worlds."""
         for world in worlds:
-            self._rows[world], self._shifts[world] = [], []
+            self._rows[world], self._displacements[world] = [], []
         self._force[worlds] = 0.0
 
     def look(self, info: dict[str, np.ndarray], over: list[int]) -> None:
@@ -65,13 +65,13 @@ class Recorder:
         due &= ~info["diverged"]  # what is left of those is laid straight
         if not due.any():
             return
-        qpos = self._task.engine.positions().astype(np.float32)
+        qpos = self._task.backend.positions().astype(np.float32)
         table = np.stack([*(info[name] for name in _COLUMNS), self._force], axis=1).astype(np.float32)
-        shift = self._task.shift
+        displacement = self._task.displacement
         for world in np.flatnonzero(due):
             self._rows[world].append(np.concatenate([table[world], qpos[world]]))
-            if shift is not None:
-                self._shifts[world].append(shift[world].astype(np.float16))
+            if displacement is not None:
+                self._displacements[world].append(displacement[world].astype(np.float16))
         self._force[due] = 0.0
 
     def end(self, world: int, number: int, episode: Any) -> None:
@@ -81,6 +81,6 @@ class Recorder:
             rows = np.stack(self._rows[world]).astype(float)
             numbers = dict(zip((*_COLUMNS, "wall_force"), rows.T, strict=False))
             self._rank = rank
-            shift = np.stack(self._shifts[world]).astype(float) if self._shifts[world] else None
+            displacement = np.stack(self._displacements[world]).astype(float) if self._displacements[world] else None
             qpos = rows[:, len(_COLUMNS) + 1 :]
-            self.best = Recording(number, int(self._task.case[world]), qpos, **numbers, shift=shift)
+            self.best = Recording(number, int(self._task.case[world]), qpos, **numbers, displacement=displacement)

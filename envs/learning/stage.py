@@ -17,16 +17,16 @@ _ALONG = 0.05
 
 
 def stage_of(
-    case: TabulatedColon, shift: Float[np.ndarray, "frames nodes 3"] | None, size: tuple[int, int]
+    case: TabulatedColon, displacement: Float[np.ndarray, "frames nodes 3"] | None, size: tuple[int, int]
 ) -> "StillColon | MovingColon":
     """A colon to draw an episode in.
 
     Args:
         case: the colon.
-        shift: displacements of its axis [m], frame by frame; None where it is fixed in space.
+        displacement: displacements of its axis [m], frame by frame; None where it is fixed in space.
         size: columns and rows of the view from outside.
     """
-    return StillColon(case, size) if shift is None else MovingColon(case, shift, size)
+    return StillColon(case, size) if displacement is None else MovingColon(case, displacement, size)
 
 
 class StillColon:
@@ -46,26 +46,28 @@ class StillColon:
 class MovingColon:
     """A colon on its mesentery: drawn anew in every frame, by a camera that stands still."""
 
-    def __init__(self, case: TabulatedColon, shift: Float[np.ndarray, "frames nodes 3"], size: tuple[int, int]) -> None:
+    def __init__(
+        self, case: TabulatedColon, displacement: Float[np.ndarray, "frames nodes 3"], size: tuple[int, int]
+    ) -> None:
         """Find a camera that sees all of it at the beginning, in the middle and at the end."""
         tables = stack([case.mesentery_tables])
         assert tables.mesentery is not None
         # Among longer colons an axis has nodes added at its end.
-        self._shift = shift = shift[:, : tables.mesentery.nodes.shape[1]]
+        self._displacement = at = displacement[:, : tables.mesentery.nodes.shape[1]]
         self._case, self._size = case, size
         rest = case.colon()
         self._colon = CurrentColon(rest, tables, *entry_of(rest))
         self._rotation = default_rotation(rest.lumen, case.points)
-        ends = (self._colon.colon(at).lumen.vertices for at in (shift[0], shift[len(shift) // 2], shift[-1]))
+        ends = (self._colon.colon(moved).lumen.vertices for moved in (at[0], at[len(at) // 2], at[-1]))
         self._framed = np.vstack(list(ends))
 
     def at(self, index: int, tip: Float[np.ndarray, "3"], arc: float) -> tuple[Surface, np.ndarray, OutsideView]:
         """As `StillColon.at`."""
-        shift = self._shift[index]
-        lumen = self._colon.colon(shift).lumen
-        rest = _inside(self._case, self._colon.to_reference(shift, tip, arc), arc)
+        displacement = self._displacement[index]
+        lumen = self._colon.colon(displacement).lumen
+        rest = _inside(self._case, self._colon.to_reference(displacement, tip, arc), arc)
         outside = OutsideView(lumen, self._rotation, width=self._size[0], height=self._size[1], framed=self._framed)
-        return lumen, self._colon.to_current(shift, rest, arc), outside
+        return lumen, self._colon.to_current(displacement, rest, arc), outside
 
 
 def _inside(case: TabulatedColon, tip: Float[np.ndarray, "3"], arc: float) -> Float[np.ndarray, "3"]:

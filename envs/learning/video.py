@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from haustra.envs.learning.recording import Recording
 from haustra.envs.learning.stage import stage_of
-from haustra.envs.sim.scope_batch import batch_model
+from haustra.envs.sim.native_batch import batch_model
 from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.config import Limits
 from haustra.envs.view.picture.camera import looking
@@ -63,7 +63,8 @@ def write_video(
     Raises:
         OutputError: when the file cannot be written.
     """
-    count, bank = len(recording.time), bank.with_mesentery(recording.shift is not None)  # the scene that was driven
+    count = len(recording.time)
+    bank = bank.with_mesentery(recording.displacement is not None)  # the scene that was driven
 
     def write(temporary: Path) -> None:
         frames = _frames(recording, bank, title, ending, limits, progress)
@@ -87,7 +88,7 @@ def _frames(
     from PIL import Image
 
     size = (WIDTH - _SIDE, HEIGHT)
-    scope, stage = _Scope(bank), stage_of(bank.cases[recording.case], recording.shift, size)
+    scope, stage = _Scope(bank), stage_of(bank.cases[recording.case], recording.displacement, size)
     view = min(bank.design.tip.field_of_view_deg, 170.0)
     count, peak = len(recording.time), 0.0
     for index in range(count):

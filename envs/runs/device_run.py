@@ -72,14 +72,14 @@ def run_device(
     steps = max(1, round(CONTROL_INTERVAL / options.timestep))
     rows: list[dict[str, Any]] = []
     memory, outcome, shape = np.zeros(1), None, engine.spheres()[0]
-    seen = engine.observe()
+    seen = engine.read()
     began = time.perf_counter()
     while outcome is None and seen.time[0] < seconds - steps * options.timestep / 2:
         commands, memory = device.drive(np, seen, memory)
         if not engine.step(commands, steps).all():
             outcome = Outcome.DIVERGED
             break
-        seen, shape = engine.observe(), engine.spheres()[0]
+        seen, shape = engine.read(), engine.spheres()[0]
         qpos, ctrl = engine.positions()
         row = {name: getattr(seen, name)[0] for name in ("time", "tip", "tip_arc", "wall_force", "deepest")}
         own = {name: value[0] for name, value in engine.readings().items()}

@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -12,11 +11,11 @@ from haustra.envs.control.follower import FollowerSettings, LumenFollower
 from haustra.envs.runs.measure.containment import Containment
 from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.runs.outcome import Outcome, ending, outcome_of
-from haustra.envs.sim.growing import GrowingEngine
-from haustra.envs.sim.native import Inputs, NativeEngine, Observation
+from haustra.envs.sim.backend import SingleBackend
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Readings
 from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import Scene
-from haustra.models.wall.piece_wall import Blocks
 
 CONTROL_INTERVAL = 0.02
 """Time between two decisions of the driver, and between two records [s]; engineering choice: 50 Hz."""
@@ -99,57 +98,12 @@ class Insertion:
     """When shaft was added to the scene [s]: from then on stock MuJoCo repeats it closely, but not to the bit."""
 
 
-@runtime_checkable
-class Engine(Protocol):
-    """One scene being stepped: the native engine, or another that steps the same scope."""
-
-    @property
-    def backend(self) -> str:
-        """Its name, of `haustra.envs.sim.capabilities.BACKENDS`."""
-        ...
-
-    @property
-    def scene(self) -> Scene:
-        """What is stepped."""
-        ...
-
-    @property
-    def qpos(self) -> Float[np.ndarray, " positions"]:
-        """Generalised positions [m, rad]."""
-        ...
-
-    @property
-    def ctrl(self) -> Float[np.ndarray, " actuators"]:
-        """Controls of the last step [m/s, rad/s, N, 1]."""
-        ...
-
-    def step(self, inputs: Inputs, count: int) -> bool:
-        """Advance by `count` time steps; False when the simulation has diverged."""
-        ...
-
-    def observe(self) -> Observation:
-        """What can be read off."""
-        ...
-
-    def shape(self) -> Float[np.ndarray, "nodes 3"]:
-        """Points along the scope's axis [m]."""
-        ...
-
-    def colon(self) -> Colon:
-        """The colon as it lies now."""
-        ...
-
-    def mocap(self, blocks: Blocks) -> tuple[Float[np.ndarray, "blocks 3"], Float[np.ndarray, "blocks 4"]]:
-        """Where these blocks of the wall are [m], and how they are turned, as quaternions; none in a fixed colon."""
-        ...
-
-
 def run_insertion(
     scene: Scene,
     *,
     seconds: float,
     settings: FollowerSettings | None = None,
-    engine: Callable[[Scene], Engine] = NativeEngine,
+    engine: Callable[[Scene], SingleBackend] = NativeEngine,
     progress: Progress | None = None,
 ) -> Insertion:
     """Let the lumen follower drive the scope for up to `seconds` of simulated time.
@@ -170,7 +124,7 @@ def run_insertion(
     return _drive(stepped, seconds, settings or FollowerSettings(), progress)
 
 
-def _drive(engine: Engine, seconds: float, settings: FollowerSettings, progress: Progress | None) -> Insertion:
+def _drive(engine: SingleBackend, seconds: float, settings: FollowerSettings, progress: Progress | None) -> Insertion:
     scene = engine.scene
     line = scene.colon.centreline
     start = scene.options.start_depth
@@ -181,7 +135,7 @@ def _drive(engine: Engine, seconds: float, settings: FollowerSettings, progress:
     interval = steps * scene.options.timestep
     containment = Containment(scene.colon, radius=scene.cable.radius)
     rows: list[tuple] = []
-    seen, shape = engine.observe(), engine.shape()
+    seen, shape = engine.read(), engine.shape()
     ended, healthy = 0, True
     began = time.perf_counter()
     while seen.time < seconds - interval / 2:
@@ -189,7 +143,7 @@ def _drive(engine: Engine, seconds: float, settings: FollowerSettings, progress:
         if not engine.step(inputs, steps):
             healthy = False
             break
-        seen, shape = engine.observe(), engine.shape()
+        seen, shape = engine.read(), engine.shape()
         tracker.update(seen.tip, seen.way)
         behind = scene.cable.node_distances
         inside = behind < seen.insertion
@@ -221,11 +175,11 @@ def _drive(engine: Engine, seconds: float, settings: FollowerSettings, progress:
         settings=settings,
         colon=engine.colon(),
         backend=engine.backend,
-        shaft_added=tuple(engine.added) if isinstance(engine, GrowingEngine) else (),
+        shaft_added=tuple(engine.added),
     )
 
 
-def _record(engine: Engine, seen: Observation, arc: float, outside: float) -> tuple:
+def _record(engine: SingleBackend, seen: Readings, arc: float, outside: float) -> tuple:
     worst = int(np.argmax(seen.link_forces))
     behind = engine.scene.cable.node_distances[worst]
     return (
@@ -246,7 +200,7 @@ def _record(engine: Engine, seen: Observation, arc: float, outside: float) -> tu
     )
 
 
-def _trajectory(rows: list[tuple], engine: Engine) -> Trajectory:
+def _trajectory(rows: list[tuple], engine: SingleBackend) -> Trajectory:
     if not rows:
         empty = np.zeros(0)
         wide = (np.zeros((0, engine.qpos.size)), np.zeros((0, engine.ctrl.size)), np.zeros((0, 3)))

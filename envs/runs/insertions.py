@@ -18,8 +18,9 @@ from haustra.envs.sim.device_arrays import tree_where
 from haustra.envs.sim.device_engines import device_engine
 from haustra.envs.sim.precision import precise
 from haustra.envs.sim.scope_bank import ScopeBank
-from haustra.envs.sim.scope_values import Parameters, Readings, State
+from haustra.envs.sim.scope_values import Parameters, State
 from haustra.envs.sim.scope_worlds import JaxScopes
+from haustra.envs.sim.state import Readings
 from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables, pick
 
@@ -113,14 +114,14 @@ class InsertionBatch:
 
         def one(_: Any, now: tuple[State, Memory, Tally]) -> tuple[State, Memory, Tally]:
             worlds, drive, tally = now
-            seen = self._engine.observe(parameters, self._tables, worlds)
+            seen = self._engine.read(parameters, self._tables, worlds)
             hands, decided = self._follower.act(parameters, tables, seen, worlds.time, drive, interval=interval)
             stepped = self._engine.steps(self._tables, parameters, worlds, hands, self._steps)
             # A world that has ended stays as it is, as a single run would.
             running = (tally.ended == 0) & stepped.healthy
             worlds = tree_where(running, stepped, worlds)._replace(healthy=stepped.healthy)
             drive = tree_where(running, decided, drive)
-            after = self._engine.observe(parameters, self._tables, worlds)
+            after = self._engine.read(parameters, self._tables, worlds)
             ended = self._ended(parameters, tables, widths, worlds, after)
             return worlds, drive, tree_where(running, self._score(tally, after, ended), tally)
 
@@ -135,13 +136,13 @@ class InsertionBatch:
         apart = outside(
             jnp,
             widths,
-            moving_colon.axis_at(jnp, tables, seen.shift, widths.arcs),
+            moving_colon.axis_at(jnp, tables, seen.displacement, widths.arcs),
             self._engine.shape(parameters, worlds),
             behind=behind,
             inside=behind < seen.insertion[:, None],
             tip_arc=seen.tip_arc,
             radius=scope.radius,
-            moves=seen.shift is not None,
+            moves=seen.displacement is not None,
         )
         return ending(
             jnp,

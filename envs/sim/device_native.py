@@ -11,7 +11,7 @@ from haustra.envs.sim.log import log_to_stderr_only
 from haustra.envs.sim.native import FATAL_WARNINGS, SPEED_LIMIT
 from haustra.envs.sim.table_planes import TablePlanes
 from haustra.models.device_scene import DeviceScene
-from haustra.models.devices.base import LOOK_AHEAD, Seen, State
+from haustra.models.devices.base import LOOK_AHEAD, DeviceReadings, State
 from haustra.models.wall.lumen_table import Tables, axis_at, pick
 
 
@@ -94,12 +94,12 @@ class NativeDevice:
             self._catch_divergence()
         return self.healthy.copy()
 
-    def observe(self) -> Seen:
+    def read(self) -> DeviceReadings:
         """What every device can be told by, at the end of the last step."""
         arcs = self._arc()
         tip = self._site_xpos[:, self._tip].copy()
         links = np.einsum("wsi,sb->wbi", self._wall.forces(), self.scene.members)
-        return Seen(
+        return DeviceReadings(
             time=self._time.reshape(-1).copy(),
             tip=tip,
             tip_frame=self._frame(),

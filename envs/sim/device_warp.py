@@ -21,7 +21,7 @@ from haustra.envs.sim.precision import precise
 from haustra.envs.sim.warp_scopes import CONTACT_ROWS, filled, for_warp, with_columns
 from haustra.errors import UnsupportedSceneError
 from haustra.models.device_scene import DeviceScene
-from haustra.models.devices.base import Seen, State
+from haustra.models.devices.base import DeviceReadings, State
 from haustra.models.wall.law import normal_force, soft_contact
 from haustra.models.wall.lumen_table import Tables, query
 from haustra.models.wall.plane_pose import plane_pose
@@ -134,13 +134,13 @@ class WarpDevice:
 
         return jax.lax.fori_loop(0, count, one, (now, self._data(len(now.time))))[0]
 
-    def observe(self, conditions: Conditions, now: Worlds) -> Seen:
+    def read(self, conditions: Conditions, now: Worlds) -> DeviceReadings:
         """What every device can be told by."""
         state = self.state(now)
         tip = now.data["site_xpos"][:, self._tip]
         links = jnp.einsum("wsi,sb->wbi", now.normal, jnp.asarray(self.scene.members, jnp.float32))
         colon = conditions.colon * len(self.scene.radii)
-        return Seen(
+        return DeviceReadings(
             time=now.time,
             tip=tip,
             tip_frame=state.tip_frame,
@@ -239,9 +239,9 @@ def drive_worlds(engine: WarpDevice, conditions: Conditions, *, seconds: float, 
     def run(conditions: Conditions, now: Worlds) -> Any:
         def decide(carry: Any, _: Any) -> Any:
             now, memory = carry
-            commands, memory = device.drive(jnp, engine.observe(conditions, now), memory)
+            commands, memory = device.drive(jnp, engine.read(conditions, now), memory)
             now = engine.step(conditions, now, commands.astype(jnp.float32), steps)
-            seen = engine.observe(conditions, now)
+            seen = engine.read(conditions, now)
             kept = {
                 "time": seen.time,
                 "tip_arc": seen.tip_arc,

@@ -4,6 +4,7 @@ The scope meets the colon's table of radii (`haustra.models.wall.lumen_table`), 
 drawn is placed by MuJoCo.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -15,9 +16,9 @@ from jaxtyping import Float
 from haustra.envs.sim.device_arrays import on_device
 from haustra.envs.sim.energy import Energies, EnergyMeter
 from haustra.envs.sim.moved_colon import CurrentColon
-from haustra.envs.sim.native import Inputs, Observation
-from haustra.envs.sim.scope_values import Array, Controls, Readings, State
+from haustra.envs.sim.scope_values import Array, State
 from haustra.envs.sim.scope_worlds import JaxScopes
+from haustra.envs.sim.state import Controls, Readings
 from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.wires import WIRE_NAMES
@@ -31,6 +32,8 @@ class JaxSingle:
 
     backend = "jax"
     """Name in scores."""
+    added: Sequence[float] = ()
+    """When shaft was added [s]: never."""
     table_error: TableAccuracy
     """Of the colon's table against its surface."""
 
@@ -53,14 +56,16 @@ class JaxSingle:
         parameters = self._engine.parameters(scene, 1)
 
         self._shapes: list[tuple[int, ...]] = []
+        self._measured: list[str] = []
 
         def advance(now: State, asked: Float[Array, "6"], count: Any) -> tuple[State, Float[Array, " all"]]:
             hands = Controls(asked[:1], asked[1:2], asked[None, 2:])
             held = self._engine.lock_activation(parameters, now)
             now = self._engine.steps(own, parameters, now, hands, count)
-            seen = self._engine.observe(parameters, own, now)
-            seen = [part for part in seen if part is not None]
-            parts = (held, now.pulls, now.qpos, now.normal, now.healthy, now.time, *seen)
+            seen = self._engine.read(parameters, own, now)
+            self._measured = [name for name, part in seen._asdict().items() if part is not None]
+            own_parts = (held, now.pulls, now.qpos, now.normal, now.healthy)
+            parts = (*own_parts, *(getattr(seen, name) for name in self._measured))
             self._shapes = [part.shape[1:] for part in parts]
             return now, jnp.concatenate([part.ravel().astype(jnp.float32) for part in parts])
 
@@ -77,7 +82,7 @@ class JaxSingle:
         self._locks = np.array([[self.model.actuator(name).id for name in pair] for pair in scene.cable.locks])
         self._place()
 
-    def step(self, inputs: Inputs, count: int) -> bool:
+    def step(self, inputs: Controls, count: int) -> bool:
         """Advance by `count` time steps; False when the simulation has diverged.
 
         Raises:
@@ -85,7 +90,7 @@ class JaxSingle:
         """
         if inputs.wheels is not None:
             raise UnsupportedSceneError("The JAX scope engine steers by pulls: use the native engine for wheels.")
-        self._hand = inputs.pulls
+        self._hand = inputs.checked().pulls
         asked = np.array([inputs.push_rate, inputs.roll_rate, *inputs.pulls], np.float32)
         self._step(asked, count)
         self.data.ctrl[self._controls] = [*asked[:2], *self._arriving]
@@ -99,9 +104,9 @@ class JaxSingle:
         ends = np.cumsum([np.prod(shape, dtype=int) for shape in self._shapes])
         parts = np.split(np.asarray(flat, float), ends[:-1])
         parts = [part.reshape(shape) for part, shape in zip(parts, self._shapes, strict=True)]
-        self._held, self._arriving, self._qpos, self._normal, healthy, time = parts[:6]
-        self._healthy, self._time = bool(healthy), float(time)
-        self._seen = Readings(*parts[6:])
+        self._held, self._arriving, self._qpos, self._normal, healthy = parts[:5]
+        self._healthy = bool(healthy)
+        self._seen = Readings(**dict(zip(self._measured, parts[5:], strict=True)))
 
     def healthy(self) -> bool:
         """Whether the state is finite and of plausible speed."""
@@ -114,13 +119,13 @@ class JaxSingle:
 
     def colon(self) -> Colon:
         """The colon as it lies now."""
-        return self._moved.colon(np.asarray(self._seen.shift)) if self._moved else self.scene.colon
+        return self._moved.colon(np.asarray(self._seen.displacement)) if self._moved else self.scene.colon
 
     def mocap(self, blocks: Blocks) -> tuple[Float[np.ndarray, "blocks 3"], Float[np.ndarray, "blocks 4"]]:
         """Where these blocks of the wall are [m], and how they are turned, as quaternions; none in a fixed colon."""
         if self._moved is None:
             return np.zeros((0, 3)), np.zeros((0, 4))
-        return self._moved.poses(np.asarray(self._seen.shift), blocks)
+        return self._moved.poses(np.asarray(self._seen.displacement), blocks)
 
     @property
     def qpos(self) -> Float[np.ndarray, " positions"]:
@@ -132,12 +137,12 @@ class JaxSingle:
         """Controls of the last step, as the native engine's [m/s, rad/s, N, 1]."""
         return self.data.ctrl.copy()
 
-    def observe(self) -> Observation:
+    def read(self) -> Readings:
         """What can be read off at the end of the last step."""
         seen, data = self._seen, self.data
         joints = self._energies.read(data)
-        return Observation(
-            time=self._time,
+        return Readings(
+            time=float(seen.time),
             insertion=self.insertion,
             roll=float(data.qpos[1]),
             hand_lead=float(seen.hand_lead),
@@ -150,7 +155,7 @@ class JaxSingle:
             link_forces=seen.link_forces,
             contacts=int((self._normal > 0).sum()),
             wall_force_sum=float(self._normal.sum()),
-            way=self._moved.way(np.asarray(self._seen.shift)) if self._moved else None,
+            way=self._moved.way(np.asarray(self._seen.displacement)) if self._moved else None,
             energies=Energies(
                 bending=joints.bending,
                 twist=joints.twist,

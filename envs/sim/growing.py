@@ -1,12 +1,12 @@
 """A scope of which only as much shaft is modelled as can get in soon: more is added when it is nearly all inside."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
 
-from haustra.envs.sim.native import Inputs, NativeEngine, Observation
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Controls, Readings
 from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import Scene, build_scene
 from haustra.models.wall.lumen_table import LumenTable
@@ -58,7 +58,7 @@ class GrowingEngine:
         self._deepest = scene.options.start_depth + stride
         self._take(NativeEngine(build(self._deepest), table=table))
 
-    def step(self, inputs: Inputs, count: int) -> bool:
+    def step(self, inputs: Controls, count: int) -> bool:
         """Advance by `count` time steps; False when the simulation has diverged."""
         if self._missing and self._engine.insertion > self._deepest - _MARGIN:
             self._deepest += self._stride
@@ -68,10 +68,10 @@ class GrowingEngine:
             self._take(longer)
         return self._engine.step(inputs, count)
 
-    def observe(self) -> Observation:
+    def read(self) -> Readings:
         """What can be read off at the end of the last step."""
-        seen = self._engine.observe()
-        return replace(seen, link_forces=np.concatenate([np.zeros(self._missing), seen.link_forces]))
+        seen = self._engine.read()
+        return seen._replace(link_forces=np.concatenate([np.zeros(self._missing), seen.link_forces]))
 
     @property
     def qpos(self) -> Float[np.ndarray, " positions"]:

@@ -25,55 +25,59 @@ class CurrentColon:
         self._spacing = float(np.asarray(tables.mesentery.spacing)[0])
         self._surface_arcs: np.ndarray | None = None
 
-    def way(self, shift: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "stations 3"]:
+    def way(self, displacement: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "stations 3"]:
         """Where the stations of the centreline are [m], given displacements in the tables' coordinates [m]."""
         line = self._colon.centreline
-        nodes = self._spacing * np.arange(len(shift))
-        moved = np.column_stack([np.interp(line.arc, nodes, shift[:, axis]) for axis in range(3)])
+        nodes = self._spacing * np.arange(len(displacement))
+        moved = np.column_stack([np.interp(line.arc, nodes, displacement[:, axis]) for axis in range(3)])
         return line.points + moved @ self._axes.T
 
-    def colon(self, shift: Float[np.ndarray, "nodes 3"]) -> Colon:
+    def colon(self, displacement: Float[np.ndarray, "nodes 3"]) -> Colon:
         """The colon with its surface and centreline where they are; frames and radii turn with it."""
         colon, line = self._colon, self._colon.centreline
         if self._surface_arcs is None:
             self._surface_arcs = surface_arcs(colon)
-        vertices = self._carried(shift, colon.lumen.vertices, self._surface_arcs)
-        frames = np.stack([self._turned(shift, line.frames[:, :, axis], line.arc) for axis in range(3)], axis=-1)
+        vertices = self._carried(displacement, colon.lumen.vertices, self._surface_arcs)
+        frames = np.stack([self._turned(displacement, line.frames[:, :, axis], line.arc) for axis in range(3)], axis=-1)
         return replace(
             colon,
             lumen=Surface(vertices, colon.lumen.faces),
-            centreline=Centreline(self.way(shift), line.arc, frames),
+            centreline=Centreline(self.way(displacement), line.arc, frames),
         )
 
-    def to_current(self, shift: Float[np.ndarray, "nodes 3"], place: Float[np.ndarray, "3"], arc: float) -> np.ndarray:
+    def to_current(
+        self, displacement: Float[np.ndarray, "nodes 3"], place: Float[np.ndarray, "3"], arc: float
+    ) -> np.ndarray:
         """Where a place of the colon at rest, at that arc length, is now [m]."""
-        return self._carried(shift, place[None], np.array([arc]))[0]
+        return self._carried(displacement, place[None], np.array([arc]))[0]
 
     def to_reference(
-        self, shift: Float[np.ndarray, "nodes 3"], place: Float[np.ndarray, "3"], arc: float
+        self, displacement: Float[np.ndarray, "nodes 3"], place: Float[np.ndarray, "3"], arc: float
     ) -> np.ndarray:
         """Where a place at that arc length would be, had the colon not moved [m]."""
-        seen, moved = ((place - self._origin) @ self._axes)[None, None], np.asarray(shift, float)[None]
+        seen, moved = ((place - self._origin) @ self._axes)[None, None], np.asarray(displacement, float)[None]
         shape = moving_colon.shape_of(np, self._mesentery, moved)
         rest = moving_colon.to_reference(np, self._tables, moved, shape, seen, np.array([[arc]]))
         return rest[0, 0] @ self._axes.T + self._origin
 
     def poses(
-        self, shift: Float[np.ndarray, "nodes 3"], blocks: Blocks
+        self, displacement: Float[np.ndarray, "nodes 3"], blocks: Blocks
     ) -> tuple[Float[np.ndarray, "blocks 3"], Float[np.ndarray, "blocks 4"]]:
         """Where blocks of the wall are [m], and how they are turned, as quaternions."""
-        now = np.asarray(shift, float)[None]
+        now = np.asarray(displacement, float)[None]
         places = ((blocks.places - self._origin) @ self._axes)[None]
         shape = moving_colon.shape_of(np, self._mesentery, now)
         moved, turns = moving_colon.section_poses(np, self._tables, now, shape, places, blocks.arcs[None])
         turn = np.column_stack([turns[0, :, 0], turns[0, :, 1:] @ self._axes.T])
         return moved[0] @ self._axes.T + self._origin, turn
 
-    def _carried(self, shift: np.ndarray, points: np.ndarray, arcs: np.ndarray) -> np.ndarray:
+    def _carried(self, displacement: np.ndarray, points: np.ndarray, arcs: np.ndarray) -> np.ndarray:
         seen = (points - self._origin) @ self._axes
-        moved = moving_colon.to_current(np, self._tables, np.asarray(shift, float)[None], seen[None], arcs[None])
+        moved = moving_colon.to_current(np, self._tables, np.asarray(displacement, float)[None], seen[None], arcs[None])
         return moved[0] @ self._axes.T + self._origin
 
-    def _turned(self, shift: np.ndarray, vectors: np.ndarray, arcs: np.ndarray) -> np.ndarray:
+    def _turned(self, displacement: np.ndarray, vectors: np.ndarray, arcs: np.ndarray) -> np.ndarray:
         own, seen = self._mesentery, (vectors @ self._axes)[None]
-        return moving_colon.directions(np, own, np.asarray(shift, float)[None], arcs[None], seen)[0] @ self._axes.T
+        return (
+            moving_colon.directions(np, own, np.asarray(displacement, float)[None], arcs[None], seen)[0] @ self._axes.T
+        )

@@ -1,18 +1,19 @@
 """MuJoCo on the CPU, one scene: hand and wires in, what the scope does out. Divergence is detected, never hidden."""
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.sim.capabilities import require_supported
-from haustra.envs.sim.energy import Energies, EnergyMeter
+from haustra.envs.sim.energy import EnergyMeter
 from haustra.envs.sim.log import log_to_stderr_only
 from haustra.envs.sim.moved_colon import CurrentColon
 from haustra.envs.sim.physics.hand import hand_force
 from haustra.envs.sim.physics.lock import lock_activation
 from haustra.envs.sim.physics.wires import sheath_angle
+from haustra.envs.sim.state import Controls, Readings
 from haustra.envs.sim.wheels import Wheels
 from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import Colon
@@ -43,57 +44,6 @@ FATAL_WARNINGS = [
 """Numbers of MuJoCo's warnings after which a state is not sound."""
 
 
-@dataclass(frozen=True)
-class Inputs:
-    """What the hand and the wheels ask for, until the next call."""
-
-    push_rate: float
-    """Speed at which the hand pushes the shaft in [m/s]."""
-    roll_rate: float
-    """Speed at which the hand turns the shaft [rad/s]."""
-    pulls: Float[np.ndarray, "4"] = field(default_factory=lambda: np.zeros(len(WIRE_NAMES)))
-    """Pull of each wire at the handle: up, left, down, right [N]."""
-    wheels: Float[np.ndarray, "2"] | None = None
-    """Wire that the wheels have taken up, towards up and towards left [m]; steers instead of `pulls` when given, and
-    then slack and stretch of the wires count too."""
-
-
-@dataclass(frozen=True)
-class Observation:
-    """The state of the run at one instant."""
-
-    time: float
-    """Simulated time [s]."""
-    insertion: float
-    """Length of scope past the anus [m]."""
-    roll: float
-    """Angle of the handle [rad]."""
-    hand_lead: float
-    """How far the position that the hand aims at is ahead of the shaft [m]."""
-    tip: Float[np.ndarray, "3"]
-    """Position of the tip [m]."""
-    tip_frame: Float[np.ndarray, "3 3"]
-    """Columns: the directions of wires 'up' and 'left', and the viewing direction."""
-    bend: Float[np.ndarray, "2"]
-    """Angle of the bending section towards wires 'up' and 'left' [rad]."""
-    push_force: float
-    """Force of the hand along the shaft; positive pushes [N]."""
-    torque: float
-    """Torque of the hand about the shaft [N m]."""
-    pulls: Float[np.ndarray, "4"]
-    """Pull of each wire at the handle: up, left, down, right [N]."""
-    link_forces: Float[np.ndarray, " links"]
-    """Resultant normal force of the wall on each link, from the handle to the tip [N]."""
-    contacts: int
-    """Contacts with the wall that carry force."""
-    energies: Energies
-    """Stored in the bent scope and in the pressed wall."""
-    way: Float[np.ndarray, "stations 3"] | None = None
-    """Where the stations of the colon's centreline are now [m]; None where the colon is fixed in space."""
-    wall_force_sum: float = 0.0
-    """Sum of the wall's normal forces [N]: unlike those on links, it does not depend on how long links are."""
-
-
 class NativeEngine:
     """One scene on MuJoCo's CPU engine.
 
@@ -104,6 +54,8 @@ class NativeEngine:
 
     backend = "native"
     """Name in scores."""
+    added: Sequence[float] = ()
+    """When shaft was added [s]: never."""
 
     def __init__(self, scene: Scene, *, table: LumenTable | None = None) -> None:
         """Compile the scene and lay the scope straight, its tip at the start depth.
@@ -151,8 +103,9 @@ class NativeEngine:
         stiffness = self._law.by_geom if self._law else scene.options.wall_stiffness
         self._energies = EnergyMeter(model, wall_stiffness=stiffness)
         mujoco.mj_forward(self.model, self.data)
+        self.read().checked()  # the shapes stay
 
-    def step(self, inputs: Inputs, count: int) -> bool:
+    def step(self, inputs: Controls, count: int) -> bool:
         """Advance by `count` time steps; False when the simulation has diverged.
 
         Raises:
@@ -273,14 +226,14 @@ class NativeEngine:
         speed = np.abs(self.data.qvel).max()
         return bool(np.isfinite(speed) and speed < SPEED_LIMIT and np.isfinite(self.data.qpos).all())
 
-    def observe(self) -> Observation:
+    def read(self) -> Readings:
         """What can be read off at the end of the last step."""
         data = self.data
         frame = data.site_xmat[self._tip].reshape(3, 3)
         forces, normal = self._link_forces()
         # What MuJoCo leaves is that of the beginning of its last step.
         hand = hand_force(np, data.act[:2], data.qpos[:2], data.qvel[:2], self._hand_limits)
-        return Observation(
+        return Readings(
             time=data.time,
             insertion=self.insertion,
             roll=float(data.qpos[1]),
@@ -293,25 +246,25 @@ class NativeEngine:
             pulls=self._hand.copy(),
             link_forces=forces,
             contacts=int((normal > 0).sum()),
-            way=self._moved.way(self._shift) if self._moved else None,
+            way=self._moved.way(self._displacement) if self._moved else None,
             energies=self._energies.read(data),
             wall_force_sum=float(normal.sum()),
         )
 
     def colon(self) -> Colon:
         """The colon as it lies now."""
-        return self._moved.colon(self._shift) if self._moved else self.scene.colon
+        return self._moved.colon(self._displacement) if self._moved else self.scene.colon
 
     @property
-    def _shift(self) -> Float[np.ndarray, "nodes 3"]:
-        assert not isinstance(self._wall, PlaneWall) and self._wall.shift is not None
-        return self._wall.shift
+    def _displacement(self) -> Float[np.ndarray, "nodes 3"]:
+        assert not isinstance(self._wall, PlaneWall) and self._wall.displacement is not None
+        return self._wall.displacement
 
     def mocap(self, blocks: Blocks) -> tuple[Float[np.ndarray, "blocks 3"], Float[np.ndarray, "blocks 4"]]:
         """Where these blocks of the wall are [m], and how they are turned, as quaternions; none in a fixed colon."""
         if isinstance(self._wall, PieceWall):
             return self.data.mocap_pos.copy(), self.data.mocap_quat.copy()
-        return self._moved.poses(self._shift, blocks) if self._moved else (np.zeros((0, 3)), np.zeros((0, 4)))
+        return self._moved.poses(self._displacement, blocks) if self._moved else (np.zeros((0, 3)), np.zeros((0, 4)))
 
     def shape(self) -> Float[np.ndarray, "nodes 3"]:
         """Points along the scope's axis, from the handle end of the modelled part to the tip [m]."""
@@ -342,8 +295,8 @@ class NativeEngine:
         return np.linalg.norm(total, axis=0), normal
 
 
-def _require_possible(inputs: Inputs) -> None:
-    for name, value in vars(inputs).items():
+def _require_possible(inputs: Controls) -> None:
+    for name, value in inputs.checked()._asdict().items():
         if value is not None and not np.isfinite(value).all():
             raise InvalidOptionError(f"The input {name} is {value}: give finite numbers.")
     if inputs.push_rate < -PULL_OUT_LIMIT:

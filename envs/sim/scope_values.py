@@ -96,52 +96,8 @@ class State(NamedTuple):
     """(worlds, 4): what of the hand's pulls arrived at the bending section last [N]."""
     warm: Array | None = None
     """(worlds, dofs) accelerations from which MuJoCo's solver begins; None where there is no such solver."""
-    shift: AxisDisplacement | None = None
+    displacement: AxisDisplacement | None = None
     """Where the colons have moved to; None where they are fixed in space."""
-
-
-class Controls(NamedTuple):
-    """Inputs, until the next call; leading axis: worlds."""
-
-    push_rate: Array
-    """[m/s]."""
-    roll_rate: Array
-    """[rad/s]."""
-    pulls: Array
-    """(worlds, 4): wires up, left, down, right [N]."""
-
-
-class Readings(NamedTuple):
-    """What can be read off; leading axis: worlds."""
-
-    insertion: Array
-    """Length past the anus [m]."""
-    roll: Array
-    """Angle of the handle [rad]."""
-    hand_lead: Array
-    """How far the hand aims ahead of the shaft [m]."""
-    tip: Array
-    """(worlds, 3) in coordinates of the entry [m]."""
-    tip_frame: Array
-    """(worlds, 3, 3): columns are wire 'up', wire 'left', viewing direction."""
-    tip_arc: Array
-    """Arc length of the tip [m]."""
-    bend: Array
-    """(worlds, 2): of the bending section towards 'up' and 'left' [rad]."""
-    push_force: Array
-    """Of the hand [N]."""
-    torque: Array
-    """Of the hand [N m]."""
-    tip_force: Array
-    """(worlds, 3): resultant normal force on the bending section and tip, in the tip's frame [N]."""
-    link_forces: Array
-    """(worlds, links): resultant of the wall's normal forces on each link [N]."""
-    deepest: Array
-    """Largest depth of the scope in the wall [m]."""
-    coils: Array
-    """(worlds, coils, 3): places of the shaft at fixed distances behind the tip [m]."""
-    shift: Array | None = None
-    """(worlds, nodes, 3) displacement of the colon's axis from rest, where it may move [m]."""
 
 
 class Contact(NamedTuple):

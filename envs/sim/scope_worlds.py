@@ -25,7 +25,8 @@ from haustra.envs.sim.physics.stops import stop_torque
 from haustra.envs.sim.physics.wires import borne_pulls, sheath_angle
 from haustra.envs.sim.precision import precise
 from haustra.envs.sim.scope_reading import read_scope, refuse_unsupported
-from haustra.envs.sim.scope_values import Array, Contact, Controls, Parameters, Readings, Scope, State
+from haustra.envs.sim.scope_values import Array, Contact, Parameters, Scope, State
+from haustra.envs.sim.state import Controls, Readings
 from haustra.errors import InvalidOptionError
 from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.scene import Scene
@@ -158,7 +159,7 @@ class JaxScopes:
             healthy=jnp.ones(count, bool),
             time=jnp.zeros(count, kind),
             pulls=jnp.zeros((count, len(WIRE_NAMES)), kind),
-            shift=tables.mesentery and moving_colon.at_rest(jnp, tables.mesentery, count, kind),
+            displacement=tables.mesentery and moving_colon.at_rest(jnp, tables.mesentery, count, kind),
         )
 
     def step(self, tables: Tables, parameters: Parameters, worlds: State, hands: Controls) -> State:
@@ -202,13 +203,18 @@ class JaxScopes:
         along = jnp.einsum("wpi,wpi->wp", contact.law.inwards, leaving)
         normal = normal_force(jnp, contact.law.spring, contact.law.damper, along)
         rates = jnp.stack([hands.push_rate, hands.roll_rate], axis=-1).astype(qpos.dtype)
-        shift = self._moved(own_tables, worlds.shift, contact, leaving)
+        displacement = self._moved(own_tables, worlds.displacement, contact, leaving)
         after = worlds._replace(
-            qpos=qpos, qvel=qvel, hand=worlds.hand + h * rates, arcs=contact.arcs, normal=normal, shift=shift
+            qpos=qpos,
+            qvel=qvel,
+            hand=worlds.hand + h * rates,
+            arcs=contact.arcs,
+            normal=normal,
+            displacement=displacement,
         )
         sound = sound_after(parameters, worlds, after)
-        if shift is not None:
-            sound &= jnp.isfinite(shift.place).all(axis=(1, 2))
+        if displacement is not None:
+            sound &= jnp.isfinite(displacement.place).all(axis=(1, 2))
         return tree_where(sound, after._replace(time=worlds.time + h), worlds)._replace(healthy=sound)
 
     def steps(self, tables: Tables, parameters: Parameters, worlds: State, hands: Controls, count: Any) -> State:
@@ -217,17 +223,18 @@ class JaxScopes:
         return jax.lax.fori_loop(0, count, lambda _, now: self._stepped(tables, parameters, now, hands), worlds)
 
     @precise
-    def observe(self, parameters: Parameters, tables: Tables, worlds: State) -> Readings:
+    def read(self, parameters: Parameters, tables: Tables, worlds: State) -> Readings:
         """Read off all worlds."""
         scope = parameters.scope
         where = links.pose(self.chain, scope.links, worlds.qpos)
         own = pick(tables, parameters.colon)
         spheres = self._samples(scope, where)
-        found, _ = _look(own, worlds.shift, spheres, worlds.arcs[:, :-1], scope.radius)
+        found, _ = _look(own, worlds.displacement, spheres, worlds.arcs[:, :-1], scope.radius)
         forces = self._body_sums(worlds.normal[..., None] * found.inwards)
         hand = self._hand(parameters, worlds)
         up, left = (worlds.qpos[:, dofs].sum(axis=1) for dofs in self.bend_dofs)
         return Readings(
+            time=worlds.time,
             insertion=scope.start + worlds.qpos[:, 0],
             roll=worlds.qpos[:, 1],
             hand_lead=worlds.hand[:, 0] - worlds.qpos[:, 0],
@@ -241,22 +248,22 @@ class JaxScopes:
             link_forces=jnp.linalg.norm(forces, axis=-1),
             deepest=found.depth.max(axis=1) + scope.radius - own.device_radius[:, 0],
             coils=spheres[:, self.coils],
-            shift=worlds.shift and worlds.shift.place,
+            displacement=worlds.displacement and worlds.displacement.place,
         )
 
     def _wall(self, tables: Tables, parameters: Parameters, worlds: State, where: links.Pose) -> Contact:
         scope = parameters.scope
         centres = self._samples(scope, where)
         places = jnp.concatenate([centres, self._tip(scope, where)], axis=1)
-        found, grip = _look(tables, worlds.shift, places, worlds.arcs, scope.radius)
+        found, grip = _look(tables, worlds.displacement, places, worlds.arcs, scope.radius)
         # A thicker scope touches sooner, by as much as it is thicker: the table holds distances.
         depth = found.depth[:, :-1] + scope.radius[:, None] - tables.device_radius
         inwards = found.inwards[:, :-1]
         points = centres - scope.radius[:, None, None] * inwards
         wall_speed = jnp.zeros_like(points)
-        if grip is not None and tables.mesentery is not None and worlds.shift is not None:
+        if grip is not None and tables.mesentery is not None and worlds.displacement is not None:
             grip = AttachmentPoints(grip.arcs[:, :-1], grip.lever[:, :-1])
-            wall_speed = moving_colon.wall_speeds(jnp, tables.mesentery, worlds.shift, grip)
+            wall_speed = moving_colon.wall_speeds(jnp, tables.mesentery, worlds.displacement, grip)
         speed = self._speeds(where, points, worlds.qvel) - wall_speed
         stiffness = parameters.stiffness[:, None]
         damper = stiffness * (parameters.damping_time[:, None] + self.timestep)
@@ -267,14 +274,16 @@ class JaxScopes:
         return Contact(points, found.arcs, law, wall_speed, grip)
 
     def _moved(
-        self, tables: Tables, shift: AxisDisplacement | None, contact: Contact, leaving: Array
+        self, tables: Tables, displacement: AxisDisplacement | None, contact: Contact, leaving: Array
     ) -> AxisDisplacement | None:
         """Where the colons go under what the scopes do to them, who leave the wall at that speed."""
-        if shift is None or tables.mesentery is None or contact.grip is None:
+        if displacement is None or tables.mesentery is None or contact.grip is None:
             return None
         pressed = -contact.law.force(jnp, leaving)
         damping = contact.law.damper + contact.law.drag
-        return moving_colon.step_axis(jnp, tables.mesentery, shift, contact.grip, pressed, damping, self.timestep)
+        return moving_colon.step_axis(
+            jnp, tables.mesentery, displacement, contact.grip, pressed, damping, self.timestep
+        )
 
     def _joints(self, parameters: Parameters, worlds: State) -> tuple[Array, Array]:
         """Torques of springs, stops, locks, hand and wires, and the damping that goes into the matrix."""
@@ -339,12 +348,12 @@ class JaxScopes:
 
 
 def _look(
-    tables: Tables, shift: AxisDisplacement | None, points: Array, arcs: Array, radius: Array
+    tables: Tables, displacement: AxisDisplacement | None, points: Array, arcs: Array, radius: Array
 ) -> tuple[WallQuery, AttachmentPoints | None]:
     """Look spheres up in one colon a world; and where their surfaces hold on to it, if it moves."""
-    if shift is None:
+    if displacement is None:
         return query(jnp, tables, points, arcs), None
-    return moving_colon.query(jnp, tables, shift, points, arcs, radius)
+    return moving_colon.query(jnp, tables, displacement, points, arcs, radius)
 
 
 def entry_gravity(tables: Tables, parameters: Parameters) -> Float[Array, "worlds 3"]:

@@ -124,9 +124,9 @@ class TablePlanes:
         return self._gathered("depth")
 
     @property
-    def shift(self) -> Float[np.ndarray, "worlds nodes 3"] | None:
+    def displacement(self) -> Float[np.ndarray, "worlds nodes 3"] | None:
         """Displacements of the colons' axes [m]; None where they are fixed."""
-        moved = self._groups[0].walls.shift
+        moved = self._groups[0].walls.displacement
         return None if moved is None else moved.place.copy()
 
     def set_contact(

@@ -152,8 +152,8 @@ class ThreadSlice:
         held = lock_activation(np, insertion, self._behind)
         self._ctrl[:, self._locks] = held[:, :, None]
 
-    def observe(self) -> dict[str, np.ndarray]:
-        """The fields of `BatchObservation`, of these worlds."""
+    def read(self) -> dict[str, np.ndarray]:
+        """The fields of `Readings`, of these worlds."""
         self._seen = self._seen or self._observe()
         return self._seen
 
@@ -181,9 +181,9 @@ class ThreadSlice:
         }
 
     @property
-    def shift(self) -> Float[np.ndarray, "worlds nodes 3"] | None:
+    def displacement(self) -> Float[np.ndarray, "worlds nodes 3"] | None:
         """Displacements of the colons' axes [m]; None where they are fixed."""
-        return self._wall.shift
+        return self._wall.displacement
 
     def positions(self) -> Float[np.ndarray, "worlds joints"]:
         """Joint positions."""

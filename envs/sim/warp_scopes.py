@@ -1,6 +1,6 @@
 """Many scopes in many colons at once by MuJoCo Warp: MuJoCo's own dynamics and contacts, through MJX.
 
-It is the native batch (`haustra.envs.sim.scope_batch`) on a GPU: one plane a sphere, put before every step where the
+It is the native batch (`haustra.envs.sim.native_batch`) on a GPU: one plane a sphere, put before every step where the
 colon's table says that the wall is. Looking up, observing and driving are those of `JaxScopes`, whose chain in JAX
 this replaces by MuJoCo's. Without a GPU the same kernels run on the CPU, slowly: for tests.
 """
@@ -17,10 +17,11 @@ from mujoco import mjx
 from haustra.envs.sim import chain as links
 from haustra.envs.sim.capabilities import require_supported
 from haustra.envs.sim.device_arrays import tree_where
+from haustra.envs.sim.native_batch import batch_model
 from haustra.envs.sim.precision import precise
-from haustra.envs.sim.scope_batch import batch_model
-from haustra.envs.sim.scope_values import Array, Controls, Parameters, Scope, State
+from haustra.envs.sim.scope_values import Array, Parameters, Scope, State
 from haustra.envs.sim.scope_worlds import JaxScopes, entry_gravity, sound_after
+from haustra.envs.sim.state import Controls
 from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene

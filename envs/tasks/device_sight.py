@@ -7,31 +7,31 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
+from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.device_arrays import on_device
-from haustra.envs.sim.device_batch import DeviceBatch
 from haustra.envs.sim.precision import precise
-from haustra.envs.tasks.sight import DEPTH_STEPS, STEPS, Lumens, March, Sight, begin_march, march, ray_directions
+from haustra.envs.tasks.sight import DEPTH_STEPS, STEPS, Eyes, Lumens, March, Sight, begin_march, march, ray_directions
 from haustra.envs.view.picture.lens import lens_rays
 from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import pick
 
 
-class DeviceSight:
+class DeviceEyes(Eyes):
     """Rays from the tips into some colons; places go to the device, distances come back."""
 
-    def __init__(self, sight: Sight, engine: DeviceBatch | None = None) -> None:
-        """Put the tables onto the device; the engine knows where colons that move are."""
+    def __init__(self, sight: Sight, backend: AbstractBackend | None = None) -> None:
+        """Put the tables onto the device; the backend knows where colons that move are."""
         lumens = Lumens(*(jnp.asarray(part) for part in sight.lumens))
-        self._engine = engine
-        tables = engine and on_device(engine.tables)
+        self._backend = backend
+        tables = backend and on_device(backend.tables)
 
         @precise
-        def cast(rays, steps, case, eye, frame, arc, shift):
+        def cast(rays, steps, case, eye, frame, arc, displacement):
             directions = jnp.einsum("wij,rj->wri", frame, rays)
             now = begin_march(jnp, arc, len(rays), steps[-1])
             at_rest = None
-            if tables is not None and shift is not None:
-                at_rest = moving_colon.back_to_reference(jnp, pick(tables, case), shift)
+            if tables is not None and displacement is not None:
+                at_rest = moving_colon.back_to_reference(jnp, pick(tables, case), displacement)
 
             def further(now: March, distance: Any) -> tuple[March, None]:
                 return march(jnp, lumens, case, eye, directions, now, distance, at_rest), None
@@ -73,5 +73,5 @@ class DeviceSight:
 
     def _asked(self, rays: np.ndarray, steps: np.ndarray, case: np.ndarray, *places: np.ndarray) -> tuple[Any, ...]:
         eye, frame, arc = (place.astype(np.float32) for place in places)
-        shift = self._engine and self._engine.shift
-        return rays.astype(np.float32), steps.astype(np.float32), case.astype(np.int32), eye, frame, arc, shift
+        displacement = self._backend and self._backend.displacement
+        return rays.astype(np.float32), steps.astype(np.float32), case.astype(np.int32), eye, frame, arc, displacement

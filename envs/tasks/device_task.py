@@ -100,7 +100,7 @@ class DeviceEnv(gymnasium.Env):
             name: np.array([self.np_random.uniform(*getattr(rules, name))]) for name in ("friction", "wall_stiffness")
         }
         self._engine.reset(np.zeros(1, int), np.array([self._colon]), **drawn)
-        self._best, self._begun = float(self._engine.observe().tip_arc[0]), True
+        self._best, self._begun = float(self._engine.read().tip_arc[0]), True
         return self._shown(), {name: float(value[0]) for name, value in drawn.items()}
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -114,7 +114,7 @@ class DeviceEnv(gymnasium.Env):
         share = np.clip(np.nan_to_num(np.asarray(action, float)), -1, 1)
         commands = self._low + 0.5 * (share + 1) * (self._high - self._low)
         sound = bool(self._engine.step(commands[None], self._steps)[0])
-        seen, length = self._engine.observe(), self._lengths[self._colon]
+        seen, length = self._engine.read(), self._lengths[self._colon]
         arc, force = float(seen.tip_arc[0]), float(seen.wall_force[0])
         row = {"tip_arc": arc, "deepest": float(seen.deepest[0])}
         outcome = ended(row, length) if sound else Outcome.DIVERGED
@@ -132,7 +132,7 @@ class DeviceEnv(gymnasium.Env):
         return self._shown(), reward if sound else 0.0, outcome is not None, late, info
 
     def _shown(self) -> np.ndarray:
-        seen = self._engine.observe()
+        seen = self._engine.read()
         ahead = seen.tip_frame[0].T @ seen.ahead[0]
         common = [seen.tip_arc[0] / self._lengths[self._colon], seen.wall_force[0], 100.0 * seen.deepest[0]]
         own = [value[0] for value in self._engine.readings().values()]

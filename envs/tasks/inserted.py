@@ -64,12 +64,12 @@ def _insert(config: TaskConfig, bank: ColonSet) -> tuple[Snapshot, ...]:
     driver = FollowerDriver(task)
     driver.begin(np.ones(worlds, bool))
     best = np.full(worlds, -1.0)
-    starts: list[Snapshot] = [task.engine.snapshot(world) for world in range(worlds)]
+    starts: list[Snapshot] = [task.backend.snapshot(world) for world in range(worlds)]
     for _ in range(round(_SECONDS / task.interval)):
         done = task.step(driver.act({})).info
         further = (done["progress"] > best + 0.02) & ~done["diverged"]
         for world in np.flatnonzero(further | (done["reached"] & (best < 1))):
-            starts[world], best[world] = task.engine.snapshot(int(world)), done["progress"][world]
+            starts[world], best[world] = task.backend.snapshot(int(world)), done["progress"][world]
         if (best >= 0.98).all():
             break
     task.close()

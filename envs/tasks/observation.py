@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from haustra.envs.sim.coils import COIL_DISTANCES
-from haustra.envs.sim.scope_batch import BatchObservation
+from haustra.envs.sim.state import Readings
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.sight import RANGE, RAYS, RINGS_DEG, ray_directions
 from haustra.errors import InvalidOptionError
@@ -76,7 +76,7 @@ def flat(parts: Observation) -> Float[np.ndarray, "worlds size"]:
 
 
 def state(
-    seen: BatchObservation,
+    seen: Readings,
     wheels: Float[np.ndarray, "worlds 2"],
     action: Float[np.ndarray, "worlds 4"],
     speed: Float[np.ndarray, " worlds"],
@@ -100,7 +100,7 @@ def state(
     return bounded(columns)
 
 
-def imager(seen: BatchObservation, tip_velocity: Float[np.ndarray, "worlds 3"]) -> Float[np.ndarray, "worlds imager"]:
+def imager(seen: Readings, tip_velocity: Float[np.ndarray, "worlds 3"]) -> Float[np.ndarray, "worlds imager"]:
     """What a magnetic imager of the scope's shape shows, without its noise.
 
     Args:

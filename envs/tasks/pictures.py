@@ -3,15 +3,12 @@
 Colour by the renderer of `haustra.envs.view.picture`, depth by rays into the tables.
 """
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
 from haustra.envs.tasks.bank import ColonSet
-from haustra.envs.tasks.sight import DEPTH_STEPS, RANGE, Sight
-from haustra.envs.view.picture.lens import camera_axes, lens_rays
+from haustra.envs.tasks.sight import Sight, in_bytes
+from haustra.envs.view.picture.lens import camera_axes
 from haustra.envs.view.picture.tip import tip_view
 from haustra.models.anatomy.colon import Surface
 
@@ -43,24 +40,12 @@ class Pictures:
         frame: Float[np.ndarray, "worlds 3 3"],
         arc: Float[np.ndarray, " worlds"],
         size: int,
-        at_rest: Callable[[Any, Any], Any] | None = None,
     ) -> Float[np.ndarray, "worlds size size"]:
-        """Distance to the wall in each pixel of the same pictures [m]; zero outside the lens's circle.
-
-        Colons that have moved are drawn with `at_rest`, as `haustra.envs.tasks.sight.march` takes it.
-        """
-        rays, within = lens_rays(self.view, size)
-        directions = rays.reshape(-1, 3) @ frame.swapaxes(-1, -2)
-        found = self._sight.distances(case, eye, directions, arc, DEPTH_STEPS, at_rest)
-        return np.where(within, found.reshape(-1, size, size), 0.0)
+        """Distance to the wall in each pixel of the same pictures [m], of colons at rest; zero outside the circle."""
+        return self._sight.depth(case, eye, frame, arc, field_of_view_deg=self.view, size=size)
 
     def both(self, case: int, eye: Eye, arc: float, size: int) -> UInt8[np.ndarray, "size size 4"]:
         """Colour, and depth over `RANGE` as a fourth channel."""
         place, frame = eye
         depth = self.depth(np.array([case]), place[None], frame[None], np.array([arc]), size)
         return np.dstack([self.colour(case, eye, size), in_bytes(depth[0])])
-
-
-def in_bytes(depth: Float[np.ndarray, "*pixels"]) -> UInt8[np.ndarray, "*pixels"]:
-    """Depth [m] over `RANGE`, as a picture has it."""
-    return np.rint(255 * depth / RANGE).astype(np.uint8)

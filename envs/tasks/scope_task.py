@@ -2,15 +2,15 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.capabilities import require_task_supported
 from haustra.envs.sim.conditions import Conditions, Snapshot
-from haustra.envs.sim.device_engines import require_device_engine
-from haustra.envs.sim.scope_batch import BatchInputs, BatchObservation, ScopeBatch
+from haustra.envs.sim.load import backend_of, load_backend
+from haustra.envs.sim.state import Controls, Readings
 from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.bank import ColonSet, grown_bank
 from haustra.envs.tasks.config import TaskConfig
@@ -18,15 +18,9 @@ from haustra.envs.tasks.coverage import Coverage
 from haustra.envs.tasks.depth import DepthCameras, depth_cameras
 from haustra.envs.tasks.pictures import Pictures
 from haustra.envs.tasks.rewards import Moment, reward
-from haustra.envs.tasks.sight import BatchSight, Sight
+from haustra.envs.tasks.sight import Eyes, HostEyes, Sight
 from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.scope.library import named_design
-from haustra.models.wall import moving_colon
-from haustra.models.wall.lumen_table import pick
-
-if TYPE_CHECKING:
-    from haustra.envs.sim.device_batch import DeviceBatch
-    from haustra.envs.tasks.device_sight import DeviceSight
 
 ACTIONS = ("push", "roll", "tip up", "tip left")
 """Each from -1 to 1."""
@@ -87,18 +81,16 @@ class ScopeTask:
         design = named_design(config.design)
         bank = bank or grown_bank(range(*config.seeds), design, difficulty=config.difficulty, progress=progress)
         self.bank = bank.with_mesentery(config.mesentery)
-        if engine != "native":
-            require_device_engine(engine)
-        require_task_supported(config, self.bank.scene, "native-batch" if engine == "native" else engine)
-        self.engine = _engine(engine, self.bank, worlds, threads)
+        require_task_supported(config, self.bank.scene, backend_of(engine).name)
+        self.backend = load_backend(engine, self.bank.scene, self.bank.tables, worlds=worlds, threads=threads)
         self.sight = Sight(self.bank.cases)
-        self._eyes = _eyes(self.engine, self.sight)
+        self._eyes = _eyes(self.backend, self.sight)
         self.pictures = Pictures(self.bank, self.sight, design.tip.field_of_view_deg)
         self._depths: DepthCameras | None = None
         if "depth" in self.parts:
             size = config.picture_size
-            where = (self.bank, self.sight, self._eyes, self.pictures)
-            self._depths = depth_cameras(engine, *where, worlds=worlds, size=size)
+            lens = {"field_of_view_deg": self.pictures.view, "size": size}
+            self._depths = depth_cameras(self.backend, self.bank, self.sight, self._eyes, **lens)
         self.steps = max(1, round(config.drive.control_interval / self.bank.scene.options.timestep))
         self.interval = self.steps * self.bank.scene.options.timestep
         self._covers = config.task == "withdrawal" or config.weights.coverage != 0
@@ -115,7 +107,7 @@ class ScopeTask:
         self._memory = seen_by.Memory(config.memory, worlds, seen_by.measured_size(config), self.interval)
         self._tip_velocity = np.zeros((worlds, 3))
         self._share, self._speed, self._age = np.zeros(worlds), np.zeros(worlds), np.zeros(worlds, int)
-        self.seen: BatchObservation = self.engine.observe()
+        self.seen: Readings = self.backend.read()
         self._measured = self._measure()
         self._moment = self._now(np.ones(worlds, bool))
 
@@ -145,14 +137,14 @@ class ScopeTask:
         chosen = table[:, 0].astype(int) if case is None else np.full(len(worlds), case, int)
         self.case[worlds] = chosen
         self.friction[worlds], self._gain[worlds], self._slack[worlds] = table[:, 1], table[:, 4], table[:, 5]
-        self.engine.reset(worlds, chosen, Conditions(table[:, 1], table[:, 2], table[:, 3], table[:, 6]))
+        self.backend.reset(worlds, chosen, Conditions(table[:, 1], table[:, 2], table[:, 3], table[:, 6]))
         if self.config.task == "withdrawal":
             self._starts = self._starts or self._inserted()
             for world in worlds:
-                self.engine.restore(int(world), self._starts[self.case[world]])
+                self.backend.restore(int(world), self._starts[self.case[world]])
         for array in (self._wheels, self._action, self._share, self._speed, self._tip_velocity, self._age):
             array[worlds] = 0
-        self.seen = self.engine.observe()
+        self.seen = self.backend.read()
         self._measured = self._measure()
         self._from[worlds] = self.seen.tip_arc[worlds]
         self._best[worlds], self._in_caecum[worlds] = 0.0, False
@@ -181,9 +173,9 @@ class ScopeTask:
         action = np.clip(np.where(sound[:, None], action, 0.0), -1.0, 1.0)
         inputs = self._inputs(action)
         inputs.push_rate[~sound] = np.nan
-        healthy = self.engine.step(inputs, self.steps)
+        healthy = self.backend.step(inputs, self.steps)
         self._action, self._age = action, self._age + 1
-        self.seen = self.engine.observe()
+        self.seen = self.backend.read()
         self._speed = (self.seen.insertion - insertion) / self.interval
         self._tip_velocity = (self.seen.tip - tip) / self.interval
         self._measured = self._measure()
@@ -217,15 +209,12 @@ class ScopeTask:
 
     def way_ahead(self, distances: Float[np.ndarray, " places"]) -> Float[np.ndarray, "worlds places 3"]:
         """Places of the centreline that far ahead of the tip, from the entry [m]. No device knows them."""
-        if not isinstance(self.engine, ScopeBatch):
-            return self.engine.way_ahead(distances)
-        tables, arcs = pick(self.bank.tables, self.case), self.seen.tip_arc[:, None] + distances
-        return moving_colon.axis_at(np, tables, self.engine.shift, arcs)
+        return self.backend.way_ahead(distances)
 
     @property
-    def shift(self) -> Float[np.ndarray, "worlds nodes 3"] | None:
+    def displacement(self) -> Float[np.ndarray, "worlds nodes 3"] | None:
         """Displacements of the colons' axes [m]; None where they are fixed in space."""
-        found = self.engine.shift
+        found = self.backend.displacement
         return None if found is None else np.asarray(found)
 
     def render_depth(self, world: int, size: int) -> Float[np.ndarray, "size size"]:
@@ -239,7 +228,7 @@ class ScopeTask:
 
     def close(self) -> None:
         """End the threads."""
-        self.engine.close()
+        self.backend.close()
 
     def _draw(self, random: np.random.Generator) -> list[float]:
         ranges = self.config.randomisation
@@ -247,7 +236,7 @@ class ScopeTask:
         names = ("friction", "wall_stiffness", "shaft_stiffness", "wire_gain", "wire_slack", "start_roll")
         return [case, *(float(random.uniform(*getattr(ranges, name))) for name in names)]
 
-    def _inputs(self, action: np.ndarray) -> BatchInputs:
+    def _inputs(self, action: np.ndarray) -> Controls:
         drive, lead = self.config.drive, self.seen.hand_lead
         most = drive.wheel_rate * self.interval
         self._wheels = self._wheels + np.clip(action[:, 2:] - self._wheels, -most, most)
@@ -261,7 +250,7 @@ class ScopeTask:
             np.minimum(drive.hand_lead - lead, outside) / self.interval,
         )
         pulls = np.concatenate([np.maximum(pull, 0.0), np.maximum(-pull, 0.0)], axis=1)
-        return BatchInputs(push, action[:, 1] * drive.roll_rate, pulls)
+        return Controls(push, action[:, 1] * drive.roll_rate, pulls)
 
     def _now(self, healthy: np.ndarray) -> Moment:
         arc, length = self.seen.tip_arc, self.bank.lengths[self.case]
@@ -358,22 +347,10 @@ class ScopeTask:
         return inserted_starts(replace(self.config, task="insertion", observation="state"), self.bank)
 
 
-def _engine(name: str, bank: ColonSet, worlds: int, threads: int) -> "ScopeBatch | DeviceBatch":
-    if name == "native":
-        return ScopeBatch(bank.scene, bank.tables, worlds=worlds, threads=threads)
-    from haustra.envs.sim.jax_setup import share_memory, use_jax
-
-    share_memory()
-    use_jax()
-    from haustra.envs.sim.device_batch import DeviceBatch
-
-    return DeviceBatch(bank.scene, bank.tables, worlds=worlds, engine=name)
-
-
-def _eyes(engine: "ScopeBatch | DeviceBatch", sight: Sight) -> "BatchSight | DeviceSight":
+def _eyes(backend: AbstractBackend, sight: Sight) -> Eyes:
     """Rays are followed where the physics is."""
-    if isinstance(engine, ScopeBatch):
-        return BatchSight(sight, engine)
-    from haustra.envs.tasks.device_sight import DeviceSight
+    if not backend.on_device:
+        return HostEyes(sight, backend)
+    from haustra.envs.tasks.device_sight import DeviceEyes
 
-    return DeviceSight(sight, engine)
+    return DeviceEyes(sight, backend)

@@ -5,16 +5,18 @@ but nothing is seen round the corner of an overhang. Light, mucus and motion blu
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from functools import cache
 from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, UInt8
 
-from haustra.envs.sim.scope_batch import ScopeBatch
+from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.tasks.case import TabulatedColon
+from haustra.envs.view.picture.lens import lens_rays
 from haustra.models.wall.lumen_table import pick, stack
 from haustra.models.wall.moving_colon import back_to_reference
 
@@ -114,6 +116,26 @@ class Sight:
                 break
         return now.found.astype(float)
 
+    def depth(
+        self,
+        case: Int[np.ndarray, " worlds"],
+        eye: Float[np.ndarray, "worlds 3"],
+        frame: Float[np.ndarray, "worlds 3 3"],
+        arc: Float[np.ndarray, " worlds"],
+        *,
+        field_of_view_deg: float,
+        size: int,
+        at_rest: Callable[[Any, Any], Any] | None = None,
+    ) -> Float[np.ndarray, "worlds size size"]:
+        """Distance to the wall in each pixel of a fisheye picture [m]; zero outside the lens's circle.
+
+        Colons that have moved are drawn with `at_rest`, as `march` takes it.
+        """
+        rays, within = lens_rays(field_of_view_deg, size)
+        directions = rays.reshape(-1, 3) @ frame.swapaxes(-1, -2)
+        found = self.distances(case, eye, directions, arc, DEPTH_STEPS, at_rest)
+        return np.where(within, found.reshape(-1, size, size), 0.0)
+
     def inside(
         self,
         case: Int[np.ndarray, " worlds"],
@@ -148,12 +170,39 @@ class Sight:
         return (points[row] + sight[row, columns][:, None] * across).astype(float)
 
 
-class BatchSight:
-    """Rays from the tips of a batch into its colons, where they are now."""
+class Eyes(ABC):
+    """Looks from the tips of all worlds into their colons, where these are now."""
 
-    def __init__(self, sight: Sight, engine: ScopeBatch) -> None:
-        """The engine knows where colons that move are."""
-        self._sight, self._engine = sight, engine
+    @abstractmethod
+    def tip_distances(
+        self,
+        case: Int[np.ndarray, " worlds"],
+        eye: Float[np.ndarray, "worlds 3"],
+        frame: Float[np.ndarray, "worlds 3 3"],
+        arc: Float[np.ndarray, " worlds"],
+    ) -> Float[np.ndarray, "worlds rays"]:
+        """Distance to the wall along the rays of `ray_directions` [m], for tips with these frames."""
+
+    @abstractmethod
+    def depth(
+        self,
+        case: Int[np.ndarray, " worlds"],
+        eye: Float[np.ndarray, "worlds 3"],
+        frame: Float[np.ndarray, "worlds 3 3"],
+        arc: Float[np.ndarray, " worlds"],
+        *,
+        field_of_view_deg: float,
+        size: int,
+    ) -> UInt8[np.ndarray, "worlds size size"]:
+        """Distance to the wall in each pixel, 255 for `RANGE` and beyond; zero outside the lens's circle."""
+
+
+class HostEyes(Eyes):
+    """Rays that numpy follows."""
+
+    def __init__(self, sight: Sight, backend: AbstractBackend) -> None:
+        """The backend knows where colons that move are."""
+        self._sight, self._backend = sight, backend
 
     def tip_distances(
         self,
@@ -162,13 +211,32 @@ class BatchSight:
         frame: Float[np.ndarray, "worlds 3 3"],
         arc: Float[np.ndarray, " worlds"],
     ) -> Float[np.ndarray, "worlds rays"]:
-        """As `Sight.tip_distances`."""
-        return self._sight.tip_distances(case, eye, frame, arc, self.at_rest(case))
+        """As `Eyes.tip_distances`."""
+        return self._sight.tip_distances(case, eye, frame, arc, self._at_rest(case))
 
-    def at_rest(self, case: Int[np.ndarray, " worlds"]) -> Callable[[Any, Any], Any] | None:
+    def depth(
+        self,
+        case: Int[np.ndarray, " worlds"],
+        eye: Float[np.ndarray, "worlds 3"],
+        frame: Float[np.ndarray, "worlds 3 3"],
+        arc: Float[np.ndarray, " worlds"],
+        *,
+        field_of_view_deg: float,
+        size: int,
+    ) -> UInt8[np.ndarray, "worlds size size"]:
+        """As `Eyes.depth`."""
+        lens = {"field_of_view_deg": field_of_view_deg, "size": size}
+        return in_bytes(self._sight.depth(case, eye, frame, arc, **lens, at_rest=self._at_rest(case)))
+
+    def _at_rest(self, case: Int[np.ndarray, " worlds"]) -> Callable[[Any, Any], Any] | None:
         """As `march` takes it; None where colons are fixed."""
-        shift = self._engine.shift
-        return None if shift is None else back_to_reference(np, pick(self._engine.tables, case), shift)
+        displacement = self._backend.displacement
+        return None if displacement is None else back_to_reference(np, pick(self._backend.tables, case), displacement)
+
+
+def in_bytes(depth: Float[np.ndarray, "*pixels"]) -> UInt8[np.ndarray, "*pixels"]:
+    """Depth [m] over `RANGE`, as a picture has it."""
+    return np.rint(255 * depth / RANGE).astype(np.uint8)
 
 
 class March(NamedTuple):

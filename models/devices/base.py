@@ -93,7 +93,7 @@ class State(NamedTuple):
     """(worlds, actuators) [N, N m]."""
 
 
-class Seen(NamedTuple):
+class DeviceReadings(NamedTuple):
     """What every device can be told by, worlds first, in the coordinates of the scene."""
 
     time: Any
@@ -113,7 +113,7 @@ class Seen(NamedTuple):
 
 
 LOOK_AHEAD = 0.03
-"""How far along the lumen's axis `Seen.ahead` looks [m]; engineering choice: a bend's radius."""
+"""How far along the lumen's axis `DeviceReadings.ahead` looks [m]; engineering choice: a bend's radius."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,7 +198,7 @@ class Device(ABC):
         return {}
 
     @abstractmethod
-    def drive(self, xp: ModuleType, seen: Seen, memory: Any) -> tuple[Any, Any]:
+    def drive(self, xp: ModuleType, seen: DeviceReadings, memory: Any) -> tuple[Any, Any]:
         """What a simple driver commands (worlds, channels), and what it remembers (worlds,); zero at first."""
 
     def describe(self) -> dict[str, Any]:

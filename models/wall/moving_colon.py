@@ -207,15 +207,15 @@ def at_rest(xp: ModuleType, own: Mesentery, worlds: int, kind: Any) -> AxisDispl
 
 
 def query(
-    xp: ModuleType, tables: Tables, shift: AxisDisplacement, points: Array, arcs: Array, radius: Array
+    xp: ModuleType, tables: Tables, displacement: AxisDisplacement, points: Array, arcs: Array, radius: Array
 ) -> tuple[WallQuery, AttachmentPoints]:
     """As `haustra.models.wall.lumen_table.query`, in a colon that has moved: tables of one colon a world.
 
     Spheres of that radius a world [m] hold on to the wall with their surfaces.
     """
     own = _hung(tables)
-    shape = shape_of(xp, own, shift.place)
-    rest = to_reference(xp, tables, shift.place, shape, points, arcs)
+    shape = shape_of(xp, own, displacement.place)
+    rest = to_reference(xp, tables, displacement.place, shape, points, arcs)
     found = table.query(xp, tables, rest, arcs)
     surface = rest - radius[:, None, None] * found.inwards
     grip = AttachmentPoints(found.arcs, surface - table.axis_at(xp, tables, found.arcs))
@@ -312,10 +312,10 @@ def axis_at(xp: ModuleType, tables: Tables, place: Array | None, arcs: Array) ->
     return still if place is None else still + _between(place, *_cell(xp, _hung(tables), arcs))
 
 
-def wall_speeds(xp: ModuleType, own: Mesentery, shift: AxisDisplacement, grip: AttachmentPoints) -> Array:
+def wall_speeds(xp: ModuleType, own: Mesentery, displacement: AxisDisplacement, grip: AttachmentPoints) -> Array:
     """Speeds of the wall where points hold on to it (worlds, points, 3) [m/s]; none before the anus."""
-    shape = shape_of(xp, own, shift.place)
-    rates = vectors.of(shift.speed[:, 1:] - shift.speed[:, :-1])
+    shape = shape_of(xp, own, displacement.place)
+    rates = vectors.of(displacement.speed[:, 1:] - displacement.speed[:, :-1])
     edges = stacked(xp, unit_rate(vectors.of(shape.units), shape.lengths, rates))
     tangents = unit_rate(vectors.of(shape.tangents), shape.sums, vectors.of(_at_nodes(xp, edges)))
     rest = vectors.of(own.tangents)
@@ -328,13 +328,13 @@ def wall_speeds(xp: ModuleType, own: Mesentery, shift: AxisDisplacement, grip: A
         return turn_rate(xp, *turn, cosines[world, node], vectors.of(axes[world, node]), lever)
 
     turning = stacked(xp, between(rate(at), rate(at + 1), share))
-    return xp.where((grip.arcs > 0)[..., None], _between(shift.speed, at, share) + turning, 0.0)
+    return xp.where((grip.arcs > 0)[..., None], _between(displacement.speed, at, share) + turning, 0.0)
 
 
 def step_axis(
     xp: ModuleType,
     own: Mesentery,
-    shift: AxisDisplacement,
+    displacement: AxisDisplacement,
     grip: AttachmentPoints,
     force: Array,
     damping: Array,
@@ -345,7 +345,7 @@ def step_axis(
     Args:
         xp: numpy or jax.numpy.
         own: of each world.
-        shift: where the axes are.
+        displacement: where the axes are.
         grip: where the device holds on to the wall.
         force: on the wall there, at the end of the step as the device sees it (worlds, points, 3) [N].
         damping: of each contact, at least that in any direction (worlds, points) [N s/m].
@@ -356,14 +356,14 @@ def step_axis(
     cell = _cell(xp, own, grip.arcs)
     couples = _onto_nodes(xp, own, cell, force[..., :, None] * grip.lever[..., None, :])
     gripped = _onto_nodes(xp, own, cell, damping)
-    springs = spring_forces(xp, own, shift.place, couples)
-    pulled = _onto_nodes(xp, own, cell, force) + springs + gripped[..., None] * shift.speed
-    place = vectors.of(shift.place)
+    springs = spring_forces(xp, own, displacement.place, couples)
+    pulled = _onto_nodes(xp, own, cell, force) + springs + gripped[..., None] * displacement.speed
+    place = vectors.of(displacement.place)
     diagonal = node_resistance(xp, place, own.slack, own.hold, own.support, own.drag, gripped, h)
     tie = edge_resistance(xp, own.tension, own.bending[:, :-1], own.bending[:, 1:], own.lengths, h)
     below, above = xp.pad(tie, ((0, 0), (1, 0))), xp.pad(tie, ((0, 0), (0, 1)))
     speed = solve_tridiagonal(xp, -below, diagonal + below + above, -above, pulled)
-    return AxisDisplacement(shift.place + h * speed, speed)
+    return AxisDisplacement(displacement.place + h * speed, speed)
 
 
 def spring_forces(xp: ModuleType, own: Mesentery, place: Array, couples: Array) -> Array:

@@ -138,7 +138,7 @@ class PieceWall:
             self._find_blocks()
 
     @property
-    def shift(self) -> Float[np.ndarray, "nodes 3"] | None:
+    def displacement(self) -> Float[np.ndarray, "nodes 3"] | None:
         """Displacement of the colon's axis from rest [m]; None where it is fixed in space."""
         return None if self._moved is None else self._moved.place[0]
 

@@ -35,7 +35,7 @@ class TableWalls:
         self._lever = np.zeros((worlds, spheres, 3))
         self.colon: Int[np.ndarray, " worlds"] = np.zeros(worlds, int)
         """Which colon each world has."""
-        self.shift: AxisDisplacement | None = None
+        self.displacement: AxisDisplacement | None = None
         """Where the axes are, for colons that move."""
         if tables.mesentery is not None:
             nodes = tables.mesentery.nodes.shape[1]
@@ -43,7 +43,7 @@ class TableWalls:
             def zeros(*shape: int) -> np.ndarray:
                 return np.zeros((worlds, *shape))
 
-            self.shift = AxisDisplacement(zeros(nodes, 3), zeros(nodes, 3))
+            self.displacement = AxisDisplacement(zeros(nodes, 3), zeros(nodes, 3))
             edges = zeros(nodes - 1, 3), zeros(nodes - 1)
             self._shape = AxisShape(*edges, zeros(nodes, 3), zeros(nodes), zeros(nodes), zeros(nodes, 3))
         self.begin(np.arange(worlds), self.colon, self.arcs)
@@ -63,20 +63,20 @@ class TableWalls:
         picked = pick(self._all, self.colon)
         self._own: Mesentery | None = picked.mesentery
         self._tables = picked._replace(mesentery=None)
-        if self.shift is not None:
-            self.shift.place[worlds], self.shift.speed[worlds] = 0.0, 0.0
+        if self.displacement is not None:
+            self.displacement.place[worlds], self.displacement.speed[worlds] = 0.0, 0.0
 
     def look(self, worlds: Int[np.ndarray, " some"], points: Float[np.ndarray, "worlds spheres 3"]) -> None:
         """Find the wall next to the spheres of these worlds [m]."""
         found = self.arcs, self.depth, self.inwards
-        if self.shift is None:
+        if self.displacement is None:
             loops().query(self._tables, worlds, points, *found)
             return
         loops().query_moved(
             self._tables,
             self._own,
             worlds,
-            *self.shift,
+            *self.displacement,
             self._shape,
             self._radius,
             points,
@@ -93,9 +93,9 @@ class TableWalls:
         timestep: float,
     ) -> None:
         """Let the axes of these worlds move for a step [s] under forces on the wall [N], damped at least so [N s/m]."""
-        if self.shift is not None:
+        if self.displacement is not None:
             loops().step_axis(
-                self._own, worlds, *self.shift, self._shape, self.arcs, self._lever, force, damping, timestep
+                self._own, worlds, *self.displacement, self._shape, self.arcs, self._lever, force, damping, timestep
             )
 
 
@@ -123,7 +123,7 @@ class TableWall:
         self._sphere_of[self.spheres] = np.arange(count)
         self._walls = TableWalls(stack([table.tables]), 1, count, radius=table.device_radius)
         self._surface = _FIXED
-        if self._walls.shift is not None:
+        if self._walls.displacement is not None:
             model.flg_surfacevel = True
             self._surface = model.geom_surfacevel[None]
         self._ahead = np.array([contact.damping / contact.stiffness + model.opt.timestep])
@@ -137,9 +137,9 @@ class TableWall:
         return self._walls.arcs[0]
 
     @property
-    def shift(self) -> Float[np.ndarray, "nodes 3"] | None:
+    def displacement(self) -> Float[np.ndarray, "nodes 3"] | None:
         """Displacement of the colon's axis from rest [m]; None where it is fixed in space."""
-        return None if self._walls.shift is None else self._walls.shift.place[0]
+        return None if self._walls.displacement is None else self._walls.displacement.place[0]
 
     def begin(self, arcs: Float[np.ndarray, " spheres"]) -> None:
         """Look for every sphere anew, near these arc lengths along the colon [m], which is at rest."""
@@ -147,7 +147,7 @@ class TableWall:
 
     def resume(self, other: "TableWall") -> None:
         """Take over where the same colon has moved to in another scene."""
-        mine, theirs = self._walls.shift, other._walls.shift
+        mine, theirs = self._walls.displacement, other._walls.displacement
         if mine is not None and theirs is not None:
             mine.place[:], mine.speed[:] = theirs.place, theirs.speed
 
@@ -176,7 +176,7 @@ class TableWall:
     def step(self, data: mujoco.MjData) -> None:
         """Advance by one step, the colon's too."""
         mujoco.mj_step(self._model, data)
-        if self._walls.shift is not None:
+        if self._walls.displacement is not None:
             self._give_way(data)
 
     def _give_way(self, data: mujoco.MjData) -> None:

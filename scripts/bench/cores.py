@@ -14,7 +14,8 @@ from jaxtyping import Float
 from mujoco.batch import Batch
 
 from haustra.envs.sim.conditions import Conditions, Snapshot
-from haustra.envs.sim.scope_batch import BatchInputs, ScopeBatch
+from haustra.envs.sim.native_batch import NativeBackend
+from haustra.envs.sim.state import Controls
 from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.drivers import FollowerDriver
@@ -40,7 +41,7 @@ class Cores:
     mujoco: float
     """MuJoCo's own batch on its own threads."""
     scopes: float
-    """`ScopeBatch`, with the wall looked up at every step."""
+    """`NativeBackend`, with the wall looked up at every step."""
     steps_per_s: float
     """Of all its scopes on those cores; the best of all pairs."""
 
@@ -106,14 +107,14 @@ def _driven(bank: ColonSet, worlds: int, before: float, threads: int) -> tuple[n
     driver.begin(np.ones(worlds, bool))
     for _ in range(round(before / task.interval)):
         seen = task.step(driver.act(seen)).observation
-    starts = [task.engine.snapshot(world) for world in range(worlds)]
+    starts = [task.backend.snapshot(world) for world in range(worlds)]
     case = task.case.copy()
     task.close()
     return case, starts
 
 
-def _scopes(bank: ColonSet, case: np.ndarray, threads: int) -> ScopeBatch:
-    batch = ScopeBatch(bank.scene, bank.tables, worlds=len(case), threads=threads)
+def _scopes(bank: ColonSet, case: np.ndarray, threads: int) -> NativeBackend:
+    batch = NativeBackend(bank.scene, bank.tables, worlds=len(case), threads=threads)
     options, every = bank.scene.options, np.ones(len(case))
     batch.reset(np.arange(len(case)), case, Conditions(options.friction * every, options.wall_stiffness * every, every))
     return batch
@@ -145,12 +146,12 @@ def _rate(batch: Batch, states: Float[np.ndarray, "worlds state"], seconds: floa
     return _timed(go, len(states), seconds)
 
 
-def _scope_rate(batch: ScopeBatch, starts: list[Snapshot], seconds: float) -> float:
+def _scope_rate(batch: NativeBackend, starts: list[Snapshot], seconds: float) -> float:
     """The scopes go on from where they were put: between two decisions a scope hardly moves."""
     for world, start in enumerate(starts):
         batch.restore(world, start)
     count = len(starts)
-    inputs = BatchInputs(np.full(count, _PUSH), np.zeros(count), np.zeros((count, 4)))
+    inputs = Controls(np.full(count, _PUSH), np.zeros(count), np.zeros((count, 4)))
     return _timed(lambda: batch.step(inputs, _STRETCH), count, seconds)
 
 

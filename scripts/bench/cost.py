@@ -8,7 +8,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Controls
 from haustra.errors import HaustraError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.design import ScopeDesign
@@ -74,7 +75,7 @@ def cost_in_colon(
         engine = NativeEngine(build_scene(colon, wall, design, options_for(colon, design, count), show_lumen=False))
         steps = round(seconds / TIMESTEP)
         began = time.perf_counter()
-        done, contacts, inputs = 0, 0, Inputs(push_rate=0.04, roll_rate=0.0, pulls=np.zeros(4))
+        done, contacts, inputs = 0, 0, Controls(push_rate=0.04, roll_rate=0.0, pulls=np.zeros(4))
         while done < steps and engine.step(inputs, 5):
             done += 5
             contacts += engine.data.ncon

@@ -118,7 +118,7 @@ def _insertion(scene: Scene, before: float, seconds: float) -> tuple[dict[str, V
     def drive(duration: float) -> None:
         for _ in range(round(duration / CONTROL_INTERVAL)):
             with part("observe"):
-                seen = engine.observe()
+                seen = engine.read()
             with part("follow"):
                 inputs = follower.act(seen, tracker.update(seen.tip), CONTROL_INTERVAL)
             with part("step"):
@@ -157,8 +157,8 @@ def _by_xla(colon: Colon, design: ScopeDesign) -> dict[str, Value]:
     import jax
 
     from haustra.envs.sim.scope_bank import build_bank
-    from haustra.envs.sim.scope_values import Controls
     from haustra.envs.sim.scope_worlds import JaxScopes
+    from haustra.envs.sim.state import Controls
 
     bank = build_bank([colon], design)
     engine = JaxScopes.of(bank.scene)

@@ -12,7 +12,8 @@ from jaxtyping import Float
 from haustra.envs.control.follower import LumenFollower
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.measure.progress import ArcTracker
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Controls
 from haustra.errors import HaustraError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.design import ScopeDesign
@@ -211,10 +212,10 @@ def _drive(scene: Scene, seconds: float, *, steered: bool) -> tuple[list[str], F
     steps = round(CONTROL_INTERVAL / scene.options.timestep)
     rows = []
     for _ in range(round(seconds / CONTROL_INTERVAL)):
-        seen = engine.observe()
+        seen = engine.read()
         inputs = follower.act(seen, tracker.update(seen.tip), CONTROL_INTERVAL)
         rate = min(inputs.push_rate, ADVANCE)
-        if not engine.step(inputs if steered else Inputs(rate, 0.0), steps):
+        if not engine.step(inputs if steered else Controls(rate, 0.0), steps):
             raise HaustraError("The scene to compare with diverged: choose another colon, design or time.")
         rows.append(engine.data.ctrl.copy())
     names = [engine.model.actuator(number).name for number in range(engine.model.nu)]

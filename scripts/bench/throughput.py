@@ -16,8 +16,9 @@ from haustra.envs.runs.insertions import InsertionBatch, run_insertions
 from haustra.envs.runs.measure.containment import stack_widths
 from haustra.envs.sim.device_engines import device_engine
 from haustra.envs.sim.scope_bank import ScopeBank
-from haustra.envs.sim.scope_values import Controls, Parameters
+from haustra.envs.sim.scope_values import Parameters
 from haustra.envs.sim.scope_worlds import JaxScopes
+from haustra.envs.sim.state import Controls
 
 Array: TypeAlias = Any
 _REPEATS = 3

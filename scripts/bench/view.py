@@ -95,7 +95,7 @@ class _Moving:
         return self._tracker.arc
 
     def step(self, count: int) -> None:
-        seen = self.engine.observe()
+        seen = self.engine.read()
         self._tracker.update(seen.tip)
         interval = count * self.engine.scene.options.timestep
         self.engine.step(self._follower.act(seen, self.arc, interval), count)

@@ -13,7 +13,7 @@ from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.sim.device_engines import device_engine
 from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.scope_bank import build_bank
-from haustra.envs.sim.scope_values import Controls
+from haustra.envs.sim.state import Controls
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.scene import SceneOptions, build_scene, entry_of
@@ -71,18 +71,18 @@ def compare_with_native(
     tables, parameters = bank.tables_on_device(), dynamics.parameters(bank.scene, 1)
     steps = round(CONTROL_INTERVAL / coarse.timestep)
     go = jax.jit(lambda now, hands: dynamics.steps(tables, parameters, now, hands, steps))
-    look = jax.jit(lambda now: dynamics.observe(parameters, tables, now))
+    look = jax.jit(lambda now: dynamics.read(parameters, tables, now))
     worlds = dynamics.begin(parameters, tables)
     entry, axes = entry_of(colon)
     rows = []
     for _ in range(round(seconds / CONTROL_INTERVAL)):
-        known = native.observe()
+        known = native.read()
         inputs = follower.act(known, tracker.update(known.tip), CONTROL_INTERVAL)
         if not native.step(inputs, steps):
             break
         hands = Controls(jnp.array([inputs.push_rate]), jnp.array([inputs.roll_rate]), jnp.asarray(inputs.pulls)[None])
         worlds = go(worlds, jax.tree.map(lambda part: part.astype(jnp.float32), hands))
-        seen, known = look(worlds), native.observe()
+        seen, known = look(worlds), native.read()
         place = entry + axes @ np.asarray(seen.tip[0])
         rows.append((known.insertion, np.linalg.norm(place - known.tip), float(seen.push_force[0]), known.push_force))
     found = np.array(rows)

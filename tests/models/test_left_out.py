@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Controls
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions, build_scene
 from tests.bent_colon import bent_colon
@@ -23,8 +24,8 @@ def _drive(scene) -> np.ndarray:
     rows = []
     while engine.data.time < SECONDS - 1e-9:
         pulls = np.array([0.0, 8.0 * min(1.0, engine.data.time), 0.0, 0.0])
-        assert engine.step(Inputs(RATE, 0.15, pulls), 4)
-        seen = engine.observe()
+        assert engine.step(Controls(RATE, 0.15, pulls), 4)
+        seen = engine.read()
         rows.append((*seen.tip, seen.push_force, seen.torque))
     return np.array(rows)
 

@@ -4,7 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Controls
 from haustra.errors import InvalidOptionError, OutputError
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import Scene, SceneOptions, build_scene
@@ -46,7 +47,7 @@ def _load(path: Path) -> mujoco.MjModel:
 def test_a_saved_scene_steps_to_the_same_trajectory(scene, tmp_path: Path, suffix):
     """To the bit, where what presses on one place counts once; within 0.5 mm in stock MuJoCo, where each piece does."""
     engine = NativeEngine(scene)
-    inputs = Inputs(push_rate=0.05, roll_rate=0.2, pulls=np.array([6.0, 2.0, 0.0, 0.0]))
+    inputs = Controls(push_rate=0.05, roll_rate=0.2, pulls=np.array([6.0, 2.0, 0.0, 0.0]))
     controls = []
     for _ in range(60):
         assert engine.step(inputs, 5)

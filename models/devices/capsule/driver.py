@@ -3,7 +3,7 @@
 from types import ModuleType
 from typing import Any
 
-from haustra.models.devices.base import Seen
+from haustra.models.devices.base import DeviceReadings
 
 _PULL = 0.5
 """Of the largest force; engineering choice."""
@@ -16,7 +16,13 @@ _ALIGN = 0.5
 
 
 def drive(
-    xp: ModuleType, seen: Seen, memory: Any, *, limits: tuple[float, float], safe_force: float, own_frame: bool
+    xp: ModuleType,
+    seen: DeviceReadings,
+    memory: Any,
+    *,
+    limits: tuple[float, float],
+    safe_force: float,
+    own_frame: bool,
 ) -> tuple[Any, Any]:
     """Force and torque (worlds, 6) in the scene's axes or the body's own, and until when it backs off (worlds,) [s].
 

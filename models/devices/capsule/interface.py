@@ -20,10 +20,10 @@ import numpy as np
 from haustra.models.devices.base import (
     Channel,
     Device,
+    DeviceReadings,
     Handles,
     Pose,
     Reading,
-    Seen,
     State,
     add_wrench,
     choice,
@@ -147,7 +147,7 @@ class Capsule(Device):
             "speed": xp.sqrt((self._speed(xp, model, state) ** 2).sum(axis=1)),
         }
 
-    def drive(self, xp: ModuleType, seen: Seen, memory: Any) -> tuple[Any, Any]:
+    def drive(self, xp: ModuleType, seen: DeviceReadings, memory: Any) -> tuple[Any, Any]:
         """Pull along the lumen's axis ahead; back off while the wall presses too hard."""
         limits = self.force_limit, self.torque_limit
         return drive(xp, seen, memory, limits=limits, safe_force=self.safe_force, own_frame=self.frame == "own")

@@ -15,7 +15,7 @@ import numpy as np
 
 from haustra.assets import asset
 from haustra.errors import UnsupportedSceneError
-from haustra.models.devices.base import Channel, Device, Handles, Pose, Reading, Seen, State, put, read_fields
+from haustra.models.devices.base import Channel, Device, DeviceReadings, Handles, Pose, Reading, State, put, read_fields
 from haustra.models.devices.scope.cable import LOCK_STRETCH, PULL_OUT_LIMIT, add_scope
 from haustra.models.devices.scope.cells import Cell, cut_into_cells
 from haustra.models.devices.scope.design import ScopeDesign
@@ -141,7 +141,7 @@ class Scope(Device):
             "insertion": self._insertion(model, handles, state),
         }
 
-    def drive(self, xp: ModuleType, seen: Seen, memory: Any) -> tuple[Any, Any]:
+    def drive(self, xp: ModuleType, seen: DeviceReadings, memory: Any) -> tuple[Any, Any]:
         """Push, the tip bent towards the lumen's axis ahead; pull back while the wall presses too hard."""
         local = xp.einsum("wij,wi->wj", seen.tip_frame, seen.ahead)
         across = xp.maximum(xp.sqrt((local[:, :2] ** 2).sum(axis=1)), 1e-9)

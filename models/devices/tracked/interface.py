@@ -9,7 +9,17 @@ import mujoco
 import numpy as np
 
 from haustra.errors import InvalidDesignError
-from haustra.models.devices.base import Channel, Device, Handles, Pose, Reading, Seen, choice, number, read_fields
+from haustra.models.devices.base import (
+    Channel,
+    Device,
+    DeviceReadings,
+    Handles,
+    Pose,
+    Reading,
+    choice,
+    number,
+    read_fields,
+)
 from haustra.models.devices.tracked.design import TRACKS, TrackedDesign
 from haustra.models.devices.tracked.device import add_tracked
 
@@ -86,7 +96,7 @@ class TrackedRobot(Device):
         geoms = (tracked.core, *(part.geom for part in (*tracked.pads, *tracked.loops)))
         return Handles((tracked.core, *struts), (), geoms, "tracked/tip", start)
 
-    def drive(self, xp: ModuleType, seen: Seen, memory: Any) -> tuple[Any, Any]:
+    def drive(self, xp: ModuleType, seen: DeviceReadings, memory: Any) -> tuple[Any, Any]:
         """A worm at its speed."""
         return xp.full((len(seen.time), 1), self.rpm), memory
 

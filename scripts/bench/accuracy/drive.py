@@ -7,9 +7,11 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.control.follower import FollowerSettings, LumenFollower
-from haustra.envs.runs.insertion import CONTROL_INTERVAL, Engine
+from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.measure.progress import ArcTracker
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.backend import SingleBackend
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Controls
 from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.design import ScopeDesign
@@ -82,7 +84,7 @@ def steady_push(seconds: float, rate: float) -> Script:
     return Script(np.full(count, rate), np.zeros(count), np.zeros((count, 4)))
 
 
-def honouring(scene: Scene) -> Engine:
+def honouring(scene: Scene) -> SingleBackend:
     """The engine that steps a scene: native MuJoCo, or the chain in JAX, on one thread, where that refuses.
 
     Raises:
@@ -111,7 +113,7 @@ def record_script(colon: Colon, design: ScopeDesign, options: SceneOptions, *, s
     tracker = ArcTracker(colon.centreline, start=options.start_depth)
     rows = []
     for _ in range(round(seconds / CONTROL_INTERVAL)):
-        seen = engine.observe()
+        seen = engine.read()
         inputs = follower.act(seen, tracker.update(seen.tip, seen.way), CONTROL_INTERVAL)
         engine.step(inputs, round(CONTROL_INTERVAL / options.timestep))
         rows.append([inputs.push_rate, inputs.roll_rate, *inputs.pulls])
@@ -140,9 +142,9 @@ def replay(
     steps = round(CONTROL_INTERVAL / options.timestep)
     rows, spent, healthy = [], 0.0, True
     for index in range(len(script)):
-        inputs = Inputs(float(script.push_rate[index]), float(script.roll_rate[index]), script.pulls[index])
+        inputs = Controls(float(script.push_rate[index]), float(script.roll_rate[index]), script.pulls[index])
 
-        def advance(inputs: Inputs = inputs) -> None:
+        def advance(inputs: Controls = inputs) -> None:
             nonlocal healthy
             healthy = engine.step(inputs, steps)
 
@@ -162,8 +164,8 @@ def replay(
     )
 
 
-def _read(engine: Engine) -> tuple[float, ...]:
-    seen = engine.observe()
+def _read(engine: SingleBackend) -> tuple[float, ...]:
+    seen = engine.read()
     return (*seen.tip, seen.insertion, seen.push_force, seen.wall_force_sum, float(seen.contacts))
 
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.sim.scope_bank import build_bank
-from haustra.envs.sim.scope_values import Controls
 from haustra.envs.sim.scope_worlds import JaxScopes
+from haustra.envs.sim.state import Controls
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.scene import SceneOptions, entry_of
@@ -37,7 +37,7 @@ def _replay(script: Script, colon: Colon, design: ScopeDesign, options: SceneOpt
     tables, parameters = bank.tables_on_device(kind), engine.parameters(bank.scene, 1, kind=kind)
     steps = round(CONTROL_INTERVAL / options.timestep)
     go = jax.jit(lambda now, hands: engine.steps(tables, parameters, now, hands, steps))
-    look = jax.jit(lambda now: engine.observe(parameters, tables, now))
+    look = jax.jit(lambda now: engine.read(parameters, tables, now))
     worlds = engine.begin(parameters, tables)
     jax.block_until_ready(go(worlds, hands_of(script, 0, kind)))
     entry, axes = entry_of(colon)

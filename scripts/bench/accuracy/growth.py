@@ -6,7 +6,8 @@ from itertools import pairwise
 import numpy as np
 
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Controls
 from haustra.errors import HaustraError
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.devices.scope.files import find_design
@@ -41,7 +42,7 @@ def _pushed(
 ) -> NativeEngine:
     engine = NativeEngine(build_scene(place.colon, wall, design, options, show_lumen=False, deepest=deepest))
     for _ in range(round(seconds / CONTROL_INTERVAL)):
-        engine.step(Inputs(RATE, 0.0), round(CONTROL_INTERVAL / options.timestep))
+        engine.step(Controls(RATE, 0.0), round(CONTROL_INTERVAL / options.timestep))
     return engine
 
 
@@ -74,7 +75,7 @@ def _timed(engines: dict, name: str) -> tuple[dict[str, Value], ...]:
             "cost_processor_s_per_s": cost,
             "dofs": engine.model.nv,
             "pieces": engine.scene.pieces,
-            "contacts": engine.observe().contacts,
+            "contacts": engine.read().contacts,
         }
         for (key, engine), cost in zip(engines.items(), costs, strict=True)
     )
@@ -87,7 +88,7 @@ def _contacts(place: Place, design: ScopeDesign, effort: Effort, seconds: float)
     engine = NativeEngine(build_scene(place.colon, wall, design, options, show_lumen=False))
     steps, found = round(CONTROL_INTERVAL / options.timestep), []
     for _ in range(round(seconds / CONTROL_INTERVAL)):
-        spent = processor_seconds(lambda: engine.step(Inputs(RATE, 0.0), steps))
+        spent = processor_seconds(lambda: engine.step(Controls(RATE, 0.0), steps))
         found.append((engine.data.ncon, spent / CONTROL_INTERVAL))
     contacts, costs = np.array(found).T
     edges = np.unique(np.quantile(contacts, [0, 0.25, 0.5, 0.75, 1]))

@@ -13,7 +13,8 @@ from importlib.util import find_spec
 import numpy as np
 
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Controls
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.devices.scope.files import find_design
@@ -64,7 +65,7 @@ def answer(effort: Effort) -> Answer:
     rows: list[dict[str, Value]] = []
     for number, count in enumerate(counts):
         engine, less = engines[number], engines[number + len(counts)]
-        seen = engine.observe()
+        seen = engine.read()
         row: dict[str, Value] = {"nodes": count, "dofs": engine.model.nv, "step_ms": costs["pieces"][number]}
         row |= {"field_step_ms": costs["field"][number], "bar_ms": SHARE * RESPONSE_MS[count]}
         row |= {"contacts": seen.contacts, "insertion_m": seen.insertion, "dofs_by_default": less.model.nv}
@@ -107,7 +108,7 @@ def _field_milliseconds(
 
 
 def _pushed(scene: Scene) -> NativeEngine:
-    engine, inputs = NativeEngine(scene), Inputs(RATE, 0.0)
+    engine, inputs = NativeEngine(scene), Controls(RATE, 0.0)
     steps = round(CONTROL_INTERVAL / scene.options.timestep)
     for _ in range(round(SECONDS / CONTROL_INTERVAL)):
         engine.step(inputs, steps)

@@ -12,7 +12,8 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Controls
 from haustra.errors import HaustraError
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.devices.scope.files import find_design
@@ -89,19 +90,19 @@ def answer(effort: Effort) -> Answer:
     )
 
 
-def _balanced(place: Place, wall: Wall, design: ScopeDesign, seconds: float) -> tuple[NativeEngine, Inputs]:
+def _balanced(place: Place, wall: Wall, design: ScopeDesign, seconds: float) -> tuple[NativeEngine, Controls]:
     """The preset's engine at the end of the script."""
     options = PRESETS["balanced"].apply()
     scene_wall = wall if options.wall_law == "pieces" else None
     deepest = steady_push(seconds, RATE).deepest(options.start_depth)
     engine = NativeEngine(build_scene(place.colon, scene_wall, design, options, show_lumen=False, deepest=deepest))
-    inputs = Inputs(RATE, 0.0)
+    inputs = Controls(RATE, 0.0)
     for _ in range(round(seconds / CONTROL_INTERVAL)):
         engine.step(inputs, round(CONTROL_INTERVAL / options.timestep))
     return engine, inputs
 
 
-def _block(engine: NativeEngine, inputs: Inputs) -> Block:
+def _block(engine: NativeEngine, inputs: Controls) -> Block:
     engine.step(inputs, 1)
     return stepping(engine.model, engine.data, steps=100)
 

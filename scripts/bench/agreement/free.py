@@ -85,8 +85,8 @@ def by_jax(trial: Trial) -> Motion:
     import jax.numpy as jnp
 
     from haustra.envs.sim.device_arrays import on_device
-    from haustra.envs.sim.scope_values import Controls
     from haustra.envs.sim.scope_worlds import JaxScopes
+    from haustra.envs.sim.state import Controls
 
     engine = JaxScopes.of(trial.scene)
     tables, parameters = on_device(_open_space(trial.scene)), engine.parameters(trial.scene, 1, stiffness=1e-9)

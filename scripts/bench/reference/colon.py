@@ -88,7 +88,7 @@ def settle(engine: NativeEngine, *, feedback: float = 2.0, most_iterations: int 
             data = engine.data
             data.qvel[:] = 0
             mujoco.mj_forward(engine.model, data)
-            energies = engine.observe().energies
+            energies = engine.read().energies
             spent = time.process_time() - began
             return Settled(data.qpos.copy(), iteration, newton_steps, spent, energies.bending, energies.wall)
     raise NoEquilibriumError(

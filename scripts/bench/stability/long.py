@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Controls
 from haustra.models.anatomy.store import load_colon
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions, build_scene
@@ -108,7 +109,7 @@ def run(colon_folder: Path, steps: int, seed: int) -> Iterator[dict[str, Any]]:
             pulls = np.concatenate([np.maximum(sides, 0.0), np.maximum(-sides, 0.0)])
         # Out a little slower than in, and never before the start.
         rate = 0.06 if phase < CYCLE / 2 else -0.06 if engine.insertion > options.start_depth else 0.0
-        healthy = engine.step(Inputs(rate, 0.3 * np.sin(engine.data.time), pulls), block)
+        healthy = engine.step(Controls(rate, 0.3 * np.sin(engine.data.time), pulls), block)
         done += block
         if done % every < block or not healthy:
             yield {

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from haustra.assets import asset
-from haustra.envs.sim.scope_values import Controls
+from haustra.envs.sim.state import Controls
 from haustra.models.anatomy.store import load_colon
 from haustra.models.devices.scope.cable import PULL_OUT_LIMIT
 from haustra.models.devices.scope.library import named_design
@@ -15,7 +15,7 @@ from haustra.quantity import load_quantities
 from haustra.scripts.bench.result import Criterion, Table, Value
 from haustra.scripts.bench.stability.moving_rig import OPTIONS, Act, Found, MovingRig, Numbers
 from haustra.scripts.bench.stability.part import Part, Progress, RunOptions
-from haustra.scripts.bench.stability.poison import BAD, BLOCK, TabulatedColon
+from haustra.scripts.bench.stability.poison import BAD, BLOCK, Injection
 from haustra.scripts.bench.stability.poison import judge as judge_cases
 from haustra.scripts.bench.stability.random_runs import HOLD, prepare_colons
 from haustra.scripts.bench.stability.ranges import BEYOND, Range, draw
@@ -216,7 +216,7 @@ def _shock_rows(found: Found) -> list[dict[str, Value]]:
     ]
 
 
-def poison(rig: MovingRig) -> list[TabulatedColon]:
+def poison(rig: MovingRig) -> list[Injection]:
     """NaN and infinities in what hands do, NaN in parameters and in a mesentery, of one world among others."""
     step, poisoned = OPTIONS.timestep, 1
     tables, parameters, hands = rig.tables(), rig.parameters(step), _hands(rig, np.ones(rig.worlds))(0.0)
@@ -224,7 +224,7 @@ def poison(rig: MovingRig) -> list[TabulatedColon]:
     clean, _ = rig.step(tables, parameters, warm, hands, timestep=step, count=BLOCK)
     others = np.arange(rig.worlds) != poisoned
 
-    def case(where: str, name: str, value: float) -> TabulatedColon:
+    def case(where: str, name: str, value: float) -> Injection:
         bad = {"hands": hands, "parameters": parameters, "mesentery": tables.mesentery}
         bad[where] = bad[where]._replace(**{name: getattr(bad[where], name).at[poisoned].set(value)})
         own = tables._replace(mesentery=bad["mesentery"])
@@ -233,16 +233,14 @@ def poison(rig: MovingRig) -> list[TabulatedColon]:
         caught = "" if bool(found.healthy[poisoned]) else "diverged"
         # What is read of the poisoned world after bad parameters is not asked for: a reset takes it out.
         sound = finite if where == "hands" else all(bool(jnp.isfinite(part).all()) for part in jax.tree.leaves(found))
-        return TabulatedColon("JAX, moving colon", f"{where}: {name}", value, caught, all(jax.tree.leaves(same)), sound)
+        return Injection("JAX, moving colon", f"{where}: {name}", value, caught, all(jax.tree.leaves(same)), sound)
 
     cases = [case("hands", name, value) for name in Controls._fields for value in BAD]
     cases += [case("parameters", name, np.nan) for name in KNOWN]
     return cases + [case("mesentery", name, np.nan) for name in HUNG]
 
 
-def judge(
-    rows: list[dict[str, Value]], shocked: list[dict[str, Value]], limit: float, cases: list[TabulatedColon]
-) -> Part:
+def judge(rows: list[dict[str, Value]], shocked: list[dict[str, Value]], limit: float, cases: list[Injection]) -> Part:
     """Bars and tables."""
     inside = [row for row in rows if row["ranges"] == "inside"]
     lost = sum(row["outcome"] == "diverged" for row in inside)

@@ -10,8 +10,9 @@ import numpy as np
 
 from haustra.envs.sim.device_arrays import on_device
 from haustra.envs.sim.scope_reading import read_scope
-from haustra.envs.sim.scope_values import Controls, Parameters, State
+from haustra.envs.sim.scope_values import Parameters, State
 from haustra.envs.sim.scope_worlds import JaxScopes
+from haustra.envs.sim.state import Controls
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
@@ -66,7 +67,7 @@ class MovingRig:
             # All that depends on the time step is arithmetic, or in the parameters.
             own = replace(engine, timestep=step)
             now = own.steps(tables, parameters, now, hands, count)
-            seen = own.observe(parameters, tables, now)
+            seen = own.read(parameters, tables, now)
             return now, jax.tree.reduce(jnp.logical_and, jax.tree.map(lambda part: jnp.isfinite(part).all(), seen))
 
         self._advance = jax.jit(advance)
@@ -124,8 +125,8 @@ class MovingRig:
                 now, sound = self.step(tables, parameters, now, hands, timestep=timestep, count=count)
                 finite &= sound
                 speeds.append(np.abs(np.asarray(now.qvel)).max(axis=1))
-                assert now.shift is not None, "colons that are fixed in space"
-                place = np.linalg.norm(np.asarray(now.shift.place), axis=-1).max(axis=1)
+                assert now.displacement is not None, "colons that are fixed in space"
+                place = np.linalg.norm(np.asarray(now.displacement.place), axis=-1).max(axis=1)
                 furthest = np.maximum(furthest, place)
         assert now is not None, "a run without stages"
         last = round(1 / (count * timestep))

@@ -4,7 +4,8 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Controls
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.cable import HAND_PUSH, HAND_ROLL
 from haustra.models.devices.scope.library import named_design
@@ -37,11 +38,11 @@ def settling_energies(colon: Colon, options: SceneOptions | None = None) -> Floa
     options = options or SceneOptions(wall_law="planes")
     engine = NativeEngine(build_scene(colon, None, named_design("adult"), options, show_lumen=False))
     lay_along(engine, INSERTION)
-    engine.step(Inputs(0.0, 0.0), 1)
+    engine.step(Controls(0.0, 0.0), 1)
     energies = []
     for _ in range(round(SECONDS / options.timestep)):
         energies.append(mechanical_energy(engine))
-        if not engine.step(Inputs(0.0, 0.0), 1):
+        if not engine.step(Controls(0.0, 0.0), 1):
             return np.array([*energies, np.inf])
     return np.array(energies)
 
@@ -49,7 +50,7 @@ def settling_energies(colon: Colon, options: SceneOptions | None = None) -> Floa
 def mechanical_energy(engine: NativeEngine) -> float:
     """Of everything that can give it back [J]."""
     model, data = engine.model, engine.data
-    stored = engine.observe().energies
+    stored = engine.read().energies
     momentum = np.zeros(model.nv)
     mujoco.mj_mulM(model, data, momentum, data.qvel)
     hand = 0.5 * np.array([HAND_PUSH[0], HAND_ROLL[0]]) @ (data.act[:2] - data.qpos[:2]) ** 2

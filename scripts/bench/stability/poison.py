@@ -2,17 +2,20 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
+from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.conditions import Conditions
-from haustra.envs.sim.native import Inputs, NativeEngine
-from haustra.envs.sim.scope_batch import BatchInputs, BatchObservation, ScopeBatch
+from haustra.envs.sim.load import backend_of, load_backend
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.native_batch import NativeBackend
+from haustra.envs.sim.state import Controls, Readings
 from haustra.envs.tasks.bank import TASK_OPTIONS, ColonSet, make_bank
 from haustra.envs.tasks.case import case_of
 from haustra.envs.tasks.vector import NavigationVectorEnv
-from haustra.errors import HaustraError
+from haustra.errors import HaustraError, MissingDependencyError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.devices.scope.library import named_design
@@ -30,12 +33,9 @@ BLOCKS = 6
 WARM_UP = 20
 """Blocks before it."""
 
-Batch: TypeAlias = Any
-"""A `ScopeBatch`, or a `DeviceBatch`."""
-
 
 @dataclass(frozen=True)
-class TabulatedColon:
+class Injection:
     """One injection."""
 
     engine: str
@@ -56,18 +56,18 @@ class TabulatedColon:
 def poison(order: RunOptions, progress: Progress) -> Part:
     """Every input of every engine, with every bad number; JAX's engine too where it is installed."""
     bank = small_bank(grow_colon(seed=0))
-    parts: list[Callable[[], list[TabulatedColon]]] = [
+    parts: list[Callable[[], list[Injection]]] = [
         lambda: single_cases(bank),
-        lambda: batch_cases("native batch", lambda: ScopeBatch(bank.scene, bank.tables, worlds=WORLDS), bank),
+        lambda: batch_cases("native batch", lambda: NativeBackend(bank.scene, bank.tables, worlds=WORLDS), bank),
         lambda: batch_cases(
-            "native batch, two threads", lambda: ScopeBatch(bank.scene, bank.tables, worlds=WORLDS, threads=2), bank
+            "native batch, two threads", lambda: NativeBackend(bank.scene, bank.tables, worlds=WORLDS, threads=2), bank
         ),
         lambda: vector_cases(bank),
         design_cases,
     ]
-    if not order.quick and (make := device_batch(bank)):
+    if not order.quick and (make := jax_backend(bank)):
         parts.append(lambda: batch_cases("JAX batch", make, bank))
-    found: list[TabulatedColon] = []
+    found: list[Injection] = []
     for number, part in enumerate(parts):
         found += part()
         progress((number + 1) / len(parts), found[-1].engine)
@@ -81,16 +81,16 @@ def small_bank(colon: Colon) -> ColonSet:
     return make_bank([case], design, replace(TASK_OPTIONS, insertion_limit=0.3))
 
 
-def device_batch(bank: ColonSet) -> Callable[[], Batch] | None:
-    """What makes batches on JAX's device; None without JAX."""
+def jax_backend(bank: ColonSet) -> Callable[[], AbstractBackend] | None:
+    """What makes many worlds on JAX's device; None without JAX."""
     try:
-        from haustra.envs.sim.device_batch import DeviceBatch
-    except ImportError:
+        backend_of("jax")
+    except MissingDependencyError:
         return None
-    return lambda: DeviceBatch(bank.scene, bank.tables, worlds=WORLDS)
+    return lambda: load_backend("jax", bank.scene, bank.tables, worlds=WORLDS)
 
 
-def batch_cases(name: str, make: Callable[[], Batch], bank: ColonSet) -> list[TabulatedColon]:
+def batch_cases(name: str, make: Callable[[], AbstractBackend], bank: ColonSet) -> list[Injection]:
     """Bad numbers in inputs while worlds run, and in the conditions that one begins anew with."""
     clean = _run(make(), None, None)
     found = []
@@ -104,28 +104,29 @@ def batch_cases(name: str, make: Callable[[], Batch], bank: ColonSet) -> list[Ta
     return found
 
 
-Readings: TypeAlias = list[tuple[np.ndarray, BatchObservation]]
+Watched: TypeAlias = list[tuple[np.ndarray, Readings]]
 """Which worlds were healthy after each block, and what was seen."""
 
 
-def _compare(engine: str, array: str, value: float, clean: Readings, run: Callable[[], Readings]) -> TabulatedColon:
+def _compare(engine: str, array: str, value: float, clean: Watched, run: Callable[[], Watched]) -> Injection:
     try:
         seen = run()
     except HaustraError:
-        return TabulatedColon(engine, array, value, "refused", neighbours_same=True, finite=True)
+        return Injection(engine, array, value, "refused", neighbours_same=True, finite=True)
     others = np.arange(WORLDS) != POISONED
     same = all(
         np.array_equal(values[others], getattr(before, name)[others])
         for (_, after), (_, before) in zip(seen, clean, strict=True)
-        for name, values in vars(after).items()
+        for name, values in after._asdict().items()
+        if values is not None
     )
     healthy = all(row[others].all() for row, _ in seen)
-    finite = all(np.isfinite(values).all() for _, after in seen for values in vars(after).values())
+    finite = all(np.isfinite(values).all() for _, after in seen for values in after if values is not None)
     caught = "" if seen[0][0][POISONED] else "diverged"
-    return TabulatedColon(engine, array, value, caught, neighbours_same=same and healthy, finite=finite)
+    return Injection(engine, array, value, caught, neighbours_same=same and healthy, finite=finite)
 
 
-def _run(batch: Batch, array: str | None, value: float | None) -> Readings:
+def _run(batch: AbstractBackend, array: str | None, value: float | None) -> Watched:
     every = np.arange(WORLDS)
     batch.reset(every, np.zeros(WORLDS, int), _conditions(WORLDS))
     inputs = _inputs()
@@ -134,11 +135,11 @@ def _run(batch: Batch, array: str | None, value: float | None) -> Readings:
     if array:
         bad = getattr(inputs, array).copy()
         bad[POISONED] = value
-        inputs = replace(inputs, **{array: bad})
+        inputs = inputs._replace(**{array: bad})
     return _watch(batch, inputs)
 
 
-def _restart(batch: Batch, array: str | None, value: float | None) -> Readings:
+def _restart(batch: AbstractBackend, array: str | None, value: float | None) -> Watched:
     every = np.arange(WORLDS)
     batch.reset(every, np.zeros(WORLDS, int), _conditions(WORLDS))
     for _ in range(WARM_UP):
@@ -150,15 +151,15 @@ def _restart(batch: Batch, array: str | None, value: float | None) -> Readings:
     return _watch(batch, _inputs())
 
 
-def _watch(batch: Batch, inputs: BatchInputs) -> Readings:
-    seen = [(np.array(batch.step(inputs, BLOCK)), batch.observe()) for _ in range(BLOCKS)]
+def _watch(batch: AbstractBackend, inputs: Controls) -> Watched:
+    seen = [(np.array(batch.step(inputs, BLOCK)), batch.read()) for _ in range(BLOCKS)]
     batch.close()
     return seen
 
 
-def _inputs() -> BatchInputs:
+def _inputs() -> Controls:
     pulls = np.tile([8.0, 0.0, 0.0, 3.0], (WORLDS, 1))
-    return BatchInputs(np.array([0.05, 0.06, 0.04]), np.array([0.0, 0.3, -0.3]), pulls)
+    return Controls(np.array([0.05, 0.06, 0.04]), np.array([0.0, 0.3, -0.3]), pulls)
 
 
 def _conditions(worlds: int) -> Conditions:
@@ -166,7 +167,7 @@ def _conditions(worlds: int) -> Conditions:
     return Conditions(0.1 * one, 1500.0 * one, one.copy(), 0 * one)
 
 
-def single_cases(bank: ColonSet) -> list[TabulatedColon]:
+def single_cases(bank: ColonSet) -> list[Injection]:
     """One scope on its own: there are no neighbours, but a run must not go on as if nothing had been."""
     options = SceneOptions(wall_law="planes", insertion_limit=0.3)
     found = []
@@ -174,18 +175,18 @@ def single_cases(bank: ColonSet) -> list[TabulatedColon]:
         for value in BAD:
             engine = NativeEngine(build_scene(bank.cases[0].colon(), None, bank.design, options, show_lumen=False))
             scalar = array.endswith("rate")
-            good = Inputs(0.05, 0.0)
+            good = Controls(0.05, 0.0)
             engine.step(good, BLOCK)
             bad = value if scalar else np.full(2 if array == "wheels" else 4, value)
             try:
-                caught = "" if engine.step(replace(good, **{array: bad}), BLOCK) else "diverged"
+                caught = "" if engine.step(good._replace(**{array: bad}), BLOCK) else "diverged"
             except HaustraError:
                 caught = "refused"
-            found.append(TabulatedColon("native", array, value, caught, neighbours_same=True, finite=True))
+            found.append(Injection("native", array, value, caught, neighbours_same=True, finite=True))
     return found
 
 
-def vector_cases(bank: ColonSet) -> list[TabulatedColon]:
+def vector_cases(bank: ColonSet) -> list[Injection]:
     """Actions of a vector environment."""
     found = []
     for column, name in enumerate(("push", "roll", "tip up", "tip left")):
@@ -195,7 +196,7 @@ def vector_cases(bank: ColonSet) -> list[TabulatedColon]:
             same = all(np.array_equal(a[others], b[others]) for a, b in zip(bad[0], clean[0], strict=True))
             finite = all(np.isfinite(a).all() for a in bad[0])
             caught = "diverged" if bad[1][POISONED] else ""
-            found.append(TabulatedColon("vector environment", f"action: {name}", value, caught, same, finite))
+            found.append(Injection("vector environment", f"action: {name}", value, caught, same, finite))
     return found
 
 
@@ -215,7 +216,7 @@ def _episode(bank: ColonSet, column: int, value: float | None) -> tuple[list[np.
     return [seen, reward, later[0], later[1]], info["diverged"]
 
 
-def design_cases() -> list[TabulatedColon]:
+def design_cases() -> list[Injection]:
     """Numbers of scopes and scenes, as a sweep's worker is given them: refused before anything is built."""
     middle = {variable.path: variable.at(0.5) for variable in ranges()}
     turn = np.array([0.6, 0.48, 0.64])
@@ -227,11 +228,11 @@ def design_cases() -> list[TabulatedColon]:
                 caught = ""
             except HaustraError:
                 caught = "refused"
-            found.append(TabulatedColon("sweep", path, value, caught, neighbours_same=True, finite=True))
+            found.append(Injection("sweep", path, value, caught, neighbours_same=True, finite=True))
     return found
 
 
-def judge(found: list[TabulatedColon]) -> Part:
+def judge(found: list[Injection]) -> Part:
     """Bars and table; one row an array, with the bad numbers that were not caught."""
     bars = (
         Criterion(

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from haustra.envs.sim.native import FATAL_WARNINGS, Inputs, NativeEngine
+from haustra.envs.sim.native import FATAL_WARNINGS, NativeEngine
+from haustra.envs.sim.state import Controls
 from haustra.errors import HaustraError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
@@ -98,7 +99,7 @@ def run_setting(
     engine = NativeEngine(build_scene(colon, wall, setting.design, setting.options, show_lumen=False))
     steps = max(1, round(0.02 / setting.options.timestep))
     until_change, fastest, outcome, reason = 0.0, 0.0, "finished", ""
-    inputs = Inputs(0.0, 0.0)
+    inputs = Controls(0.0, 0.0)
     while engine.data.time < seconds:
         if engine.data.time >= until_change:
             inputs, until_change = _hands(setting, rng), until_change + HOLD
@@ -117,12 +118,12 @@ def run_setting(
     }
 
 
-def _hands(setting: Setting, rng: np.random.Generator) -> Inputs:
+def _hands(setting: Setting, rng: np.random.Generator) -> Controls:
     """Mostly inwards, since that is where the wall is; two wires at most, as wheels would."""
     share = rng.uniform(-0.5, 1.0), rng.uniform(-1.0, 1.0)
     sides = rng.uniform(-1.0, 1.0, 2) * setting.pull * setting.design.wires.pull_limit
     pulls = np.concatenate([np.maximum(sides, 0.0), np.maximum(-sides, 0.0)])
-    return Inputs(setting.push_rate * share[0], setting.roll_rate * share[1], pulls)
+    return Controls(setting.push_rate * share[0], setting.roll_rate * share[1], pulls)
 
 
 def divergence(engine: NativeEngine) -> str:
@@ -136,7 +137,7 @@ def divergence(engine: NativeEngine) -> str:
 def unseen(engine: NativeEngine) -> bool:
     """Whether a run that counts as sound holds anything that is not: divergence that went undetected."""
     data = engine.data
-    seen = engine.observe()
+    seen = engine.read()
     numbers = (data.qpos, data.qvel, data.qacc, data.act, data.xpos, seen.tip, seen.link_forces)
     finite = all(np.isfinite(each).all() for each in numbers)
     resets = data.time < engine.model.opt.timestep

@@ -12,7 +12,8 @@ from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.measure.containment import Containment
 from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.runs.outcome import ESCAPE_DEPTH
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Controls
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.store import load_colon
 from haustra.models.devices.scope.cable import PULL_OUT_LIMIT
@@ -51,9 +52,9 @@ LARGEST_SPEED = 1000.0
 LAST = round(1 / CONTROL_INTERVAL)
 """Records of the last second."""
 
-Act: TypeAlias = Callable[[NativeEngine], Iterator[tuple[Inputs, float]]]
+Act: TypeAlias = Callable[[NativeEngine], Iterator[tuple[Controls, float]]]
 """Does the shock; gives inputs, and for how long [s]."""
-STILL = Inputs(0.0, 0.0)
+STILL = Controls(0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ def shock(colon: Colon, wall: Wall | None, name: str, *, quick: bool = False) ->
     engine = NativeEngine(build_scene(colon, wall, named_design("adult"), options, show_lumen=False))
     watch = _Watch(engine)
     drive_in = QUICK_DRIVE_IN if quick else DRIVE_IN
-    if not watch.run(Inputs(PUSH_RATE, 0.0, PULLS), drive_in):
+    if not watch.run(Controls(PUSH_RATE, 0.0, PULLS), drive_in):
         return watch.told(name, before=np.nan)
     watch.forget()
     before = watch.energy
@@ -141,7 +142,7 @@ class _Watch:
         self._energies: list[float] = [self.energy]
         self._shapes: list[np.ndarray] = []
 
-    def run(self, inputs: Inputs, seconds: float) -> bool:
+    def run(self, inputs: Controls, seconds: float) -> bool:
         engine = self._engine
         steps = max(1, round(CONTROL_INTERVAL / engine.model.opt.timestep))
         for _ in range(round(seconds / CONTROL_INTERVAL)):
@@ -180,7 +181,7 @@ class _Watch:
 
 
 def _energy(engine: NativeEngine) -> float:
-    energies = engine.observe().energies
+    energies = engine.read().energies
     return energies.total + energies.twist
 
 
@@ -218,33 +219,33 @@ def judge(found: list[Shocked], planned: int) -> Part:
     )
 
 
-def _push_hard(engine: NativeEngine) -> Iterator[tuple[Inputs, float]]:
+def _push_hard(engine: NativeEngine) -> Iterator[tuple[Controls, float]]:
     engine.data.qfrc_applied[0] = STEP_PUSH
     yield STILL, STEP_TIME
     engine.data.qfrc_applied[0] = 0.0
 
 
-def _release(engine: NativeEngine) -> Iterator[tuple[Inputs, float]]:
-    yield Inputs(0.0, 0.0, np.array([engine.scene.design.wires.pull_limit, 0.0, 0.0, 0.0])), 2.0
+def _release(engine: NativeEngine) -> Iterator[tuple[Controls, float]]:
+    yield Controls(0.0, 0.0, np.array([engine.scene.design.wires.pull_limit, 0.0, 0.0, 0.0])), 2.0
 
 
-def _cut(engine: NativeEngine) -> Iterator[tuple[Inputs, float]]:
+def _cut(engine: NativeEngine) -> Iterator[tuple[Controls, float]]:
     limit = engine.scene.design.wires.pull_limit
-    taut = Inputs(0.0, 0.0, np.array([limit / 2, limit / 2, limit / 2, limit / 2]))
+    taut = Controls(0.0, 0.0, np.array([limit / 2, limit / 2, limit / 2, limit / 2]))
     yield taut, 2.0
     engine.model.actuator_gainprm[engine.model.actuator("scope/pull_left").id, 0] = 0.0
     yield taut, 2.0
 
 
-def _switch_friction(engine: NativeEngine) -> Iterator[tuple[Inputs, float]]:
+def _switch_friction(engine: NativeEngine) -> Iterator[tuple[Controls, float]]:
     for value in (0.0, 1.0, engine.scene.options.friction):
         engine.model.pair_friction[:, :2] = value
         engine.model.geom_friction[_scope_geoms(engine), 0] = value
-        yield Inputs(PUSH_RATE, 0.0, PULLS), 1.0
+        yield Controls(PUSH_RATE, 0.0, PULLS), 1.0
 
 
 def _stiffness(factor: float) -> Act:
-    def act(engine: NativeEngine) -> Iterator[tuple[Inputs, float]]:
+    def act(engine: NativeEngine) -> Iterator[tuple[Controls, float]]:
         set_wall(engine, factor)
         yield STILL, 2.0
         set_wall(engine, 1.0)
@@ -252,39 +253,39 @@ def _stiffness(factor: float) -> Act:
     return act
 
 
-def _lighten(engine: NativeEngine) -> Iterator[tuple[Inputs, float]]:
+def _lighten(engine: NativeEngine) -> Iterator[tuple[Controls, float]]:
     engine.model.body_mass[:] /= 10
     engine.model.body_inertia[:] /= 10
     mujoco.mj_setConst(engine.model, mujoco.MjData(engine.model))
-    yield Inputs(PUSH_RATE, 0.0, PULLS), 1.0
+    yield Controls(PUSH_RATE, 0.0, PULLS), 1.0
 
 
-def _turn_gravity(engine: NativeEngine) -> Iterator[tuple[Inputs, float]]:
+def _turn_gravity(engine: NativeEngine) -> Iterator[tuple[Controls, float]]:
     for axis in np.vstack([np.eye(3), -np.eye(3)]):
         engine.model.opt.gravity[:] = 9.81 * axis
         yield STILL, 0.5
     engine.model.opt.gravity[:] = 0.0
 
 
-def _lay(engine: NativeEngine) -> Iterator[tuple[Inputs, float]]:
+def _lay(engine: NativeEngine) -> Iterator[tuple[Controls, float]]:
     lay_along(engine, engine.insertion)
     yield STILL, 1.0
 
 
-def _change_step(engine: NativeEngine) -> Iterator[tuple[Inputs, float]]:
+def _change_step(engine: NativeEngine) -> Iterator[tuple[Controls, float]]:
     usual = engine.model.opt.timestep
     for factor in (0.2, 2.0, 1.0):
         engine.model.opt.timestep = factor * usual
-        yield Inputs(PUSH_RATE / 2, 0.0, PULLS), 1.0
+        yield Controls(PUSH_RATE / 2, 0.0, PULLS), 1.0
 
 
-def _keep_step(engine: NativeEngine) -> Iterator[tuple[Inputs, float]]:
-    yield Inputs(PUSH_RATE / 2, 0.0, PULLS), 3.0
+def _keep_step(engine: NativeEngine) -> Iterator[tuple[Controls, float]]:
+    yield Controls(PUSH_RATE / 2, 0.0, PULLS), 3.0
 
 
-def _pull_out(engine: NativeEngine) -> Iterator[tuple[Inputs, float]]:
+def _pull_out(engine: NativeEngine) -> Iterator[tuple[Controls, float]]:
     speed, length = PULL_OUT
-    yield Inputs(-speed, 0.0), length / speed
+    yield Controls(-speed, 0.0), length / speed
 
 
 SHOCKS: dict[str, Act] = {

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Controls
 from haustra.models.anatomy.colon import Centreline, Colon, ColonSegment
 from haustra.models.anatomy.store import load_colon
 from haustra.models.anatomy.tube import tube
@@ -42,7 +43,7 @@ STATION = 0.003
 """Between stations of tubes [m]."""
 ANGLES = 32
 
-Act = Iterator[tuple[Inputs, float]]
+Act = Iterator[tuple[Controls, float]]
 """Inputs, and for how long [s]."""
 
 
@@ -77,28 +78,28 @@ def _runs_through(setting: Setting, timestep: float, grown: Path, pull: float) -
 
 def _release(engine: NativeEngine, pull: float) -> Act:
     limit = engine.scene.design.wires.pull_limit
-    yield Inputs(0.2, 0.0), 1.5
-    yield Inputs(0.0, 0.0, np.array([limit * pull / max(VARIANTS), 0.0, 0.0, 0.0])), 0.6
-    yield Inputs(0.0, 0.0), 0.6
+    yield Controls(0.2, 0.0), 1.5
+    yield Controls(0.0, 0.0, np.array([limit * pull / max(VARIANTS), 0.0, 0.0, 0.0])), 0.6
+    yield Controls(0.0, 0.0), 0.6
 
 
 def _push(engine: NativeEngine, pull: float) -> Act:
     """The hand lets itself be pushed along: it would pull the scope back afterwards, at metres a second."""
-    yield Inputs(0.06, 0.0, pull * np.array([20.0, 8.0, 0.0, 0.0])), 2.5
+    yield Controls(0.06, 0.0, pull * np.array([20.0, 8.0, 0.0, 0.0])), 2.5
     engine.data.qfrc_applied[0] = PUSH
     for _ in range(10):
-        yield Inputs(0.0, 0.0), INTERVAL
+        yield Controls(0.0, 0.0), INTERVAL
         engine.data.act[0] = engine.data.qpos[0]
     engine.data.qfrc_applied[0] = 0.0
-    yield Inputs(0.0, 0.0), 0.5
+    yield Controls(0.0, 0.0), 0.5
 
 
 def _insertion(engine: NativeEngine, pull: float) -> Act:
     """As fast as hands go, steered this way and that, till the scope jams; and out again."""
     for turn in range(10):
         pulls = np.roll([30.0, 15.0, 0.0, 0.0], turn)
-        yield Inputs(0.2, 3.0 * (-1) ** turn, pull * pulls), 0.5
-    yield Inputs(-0.3, 0.0), 1.0
+        yield Controls(0.2, 3.0 * (-1) ** turn, pull * pulls), 0.5
+    yield Controls(-0.3, 0.0), 1.0
 
 
 @lru_cache

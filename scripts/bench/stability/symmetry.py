@@ -7,8 +7,9 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.sim.conditions import Conditions
-from haustra.envs.sim.native import Inputs, NativeEngine
-from haustra.envs.sim.scope_batch import BatchInputs, ScopeBatch
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.native_batch import NativeBackend
+from haustra.envs.sim.state import Controls
 from haustra.models.anatomy.colon import Centreline, Colon, Surface
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions, build_scene
@@ -102,8 +103,8 @@ def _mirror_hinges(engine: NativeEngine) -> None:
 
 
 def _tip(engine: NativeEngine, pulls: np.ndarray) -> np.ndarray:
-    engine.step(Inputs(PUSH_RATE, 0.0, pulls), STEPS)
-    return engine.observe().tip
+    engine.step(Controls(PUSH_RATE, 0.0, pulls), STEPS)
+    return engine.read().tip
 
 
 def moved(colon: Colon, turn: Float[np.ndarray, "3 3"], shift: Float[np.ndarray, " 3"]) -> Colon:
@@ -124,12 +125,12 @@ def threads_apart(colon: Colon) -> float:
     bank, worlds = small_bank(colon), 3
     tips = []
     for threads in (1, 2, 3):
-        batch = ScopeBatch(bank.scene, bank.tables, worlds=worlds, threads=threads)
+        batch = NativeBackend(bank.scene, bank.tables, worlds=worlds, threads=threads)
         one = np.ones(worlds)
         batch.reset(np.arange(worlds), np.zeros(worlds, int), Conditions(0.1 * one, 1500 * one, one))
         for _ in range(60):
-            batch.step(BatchInputs(np.array([0.05, 0.06, 0.04]), 0.2 * one, np.tile(PULLS, (worlds, 1))), STEPS)
-        tips.append(batch.observe().tip)
+            batch.step(Controls(np.array([0.05, 0.06, 0.04]), 0.2 * one, np.tile(PULLS, (worlds, 1))), STEPS)
+        tips.append(batch.read().tip)
         batch.close()
     return max(_apart(tips[0], each) for each in tips[1:])
 
@@ -142,7 +143,7 @@ def sparse_against_dense(colon: Colon) -> float:
     engine = NativeEngine(build_scene(colon, None, named_design("adult"), OPTIONS, show_lumen=False))
     worst = 0.0
     for _ in range(round(SECONDS / (20 * OPTIONS.timestep))):
-        engine.step(Inputs(PUSH_RATE, 0.0, PULLS), 20)
+        engine.step(Controls(PUSH_RATE, 0.0, PULLS), 20)
         found = []
         for form in (mujoco.mjtJacobian.mjJAC_DENSE, mujoco.mjtJacobian.mjJAC_SPARSE):
             model = mujoco.MjModel.__copy__(engine.model)

@@ -1,17 +1,15 @@
 """How the follower backs off when it straightens a colon."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from haustra.envs.control.follower import LEAST_RETREAT, FollowerSettings, LumenFollower
 from haustra.envs.sim.energy import Energies
-from haustra.envs.sim.native import Observation
+from haustra.envs.sim.state import Readings
 from haustra.models.devices.scope.library import named_design
 from tests.tube_colon import straight_tube
 
 _INTERVAL = 0.02
-_JAMMED = Observation(
+_JAMMED = Readings(
     time=10.0,
     insertion=0.6,
     roll=0.0,
@@ -32,11 +30,11 @@ def _pulled_back(settings: FollowerSettings, arcs: np.ndarray) -> float:
     """How far it pulls a jammed shaft back, while the tip's arc length goes as given, centimetre by centimetre [m]."""
     colon = straight_tube()
     follower = LumenFollower(colon.centreline, named_design("adult"), tip_links=3, settings=settings)
-    seen = replace(_JAMMED, push_force=0.0, time=0.0)
+    seen = _JAMMED._replace(push_force=0.0, time=0.0)
     follower.act(seen, float(arcs[0]), _INTERVAL)
     seen = _JAMMED
     for step, arc in enumerate(arcs):
-        seen = replace(_JAMMED, insertion=0.6 - 0.01 * step, push_force=40.0 if step == 0 else 0.0)
+        seen = _JAMMED._replace(insertion=0.6 - 0.01 * step, push_force=40.0 if step == 0 else 0.0)
         if follower.act(seen, float(arc), _INTERVAL).push_rate >= 0:
             break
     return 0.6 - seen.insertion
@@ -61,8 +59,8 @@ def test_it_stops_when_the_shaft_is_straight():
 def test_it_pulls_no_harder_than_it_may():
     settings = FollowerSettings(straighten=True)
     follower = LumenFollower(straight_tube().centreline, named_design("adult"), tip_links=3, settings=settings)
-    follower.act(replace(_JAMMED, time=0.0, push_force=0.0), 0.2, _INTERVAL)
+    follower.act(_JAMMED._replace(time=0.0, push_force=0.0), 0.2, _INTERVAL)
     follower.act(_JAMMED, 0.2, _INTERVAL)
-    assert follower.act(replace(_JAMMED, push_force=0.0), 0.2, _INTERVAL).push_rate == -settings.retreat_rate
-    hard = replace(_JAMMED, insertion=0.55, push_force=0.0, link_forces=np.full(5, settings.wall_force_limit))
+    assert follower.act(_JAMMED._replace(push_force=0.0), 0.2, _INTERVAL).push_rate == -settings.retreat_rate
+    hard = _JAMMED._replace(insertion=0.55, push_force=0.0, link_forces=np.full(5, settings.wall_force_limit))
     assert follower.act(hard, 0.2, _INTERVAL).push_rate == 0.0

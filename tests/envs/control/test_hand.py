@@ -37,7 +37,7 @@ def test_turning_the_handle_turns_the_tip():
     plan = [Gesture(1.0, roll_rate=np.pi / 2), Gesture(1.0)]
     while inputs := inputs_at(plan, run.data.time):
         run.step(inputs, 1)
-    up = run.observe().tip_frame[:, 0]
+    up = run.read().tip_frame[:, 0]
     assert np.arctan2(up[1], up[0]) == pytest.approx(np.pi / 2, abs=0.02)
 
 

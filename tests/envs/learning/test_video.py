@@ -109,14 +109,14 @@ def test_in_a_colon_that_moves_the_picture_moves_along():
     config = replace(CONFIG, mesentery=True, limits=Limits(seconds=3.0))
     bank = hung_bank()
     kept = evaluate(PushDriver, "push", config, bank, episodes=1, engine="jax", record=True).recording
-    assert kept is not None and kept.shift is not None and kept.shift.shape[0] == len(kept.time)
-    assert np.abs(kept.shift[0]).max() < np.abs(kept.shift[-1]).max() < 0.02
+    assert kept is not None and kept.displacement is not None and kept.displacement.shape[0] == len(kept.time)
+    assert np.abs(kept.displacement[0]).max() < np.abs(kept.displacement[-1]).max() < 0.02
 
     case, away = bank.cases[kept.case], 0.02
-    shift = np.zeros_like(kept.shift[:1])
-    shift[0, :, 0] = away * np.sin(np.linspace(0, np.pi, len(shift[0]))) ** 2
-    shift = np.pad(shift, ((0, 0), (0, 7), (0, 0)), mode="edge")  # as beside a longer colon
-    stage, still = stage_of(case, shift, (96, 96)), stage_of(case, None, (96, 96))
+    displacement = np.zeros_like(kept.displacement[:1])
+    displacement[0, :, 0] = away * np.sin(np.linspace(0, np.pi, len(displacement[0]))) ** 2
+    displacement = np.pad(displacement, ((0, 0), (0, 7), (0, 0)), mode="edge")  # as beside a longer colon
+    stage, still = stage_of(case, displacement, (96, 96)), stage_of(case, None, (96, 96))
     middle = len(case.points) // 2
     place, arc = case.points[middle] + [away, 0.0, 0.0], case.step * middle
     lumen, eye, outside = stage.at(0, place, arc)

@@ -25,8 +25,9 @@ from haustra.envs.sim.capabilities import (
 )
 from haustra.envs.sim.capabilities import DESIGN as DESIGN_TABLE
 from haustra.envs.sim.conditions import Conditions
-from haustra.envs.sim.native import Inputs, NativeEngine
-from haustra.envs.sim.scope_batch import BatchInputs, ScopeBatch, batch_model
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.native_batch import NativeBackend, batch_model
+from haustra.envs.sim.state import Controls
 from haustra.envs.tasks.config import TaskConfig
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.anatomy.colon import ColonSegment, Surface
@@ -205,8 +206,8 @@ def _native(design: ScopeDesign, options: SceneOptions, path: str) -> np.ndarray
     engine, rows = NativeEngine(_scene(design, options, path, many=False)), []
     axes = entry_of(engine.scene.colon)[1]
     for look in range(round(_seconds(path) / LOOK)):
-        engine.step(Inputs(PUSH, ROLL, _pulls(look * LOOK, path)), round(LOOK / options.timestep))
-        seen = engine.observe()
+        engine.step(Controls(PUSH, ROLL, _pulls(look * LOOK, path)), round(LOOK / options.timestep))
+        seen = engine.read()
         tip = axes.T @ (seen.tip - engine.scene.entry)
         rows.append([*tip, *seen.bend, seen.push_force, seen.torque, seen.link_forces.sum(), seen.insertion])
     return np.mean(rows, axis=0) / SCALES
@@ -214,13 +215,13 @@ def _native(design: ScopeDesign, options: SceneOptions, path: str) -> np.ndarray
 
 def _native_batch(design: ScopeDesign, options: SceneOptions, path: str) -> np.ndarray:
     scene, tables = _scene(design, options, path, many=True), _tables(_at_the_wall(path), design.diameter / 2)
-    batch, rows = ScopeBatch(scene, tables, worlds=1), []
+    batch, rows = NativeBackend(scene, tables, worlds=1), []
     own = (np.array([options.friction]), np.array([options.wall_stiffness]), np.ones(1))
     batch.reset(np.zeros(1, int), np.zeros(1, int), Conditions(*own))
     for look in range(round(_seconds(path) / LOOK)):
-        asked = BatchInputs(np.array([PUSH]), np.array([ROLL]), _pulls(look * LOOK, path)[None])
+        asked = Controls(np.array([PUSH]), np.array([ROLL]), _pulls(look * LOOK, path)[None])
         batch.step(asked, round(LOOK / options.timestep))
-        rows.append(_row(batch.observe()))
+        rows.append(_row(batch.read()))
     return np.mean(rows, axis=0)[0] / SCALES
 
 
@@ -285,8 +286,8 @@ class _Jax:
 
         from haustra.envs.sim.device_arrays import on_device
         from haustra.envs.sim.scope_reading import read_scope, stack_scopes
-        from haustra.envs.sim.scope_values import Controls
         from haustra.envs.sim.scope_worlds import JaxScopes
+        from haustra.envs.sim.state import Controls
 
         asked = [path for path in PATHS if not _refused(path, "jax")]
         bases = {"wall": "scene.friction", "up": "design.limits.up", "down": "design.limits.down"}
@@ -317,7 +318,7 @@ class _Jax:
         def go(state: Any, pulls: Any) -> Any:
             hands = Controls(jnp.full(worlds, PUSH), jnp.full(worlds, ROLL), pulls)
             state = engine.steps(tables, parameters, state, hands, round(LOOK / OPTIONS.timestep))
-            return state, engine.observe(parameters, tables, state)
+            return state, engine.read(parameters, tables, state)
 
         state, looks = engine.begin(parameters, tables), []
         for look in range(round(2 * SECONDS / LOOK)):
@@ -404,7 +405,7 @@ def test_what_a_backend_cannot_honour_of_a_scene_it_refuses_by_name(path: str, b
     others = [other for other in BACKENDS if _entry(path).honoured(other, value)]
     make = {
         "native": lambda: NativeEngine(scene),
-        "native-batch": lambda: ScopeBatch(scene, _tables(True, DESIGN.diameter / 2), worlds=1),
+        "native-batch": lambda: NativeBackend(scene, _tables(True, DESIGN.diameter / 2), worlds=1),
     }.get(backend, lambda: require_supported(scene, backend))
     with pytest.raises(UnsupportedSceneError, match=f"'{backend}' cannot honour scene") as refusal:
         make()
@@ -445,8 +446,8 @@ def test_wires_slack_and_stretch_count_where_wheels_steer_and_wheels_are_refused
     for changed in ({}, {"slack": 0.002}, {"compliance": 3 * DESIGN.wires.compliance}):
         design = _wires(DESIGN, **changed)
         engine = NativeEngine(_scene(design, _options("design.name"), "design.name", many=False))
-        engine.step(Inputs(0.0, 0.0, wheels=np.array([0.006, 0.0])), 60)
-        bends.append(engine.observe().bend[0])
+        engine.step(Controls(0.0, 0.0, wheels=np.array([0.006, 0.0])), 60)
+        bends.append(engine.read().bend[0])
     assert bends[1] < 0.95 * bends[0]
     assert bends[2] < 0.95 * bends[0]
     pytest.importorskip("jax")

@@ -45,7 +45,7 @@ def test_worlds_have_conditions_of_their_own_and_one_that_is_lost_stands(tube):
             commands[2, 0] = np.nan
         healthy = one.step(commands, 4)
     assert healthy.tolist() == [True, True, False]
-    assert np.isfinite(one.observe().tip).all()
+    assert np.isfinite(one.read().tip).all()
     push = one.readings()["push_force"]
     assert push[1] > push[0]
 

@@ -10,7 +10,8 @@ pytest.importorskip("jax")
 from haustra.envs.runs.insertion import run_insertion
 from haustra.envs.runs.outcome import Outcome
 from haustra.envs.sim.field_engine import JaxSingle
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Controls
 from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions, build_scene
@@ -36,10 +37,10 @@ def test_it_sees_what_the_native_engine_sees(colon, field) -> None:
     """Tip within 1 % of the length inside, forces within 10 % and 0.1 N of those in tangent planes."""
     native = NativeEngine(build_scene(colon, None, DESIGN, replace(OPTIONS, wall_law="planes"), show_lumen=False))
     for instant in range(250):
-        inputs = Inputs(0.04, 0.1, np.array([0.0, 6.0 * min(1.0, instant / 100), 0.0, 0.0]))
+        inputs = Controls(0.04, 0.1, np.array([0.0, 6.0 * min(1.0, instant / 100), 0.0, 0.0]))
         assert field.step(inputs, 4)
         assert native.step(inputs, 4)
-    one, other = field.observe(), native.observe()
+    one, other = field.read(), native.read()
     assert one.time == pytest.approx(other.time, abs=1e-3)
     assert one.insertion == pytest.approx(other.insertion, abs=1e-3)
     assert np.linalg.norm(one.tip - other.tip) < 0.01 * other.insertion
@@ -66,4 +67,4 @@ def test_a_run_is_recorded_as_the_native_engines(colon) -> None:
 
 def test_what_it_cannot_honour_is_refused(field) -> None:
     with pytest.raises(UnsupportedSceneError, match="by pulls"):
-        field.step(Inputs(0.0, 0.0, wheels=np.zeros(2)), 1)
+        field.step(Controls(0.0, 0.0, wheels=np.zeros(2)), 1)

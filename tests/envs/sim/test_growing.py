@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from haustra.envs.sim.growing import GrowingEngine, growing
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Controls
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import Scene, SceneOptions, build_scene
 from tests.bent_colon import bent_colon
@@ -30,8 +31,8 @@ def _drive(engine) -> tuple[np.ndarray, ...]:
     rows = []
     for step in range(round(SECONDS / 0.02)):
         pulls = np.array([0.0, 8.0 * min(1.0, 0.02 * step), 0.0, 0.0])
-        assert engine.step(Inputs(RATE, 0.15, pulls), 4)
-        seen = engine.observe()
+        assert engine.step(Controls(RATE, 0.15, pulls), 4)
+        seen = engine.read()
         rows.append((*seen.tip, seen.push_force, seen.torque, seen.link_forces.max(), seen.time, seen.insertion))
     return tuple(np.array(rows).T)
 
@@ -68,7 +69,7 @@ def test_what_it_shows_is_that_of_the_whole_scene(tube) -> None:
     shape = engine.shape()
     # MuJoCo's places are those at the beginning of the last step, in which the scope moves by 0.3 mm.
     assert np.abs(shape - np.vstack([nodes, data.site("scope/tip").xpos])).max() < 5e-4
-    assert len(engine.observe().link_forces) == len(whole.cable.links)
+    assert len(engine.read().link_forces) == len(whole.cable.links)
     assert data.ctrl[model.actuator("scope/lock_x_000").id] == 1.0
     assert 0 < data.ctrl[model.actuator("scope/push").id] == pytest.approx(RATE)
 

@@ -7,8 +7,9 @@ import pytest
 
 from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.growing import GrowingEngine
-from haustra.envs.sim.native import Inputs, NativeEngine
-from haustra.envs.sim.scope_batch import BatchInputs, ScopeBatch
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.native_batch import NativeBackend
+from haustra.envs.sim.state import Controls
 from haustra.models.anatomy.colon import Colon, ColonSegment
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
@@ -41,15 +42,15 @@ def _scene(colon: Colon, **changed) -> Scene:
     return build_scene(colon, None, DESIGN, replace(OPTIONS, **changed), show_lumen=False)
 
 
-def _inputs(instant: int) -> Inputs:
-    return Inputs(0.04, 0.1, np.array([0.0, 6.0 * min(1.0, instant / 100), 0.0, 0.0]))
+def _inputs(instant: int) -> Controls:
+    return Controls(0.04, 0.1, np.array([0.0, 6.0 * min(1.0, instant / 100), 0.0, 0.0]))
 
 
 def _driven(engine, instants: int = 350) -> tuple[list, list]:
     forces, seen = [], []
     for instant in range(instants):
         assert engine.step(_inputs(instant), 4)
-        seen.append(engine.observe())
+        seen.append(engine.read())
         forces.append(seen[-1].link_forces.sum())
     return forces, seen
 
@@ -83,7 +84,7 @@ def test_a_batch_goes_as_one_scene(colon, stiffness) -> None:
     tables = stack(
         [lumen_table(colon, device_radius=scene.cable.radius, with_mesentery=True).seen_from(*entry_of(colon))]
     )
-    batch = ScopeBatch(scene, tables, worlds=2, threads=2)
+    batch = NativeBackend(scene, tables, worlds=2, threads=2)
     both = np.arange(2)
     numbers = (np.full(2, float(value)) for value in (OPTIONS.friction, stiffness, 1.0))
     batch.reset(both, np.zeros(2, int), Conditions(*numbers))
@@ -92,18 +93,18 @@ def test_a_batch_goes_as_one_scene(colon, stiffness) -> None:
         asked = _inputs(instant)
         assert single.step(asked, 4)
         rates = (np.full(2, asked.push_rate), np.full(2, asked.roll_rate))
-        assert batch.step(BatchInputs(*rates, np.tile(asked.pulls, (2, 1))), 4).all()
-        mine.append(single.observe().link_forces.sum())
-        theirs.append(batch.observe().link_forces.sum(axis=1))
-    found, seen = batch.observe(), single.observe()
+        assert batch.step(Controls(*rates, np.tile(asked.pulls, (2, 1))), 4).all()
+        mine.append(single.read().link_forces.sum())
+        theirs.append(batch.read().link_forces.sum(axis=1))
+    found, seen = batch.read(), single.read()
     origin, axes = entry_of(colon)
     assert np.linalg.norm(found.tip @ axes.T + origin - seen.tip, axis=1).max() < 0.01 * seen.insertion
     assert np.mean(theirs, axis=0) == pytest.approx(np.mean(mine), rel=0.05)
-    assert batch.shift is not None and seen.way is not None
-    assert np.linalg.norm(batch.shift, axis=2).max() == pytest.approx(_moved(colon, seen.way), rel=0.1)
-    assert np.array_equal(batch.shift[0], batch.shift[1])
+    assert batch.displacement is not None and seen.way is not None
+    assert np.linalg.norm(batch.displacement, axis=2).max() == pytest.approx(_moved(colon, seen.way), rel=0.1)
+    assert np.array_equal(batch.displacement[0], batch.displacement[1])
     batch.reset(np.array([1]), np.zeros(1, int), Conditions(*(np.full(1, value) for value in (0.1, 1500.0, 1.0))))
-    assert not batch.shift[1].any() and batch.shift[0].any()
+    assert not batch.displacement[1].any() and batch.displacement[0].any()
 
 
 def test_shaft_is_added_while_the_colon_goes_on_moving(colon) -> None:
@@ -116,7 +117,7 @@ def test_shaft_is_added_while_the_colon_goes_on_moving(colon) -> None:
     growing, at_once = GrowingEngine(whole, build=build, stride=0.1), NativeEngine(whole)
     for instant in range(250):
         assert growing.step(_inputs(instant), 4) and at_once.step(_inputs(instant), 4)
-    one, other = growing.observe(), at_once.observe()
+    one, other = growing.read(), at_once.read()
     assert growing.added
     assert one.way is not None and other.way is not None
     assert np.linalg.norm(one.tip - other.tip) < 0.01 * other.insertion
@@ -130,6 +131,6 @@ def test_what_is_in_the_scene_counts(colon, change) -> None:
     usual, other = NativeEngine(_scene(colon)), NativeEngine(_scene(colon, **change))
     for instant in range(250):
         assert usual.step(_inputs(instant), 4) and other.step(_inputs(instant), 4)
-    ways = usual.observe().way, other.observe().way
+    ways = usual.read().way, other.read().way
     assert ways[0] is not None and ways[1] is not None
     assert np.abs(ways[0] - ways[1]).max() > 1e-4

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from haustra.envs.sim.growing import GrowingEngine
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Controls
 from haustra.models.anatomy.colon import Colon, ColonSegment
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import Scene, SceneOptions, build_scene
@@ -36,15 +37,15 @@ def _scene(place: tuple[Colon, Wall], **changed) -> Scene:
     return build_scene(*place, DESIGN, replace(OPTIONS, **changed), show_lumen=False)
 
 
-def _inputs(instant: int) -> Inputs:
-    return Inputs(0.04, 0.1, np.array([0.0, 6.0 * min(1.0, instant / 100), 0.0, 0.0]))
+def _inputs(instant: int) -> Controls:
+    return Controls(0.04, 0.1, np.array([0.0, 6.0 * min(1.0, instant / 100), 0.0, 0.0]))
 
 
 def _driven(engine, instants: int = 220) -> tuple[float, list]:
     forces, seen = [], []
     for instant in range(instants):
         assert engine.step(_inputs(instant), 4)
-        seen.append(engine.observe())
+        seen.append(engine.read())
         forces.append(seen[-1].link_forces.sum())
     return float(np.mean(forces)), seen
 
@@ -78,7 +79,7 @@ def test_stock_mujoco_replays_a_run_from_its_scene(place, tmp_path: Path) -> Non
     engine, records = NativeEngine(scene), []
     for instant in range(150):
         assert engine.step(_inputs(instant), 4)
-        records.append((engine.ctrl, *engine.mocap(scene.blocks), engine.observe().tip))
+        records.append((engine.ctrl, *engine.mocap(scene.blocks), engine.read().tip))
     model = mujoco.MjModel.from_xml_path(str(scene.save(tmp_path / "scene.xml")))
     data, off = mujoco.MjData(model), []
     for data.ctrl[:], data.mocap_pos[:], data.mocap_quat[:], tip in records:
@@ -99,7 +100,7 @@ def test_shaft_is_added_while_pieces_go_on_moving(place) -> None:
     growing, at_once = GrowingEngine(whole, build=build, stride=0.1), NativeEngine(whole)
     for instant in range(200):
         assert growing.step(_inputs(instant), 4) and at_once.step(_inputs(instant), 4)
-    one, other = growing.observe(), at_once.observe()
+    one, other = growing.read(), at_once.read()
     assert growing.added
     assert np.linalg.norm(one.tip - other.tip) < 0.01 * other.insertion
     for mine, theirs in zip(growing.mocap(whole.blocks), at_once.mocap(whole.blocks), strict=True):
@@ -114,7 +115,7 @@ def test_beside_a_table_pieces_go_where_the_colon_goes(place) -> None:
     assert places == pytest.approx(scene.blocks.places) and turns == pytest.approx(np.eye(4)[np.zeros(len(turns), int)])
     _driven(engine, 250)
     places, _ = engine.mocap(scene.blocks)
-    way, arcs = engine.observe().way, place[0].centreline.arc
+    way, arcs = engine.read().way, place[0].centreline.arc
     now = np.column_stack([np.interp(scene.blocks.arcs, arcs, way[:, axis]) for axis in range(3)])
     assert places == pytest.approx(now, abs=2e-4)
     assert np.abs(places - scene.blocks.places).max() > 0.003

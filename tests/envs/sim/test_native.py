@@ -1,12 +1,13 @@
 import numpy as np
 import pytest
 
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Controls
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions, build_scene
 from tests.tube_colon import straight_tube, wedge_wall
 
-STILL = Inputs(push_rate=0.0, roll_rate=0.0, pulls=np.zeros(4))
+STILL = Controls(push_rate=0.0, roll_rate=0.0, pulls=np.zeros(4))
 
 
 def engine_in_a_tube(**options) -> NativeEngine:
@@ -14,7 +15,7 @@ def engine_in_a_tube(**options) -> NativeEngine:
 
 
 def push(engine: NativeEngine, seconds: float, **changes) -> None:
-    inputs = Inputs(**{"push_rate": 0.05, "roll_rate": 0.0, "pulls": np.zeros(4), **changes})
+    inputs = Controls(**{"push_rate": 0.05, "roll_rate": 0.0, "pulls": np.zeros(4), **changes})
     for _ in range(int(seconds / 0.02)):
         assert engine.step(inputs, round(0.02 / engine.model.opt.timestep))
 
@@ -22,7 +23,7 @@ def push(engine: NativeEngine, seconds: float, **changes) -> None:
 def test_a_free_scope_goes_in_as_far_as_it_is_pushed():
     engine = engine_in_a_tube()
     push(engine, 4.0)
-    seen = engine.observe()
+    seen = engine.read()
     assert seen.insertion == pytest.approx(0.03 + 0.2, abs=0.002)
     np.testing.assert_allclose(seen.tip, [0, 0, 0.23], atol=0.002)
     assert abs(seen.push_force) < 0.1
@@ -41,7 +42,7 @@ def test_wall_forces_balance_the_tip_that_leans_on_them():
     engine = engine_in_a_tube()
     push(engine, 5.0)
     push(engine, 4.0, push_rate=0.0, pulls=np.array([15.0, 0.0, 0.0, 0.0]))
-    seen = engine.observe()
+    seen = engine.read()
     assert seen.contacts > 0
     assert seen.link_forces.max() > 0.2
     # The wall holds the axis within the tube's radius less the scope's, plus the Hookean depth.

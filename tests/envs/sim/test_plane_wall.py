@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Controls
 from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.landmarks import SEGMENTS
 from haustra.models.devices.scope.library import named_design
@@ -19,11 +20,11 @@ def test_a_scope_slides_in_a_tube_and_its_steered_tip_presses_the_wall():
     engine = NativeEngine(build_scene(colon, wedge_wall(), named_design("adult"), options, show_lumen=False))
     assert engine.model.nmesh == 0
     for _ in range(120):
-        assert engine.step(Inputs(0.2, 0.0), 2)
-    assert engine.observe().insertion == pytest.approx(0.27, abs=0.01)
+        assert engine.step(Controls(0.2, 0.0), 2)
+    assert engine.read().insertion == pytest.approx(0.27, abs=0.01)
     for _ in range(60):
-        assert engine.step(Inputs(0.0, 0.0, np.array([20.0, 0.0, 0.0, 0.0])), 4)
-    seen = engine.observe()
+        assert engine.step(Controls(0.0, 0.0, np.array([20.0, 0.0, 0.0, 0.0])), 4)
+    seen = engine.read()
     assert seen.link_forces.max() > 0.5
     depth = np.hypot(*engine.shape()[:-1, :2].T).max() + engine.scene.cable.radius - RADIUS
     assert depth < seen.link_forces.max() / options.wall_stiffness + 0.001
@@ -34,13 +35,13 @@ def pressed(options: SceneOptions) -> tuple[float, float, float]:
     colon = straight_tube()
     engine = NativeEngine(build_scene(colon, None, named_design("adult"), options, show_lumen=False))
     for _ in range(120):
-        assert engine.step(Inputs(0.2, 0.0), 2)
+        assert engine.step(Controls(0.2, 0.0), 2)
     for _ in range(80):
-        assert engine.step(Inputs(0.0, 0.0, np.array([20.0, 0.0, 0.0, 0.0])), 4)
+        assert engine.step(Controls(0.0, 0.0, np.array([20.0, 0.0, 0.0, 0.0])), 4)
     depth = engine.data.contact.includemargin - engine.data.contact.dist
     deepest = int(depth.argmax())
     force = engine.data.efc_force[engine.data.contact.efc_address[deepest]]
-    return float(depth[deepest]), float(force), engine.observe().energies.wall
+    return float(depth[deepest]), float(force), engine.read().energies.wall
 
 
 def test_each_segment_pushes_back_with_its_own_stiffness():
@@ -57,9 +58,9 @@ def test_each_segment_pushes_back_with_its_own_stiffness():
         )
     )
     for _ in range(220):
-        assert engine.step(Inputs(0.2, 0.0), 2)
+        assert engine.step(Controls(0.2, 0.0), 2)
     for _ in range(80):
-        assert engine.step(Inputs(0.0, 0.0, np.array([20.0, 0.0, 0.0, 0.0])), 4)
+        assert engine.step(Controls(0.0, 0.0, np.array([20.0, 0.0, 0.0, 0.0])), 4)
     contact = engine.data.contact
     place = contact.pos[:, 2]
     force = engine.data.efc_force[contact.efc_address]

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from haustra.envs.sim.conditions import Conditions
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.native_batch import NativeBackend
 from haustra.envs.sim.scope_bank import build_bank
-from haustra.envs.sim.scope_batch import BatchInputs, ScopeBatch
+from haustra.envs.sim.state import Controls
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions, build_scene
 from tests.tube_colon import square_tube, straight_tube, wedge_wall
@@ -52,14 +53,14 @@ def _rolled(options: SceneOptions) -> tuple[float, float]:
     """Torque of the hand [N m], and the sum of normal forces [N]."""
     wall = wedge_wall(sectors=4)
     engine = NativeEngine(build_scene(square_tube(), wall, named_design("adult"), options, show_lumen=False))
-    assert engine.step(Inputs(0.0, 0.0), _SETTLE)
-    assert engine.step(Inputs(0.0, _FAST), _ROLL)
+    assert engine.step(Controls(0.0, 0.0), _SETTLE)
+    assert engine.step(Controls(0.0, _FAST), _ROLL)
     torques, forces = [], []
     for _ in range(round(np.pi / _FAST / options.timestep)):
-        assert engine.step(Inputs(0.0, _FAST), 1)
+        assert engine.step(Controls(0.0, _FAST), 1)
         rows = engine.data.contact.efc_address
         forces.append(engine.data.efc_force[rows[rows >= 0]].sum())
-        torques.append(engine.observe().torque)
+        torques.append(engine.read().torque)
     return float(np.mean(torques)), float(np.mean(forces))
 
 
@@ -70,23 +71,23 @@ def _batch(make: Callable) -> tuple[float, float]:
     batch.reset(np.arange(2), np.zeros(2, int), Conditions(np.array([FRICTION, 0.0]), np.full(2, 1500.0), np.ones(2)))
 
     def step(rate: float, count: int) -> None:
-        assert batch.step(BatchInputs(np.zeros(2), np.full(2, rate), np.zeros((2, 4))), count).all()
+        assert batch.step(Controls(np.zeros(2), np.full(2, rate), np.zeros((2, 4))), count).all()
 
     step(0.0, _SETTLE)
     step(RATE, _ROLL)
     torques, forces = [], []
     for _ in range(_READ):
         step(RATE, 1)
-        seen = batch.observe()
+        seen = batch.read()
         torques.append(seen.torque[0] - seen.torque[1])
         forces.append(seen.link_forces[0].sum())
     return float(np.mean(torques)), FRICTION * float(np.mean(forces)) * bank.scene.cable.radius
 
 
 def _device(engine: str) -> tuple[float, float]:
-    from haustra.envs.sim.device_batch import DeviceBatch
+    from haustra.envs.sim.load import load_backend
 
-    return _batch(lambda scene, tables: DeviceBatch(scene, tables, worlds=2, engine=engine))
+    return _batch(lambda scene, tables: load_backend(engine, scene, tables, worlds=2))
 
 
 def _warp() -> tuple[float, float]:
@@ -97,7 +98,7 @@ def _warp() -> tuple[float, float]:
 BACKENDS: dict[str, Callable[[], tuple[float, float]]] = {
     "native, pieces": lambda: _native("pieces"),
     "native, planes": lambda: _native("planes"),
-    "native batch, table": lambda: _batch(lambda scene, tables: ScopeBatch(scene, tables, worlds=2)),
+    "native batch, table": lambda: _batch(lambda scene, tables: NativeBackend(scene, tables, worlds=2)),
     "jax, table": lambda: _device("jax"),
     "warp, table": _warp,
 }

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from haustra.envs.sim import chain as links
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.scope_bank import ScopeBank, build_bank
-from haustra.envs.sim.scope_values import Controls
 from haustra.envs.sim.scope_worlds import JaxScopes
+from haustra.envs.sim.state import Controls
 from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.scope.cable import STOP_SHARE
 from haustra.models.devices.scope.library import named_design
@@ -106,7 +106,7 @@ def test_friction_holds_below_coulombs_limit_and_slides_above() -> None:
     settle = jax.jit(lambda now, push: engine.steps(tables, parameters, now, _hands(1, push), 1000))
     rest = settle(engine.begin(parameters, tables), 0.0)
     pushed = settle(rest, 0.02)
-    seen = engine.observe(parameters, tables, pushed)
+    seen = engine.read(parameters, tables, pushed)
     sliding = 0.3 * float(np.asarray(pushed.normal).sum())
     assert float(seen.push_force[0]) == pytest.approx(sliding, rel=0.1)
     stopped = settle(pushed, 0.0)
@@ -130,8 +130,8 @@ def test_it_presses_a_bend_as_tangent_planes_do() -> None:
     apart, pushes = [], []
     for _ in range(9):
         worlds = go(worlds)
-        assert native.step(Inputs(0.05, 0.0), 100)
-        seen, known = engine.observe(parameters, tables, worlds), native.observe()
+        assert native.step(Controls(0.05, 0.0), 100)
+        seen, known = engine.read(parameters, tables, worlds), native.read()
         place = native.scene.entry + _axes(native) @ np.asarray(seen.tip[0])
         apart.append(float(np.linalg.norm(place - known.tip)))
         pushes.append((float(seen.push_force[0]), known.push_force))
@@ -165,7 +165,7 @@ def test_force_is_differentiable_in_design_and_input() -> None:
             parameters = engine.parameters(bank.scene, 1, kind=jnp.float64, tip_bending=bending)
             hands = _hands(1, 0.0, (10.0, 0, 0, 0))
             worlds = engine.steps(tables, parameters, engine.begin(parameters, tables), hands, 10)
-            return engine.observe(parameters, tables, worlds).tip[0, 0]
+            return engine.read(parameters, tables, worlds).tip[0, 0]
 
         value = jax.jit(tip)
         slope = jax.jit(jax.grad(tip))(1.0)

@@ -12,7 +12,8 @@ import pytest
 from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.runs.insertion import run_insertion
 from haustra.envs.runs.measure.scores import score
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Controls
 from haustra.errors import InvalidDesignError
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions, build_scene
@@ -40,8 +41,8 @@ def turn(run: NativeEngine, start: float, goal: float, *, speed: float = 0.002) 
     path = np.linspace(start, goal, round(abs(goal - start) / speed / step) + 1)[1:]
     seen = []
     for travel in (*path, *[goal] * 100):
-        assert run.step(Inputs(0.0, 0.0, wheels=np.array([travel, 0.0])), 1)
-        seen.append((travel, run.observe().bend[0]))
+        assert run.step(Controls(0.0, 0.0, wheels=np.array([travel, 0.0])), 1)
+        seen.append((travel, run.read().bend[0]))
     return np.array(seen)
 
 
@@ -57,7 +58,7 @@ def test_a_wheel_bends_the_tip_once_the_slack_is_out(slack, compare):
     what = f"wheel turned by 8 mm of wire, {slack * 1e3:.0f} mm of slack: bend [rad]"
     compare(what, seen[-1, 1], bend_by_theory(0.008, slack=slack), within=0.01)
     pull = bend_by_theory(0.008, slack=slack) * STIFFNESS / RADIUS
-    assert run.observe().pulls == pytest.approx([pull, 0, 0, 0], abs=0.02 * pull)
+    assert run.read().pulls == pytest.approx([pull, 0, 0, 0], abs=0.02 * pull)
 
 
 def test_slack_leaves_a_dead_band_about_the_middle(compare):
@@ -101,6 +102,6 @@ def test_a_used_scope_follows_its_wheels_less_in_a_run():
 
 def test_wheels_need_wires_that_stretch():
     with pytest.raises(InvalidDesignError, match="do not stretch"):
-        engine(compliance=0.0).step(Inputs(0.0, 0.0, wheels=np.zeros(2)), 1)
+        engine(compliance=0.0).step(Controls(0.0, 0.0, wheels=np.zeros(2)), 1)
     with pytest.raises(InvalidDesignError, match="at least"):
-        engine(compliance=1e-6).step(Inputs(0.0, 0.0, wheels=np.zeros(2)), 1)
+        engine(compliance=1e-6).step(Controls(0.0, 0.0, wheels=np.zeros(2)), 1)

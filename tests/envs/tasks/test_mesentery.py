@@ -14,8 +14,8 @@ pytest.importorskip("jax")
 
 import jax.numpy as jnp
 
-from haustra.envs.sim.device_batch import DeviceBatch
-from haustra.envs.tasks.device_sight import DeviceSight
+from haustra.envs.sim.jax_backends import JaxBackend
+from haustra.envs.tasks.device_sight import DeviceEyes
 from haustra.envs.tasks.drivers import FollowerDriver
 from haustra.envs.tasks.sight import Sight
 
@@ -35,7 +35,6 @@ def test_a_follower_drives_in_colons_that_move():
         design=DESIGN, observation="dict", privileged=True, mesentery=True, imager=True, weights=Weights(facing=1.0)
     )
     task = ScopeTask(config, worlds=2, engine="jax", bank=hung_bank())
-    assert isinstance(task.engine, DeviceBatch)
     seen = task.reset(seeds=[1, 2], case=np.array([0, 1]))
     driver = FollowerDriver(task)
     driver.begin(np.ones(2, bool))
@@ -47,33 +46,33 @@ def test_a_follower_drives_in_colons_that_move():
     assert (np.abs(done.info["reward_facing"]) < 0.5).all()
     for _ in range(60):  # pushed on without steering, it leans on the bend
         done = task.step(np.tile([0.67, 0.0, 0.0, 0.0], (2, 1)))
-    moved = np.linalg.norm(np.asarray(task.engine.shift), axis=2)
+    moved = np.linalg.norm(np.asarray(task.backend.displacement), axis=2)
     assert not done.info["diverged"].any()
     assert (moved.max(axis=1) > 1e-4).all() and moved[:, 0].max() < 1e-4
     assert all(np.isfinite(part).all() for part in done.observation.values())
     assert np.linalg.norm(task.way_ahead(np.array([0.03])) - rest, axis=-1).min() > 0.01
     task.reset(np.array([1]))
-    shift = np.asarray(task.engine.shift)
-    assert not shift[1].any() and shift[0].any()
+    displacement = np.asarray(task.backend.displacement)
+    assert not displacement[1].any() and displacement[0].any()
     task.close()
 
 
 def test_a_camera_that_moves_with_the_colon_sees_the_same():
     """The whole colon, and the eye, 5 cm aside: distances to the wall as at rest."""
     bank = hung_bank()
-    engine = DeviceBatch(bank.scene, bank.tables, worlds=2)
+    engine = JaxBackend(bank.scene, bank.tables, worlds=2)
     aside = np.array([0.03, -0.04, 0.0])
-    engine._seen = engine._seen._replace(shift=jnp.zeros_like(engine.shift) + aside)
+    engine._seen = engine._seen._replace(displacement=jnp.zeros_like(engine.displacement) + aside)
     case, arc = np.array([0, 1]), np.array([0.05, 0.12])
     rows = [round(s / bank.cases[0].step) for s in arc]
     eye = np.array([bank.cases[k].points[row] for k, row in zip(case, rows, strict=True)])
     frame = np.array([bank.cases[k].frames[row] for k, row in zip(case, rows, strict=True)])
     still = Sight(bank.cases).tip_distances(case, eye, frame, arc)
-    moved = DeviceSight(Sight(bank.cases), engine).tip_distances(case, eye + aside, frame, arc)
+    moved = DeviceEyes(Sight(bank.cases), engine).tip_distances(case, eye + aside, frame, arc)
     assert np.abs(still - moved).max() < 1e-4
     lens = {"field_of_view_deg": 140.0, "size": 16}
     drawn = [
-        DeviceSight(Sight(bank.cases), one).depth(case, place, frame, arc, **lens)
+        DeviceEyes(Sight(bank.cases), one).depth(case, place, frame, arc, **lens)
         for one, place in ((None, eye), (engine, eye + aside))
     ]
     assert np.abs(drawn[0].astype(int) - drawn[1]).max() <= 1

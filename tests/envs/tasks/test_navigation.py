@@ -9,7 +9,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import haustra.envs
-from haustra.envs.sim.scope_batch import ScopeBatch
+from haustra.envs.sim.native_batch import NativeBackend
 from haustra.envs.tasks.config import Limits
 from haustra.envs.tasks.navigation import NavigationEnv
 from haustra.errors import InvalidOptionError
@@ -98,8 +98,8 @@ def test_time_truncates_and_a_wall_that_breaks_terminates():
 def test_a_diverged_world_terminates_with_its_own_flag():
     environment = NavigationEnv(bank=short_bank(), observation="state")
     environment.reset(seed=0)
-    engine = environment.task.engine
-    assert isinstance(engine, ScopeBatch)
+    engine = environment.task.backend
+    assert isinstance(engine, NativeBackend)
     engine._shards[0]._qvel[0, 3] = np.inf
     seen, reward, terminated, truncated, info = environment.step(PUSH)
     assert terminated and not truncated and info["diverged"]

@@ -63,7 +63,7 @@ def test_coverage_grows_with_what_was_in_view_and_stays():
 def test_the_device_sees_what_the_host_sees():
     """Tips off the middle, turned at random, in two colons: the same distances but for rounding at a fold's edge."""
     pytest.importorskip("jax")
-    from haustra.envs.tasks.device_sight import DeviceSight
+    from haustra.envs.tasks.device_sight import DeviceEyes
 
     sight, random, worlds = Sight(short_bank().cases), np.random.default_rng(0), 40
     case = random.integers(0, 2, worlds)
@@ -72,7 +72,7 @@ def test_the_device_sees_what_the_host_sees():
     eye = np.array([one.points[row] for one, row in stations]) + random.normal(size=(worlds, 3)) * 0.003
     frame = np.array([one.frames[row] @ Rotation.random(rng=random).as_matrix() for one, row in stations])
     host = sight.tip_distances(case, eye, frame, arc)
-    device = DeviceSight(sight).tip_distances(case, eye, frame, arc)
+    device = DeviceEyes(sight).tip_distances(case, eye, frame, arc)
     apart = np.abs(host - device)
     assert np.median(apart) < 1e-6
     assert (apart > 1e-4).mean() < 0.01
@@ -82,7 +82,7 @@ def test_the_device_sees_what_the_host_sees():
 def test_the_device_draws_what_the_host_draws():
     """Depth pictures of both, but for pixels at a fold's edge."""
     pytest.importorskip("jax")
-    from haustra.envs.tasks.device_sight import DeviceSight
+    from haustra.envs.tasks.device_sight import DeviceEyes
 
     bank = short_bank()
     sight, case, arc = Sight(bank.cases), np.array([0, 1]), np.array([0.05, 0.12])
@@ -91,7 +91,7 @@ def test_the_device_draws_what_the_host_draws():
     frame = np.array([one.frames[row] for one, row in stations])
     pictures = Pictures(bank, sight, 140.0)
     host = in_bytes(pictures.depth(case, eye, frame, arc, 24))
-    device = DeviceSight(sight).depth(case, eye, frame, arc, field_of_view_deg=140.0, size=24)
+    device = DeviceEyes(sight).depth(case, eye, frame, arc, field_of_view_deg=140.0, size=24)
     assert device.shape == (2, 24, 24)
     assert (np.abs(host.astype(int) - device) > 1).mean() < 0.01
     assert (device[:, 0, 0] == 0).all() and device.max() > 100

@@ -11,8 +11,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from haustra.envs.sim.scope_bank import ScopeBank, build_bank
-from haustra.envs.sim.scope_values import Controls
 from haustra.envs.sim.scope_worlds import JaxScopes
+from haustra.envs.sim.state import Controls
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions
@@ -55,8 +55,8 @@ def _creep(own: Mesentery, force: np.ndarray, steps: int) -> np.ndarray:
     grip = AttachmentPoints(jnp.maximum(arcs, 1e-9), jnp.zeros_like(own.nodes))
     none = jnp.zeros_like(arcs)
 
-    def step(_: int, shift: AxisDisplacement) -> AxisDisplacement:
-        return moving_colon.step_axis(jnp, own, shift, grip, jnp.asarray(force)[None], none, _STEP)
+    def step(_: int, displacement: AxisDisplacement) -> AxisDisplacement:
+        return moving_colon.step_axis(jnp, own, displacement, grip, jnp.asarray(force)[None], none, _STEP)
 
     return np.asarray(jax.lax.fori_loop(0, steps, step, moving_colon.at_rest(jnp, own, 1, jnp.float64)).place[0])
 
@@ -214,9 +214,9 @@ def test_speeds_of_the_wall_are_the_rate_of_its_places() -> None:
 def test_numpy_and_jax_step_alike() -> None:
     own, place, random = _random_bend()
     grip = AttachmentPoints(random.uniform(-0.01, 0.25, (1, 40)), random.normal(size=(1, 40, 3)) * 0.015)
-    shift = AxisDisplacement(place, random.normal(size=place.shape) * 0.01)
+    displacement = AxisDisplacement(place, random.normal(size=place.shape) * 0.01)
     force, damping = random.normal(size=(1, 40, 3)), random.uniform(0, 20, (1, 40))
-    one, other = (moving_colon.step_axis(xp, own, shift, grip, force, damping, _STEP) for xp in (np, jnp))
+    one, other = (moving_colon.step_axis(xp, own, displacement, grip, force, damping, _STEP) for xp in (np, jnp))
     for mine, theirs in zip(one, other, strict=True):
         assert np.abs(mine - np.asarray(theirs)).max() < 1e-12 + 1e-10 * np.abs(mine).max()
 
@@ -227,23 +227,25 @@ def test_compiled_loops_are_the_law() -> None:
     colon = swept_colon(winding([(0.08, 0.0), (0.1, 1.6), (0.1, 0.0)]), name="bend")
     stacked = stack([lumen_table(colon, device_radius=0.006, with_mesentery=True).tables])
     walls = TableWalls(stacked, 1, 60, radius=0.006)
-    world, tables, shift = np.array([0]), pick(stacked, np.array([0])), walls.shift
+    world, tables, displacement = np.array([0]), pick(stacked, np.array([0])), walls.displacement
     own = tables.mesentery
-    assert own is not None and shift is not None
+    assert own is not None and displacement is not None
     arcs = np.linspace(-0.02, 0.3, 60)[None]
     points = axis_at(np, tables, arcs) + random.normal(size=(1, 60, 3)) * 0.008
     walls.begin(world, world, arcs)
-    shift.place[:], shift.speed[:] = (random.normal(size=shift.place.shape) * size for size in (0.003, 0.01))
+    displacement.place[:], displacement.speed[:] = (
+        random.normal(size=displacement.place.shape) * size for size in (0.003, 0.01)
+    )
     walls.look(world, points)
-    found, grip = moving_colon.query(np, tables, shift, points, arcs, np.full(1, 0.006))
-    speeds = moving_colon.wall_speeds(np, own, shift, grip)
+    found, grip = moving_colon.query(np, tables, displacement, points, arcs, np.full(1, 0.006))
+    speeds = moving_colon.wall_speeds(np, own, displacement, grip)
     for mine, theirs in zip((walls.arcs, walls.depth, walls.inwards, walls.wall_speed), (*found, speeds), strict=True):
         assert np.abs(mine - theirs).max() < 1e-12
     force, damping = random.normal(size=(1, 60, 3)), random.uniform(0, 20, (1, 60))
-    expected = moving_colon.step_axis(np, own, shift, grip, force, damping, _STEP)
+    expected = moving_colon.step_axis(np, own, displacement, grip, force, damping, _STEP)
     walls.give_way(world, force, damping, _STEP)
-    assert np.abs(shift.place - expected.place).max() < 1e-12
-    assert np.abs(shift.speed - expected.speed).max() < 1e-10
+    assert np.abs(displacement.place - expected.place).max() < 1e-12
+    assert np.abs(displacement.speed - expected.speed).max() < 1e-10
     fixed = TableWalls(stacked._replace(mesentery=None), 1, 60, radius=0.006)
     fixed.begin(world, world, arcs)
     fixed.look(world, points)
@@ -277,7 +279,7 @@ def _pushed(bank: ScopeBank, tables: Any, steps: int = 1200) -> tuple[Any, Any, 
     )
     worlds = go(engine.begin(parameters, tables), jnp.full(1, 0.03))
     worlds = go(worlds, jnp.zeros(1))
-    return worlds, engine.observe(parameters, tables, worlds), parameters, engine
+    return worlds, engine.read(parameters, tables, worlds), parameters, engine
 
 
 @cache
@@ -308,14 +310,14 @@ def test_a_colon_at_rest_holds_what_the_scope_presses() -> None:
         assert found is not None
         worlds, seen, parameters, engine = _pushed(bank, tables)
         own = Mesentery(*(part[:1] for part in found))
-        place = worlds.shift.place
+        place = worlds.displacement.place
         over = jnp.maximum(jnp.linalg.norm(place, axis=-1) - own.slack, 0.0)
         pull = (own.hold * over / jnp.maximum(jnp.linalg.norm(place, axis=-1), 1e-9) + own.support)[..., None] * place
         # The handle and the anus hold the scope: its own balance is the wall's force on it.
         found, _ = moving_colon.query(
             jnp,
             pick(tables, parameters.colon),
-            worlds.shift,
+            worlds.displacement,
             engine._samples(parameters.scope, _pose(engine, parameters, worlds)),
             worlds.arcs[:, :-1],
             parameters.scope.radius,

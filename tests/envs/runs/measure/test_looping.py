@@ -10,7 +10,8 @@ from haustra.envs.runs.insertion import run_insertion
 from haustra.envs.runs.measure.looping import looping, shortening
 from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.runs.measure.scores import score
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Controls
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions, build_scene
 from haustra.provenance import Provenance
@@ -69,16 +70,16 @@ def test_pulling_back_shortens_a_bowed_scope_while_its_tip_stays(record_property
     tracker = ArcTracker(colon.centreline, start=scene.options.start_depth)
     tip_links = scene.cable.tip_links
     driver = LumenFollower(colon.centreline, scene.design, tip_links=tip_links)
-    seen = engine.observe()
+    seen = engine.read()
     while tracker.arc < 0.55 and seen.time < 30:
         assert engine.step(driver.act(seen, tracker.arc, 0.02), 4)
-        seen = engine.observe()
+        seen = engine.read()
         tracker.update(seen.tip)
     assert tracker.arc >= 0.55
     insertion, arc, pull = [], [], []
     for _ in range(150):
-        assert engine.step(Inputs(-0.02, 0.0, np.array([40.0, 0.0, 0.0, 0.0])), 4)
-        seen = engine.observe()
+        assert engine.step(Controls(-0.02, 0.0, np.array([40.0, 0.0, 0.0, 0.0])), 4)
+        seen = engine.read()
         insertion.append(seen.insertion)
         arc.append(tracker.update(seen.tip))
         pull.append(-seen.push_force)

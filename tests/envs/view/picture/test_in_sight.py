@@ -3,7 +3,7 @@
 import numpy as np
 
 from haustra.envs.sim.field_engine import JaxSingle
-from haustra.envs.sim.native import Inputs
+from haustra.envs.sim.state import Controls
 from haustra.envs.view.picture.in_sight import SIGHT, LumenInSight
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions, build_scene
@@ -16,8 +16,8 @@ def test_only_what_lies_before_the_camera_and_near_is_shown() -> None:
     options = SceneOptions(wall_law="table", softening=False, insertion_limit=0.3, sample_spacing=0.03)
     engine = JaxSingle(build_scene(colon, None, named_design("adult"), options))
     for _ in range(60):
-        engine.step(Inputs(0.1, 0.0), 4)
-    arc = engine.observe().insertion
+        engine.step(Controls(0.1, 0.0), 4)
+    arc = engine.read().insertion
     sight = LumenInSight(engine.model)
     names = [engine.model.geom(index).name for index in range(engine.model.ngeom)]
     lumen = [index for index, name in enumerate(names) if name.startswith("lumen_")]

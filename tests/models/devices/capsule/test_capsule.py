@@ -70,7 +70,7 @@ def test_its_tether_pulls_back_with_the_weight_drawn_in_times_friction(tube):
     device = capsule(tether_mass_per_length=0.1, tether_friction=2.0)
     one = engine(device, tube)
     hold(one, [0, 0, 0.5, 0, 0, 0], 0.8)
-    drag = 2.0 * 0.1 * 9.81 * one.observe().tip_arc[0]
+    drag = 2.0 * 0.1 * 9.81 * one.read().tip_arc[0]
     assert one.readings()["tether_drag"][0] == pytest.approx(drag, rel=0.03)
     assert one.readings()["speed"][0] == pytest.approx((0.5 - drag) / 10.0, rel=0.05)
     hold(one, [0, 0, 0.02, 0, 0, 0], 0.6)  # less than the tether's drag: it is held
@@ -82,7 +82,7 @@ def test_pressed_on_the_wall_its_six_spheres_share_the_force(tube):
     one = engine(capsule(), tube)
     hold(one, [0, 0, 0.5, 0, 0, 0], 0.8)
     hold(one, [0.9, 0, 0, 0, 0, 0], 1.0)
-    seen = one.observe()
+    seen = one.read()
     assert seen.wall_force[0] == pytest.approx(0.9, rel=0.01)
     assert seen.deepest[0] == pytest.approx(0.9 / (SPHERES * 1500), rel=0.05)
     assert np.hypot(*seen.tip[0, :2]) == pytest.approx(RADIUS - 0.0055, abs=3e-4)
@@ -95,7 +95,7 @@ def test_a_torque_turns_it_in_its_own_or_the_patients_axes(tube):
         one = engine(capsule(frame=frame), tube)
         hold(one, [0, 0, 0, 2e-3, 0, 0], 0.4)
         hold(one, [0, 0, 0, 0, 0, 2e-3], 0.4)
-        turned[frame] = one.observe().tip_frame[0, :, 2]
+        turned[frame] = one.read().tip_frame[0, :, 2]
     assert turned["own"] @ turned["patient"] < 0.99
 
 
@@ -208,7 +208,7 @@ def test_pressed_on_the_wall_warp_agrees_with_native(tube):
     for command in [[0, 0, 0.9, 0, 0, 0]] * 10 + [[0.9, 0, 0.1, 0, 0, 0]] * 12:
         native.step(np.array([command], float), 4)
         now = step(now, jnp.array([command]))
-    seen, expected = warp.observe(conditions, now), native.observe()
+    seen, expected = warp.read(conditions, now), native.read()
     assert expected.wall_force[0] > 0.5
     np.testing.assert_allclose(seen.tip, expected.tip, atol=5e-6)
     np.testing.assert_allclose(seen.wall_force, expected.wall_force, rtol=0.01)

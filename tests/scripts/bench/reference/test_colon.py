@@ -6,7 +6,8 @@ import pytest
 
 from haustra.envs.control.follower import LumenFollower
 from haustra.envs.runs.measure.progress import ArcTracker
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Controls
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions, build_scene
 from haustra.scripts.bench.reference.colon import settle
@@ -24,14 +25,14 @@ def resting(request) -> tuple[str, NativeEngine]:
         engine = NativeEngine(build_scene(straight_tube(), wedge_wall(), named_design("adult"), options))
         pulls = np.zeros(4)
         for _ in range(100):
-            assert engine.step(Inputs(0.04, 0.0, pulls), 5)
+            assert engine.step(Controls(0.04, 0.0, pulls), 5)
         pulls = np.array([30.0, 9.0, 0.0, 0.0])
     else:
         colon, wall = bent_colon([(0.12, 0.0), (0.25, np.pi), (0.2, 0.0)])
         engine = NativeEngine(build_scene(colon, wall, named_design("adult"), SceneOptions(friction=0.0)))
         pulls = drive_to(engine, 0.45)
     for _ in range(1500):
-        assert engine.step(Inputs(0.0, 0.0, pulls), 5)
+        assert engine.step(Controls(0.0, 0.0, pulls), 5)
         if engine.data.time > 1 and np.abs(engine.data.qvel).max() < 1e-4:
             break
     assert np.abs(engine.data.qvel).max() < 1e-3
@@ -45,9 +46,9 @@ def drive_to(engine: NativeEngine, arc: float) -> np.ndarray:
     tip_links = scene.cable.tip_links
     driver, inputs = LumenFollower(scene.colon.centreline, scene.design, tip_links=tip_links), None
     while tracker.arc < arc and engine.data.time < 30:
-        inputs = driver.act(engine.observe(), tracker.arc, 0.02)
+        inputs = driver.act(engine.read(), tracker.arc, 0.02)
         assert engine.step(inputs, 4)
-        tracker.update(engine.observe().tip)
+        tracker.update(engine.read().tip)
     assert inputs and tracker.arc >= arc
     return inputs.pulls
 
@@ -56,7 +57,7 @@ def drive_to(engine: NativeEngine, arc: float) -> np.ndarray:
 def test_it_is_where_the_dynamic_scope_rests(resting, feedback, compare):
     where, engine = resting
     rest, shape = engine.data.qpos.copy(), engine.shape()
-    dynamic = engine.observe().energies
+    dynamic = engine.read().energies
     assert dynamic.wall > 0
     # Start elsewhere, but inside the lumen: the scope a little straighter.
     engine.data.qpos[2:] *= 0.5 if where == "straight tube" else 0.97

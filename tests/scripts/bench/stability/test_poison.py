@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from haustra.envs.sim.scope_batch import ScopeBatch
+from haustra.envs.sim.native_batch import NativeBackend
 from haustra.scripts.bench.stability.poison import BAD, batch_cases, design_cases, judge, single_cases, vector_cases
 from tests.task_bank import short_bank
 
@@ -14,7 +14,7 @@ def bank():
 
 
 def test_worlds_of_a_batch_are_lost_alone(bank):
-    found = batch_cases("native batch", lambda: ScopeBatch(bank.scene, bank.tables, worlds=3), bank)
+    found = batch_cases("native batch", lambda: NativeBackend(bank.scene, bank.tables, worlds=3), bank)
     assert len(found) == 7 * len(BAD)
     assert [case for case in found if not case.sound] == []
     assert all(case.caught == "diverged" for case in found if case.array == "pulls")

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from haustra.envs.sim.native import Inputs, NativeEngine
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Controls
 from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.store import save_colon
 from haustra.models.devices.scope.cable import PULL_OUT_LIMIT
@@ -57,9 +58,9 @@ def test_shocks_are_spread_and_kept(tmp_path, monkeypatch):
 def test_faster_than_its_locks_a_shaft_is_not_pulled_out():
     options = SceneOptions(wall_law="planes", insertion_limit=0.3)
     engine = NativeEngine(build_scene(straight_tube(0.4), None, named_design("adult"), options, show_lumen=False))
-    assert engine.step(Inputs(-PULL_OUT_LIMIT, 0.0), 1)
+    assert engine.step(Controls(-PULL_OUT_LIMIT, 0.0), 1)
     with pytest.raises(InvalidOptionError, match=r"1 m/s at most"):
-        engine.step(Inputs(-1.01 * PULL_OUT_LIMIT, 0.0), 1)
+        engine.step(Controls(-1.01 * PULL_OUT_LIMIT, 0.0), 1)
 
 
 def test_a_bent_shaft_stands_being_pulled_out_as_fast_as_is_allowed():

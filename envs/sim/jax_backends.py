@@ -1,6 +1,6 @@
-"""Many scopes at once on JAX's device, by a device engine, with the interface of `haustra.envs.sim.scope_batch`."""
+"""Many scopes at once on JAX's device: a chain and a wall in JAX, or MuJoCo's own dynamics by MuJoCo Warp."""
 
-from typing import Any
+from typing import Any, final
 
 import jax
 import jax.numpy as jnp
@@ -8,58 +8,60 @@ import mujoco
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.conditions import Conditions, Snapshot
 from haustra.envs.sim.device_arrays import on_device, tree_where
 from haustra.envs.sim.device_engines import device_engine
-from haustra.envs.sim.scope_batch import BatchInputs, BatchObservation
-from haustra.envs.sim.scope_values import Controls, Parameters, Readings, State
+from haustra.envs.sim.scope_values import Parameters, State
+from haustra.envs.sim.state import Controls, Readings, refuse_others
 from haustra.errors import UnsupportedSceneError
 from haustra.models.scene import Scene
 from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables, pick
 
 
-class DeviceBatch:
-    """State that are stepped together on a GPU, or wherever JAX computes. Only inputs and observations travel."""
+class _OnDevice(AbstractBackend):
+    """What both backends do alike. Only controls and readings travel between device and host."""
 
-    def __init__(self, scene: Scene, tables: Tables, *, worlds: int, engine: str = "jax") -> None:
+    on_device = True
+
+    def __init__(self, scene: Scene, tables: Tables, *, worlds: int) -> None:
         """Read the scope; compilation comes with the first step.
 
         Args:
             scene: scope and options, built with wall_law "table" for any of the colons.
             tables: the colons, seen from their entries and stacked.
             worlds: how many.
-            engine: of `DEVICE_ENGINES`.
 
         Raises:
-            InvalidOptionError: when the engine is not known.
-            UnsupportedSceneError: when the scene has what this engine cannot honour.
+            MissingDependencyError: when what the backend computes with is not installed.
+            UnsupportedSceneError: when the scene has what this backend cannot honour.
         """
         self.scene, self.tables, self.worlds = scene, tables, worlds
-        self._engine = device_engine(engine).of(scene)
+        self._dynamics = dynamics = device_engine(self.name).of(scene)
         own = on_device(tables)
-        self._parameters = self._engine.parameters(scene, worlds, colon=np.zeros(worlds, np.int32))
-        self._state = self._engine.begin(self._parameters, own)
-        dynamics = self._engine
+        self._parameters = self._dynamics.parameters(scene, worlds, colon=np.zeros(worlds, np.int32))
+        self._state = self._dynamics.begin(self._parameters, own)
 
         def advance(parameters: Parameters, state: State, hands: Controls, count: Any) -> tuple[State, Readings]:
             state = dynamics.steps(own, parameters, state, hands, count)
-            return state, dynamics.observe(parameters, own, state)
+            return state, dynamics.read(parameters, own, state)
 
         def begin(parameters: Parameters, state: State, roll: Any, anew: Any) -> tuple[State, Readings]:
             fresh = dynamics.begin(parameters, own)
             fresh = fresh._replace(qpos=fresh.qpos.at[:, 1].set(roll), hand=fresh.hand.at[:, 1].set(roll))
             state = tree_where(anew, fresh, state)
-            return state, dynamics.observe(parameters, own, state)
+            return state, dynamics.read(parameters, own, state)
 
         def way(colon: Any, seen: Readings, distances: Any) -> Any:
-            return moving_colon.axis_at(jnp, pick(own, colon), seen.shift, seen.tip_arc[:, None] + distances)
+            return moving_colon.axis_at(jnp, pick(own, colon), seen.displacement, seen.tip_arc[:, None] + distances)
 
         self._way = jax.jit(way)
         self._advance = jax.jit(advance)
         self._begin = jax.jit(begin)
         none = jnp.zeros(worlds, bool)
         self._state, self._seen = self._begin(self._parameters, self._state, jnp.zeros(worlds), none)
+        self._seen.checked()  # the shapes stay
 
     def reset(self, worlds: Int[np.ndarray, " reset"], case: Int[np.ndarray, " reset"], conditions: Conditions) -> None:
         """Lay the scopes of some worlds straight, tips at the start depth, in the colons of those numbers."""
@@ -75,7 +77,7 @@ class DeviceBatch:
             all_worlds[worlds] = values
             now[name] = jnp.asarray(all_worlds)
         parameters = self._parameters._replace(**now)
-        self._engine.check(parameters)
+        self._dynamics.check(parameters)
         self._parameters = parameters
         roll, anew = np.zeros(self.worlds, np.float32), np.zeros(self.worlds, bool)
         anew[worlds] = True
@@ -83,25 +85,22 @@ class DeviceBatch:
             roll[worlds] = conditions.roll
         self._state, self._seen = self._begin(self._parameters, self._state, jnp.asarray(roll), jnp.asarray(anew))
 
-    def step(self, inputs: BatchInputs, count: int) -> Bool[np.ndarray, " worlds"]:
+    def step(self, inputs: Controls, count: int) -> Bool[np.ndarray, " worlds"]:
         """Advance all worlds by `count` time steps; False for those that have diverged, which stand still from then."""
-        parts = (inputs.push_rate, inputs.roll_rate, inputs.pulls)
-        hands = Controls(*(jnp.asarray(part, jnp.float32) for part in parts))
+        refuse_others(inputs, self.worlds)
+        hands = jax.tree.map(lambda part: jnp.asarray(part, jnp.float32), inputs)
         self._state, self._seen = self._advance(self._parameters, self._state, hands, count)
         return np.array(self._state.healthy)
 
-    def observe(self) -> BatchObservation:
-        """What can be read off at the end of the last step."""
-        seen, time = jax.device_get((self._seen._replace(shift=None), self._state.time))
-        names = (name for name in Readings._fields if name != "shift")
-        return BatchObservation(
-            time=time.astype(float), **{name: np.array(getattr(seen, name), float) for name in names}
-        )
+    def read(self) -> Readings:
+        """As `AbstractBackend.read`, in double precision; displacements stay on the device."""
+        seen = jax.device_get(self._seen._replace(displacement=None))
+        return jax.tree.map(lambda part: np.array(part, float), seen)
 
     @property
-    def shift(self) -> Any:
+    def displacement(self) -> Any:
         """Displacements of the colons' axes (worlds, nodes, 3) [m], left on the device; None where they are fixed."""
-        return self._seen.shift
+        return self._seen.displacement
 
     def way_ahead(self, distances: Float[np.ndarray, " places"]) -> Float[np.ndarray, "worlds places 3"]:
         """Places of the centreline that far ahead of the tip, where they are now, from the entry [m]."""
@@ -112,17 +111,17 @@ class DeviceBatch:
         return np.asarray(self._state.qpos)
 
     def snapshot(self, world: int) -> Snapshot:
-        """Not kept by this engine.
+        """Not kept on JAX's device.
 
         Raises:
             UnsupportedSceneError: always.
         """
         raise UnsupportedSceneError(
-            "Withdrawal begins where scopes stood, which engines on JAX's device do not keep: use 'native'."
+            "Withdrawal begins where scopes stood, which backends on JAX's device do not keep: use 'native'."
         )
 
     def restore(self, world: int, snapshot: Snapshot) -> None:
-        """Not kept by this engine.
+        """Not kept on JAX's device.
 
         Raises:
             UnsupportedSceneError: always.
@@ -131,7 +130,7 @@ class DeviceBatch:
 
     def world_data(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Model and data of one world as MuJoCo's own values, to draw or to check."""
-        from haustra.envs.sim.scope_batch import batch_model
+        from haustra.envs.sim.native_batch import batch_model
 
         model = batch_model(self.scene)
         data = mujoco.MjData(model)
@@ -141,3 +140,19 @@ class DeviceBatch:
 
     def close(self) -> None:
         """Nothing is held open."""
+
+
+@final
+class JaxBackend(_OnDevice):
+    """A chain of links and a wall in JAX."""
+
+    name = "jax"
+    traces_pictures = False
+
+
+@final
+class WarpBackend(_OnDevice):
+    """MuJoCo's own dynamics and contacts by MuJoCo Warp, through MJX; an NVIDIA GPU makes it fast."""
+
+    name = "warp"
+    traces_pictures = True

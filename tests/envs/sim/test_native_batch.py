@@ -8,8 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from haustra.envs.sim.conditions import Conditions
-from haustra.envs.sim.native import Inputs, NativeEngine
-from haustra.envs.sim.scope_batch import BatchInputs, ScopeBatch
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.native_batch import NativeBackend
+from haustra.envs.sim.state import Controls
 from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.colon import Centreline, Surface
 from haustra.models.devices.scope.library import named_design
@@ -37,15 +38,15 @@ def conditions(worlds: int, friction: float = 0.1) -> Conditions:
     return Conditions(np.full(worlds, friction), np.full(worlds, 1500.0), np.ones(worlds))
 
 
-def begin(bend: tuple[Scene, Tables], worlds: int, threads: int = 1, friction: float = 0.1) -> ScopeBatch:
+def begin(bend: tuple[Scene, Tables], worlds: int, threads: int = 1, friction: float = 0.1) -> NativeBackend:
     scene, table = bend
-    batch = ScopeBatch(scene, stack([table]), worlds=worlds, threads=threads)
+    batch = NativeBackend(scene, stack([table]), worlds=worlds, threads=threads)
     batch.reset(np.arange(worlds), np.zeros(worlds, int), conditions(worlds, friction))
     return batch
 
 
-def inputs(rates: np.ndarray, pulls: np.ndarray = PULLS) -> BatchInputs:
-    return BatchInputs(rates, np.zeros(len(rates)), np.tile(pulls, (len(rates), 1)))
+def inputs(rates: np.ndarray, pulls: np.ndarray = PULLS) -> Controls:
+    return Controls(rates, np.zeros(len(rates)), np.tile(pulls, (len(rates), 1)))
 
 
 def test_a_scope_moves_as_it_does_against_the_surface_itself(bend):
@@ -54,12 +55,12 @@ def test_a_scope_moves_as_it_does_against_the_surface_itself(bend):
     single, batch = NativeEngine(planes), begin(bend, 1)
     apart, forces = [], []
     for _ in range(80):
-        single.step(Inputs(0.06, 0.0, PULLS), 8)
+        single.step(Controls(0.06, 0.0, PULLS), 8)
         assert batch.step(inputs(np.array([0.06])), 8).all()
-        alone, seen = single.observe(), batch.observe()
+        alone, seen = single.read(), batch.read()
         apart.append(np.linalg.norm((alone.tip - scene.entry) @ scene_axes(scene) - seen.tip[0]))
         forces.append([alone.link_forces.sum(), seen.link_forces.sum()])
-    assert batch.observe().tip_arc[0] > 0.17
+    assert batch.read().tip_arc[0] > 0.17
     assert max(apart) < 0.003  # one plane a sphere instead of two, linear springs, a table, positions one step old
     mean = np.mean(forces, axis=0)
     assert mean[1] == pytest.approx(mean[0], rel=0.1)
@@ -82,7 +83,7 @@ def test_forces_are_those_of_the_contacts(bend):
     data.mocap_pos[:], data.mocap_quat[:] = after.mocap_pos, after.mocap_quat
     mujoco.mj_forward(model, data)
     normal = data.efc_force[data.contact.efc_address]
-    seen = batch.observe().link_forces.sum()
+    seen = batch.read().link_forces.sum()
     assert seen > 1
     assert normal.sum() == pytest.approx(seen, rel=0.01)  # spheres of one link add up as vectors
 
@@ -94,8 +95,8 @@ def test_worlds_do_not_depend_on_threads_nor_on_their_neighbours(bend):
         together.step(inputs(rates), 8)
         threaded.step(inputs(rates), 8)
         alone.step(inputs(rates[1:2]), 8)
-    assert np.array_equal(together.observe().tip, threaded.observe().tip)
-    assert np.array_equal(together.observe().tip[1], alone.observe().tip[0])
+    assert np.array_equal(together.read().tip, threaded.read().tip)
+    assert np.array_equal(together.read().tip[1], alone.read().tip[0])
     threaded.close()
 
 
@@ -107,8 +108,8 @@ def test_a_world_that_diverges_ends_alone(bend):
         healthy = batch.step(inputs(np.array([0.05, 0.05])), 4)
         calm.step(inputs(np.array([0.05, 0.05])), 4)
         assert healthy.tolist() == [step < 10, True]
-    assert np.array_equal(batch.observe().tip[1], calm.observe().tip[1])
-    assert np.isfinite(batch.observe().tip).all()
+    assert np.array_equal(batch.read().tip[1], calm.read().tip[1])
+    assert np.isfinite(batch.read().tip).all()
     batch.reset(np.array([0]), np.array([0]), conditions(1))
     assert batch.step(inputs(np.array([0.05, 0.05])), 4).all()
 
@@ -121,7 +122,7 @@ def test_a_world_begins_again_as_new(bend):
     for _ in range(20):
         batch.step(inputs(np.array([0.05, 0.05])), 4)
         new.step(inputs(np.array([0.05, 0.05])), 4)
-    assert np.array_equal(batch.observe().tip[1], new.observe().tip[1])
+    assert np.array_equal(batch.read().tip[1], new.read().tip[1])
 
 
 def test_friction_stiffness_and_shaft_are_those_of_each_world(bend):
@@ -133,7 +134,7 @@ def test_friction_stiffness_and_shaft_are_those_of_each_world(bend):
     push = []
     for _ in range(80):
         batch.step(inputs(np.full(4, 0.06)), 8)
-        push.append(batch.observe().push_force)
+        push.append(batch.read().push_force)
     smooth, rough, _, stiff = np.mean(push[40:], axis=0)
     assert rough > smooth
     assert stiff > smooth
@@ -145,7 +146,7 @@ def test_scenes_with_another_wall_are_refused(bend):
     scene, table = bend
     planes = build_scene(scene.colon, None, DESIGN, SceneOptions(wall_law="planes", **OPTIONS), show_lumen=False)
     with pytest.raises(UnsupportedSceneError, match="wall_law"):
-        ScopeBatch(planes, stack([table]), worlds=1)
+        NativeBackend(planes, stack([table]), worlds=1)
 
 
 def test_a_worlds_contacts_have_the_law_of_a_scenes(bend):
@@ -173,7 +174,7 @@ def test_worn_wires_lose_pull_as_in_a_single_scope():
         rows = []
         for step in range(80):
             pulls = PULLS if step < 50 else 0.8 * PULLS
-            single.step(Inputs(0.04 if step < 50 else 0.0, 0.0, pulls), 8)
+            single.step(Controls(0.04 if step < 50 else 0.0, 0.0, pulls), 8)
             batch.step(inputs(np.array([0.04 if step < 50 else 0.0]), pulls), 8)
             rows.append((single.data.ctrl[single._pulls[0]], batch.world_data(0)[1].ctrl[single._pulls[0]]))
         bent[wires] = np.array(rows)
@@ -197,16 +198,16 @@ def test_a_free_scope_sags_the_same_in_a_colon_that_enters_another_way():
         lumen_table(colon, device_radius=DESIGN.diameter / 2).seen_from(*entry_of(colon))
         for colon in (straight, turned)
     ]
-    batch = ScopeBatch(scene, stack(tables), worlds=2)
+    batch = NativeBackend(scene, stack(tables), worlds=2)
     batch.reset(np.arange(2), np.arange(2), conditions(2, 0.0))
     for _ in range(20):
         batch.step(inputs(np.zeros(2), np.zeros(4)), 10)
     for world, colon in enumerate((straight, turned)):
         alone = NativeEngine(build_scene(colon, None, DESIGN, replace(options, wall_law="planes"), show_lumen=False))
-        alone.step(Inputs(0.0, 0.0), 200)
-        tip = (alone.observe().tip - alone.scene.entry) @ entry_of(colon)[1]
-        assert np.linalg.norm(batch.observe().tip[world] - tip) < 1e-5
-    assert np.linalg.norm(batch.observe().tip[0] - batch.observe().tip[1]) > 0.003
+        alone.step(Controls(0.0, 0.0), 200)
+        tip = (alone.read().tip - alone.scene.entry) @ entry_of(colon)[1]
+        assert np.linalg.norm(batch.read().tip[world] - tip) < 1e-5
+    assert np.linalg.norm(batch.read().tip[0] - batch.read().tip[1]) > 0.003
 
 
 def widened(colon, factor):

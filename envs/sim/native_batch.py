@@ -7,19 +7,22 @@ stiffness and the shaft's stiffness are numbers of each.
 """
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from typing import final
 
 import mujoco
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.capabilities import require_supported
 from haustra.envs.sim.conditions import Conditions, Snapshot
 from haustra.envs.sim.log import log_to_stderr_only
+from haustra.envs.sim.state import Controls, Readings, refuse_others
 from haustra.envs.sim.thread_slice import ThreadSlice
 from haustra.models.scene import Scene
+from haustra.models.wall import moving_colon
 from haustra.models.wall.law import WallContact
-from haustra.models.wall.lumen_table import Tables
+from haustra.models.wall.lumen_table import Tables, pick
 from haustra.models.wall.planes import add_planes
 
 SOLVER_TOLERANCE = 1e-5
@@ -27,54 +30,13 @@ SOLVER_TOLERANCE = 1e-5
 20 s in a grown colon are the same to 1 mm from 1e-8 to 1e-4."""
 
 
-@dataclass(frozen=True)
-class BatchInputs:
-    """What the hands ask for until the next call, one row a world."""
+@final
+class NativeBackend(AbstractBackend):
+    """Many scopes on MuJoCo's CPU engine, on as many threads as asked for."""
 
-    push_rate: Float[np.ndarray, " worlds"]
-    """Speed at which the hand pushes the shaft in [m/s]."""
-    roll_rate: Float[np.ndarray, " worlds"]
-    """Speed at which the hand turns the shaft [rad/s]."""
-    pulls: Float[np.ndarray, "worlds 4"]
-    """Pull of each wire at the handle: up, left, down, right [N]."""
-
-
-@dataclass(frozen=True)
-class BatchObservation:
-    """State of all worlds. Positions and forces are those at the beginning of the last time step."""
-
-    time: Float[np.ndarray, " worlds"]
-    """Simulated time [s]."""
-    insertion: Float[np.ndarray, " worlds"]
-    """Length of scope past the anus [m]."""
-    roll: Float[np.ndarray, " worlds"]
-    """Angle of the handle [rad]."""
-    hand_lead: Float[np.ndarray, " worlds"]
-    """How far the position that the hand aims at is ahead of the shaft [m]."""
-    tip: Float[np.ndarray, "worlds 3"]
-    """Position of the tip, from the entry [m]."""
-    tip_frame: Float[np.ndarray, "worlds 3 3"]
-    """Columns: the directions of wires 'up' and 'left', and the viewing direction."""
-    tip_arc: Float[np.ndarray, " worlds"]
-    """Arc length of the centreline next to the tip [m]."""
-    bend: Float[np.ndarray, "worlds 2"]
-    """Angle of the bending section towards wires 'up' and 'left' [rad]."""
-    push_force: Float[np.ndarray, " worlds"]
-    """Force of the hand along the shaft; positive pushes [N]."""
-    torque: Float[np.ndarray, " worlds"]
-    """Torque of the hand about the shaft [N m]."""
-    tip_force: Float[np.ndarray, "worlds 3"]
-    """Resultant normal force of the wall on the bending section and tip, in the tip's frame [N]."""
-    link_forces: Float[np.ndarray, "worlds links"]
-    """Resultant normal force of the wall on each link, from the handle to the tip [N]."""
-    deepest: Float[np.ndarray, " worlds"]
-    """Largest depth of the scope in the wall [m]."""
-    coils: Float[np.ndarray, "worlds coils 3"]
-    """Places of the shaft `haustra.envs.sim.coils.COIL_DISTANCES` behind the tip, from the entry [m]."""
-
-
-class ScopeBatch:
-    """State that are stepped together, on as many threads as asked for."""
+    name = "native-batch"
+    on_device = False
+    traces_pictures = False
 
     def __init__(self, scene: Scene, tables: Tables, *, worlds: int, threads: int = 1) -> None:
         """Compile one model for all worlds.
@@ -88,7 +50,7 @@ class ScopeBatch:
         Raises:
             UnsupportedSceneError: when the scene has what this backend cannot honour.
         """
-        require_supported(scene, "native-batch")
+        require_supported(scene, self.name)
         log_to_stderr_only()
         self.scene, self.tables, self.worlds = scene, tables, worlds
         self.model = batch_model(scene)
@@ -97,16 +59,20 @@ class ScopeBatch:
         self._slices = [slice(int(part[0]), int(part[-1]) + 1) for part in parts]
         self._shards = [ThreadSlice(scene, self.model, tables, len(part)) for part in parts]
         self._pool = ThreadPoolExecutor(len(parts) - 1) if len(parts) > 1 else None
+        self._case = np.zeros(worlds, int)
+        self.read().checked()  # the shapes stay
 
     def reset(self, worlds: Int[np.ndarray, " reset"], case: Int[np.ndarray, " reset"], conditions: Conditions) -> None:
         """Lay the scopes of some worlds straight, tips at the start depth, in the colons of those numbers."""
+        self._case[worlds] = case
         for part, shard in zip(self._slices, self._shards, strict=True):
             mine = (worlds >= part.start) & (worlds < part.stop)
             if mine.any():
                 shard.reset(worlds[mine] - part.start, case[mine], conditions.of(mine))
 
-    def step(self, inputs: BatchInputs, count: int) -> Bool[np.ndarray, " worlds"]:
+    def step(self, inputs: Controls, count: int) -> Bool[np.ndarray, " worlds"]:
         """Advance all worlds by `count` time steps; False for those that have diverged, which stand still from then."""
+        refuse_others(inputs, self.worlds)
 
         def advance(index: int) -> None:
             part = self._slices[index]
@@ -118,16 +84,21 @@ class ScopeBatch:
             other.result()
         return np.concatenate([shard.healthy for shard in self._shards])
 
-    def observe(self) -> BatchObservation:
+    def read(self) -> Readings:
         """What can be read off at the end of the last step."""
-        parts = [shard.observe() for shard in self._shards]
-        return BatchObservation(**{name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
+        parts = [shard.read() for shard in self._shards]
+        return Readings(**{name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
 
     @property
-    def shift(self) -> Float[np.ndarray, "worlds nodes 3"] | None:
+    def displacement(self) -> Float[np.ndarray, "worlds nodes 3"] | None:
         """Displacements of the colons' axes at the beginning of the last time step [m]; None where they are fixed."""
-        found = [shard.shift for shard in self._shards]
+        found = [shard.displacement for shard in self._shards]
         return np.concatenate([part for part in found if part is not None]) if found[0] is not None else None
+
+    def way_ahead(self, distances: Float[np.ndarray, " places"]) -> Float[np.ndarray, "worlds places 3"]:
+        """As `AbstractBackend.way_ahead`."""
+        tables, arcs = pick(self.tables, self._case), self.read().tip_arc[:, None] + distances
+        return moving_colon.axis_at(np, tables, self.displacement, arcs)
 
     def positions(self) -> Float[np.ndarray, "worlds joints"]:
         """Joint positions of all scopes, as MuJoCo counts them."""

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from haustra.envs.sim.conditions import Conditions
-from haustra.envs.sim.device_batch import DeviceBatch
 from haustra.envs.sim.device_engines import device_engine
-from haustra.envs.sim.scope_batch import BatchInputs, ScopeBatch
+from haustra.envs.sim.load import load_backend
 from haustra.envs.sim.scope_reading import read_scope
+from haustra.envs.sim.state import Controls
 from haustra.envs.tasks.vector import NavigationVectorEnv
 from haustra.errors import InvalidOptionError, MissingDependencyError, UnsupportedSceneError
 from haustra.models.devices.scope.library import named_design
@@ -45,14 +45,14 @@ def test_engines_see_the_same(name: str) -> None:
     )
     stiffness = np.array([2400.0, 700.0])
     conditions = Conditions(np.array([0.05, 0.1]), stiffness, np.array([1.0, 0.8]), np.array([0.0, 0.3]))
-    engines = ScopeBatch(scene, tables, worlds=2), DeviceBatch(scene, tables, worlds=2, engine=name)
+    engines = [load_backend(each, scene, tables, worlds=2) for each in ("native", name)]
     for engine in engines:
         engine.reset(np.arange(2), np.array([1, 0]), conditions)
-    inputs = BatchInputs(np.array([0.06, 0.05]), np.array([0.0, 0.2]), np.tile([12.0, 0.0, 0.0, 0.0], (2, 1)))
+    inputs = Controls(np.array([0.06, 0.05]), np.array([0.0, 0.2]), np.tile([12.0, 0.0, 0.0, 0.0], (2, 1)))
     apart, forces, insertion = [], [], 0.0
     for _ in range(80):
         assert all(engine.step(inputs, 8).all() for engine in engines)
-        threads, device = (engine.observe() for engine in engines)
+        threads, device = (engine.read() for engine in engines)
         apart.append(np.linalg.norm(threads.tip - device.tip, axis=1))
         forces.append([threads.link_forces.sum(), device.link_forces.sum()])
         insertion = device.insertion[0]
@@ -63,18 +63,18 @@ def test_engines_see_the_same(name: str) -> None:
     assert ours == pytest.approx(theirs, rel=0.1)
     for engine in engines:
         engine.reset(np.array([1]), np.array([0]), conditions.of(np.array([1])))
-    seen = engines[1].observe()
+    seen = engines[1].read()
     assert seen.insertion[0] == pytest.approx(insertion)
     assert seen.insertion[1] == pytest.approx(0.03)
     # A pull that is no number.
-    nothing = BatchInputs(np.zeros(2), np.zeros(2), np.array([[np.nan, 0.0, 0.0, 0.0], np.zeros(4)]))
+    nothing = Controls(np.zeros(2), np.zeros(2), np.array([[np.nan, 0.0, 0.0, 0.0], np.zeros(4)]))
     assert engines[1].step(nothing, 1).tolist() == [False, True]
     engines[1].reset(np.array([0]), np.array([1]), conditions.of(np.array([0])))
     # A hand that is asked to push without end: its force is limited, so that only its place gives it away.
-    endless = BatchInputs(np.array([0.0, np.inf]), np.zeros(2), np.zeros((2, 4)))
+    endless = Controls(np.array([0.0, np.inf]), np.zeros(2), np.zeros((2, 4)))
     for engine in engines:
         assert engine.step(endless, 4).tolist() == [True, False]
-        assert np.isfinite(engine.observe().hand_lead).all()
+        assert np.isfinite(engine.read().hand_lead).all()
 
 
 @pytest.mark.parametrize("name", ENGINES)
@@ -118,7 +118,7 @@ def test_warp_takes_a_worlds_own_stiffness_and_push() -> None:
     import jax.numpy as jnp
 
     from haustra.envs.sim.device_arrays import on_device
-    from haustra.envs.sim.scope_values import Controls
+    from haustra.envs.sim.state import Controls
 
     scene, tables = short_bank().scene, on_device(short_bank().tables)
     engine = device_engine("warp").of(scene)
@@ -126,7 +126,7 @@ def test_warp_takes_a_worlds_own_stiffness_and_push() -> None:
     parameters = engine.parameters(scene, 3, stiffness=1.0, tip_bending=bending, push_limit=push)
     hands = Controls(jnp.full(3, 0.02), jnp.zeros(3), jnp.tile(jnp.array([1.0, 0.0, 0.0, 0.0]), (3, 1)))
     now = engine.steps(tables, parameters, engine.begin(parameters, tables), hands, 200)
-    seen = engine.observe(parameters, tables, now)
+    seen = engine.read(parameters, tables, now)
     assert float(seen.bend[0, 0]) == pytest.approx(2 * float(seen.bend[1, 0]), rel=0.05)
     assert float(seen.insertion[0]) > 0.04
     assert float(seen.insertion[2]) == pytest.approx(0.03, abs=1e-4)  # a hand without force
