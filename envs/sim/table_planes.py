@@ -174,7 +174,7 @@ class TablePlanes:
         step, which is right to second order in the time step. A colon that moves must know how fast it was pressed in
         the last step, or it rocks where walls are stiff: there places are asked for anew.
         """
-        moves = self._groups[0].walls.shift is not None
+        moves = self._groups[0].walls.displacement is not None
         if moves:
             self._batch.forward(worlds, stage=mujoco.mjtStage.mjSTAGE_POS)
         h, stiffness = self._step_time, self._stiffness[:, None]

@@ -30,6 +30,7 @@ def limp_shaft():
         adult,
         diameter=0.004,
         mass_per_length=0.1,
+        relaxation_time=0.2,
         shaft=(replace(adult.shaft[0], length=0.7, **soft),),
         bending=replace(adult.bending, length=0.05, **soft),
         wires=replace(adult.wires, routing_radius=0.001),
@@ -59,7 +60,7 @@ def robot_before(scene: Scene, design: TrackedDesign) -> tuple[Tracked, str]:
 
 
 def test_in_a_straight_lumen_it_pulls_what_holds_the_scope_back() -> None:
-    options = SceneOptions(softening=False, timestep=STEP, insertion_limit=0.2)
+    options = SceneOptions(timestep=STEP, insertion_limit=0.2)
     scene = build_scene(straight_tube(), wedge_wall(), named_design("adult"), options)
     tracked, joint = robot_before(scene, TrackedDesign().at_scale(1.2))
     data, forces = pull(scene, tracked, joint, 2.0, 0.01)
