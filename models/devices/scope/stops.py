@@ -15,6 +15,11 @@ STOP_RELAXATION_TIME = 0.01
 """Damping over stiffness of a stop [s]; engineering choice."""
 
 
+_HARDEST = 4999.0
+"""Largest A h (c + h K) of a stop [1], A being the joint's inverse inertia: an impedance of 0.9998, just within MuJoCo's
+bounds."""
+
+
 def stop_damping(timestep: Any) -> Any:
     """Damping of a stop, and what a time step [s] of its spring adds [N m s/rad]."""
     return STOP_STIFFNESS * (STOP_RELAXATION_TIME + timestep)
@@ -24,7 +29,7 @@ def apply_stops(spec: mujoco.MjSpec, bare: mujoco.MjModel, *, timestep: float) -
     """Give every limited hinge of a scope a stop of `STOP_STIFFNESS`, integrated by backward Euler.
 
     The derivation is that of `haustra.models.wall.law.soft_contact`, with the joint's inverse inertia in place of the
-    contact's.
+    contact's. Links of next to no inertia get the hardest stop that MuJoCo can honour, which is softer.
 
     Args:
         spec: the scene that holds the scope.
@@ -40,7 +45,8 @@ def apply_stops(spec: mujoco.MjSpec, bare: mujoco.MjModel, *, timestep: float) -
         if not (name.startswith("scope/") and bare.jnt_limited[index]):
             continue
         inverse_inertia = bare.dof_invweight0[bare.jnt_dofadr[index]]
-        soft = soft_contact(np, inverse_inertia, STOP_STIFFNESS, damping, timestep=timestep)
+        share = min(1.0, _HARDEST / (inverse_inertia * timestep * damping))
+        soft = soft_contact(np, inverse_inertia, share * STOP_STIFFNESS, share * damping, timestep=timestep)
         require_honoured(soft.impedance, what=f"The stop of '{name}'")
         joint = spec.joint(name)
         joint.solref_limit, joint.solimp_limit = soft.solref, solimp(float(soft.impedance))

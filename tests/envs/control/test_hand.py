@@ -42,7 +42,10 @@ def test_turning_the_handle_turns_the_tip():
 
 
 def test_a_device_feels_a_smooth_force_at_one_kilohertz():
-    """While the tip is pushed along the wall, force rises by newtons and never jumps by more than a few hundredths."""
+    """While the tip is pushed along the wall, force rises by newtons and never jumps by more than a few hundredths.
+
+    Torque jumps more: friction at the wall holds until it lets go, within 1 mm/s (`haustra.models.wall.law`).
+    """
     handle = HapticHandle(engine(friction=0.1), rate=1000.0)
     pulls = np.array([20.0, 0.0, 0.0, 0.0])
     felt = []
@@ -54,7 +57,7 @@ def test_a_device_feels_a_smooth_force_at_one_kilohertz():
     force, torque = np.array(felt[100:]).T
     assert np.ptp(force) > 1.0
     assert np.abs(np.diff(force)).max() < 0.1 * np.ptp(force)
-    assert np.abs(np.diff(torque)).max() < 0.1 * np.ptp(torque)
+    assert np.abs(np.diff(torque)).max() < 0.2 * np.ptp(torque)
 
 
 def test_a_device_slower_than_the_scene_is_refused():

@@ -19,8 +19,11 @@ ZERO = np.zeros(COUNT)
 def _run(*, force: float = 2.0, push: float = 10.0, aside: float = 0.0) -> Insertion:
     plain = dict.fromkeys(Trajectory.__dataclass_fields__, ZERO) | dict.fromkeys(("qpos", "ctrl"), ZERO[:, None])
     tip = np.column_stack([ZERO + aside, ZERO, np.linspace(0, 0.4, COUNT)])
+    blocks = {"mocap_pos": np.zeros((COUNT, 0, 3)), "mocap_quat": np.zeros((COUNT, 0, 4))}
     forces = {"wall_force_sum": ZERO + force, "wall_force": ZERO + force / 2, "push_force": ZERO - push}
-    recorded = Trajectory(**{**plain, "time": np.arange(COUNT) * 0.02, "tip": tip, "tip_arc": tip[:, 2], **forces})
+    recorded = Trajectory(
+        **{**plain, "time": np.arange(COUNT) * 0.02, "tip": tip, "tip_arc": tip[:, 2], **forces, **blocks}
+    )
     return Insertion(
         Outcome.TIME_UP, recorded, np.zeros((2, 3)), np.eye(3), 1.0, 0, FollowerSettings(), straight_tube()
     )
