@@ -16,8 +16,8 @@ STOP_RELAXATION_TIME = 0.01
 
 
 _HARDEST = 4999.0
-"""Largest A h (c + h K) of a stop [1], A being the joint's inverse inertia: an impedance of 0.9998, just within MuJoCo's
-bounds."""
+"""Largest A h (c + h K) of a stop [1], A being the joint's inverse inertia: an impedance of 0.9998, just within
+MuJoCo's bounds."""
 
 
 def stop_damping(timestep: Any) -> Any:

@@ -30,7 +30,6 @@ def limp_shaft():
         adult,
         diameter=0.004,
         mass_per_length=0.1,
-        relaxation_time=0.2,
         shaft=(replace(adult.shaft[0], length=0.7, **soft),),
         bending=replace(adult.bending, length=0.05, **soft),
         wires=replace(adult.wires, routing_radius=0.001),
