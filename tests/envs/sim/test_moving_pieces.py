@@ -95,7 +95,8 @@ def test_shaft_is_added_while_pieces_go_on_moving(place) -> None:
     whole = _scene(place, softening=True, insertion_limit=0.7)
 
     def build(inside: float) -> Scene:
-        return build_scene(*place, DESIGN, whole.options, show_lumen=False, deepest=inside, to_save=False)
+        colon, wall = place
+        return build_scene(colon, wall, DESIGN, whole.options, show_lumen=False, deepest=inside, to_save=False)
 
     growing, at_once = GrowingEngine(whole, build=build, stride=0.1), NativeEngine(whole)
     for instant in range(200):
