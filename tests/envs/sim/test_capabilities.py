@@ -43,7 +43,7 @@ TOLERANCE, AT_THE_WALL_TOLERANCE = 0.1, 0.3
 """Of the size of an effect; spheres against two planes each, and against a table, touch a little differently."""
 LEAST = 3e-3
 """Size of the smallest effect that counts as one, in units of `SCALES`."""
-FLOOR, JAX_FLOOR = 2e-3, 8e-3
+FLOOR, JAX_FLOOR = 2e-3, 1e-2
 """By which effects may differ in any case, in units of `SCALES`: JAX computes in single precision, and reads the hand's
 force at the end of a step."""
 SCALES = np.array([0.01, 0.01, 0.01, 0.3, 0.3, 3.0, 0.01, 3.0, 0.01])
