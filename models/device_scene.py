@@ -27,7 +27,7 @@ HONOURED = (
 """Scene options that scenes of any device take; the others are refused by name where they are not the usual ones."""
 
 _TOLERANCE = 1e-8
-"""Of the solver: MuJoCo's own."""
+"""Tolerance of the solver [1]: MuJoCo's own."""
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ class DeviceRun:
     shape: Float[np.ndarray, "points 3"]
     """Points along the device at the end, from its rear to its nose, in the colon's coordinates [m]."""
     radius: float
-    """Of the device, to draw it [m]."""
+    """Radius of the device, to draw it [m]."""
     spec: mujoco.MjSpec
     """The scene that was run, with the lumen as a picture, in the colon's coordinates."""
     wall_clock: float

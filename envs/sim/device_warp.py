@@ -28,7 +28,7 @@ from haustra.models.wall.plane_pose import plane_pose
 
 Array = Any
 _USED = ("qpos", "qvel", "act", "qacc_warmstart", "geom_xpos", "site_xpos", "site_xmat", "actuator_force")
-"""What of MuJoCo's data goes from step to step."""
+"""Fields of MuJoCo's data that go from step to step."""
 
 
 class Worlds(NamedTuple):

@@ -6,11 +6,11 @@ from typing import Any
 from haustra.models.devices.base import DeviceReadings
 
 _PULL = 0.5
-"""Of the largest force; engineering choice."""
+"""Share of the largest force [1]; engineering choice."""
 _BACK_OFF = 0.4
 """How long it backs off [s]; engineering choice."""
 _RETREAT = 0.4
-"""Of the pull, backwards; engineering choice."""
+"""Share of the pull, backwards [1]; engineering choice."""
 _ALIGN = 0.5
 """Of the largest torque at 90 degrees between body and lumen; engineering choice."""
 

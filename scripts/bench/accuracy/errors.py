@@ -57,7 +57,7 @@ class Asked:
     presets: tuple[str, ...] = ("fast", "balanced", "accurate")
     mesentery: tuple[bool, ...] = (False, True)
     seconds: float = 10.0
-    """Of the script [s]."""
+    """Length of the script [s]."""
 
 
 @dataclass(frozen=True)

@@ -54,7 +54,7 @@ class Runs:
 
 
 _TOLERANCE = 0.03
-"""Of every mean; of 1 for shares."""
+"""Tolerance as a share of every mean; of 1 for shares."""
 _NAMES = {
     "reach": "reach",
     "push": "mean push",
