@@ -368,8 +368,8 @@ def _hand_limits(parameters: Parameters) -> Float[Array, "worlds 2"]:
 def sound_after(parameters: Parameters, before: State, after: State) -> Array:
     """Which worlds are sound still: (worlds,)."""
     speeds = jnp.isfinite(after.qvel).all(axis=1) & (jnp.abs(after.qvel).max(axis=1) < SPEED_LIMIT)
-    # Infinite speeds of the hand would pass: its force is limited.
-    hand = jnp.isfinite(after.hand).all(axis=1)
+    # Infinite speeds and pulls of the hand would pass: its force and what wires bear are limited.
+    hand = jnp.isfinite(after.hand).all(axis=1) & jnp.isfinite(after.pulls).all(axis=1)
     # A wall whose law is no number would not be there: nothing compares as pressing on it.
     wall = jnp.isfinite(parameters.stiffness) & jnp.isfinite(parameters.damping_time)
     return before.healthy & speeds & hand & wall

@@ -12,9 +12,9 @@ from tests.tube_colon import straight_tube
 
 
 def test_walls_of_pieces_state_what_ten_colons_showed():
-    """Mean wall forces against pieces are 1 to 85 % off, not 3.8 % as in the one colon that every run once stated."""
+    """Single colons differ by ten times: the one value that every run once stated (3.8 %) is within their range."""
     low, high = stated_error(SceneOptions(wall_law="pieces"), "grown", wall="prism").wall_force
-    assert low is not None and high is not None and high > 0.5
+    assert low is not None and high is not None and low < 0.02 and high > 0.1
 
 
 @pytest.mark.parametrize(

@@ -216,6 +216,10 @@ def _shock_rows(found: Found) -> list[dict[str, Value]]:
     ]
 
 
+_HANDLED = tuple(name for name in Controls._fields if name != "wheels")
+"""What hands do in JAX, which refuses wheels."""
+
+
 def poison(rig: MovingRig) -> list[Injection]:
     """NaN and infinities in what hands do, NaN in parameters and in a mesentery, of one world among others."""
     step, poisoned = OPTIONS.timestep, 1
@@ -235,7 +239,7 @@ def poison(rig: MovingRig) -> list[Injection]:
         sound = finite if where == "hands" else all(bool(jnp.isfinite(part).all()) for part in jax.tree.leaves(found))
         return Injection("JAX, moving colon", f"{where}: {name}", value, caught, all(jax.tree.leaves(same)), sound)
 
-    cases = [case("hands", name, value) for name in Controls._fields for value in BAD]
+    cases = [case("hands", name, value) for name in _HANDLED for value in BAD]
     cases += [case("parameters", name, np.nan) for name in KNOWN]
     return cases + [case("mesentery", name, np.nan) for name in HUNG]
 
