@@ -135,7 +135,7 @@ def _left_out(options: SceneOptions) -> dict[str, str]:
     left_out = {
         "mesentery": "the colon gives way by its wall's stiffness only; sigmoid and transverse colon do not swing",
         "self-contact": "the device does not touch itself",
-        "wall": "its table is the engine's: stock MuJoCo moves the saved device without one",
+        "wall": "its table is the backend's: stock MuJoCo moves the saved device without one",
     }
     if not options.friction:
         left_out["friction"] = "none was asked for: contacts have a normal force only"

@@ -106,7 +106,7 @@ class Run:
                     scene,
                     seconds=self.seconds,
                     settings=settings,
-                    engine=_jax_engine() if self.backend == "jax" else self._native(wall, deepest),
+                    backend=_jax_backend() if self.backend == "jax" else self._native(wall, deepest),
                     progress=lambda time, arc: advance(time, f"tip at {arc:.2f} m"),
                 )
 
@@ -143,14 +143,14 @@ class Run:
         return chosen
 
 
-def _jax_engine():
-    """The engine in JAX, its compiled programs kept for the next run."""
+def _jax_backend():
+    """The backend in JAX, its compiled programs kept for the next run."""
     from haustra.envs.sim.jax_setup import compute_on_one_thread, use_jax
     from haustra.models.wall.cache import cache_folder
 
     compute_on_one_thread()
     use_jax(cache=cache_folder() / "jax")
-    from haustra.envs.sim.field_engine import JaxSingle
+    from haustra.envs.sim.jax_single import JaxSingle
 
     return JaxSingle
 

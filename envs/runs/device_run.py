@@ -68,21 +68,21 @@ def run_device(
     """
     options = options or device_options()
     scene = build_device_scene(device, options, pose=Pose(*entry_of(colon)))
-    engine = NativeDevice(scene, device_tables(scene, [colon]))
+    backend = NativeDevice(scene, device_tables(scene, [colon]))
     steps = max(1, round(CONTROL_INTERVAL / options.timestep))
     rows: list[dict[str, Any]] = []
-    memory, outcome, shape = np.zeros(1), None, engine.spheres()[0]
-    seen = engine.read()
+    memory, outcome, shape = np.zeros(1), None, backend.spheres()[0]
+    seen = backend.read()
     began = time.perf_counter()
     while outcome is None and seen.time[0] < seconds - steps * options.timestep / 2:
         commands, memory = device.drive(np, seen, memory)
-        if not engine.step(commands, steps).all():
+        if not backend.step(commands, steps).all():
             outcome = Outcome.DIVERGED
             break
-        seen, shape = engine.read(), engine.spheres()[0]
-        qpos, ctrl = engine.positions()
+        seen, shape = backend.read(), backend.spheres()[0]
+        qpos, ctrl = backend.positions()
         row = {name: getattr(seen, name)[0] for name in ("time", "tip", "tip_arc", "wall_force", "deepest")}
-        own = {name: value[0] for name, value in engine.readings().items()}
+        own = {name: value[0] for name, value in backend.readings().items()}
         rows.append({**row, **own, "qpos": qpos[0], "ctrl": ctrl[0], "commands": commands[0]})
         outcome = ended(row, colon.centreline.length)
         if progress and len(rows) % 25 == 0:
@@ -98,7 +98,7 @@ def run_device(
         radius=max(scene.radii),
         spec=spec,
         wall_clock=time.perf_counter() - began,
-        backend=engine.name,
+        backend=backend.name,
         wall_law=options.wall_law,
         left_out=scene.left_out,
         configuration={**scene.configuration(), "seconds": seconds, "driver": "the device's own"},

@@ -13,7 +13,7 @@ from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.outcome import Outcome
 from haustra.envs.study.halving import halved
 from haustra.envs.study.paths import with_values
-from haustra.envs.study.questions import Engine, Question, Runner, one_by_one
+from haustra.envs.study.questions import Backend, Question, Runner, one_by_one
 from haustra.envs.study.study import Column, Job, Result, Study, Value
 from haustra.errors import HaustraError, InvalidStudyError
 from haustra.models.anatomy.colon import Colon
@@ -24,7 +24,7 @@ from haustra.models.devices.base import Device, Pose, load_device
 from haustra.models.scene import SceneOptions, entry_of
 
 BATCH = 1024
-"""Jobs in one call of the engine 'warp'."""
+"""Jobs in one call of the backend 'warp'."""
 _BASE = "adult"
 
 SCORES = (
@@ -148,14 +148,14 @@ def _answer_warp(study: Study, names: tuple[str, ...], jobs: Sequence[Job], seco
     device, options = setups[0]
     colons = [_colon(name) for name in names]
     scene = build_device_scene(device, options)
-    engine = WarpDevice.of(scene, device_tables(scene, colons, [Pose(*entry_of(colon)) for colon in colons]))
+    backend = WarpDevice.of(scene, device_tables(scene, colons, [Pose(*entry_of(colon)) for colon in colons]))
     number = [names.index(str(job.conditions["colon"])) for job in jobs]
     conditions = Conditions(
         jnp.asarray(number),
         jnp.asarray([one.friction for _, one in setups], jnp.float32),
         jnp.asarray([one.wall_stiffness for _, one in setups], jnp.float32),
     )
-    records = drive_worlds(engine, conditions, seconds=seconds, interval=CONTROL_INTERVAL)
+    records = drive_worlds(backend, conditions, seconds=seconds, interval=CONTROL_INTERVAL)
     found = []
     for row, job in enumerate(jobs):
         length = colons[number[row]].centreline.length
@@ -183,6 +183,6 @@ QUESTION = Question(
     options={"seconds": 30.0, "timestep": SceneOptions.timestep},
     check=build_setup,
 )
-NATIVE = Engine(start=_start)
-WARP = Engine(start=_start_warp, batch=BATCH, most_workers=1)
+NATIVE = Backend(start=_start)
+WARP = Backend(start=_start_warp, batch=BATCH, most_workers=1)
 """One process: it fills the device by itself."""

@@ -3,7 +3,7 @@
 A kind of device is a folder of `haustra.models.devices` with a module `interface`, whose `DEVICE` is a final class of
 `Device`. A design is a TOML file: it names its `kind`, and every other key is a declared field with unit and range. No
 code is loaded but what is installed. `control`, `read` and `drive` are functions of arrays of numpy or JAX with worlds
-first, so that one device runs on every engine.
+first, so that one device runs on every backend.
 """
 
 import tomllib

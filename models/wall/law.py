@@ -1,4 +1,4 @@
-"""How a soft wall pushes back on a device and rubs it: one law for every engine.
+"""How a soft wall pushes back on a device and rubs it: one law for every backend.
 
 A place of the device that is d deep in the wall (a sphere of radius r whose centre is r - d from it) is pushed along
 the wall's normal n, and rubbed across it, with
@@ -203,7 +203,9 @@ def contact_parameters(
         UnsupportedSceneError: when the law's friction rises with speed.
     """
     if contact.friction_rise:
-        raise UnsupportedSceneError("Friction that rises with speed is not had by MuJoCo's contacts: use engine 'jax'.")
+        raise UnsupportedSceneError(
+            "Friction that rises with speed is not had by MuJoCo's contacts: use backend 'jax'."
+        )
     damper = contact.damping + timestep * contact.stiffness
     soft = soft_contact(np, np.asarray(inverse_inertia), contact.stiffness, damper, timestep=timestep)
     require_honoured(soft.impedance, what=f"Wall stiffness {contact.stiffness:g} N/m on '{where}'")

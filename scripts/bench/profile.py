@@ -1,4 +1,4 @@
-"""Where the time of a step goes: MuJoCo's own timers, the work around it, and what XLA says of the JAX engine."""
+"""Where the time of a step goes: MuJoCo's own timers, the work around it, and what XLA says of the JAX backend."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -87,13 +87,15 @@ def bench_profile(
         summary=(
             f"MuJoCo's own timers, over {seconds:g} s of an insertion into '{colon.name}' by the lumen follower after "
             f"{before:g} s, and over 2,000 steps of the tracked robot. Times are wall clock on one core, in "
-            "microseconds a step; 'timers' is what reading the clock costs, left in. The JAX engine is one program "
+            "microseconds a step; 'timers' is what reading the clock costs, left in. The JAX backend is one program "
             "for XLA, whose own count of operations and of memory traffic stands in place of stages.",
         ),
         tables=(
             Table("A step, by stage", tuple(rows)),
             Table("A control interval of a run, 20 ms", tuple(around), "What goes on around the steps, by part."),
-            Table("The JAX engine by XLA's count", (_by_xla(colon, design),), "One step, one world, single precision."),
+            Table(
+                "The JAX backend by XLA's count", (_by_xla(colon, design),), "One step, one world, single precision."
+            ),
         ),
         machine=machine(),
     )

@@ -1,4 +1,4 @@
-"""Stages of a step are read from the engine, and make up the step."""
+"""Stages of a step are read from the backend, and make up the step."""
 
 from haustra.models.devices.scope.library import named_design
 from haustra.scripts.bench.profile import bench_profile
