@@ -248,12 +248,26 @@ def query_point(
         point: middle of the sphere [m].
         arc: its arc length at the last look [m].
     """
-    frames, wall = tables.frames, tables.wall
+    arc = nearest_arc(xp, tables, step, first, count, point, arc)
+    depth, inwards = wall_beside(xp, tables, step, first, count, point, arc)
+    return arc, where(xp, arc > 0, depth, -1.0), inwards
+
+
+def nearest_arc(xp: ModuleType, tables: Tables, step: Any, first: Any, count: Any, point: Vector, arc: Any) -> Any:
+    """Arc length of the centreline next to a point that was near `arc` at the last look [m]; as in `query_point`."""
+    frames = tables.frames
     j, u = _cell(xp, step, first, count, arc)
     beside = xp.minimum(xp.maximum(u, 0.0), 1.0)
     tangent = between(_column(frames, j, 2), _column(frames, j + 1, 2), beside)
     ahead = dot(minus(point, _line(tables, j, u)), tangent) / xp.sqrt(dot(tangent, tangent))
-    arc = arc + xp.minimum(xp.maximum(ahead, -WINDOW), WINDOW)
+    return arc + xp.minimum(xp.maximum(ahead, -WINDOW), WINDOW)
+
+
+def wall_beside(
+    xp: ModuleType, tables: Tables, step: Any, first: Any, count: Any, point: Vector, arc: Any
+) -> tuple[Any, Vector]:
+    """Depth of a point in the wall [m], and the inward normal, at its arc length past the anus; as in `query_point`."""
+    frames, wall = tables.frames, tables.wall
     j, u = _cell(xp, step, first, count, arc)
     offset = minus(point, _line(tables, j, u))
     u = xp.minimum(xp.maximum(u, 0.0), 1.0)
@@ -276,8 +290,7 @@ def query_point(
     normal = _unit(xp, normal)
     slope = xp.maximum(-(normal[0] * cos + normal[1] * sin), LEAST_SLOPE)
     inwards = add(add(times(normal[0], across), times(normal[1], side)), times(normal[2], along))
-    depth = where(xp, arc > 0, (radius - edge) * slope, -1.0)
-    return arc, depth, inwards
+    return (radius - edge) * slope, inwards
 
 
 def axis_at(xp: ModuleType, tables: Tables, arcs: Float[Any, "..."]) -> Float[Any, "..."]:
@@ -319,7 +332,7 @@ def _unit(xp: ModuleType, v: Vector) -> Vector:
     return times(1 / xp.sqrt(dot(v, v)), v)
 
 
-PARTS = (_cell, _line, _column, _mixed, _unit, query_point, axis_point)
+PARTS = (_cell, _line, _column, _mixed, _unit, nearest_arc, wall_beside, query_point, axis_point)
 """What numba is to compile."""
 
 

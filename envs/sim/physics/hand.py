@@ -29,4 +29,9 @@ def hand_force(
         limit: largest force and torque of the hand [N, N m].
     """
     stiffness, damping = (xp.asarray(part, place.dtype) for part in (HAND_STIFFNESS, HAND_DAMPING))
+    return held_force(xp, aim, place, speed, limit, stiffness, damping)
+
+
+def held_force(xp: ModuleType, aim: Any, place: Any, speed: Any, limit: Any, stiffness: Any, damping: Any) -> Any:
+    """`hand_force` along or about the shaft, by that stiffness and damping."""
     return xp.clip(stiffness * (aim - place) - damping * speed, -limit, limit)

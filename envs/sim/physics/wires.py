@@ -11,7 +11,12 @@ _TINY = 1e-24
 
 def sheath_angle(xp: ModuleType, about_x: Float[Any, "*worlds joints"], about_y: Float[Any, "*worlds joints"]) -> Any:
     """Angle that shafts are bent through, summed regardless of direction [rad], from the angles of their hinges."""
-    return xp.sqrt(about_x * about_x + about_y * about_y + _TINY).sum(-1)
+    return joint_angle(xp, about_x, about_y).sum(-1)
+
+
+def joint_angle(xp: ModuleType, about_x: Any, about_y: Any) -> Any:
+    """Angle that a joint of two hinges is bent through [rad]."""
+    return xp.sqrt(about_x * about_x + about_y * about_y + _TINY)
 
 
 def borne_pulls(xp: ModuleType, pulls: Float[Any, "*worlds 4"], limit: Float[Any, "*any"]) -> Float[Any, "*worlds 4"]:

@@ -1,0 +1,1 @@
+"""A serial scope in linear time, compiled from the laws that every backend shares."""

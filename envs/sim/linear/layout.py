@@ -1,0 +1,104 @@
+"""Which number lies where: slots of states, parameters, designs and tables, in programs and in arrays alike."""
+
+from dataclasses import dataclass
+from typing import Any
+
+DOF = ("x", "y", "z", "stiffness", "damping", "armature", "rest", "low", "high", "up", "left", "down", "right",
+       "behind", "lock_stiffness", "lock_damping")  # fmt: skip
+"""Of a design, for each of its joints: axis, spring, stops, arms of the wires, and its lock outside."""
+
+BODY = ("offset", "mass", "centre", "across", "along")
+"""Of a design, for each link: where it begins on its parent's axis [m], mass, centre of mass, moments of inertia."""
+
+SCOPE = ("radius", "start", "tip", "pull_limit", "wire_friction", "wire_hysteresis")
+"""Of a design as a whole."""
+
+WORLD = ("one", "bending", "tip_bending", "torsion", "stiffness", "damping_time", "friction", "push_limit",
+         "torque_limit", "gravity_x", "gravity_y", "gravity_z", "step", "first", "count", "device_radius",
+         "push_rate", "roll_rate", "up", "left", "down", "right", "alive")  # fmt: skip
+"""Of a world: what scales joints, its wall, its hand, its colon, what the hands ask for, and whether it is stepped."""
+
+STATION = 16
+"""Numbers of a row of a colon's station: point, first normal, second normal and tangent, each filled up to four."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Slots of one scope's state and of the room to work in; counts are numbers, or values of a program."""
+
+    dofs: Any
+    bodies: Any
+    spheres: Any
+
+    @property
+    def speeds(self) -> Any:
+        """First slot of generalised speeds; positions begin at 0."""
+        return self.dofs
+
+    @property
+    def arcs(self) -> Any:
+        """Arc lengths of spheres, and then of the tip."""
+        return self.dofs * 2
+
+    @property
+    def normals(self) -> Any:
+        """Normal force of each sphere at the end of the last step."""
+        return self.arcs + self.spheres + 1
+
+    @property
+    def hand(self) -> Any:
+        """Where the hand aims, along and about the shaft."""
+        return self.normals + self.spheres
+
+    @property
+    def pulls(self) -> Any:
+        """What arrived at the bending section."""
+        return self.hand + 2
+
+    @property
+    def time(self) -> Any:
+        """Simulated time."""
+        return self.pulls + 4
+
+    @property
+    def state(self) -> Any:
+        """Slots of the state."""
+        return self.time + 1
+
+    # Room to work in begins with a copy of the state.
+
+    @property
+    def joint_room(self) -> Any:
+        """`JOINT_ROOM` slots a joint."""
+        return self.state
+
+    @property
+    def body_room(self) -> Any:
+        """`BODY_ROOM` slots a link."""
+        return self.joint_room + self.dofs * JOINT_ROOM
+
+    @property
+    def sphere_room(self) -> Any:
+        """`SPHERE_ROOM` slots a sphere."""
+        return self.body_room + self.bodies * BODY_ROOM
+
+    @property
+    def room(self) -> Any:
+        """All of it."""
+        return self.sphere_room + self.spheres * SPHERE_ROOM
+
+
+JOINT_ROOM = 10
+"""U / D (6), tau / D, direction (3)."""
+BODY_ROOM = 30
+"""Inertia (21), wrench (6), offset from its parent (3)."""
+SPHERE_ROOM = 11
+"""Normal, lever, speed against the wall (9), spring, drag."""
+
+
+def design_slots(dofs: Any, bodies: Any, spheres: Any) -> tuple[Any, Any, Any, Any]:
+    """First slots of links, spheres and the scope's own numbers in a design, and all; joints begin at 0."""
+    links = dofs * len(DOF)
+    places = links + bodies * len(BODY)
+    scope = places + spheres
+    return links, places, scope, scope + len(SCOPE)

@@ -1,0 +1,125 @@
+"""Where a program's numbers lie: one a world, one for all worlds, or in tables that each world looks up in."""
+
+from typing import Any, Protocol
+
+from llvmlite import ir
+
+from haustra.envs.sim.linear.trace import INDEX, Number, Program, Value
+
+
+class Slots(Protocol):
+    """Numbers by their places in a row."""
+
+    def load(self, slot: Number) -> Value:
+        """The number there."""
+        ...
+
+
+class Lanes:
+    """Numbers that each world has of its own: worlds side by side, slot after slot."""
+
+    def __init__(self, program: Program, base: Any, stride: int) -> None:
+        """`base` points at slot 0 of the program's lanes; slots are `stride` numbers apart."""
+        self._program, self._base, self._stride = program, base, stride
+
+    def load(self, slot: Number) -> Value:
+        """The number there."""
+        program = self._program
+        kind = program.real if program.lanes == 1 else ir.VectorType(program.real, program.lanes)
+        return Value(program, program.builder.load(self._place(slot), typ=kind, align=_size(program)))
+
+    def store(self, slot: Number, value: Number) -> None:
+        """Put a number there."""
+        program = self._program
+        program.builder.store(program.spread(value), self._place(slot), align=_size(program))
+
+    def from_slot(self, slot: Number) -> "Lanes":
+        """The same, counted from a slot on."""
+        return Lanes(self._program, self._place(slot), self._stride)
+
+    def vector(self, slot: Number) -> tuple[Value, Value, Value]:
+        """Three numbers from there on."""
+        return self.load(slot), self.load(slot + 1), self.load(slot + 2)
+
+    def put(self, slot: Number, values: Any) -> None:
+        """Put numbers from there on."""
+        for more, value in enumerate(values):
+            self.store(slot + more, value)
+
+    def _place(self, slot: Number) -> Any:
+        program = self._program
+        offset = program.index(slot) * self._stride
+        return program.builder.gep(self._base, [offset.written], source_etype=program.real)
+
+
+class Shared:
+    """Numbers that all worlds share."""
+
+    def __init__(self, program: Program, base: Any, *, whole: bool = False) -> None:
+        """`base` points at the first."""
+        self._program, self._base = program, base
+        self._kind = INDEX if whole else program.real
+
+    def load(self, slot: Number) -> Value:
+        """The number there, the same in all lanes."""
+        program = self._program
+        place = program.builder.gep(self._base, [program.index(slot).written], source_etype=self._kind)
+        return Value(program, program.builder.load(place, typ=self._kind))
+
+
+class Rows:
+    """A table with rows of four numbers or a multiple: what a world looks up of a row, it reads by fours."""
+
+    def __init__(self, program: Program, base: Any, fours: int) -> None:
+        """`base` points at the first row, of `fours` times four numbers."""
+        self._program, self._base, self._fours = program, base, fours
+        self._seen: dict[Any, list[Value]] = {}
+
+    def read(self, row: Value, column: int) -> Value:
+        """A number of a row, which may be another one in each lane."""
+        program = self._program
+        key = (program.builder.block, row.written, column // 4)
+        if key not in self._seen:
+            self._seen[key] = self._four(row * self._fours + column // 4)
+        return self._seen[key][column % 4]
+
+    def _four(self, place: Value) -> list[Value]:
+        program, builder = self._program, self._program.builder
+        four = ir.VectorType(program.real, 4)
+
+        def loaded(at: Any) -> Any:
+            pointer = builder.gep(self._base, [at], source_etype=four)
+            return builder.load(pointer, typ=four, align=4 * _size(program))
+
+        lanes = place.lanes
+        if lanes == 1:
+            whole = loaded(place.written)
+            return [Value(program, builder.extract_element(whole, ir.Constant(INDEX, i))) for i in range(4)]
+        parts = [loaded(builder.extract_element(place.written, ir.Constant(INDEX, lane))) for lane in range(lanes)]
+        # Side by side, those of lanes k, k + 4, k + 8, ...; then turned, fours by fours: shuffles within 16 bytes.
+        sides = [self._joined(parts[k::4]) for k in range(4)]
+        low = [self._picked(sides[k], sides[k + 1], _TURN_LOW, lanes) for k in (0, 2)]
+        high = [self._picked(sides[k], sides[k + 1], _TURN_HIGH, lanes) for k in (0, 2)]
+        turned = [self._picked(*pair, mask, lanes) for pair in (low, high) for mask in (_FIRST_HALF, _SECOND_HALF)]
+        return [Value(program, each) for each in turned]
+
+    def _joined(self, parts: list[Any]) -> Any:
+        builder = self._program.builder
+        while len(parts) > 1:
+            count = parts[0].type.count
+            mask = ir.Constant(ir.VectorType(INDEX, 2 * count), list(range(2 * count)))
+            parts = [builder.shuffle_vector(parts[i], parts[i + 1], mask) for i in range(0, len(parts), 2)]
+        return parts[0]
+
+    def _picked(self, first: Any, second: Any, pattern: tuple[int, ...], lanes: int) -> Any:
+        """The same choice of every four of both."""
+        mask = [4 * four + at % 4 + lanes * (at // 4) for four in range(lanes // 4) for at in pattern]
+        return self._program.builder.shuffle_vector(first, second, ir.Constant(ir.VectorType(INDEX, lanes), mask))
+
+
+_TURN_LOW, _TURN_HIGH = (0, 4, 1, 5), (2, 6, 3, 7)
+_FIRST_HALF, _SECOND_HALF = (0, 1, 4, 5), (2, 3, 6, 7)
+
+
+def _size(program: Program) -> int:
+    return 8 if isinstance(program.real, ir.DoubleType) else 4

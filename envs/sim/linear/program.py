@@ -1,0 +1,473 @@
+"""The program of one control step: scopes in tabulated colons, in three passes over their links a time step.
+
+Outwards, poses, speeds, contacts and what they damp; inwards, the articulated-body recursion; outwards again,
+accelerations, and with them positions, speeds and the forces of the wall at the step's end. Every law is the function
+that the other backends call.
+"""
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+from haustra.envs.sim.linear import layout as slots
+from haustra.envs.sim.linear.articulated import (
+    Inertia,
+    freed,
+    from_parent,
+    hinge_force,
+    link_bias,
+    link_inertia,
+    place_inertia,
+    slide_force,
+    turned_frame,
+)
+from haustra.envs.sim.linear.layout import BODY, BODY_ROOM, DOF, JOINT_ROOM, SCOPE, SPHERE_ROOM, WORLD, Layout
+from haustra.envs.sim.linear.memory import Lanes, Rows, Shared, Slots
+from haustra.envs.sim.linear.trace import Program, Value
+from haustra.envs.sim.physics.hand import HAND_DAMPING, HAND_STIFFNESS, held_force
+from haustra.envs.sim.physics.lock import lock_activation
+from haustra.envs.sim.physics.stops import stop_torque
+from haustra.envs.sim.physics.wires import borne_pulls, joint_angle
+from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
+from haustra.models.wall.law import normal_force, place_contact, place_force
+from haustra.models.wall.lumen_table import nearest_arc, wall_beside
+from haustra.models.wall.vectors import Vector, add, cross, dot, minus, times
+
+SPEED_LIMIT = 1e4
+"""A generalised speed above this [rad/s or m/s] is divergence, as in the other backends."""
+
+ARGUMENTS = ("state", "worlds", "room", "design", "structure", "stations", "wall")
+"""Arrays of a program, in this order; then four whole numbers: joints, links, spheres, time steps, first and last
+block, or worlds on a GPU."""
+
+_NONE: Vector = (0.0, 0.0, 0.0)
+
+
+class _Changing:
+    """A tuple of numbers that may change."""
+
+    def __init__(self, program: Program, values: Any) -> None:
+        self._parts = [program.variable(value) for value in values]
+
+    @property
+    def now(self) -> Any:
+        return tuple(part.value for part in self._parts)
+
+    @now.setter
+    def now(self, values: Any) -> None:
+        for part, value in zip(self._parts, values, strict=True):
+            part.value = value
+
+
+class ScopeProgram:
+    """Writes down the control step of scopes of one structure class: a chain of hinges behind one slide."""
+
+    def __init__(self, program: Program, arrays: dict[str, Any], counts: tuple[Value, ...], *, timestep: float) -> None:
+        """Bind arrays and counts.
+
+        Args:
+            program: to write to.
+            arrays: by the names of `ARGUMENTS`.
+            counts: joints, links and spheres.
+            timestep: [s].
+        """
+        self.program, self.h = program, timestep
+        self.layout = Layout(*counts)
+        self.dofs, self.bodies, self.spheres = counts
+        self.state: Lanes = arrays["state"]
+        self.room: Lanes = arrays["room"]
+        self.design: Slots = arrays["design"]
+        self.structure: Shared = arrays["structure"]
+        self._world: Lanes = arrays["worlds"]
+        stations, wall = arrays["stations"], arrays["wall"]
+        self.tables = SimpleNamespace(points=_Points(stations), frames=_Frames(stations), wall=_Wall(wall))
+        self._links, self._places, self._scope, _ = slots.design_slots(*counts)
+
+    # Numbers by name.
+
+    def world(self, name: str) -> Value:
+        """Of the world."""
+        return self._world.load(WORLD.index(name))
+
+    def joint(self, dof: Any, name: str) -> Value:
+        """Of a joint's design."""
+        return self.design.load(dof * len(DOF) + DOF.index(name))
+
+    def link(self, body: Any, name: str) -> Value:
+        """Of a link's design."""
+        return self.design.load(self._links + body * len(BODY) + BODY.index(name))
+
+    def scope(self, name: str) -> Value:
+        """Of the design as a whole."""
+        return self.design.load(self._scope + SCOPE.index(name))
+
+    def sphere_place(self, sphere: Any) -> Value:
+        """Along its link's axis [m]."""
+        return self.design.load(self._places + sphere)
+
+    def joints_of(self, body: Any) -> tuple[Value, Value]:
+        """First joint of a link, and the one after its last."""
+        return self.structure.load(body * 4), self.structure.load(body * 4 + 1)
+
+    def spheres_of(self, body: Any) -> tuple[Value, Value]:
+        """First sphere of a link, and the one after its last."""
+        return self.structure.load(body * 4 + 2), self.structure.load(body * 4 + 3)
+
+    def scale(self, dof: Any) -> Value:
+        """What the world scales a joint by."""
+        return self._world.load(self.structure.load(self.bodies * 4 + dof))
+
+    # The control step.
+
+    def advance(self, count: Value) -> None:
+        """So many time steps under what the hands ask for; a world that breaks is left as it was before them."""
+        program, layout, xp = self.program, self.layout, self.program.xp
+        with program.loop(0, layout.state) as slot:
+            self.room.store(slot, self.state.load(slot))
+        self._let_pulls_arrive()
+        fastest = program.variable(0.0)
+        with program.loop(0, count):
+            self._outwards()
+            self._inwards()
+            self._accelerate(fastest)
+            for side, rate in enumerate(("push_rate", "roll_rate")):
+                aim = layout.hand + side
+                self.state.store(aim, self.state.load(aim) + self.h * self.world(rate))
+            self.state.store(layout.time, self.state.load(layout.time) + self.h)
+        sound = (fastest.value < SPEED_LIMIT) & (self.world("alive") > 0)
+        for name in ("stiffness", "damping_time"):
+            sound = sound & xp.isfinite(self.world(name))
+        for slot in range(6):
+            sound = sound & xp.isfinite(self.state.load(layout.hand + slot))
+        with program.loop(0, layout.state) as slot:
+            self.state.store(slot, xp.where(sound, self.state.load(slot), self.room.load(slot)))
+        self._world.store(WORLD.index("alive"), xp.where(sound, 1.0, 0.0))
+
+    def _let_pulls_arrive(self) -> None:
+        program, xp = self.program, self.program.xp
+        angle = program.variable(0.0)
+        with program.loop(1, self.bodies) as body:
+            first, last = self.joints_of(body)
+            shaft = self.structure.load(self.bodies * 4 + first) == 1
+            with program.when(shaft):
+                x, y = self.state.load(first), self.state.load(last - 1)
+                angle.value = angle.value + joint_angle(xp, x, y)
+        for wire, name in enumerate(WIRE_NAMES):
+            slot = self.layout.pulls + wire
+            arrived = arriving_pulls(
+                xp,
+                self.world(name),
+                self.state.load(slot),
+                friction=self.scope("wire_friction"),
+                hysteresis=self.scope("wire_hysteresis"),
+                sheath_angle=angle.value,
+            )
+            self.state.store(slot, arrived)
+
+    def chain(self, each: Callable[[Value, "Link"], None]) -> "Link":
+        """Go outwards along the chain, and do something at each link; the last one is returned."""
+        program, state = self.program, self.state
+        gravity = tuple(-self.world(f"gravity_{axis}") for axis in "xyz")
+        link = Link(program, gravity)
+        with program.loop(0, self.bodies) as body:
+            first, last = self.joints_of(body)
+            offset = times(self.link(body, "offset"), link.axis)
+            link.shift(offset)
+            self.room.put(self._body(body) + 27, offset)
+            with program.when(body == 0):
+                direction = link.direction(self._axis(0))
+                self.room.put(self._joint(0) + 7, direction)
+                link.slide(direction, state.load(0), state.load(self.layout.speeds))
+            with program.loop(program.xp.where(body == 0, 1, first), last) as dof:
+                local = self._axis(dof)
+                direction = link.direction(local)
+                self.room.put(self._joint(dof) + 7, direction)
+                link.turn(local, direction, state.load(dof), state.load(self.layout.speeds + dof))
+            each(body, link)
+        return link
+
+    def _outwards(self) -> None:
+        tip = self.chain(self._meet)
+        slot = self.layout.arcs + self.spheres
+        place = add(tip.place, times(self.scope("tip"), tip.axis))
+        self.state.store(slot, self.nearest(place, self.state.load(slot)))
+
+    def _meet(self, body: Value, link: "Link") -> None:
+        """What a link's velocity needs and its spheres meet: its inertia and wrench."""
+        program, room = self.program, self.room
+        own = tuple(self.link(body, name) for name in BODY[1:])
+        rates = link.turning_rate, link.moving_rate
+        torque, force = link_bias(own, link.axis, link.turning, link.moving, rates)
+        inertia = link_inertia(link.axis, *own)
+        sums = _Changing(program, (*_flat(inertia), *torque, *force))
+        with program.loop(*self.spheres_of(body)) as sphere:
+            self._touch(sphere, link, sums)
+        room.put(self._body(body), sums.now)
+
+    def _touch(self, sphere: Value, link: "Link", sums: _Changing) -> None:
+        program, xp, state, room, layout = self.program, self.program.xp, self.state, self.room, self.layout
+        along = times(self.sphere_place(sphere), link.axis)
+        centre, slot = add(link.place, along), layout.arcs + sphere
+        arc = self.nearest(centre, state.load(slot))
+        state.store(slot, arc)
+        where, carried = self._sphere(sphere), state.load(layout.normals + sphere) > 0
+        room.store(where + 9, 0.0)
+        with program.when(arc > 0):
+            depth, normal = self.wall(centre, arc)
+            radius = self.scope("radius")
+            depth = xp.where(arc > 0, depth + (radius - self.world("device_radius")), -1.0)
+            lever = minus(along, times(radius, normal))
+            speed = add(link.moving, cross(link.turning, lever))
+            damper = self._damper()
+            spring, damper, drag = place_contact(
+                xp,
+                depth,
+                normal,
+                speed,
+                carried,
+                stiffness=self.world("stiffness"),
+                damper=damper,
+                friction=self.world("friction"),
+            )
+            room.store(where + 9, spring)
+            with program.when(spring > 0):
+                room.put(where, (*normal, *lever, *speed))
+                room.store(where + 10, drag)
+                felt = place_inertia(lever, normal, self.h * damper, self.h * drag)
+                force = place_force(spring, damper, drag, normal, speed)
+                more = (*_flat(felt), *times(-1.0, cross(lever, force)), *times(-1.0, force))
+                sums.now = tuple(x + y for x, y in zip(sums.now, more, strict=True))
+
+    def _damper(self) -> Value:
+        return self.world("stiffness") * (self.world("damping_time") + self.h)
+
+    def nearest(self, place: Vector, arc: Value) -> Value:
+        """Arc length next to a place that was near `arc`."""
+        return nearest_arc(self.program.xp, self.tables, *self._stations(), place, arc)
+
+    def wall(self, place: Vector, arc: Value) -> tuple[Value, Vector]:
+        """Depth of a point in the wall, and the inward normal."""
+        return wall_beside(self.program.xp, self.tables, *self._stations(), place, arc)
+
+    def _stations(self) -> tuple[Value, Value, Value]:
+        whole = self.program.xp.int32
+        return self.world("step"), whole(self.world("first")), self.world("count")
+
+    def _inwards(self) -> None:
+        program, room = self.program, self.room
+        sums = _Changing(program, [0.0] * 27)
+        limit, arrived = self.scope("pull_limit"), (self.state.load(self.layout.pulls + wire) for wire in range(4))
+        pulls = tuple(borne_pulls(program.xp, pull, limit) for pull in arrived)
+        with program.loop(0, self.bodies, backwards=True) as body:
+            own = self._body(body)
+            sums.now = tuple(total + room.load(own + i) for i, total in enumerate(sums.now))
+            first, last = self.joints_of(body)
+            with program.loop(program.xp.where(body == 0, 1, first), last, backwards=True) as dof:
+                self._free(dof, sums, pulls, hinge_force, 0)
+            with program.when(body == 0):
+                self._free(program.index(0), sums, pulls, slide_force, 1)
+            offset = room.vector(own + 27)
+            inertia, torque, force = _unflat(sums.now)
+            sums.now = (*_flat(from_parent(inertia, offset)), *add(torque, cross(offset, force)), *force)
+
+    def _free(self, dof: Value, sums: _Changing, pulls: Any, unit_force: Callable[..., Any], slides: int) -> None:
+        """Let a joint give way: what is felt beyond it less what it yields."""
+        inertia, torque, force = _unflat(sums.now)
+        own = self._joint(dof)
+        direction = self.room.vector(own + 7)
+        turn, push = unit_force(inertia, direction)
+        driven, damped = self._driven(dof, pulls, slides)
+        inverse = 1.0 / (dot(direction, push if slides else turn) + damped)
+        driven = driven - dot(direction, force if slides else torque)
+        inertia, turn, push = freed(inertia, turn, push, inverse)
+        self.room.put(own, (*turn, *push, driven * inverse))
+        sums.now = (*_flat(inertia), *add(torque, times(driven, turn)), *add(force, times(driven, push)))
+
+    def _driven(self, dof: Value, pulls: Any, slides: int) -> tuple[Value, Value]:
+        """Torque of springs, stops, locks, wires and hand on a joint; and its armature, with what a step is damped."""
+        program, xp, state = self.program, self.program.xp, self.state
+        angle, speed = state.load(dof), state.load(self.layout.speeds + dof)
+        scale = self.scale(dof)
+        damping = scale * self.joint(dof, "damping")
+        low, high = self.joint(dof, "low"), self.joint(dof, "high")
+        stop, stopped = stop_torque(xp, angle, low, high, timestep=self.h)
+        torque = stop - scale * self.joint(dof, "stiffness") * (angle - self.joint(dof, "rest"))
+        insertion = self.scope("start") + state.load(0)
+        held = lock_activation(xp, insertion, self.joint(dof, "behind"))
+        damping = damping + stopped + self.joint(dof, "lock_damping") * held
+        torque = torque - self.joint(dof, "lock_stiffness") * held * angle
+        for name, pull in zip(WIRE_NAMES, pulls, strict=True):
+            torque = torque - pull * self.joint(dof, name)
+        total = program.variable(torque - damping * speed)
+        damped = program.variable(damping)
+        with program.when(dof < 2):
+            side = 0 if slides else 1
+            limit = self.world("push_limit" if slides else "torque_limit")
+            stiffness, damper = float(HAND_STIFFNESS[side]), float(HAND_DAMPING[side])
+            hand = held_force(xp, state.load(self.layout.hand + side), angle, speed, limit, stiffness, damper)
+            total.value = total.value + hand
+            # The hand's damper is in its force already; where the force is at its limit, it damps no more.
+            damped.value = damped.value + xp.where(xp.abs(hand) < limit, damper, 0.0)
+        return total.value, scale * self.joint(dof, "armature") + self.h * damped.value
+
+    def _accelerate(self, fastest: Any) -> None:
+        program, state, room, layout = self.program, self.state, self.room, self.layout
+        turning, moving = _Changing(program, _NONE), _Changing(program, _NONE)
+
+        def move(dof: Value, along: _Changing) -> None:
+            own = self._joint(dof)
+            gives = dot(room.vector(own), turning.now) + dot(room.vector(own + 3), moving.now)
+            rate = room.load(own + 6) - gives
+            along.now = add(along.now, times(rate, room.vector(own + 7)))
+            speed = state.load(layout.speeds + dof) + self.h * rate
+            state.store(layout.speeds + dof, speed)
+            state.store(dof, state.load(dof) + self.h * speed)
+            size = program.xp.abs(speed)
+            fastest.value = program.xp.where(size < SPEED_LIMIT, fastest.value, size)  # also of what is no number
+
+        with program.loop(0, self.bodies) as body:
+            first, last = self.joints_of(body)
+            moving.now = add(moving.now, cross(turning.now, room.vector(self._body(body) + 27)))
+            with program.when(body == 0):
+                move(program.index(0), moving)
+            with program.loop(program.xp.where(body == 0, 1, first), last) as dof:
+                move(dof, turning)
+            with program.loop(*self.spheres_of(body)) as sphere:
+                self._leave(sphere, turning.now, moving.now)
+
+    def _leave(self, sphere: Value, turning_rate: Vector, moving_rate: Vector) -> None:
+        """Normal force at the step's end, by the speed at which the surface then leaves the wall."""
+        program, room, own = self.program, self.room, self._sphere(sphere)
+        spring, slot = room.load(own + 9), self.layout.normals + sphere
+        self.state.store(slot, 0.0)
+        with program.when(spring > 0):
+            normal, lever, speed = (room.vector(own + 3 * part) for part in range(3))
+            speed = add(speed, times(self.h, add(moving_rate, cross(turning_rate, lever))))
+            self.state.store(slot, normal_force(program.xp, spring, self._damper(), dot(normal, speed)))
+
+    def _joint(self, dof: Any) -> Any:
+        return self.layout.joint_room + dof * JOINT_ROOM
+
+    def _body(self, body: Any) -> Any:
+        return self.layout.body_room + body * BODY_ROOM
+
+    def _sphere(self, sphere: Any) -> Any:
+        return self.layout.sphere_room + sphere * SPHERE_ROOM
+
+    def _axis(self, dof: Any) -> Vector:
+        return self.joint(dof, "x"), self.joint(dof, "y"), self.joint(dof, "z")
+
+
+class Link:
+    """Pose and motion of a link, while the chain is gone through; the first stands still at the entry."""
+
+    def __init__(self, program: Program, falling: Vector) -> None:
+        """`falling`: acceleration that keeps a weight up [m/s^2]."""
+        self._program = program
+        self._frame = [_Changing(program, [float(i == j) for i in range(3)]) for j in range(3)]
+        self._place, self._turning, self._moving, self._turning_rate = (_Changing(program, _NONE) for _ in range(4))
+        self._moving_rate = _Changing(program, falling)
+
+    @property
+    def axis(self) -> Vector:
+        """Direction of the link."""
+        return self._frame[2].now
+
+    @property
+    def frame(self) -> tuple[Vector, Vector, Vector]:
+        """Its axes."""
+        return self._frame[0].now, self._frame[1].now, self._frame[2].now
+
+    @property
+    def place(self) -> Vector:
+        """Of its origin [m]."""
+        return self._place.now
+
+    @property
+    def turning(self) -> Vector:
+        """Angular velocity [rad/s]."""
+        return self._turning.now
+
+    @property
+    def moving(self) -> Vector:
+        """Velocity of its origin [m/s]."""
+        return self._moving.now
+
+    @property
+    def turning_rate(self) -> Vector:
+        """Angular acceleration that velocities alone give [rad/s^2]."""
+        return self._turning_rate.now
+
+    @property
+    def moving_rate(self) -> Vector:
+        """Acceleration of the origin, with what keeps it from falling [m/s^2]."""
+        return self._moving_rate.now
+
+    def direction(self, local: Vector) -> Vector:
+        """Of a joint's axis."""
+        x, y, z = self.frame
+        return add(add(times(local[0], x), times(local[1], y)), times(local[2], z))
+
+    def shift(self, offset: Vector) -> None:
+        """To the next link's origin."""
+        self._place.now = add(self.place, offset)
+        self._moving.now = add(self.moving, cross(self.turning, offset))
+        self._moving_rate.now = add(self.moving_rate, cross(self.turning_rate, offset))
+
+    def slide(self, direction: Vector, way: Value, speed: Value) -> None:
+        """Along a slide."""
+        moved = times(speed, direction)
+        self._moving_rate.now = add(self.moving_rate, cross(self.turning, moved))
+        self._moving.now = add(self.moving, moved)
+        self._place.now = add(self.place, times(way, direction))
+
+    def turn(self, local: Vector, direction: Vector, angle: Value, speed: Value) -> None:
+        """About a hinge."""
+        turned = times(speed, direction)
+        self._turning_rate.now = add(self.turning_rate, cross(self.turning, turned))
+        self._moving_rate.now = add(self.moving_rate, cross(self.moving, turned))
+        self._turning.now = add(self.turning, turned)
+        frame = turned_frame(self.frame, local, direction, *self._program.xp.sine_versine(angle))
+        for mine, column in zip(self._frame, frame, strict=True):
+            mine.now = column
+
+
+class _Points:
+    """`Tables.points` of rows of stations."""
+
+    def __init__(self, rows: Rows) -> None:
+        self._rows = rows
+
+    def __getitem__(self, at: tuple[Value, int]) -> Value:
+        row, component = at
+        return self._rows.read(row, component)
+
+
+class _Frames(_Points):
+    """`Tables.frames` of rows of stations."""
+
+    def __getitem__(self, at: Any) -> Value:
+        row, component, axis = at
+        return self._rows.read(row, 4 + 4 * axis + component)
+
+
+class _Wall:
+    """`Tables.wall`."""
+
+    def __init__(self, rows: tuple[Rows, int]) -> None:
+        self._rows, angles = rows
+        self.shape = (0, angles, 4)
+
+    def __getitem__(self, at: tuple[Value, Value, int]) -> Value:
+        row, angle, part = at
+        return self._rows.read(row * self.shape[1] + angle, part)
+
+
+def _flat(inertia: Inertia) -> tuple[Any, ...]:
+    return (*inertia.a, *inertia.b, *inertia.m)
+
+
+def _unflat(numbers: tuple[Any, ...]) -> tuple[Inertia, Vector, Vector]:
+    a, b, m = numbers[:6], numbers[6:15], numbers[15:21]
+    torque, force = numbers[21:24], numbers[24:27]
+    return Inertia(a, b, m), (torque[0], torque[1], torque[2]), (force[0], force[1], force[2])
