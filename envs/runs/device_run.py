@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -16,9 +16,9 @@ from haustra.envs.sim.device_native import NativeDevice
 from haustra.models.accuracy import NumericalError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.lumen_meshes import add_lumen
-from haustra.models.device_scene import build_device_scene, device_options, device_tables
-from haustra.models.devices.base import Device, Pose, Reading
-from haustra.models.scene import SceneOptions, entry_of
+from haustra.models.device_scene import build_device_scene, device_options, device_tables, pose_in
+from haustra.models.devices.base import Device, Reading
+from haustra.models.scene import SceneOptions
 
 PATIENCE = 10.0
 """A run whose time is up was stuck when it made less than `_HEADWAY` in this time [s]."""
@@ -49,8 +49,6 @@ class DeviceRun:
     left_out: Mapping[str, str]
     configuration: Mapping[str, object]
     """Every option that shaped the run; JSON values only."""
-    own_scores: Mapping[str, Any] = field(default_factory=dict)
-    """Scores of this kind of device, beside the means and peaks of its readings."""
 
 
 def run_device(
@@ -66,8 +64,8 @@ def run_device(
     Raises:
         UnsupportedSceneError: naming what the device or its scene does not honour.
     """
-    options = options or device_options()
-    scene = build_device_scene(device, options, pose=Pose(*entry_of(colon)))
+    options = options or device_options(device)
+    scene = build_device_scene(device, options, pose=pose_in(colon, device, options))
     backend = NativeDevice(scene, device_tables(scene, [colon]))
     steps = max(1, round(CONTROL_INTERVAL / options.timestep))
     rows: list[dict[str, Any]] = []
@@ -176,7 +174,6 @@ def device_scores(run: DeviceRun, colon: Colon) -> dict[str, Any]:
         "mesentery": False,
         "numerical_error": NumericalError().to_json(),
         "timestep_s": float(run.spec.option.timestep),
-        **run.own_scores,
         "not_modelled": dict(run.left_out),
     }
 

@@ -1,5 +1,6 @@
 """Any device on MuJoCo's CPU engine, in many worlds: planes placed where the table says, commands in, readings out."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -10,7 +11,7 @@ from mujoco.batch import Batch
 from haustra.envs.sim.log import log_to_stderr_only
 from haustra.envs.sim.native import FATAL_WARNINGS, SPEED_LIMIT
 from haustra.envs.sim.table_planes import TablePlanes
-from haustra.models.device_scene import DeviceScene
+from haustra.models.device_scene import DeviceScene, tread_sensor
 from haustra.models.devices.base import LOOK_AHEAD, DeviceReadings, State
 from haustra.models.wall.lumen_table import Tables, axis_at, pick
 
@@ -20,7 +21,15 @@ class NativeDevice:
 
     name = "native"
 
-    def __init__(self, scene: DeviceScene, tables: Tables, *, worlds: int = 1, threads: int = 1) -> None:
+    def __init__(
+        self,
+        scene: DeviceScene,
+        tables: Tables,
+        *,
+        worlds: int = 1,
+        threads: int = 1,
+        starts: Sequence[float] | None = None,
+    ) -> None:
         """Compile one model for all worlds.
 
         Args:
@@ -28,10 +37,12 @@ class NativeDevice:
             tables: the colons (`haustra.models.device_scene.device_tables`).
             worlds: how many.
             threads: of MuJoCo.
+            starts: arc length of the scene's pose in each colon [m]; that of the pose when None.
         """
         log_to_stderr_only()
         self.scene, self.worlds, self._tables = scene, worlds, tables
         self.model = model = scene.compile()
+        model.flg_surfacevel = scene.device.has_treads  # before it is copied
         self._batch = batch = Batch(model, worlds, nthread=threads)
         self._qpos, self._qvel, self._act = (batch.bind(name) for name in ("qpos", "qvel", "act"))
         self._ctrl, self._time, self._force = (batch.bind(name) for name in ("ctrl", "time", "actuator_force"))
@@ -48,7 +59,13 @@ class NativeDevice:
             groups=scene.groups,
             anus=scene.pose.position,
             inwards=scene.pose.frame[:, 2],
+            starts=np.array(starts) if starts else np.full(len(tables.count) // len(scene.radii), scene.pose.arc),
+            samples=scene.handles.samples,
         )
+        if scene.device.has_treads:
+            self._surface, self._felt = batch.expand("geom_surfacevel"), batch.bind("sensordata")
+            first = [model.sensor(tread_sensor(i)).adr[0] for i in range(len(scene.handles.samples))]
+            self._columns = np.add.outer(first, np.arange(9))
         self._nose = self._wall.radius[-1]
         self._start_state = batch.state[0].copy()
         self.healthy: Bool[np.ndarray, " worlds"] = np.ones(worlds, bool)
@@ -87,8 +104,9 @@ class NativeDevice:
         self._lose(self.healthy & ~sound)
         commands = np.where(sound[:, None], commands, 0.0)
         device = self.scene.device
-        self._ctrl[:] = device.control(np, self.model, self.scene.handles, self._state(), commands)
-        for _ in range(count):
+        for number in range(count):
+            if number == 0 or device.has_treads:
+                self._command(commands)
             self._wall.place(np.flatnonzero(self.healthy))
             self._batch.step(None if self.healthy.all() else np.flatnonzero(self.healthy))
             self._catch_divergence()
@@ -125,11 +143,26 @@ class NativeDevice:
         """Model and data of one world as MuJoCo's own values, to draw or to check."""
         return self._batch.get_model(world), self._batch.get_data(world)
 
+    def _command(self, commands: Float[np.ndarray, "worlds channels"]) -> None:
+        """Set the device's actuators, and let its treads run."""
+        device, handles, state = self.scene.device, self.scene.handles, self._state()
+        self._ctrl[:] = device.control(np, self.model, handles, state, commands)
+        if device.has_treads:
+            treads = device.treads(np, self.model, handles, state, commands)
+            self._surface[:, self._wall.spheres, :3] = treads.speed
+            self._wall.set_grip(treads.grip)
+
     def _state(self) -> State:
         # Python's own arrays: a device must not write into what MuJoCo steps.
-        return State(
+        state = State(
             self._qpos.copy(), self._qvel.copy(), self._act.copy(), self._frame(), self._arc(), self._force.copy()
         )
+        if not self.scene.device.has_treads:
+            return state
+        felt = self._felt[:, self._columns]
+        force, normal, tangent = felt[..., :3], felt[..., 3:6], felt[..., 6:]
+        on_wall = force[..., 1:2] * tangent + force[..., 2:] * np.cross(normal, tangent)
+        return state._replace(pressed=force[..., 0], rubbed=-on_wall)
 
     def _frame(self) -> Float[np.ndarray, "worlds 3 3"]:
         return self._site_xmat[:, self._tip].reshape(-1, 3, 3).copy()

@@ -64,8 +64,6 @@ def test_what_is_not_honoured_is_refused_by_name(options, message):
         build_device_scene(scope(), options)
 
 
-def test_devices_that_cannot_meet_a_table_and_worn_wires_are_refused():
-    with pytest.raises(UnsupportedSceneError, match=r"cannot meet the lumen's table. It can meet: pieces"):
-        build_device_scene(load_device("tracked"))
+def test_worn_wires_are_refused():
     with pytest.raises(UnsupportedSceneError, match=r"has wires\.friction, which"):
         build_device_scene(load_device("adult-worn"))
