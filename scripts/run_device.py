@@ -31,6 +31,7 @@ def run_any(asked: Any, device: "Device") -> dict[str, Any]:
     if not 0 < asked.seconds <= 36000:
         raise InvalidOptionError(f"--seconds is {asked.seconds}; give a time between 0 and 36000 s.")
     changed = {name: value for name in ("friction", *_TABLE) if (value := getattr(asked, name)) is not None}
+    changed["mesentery"] = not (asked.fixed or device.has_treads)
     if asked.start is not None:
         changed["start_depth"] = asked.start
     options = device_options(device, **changed)

@@ -13,7 +13,8 @@ from haustra.envs.sim.native import FATAL_WARNINGS, SPEED_LIMIT
 from haustra.envs.sim.table_planes import TablePlanes
 from haustra.models.device_scene import DeviceScene, tread_sensor
 from haustra.models.devices.base import LOOK_AHEAD, DeviceReadings, State
-from haustra.models.wall.lumen_table import Tables, axis_at, pick
+from haustra.models.wall.lumen_table import Tables, pick
+from haustra.models.wall.moving_colon import axis_at
 
 
 class NativeDevice:
@@ -42,7 +43,8 @@ class NativeDevice:
         log_to_stderr_only()
         self.scene, self.worlds, self._tables = scene, worlds, tables
         self.model = model = scene.compile()
-        model.flg_surfacevel = scene.device.has_treads  # before it is copied
+        # Before it is copied: treads, and walls that move, drag by friction.
+        model.flg_surfacevel = scene.device.has_treads or scene.options.mesentery
         self._batch = batch = Batch(model, worlds, nthread=threads)
         self._qpos, self._qvel, self._act = (batch.bind(name) for name in ("qpos", "qvel", "act"))
         self._ctrl, self._time, self._force = (batch.bind(name) for name in ("ctrl", "time", "actuator_force"))
@@ -122,7 +124,7 @@ class NativeDevice:
             tip=tip,
             tip_frame=self._frame(),
             tip_arc=arcs,
-            ahead=look_ahead(np, self._tables, self._wall.case * len(self.scene.radii), tip, arcs),
+            ahead=look_ahead(np, self._tables, self._wall.case * len(self.scene.radii), tip, arcs, self.displacement),
             wall_force=np.linalg.norm(links, axis=2).max(axis=1),
             deepest=self._wall.depth.max(axis=1),
         )
@@ -130,6 +132,11 @@ class NativeDevice:
     def readings(self) -> dict[str, Float[np.ndarray, " worlds"]]:
         """The device's own quantities, by name."""
         return self.scene.device.read(np, self.model, self.scene.handles, self._state())
+
+    @property
+    def displacement(self) -> Float[np.ndarray, "worlds nodes 3"] | None:
+        """Displacements of the colons' axes [m]; None where they are fixed."""
+        return self._wall.displacement
 
     def spheres(self) -> Float[np.ndarray, "worlds spheres 3"]:
         """Places of the device's spheres, the last at its nose [m]."""
@@ -187,9 +194,12 @@ class NativeDevice:
         self._wall.begin(np.flatnonzero(lost))
 
 
-def look_ahead(xp: Any, tables: Tables, colons: Any, tip: Any, arcs: Any) -> Any:
-    """Unit vectors (worlds, 3) from the tip to the lumen's axis `LOOK_AHEAD` further on, at least to the anus."""
-    own = pick(tables, colons)
-    target = axis_at(xp, own, xp.maximum(arcs + LOOK_AHEAD, 0.0)[:, None])[:, 0]
+def look_ahead(xp: Any, tables: Tables, colons: Any, tip: Any, arcs: Any, displacement: Any = None) -> Any:
+    """Unit vectors (worlds, 3) from the tip to the lumen's axis `LOOK_AHEAD` further on, at least to the anus.
+
+    The axis is displaced where colons move (worlds, nodes, 3).
+    """
+    further = xp.maximum(arcs + LOOK_AHEAD, 0.0)[:, None]
+    target = axis_at(xp, pick(tables, colons), displacement, further)[:, 0]
     away = target - tip
     return away / xp.maximum(xp.sqrt((away**2).sum(axis=-1, keepdims=True)), 1e-6)

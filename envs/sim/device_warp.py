@@ -88,6 +88,10 @@ class WarpDevice:
         Raises:
             UnsupportedSceneError: when Warp has not what the device is made of.
         """
+        if scene.options.mesentery:
+            raise UnsupportedSceneError(
+                "The backend 'warp' cannot honour scene.mesentery = True for a device; 'native' can."
+            )
         if scene.device.has_treads:
             raise UnsupportedSceneError(
                 f"The backend 'warp' cannot honour the treads of a device of kind '{scene.device.kind}'; 'native' can."

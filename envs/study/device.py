@@ -76,7 +76,8 @@ def build_setup(
         path if path.partition(".")[0] in own else f"design.{path}": value for path, value in rooms["design"].items()
     }
     device = with_values(base, inside) if inside else base
-    options = device_options(device, friction=friction, timestep=float(study.options["timestep"]))
+    asked = {"timestep": float(study.options["timestep"]), "mesentery": bool(study.options["mesentery"])}
+    options = device_options(device, friction=friction, **asked)
     options = with_values(options, rooms["scene"]) if rooms["scene"] else options
     build_device_scene(device, options, pose=Pose())
     return device, options
@@ -180,7 +181,7 @@ QUESTION = Question(
         "colon": Column("colon", "text", "grown-<seed>, or the folder of a colon"),
         "friction": Column("friction", "1", "Coulomb's coefficient between device and wall"),
     },
-    options={"seconds": 30.0, "timestep": SceneOptions.timestep},
+    options={"seconds": 30.0, "timestep": SceneOptions.timestep, "mesentery": False},
     check=build_setup,
 )
 NATIVE = Backend(start=_start)

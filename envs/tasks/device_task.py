@@ -33,6 +33,8 @@ class DeviceRules:
     """Between device and wall, drawn evenly [1]."""
     wall_stiffness: tuple[float, float] = (700.0, 2400.0)
     """Of a contact, drawn evenly: the measured range [N/m]."""
+    mesentery: bool = False
+    """Colons move on their mesentery."""
     seconds: float = 90.0
     """Then the episode is truncated [s]."""
     control_interval: float = 0.04
@@ -78,7 +80,7 @@ class DeviceEnv(gymnasium.Env):
         self.device = device if isinstance(device, Device) else load_device(device)
         colons = list(colons or [grow_colon(seed=seed) for seed in range(*self.rules.seeds)])
         self._lengths = [colon.centreline.length for colon in colons]
-        options = device_options(self.device)
+        options = device_options(self.device, mesentery=self.rules.mesentery)
         scene = build_device_scene(self.device, options)
         poses = [pose_in(colon, self.device, options) for colon in colons]
         self._backend = NativeDevice(scene, device_tables(scene, colons, poses), starts=[pose.arc for pose in poses])

@@ -146,6 +146,7 @@ goal = "maximise"
     assert fast - slow == pytest.approx(robot().design.tread_speed(75), rel=0.02)
     made = DeviceEnv("tracked", colons=[COLON], rules=DeviceRules(friction=(0.4, 0.4)))
     made.reset(seed=0)
+    reward, info = 0.0, {}
     for _ in range(10):
         _, reward, _, _, info = made.step(np.array([-0.7]))
     assert info["tip_arc"] - 0.3 == pytest.approx(10 * 0.04 * robot().design.tread_speed(150), rel=0.1) and reward > 0
