@@ -144,7 +144,7 @@ def _insertion(scene: Scene, before: float, seconds: float) -> tuple[dict[str, V
 
 
 def _at_the_defaults(colon: Colon, design: ScopeDesign, seconds: float) -> dict[str, Value]:
-    """Simulated time over processor time of a run as `haustra run` does it; processor time hardly counts what else runs."""
+    """Simulated over processor time of a run as `haustra run` does it: what else runs on the machine hardly counts."""
     options, settings = SceneOptions(wall_law="table", mesentery=True), FollowerSettings(straighten=True)
     deepest = options.start_depth + settings.advance_rate * seconds
     scene = build_scene(colon, None, design, options, show_lumen=False, deepest=deepest)
