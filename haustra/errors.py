@@ -34,7 +34,7 @@ class OutputError(HaustraError):
 
 
 class UnsupportedSceneError(HaustraError):
-    """An engine cannot honour something that the scene contains."""
+    """A backend cannot honour something that the scene contains."""
 
 
 class MissingDependencyError(HaustraError):

@@ -84,7 +84,7 @@ class SceneOptions:
     """How far the tip is past the anus at the start [m]."""
     softening: bool = True
     """Let hinges of the shaft soften as they bend (`haustra.models.devices.scope.cable.SOFTENING`), so that a bend in
-    any direction is as stiff; engines of many worlds have linear springs only."""
+    any direction is as stiff; backends of many worlds have linear springs only."""
     insertion_limit: float | None = None
     """How much of the scope the scene models [m]; the whole scope, or as much as the colon can take, when None."""
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -268,7 +268,7 @@ def _left_out(
     if modelled < design.length - 1e-9:
         left_out["shaft outside"] = f"the last {design.length - modelled:.3f} m of shaft never enter this colon"
     if options.wall_law == "table":
-        left_out["wall"] = "its table is the engine's: in stock MuJoCo nothing touches the saved scope"
+        left_out["wall"] = "its table is the backend's: in stock MuJoCo nothing touches the saved scope"
     if options.wall_law == "pieces":
         left_out["joints of pieces"] = "where a place touches several, the deepest counts; in stock MuJoCo all do"
     if outside and outside.length:

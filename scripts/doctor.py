@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Doctor:
-    """Print versions, engines and rendering back-ends that work here."""
+    """Print versions, backends and rendering back-ends that work here."""
 
     json: bool = False
     """Print one JSON document instead of a table."""
@@ -23,14 +23,14 @@ class Doctor:
             "platform": platform.platform(),
             "cores": os.cpu_count(),
             "versions": package_versions(),
-            "engines": _engines(),
+            "backends": _backends(),
             "rendering": {"software": "works", **probe_backends()},
             "mujoco_gl": os.environ.get("MUJOCO_GL", "not set"),
         }
 
 
-def _engines() -> dict[str, str]:
-    """Each engine, and what of haustra it can run here."""
+def _backends() -> dict[str, str]:
+    """Each backend, and what of haustra it can run here."""
     needs = {
         "jax": ("jax", "mjx", "scopes against the tabulated lumen, one or many: run, sweep, vector environments"),
         "warp": (
@@ -40,7 +40,7 @@ def _engines() -> dict[str, str]:
         ),
     }
     verdicts = {"native": "works: everything"}
-    for engine, (module, extra, use) in needs.items():
+    for backend, (module, extra, use) in needs.items():
         installed = find_spec("mujoco.mjx") is not None and find_spec(module) is not None
-        verdicts[engine] = f"installed: {use}" if installed else f"not installed: pip install 'haustra[{extra}]'"
+        verdicts[backend] = f"installed: {use}" if installed else f"not installed: pip install 'haustra[{extra}]'"
     return verdicts

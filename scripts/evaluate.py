@@ -28,10 +28,10 @@ class Evaluate:
     friction: tuple[float, float] | None = None
     """Range of Coulomb's coefficient."""
     mesentery: bool | None = None
-    """Let colons move on their mesentery (engines native and jax); as the first policy's when not given."""
+    """Let colons move on their mesentery (backends native and jax); as the first policy's when not given."""
     seconds: float = 90.0
     """Longest episode [s]."""
-    engine: Literal["native", "jax", "warp"] = "native"
+    backend: Literal["native", "jax", "warp"] = "native"
     """Of the physics: MuJoCo on threads, or JAX on its device, all episodes at once."""
     threads: int = 2
     """For physics on the CPU."""
@@ -79,7 +79,7 @@ class Evaluate:
                         bank,
                         episodes=self.episodes,
                         threads=self.threads,
-                        engine=self.engine,
+                        backend=self.backend,
                         record=self.video,
                         progress=lambda count, _, tell=advance: tell(count, ""),
                     )
@@ -90,7 +90,7 @@ class Evaluate:
         }
         colons = [str(path) for path in self.colon_folders] or self.colons
         asked = {"task": config.to_json(), "colons": colons}
-        provenance = Provenance(inputs={}, configuration=asked, backend=backend_record(self.engine))
+        provenance = Provenance(inputs={}, configuration=asked, backend=backend_record(self.backend))
         write_json(folder / "evaluation.json", result | {"provenance": provenance.to_json()})
         write_json(folder / "episodes.json", {one.driver: one.rows() for one in done})
         draw_evaluations(done, folder / "evaluation.png")

@@ -19,7 +19,7 @@ class Run:
     """Name of a device (adult, paediatric, adult-worn, adult-variable, and what assets/devices holds), or a file that
     ends in .toml; options that a device does not honour are refused by name."""
     start: float | None = None
-    """Where a device that stands in the colon stands at first, as its centre's distance from the anus [m]."""
+    """Where a device that stands in the colon stands at first, as its tip's distance from the anus [m]."""
     wall: Literal["coacd", "prism"] = "coacd"
     """Which wall to use; it is built first if the colon's folder does not have it."""
     preset: Literal["fast", "balanced", "accurate"] = "balanced"
@@ -106,7 +106,7 @@ class Run:
                     scene,
                     seconds=self.seconds,
                     settings=settings,
-                    engine=_jax_engine() if self.backend == "jax" else self._native(wall, deepest),
+                    backend=_jax_backend() if self.backend == "jax" else self._native(wall, deepest),
                     progress=lambda time, arc: advance(time, f"tip at {arc:.2f} m"),
                 )
 
@@ -143,14 +143,14 @@ class Run:
         return chosen
 
 
-def _jax_engine():
-    """The engine in JAX, its compiled programs kept for the next run."""
+def _jax_backend():
+    """The backend in JAX, its compiled programs kept for the next run."""
     from haustra.envs.sim.jax_setup import compute_on_one_thread, use_jax
     from haustra.models.wall.cache import cache_folder
 
     compute_on_one_thread()
     use_jax(cache=cache_folder() / "jax")
-    from haustra.envs.sim.field_engine import JaxSingle
+    from haustra.envs.sim.jax_single import JaxSingle
 
     return JaxSingle
 

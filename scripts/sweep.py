@@ -20,7 +20,7 @@ class _StudyVerb:
     """Go on with what the folder holds."""
     workers: int | None = None
     """Processes (tasks on Ray, jobs on Slurm) at a time; as many as there are cores when not given."""
-    engine: str = "native"
+    backend: str = "native"
     """What computes."""
     on: Literal["here", "ray", "slurm"] = "here"
     """Where: this machine, a Ray cluster, or Slurm."""
@@ -40,7 +40,7 @@ class _StudyVerb:
 
         study = load_study(self.study)
         computing = Computing(
-            engine=self.engine,
+            backend=self.backend,
             workers=self.workers if self.workers is not None else _cores(),
             on=self.on,
             partition=self.partition,

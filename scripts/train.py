@@ -29,10 +29,10 @@ class Train:
     difficulty: Literal["any", "easy", "moderate", "difficult", "hard"] | None = None
     """Band of tortuosity that colons are grown from."""
     mesentery: bool | None = None
-    """Let colons move on their mesentery; engines native and jax."""
+    """Let colons move on their mesentery; backends native and jax."""
     colons: int | None = None
     """Number of grown colons (seeds 0, 1, ...)."""
-    engine: Literal["native", "jax", "warp"] | None = None
+    backend: Literal["native", "jax", "warp"] | None = None
     """Of the physics: MuJoCo on threads, or JAX on its device."""
     device: Literal["cpu", "cuda"] | None = None
     """Of the networks."""
@@ -75,7 +75,7 @@ class Train:
             task=task,
             steps=self.steps,
             worlds=self.worlds,
-            engine=self.engine,
+            backend=self.backend,
             device=self.device,
             seed=self.seed,
             imitate=self.imitate,

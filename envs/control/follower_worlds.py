@@ -32,7 +32,7 @@ class WorldsFollower:
 
     def __post_init__(self) -> None:
         if self.settings.steer != "pulls":
-            raise InvalidOptionError("Many worlds are steered by pulls; steering by wheels needs the native engine.")
+            raise InvalidOptionError("Many worlds are steered by pulls; steering by wheels needs the native backend.")
 
     def begin(self, worlds: int, kind: Any = jnp.float32) -> Memory:
         """Memory of a follower that has seen nothing yet."""

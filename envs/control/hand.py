@@ -61,7 +61,7 @@ def inputs_at(gestures: Sequence[Gesture], time: float) -> Controls | None:
 class HapticHandle:
     """A scene's handle for a device that moves at its own, higher rate.
 
-    The device is coupled to the shaft by the hand's spring and damper. Between two steps of the engine the shaft is
+    The device is coupled to the shaft by the hand's spring and damper. Between two steps of the backend the shaft is
     taken to move on with its speed and acceleration, so that force and torque are there at any rate and do not jump at
     a step: what is left is what the acceleration itself jumps by.
     """
@@ -70,7 +70,7 @@ class HapticHandle:
         """Couple a device that calls `advance` at `rate` [Hz].
 
         Raises:
-            InvalidOptionError: when the device is slower than the engine's own steps.
+            InvalidOptionError: when the device is slower than the backend's own steps.
         """
         self.engine = engine
         self.period = 1 / rate if rate > 0 else math.inf
@@ -105,7 +105,7 @@ class HapticHandle:
         data = self.engine.data
         self._ahead += self.period
         if self._ahead >= self._step * (1 - 1e-9):
-            # The engine's hand aims at where the device is; a control is a speed, so as to get there in one step.
+            # The backend's hand aims at where the device is; a control is a speed, so as to get there in one step.
             rates = (np.array([position, roll]) - data.act[:2]) / self._step
             before = data.qvel[:2].copy()
             inputs = Controls(float(rates[0]), float(rates[1]), np.zeros(4) if pulls is None else pulls, wheels)

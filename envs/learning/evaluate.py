@@ -118,7 +118,7 @@ def evaluate(
     *,
     episodes: int = 5,
     threads: int = 2,
-    engine: str = "native",
+    backend: str = "native",
     most_worlds: int | None = None,
     record: bool = False,
     progress: Callable[[int, int], None] = lambda done, all_of_them: None,
@@ -126,7 +126,7 @@ def evaluate(
     """Let a driver drive `episodes` times in every colon of a bank.
 
     Episode e in colon k draws friction, stiffness, wires and roll by the seed 1000 k + e, whoever drives, and on
-    whichever engine.
+    whichever backend.
 
     Args:
         make_driver: given the task.
@@ -135,14 +135,14 @@ def evaluate(
         bank: the colons.
         episodes: in each.
         threads: for physics on the CPU.
-        engine: 'native', MuJoCo on threads; 'jax' or 'warp', on JAX's device.
-        most_worlds: stepped at once; what suits the engine and its device when None.
+        backend: 'native', MuJoCo on threads; 'jax' or 'warp', on JAX's device.
+        most_worlds: stepped at once; what suits the backend and its device when None.
         record: keep the states of the best episode.
         progress: told episodes done and their number.
     """
     plan = [(case, episode) for case in range(len(bank.cases)) for episode in range(episodes)]
-    worlds = min(most_worlds or MOST_WORLDS[_platform(engine)], len(plan))
-    task = ScopeTask(config, worlds=worlds, threads=threads, engine=engine, bank=bank)
+    worlds = min(most_worlds or MOST_WORLDS[_platform(backend)], len(plan))
+    task = ScopeTask(config, worlds=worlds, threads=threads, backend=backend, bank=bank)
     driver, ended = make_driver(task), {}
     waiting = list(range(len(plan)))[::-1]
     running: dict[int, _Record] = {}
@@ -191,9 +191,9 @@ def evaluate(
     return Evaluation(name, tuple(ended[number] for number in range(len(plan))), len(bank.cases), kept)
 
 
-def _platform(engine: str) -> str:
-    """What an engine computes on."""
-    if engine == "native":
+def _platform(backend: str) -> str:
+    """What a backend computes on."""
+    if backend == "native":
         return "cpu"
     from haustra.envs.sim.jax_setup import use_jax
 

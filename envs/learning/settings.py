@@ -5,13 +5,13 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 from haustra.assets import asset
-from haustra.envs.sim.device_engines import DEVICE_ENGINES
+from haustra.envs.sim.device_backends import DEVICE_BACKENDS
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.observation import IN_BYTES, sizes
 from haustra.errors import InvalidOptionError
 
 ALGORITHMS = ("ppo", "sac")
-ENGINES = ("native", *DEVICE_ENGINES)
+BACKENDS = ("native", *DEVICE_BACKENDS)
 DEVICES = ("cpu", "cuda")
 SHIPPED = ("insertion-ppo", "insertion-gpu", "insertion-mesentery", "insertion-easy", "insertion-sac", "quick")
 """Configurations in assets/training."""
@@ -28,7 +28,7 @@ class Training:
     leg: int = 200_000
     """Steps between two checkpoints; episodes begin anew there, so that a resumed run is the same run."""
     worlds: int = 32
-    engine: str = "native"
+    backend: str = "native"
     """Of the physics: MuJoCo on threads, or thousands of worlds on JAX's device: 'jax', 'warp'."""
     device: str = "cpu"
     """Of the networks: 'cpu', or 'cuda', PyTorch's GPU."""
@@ -66,7 +66,7 @@ class Training:
     def __post_init__(self) -> None:
         if self.algorithm not in ALGORITHMS:
             raise InvalidOptionError(f"Algorithm '{self.algorithm}' is not known. Known: {', '.join(ALGORITHMS)}.")
-        for name, known in (("engine", ENGINES), ("device", DEVICES)):
+        for name, known in (("backend", BACKENDS), ("device", DEVICES)):
             if getattr(self, name) not in known:
                 raise InvalidOptionError(f"The {name} '{getattr(self, name)}' is not known. Known: {', '.join(known)}.")
         for name in ("steps", "leg", "worlds", "rollout", "batch", "epochs", "buffer"):

@@ -91,7 +91,7 @@ def train(
         processes=processes,
         progress=lambda done: progress(0, f"{done} colons grown"),
     )
-    task = ScopeTask(own, worlds=training.worlds, threads=threads, engine=training.engine, bank=bank)
+    task = ScopeTask(own, worlds=training.worlds, threads=threads, backend=training.backend, bank=bank)
     try:
         run = _Run(training, folder, task, document, tensorboard, progress)
         return run.go(deadline)
@@ -170,7 +170,7 @@ class _Run:
         about = {
             "training": self.training.to_json(),
             "steps": self.model.num_timesteps,
-            "provenance": Provenance({}, {}, backend=backend_record(self.training.engine)).to_json(),
+            "provenance": Provenance({}, {}, backend=backend_record(self.training.backend)).to_json(),
         }
         save_policy(self.folder, policy_of(self.model, self.training, about, self.normaliser))
 
@@ -203,7 +203,7 @@ class _Watch(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         self._run.ease()
-        if self._run.training.engine != "native" and time.monotonic() > self._kept + _SAVE_EVERY:
+        if self._run.training.backend != "native" and time.monotonic() > self._kept + _SAVE_EVERY:
             self._run.leg += 1  # whoever goes on from here draws other episodes
             self._run.save()
             self._run.save_policy()

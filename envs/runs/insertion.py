@@ -103,7 +103,7 @@ def run_insertion(
     *,
     seconds: float,
     settings: FollowerSettings | None = None,
-    engine: Callable[[Scene], SingleBackend] = NativeEngine,
+    backend: Callable[[Scene], SingleBackend] = NativeEngine,
     progress: Progress | None = None,
 ) -> Insertion:
     """Let the lumen follower drive the scope for up to `seconds` of simulated time.
@@ -114,18 +114,18 @@ def run_insertion(
         scene: colon, wall and scope.
         seconds: simulated time [s].
         settings: of the follower.
-        engine: what steps the scene.
+        backend: what steps the scene.
         progress: told now and then how far it is.
 
     Raises:
-        UnsupportedSceneError: when the engine cannot honour the scene.
+        UnsupportedSceneError: when the backend cannot honour the scene.
     """
-    stepped = engine(scene)
+    stepped = backend(scene)
     return _drive(stepped, seconds, settings or FollowerSettings(), progress)
 
 
-def _drive(engine: SingleBackend, seconds: float, settings: FollowerSettings, progress: Progress | None) -> Insertion:
-    scene = engine.scene
+def _drive(backend: SingleBackend, seconds: float, settings: FollowerSettings, progress: Progress | None) -> Insertion:
+    scene = backend.scene
     line = scene.colon.centreline
     start = scene.options.start_depth
     tracker = ArcTracker(line, start=start)
@@ -135,22 +135,22 @@ def _drive(engine: SingleBackend, seconds: float, settings: FollowerSettings, pr
     interval = steps * scene.options.timestep
     containment = Containment(scene.colon, radius=scene.cable.radius)
     rows: list[tuple] = []
-    seen, shape = engine.read(), engine.shape()
+    seen, shape = backend.read(), backend.shape()
     ended, healthy = 0, True
     began = time.perf_counter()
     while seen.time < seconds - interval / 2:
         inputs = follower.act(seen, tracker.arc, interval)
-        if not engine.step(inputs, steps):
+        if not backend.step(inputs, steps):
             healthy = False
             break
-        seen, shape = engine.read(), engine.shape()
+        seen, shape = backend.read(), backend.shape()
         tracker.update(seen.tip, seen.way)
         behind = scene.cable.node_distances
         inside = behind < seen.insertion
         outside = containment.outside(shape[inside], behind[inside], tracker.arc, seen.way)
         moved = 0.0 if seen.way is None else float(np.linalg.norm(seen.way - line.points, axis=1).max())
-        last = moved, seen.wall_force_sum, *engine.mocap(scene.blocks)
-        rows.append((*_record(engine, seen, tracker.arc, outside), *follower.asked, *seen.bend, *last))
+        last = moved, seen.wall_force_sum, *backend.mocap(scene.blocks)
+        rows.append((*_record(backend, seen, tracker.arc, outside), *follower.asked, *seen.bend, *last))
         if progress and len(rows) % 25 == 0:
             progress(seen.time, tracker.arc)
         ended = int(
@@ -167,25 +167,25 @@ def _drive(engine: SingleBackend, seconds: float, settings: FollowerSettings, pr
             break
     return Insertion(
         outcome=outcome_of(ended, healthy=healthy, attempts=follower.attempts),
-        trajectory=_trajectory(rows, engine),
+        trajectory=_trajectory(rows, backend),
         shape=shape,
         tip_frame=seen.tip_frame,
         wall_clock=time.perf_counter() - began,
         attempts=follower.attempts,
         settings=settings,
-        colon=engine.colon(),
-        backend=engine.backend,
-        shaft_added=tuple(engine.added),
+        colon=backend.colon(),
+        backend=backend.name,
+        shaft_added=tuple(backend.added),
     )
 
 
-def _record(engine: SingleBackend, seen: Readings, arc: float, outside: float) -> tuple:
+def _record(backend: SingleBackend, seen: Readings, arc: float, outside: float) -> tuple:
     worst = int(np.argmax(seen.link_forces))
-    behind = engine.scene.cable.node_distances[worst]
+    behind = backend.scene.cable.node_distances[worst]
     return (
         seen.time,
-        engine.qpos,
-        engine.ctrl,
+        backend.qpos,
+        backend.ctrl,
         seen.tip,
         seen.insertion,
         arc,
@@ -200,9 +200,11 @@ def _record(engine: SingleBackend, seen: Readings, arc: float, outside: float) -
     )
 
 
-def _trajectory(rows: list[tuple], engine: SingleBackend) -> Trajectory:
+def _trajectory(rows: list[tuple], backend: SingleBackend) -> Trajectory:
     if not rows:
         empty = np.zeros(0)
-        wide = (np.zeros((0, engine.qpos.size)), np.zeros((0, engine.ctrl.size)), np.zeros((0, 3)))
-        return Trajectory(empty, *wide, *[empty] * 16, *(part[None][:0] for part in engine.mocap(engine.scene.blocks)))
+        wide = (np.zeros((0, backend.qpos.size)), np.zeros((0, backend.ctrl.size)), np.zeros((0, 3)))
+        return Trajectory(
+            empty, *wide, *[empty] * 16, *(part[None][:0] for part in backend.mocap(backend.scene.blocks))
+        )
     return Trajectory(*(np.array(column, dtype=float) for column in zip(*rows, strict=True)))

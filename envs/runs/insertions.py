@@ -15,7 +15,7 @@ from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.measure.containment import LumenWidths, outside, stack_widths
 from haustra.envs.runs.outcome import Outcome, ending, outcome_of
 from haustra.envs.sim.device_arrays import tree_where
-from haustra.envs.sim.device_engines import device_engine
+from haustra.envs.sim.device_backends import device_backend
 from haustra.envs.sim.precision import precise
 from haustra.envs.sim.scope_bank import ScopeBank
 from haustra.envs.sim.scope_values import Parameters, State
@@ -69,18 +69,18 @@ class Insertions:
 class InsertionBatch:
     """One scope, stacked colons, many worlds: compiled once, run as often as wanted."""
 
-    def __init__(self, engine: JaxScopes, follower: WorldsFollower, tables: Tables, widths: LumenWidths) -> None:
+    def __init__(self, backend: JaxScopes, follower: WorldsFollower, tables: Tables, widths: LumenWidths) -> None:
         """Prepare; nothing is compiled before the first run.
 
         Args:
-            engine: the scope.
+            backend: the scope.
             follower: who drives.
             tables: of all colons (`stack`), seen from their entries.
             widths: of the same colons (`stack_widths`).
         """
-        self._engine, self._follower, self._tables = engine, follower, tables
+        self._backend, self._follower, self._tables = backend, follower, tables
         self._widths = LumenWidths(*(jnp.asarray(part, tables.points.dtype) for part in widths))
-        self._steps = max(1, round(CONTROL_INTERVAL / engine.timestep))
+        self._steps = max(1, round(CONTROL_INTERVAL / backend.timestep))
         self.advance = jax.jit(self._advance, static_argnames="count")
 
     def begin(self, parameters: Parameters) -> tuple[State, Memory, Tally]:
@@ -90,19 +90,19 @@ class InsertionBatch:
         none = jnp.zeros(worlds, jnp.int32)
         start = zero + parameters.scope.start
         tally = Tally(start, zero, zero, zero, zero, zero, none, none)
-        return self._engine.begin(parameters, self._tables), self._follower.begin(worlds, zero.dtype), tally
+        return self._backend.begin(parameters, self._tables), self._follower.begin(worlds, zero.dtype), tally
 
     def run(
         self, parameters: Parameters, *, seconds: float, progress: Callable[[float], None] = lambda time: None
     ) -> Insertions:
         """Drive all worlds for up to `seconds` of simulated time; `progress` is told the time [s]."""
         worlds, drive, tally = self.begin(parameters)
-        intervals = round(seconds / (self._steps * self._engine.timestep))
+        intervals = round(seconds / (self._steps * self._backend.timestep))
         for first in range(0, intervals, _CHUNK):
             count = min(_CHUNK, intervals - first)
             worlds, drive, tally = self.advance(parameters, worlds, drive, tally, count=count)
             over = np.asarray((tally.ended > 0) | ~worlds.healthy)
-            progress((first + count) * self._steps * self._engine.timestep)
+            progress((first + count) * self._steps * self._backend.timestep)
             if over.all():
                 break
         return self._finish(parameters, worlds, drive, tally)
@@ -110,18 +110,18 @@ class InsertionBatch:
     def _advance(self, parameters: Parameters, worlds: State, drive: Memory, tally: Tally, *, count: int):
         tables = pick(self._tables, parameters.colon)
         widths = LumenWidths(*(part[parameters.colon] for part in self._widths))
-        interval = self._steps * self._engine.timestep
+        interval = self._steps * self._backend.timestep
 
         def one(_: Any, now: tuple[State, Memory, Tally]) -> tuple[State, Memory, Tally]:
             worlds, drive, tally = now
-            seen = self._engine.read(parameters, self._tables, worlds)
+            seen = self._backend.read(parameters, self._tables, worlds)
             hands, decided = self._follower.act(parameters, tables, seen, worlds.time, drive, interval=interval)
-            stepped = self._engine.steps(self._tables, parameters, worlds, hands, self._steps)
+            stepped = self._backend.steps(self._tables, parameters, worlds, hands, self._steps)
             # A world that has ended stays as it is, as a single run would.
             running = (tally.ended == 0) & stepped.healthy
             worlds = tree_where(running, stepped, worlds)._replace(healthy=stepped.healthy)
             drive = tree_where(running, decided, drive)
-            after = self._engine.read(parameters, self._tables, worlds)
+            after = self._backend.read(parameters, self._tables, worlds)
             ended = self._ended(parameters, tables, widths, worlds, after)
             return worlds, drive, tree_where(running, self._score(tally, after, ended), tally)
 
@@ -132,12 +132,12 @@ class InsertionBatch:
         self, parameters: Parameters, tables: Tables, widths: LumenWidths, worlds: State, seen: Readings
     ) -> Array:
         """Which runs end now, and why; tables and widths are those of each world."""
-        scope, behind = parameters.scope, self._engine.behind(parameters)
+        scope, behind = parameters.scope, self._backend.behind(parameters)
         apart = outside(
             jnp,
             widths,
             moving_colon.axis_at(jnp, tables, seen.displacement, widths.arcs),
-            self._engine.shape(parameters, worlds),
+            self._backend.shape(parameters, worlds),
             behind=behind,
             inside=behind < seen.insertion[:, None],
             tip_arc=seen.tip_arc,
@@ -192,7 +192,7 @@ def run_insertions(
     *,
     worlds: int,
     seconds: float,
-    engine: str = "jax",
+    backend: str = "jax",
     settings: FollowerSettings | None = None,
     progress: Callable[[float], None] = lambda time: None,
     **changed: Any,
@@ -203,16 +203,16 @@ def run_insertions(
         bank: a scope and colons.
         worlds: how many.
         seconds: [s].
-        engine: of `DEVICE_ENGINES`.
+        backend: of `DEVICE_BACKENDS`.
         settings: of the follower.
         progress: told the simulated time [s].
         changed: what differs from the bank's scene: entries of `Parameters`, one number or one a world.
 
     Raises:
         InvalidOptionError: when something that cannot differ is to.
-        UnsupportedSceneError: when the scope has what this engine cannot honour.
+        UnsupportedSceneError: when the scope has what this backend cannot honour.
     """
-    dynamics = device_engine(engine).of(bank.scene)
+    dynamics = device_backend(backend).of(bank.scene)
     follower = WorldsFollower(settings or FollowerSettings(), bank.tip_links)
     batch = InsertionBatch(dynamics, follower, bank.tables_on_device(), stack_widths(bank.colons))
     parameters = dynamics.parameters(bank.scene, worlds, **changed)

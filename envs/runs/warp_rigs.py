@@ -82,7 +82,7 @@ class WarpRigs:
             try:
                 self._warp = mujoco_warp.put_model(self.model)
             except NotImplementedError as error:
-                raise UnsupportedSceneError(f"The engine 'warp' cannot honour this rig: {error}") from error
+                raise UnsupportedSceneError(f"The backend 'warp' cannot honour this rig: {error}") from error
             self._warp.opt.warn_overflow = 0  # overflows are counted here, not printed at every step
             self._give_each_its_own(models)
             self._rows = _ROWS[whole]
@@ -118,7 +118,7 @@ class WarpRigs:
                 continue  # Warp does not read it
             shared: Any = getattr(self._warp, name)
             if not isinstance(shared, wp.array) or shared.shape[0] != 1:
-                raise UnsupportedSceneError(f"The engine 'warp' cannot vary '{name}' from world to world.")
+                raise UnsupportedSceneError(f"The backend 'warp' cannot vary '{name}' from world to world.")
             each = np.array([np.asarray(getattr(model, name)) for model in models], np.float32)
             rows = each[self.which].reshape(self.worlds, *shared.numpy().shape[1:])
             setattr(self._warp, name, wp.array(rows, dtype=shared.dtype))

@@ -1,1 +1,1 @@
-"""Engines that step a compiled scene."""
+"""Backends that step a compiled scene."""

@@ -99,7 +99,7 @@ class SingleBackend(Protocol):
     """One scene being stepped: on MuJoCo's CPU engine, growing there, or in JAX. Arrays have no axis of worlds."""
 
     @property
-    def backend(self) -> str:
+    def name(self) -> str:
         """Its name, of `haustra.envs.sim.capabilities.BACKENDS`."""
         ...
 

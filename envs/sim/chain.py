@@ -70,8 +70,8 @@ class Chain:
         serial = (model.body_parentid[bodies] == bodies - 1).all() and (model.body_dofnum[bodies] > 0).all()
         if not serial or not set(model.jnt_type.tolist()) <= kinds or np.abs(model.jnt_pos).max(initial=0) > 0:
             raise UnsupportedSceneError(
-                "The chain engine takes one serial chain of slides and hinges; this scene has branches, free bodies or "
-                "joints off their body's origin: use the native engine."
+                "The chain backend takes one serial chain of slides and hinges; this scene has branches, free bodies "
+                "or joints off their body's origin: use the native backend."
             )
         first = model.body_dofadr[bodies]
         turn = np.tile(np.eye(3), (model.nv, 1, 1))

@@ -1,4 +1,4 @@
-"""Small things that engines, drivers and studies in JAX do with arrays of many worlds."""
+"""Small things that backends, drivers and studies in JAX do with arrays of many worlds."""
 
 from typing import Any
 

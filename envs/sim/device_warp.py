@@ -88,13 +88,21 @@ class WarpDevice:
         Raises:
             UnsupportedSceneError: when Warp has not what the device is made of.
         """
+        if scene.options.mesentery:
+            raise UnsupportedSceneError(
+                "The backend 'warp' cannot honour scene.mesentery = True for a device; 'native' can."
+            )
+        if scene.device.has_treads:
+            raise UnsupportedSceneError(
+                f"The backend 'warp' cannot honour the treads of a device of kind '{scene.device.kind}'; 'native' can."
+            )
         host = for_warp(scene.compile())
         try:
             model = mjx.put_model(host, impl="warp").tree_replace({"opt._impl.warn_overflow": 0})
         except (NotImplementedError, ValueError) as error:
             kind = scene.device.kind
             raise UnsupportedSceneError(
-                f"The engine 'warp' cannot honour a device of kind '{kind}': {error}"
+                f"The backend 'warp' cannot honour a device of kind '{kind}': {error}"
             ) from error
         count = len(scene.handles.samples)
         planes = [f"wall/plane_{index:04d}_0" for index in range(count)]
@@ -223,37 +231,37 @@ class WarpDevice:
         return jax.vmap(lambda _: one)(jnp.arange(worlds))
 
 
-def drive_worlds(engine: WarpDevice, conditions: Conditions, *, seconds: float, interval: float) -> dict[str, Array]:
+def drive_worlds(backend: WarpDevice, conditions: Conditions, *, seconds: float, interval: float) -> dict[str, Array]:
     """Let the device's own driver drive all worlds; records of each control interval, worlds first.
 
     Args:
-        engine: the device and its colons.
+        backend: the device and its colons.
         conditions: of the worlds.
         seconds: simulated time [s].
         interval: between two decisions [s].
     """
-    steps = max(1, round(interval / engine.scene.options.timestep))
-    device = engine.scene.device
+    steps = max(1, round(interval / backend.scene.options.timestep))
+    device = backend.scene.device
 
     @partial(jax.jit)
     def run(conditions: Conditions, now: Worlds) -> Any:
         def decide(carry: Any, _: Any) -> Any:
             now, memory = carry
-            commands, memory = device.drive(jnp, engine.read(conditions, now), memory)
-            now = engine.step(conditions, now, commands.astype(jnp.float32), steps)
-            seen = engine.read(conditions, now)
+            commands, memory = device.drive(jnp, backend.read(conditions, now), memory)
+            now = backend.step(conditions, now, commands.astype(jnp.float32), steps)
+            seen = backend.read(conditions, now)
             kept = {
                 "time": seen.time,
                 "tip_arc": seen.tip_arc,
                 "wall_force": seen.wall_force,
                 "deepest": seen.deepest,
                 "healthy": now.healthy,
-                **engine.readings(now),
+                **backend.readings(now),
             }
             return (now, memory), kept
 
-        count = max(1, round(seconds / (steps * engine.scene.options.timestep)))
+        count = max(1, round(seconds / (steps * backend.scene.options.timestep)))
         return jax.lax.scan(decide, (now, jnp.zeros(len(now.time))), None, length=count)[1]
 
-    kept = run(conditions, engine.begin(conditions))
+    kept = run(conditions, backend.begin(conditions))
     return {name: np.asarray(value).T for name, value in kept.items()}

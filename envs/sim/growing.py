@@ -32,7 +32,7 @@ class GrowingEngine:
     first added.
     """
 
-    backend = NativeEngine.backend
+    name = NativeEngine.name
 
     def __init__(
         self,
@@ -111,7 +111,7 @@ class GrowingEngine:
 def growing(
     wall: Wall | None, *, deepest: float, table: LumenTable | None = None
 ) -> Callable[[Scene], GrowingEngine | NativeEngine]:
-    """An engine for scenes with that wall whose scopes get in by at most `deepest` [m].
+    """A backend for scenes with that wall whose scopes get in by at most `deepest` [m].
 
     Under gravity, where shaft outside is not straight, all of it is there from the start.
     """

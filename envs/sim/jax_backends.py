@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.conditions import Conditions, Snapshot
 from haustra.envs.sim.device_arrays import on_device, tree_where
-from haustra.envs.sim.device_engines import device_engine
+from haustra.envs.sim.device_backends import device_backend
 from haustra.envs.sim.scope_values import Parameters, State
 from haustra.envs.sim.state import Controls, Readings, refuse_others
 from haustra.errors import UnsupportedSceneError
@@ -38,7 +38,7 @@ class _OnDevice(AbstractBackend):
             UnsupportedSceneError: when the scene has what this backend cannot honour.
         """
         self.scene, self.tables, self.worlds = scene, tables, worlds
-        self._dynamics = dynamics = device_engine(self.name).of(scene)
+        self._dynamics = dynamics = device_backend(self.name).of(scene)
         own = on_device(tables)
         self._parameters = self._dynamics.parameters(scene, worlds, colon=np.zeros(worlds, np.int32))
         self._state = self._dynamics.begin(self._parameters, own)

@@ -3,7 +3,7 @@
 from typing import Any
 
 from haustra.envs.sim.backend import AbstractBackend
-from haustra.envs.sim.device_engines import require_device_engine
+from haustra.envs.sim.device_backends import require_device_backend
 from haustra.models.scene import Scene
 from haustra.models.wall.lumen_table import Tables
 
@@ -19,7 +19,7 @@ def backend_of(name: str) -> type[AbstractBackend]:
         from haustra.envs.sim.native_batch import NativeBackend
 
         return NativeBackend
-    require_device_engine(name)
+    require_device_backend(name)
     from haustra.envs.sim.jax_setup import share_memory, use_jax
 
     share_memory()

@@ -52,7 +52,7 @@ class NativeEngine:
     `mj_step` nearly. Steered by wheels, controls change at every step.
     """
 
-    backend = "native"
+    name = "native"
     """Name in scores."""
     added: Sequence[float] = ()
     """When shaft was added [s]: never."""
@@ -140,7 +140,7 @@ class NativeEngine:
         mujoco.mj_forward(self.model, data)
 
     def resume(self, other: "NativeEngine") -> None:
-        """Go on with the hands of an engine of the same scope, whose positions and speeds this one was given."""
+        """Go on with the hands of a backend of the same scope, whose positions and speeds this one was given."""
         self._hand, self._arriving = other._hand, other._arriving
         self._lock_outside(self.insertion)
         # This scope may have more shaft; straight, both lie with their tips in the same place.
@@ -220,7 +220,7 @@ class NativeEngine:
         return self.data.ctrl.copy()
 
     def healthy(self) -> bool:
-        """Whether the state is finite, of plausible speed, and free of the engine's own fatal warnings."""
+        """Whether the state is finite, of plausible speed, and free of the backend's own fatal warnings."""
         if self.data.warning.number[FATAL_WARNINGS].any():
             return False
         speed = np.abs(self.data.qvel).max()

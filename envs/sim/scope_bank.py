@@ -1,4 +1,4 @@
-"""One scope and several colons, ready for engines of many worlds: a scene without wall, and the colons' tables."""
+"""One scope and several colons, ready for backends of many worlds: a scene without wall, and the colons' tables."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ of that of a scope of 138 joints; with 58 dofs it was 1.4 to 2.4 % (docs/validat
 
 @dataclass(frozen=True)
 class ScopeBank:
-    """What engines of many worlds need."""
+    """What backends of many worlds need."""
 
     scene: Scene
     """Of the longest colon."""

@@ -1,4 +1,4 @@
-"""From a scene to the numbers of its scope, for engines of many worlds in JAX; what they cannot honour is refused."""
+"""From a scene to the numbers of its scope, for backends of many worlds in JAX; what they cannot honour is refused."""
 
 from collections.abc import Sequence
 
@@ -18,7 +18,7 @@ def read_scope(scene: Scene) -> Scope:
     """Numbers of a scene's scope, in double precision.
 
     Raises:
-        UnsupportedSceneError: when the scene has what this engine cannot honour.
+        UnsupportedSceneError: when the scene has what this backend cannot honour.
     """
     refuse_unsupported(scene)
     model = compile_at_origin(scene)
@@ -61,7 +61,7 @@ def stack_scopes(scopes: Sequence[Scope]) -> Scope:
 
 
 def refuse_unsupported(scene: Scene) -> None:
-    """Say by name what of a scene this engine cannot honour.
+    """Say by name what of a scene this backend cannot honour.
 
     Raises:
         UnsupportedSceneError: naming the first such thing.
@@ -70,10 +70,6 @@ def refuse_unsupported(scene: Scene) -> None:
     model = scene.compile()
     cubic = np.asarray(model.jnt_stiffnesspoly) if hasattr(model, "jnt_stiffnesspoly") else np.zeros(1)
     if np.abs(cubic).max(initial=0) > 0:
-        raise UnsupportedSceneError(
-            "The JAX scope engine has linear springs only: build the scene with softening=False."
-        )
+        raise UnsupportedSceneError("The backend 'jax' has linear springs only: build the scene with softening=False.")
     if model.nplugin or model.neq:
-        raise UnsupportedSceneError(
-            "The JAX scope engine has no plugins or equality constraints: use the native engine."
-        )
+        raise UnsupportedSceneError("The backend 'jax' has no plugins or equality constraints: use the native backend.")

@@ -2,7 +2,7 @@
 
 Every spring and damper that is stiff against a time step is integrated by backward Euler: wall, friction, stops, hand
 and locks add `h J^T A J` to the mass matrix, which costs no more than the composite inertias that are there anyway. So
-the wall has its stiffness to rounding at rest, as in the native engine, and steps of 5 ms are stable.
+the wall has its stiffness to rounding at rest, as in the native backend, and steps of 5 ms are stable.
 """
 
 from collections.abc import Iterable
@@ -36,7 +36,7 @@ from haustra.models.wall.lumen_table import Tables, WallQuery, pick, query
 from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
 
 SPEED_LIMIT = 1e4
-"""A generalised speed above this [rad/s or m/s] is divergence, as in the native engine."""
+"""A generalised speed above this [rad/s or m/s] is divergence, as in the native backend."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class JaxScopes:
         """Read a scene of wall law 'table'; its own colon does not matter.
 
         Raises:
-            UnsupportedSceneError: when the scene has what this engine cannot honour.
+            UnsupportedSceneError: when the scene has what this backend cannot honour.
         """
         refuse_unsupported(scene)
         model = compile_at_origin(scene)
@@ -140,7 +140,7 @@ class JaxScopes:
         return Parameters(scope=design, **numbers)
 
     def check(self, parameters: Parameters) -> None:
-        """Refuse parameters that the engine cannot honour; this one can all."""
+        """Refuse parameters that the backend cannot honour; this one can all."""
 
     @precise
     def begin(self, parameters: Parameters, tables: Tables) -> State:

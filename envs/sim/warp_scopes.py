@@ -55,7 +55,7 @@ class WarpScopes(JaxScopes):
         """Read a scene of wall law 'table'; its own colon does not matter.
 
         Raises:
-            UnsupportedSceneError: when the scene has what this engine cannot honour.
+            UnsupportedSceneError: when the scene has what this backend cannot honour.
         """
         require_supported(scene, "warp")
         chain = JaxScopes.of(scene)
@@ -64,7 +64,7 @@ class WarpScopes(JaxScopes):
             # Room is kept for all that can happen; its solver's limits would be told on stdout at every step.
             model = mjx.put_model(host, impl="warp").tree_replace({"opt._impl.warn_overflow": 0})
         except (NotImplementedError, ValueError) as error:
-            raise UnsupportedSceneError(f"The engine 'warp' cannot honour this scope: {error}") from error
+            raise UnsupportedSceneError(f"The backend 'warp' cannot honour this scope: {error}") from error
         planes = [f"wall/plane_{index:04d}_0" for index in range(len(scene.samples))]
         assert [host.pair(name).id for name in planes] == list(range(host.npair)), "one pair a sphere, in their order"
         assert [host.body(name).mocapid[0] for name in planes] == list(range(host.nmocap)), "so are the planes"
@@ -88,7 +88,7 @@ class WarpScopes(JaxScopes):
             UnsupportedSceneError: when designs are given.
         """
         if scope is not None:
-            raise UnsupportedSceneError("Worlds of several designs need the engine 'jax': name it.")
+            raise UnsupportedSceneError("Worlds of several designs need the backend 'jax': name it.")
         parameters = super().parameters(scene, worlds, kind=kind, **changed)
         self.check(parameters)
         return parameters

@@ -12,7 +12,7 @@ def use_warp() -> None:
         MissingDependencyError: when it is not installed.
     """
     if find_spec("warp") is None:
-        raise MissingDependencyError("The engine 'warp' needs Warp: pip install 'haustra[warp]'.")
+        raise MissingDependencyError("The backend 'warp' needs Warp: pip install 'haustra[warp]'.")
     import warp as wp
 
     wp.config.log_level = wp.LOG_WARNING

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from haustra.envs.study.export import export, require_polars, results_frame
-from haustra.envs.study.questions import find_engine
+from haustra.envs.study.questions import find_backend
 from haustra.envs.study.ranking import DesignTable, design_table, errors_of, ranked
 from haustra.envs.study.run import DONE, Computing, Progress, answer_all, job_map
 from haustra.envs.study.sampling import conditions_of, jobs_of, require_budget
@@ -52,14 +52,14 @@ def run_optimise(
     computing = computing or Computing()
     require_polars()
     _require_optuna()
-    find_engine(study.question, computing.engine)
+    find_backend(study.question, computing.backend)
     if not study.variables or not study.objectives:
         raise InvalidStudyError("An optimisation needs [[variables]] to vary and [[objectives]] to reach.")
     trials = study.budget.trials
     require_budget(study, trials)
     with open_store(folder, study, lambda: (), kind="optimise", resume=resume) as store:
         with job_map(study, folder, computing, tell=lambda note: progress(0, 1, note)) as answer:
-            store.begin_session(engine=computing.engine, pool=computing.on)
+            store.begin_session(backend=computing.backend, pool=computing.on)
             for first in range(0, trials, GENERATION):
                 jobs = _generation(store, study, first, min(GENERATION, trials - first))
                 for wave in (jobs[:: len(conditions_of(study))], jobs):

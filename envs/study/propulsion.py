@@ -11,7 +11,7 @@ from jaxtyping import Complex, Float
 
 from haustra.envs.runs.measure.propulsion import Pull, pull_model
 from haustra.envs.study.paths import with_values
-from haustra.envs.study.questions import Engine, Question, Runner, one_by_one
+from haustra.envs.study.questions import Backend, Question, Runner, one_by_one
 from haustra.envs.study.study import Column, Job, Result, Study, Value
 from haustra.errors import InvalidDesignError, InvalidOptionError, InvalidStudyError
 from haustra.models.devices.tracked.design import TRACKS, TrackedDesign
@@ -56,7 +56,7 @@ class TabulatedColon:
 
 @dataclass(frozen=True)
 class Steady:
-    """What is read from a steady run, by whatever engine."""
+    """What is read from a steady run, by whatever backend."""
 
     force: float
     """Mean friction of all pads along the track [N]."""
@@ -289,4 +289,4 @@ QUESTION = Question(
     options={"rig": "flat", "losses": False, "timestep": 0.0},
     check=build_case,
 )
-NATIVE = Engine(start=_start, batch=32)
+NATIVE = Backend(start=_start, batch=32)

@@ -19,7 +19,7 @@ from haustra.envs.study.propulsion import (
     roll_torque,
     touches_too_little,
 )
-from haustra.envs.study.questions import Engine, Runner
+from haustra.envs.study.questions import Backend, Runner
 from haustra.envs.study.study import Job, Result, Study
 from haustra.errors import HaustraError
 
@@ -116,5 +116,5 @@ def _out_of_memory(error: Exception) -> bool:
     return isinstance(error, RuntimeError) and _OUT_OF_MEMORY in str(error)
 
 
-WORLDS = Engine(start=_start, batch=BATCH, most_workers=1)
+WORLDS = Backend(start=_start, batch=BATCH, most_workers=1)
 """One process: it fills the device by itself."""

@@ -1,4 +1,4 @@
-"""The questions that a study may ask, and the engines that answer them."""
+"""The questions that a study may ask, and the backends that answer them."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ Runner: TypeAlias = Callable[[Sequence[Job]], Iterable[Result]]
 
 
 @dataclass(frozen=True)
-class Engine:
+class Backend:
     """A way to answer a question."""
 
     start: Callable[[Study, Path], Runner]
@@ -40,8 +40,8 @@ class Question:
     check: Callable[[Study, Mapping[str, float], Mapping[str, Value]], object]
     """Builds the design for values of the variables and conditions, without running it; raises when it is impossible
     or when a path or an option is not known."""
-    errors: Callable[[Study, str], Mapping[str, ScoreError]] = lambda study, engine: {}
-    """Largest numerical errors of scores that were measured for what a study asks of an engine."""
+    errors: Callable[[Study, str], Mapping[str, ScoreError]] = lambda study, backend: {}
+    """Largest numerical errors of scores that were measured for what a study asks of a backend."""
 
 
 _QUESTIONS = {
@@ -49,7 +49,7 @@ _QUESTIONS = {
     "scope": "haustra.envs.study.scope:QUESTION",
     "device": "haustra.envs.study.device:QUESTION",
 }
-_ENGINES = {
+_BACKENDS = {
     ("propulsion", "native"): "haustra.envs.study.propulsion:NATIVE",
     ("propulsion", "warp"): "haustra.envs.study.propulsion_worlds:WORLDS",
     ("scope", "native"): "haustra.envs.study.scope:NATIVE",
@@ -58,10 +58,10 @@ _ENGINES = {
     ("device", "warp"): "haustra.envs.study.device:WARP",
     ("scope", "warp"): "haustra.envs.study.scope_worlds:WARP_WORLDS",
 }
-"""Where an engine for a question is found; loaded when it is asked for."""
+"""Where a backend for a question is found; loaded when it is asked for."""
 
 _EXTRAS = {"jax": "mjx", "warp": "warp"}
-"""Extras that engines need."""
+"""Extras that backends need."""
 
 QUESTIONS = tuple(_QUESTIONS)
 
@@ -77,22 +77,22 @@ def find_question(name: str) -> Question:
     return _load(_QUESTIONS[name])
 
 
-def find_engine(question: str, name: str) -> Engine:
-    """The engine of that name for a question.
+def find_backend(question: str, name: str) -> Backend:
+    """The backend of that name for a question.
 
     Raises:
         InvalidOptionError: when it has none of that name.
         MissingDependencyError: when what it computes with is not installed.
     """
-    known = [engine for asked, engine in _ENGINES if asked == question]
+    known = [backend for asked, backend in _BACKENDS if asked == question]
     if name not in known:
-        raise InvalidOptionError(f"Engine '{name}' does not answer '{question}'. Known: {', '.join(known)}.")
+        raise InvalidOptionError(f"Backend '{name}' does not answer '{question}'. Known: {', '.join(known)}.")
     try:
-        return _load(_ENGINES[question, name])
+        return _load(_BACKENDS[question, name])
     except ModuleNotFoundError as error:
         extra = _EXTRAS.get(name, "sweep")
         raise MissingDependencyError(
-            f"The engine '{name}' needs {error.name}: pip install 'haustra[{extra}]'."
+            f"The backend '{name}' needs {error.name}: pip install 'haustra[{extra}]'."
         ) from error
 
 

@@ -105,9 +105,9 @@ def design_table(
 
 
 def errors_of(study: Study, sessions: Sequence[Mapping]) -> Mapping[str, ScoreError]:
-    """Numerical errors of a study's scores; none where several engines computed it."""
-    engines = {str(session["engine"]) for session in sessions}
-    return find_question(study.question).errors(study, engines.pop()) if len(engines) == 1 else {}
+    """Numerical errors of a study's scores; none where several backends computed it."""
+    backends = {str(session["backend"]) for session in sessions}
+    return find_question(study.question).errors(study, backends.pop()) if len(backends) == 1 else {}
 
 
 def _normal_quantile() -> float:

@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 
 from haustra.envs.study.export import export, require_polars
 from haustra.envs.study.pool import JobMap, Lost, WorkerPool
-from haustra.envs.study.questions import Engine, find_engine
+from haustra.envs.study.questions import Backend, find_backend
 from haustra.envs.study.sampling import designs_of, jobs_of
 from haustra.envs.study.store import SweepStore, open_store
 from haustra.envs.study.study import Result, Study
@@ -28,7 +28,7 @@ LOG = "workers.log"
 class Computing:
     """Who computes: nothing of this changes a row."""
 
-    engine: str = "native"
+    backend: str = "native"
     workers: int = 1
     """Processes here, tasks at a time on Ray, jobs at a time on Slurm."""
     on: On = "here"
@@ -65,12 +65,12 @@ def run_sweep(
     computing = computing or Computing()
     if tables:
         require_polars()
-    find_engine(study.question, computing.engine)
+    find_backend(study.question, computing.backend)
     with (
         open_store(folder, study, lambda: jobs_of(study, designs_of(study)), kind="sweep", resume=resume) as store,
         job_map(study, folder, computing, tell=lambda note: progress(0, 1, note)) as answer,
     ):
-        store.begin_session(engine=computing.engine, pool=computing.on)
+        store.begin_session(backend=computing.backend, pool=computing.on)
         answer_all(store, answer, progress=progress)
         counts = store.counts()
         return {**{state: counts[state] for state in DONE}, **(export(store) if tables else {})}
@@ -115,14 +115,14 @@ def job_map(
         InvalidOptionError: when it cannot be honoured.
         MissingDependencyError: when the package that it needs is not installed.
     """
-    engine: Engine = find_engine(study.question, computing.engine)
-    engine.prepare(study, folder, tell)
-    asked = order(study, computing.engine, folder.resolve())
+    backend: Backend = find_backend(study.question, computing.backend)
+    backend.prepare(study, folder, tell)
+    asked = order(study, computing.backend, folder.resolve())
     if computing.on == "here":
         pool = WorkerPool(
             asked,
-            workers=min(computing.workers, engine.most_workers or computing.workers),
-            batch=engine.batch,
+            workers=min(computing.workers, backend.most_workers or computing.workers),
+            batch=backend.batch,
             log=folder / LOG,
             job_seconds=study.budget.job_seconds,
         )
@@ -133,13 +133,13 @@ def job_map(
     elif computing.on == "ray":
         from haustra.envs.study.on_ray import ray_map
 
-        with ray_map(asked, workers=computing.workers, batch=engine.batch, address=computing.address) as found:
+        with ray_map(asked, workers=computing.workers, batch=backend.batch, address=computing.address) as found:
             yield found
     elif computing.on == "slurm":
         from haustra.envs.study.on_slurm import slurm_map
 
         with slurm_map(
-            asked, folder=folder, workers=computing.workers, batch=engine.batch, partition=computing.partition
+            asked, folder=folder, workers=computing.workers, batch=backend.batch, partition=computing.partition
         ) as found:
             yield found
     else:

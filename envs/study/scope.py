@@ -16,7 +16,7 @@ from haustra.envs.runs.measure.scores import score
 from haustra.envs.runs.outcome import Outcome
 from haustra.envs.sim.growing import growing
 from haustra.envs.study.paths import with_values
-from haustra.envs.study.questions import Engine, Question, Runner, one_by_one
+from haustra.envs.study.questions import Backend, Question, Runner, one_by_one
 from haustra.envs.study.sampling import conditions_of
 from haustra.envs.study.study import Column, Job, Result, ScoreError, Study, Value
 from haustra.errors import InvalidOptionError, InvalidStudyError
@@ -152,7 +152,7 @@ def answer(study: Study, folder: Path, job: Job) -> Result:
     deepest = setup.options.start_depth + setup.driver.advance_rate * seconds
     scene = build_scene(colon, wall, setup.design, setup.options, show_lumen=False, deepest=deepest)
     run = run_insertion(
-        scene, seconds=seconds, settings=setup.driver, engine=growing(wall, deepest=deepest, table=table)
+        scene, seconds=seconds, settings=setup.driver, backend=growing(wall, deepest=deepest, table=table)
     )
     if run.outcome is Outcome.DIVERGED:
         return Result(job.id, "diverged", reason=run.outcome.advice)
@@ -231,16 +231,16 @@ def prepare(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
             wall_of(place, load_colon(place), method)
 
 
-def score_errors(study: Study, engine: str) -> dict[str, ScoreError]:
+def score_errors(study: Study, backend: str) -> dict[str, ScoreError]:
     """The highest errors measured for the study's wall, preset and grown colons, as bounds of its scores.
 
     Forces were measured as means; of peaks, which are off by more, this is the least that can be said. What a variable
-    changes in the model itself, other engines and imported colons were not measured.
+    changes in the model itself, other backends and imported colons were not measured.
     """
     modelled = {f"scene.{name}" for name in MODELLING}
     paths = {*study.changes, *(variable.path for variable in study.variables)}
     colons = [str(name) for name in study.conditions["colon"]]
-    if engine != "native" or paths & modelled or not all(name.startswith("grown-") for name in colons):
+    if backend != "native" or paths & modelled or not all(name.startswith("grown-") for name in colons):
         return {}
     options = build_setup(study, {}, conditions_of(study)[0]).options
     stated = stated_error(options, "grown", wall=str(study.options["wall"]))
@@ -284,4 +284,4 @@ QUESTION = Question(
     check=build_setup,
     errors=score_errors,
 )
-NATIVE = Engine(start=_start, prepare=prepare)
+NATIVE = Backend(start=_start, prepare=prepare)

@@ -16,13 +16,13 @@ from haustra.envs.runs.measure.containment import LumenWidths, stack_widths
 from haustra.envs.runs.outcome import Outcome
 from haustra.envs.sim.capabilities import require_supported
 from haustra.envs.sim.device_arrays import on_device
-from haustra.envs.sim.device_engines import device_engine
+from haustra.envs.sim.device_backends import device_backend
 from haustra.envs.sim.scope_bank import BATCH_OPTIONS
 from haustra.envs.sim.scope_reading import read_scope, stack_scopes
 from haustra.envs.sim.scope_values import Scope
 from haustra.envs.sim.scope_worlds import JaxScopes
 from haustra.envs.study.halving import halved
-from haustra.envs.study.questions import Engine, Runner
+from haustra.envs.study.questions import Backend, Runner
 from haustra.envs.study.scope import SCORES, Setup, build_setup
 from haustra.envs.study.study import Job, Result, Study
 from haustra.errors import HaustraError, UnsupportedSceneError
@@ -95,7 +95,7 @@ class _Colons:
         return self._tables[name, step]
 
 
-def _start(study: Study, folder: Path, *, engine: str) -> Runner:
+def _start(study: Study, folder: Path, *, backend: str) -> Runner:
     colons = _Colons(study)
     seconds = float(study.options["seconds"])
 
@@ -103,20 +103,20 @@ def _start(study: Study, folder: Path, *, engine: str) -> Runner:
         worlds: list[_World] = []
         for job in jobs:
             try:
-                worlds.append(_world(study, colons, job, engine))
+                worlds.append(_world(study, colons, job, backend))
             except HaustraError as error:
                 yield Result(job.id, "failed", reason=" ".join(str(error).split()))
-        share = device_engine(engine).designs_share
+        share = device_backend(backend).designs_share
         for group in _groups(worlds, designs_share=share):
-            yield from halved(lambda some: _answer(colons, some, seconds, engine), group, full=_out_of_memory)
+            yield from halved(lambda some: _answer(colons, some, seconds, backend), group, full=_out_of_memory)
 
     return run
 
 
-def _world(study: Study, colons: _Colons, job: Job, engine: str) -> _World:
+def _world(study: Study, colons: _Colons, job: Job, backend: str) -> _World:
     setup: Setup = build_setup(study, job.variables, job.conditions)
     scene = build_scene(colons.longest, None, setup.design, _options(setup.options), show_lumen=False)
-    require_supported(scene, engine)
+    require_supported(scene, backend)
     return _World(job, JaxScopes.of(scene), read_scope(scene), scene, setup.driver)
 
 
@@ -152,13 +152,13 @@ def _can_share(one: _World, first: _World, designs_share: bool) -> bool:
     return designs_share or jax.tree.all(jax.tree.map(np.array_equal, one.scope, first.scope))
 
 
-def _answer(colons: _Colons, worlds: Sequence[_World], seconds: float, engine: str) -> list[Result]:
+def _answer(colons: _Colons, worlds: Sequence[_World], seconds: float, backend: str) -> list[Result]:
     first = worlds[0]
     # Few sizes of batch, so that few programs are compiled; the last world fills up.
     count = 1 << (len(worlds) - 1).bit_length()
     filled = [*worlds, *[worlds[-1]] * (count - len(worlds))]
     tables, widths, which = colons.stacked(filled)
-    dynamics = device_engine(engine).of(first.scene)
+    dynamics = device_backend(backend).of(first.scene)
     scope = stack_scopes([one.scope for one in filled]) if dynamics.designs_share else None
     options = {name: np.array([getattr(one.scene.options, own) for one in filled]) for name, own in _OPTIONS.items()}
     parameters = dynamics.parameters(first.scene, count, scope=scope, colon=which, **options)
@@ -185,7 +185,7 @@ def _result(job: Job, runs: Insertions, index: int, length: float) -> Result:
         "loop_excess_peak_m": float(runs.loop_excess_peak[index]),
         "simulated_s": float(runs.simulated[index]),
     }
-    # What this engine does not measure stays empty.
+    # What this backend does not measure stays empty.
     return Result(job.id, "finished", scores={column.name: known.get(column.name) for column in SCORES})
 
 
@@ -196,10 +196,10 @@ def _colon(name: str) -> Colon:
 
 def _prepare_warp(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
     if study.options["mesentery"]:
-        raise UnsupportedSceneError("Colons that move on their mesentery need the engine 'jax': name it.")
+        raise UnsupportedSceneError("Colons that move on their mesentery need the backend 'jax': name it.")
 
 
-WORLDS = Engine(start=partial(_start, engine="jax"), batch=BATCH, most_workers=1)
+WORLDS = Backend(start=partial(_start, backend="jax"), batch=BATCH, most_workers=1)
 """One process: it fills the device by itself."""
-WARP_WORLDS = Engine(start=partial(_start, engine="warp"), batch=BATCH, most_workers=1, prepare=_prepare_warp)
+WARP_WORLDS = Backend(start=partial(_start, backend="warp"), batch=BATCH, most_workers=1, prepare=_prepare_warp)
 """MuJoCo's own dynamics; each design has a batch of its own."""

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.study.export import export, require_polars, results_frame
-from haustra.envs.study.questions import find_engine, find_question
+from haustra.envs.study.questions import find_backend, find_question
 from haustra.envs.study.ranking import CONFIDENCE, design_table
 from haustra.envs.study.run import DONE, Computing, Progress, answer_all, job_map
 from haustra.envs.study.sampling import at_quantiles, jobs_of, require_budget
@@ -60,7 +60,7 @@ def run_sensitivity(
     computing = computing or Computing()
     require_polars()
     require_salib()
-    find_engine(study.question, computing.engine)
+    find_backend(study.question, computing.backend)
     if not study.variables:
         raise InvalidStudyError("Sensitivity needs [[variables]] to vary.")
     count = study.sampler.count
@@ -70,7 +70,7 @@ def run_sensitivity(
     designs = at_quantiles(study.variables, saltelli(study))
     with open_store(folder, study, lambda: jobs_of(study, designs), kind="sensitivity", resume=resume) as store:
         with job_map(study, folder, computing, tell=lambda note: progress(0, 1, note)) as answer:
-            store.begin_session(engine=computing.engine, pool=computing.on)
+            store.begin_session(backend=computing.backend, pool=computing.on)
             answer_all(store, answer, progress=progress)
         counts = store.counts()
         indices, left_out = sobol_indices(results_frame(store), study)

@@ -21,7 +21,7 @@ from haustra.files import prepare_folder
 from haustra.provenance import backend_record, package_versions
 
 FILE, LOCK = "sweep.sqlite", "sweep.lock"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 """Raised when a store written before can no longer be read."""
 STATES = ("pending", "claimed", "finished", "failed", "diverged")
 MOST_CRASHES = 3
@@ -32,7 +32,7 @@ _BUSY_SECONDS = 30
 _TABLES = """
 create table facts (name text primary key, value text not null);
 create table sessions (
-    id integer primary key, began text not null, host text not null, engine text not null, map text not null,
+    id integer primary key, began text not null, host text not null, backend text not null, map text not null,
     versions text not null);
 create table jobs (
     id integer primary key, design integer not null, variables text not null, conditions text not null,
@@ -59,12 +59,12 @@ class SweepStore:
         except (KeyError, ValueError, TypeError) as error:
             raise UnreadableFileError(f"'{folder / FILE}' is damaged ({error}): run the sweep again.") from error
 
-    def begin_session(self, *, engine: str, pool: str) -> None:
+    def begin_session(self, *, backend: str, pool: str) -> None:
         """Note who computes from now on; jobs that died with an earlier claimant wait again."""
         with self._writing() as connection:
-            values = (_now(), node(), engine, pool, json.dumps(package_versions() | backend_record(engine)))
+            values = (_now(), node(), backend, pool, json.dumps(package_versions() | backend_record(backend)))
             cursor = connection.execute(
-                "insert into sessions (began, host, engine, map, versions) values (?, ?, ?, ?, ?)", values
+                "insert into sessions (began, host, backend, map, versions) values (?, ?, ?, ?, ?)", values
             )
             self._session = cursor.lastrowid
             connection.execute("update jobs set state = 'pending' where state = 'claimed'")
@@ -142,7 +142,7 @@ class SweepStore:
 
     def sessions(self) -> list[dict]:
         """Who computed, when, and with which versions."""
-        names = ("id", "began", "host", "engine", "map", "versions")
+        names = ("id", "began", "host", "backend", "map", "versions")
         rows = self._connection.execute(f"select {', '.join(names)} from sessions order by id")
         return [{**dict(zip(names, row, strict=True)), "versions": json.loads(row[-1])} for row in rows]
 

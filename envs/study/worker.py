@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from haustra.envs.sim.log import log_to_stderr_only
-from haustra.envs.study.questions import find_engine
+from haustra.envs.study.questions import find_backend
 from haustra.envs.study.study import Job, Study
 
 
@@ -31,16 +31,16 @@ def main() -> int:
     return 0
 
 
-def order(study: Study, engine: str, folder: Path) -> str:
+def order(study: Study, backend: str, folder: Path) -> str:
     """The first line for a worker."""
-    return json.dumps({"study": study.to_json(), "engine": engine, "folder": str(folder)}) + "\n"
+    return json.dumps({"study": study.to_json(), "backend": backend, "folder": str(folder)}) + "\n"
 
 
 def answer_lines(first: str, lines: Iterator[str]) -> Iterator[str]:
     """Results as lines, for an order and lists of jobs."""
     asked: dict[str, Any] = json.loads(first)
     study = Study.from_json(asked["study"])
-    run = find_engine(study.question, asked["engine"]).start(study, Path(asked["folder"]))
+    run = find_backend(study.question, asked["backend"]).start(study, Path(asked["folder"]))
     for line in lines:
         for result in run([Job(**job) for job in json.loads(line)]):
             yield json.dumps(result.to_json(), allow_nan=False) + "\n"

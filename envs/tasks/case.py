@@ -56,7 +56,7 @@ class TabulatedColon:
 
     @property
     def tables(self) -> Tables:
-        """What the engines of many worlds look points up in."""
+        """What the backends of many worlds look points up in."""
         return Tables(
             self.points,
             self.frames,

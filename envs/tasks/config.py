@@ -107,7 +107,7 @@ class TaskConfig:
     seeds: tuple[int, int] = (0, 16)
     """Colons: from the first seed up to, not including, the last."""
     mesentery: bool = False
-    """Colons swing, stretch and pleat on their mesentery instead of standing fixed; engines 'native', 'jax'."""
+    """Colons swing, stretch and pleat on their mesentery instead of standing fixed; backends 'native', 'jax'."""
     observation: str = "dict"
     """One of `OBSERVATIONS`."""
     privileged: bool = False

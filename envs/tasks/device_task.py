@@ -14,9 +14,8 @@ from haustra.envs.sim.device_native import NativeDevice
 from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
-from haustra.models.device_scene import build_device_scene, device_options, device_tables
-from haustra.models.devices.base import Device, Pose, load_device
-from haustra.models.scene import entry_of
+from haustra.models.device_scene import build_device_scene, device_options, device_tables, pose_in
+from haustra.models.devices.base import Device, load_device
 
 _COMMON = 3 + 1 + 1 + 1
 """Direction ahead in the tip's frame, progress, wall force, room."""
@@ -34,6 +33,8 @@ class DeviceRules:
     """Between device and wall, drawn evenly [1]."""
     wall_stiffness: tuple[float, float] = (700.0, 2400.0)
     """Of a contact, drawn evenly: the measured range [N/m]."""
+    mesentery: bool = False
+    """Colons move on their mesentery."""
     seconds: float = 90.0
     """Then the episode is truncated [s]."""
     control_interval: float = 0.04
@@ -79,9 +80,10 @@ class DeviceEnv(gymnasium.Env):
         self.device = device if isinstance(device, Device) else load_device(device)
         colons = list(colons or [grow_colon(seed=seed) for seed in range(*self.rules.seeds)])
         self._lengths = [colon.centreline.length for colon in colons]
-        scene = build_device_scene(self.device, device_options())
-        poses = [Pose(*entry_of(colon)) for colon in colons]
-        self._engine = NativeDevice(scene, device_tables(scene, colons, poses))
+        options = device_options(self.device, mesentery=self.rules.mesentery)
+        scene = build_device_scene(self.device, options)
+        poses = [pose_in(colon, self.device, options) for colon in colons]
+        self._backend = NativeDevice(scene, device_tables(scene, colons, poses), starts=[pose.arc for pose in poses])
         self._steps = max(1, round(self.rules.control_interval / scene.options.timestep))
         channels = self.device.controls
         self._low = np.array([channel.low for channel in channels])
@@ -99,8 +101,8 @@ class DeviceEnv(gymnasium.Env):
         drawn = {
             name: np.array([self.np_random.uniform(*getattr(rules, name))]) for name in ("friction", "wall_stiffness")
         }
-        self._engine.reset(np.zeros(1, int), np.array([self._colon]), **drawn)
-        self._best, self._begun = float(self._engine.read().tip_arc[0]), True
+        self._backend.reset(np.zeros(1, int), np.array([self._colon]), **drawn)
+        self._best, self._begun = float(self._backend.read().tip_arc[0]), True
         return self._shown(), {name: float(value[0]) for name, value in drawn.items()}
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -113,8 +115,8 @@ class DeviceEnv(gymnasium.Env):
             raise InvalidOptionError("The environment was not reset: call reset first.")
         share = np.clip(np.nan_to_num(np.asarray(action, float)), -1, 1)
         commands = self._low + 0.5 * (share + 1) * (self._high - self._low)
-        sound = bool(self._engine.step(commands[None], self._steps)[0])
-        seen, length = self._engine.read(), self._lengths[self._colon]
+        sound = bool(self._backend.step(commands[None], self._steps)[0])
+        seen, length = self._backend.read(), self._lengths[self._colon]
         arc, force = float(seen.tip_arc[0]), float(seen.wall_force[0])
         row = {"tip_arc": arc, "deepest": float(seen.deepest[0])}
         outcome = ended(row, length) if sound else Outcome.DIVERGED
@@ -127,14 +129,14 @@ class DeviceEnv(gymnasium.Env):
             "progress": min(self._best / length, 1.0),
             "wall_force": force,
             "outcome": outcome.value if outcome else "",
-            **{name: float(value[0]) for name, value in self._engine.readings().items()},
+            **{name: float(value[0]) for name, value in self._backend.readings().items()},
         }
         return self._shown(), reward if sound else 0.0, outcome is not None, late, info
 
     def _shown(self) -> np.ndarray:
-        seen = self._engine.read()
+        seen = self._backend.read()
         ahead = seen.tip_frame[0].T @ seen.ahead[0]
         common = [seen.tip_arc[0] / self._lengths[self._colon], seen.wall_force[0], 100.0 * seen.deepest[0]]
-        own = [value[0] for value in self._engine.readings().values()]
+        own = [value[0] for value in self._backend.readings().values()]
         shown = np.concatenate([ahead, common, own])
         return np.clip(np.nan_to_num(shown), -_LARGEST, _LARGEST).astype(np.float32)

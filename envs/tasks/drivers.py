@@ -62,7 +62,7 @@ class FollowerDriver:
     """The lumen follower of `haustra.envs.control.follower`: it knows the centreline and all wall forces."""
 
     def __init__(self, task: ScopeTask, *, settings: FollowerSettings | None = None) -> None:
-        """Drive the worlds of a task, whichever engine steps them."""
+        """Drive the worlds of a task, whichever backend steps them."""
         self._task = task
         self._settings = settings or FollowerSettings(straighten=task.config.mesentery)
         self._steering = Steering.of(task.bank.design, self._settings)

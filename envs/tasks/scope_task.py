@@ -55,7 +55,7 @@ class ScopeTask:
         *,
         worlds: int = 1,
         threads: int = 1,
-        engine: str = "native",
+        backend: str = "native",
         bank: ColonSet | None = None,
         progress: Callable[[int], None] = lambda done: None,
     ) -> None:
@@ -65,12 +65,12 @@ class ScopeTask:
             config: the rules.
             worlds: how many.
             threads: for physics on the CPU.
-            engine: 'native', MuJoCo on threads; 'jax' or 'warp', on JAX's device.
+            backend: 'native', MuJoCo on threads; 'jax' or 'warp', on JAX's device.
             bank: colons; those of the configuration's seeds when None.
             progress: told how many colons are there.
 
         Raises:
-            UnsupportedSceneError: when the colons are to move and the engine or what is seen of them cannot.
+            UnsupportedSceneError: when the colons are to move and the backend or what is seen of them cannot.
         """
         self.parts = seen_by.sizes(config)
         if config.mesentery and (config.task == "withdrawal" or "pixels" in self.parts):
@@ -81,8 +81,8 @@ class ScopeTask:
         design = named_design(config.design)
         bank = bank or grown_bank(range(*config.seeds), design, difficulty=config.difficulty, progress=progress)
         self.bank = bank.with_mesentery(config.mesentery)
-        require_task_supported(config, self.bank.scene, backend_of(engine).name)
-        self.backend = load_backend(engine, self.bank.scene, self.bank.tables, worlds=worlds, threads=threads)
+        require_task_supported(config, self.bank.scene, backend_of(backend).name)
+        self.backend = load_backend(backend, self.bank.scene, self.bank.tables, worlds=worlds, threads=threads)
         self.sight = Sight(self.bank.cases)
         self._eyes = _eyes(self.backend, self.sight)
         self.pictures = Pictures(self.bank, self.sight, design.tip.field_of_view_deg)

@@ -30,12 +30,12 @@ class NavigationVectorEnv(VectorEnv):
         *,
         bank: ColonSet | None = None,
         threads: int = 2,
-        engine: str = "native",
+        backend: str = "native",
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
         **options: Any,
     ) -> None:
-        """Build the bank, or take one; `engine` is 'native' (MuJoCo on threads), 'jax' or 'warp' (on a GPU).
+        """Build the bank, or take one; `backend` is 'native' (MuJoCo on threads), 'jax' or 'warp' (on a GPU).
 
         Raises:
             InvalidOptionError: when there is nothing to step, or an option is not known.
@@ -47,7 +47,7 @@ class NavigationVectorEnv(VectorEnv):
         self.config = configured(config, options)
         self.num_envs, self.render_mode = num_envs, render_mode
         self.metadata = self.metadata | {"autoreset_mode": AutoresetMode(autoreset_mode)}
-        self.task = ScopeTask(self.config, worlds=num_envs, threads=threads, engine=engine, bank=bank)
+        self.task = ScopeTask(self.config, worlds=num_envs, threads=threads, backend=backend, bank=bank)
         self.single_observation_space = observation_space(self.config)
         self.single_action_space = action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)

@@ -413,7 +413,7 @@ def loops() -> Loops:
     entries = (_query, _query_moved, _place_planes, _carry_on, _contacts, _step_axis, contact_solver.solve)
     parts = (*vectors.PARTS, *lumen_table.PARTS, *moving_colon.PARTS, *contact_solver.PARTS)
     # Sums may be taken in any order, so that several numbers are added at a time.
-    options = {"error_model": "numpy", "fastmath": {"contract", "reassoc", "nsz"}}
+    options: Any = {"error_model": "numpy", "fastmath": {"contract", "reassoc", "nsz"}}
     for part in (*parts, *own, *entries):
         plain = unwrap(part)  # of what checks types at run time
         overload(part, strict=False, jit_options=options)(lambda *_, plain=plain: plain)

@@ -1,4 +1,4 @@
-"""How a soft wall pushes back on a device and rubs it: one law for every engine.
+"""How a soft wall pushes back on a device and rubs it: one law for every backend.
 
 A place of the device that is d deep in the wall (a sphere of radius r whose centre is r - d from it) is pushed along
 the wall's normal n, and rubbed across it, with
@@ -18,7 +18,7 @@ friction that is no softer (`soft_contact`; docs/decisions/contact.md has what t
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import mujoco
@@ -67,6 +67,10 @@ class WallContact:
             raise InvalidOptionError(f"Friction is {self.friction}; it must be between 0 and 5.")
         if not 0 <= self.friction_rise < 1e3:
             raise InvalidOptionError(f"Friction rises by {self.friction_rise} s/m; it must be from 0 to below 1000.")
+
+    def stiffened(self, stiffness: float) -> "WallContact":
+        """The same law at another stiffness [N/m], which relaxes in the same time."""
+        return replace(self, stiffness=stiffness, damping=self.damping * stiffness / self.stiffness)
 
 
 class ImplicitContact(NamedTuple):
@@ -203,7 +207,9 @@ def contact_parameters(
         UnsupportedSceneError: when the law's friction rises with speed.
     """
     if contact.friction_rise:
-        raise UnsupportedSceneError("Friction that rises with speed is not had by MuJoCo's contacts: use engine 'jax'.")
+        raise UnsupportedSceneError(
+            "Friction that rises with speed is not had by MuJoCo's contacts: use backend 'jax'."
+        )
     damper = contact.damping + timestep * contact.stiffness
     soft = soft_contact(np, np.asarray(inverse_inertia), contact.stiffness, damper, timestep=timestep)
     require_honoured(soft.impedance, what=f"Wall stiffness {contact.stiffness:g} N/m on '{where}'")

@@ -45,10 +45,10 @@ def step_rate(
     worlds: int,
     threads: int,
     seconds: float,
-    engine: str = "native",
+    backend: str = "native",
 ) -> StepRate:
     """Let the follower insert scopes for `seconds` of simulated time, and time the environment's own part."""
-    task = ScopeTask(config, worlds=worlds, threads=threads, engine=engine, bank=bank)
+    task = ScopeTask(config, worlds=worlds, threads=threads, backend=backend, bank=bank)
     seen = task.reset(seeds=list(range(worlds)))
     driver = FollowerDriver(task)
     driver.begin(np.ones(worlds, bool))

@@ -1,4 +1,4 @@
-"""Where the time of a step goes: MuJoCo's own timers, the work around it, and what XLA says of the JAX engine."""
+"""Where the time of a step goes: MuJoCo's own timers, the work around it, and what XLA says of the JAX backend."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -91,7 +91,7 @@ def bench_profile(
         summary=(
             f"MuJoCo's own timers, over {seconds:g} s of an insertion into '{colon.name}' by the lumen follower after "
             f"{before:g} s, and over 2,000 steps of the tracked robot. Times are wall clock on one core, in "
-            "microseconds a step; 'timers' is what reading the clock costs, left in. The JAX engine is one program "
+            "microseconds a step; 'timers' is what reading the clock costs, left in. The JAX backend is one program "
             "for XLA, whose own count of operations and of memory traffic stands in place of stages.",
         ),
         tables=(
@@ -100,7 +100,9 @@ def bench_profile(
             Table(
                 "A run at the defaults", (whole,), "On its mesentery, by the table, from the first step to the last."
             ),
-            Table("The JAX engine by XLA's count", (_by_xla(colon, design),), "One step, one world, single precision."),
+            Table(
+                "The JAX backend by XLA's count", (_by_xla(colon, design),), "One step, one world, single precision."
+            ),
         ),
         machine=machine(),
     )
@@ -149,9 +151,9 @@ def _at_the_defaults(colon: Colon, design: ScopeDesign, seconds: float) -> dict[
     deepest = options.start_depth + settings.advance_rate * seconds
     scene = build_scene(colon, None, design, options, show_lumen=False, deepest=deepest)
     table = lumen_table(colon, device_radius=scene.cable.radius, with_mesentery=True)
-    engine = growing(None, deepest=deepest, table=table)(scene)  # what is compiled is compiled now
+    backend = growing(None, deepest=deepest, table=table)(scene)  # what is compiled is compiled now
     began = time.process_time()
-    run = run_insertion(scene, seconds=seconds, settings=settings, engine=lambda _: engine)
+    run = run_insertion(scene, seconds=seconds, settings=settings, backend=lambda _: backend)
     used, simulated = time.process_time() - began, float(run.trajectory.time[-1])
     return {
         "outcome": run.outcome.value,

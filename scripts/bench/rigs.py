@@ -1,4 +1,4 @@
-"""Many rigs of the tracked robot at once: how fast, and how near to the native engine's forces."""
+"""Many rigs of the tracked robot at once: how fast, and how near to the native backend's forces."""
 
 import time
 from collections import Counter
@@ -24,9 +24,9 @@ _SPEEDS = (16.25e-3, 65e-3)
 _FRICTION = (0.2, 0.4)
 """Plastic and tissue."""
 _STUDY_COMPARED = 40
-"""Jobs of a study that the native engine repeats."""
+"""Jobs of a study that the native backend repeats."""
 _COMPARED = 4
-"""State that the native engine repeats, spread over all speeds and frictions."""
+"""State that the native backend repeats, spread over all speeds and frictions."""
 
 
 def _track(friction: float) -> Rig:
@@ -137,7 +137,7 @@ def _rate(kind: str, count: int, device: str | None) -> dict[str, Any]:
 
 
 def compare_rigs(kind: str, device: str | None = None) -> list[dict[str, Any]]:
-    """Some speeds and frictions of one of `RIGS`, each beside the same run of the native engine.
+    """Some speeds and frictions of one of `RIGS`, each beside the same run of the native backend.
 
     Args:
         kind: of `RIGS`.

@@ -14,7 +14,7 @@ from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.control.follower_worlds import WorldsFollower
 from haustra.envs.runs.insertions import InsertionBatch, run_insertions
 from haustra.envs.runs.measure.containment import stack_widths
-from haustra.envs.sim.device_engines import device_engine
+from haustra.envs.sim.device_backends import device_backend
 from haustra.envs.sim.scope_bank import ScopeBank
 from haustra.envs.sim.scope_values import Parameters
 from haustra.envs.sim.scope_worlds import JaxScopes
@@ -56,7 +56,7 @@ def measure_rates(
     bank: ScopeBank,
     worlds: Sequence[int],
     *,
-    engine: str = "jax",
+    backend: str = "jax",
     devices: int = 1,
     progress: Callable[[Rate], None] = lambda rate: None,
 ) -> list[Rate]:
@@ -65,11 +65,11 @@ def measure_rates(
     Args:
         bank: a scope and colons.
         worlds: numbers of worlds to try.
-        engine: of `DEVICE_ENGINES`.
+        backend: of `DEVICE_BACKENDS`.
         devices: number of devices that share them.
         progress: called with each row.
     """
-    dynamics = device_engine(engine).of(bank.scene)
+    dynamics = device_backend(backend).of(bank.scene)
     tables = bank.tables_on_device()
     mesh = jax.sharding.Mesh(np.array(jax.devices()[:devices]), ("worlds",))
     sharding = jax.sharding.NamedSharding(mesh, jax.sharding.PartitionSpec("worlds"))
@@ -80,11 +80,11 @@ def measure_rates(
     return rates
 
 
-def _measure(bank: ScopeBank, engine: JaxScopes, tables: Any, count: int, devices: int, sharding: Any) -> Rate:
+def _measure(bank: ScopeBank, backend: JaxScopes, tables: Any, count: int, devices: int, sharding: Any) -> Rate:
     colons = np.arange(count) % len(bank.names)
-    parameters = _share(engine.parameters(bank.scene, count, colon=colons), count, sharding)
+    parameters = _share(backend.parameters(bank.scene, count, colon=colons), count, sharding)
     follower = WorldsFollower(FollowerSettings(), bank.tip_links)
-    batch = InsertionBatch(engine, follower, tables, stack_widths(bank.colons))
+    batch = InsertionBatch(backend, follower, tables, stack_widths(bank.colons))
     state = jax.device_put(batch.begin(parameters), sharding)
     state = batch.advance(parameters, *state, count=_WARM_UP)
     worlds = jax.block_until_ready(state)[0]
@@ -95,7 +95,7 @@ def _measure(bank: ScopeBank, engine: JaxScopes, tables: Any, count: int, device
     hands = jax.device_put(Controls(steady, 0 * steady, jnp.zeros((count, 4), worlds.qpos.dtype)), sharding)
 
     def run(parameters: Parameters, worlds: Any, hands: Controls) -> Any:
-        return engine.steps(tables, parameters, worlds, hands, _STEPS)
+        return backend.steps(tables, parameters, worlds, hands, _STEPS)
 
     began = time.perf_counter()
     compiled = jax.jit(run).lower(parameters, worlds, hands).compile()
@@ -107,8 +107,8 @@ def _measure(bank: ScopeBank, engine: JaxScopes, tables: Any, count: int, device
         seconds.append(time.perf_counter() - began)
     taken = float(np.median(seconds[1:]))
     memory = (jax.devices()[0].memory_stats() or {}).get("peak_bytes_in_use", 0)
-    simulated = engine.timestep * _STEPS * count
-    control = round(0.02 / engine.timestep) * engine.timestep
+    simulated = backend.timestep * _STEPS * count
+    control = round(0.02 / backend.timestep) * backend.timestep
     return Rate(
         worlds=count,
         devices=devices,
@@ -123,19 +123,19 @@ def _measure(bank: ScopeBank, engine: JaxScopes, tables: Any, count: int, device
     )
 
 
-def measure_insertions(bank: ScopeBank, count: int, *, seconds: float, engine: str = "jax") -> dict[str, Any]:
+def measure_insertions(bank: ScopeBank, count: int, *, seconds: float, backend: str = "jax") -> dict[str, Any]:
     """Time that many insertions from the first call to the last score, with friction from 0.03 to 0.1.
 
     Args:
         bank: a scope and colons, which the insertions share.
         count: how many.
         seconds: simulated time of each [s].
-        engine: of `DEVICE_ENGINES`.
+        backend: of `DEVICE_BACKENDS`.
     """
     colons = np.arange(count) % len(bank.names)
     began = time.perf_counter()
     friction = np.linspace(0.03, 0.1, count)
-    runs = run_insertions(bank, worlds=count, seconds=seconds, engine=engine, colon=colons, friction=friction)
+    runs = run_insertions(bank, worlds=count, seconds=seconds, backend=backend, colon=colons, friction=friction)
     taken = time.perf_counter() - began
     reach = runs.tip_arc_max / np.array(bank.lengths)[colons]
     return {

@@ -10,7 +10,7 @@ import numpy as np
 
 from haustra.envs.control.follower import FollowerSettings, LumenFollower
 from haustra.envs.runs.measure.progress import ArcTracker
-from haustra.envs.sim.field_engine import JaxSingle
+from haustra.envs.sim.jax_single import JaxSingle
 from haustra.envs.view.picture.camera import looking
 from haustra.envs.view.picture.in_sight import LumenInSight
 from haustra.envs.view.picture.tip import tip_view

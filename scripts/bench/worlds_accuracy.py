@@ -1,4 +1,4 @@
-"""How far the scopes of an engine of many worlds are from a fine native scope under the same inputs."""
+"""How far the scopes of a backend of many worlds are from a fine native scope under the same inputs."""
 
 from dataclasses import dataclass, replace
 
@@ -10,7 +10,7 @@ from jaxtyping import Float
 from haustra.envs.control.follower import LumenFollower
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.measure.progress import ArcTracker
-from haustra.envs.sim.device_engines import device_engine
+from haustra.envs.sim.device_backends import device_backend
 from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.scope_bank import build_bank
 from haustra.envs.sim.state import Controls
@@ -49,17 +49,17 @@ class Apart:
 
 
 def compare_with_native(
-    colon: Colon, design: ScopeDesign, coarse: SceneOptions, *, cell: float, seconds: float, engine: str = "jax"
+    colon: Colon, design: ScopeDesign, coarse: SceneOptions, *, cell: float, seconds: float, backend: str = "jax"
 ) -> Apart:
     """Drive a fine scope in tangent planes by the lumen follower, and the coarse one by the same hand and pulls.
 
     Args:
         colon: the colon.
         design: the scope.
-        coarse: options of the engine of many worlds.
+        coarse: options of the backend of many worlds.
         cell: distance between the fine scope's joints [m]; 0.011 makes 140 of an adult scope.
         seconds: simulated time [s].
-        engine: of `DEVICE_ENGINES`.
+        backend: of `DEVICE_BACKENDS`.
     """
     bank = build_bank([colon], design, coarse)
     fine = replace(coarse, wall_law="planes", shaft_cell=cell, bending_cell=cell, sample_spacing=None)
@@ -67,7 +67,7 @@ def compare_with_native(
     links = native.scene.cable.tip_links
     follower = LumenFollower(colon.centreline, design, tip_links=links)
     tracker = ArcTracker(colon.centreline, start=fine.start_depth)
-    dynamics = device_engine(engine).of(bank.scene)
+    dynamics = device_backend(backend).of(bank.scene)
     tables, parameters = bank.tables_on_device(), dynamics.parameters(bank.scene, 1)
     steps = round(CONTROL_INTERVAL / coarse.timestep)
     go = jax.jit(lambda now, hands: dynamics.steps(tables, parameters, now, hands, steps))

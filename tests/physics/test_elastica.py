@@ -68,7 +68,7 @@ def test_a_moment_of_2_pi_ei_over_l_rolls_the_rod_up(side, joints, compare):
 
 
 def test_linear_springs_close_the_roll_up_alike_in_every_plane():
-    """What engines without cubic springs get: two hinges a joint are phi^2 / 12 too stiff, 0.2 % at 40 joints."""
+    """What backends without cubic springs get: two hinges a joint are phi^2 / 12 too stiff, 0.2 % at 40 joints."""
     gaps = []
     for side in (0.0, 20.0, 45.0):
         axis = np.array([-np.sin(np.radians(side)), np.cos(np.radians(side)), 0.0])

@@ -13,7 +13,7 @@ def test_report_is_json_and_complete() -> None:
     assert report["versions"]["mujoco"].startswith("3.17")
     assert report["rendering"]["software"] == "works"
     assert set(report["rendering"]) == {"software", *BACKENDS}
-    assert report["engines"]["native"].startswith("works")
+    assert report["backends"]["native"].startswith("works")
     assert all(report["rendering"].values()), "a back-end that fails says why"
 
 

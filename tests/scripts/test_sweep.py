@@ -60,8 +60,8 @@ def test_a_study_ends_in_one_document_tables_and_a_report(study, tmp_path, capsy
         (["sweep", "nothing.toml", "-o", "x"], "Cannot read the study"),
         (["sweep", "bare", "-o", "x"], "is no study"),
         (
-            ["sweep", "propulsion", "-o", "x", "--engine", "abacus"],
-            "Engine 'abacus' does not answer",
+            ["sweep", "propulsion", "-o", "x", "--backend", "abacus"],
+            "Backend 'abacus' does not answer",
         ),
         (["sweep", "propulsion", "-o", "x", "--workers", "0"], "0 workers"),
         (["report", ".", "--compare", "0", "1"], "holds no sweep"),

@@ -1,6 +1,6 @@
 """The scope as a composite cable: rigid links, bending hinges with native stiffness, few twist hinges, four tendons.
 
-Native joint stiffness is used because every engine honours it; MuJoCo's cable plugin is not (MJX drops its elasticity
+Native joint stiffness is used because every backend honours it; MuJoCo's cable plugin is not (MJX drops its elasticity
 without a word).
 """
 
@@ -151,7 +151,7 @@ def add_scope(
         torque_limit: largest torque at the handle [N m].
         timestep: time step that damping and armature of the joints are made for, so that springs are stable and
             contact forces right [s]; None for the damping of the design and no armature.
-        cubic: let hinges of the shaft soften (`SOFTENING`); not every engine has such springs, and without it bends of
+        cubic: let hinges of the shaft soften (`SOFTENING`); not every backend has such springs, and without it bends of
             9 degrees a joint are 0.2 % too stiff.
         outside: shaft between the handle and the first cell that is left out; it says where the rest twists.
 

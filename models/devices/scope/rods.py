@@ -47,8 +47,8 @@ class RodModel:
 
     spec: mujoco.MjSpec
     kind: str
-    engines: frozenset[str]
-    """Engines that honour all of it."""
+    backends: frozenset[str]
+    """Backends that honour all of it."""
     mid: tuple[tuple[str, tuple[float, float, float], float], ...]
     """Bodies that share a load at mid-length: name, place in its frame [m], share [1]."""
     tip: tuple[str, tuple[float, float, float]]
@@ -56,15 +56,16 @@ class RodModel:
     integrator: mujoco.mjtIntegrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     """With which it is stepped."""
 
-    def require(self, engine: str) -> None:
-        """Refuse an engine that would drop part of the rod.
+    def require(self, backend: str) -> None:
+        """Refuse a backend that would drop part of the rod.
 
         Raises:
-            UnsupportedSceneError: by name, when the engine cannot honour this kind of rod.
+            UnsupportedSceneError: by name, when the backend cannot honour this kind of rod.
         """
-        if engine not in self.engines:
+        if backend not in self.backends:
             raise UnsupportedSceneError(
-                f"Engine '{engine}' cannot honour the rod '{self.kind}': it runs on {', '.join(sorted(self.engines))}."
+                f"Backend '{backend}' cannot honour the rod '{self.kind}': "
+                f"it runs on {', '.join(sorted(self.backends))}."
             )
 
 
@@ -108,12 +109,12 @@ def hinge_rod(
     if joints % 2:  # the middle is a joint: links on both sides share the load
         mid = [(*mid[0][:2], 0.5), (names[before + 1], (0.0, 0.0, 0.0), 0.5)]
     tip = (names[-1], (0.0, 0.0, rod.length - ends[-1]))
-    kind, engines = ("hinges", {"native", "warp"}) if cubic else ("linear hinges", {"native", "mjx", "warp"})
-    return RodModel(spec, kind, frozenset(engines), tuple(mid), tip)
+    kind, backends = ("hinges", {"native", "warp"}) if cubic else ("linear hinges", {"native", "mjx", "warp"})
+    return RodModel(spec, kind, frozenset(backends), tuple(mid), tip)
 
 
 def linear_hinge_rod(rod: UniformRod, joints: int) -> RodModel:
-    """The scope's cable with linear springs, which every engine honours."""
+    """The scope's cable with linear springs, which every backend honours."""
     return hinge_rod(rod, joints, cubic=False)
 
 
@@ -121,7 +122,7 @@ def plugin_rod(rod: UniformRod, joints: int) -> RodModel:
     """MuJoCo's `<composite type="cable">` with its elasticity plugin: ball joints between segments, first one clamped.
 
     The plugin takes Young's and the shear modulus of a round section and adds its own forces; MJX drops them without a
-    word, so only the native engine may run it. Its `joints` joints stand at the ends of `joints + 1` segments.
+    word, so only the native backend may run it. Its `joints` joints stand at the ends of `joints + 1` segments.
     """
     _require_joints(joints)
     inertia = math.pi * rod.radius**4 / 4

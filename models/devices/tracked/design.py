@@ -2,6 +2,9 @@
 
 import math
 from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import numpy as np
 
 from haustra.errors import InvalidDesignError
 from haustra.models.devices.tracked.tread import NUMBERS, TreadGeometry
@@ -41,13 +44,13 @@ class FlexibleShaft:
     """Excess over the onset at which viscous loss would take all of it [rad/s]. Fitted with `SpeedFriction.exponent`:
     the paper's statements identify only both together, and we let both ends of the range lose alike."""
 
-    def transmission(self, speed: float) -> float:
-        """Share of the traction force that still reaches the treads at a worm speed [rad/s].
+    def transmission(self, speed: Any) -> Any:
+        """Share of the traction force that still reaches the treads at a worm speed [rad/s], or at several.
 
         A motor torque less a viscous loss: efficiency (1 - (w - w_onset) / w_stall), constant below the onset.
         """
-        excess = max(0.0, speed - self.onset_speed) / self.stall_excess
-        return self.efficiency * max(0.0, 1.0 - excess)
+        excess = np.maximum(0.0, speed - self.onset_speed) / self.stall_excess
+        return self.efficiency * np.maximum(0.0, 1.0 - excess)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -85,7 +85,7 @@ def steady_push(seconds: float, rate: float) -> Script:
 
 
 def honouring(scene: Scene) -> SingleBackend:
-    """The engine that steps a scene: native MuJoCo, or the chain in JAX, on one thread, where that refuses.
+    """The backend that steps a scene: native MuJoCo, or the chain in JAX, on one thread, where that refuses.
 
     Raises:
         UnsupportedSceneError: when neither honours it.
@@ -98,7 +98,7 @@ def honouring(scene: Scene) -> SingleBackend:
 
         compute_on_one_thread()
         use_jax(cache=cache_folder() / "jax")
-        from haustra.envs.sim.field_engine import JaxSingle
+        from haustra.envs.sim.jax_single import JaxSingle
 
         return JaxSingle(scene)
 
@@ -133,7 +133,7 @@ def replay(
     """Drive one model by a script; records end where it diverges.
 
     Raises:
-        UnsupportedSceneError: when no engine honours the scene.
+        UnsupportedSceneError: when no backend honours the scene.
     """
     deepest = script.deepest(options.start_depth)
     scene = build_scene(colon, wall, design, options, show_lumen=False, deepest=deepest)

@@ -1,4 +1,4 @@
-"""The same scripts through the engine of many worlds, in JAX: one world, in single or double precision."""
+"""The same scripts through the backend of many worlds, in JAX: one world, in single or double precision."""
 
 from dataclasses import replace
 

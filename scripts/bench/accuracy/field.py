@@ -1,7 +1,7 @@
 """Question: does a scope in JAX, against a table of the lumen, do what it does in MuJoCo against convex pieces?
 
 Asked in ten grown colons, twice. Under one script of hand and wires, step by step: what the tables' wall changes. And
-with the lumen follower at the wheels of each engine, where small differences grow: whether the scores of an insertion
+with the lumen follower at the wheels of each backend, where small differences grow: whether the scores of an insertion
 are the same on average. Tangent planes of the surface itself say which of the two is right where they differ.
 """
 
@@ -12,8 +12,8 @@ import numpy as np
 
 from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.runs.insertion import Insertion, run_insertion
-from haustra.envs.sim.field_engine import JaxSingle
 from haustra.envs.sim.growing import growing
+from haustra.envs.sim.jax_single import JaxSingle
 from haustra.models.devices.scope.files import find_design
 from haustra.models.scene import SceneOptions, build_scene
 from haustra.scripts.bench.accuracy.drive import Errors, compare, record_script, replay
@@ -56,7 +56,7 @@ def answer(effort: Effort) -> Answer:
             "Field: the same joints against the table of the lumen, in JAX. Pieces: prisms to 0.8 mm, in MuJoCo. "
             "Planes: exact, in MuJoCo.",
         ),
-        Table(f"The follower drives each engine for {driven:g} s", tuple(scores)),
+        Table(f"The follower drives each backend for {driven:g} s", tuple(scores)),
         Table("Differences of scores, field less pieces", tuple(_difference(scores, name) for name in _SCORES)),
     )
     return Answer(tables=tables, bars=_bars(paths, scores), notes=[_NOTE.format(colons=len(paths), seconds=seconds)])
@@ -97,8 +97,8 @@ def _both_driven(place: Place, seconds: float) -> dict[str, Value]:
         colon, None, design, SceneOptions(wall_law="table", softening=False), show_lumen=False, deepest=deepest
     )
     runs = {
-        "pieces": run_insertion(pieces, seconds=seconds, engine=growing(wall, deepest=deepest)),
-        "field": run_insertion(field, seconds=seconds, engine=JaxSingle),
+        "pieces": run_insertion(pieces, seconds=seconds, backend=growing(wall, deepest=deepest)),
+        "field": run_insertion(field, seconds=seconds, backend=JaxSingle),
     }
     found: dict[str, Value] = {}
     for name, run in runs.items():

@@ -104,7 +104,7 @@ def _contacts(place: Place, design: ScopeDesign, effort: Effort, seconds: float)
 
 
 def _worlds(place: Place, design: ScopeDesign, effort: Effort) -> Table:
-    """The engine of many worlds on this machine's processor."""
+    """The backend of many worlds on this machine's processor."""
     from haustra.envs.sim.jax_setup import use_jax
 
     use_jax()

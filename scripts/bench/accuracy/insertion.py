@@ -86,7 +86,7 @@ def models(main: str, *, quick: bool) -> Iterator[Model]:
         yield Model(f"timestep={step}", "timestep", replace(base, timestep=step), main)
     yield Model("wall=planes", "wall", planes)
     yield Model(
-        "wall=field, float32", "engine", replace(base, wall_law="table", softening=False, sample_spacing=SAMPLES)
+        "wall=field, float32", "backend", replace(base, wall_law="table", softening=False, sample_spacing=SAMPLES)
     )
     if quick:
         return
@@ -107,11 +107,11 @@ def models(main: str, *, quick: bool) -> Iterator[Model]:
         yield Model(f"wall={other}", "wall", base, other)
     yield Model(
         "wall=field, float64",
-        "engine",
+        "backend",
         replace(base, wall_law="table", softening=False, sample_spacing=SAMPLES),
         double=True,
     )
-    yield Model("wall=field, as in batches of worlds, float32", "engine", BATCH_OPTIONS)
+    yield Model("wall=field, as in batches of worlds, float32", "backend", BATCH_OPTIONS)
 
 
 def _combined(main: str) -> Iterator[Model]:

@@ -2,7 +2,7 @@
 
 Bars: a tenth of the collision-response time that the colonoscopy simulator's authors print for their scene, and an
 exponent of 1.3 at most. Every node is modelled, wherever it is; beside it stands what the same push costs where shaft
-and wall that it cannot reach are left out, as a run does by default. Two engines: MuJoCo's against the wall's pieces,
+and wall that it cannot reach are left out, as a run does by default. Two backends: MuJoCo's against the wall's pieces,
 and the chain in JAX against the tabulated lumen.
 """
 

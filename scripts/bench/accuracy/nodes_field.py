@@ -16,7 +16,7 @@ from haustra.scripts.bench.accuracy.drive import Script
 from haustra.scripts.bench.accuracy.timing import Block, in_turns, processor_seconds
 
 _CALLS = 12
-"""Control intervals of one timed block: about as many time steps as of other engines."""
+"""Control intervals of one timed block: about as many time steps as of other backends."""
 
 Modelled = tuple[SceneOptions, float | None]
 """How a scope is modelled, and the most of it that gets in [m]: shaft that stays outside is left out; None keeps it."""

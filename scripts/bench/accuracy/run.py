@@ -35,7 +35,7 @@ QUESTIONS: Mapping[str, str] = {
 """Every question, by the name of its module, and what it asks."""
 
 _CODE, _ROOMS = Path(__file__).parents[3], ("models", "envs/sim", "envs/runs/measure", "scripts/bench/reference")
-"""Where models and engines stand; another state of them asks every question anew."""
+"""Where models and backends stand; another state of them asks every question anew."""
 
 
 def run_questions(

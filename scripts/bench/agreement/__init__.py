@@ -1,1 +1,1 @@
-"""One scene, several engines: what each is held to, and how far apart they are."""
+"""One scene, several backends: what each is held to, and how far apart they are."""

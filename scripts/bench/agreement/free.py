@@ -1,4 +1,4 @@
-"""A scope that stands free past the anus: bent by its weight and by a wire, at rest and in motion, on every engine.
+"""A scope that stands free past the anus: bent by its weight and by a wire, at rest and in motion, on every backend.
 
 Hinges, springs, damping, wires, hand and locks are those of an insertion; only the wall is away.
 """
@@ -46,7 +46,7 @@ class Trial:
 
     @property
     def model(self) -> mujoco.MjModel:
-        """For engines that step MuJoCo's own model."""
+        """For backends that step MuJoCo's own model."""
         return compile_at_origin(self.scene)
 
     def pulled(self, look: int) -> float:
@@ -88,10 +88,10 @@ def by_jax(trial: Trial) -> Motion:
     from haustra.envs.sim.scope_worlds import JaxScopes
     from haustra.envs.sim.state import Controls
 
-    engine = JaxScopes.of(trial.scene)
-    tables, parameters = on_device(_open_space(trial.scene)), engine.parameters(trial.scene, 1, stiffness=1e-9)
-    go = jax.jit(lambda now, hands: engine.steps(tables, parameters, now, hands, _EVERY))
-    worlds, seen = engine.begin(parameters, tables), []
+    backend = JaxScopes.of(trial.scene)
+    tables, parameters = on_device(_open_space(trial.scene)), backend.parameters(trial.scene, 1, stiffness=1e-9)
+    go = jax.jit(lambda now, hands: backend.steps(tables, parameters, now, hands, _EVERY))
+    worlds, seen = backend.begin(parameters, tables), []
     for look in range(_LOOKS):
         pulls = jnp.array([[trial.pulled(look), 0.0, 0.0, 0.0]], jnp.float32)
         worlds = go(worlds, Controls(jnp.zeros(1), jnp.zeros(1), pulls))
@@ -123,18 +123,18 @@ def by_warp(trial: Trial, *, device: str | None = None) -> Motion:
 
 
 def compare_free(trial: Trial, movers: Mapping[str, Mover | str]) -> list[Agreement]:
-    """Largest distance between tips in motion, and that at rest, for each engine; a text says why one is absent."""
+    """Largest distance between tips in motion, and that at rest, for each backend; a text says why one is absent."""
     questions = _questions(trial)
     model, known = trial.model, natively(trial)
     rows = []
-    for engine, mover in movers.items():
+    for backend, mover in movers.items():
         if isinstance(mover, str):
-            rows += [question.without(engine, mover) for question in questions]
+            rows += [question.without(backend, mover) for question in questions]
             continue
         apart = np.linalg.norm(_tips(model, mover(trial)) - _tips(model, known), axis=1) / _FREE
         at_rest = apart[_LOOKS // 2 - 1] if trial.pull else apart[-1]
         for question, value in zip(questions, (at_rest, apart.max()), strict=True):
-            rows.append(replace(question, engine=engine, difference=float(value)))
+            rows.append(replace(question, backend=backend, difference=float(value)))
     return rows
 
 

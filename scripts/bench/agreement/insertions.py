@@ -1,4 +1,4 @@
-"""Whole insertions on two engines, world by world under the same seed: how far the means of their scores are apart.
+"""Whole insertions on two backends, world by world under the same seed: how far the means of their scores are apart.
 
 Which way a scope snaps past a fold depends on the last digit, so single runs drift apart and only statistics can agree.
 Each seed draws a colon, friction, stiffness of wall and shaft, wires and the angle at the start; the same driver
@@ -26,13 +26,13 @@ from haustra.scripts.bench.accuracy.run import code_state
 from haustra.scripts.bench.agreement.row import Agreement
 from haustra.scripts.bench.result import mean_interval
 
-_REASON = "engines share one contact law, one follower and each seed's draws; single precision grows into other paths"
+_REASON = "backends share one contact law, one follower and each seed's draws; single precision grows into other paths"
 _PERFORATED = "the same, of all runs; a perforation ends a run"
 
 
 @dataclass(frozen=True)
 class Runs:
-    """Scores of one engine's insertions; one entry a world, NaN where it diverged."""
+    """Scores of one backend's insertions; one entry a world, NaN where it diverged."""
 
     reach: Float[np.ndarray, " worlds"]
     """Furthest tip over the colon's length [1]."""
@@ -72,7 +72,7 @@ Progress = Callable[[float, str], None]
 def insertions(
     bank: ColonSet,
     *,
-    engine: str,
+    backend: str,
     mesentery: bool,
     seeds: int,
     seconds: float,
@@ -80,25 +80,25 @@ def insertions(
     folder: Path | None = None,
     progress: Progress = lambda share, note: None,
 ) -> Runs | str:
-    """Scores of one engine's insertions, from the folder where they are there, or why the engine refuses.
+    """Scores of one backend's insertions, from the folder where they are there, or why the backend refuses.
 
     Args:
         bank: the colons.
-        engine: 'native', or one of `haustra.envs.sim.device_engines`.
+        backend: 'native', or one of `haustra.envs.sim.device_backends`.
         mesentery: whether the colons move.
         seeds: how many, from 0 on.
         seconds: of each run, unless it reaches the caecum or perforates the wall [s].
-        processes: of the native engine; engines on a device take all worlds at once.
+        processes: of the native backend; backends on a device take all worlds at once.
         folder: where finished parts are kept and looked for.
         progress: told the share that is done, and what goes on.
     """
-    count = _PER_PROCESS if engine == "native" and processes > 1 else seeds
+    count = _PER_PROCESS if backend == "native" and processes > 1 else seeds
     parts = [range(first, min(first + count, seeds)) for first in range(0, seeds, count)]
-    asked = {"engine": engine, "mesentery": mesentery, "seconds": seconds}
+    asked = {"backend": backend, "mesentery": mesentery, "seconds": seconds}
     kept = prepare_folder(folder / _state(bank)) if folder else None
     files = {part: kept / _name(part, **asked) for part in parts} if kept else {}
     found = {part: _read(file) for part, file in files.items() if file.is_file()}
-    what = f"{engine}, {'on the mesentery' if mesentery else 'fixed'}"
+    what = f"{backend}, {'on the mesentery' if mesentery else 'fixed'}"
 
     def take(part: range, runs: Runs) -> None:
         found[part] = runs
@@ -129,9 +129,9 @@ def _state(bank: ColonSet) -> str:
     )
 
 
-def _name(part: range, *, engine: str, mesentery: bool, seconds: float) -> str:
+def _name(part: range, *, backend: str, mesentery: bool, seconds: float) -> str:
     kind = "mesentery" if mesentery else "fixed"
-    return f"{engine}-{kind}-{seconds:g}s-{part.start}-{part.stop}.npz"
+    return f"{backend}-{kind}-{seconds:g}s-{part.start}-{part.stop}.npz"
 
 
 def _read(file: Path) -> Runs:
@@ -142,7 +142,7 @@ def _read(file: Path) -> Runs:
 def run_seeds(
     bank: ColonSet,
     *,
-    engine: str,
+    backend: str,
     seeds: Sequence[int],
     seconds: float,
     mesentery: bool = False,
@@ -152,22 +152,22 @@ def run_seeds(
 
     Args:
         bank: the colons.
-        engine: 'native', or one of `haustra.envs.sim.device_engines`.
+        backend: 'native', or one of `haustra.envs.sim.device_backends`.
         seeds: of each world's draws: colon, friction, stiffness of wall and shaft, wires, angle at the start.
         seconds: of each run, unless it reaches the caecum or perforates the wall [s].
         mesentery: whether the colons move.
         progress: told the simulated time [s].
 
     Raises:
-        UnsupportedSceneError: when the engine cannot honour the colons.
+        UnsupportedSceneError: when the backend cannot honour the colons.
         MissingDependencyError: when what it computes with is not installed.
     """
     limits = Limits(seconds=seconds)
     config = TaskConfig(design=bank.design.name, observation="state", limits=limits, mesentery=mesentery)
-    if engine == "warp":
+    if backend == "warp":
         use_warp()
     worlds = len(seeds)
-    task = ScopeTask(config, worlds=worlds, engine=engine, bank=bank)
+    task = ScopeTask(config, worlds=worlds, backend=backend, bank=bank)
     seen = task.reset(seeds=list(seeds))
     driver = FollowerDriver(task)
     driver.begin(np.ones(worlds, bool))
@@ -196,11 +196,11 @@ def run_seeds(
 def compare_insertions(
     known: Runs | None, found: Mapping[str, Runs | str], *, mesentery: bool = False
 ) -> list[Agreement]:
-    """Mean differences of scores as shares of the native mean, over seeds that neither engine lost; shares as they are.
+    """Mean differences of scores as shares of the native mean, over seeds that no backend lost; shares as they are.
 
     Args:
-        known: the native engine's; only needed where another ran.
-        found: each engine's, or why it is absent.
+        known: the native backend's; only needed where another ran.
+        found: each backend's, or why it is absent.
         mesentery: whether the colons moved.
 
     Raises:
@@ -208,13 +208,13 @@ def compare_insertions(
     """
     rows = []
     kind = "on the mesentery" if mesentery else "fixed"
-    for engine, runs in found.items():
+    for backend, runs in found.items():
         for name, said in _NAMES.items():
             perforations = name == "perforated"
             unit, reason = ("of all", _PERFORATED) if perforations else ("of the mean", _REASON)
-            row = Agreement(f"insertion, colons {kind}, mean over seeds: {said}", engine, _TOLERANCE, unit, reason)
+            row = Agreement(f"insertion, colons {kind}, mean over seeds: {said}", backend, _TOLERANCE, unit, reason)
             if isinstance(runs, str):
-                rows.append(row.without(engine, runs))
+                rows.append(row.without(backend, runs))
                 break
             assert known is not None
             rows.append(_compared(row, getattr(known, name), getattr(runs, name)))
@@ -225,7 +225,7 @@ def _compared(row: Agreement, known: np.ndarray, found: np.ndarray) -> Agreement
     both = np.isfinite(known) & np.isfinite(found)
     apart, count = (found - known)[both], int(both.sum())
     if count < 3:
-        raise InvalidOptionError(f"{count} seeds ran on both engines: ask for at least three.")
+        raise InvalidOptionError(f"{count} seeds ran on both backends: ask for at least three.")
     scale = 1.0 if row.unit == "of all" else float(known[both].mean())
     mean, low, high = mean_interval(apart)
     return replace(row, difference=mean / scale, interval=(low / scale, high / scale), cases=count)

@@ -17,14 +17,14 @@ def compare_pads(absent: Mapping[str, str], *, device: str | None = None) -> lis
     """The largest differences over four speeds and frictions.
 
     Args:
-        absent: engines that cannot be asked, and why.
+        absent: backends that cannot be asked, and why.
         device: as Warp names it.
     """
     questions = [
         Agreement(f"track of tread pads: {name}", "warp", tolerance, "of the native", reason)
         for name, (_, tolerance, reason) in _QUESTIONS.items()
     ]
-    rows = [question.without(engine, why) for engine, why in absent.items() for question in questions[:1]]
+    rows = [question.without(backend, why) for backend, why in absent.items() for question in questions[:1]]
     if "warp" in absent:
         return rows
     from dataclasses import replace

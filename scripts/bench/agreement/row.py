@@ -1,4 +1,4 @@
-"""One line of the table of agreement: a quantity, an engine against the native one, the tolerance and its reason."""
+"""One line of the table of agreement: a quantity, a backend against the native one, the tolerance and its reason."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -8,35 +8,35 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Agreement:
-    """How far an engine is from the native one, or why it cannot be asked."""
+    """How far a backend is from the native one, or why it cannot be asked."""
 
     quantity: str
-    engine: str
-    """That is held against the native engine."""
+    backend: str
+    """That is held against the native backend."""
     tolerance: float
     """Largest difference that counts as agreement, in the quantity's unit."""
     unit: str
     reason: str
     """Of the tolerance."""
     difference: float | None = None
-    """None where the engine is absent."""
+    """None where the backend is absent."""
     interval: tuple[float, float] | None = None
     """95 % confidence of a mean difference over seeds; all of it must lie within the tolerance."""
     cases: int | None = None
-    """Seeds that both engines ran."""
+    """Seeds that both backends ran."""
     absent: str = ""
-    """Why the engine was not asked."""
+    """Why the backend was not asked."""
 
     @property
     def agrees(self) -> bool | None:
-        """Whether the difference is within the tolerance; None where the engine is absent."""
+        """Whether the difference is within the tolerance; None where the backend is absent."""
         if self.difference is None:
             return None
         return all(abs(value) <= self.tolerance for value in (self.difference, *(self.interval or ())))
 
-    def without(self, engine: str, why: str) -> "Agreement":
-        """The same question to an engine that is not there."""
-        return Agreement(self.quantity, engine, self.tolerance, self.unit, self.reason, absent=why)
+    def without(self, backend: str, why: str) -> "Agreement":
+        """The same question to a backend that is not there."""
+        return Agreement(self.quantity, backend, self.tolerance, self.unit, self.reason, absent=why)
 
     def to_json(self) -> dict[str, Any]:
         """Plain values; an interval without bounds is null."""
@@ -56,7 +56,7 @@ Part = Callable[[], Iterable[Agreement]]
 
 def table(rows: Iterable[Agreement]) -> dict[str, str]:
     """The rows as a terminal shows them."""
-    return {f"{row.quantity}, {row.engine}": _said(row) for row in rows}
+    return {f"{row.quantity}, {row.backend}": _said(row) for row in rows}
 
 
 def _said(row: Agreement) -> str:

@@ -1,11 +1,11 @@
-"""Ask every engine that this machine has the same questions, and say of the others why they are absent."""
+"""Ask every backend that this machine has the same questions, and say of the others why they are absent."""
 
 from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from haustra.envs.sim.device_engines import DEVICE_ENGINES
+from haustra.envs.sim.device_backends import DEVICE_BACKENDS
 from haustra.envs.tasks.bank import ColonSet
 from haustra.scripts.bench.agreement.free import Mover, by_jax, by_warp, compare_free, trials
 from haustra.scripts.bench.agreement.insertions import Runs, compare_insertions, insertions
@@ -17,17 +17,17 @@ PARTS = ("free", "pads", "insertions")
 _MISSING = "not installed here: pip install 'haustra[{}]'"
 
 
-def absent_engines() -> dict[str, str]:
-    """Engines that are not installed, and what to do."""
+def absent_backends() -> dict[str, str]:
+    """Backends that are not installed, and what to do."""
     needs = {"jax": ("jax", "mjx"), "warp": ("warp", "warp")}
-    return {engine: _MISSING.format(extra) for engine, (module, extra) in needs.items() if find_spec(module) is None}
+    return {backend: _MISSING.format(extra) for backend, (module, extra) in needs.items() if find_spec(module) is None}
 
 
-def compare_engines(
+def compare_backends(
     bank: ColonSet,
     parts: Sequence[str],
     *,
-    engines: Sequence[str] = DEVICE_ENGINES,
+    backends: Sequence[str] = DEVICE_BACKENDS,
     mesentery: Sequence[bool] = (False, True),
     seeds: int,
     seconds: float,
@@ -41,16 +41,16 @@ def compare_engines(
     Args:
         bank: colons and scope.
         parts: of `PARTS`.
-        engines: of `DEVICE_ENGINES`.
+        backends: of `DEVICE_BACKENDS`.
         mesentery: kinds of colons for insertions: fixed, on their mesentery.
         seeds: of insertions.
         seconds: longest insertion [s].
-        processes: of the native engine.
+        processes: of the native backend.
         folder: where finished insertions are kept and looked for.
         device: as Warp names it.
         progress: told parts done.
     """
-    absent: dict[str, str] = dict.fromkeys(set(DEVICE_ENGINES) - set(engines), "not asked for") | absent_engines()
+    absent: dict[str, str] = dict.fromkeys(set(DEVICE_BACKENDS) - set(backends), "not asked for") | absent_backends()
     rows = []
     for done, part in enumerate(parts):
         progress(done, part)
@@ -81,24 +81,26 @@ def compare_engines(
 
 
 def _insertions(bank: ColonSet, absent: dict[str, str], *, mesentery: bool, **asked: Any) -> list[Agreement]:
-    """Rows for one kind of colon; where the native engine refuses it, there is nothing to compare with."""
+    """Rows for one kind of colon; where the native backend refuses it, there is nothing to compare with."""
     known = "nothing to compare"
-    if len(absent) < len(DEVICE_ENGINES):
-        known = insertions(bank, engine="native", mesentery=mesentery, **asked)
+    if len(absent) < len(DEVICE_BACKENDS):
+        known = insertions(bank, backend="native", mesentery=mesentery, **asked)
     if isinstance(known, str):
-        refused: dict[str, Runs | str] = {engine: absent.get(engine, f"native: {known}") for engine in DEVICE_ENGINES}
+        refused: dict[str, Runs | str] = {
+            backend: absent.get(backend, f"native: {known}") for backend in DEVICE_BACKENDS
+        }
         return compare_insertions(None, refused, mesentery=mesentery)
     found = {
-        engine: absent.get(engine) or insertions(bank, engine=engine, mesentery=mesentery, **asked)
-        for engine in DEVICE_ENGINES
+        backend: absent.get(backend) or insertions(bank, backend=backend, mesentery=mesentery, **asked)
+        for backend in DEVICE_BACKENDS
     }
     return compare_insertions(known, found, mesentery=mesentery)
 
 
 def devices() -> dict[str, Any]:
-    """Date, versions, processor, and the devices that the engines compute on."""
+    """Date, versions, processor, and the devices that the backends compute on."""
     told: dict[str, Any] = dict(machine())
-    missing = absent_engines()
+    missing = absent_backends()
     if "jax" not in missing:
         import jax
 

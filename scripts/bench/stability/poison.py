@@ -38,7 +38,7 @@ WARM_UP = 20
 class Injection:
     """One injection."""
 
-    engine: str
+    backend: str
     array: str
     value: float
     caught: str
@@ -54,7 +54,7 @@ class Injection:
 
 
 def poison(order: RunOptions, progress: Progress) -> Part:
-    """Every input of every engine, with every bad number; JAX's engine too where it is installed."""
+    """Every input of every backend, with every bad number; JAX's backend too where it is installed."""
     bank = small_bank(grow_colon(seed=0))
     parts: list[Callable[[], list[Injection]]] = [
         lambda: single_cases(bank),
@@ -70,7 +70,7 @@ def poison(order: RunOptions, progress: Progress) -> Part:
     found: list[Injection] = []
     for number, part in enumerate(parts):
         found += part()
-        progress((number + 1) / len(parts), found[-1].engine)
+        progress((number + 1) / len(parts), found[-1].backend)
     return judge(found)
 
 
@@ -108,11 +108,11 @@ Watched: TypeAlias = list[tuple[np.ndarray, Readings]]
 """Which worlds were healthy after each block, and what was seen."""
 
 
-def _compare(engine: str, array: str, value: float, clean: Watched, run: Callable[[], Watched]) -> Injection:
+def _compare(backend: str, array: str, value: float, clean: Watched, run: Callable[[], Watched]) -> Injection:
     try:
         seen = run()
     except HaustraError:
-        return Injection(engine, array, value, "refused", neighbours_same=True, finite=True)
+        return Injection(backend, array, value, "refused", neighbours_same=True, finite=True)
     others = np.arange(WORLDS) != POISONED
     same = all(
         np.array_equal(values[others], getattr(before, name)[others])
@@ -123,7 +123,7 @@ def _compare(engine: str, array: str, value: float, clean: Watched, run: Callabl
     healthy = all(row[others].all() for row, _ in seen)
     finite = all(np.isfinite(values).all() for _, after in seen for values in after if values is not None)
     caught = "" if seen[0][0][POISONED] else "diverged"
-    return Injection(engine, array, value, caught, neighbours_same=same and healthy, finite=finite)
+    return Injection(backend, array, value, caught, neighbours_same=same and healthy, finite=finite)
 
 
 def _run(batch: AbstractBackend, array: str | None, value: float | None) -> Watched:
@@ -173,13 +173,13 @@ def single_cases(bank: ColonSet) -> list[Injection]:
     found = []
     for array in ("push_rate", "roll_rate", "pulls", "wheels"):
         for value in BAD:
-            engine = NativeEngine(build_scene(bank.cases[0].colon(), None, bank.design, options, show_lumen=False))
+            backend = NativeEngine(build_scene(bank.cases[0].colon(), None, bank.design, options, show_lumen=False))
             scalar = array.endswith("rate")
             good = Controls(0.05, 0.0)
-            engine.step(good, BLOCK)
+            backend.step(good, BLOCK)
             bad = value if scalar else np.full(2 if array == "wheels" else 4, value)
             try:
-                caught = "" if engine.step(good._replace(**{array: bad}), BLOCK) else "diverged"
+                caught = "" if backend.step(good._replace(**{array: bad}), BLOCK) else "diverged"
             except HaustraError:
                 caught = "refused"
             found.append(Injection("native", array, value, caught, neighbours_same=True, finite=True))
@@ -245,13 +245,13 @@ def judge(found: list[Injection]) -> Part:
             "injections that left something not finite to read", sum(not c.finite for c in found), 0, "cases", "at most"
         ),
     )
-    arrays = dict.fromkeys((case.engine, case.array) for case in found)
+    arrays = dict.fromkeys((case.backend, case.array) for case in found)
     rows = []
-    for engine, array in arrays:
-        cases = [case for case in found if (case.engine, case.array) == (engine, array)]
+    for backend, array in arrays:
+        cases = [case for case in found if (case.backend, case.array) == (backend, array)]
         rows.append(
             {
-                "engine": engine,
+                "backend": backend,
                 "array": array,
                 "injected": ", ".join(str(case.value) for case in cases),
                 "caught": ", ".join(dict.fromkeys(case.caught or "not caught" for case in cases)),
@@ -260,7 +260,7 @@ def judge(found: list[Injection]) -> Part:
             }
         )
     text = (
-        f"NaN and both infinities in world {POISONED} of {WORLDS}, in each input of each engine, {BLOCK} time steps a "
+        f"NaN and both infinities in world {POISONED} of {WORLDS}, in each input of each backend, {BLOCK} time steps a "
         "block; the other worlds are compared bit by bit with a run without. Sweeps get them as values of a design or "
         "scene and must refuse them by name."
     )

@@ -126,7 +126,7 @@ def shock(colon: Colon, wall: Wall | None, name: str, *, quick: bool = False) ->
 
 
 class _Watch:
-    """Steps an engine and keeps what was seen."""
+    """Steps a backend and keeps what was seen."""
 
     def __init__(self, engine: NativeEngine) -> None:
         self._engine = engine

@@ -1,4 +1,4 @@
-"""`haustra bench agreement`: the engines held against each other, in one table."""
+"""`haustra bench agreement`: the backends held against each other, in one table."""
 
 import os
 from dataclasses import dataclass, field
@@ -10,18 +10,18 @@ import tyro
 
 @dataclass(frozen=True)
 class BenchAgreement:
-    """Bend, drop and insert scopes and run treads on every engine that is installed, and compare with the native one.
+    """Bend, drop and insert scopes and run treads on every backend that is installed, and compare with the native one.
 
-    On two cores the first two parts take a minute, insertions on MuJoCo Warp half a minute a seed. An engine agrees in
+    On two cores the first two parts take a minute, insertions on MuJoCo Warp half a minute a seed. A backend agrees in
     a score when the whole 95 % interval of its mean difference lies within 3 % (of shares: 3 of 100).
     """
 
     parts: str = "free,pads,insertions"
     """What to compare, separated by commas: free (a scope without a wall), pads (of a track), insertions."""
-    engines: str = "jax,warp"
+    backends: str = "jax,warp"
     """That are held against the native one, of those that are installed, separated by commas."""
     seeds: int = 256
-    """Insertions on each engine; each draws its own colon, friction, stiffness and start."""
+    """Insertions on each backend; each draws its own colon, friction, stiffness and start."""
     seconds: float = 30.0
     """Longest insertion [s]."""
     colons: int = 8
@@ -31,7 +31,7 @@ class BenchAgreement:
     design: str = "adult"
     """Scope design."""
     processes: int = 0
-    """Of the native engine, and of growing; as many as there are cores when 0."""
+    """Of the native backend, and of growing; as many as there are cores when 0."""
     device: str | None = None
     """Of Warp where there is no wall: cuda:0, cpu; its own choice when not given. Insertions run where JAX does."""
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
@@ -43,21 +43,21 @@ class BenchAgreement:
         """Compare."""
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-        from haustra.envs.sim.device_engines import DEVICE_ENGINES
+        from haustra.envs.sim.device_backends import DEVICE_BACKENDS
         from haustra.envs.tasks.bank import grown_bank
         from haustra.errors import InvalidOptionError
         from haustra.files import prepare_folder, write_json
         from haustra.models.devices.scope.library import named_design
         from haustra.scripts.bench.agreement.row import table
-        from haustra.scripts.bench.agreement.run import PARTS, compare_engines, devices
+        from haustra.scripts.bench.agreement.run import PARTS, compare_backends, devices
         from haustra.scripts.console import progress_bar
 
         parts = [part.strip() for part in self.parts.split(",")]
         if unknown := [part for part in parts if part not in PARTS]:
             raise InvalidOptionError(f"Part '{unknown[0]}' is not known. Known: {', '.join(PARTS)}.")
-        engines = [engine.strip() for engine in self.engines.split(",")]
-        if unknown := [engine for engine in engines if engine not in DEVICE_ENGINES]:
-            raise InvalidOptionError(f"Engine '{unknown[0]}' is not known. Known: {', '.join(DEVICE_ENGINES)}.")
+        backends = [backend.strip() for backend in self.backends.split(",")]
+        if unknown := [backend for backend in backends if backend not in DEVICE_BACKENDS]:
+            raise InvalidOptionError(f"Backend '{unknown[0]}' is not known. Known: {', '.join(DEVICE_BACKENDS)}.")
         if self.seeds < 3 or self.colons < 1 or self.processes < 0 or not 0 < self.seconds <= 600:
             raise InvalidOptionError("Give at least 3 seeds, 1 colon, and a time of up to 600 s.")
         folder = prepare_folder(self.output) if self.output else None
@@ -70,10 +70,10 @@ class BenchAgreement:
                 progress=lambda done: advance(done, ""),
             )
         with progress_bar("agreement", len(parts), unit="parts") as advance:
-            rows = compare_engines(
+            rows = compare_backends(
                 bank,
                 parts,
-                engines=engines,
+                backends=backends,
                 seeds=self.seeds,
                 seconds=self.seconds,
                 processes=processes,

@@ -12,7 +12,7 @@ class BenchEpisodes:
     """Scopes stepped at once."""
     threads: int = 2
     """For physics."""
-    engine: Literal["native", "jax", "warp"] = "native"
+    backend: Literal["native", "jax", "warp"] = "native"
     """What computes: MuJoCo on threads, or JAX or MuJoCo Warp on a GPU."""
     seconds: float = 20.0
     """Simulated time of each world [s]."""
@@ -51,7 +51,7 @@ class BenchEpisodes:
         with progress_bar("grow", self.colons, unit="colons") as advance:
             bank = grown_bank(range(self.colons), named_design(self.design), progress=lambda done: advance(done, ""))
         rate = step_rate(
-            config, bank, worlds=self.worlds, threads=self.threads, seconds=self.seconds, engine=self.engine
+            config, bank, worlds=self.worlds, threads=self.threads, seconds=self.seconds, backend=self.backend
         )
         result: dict[str, Any] = {"dofs": int(bank.scene.compile().nv), "spheres": len(bank.scene.samples)}
         result |= asdict(rate)

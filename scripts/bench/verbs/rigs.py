@@ -1,4 +1,4 @@
-"""`haustra bench rigs`: many rigs of the tracked robot at once, against the native engine."""
+"""`haustra bench rigs`: many rigs of the tracked robot at once, against the native backend."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,7 +9,7 @@ import tyro
 
 @dataclass(frozen=True)
 class BenchRigs:
-    """Step one track and the whole tracked robot in many worlds by MuJoCo Warp, and compare with the native engine."""
+    """Step one track and the whole tracked robot in many worlds by MuJoCo Warp, and compare with the native backend."""
 
     worlds: str = "1,64,1024,8192,32768"
     """Numbers of worlds, separated by commas."""

@@ -14,7 +14,7 @@ class BenchWorlds:
 
     worlds: str = "1,32,128"
     """Numbers of worlds, separated by commas."""
-    engine: Literal["jax", "warp"] = "jax"
+    backend: Literal["jax", "warp"] = "jax"
     """A chain and a wall in JAX, or MuJoCo's own by MuJoCo Warp."""
     colons: int = 2
     """Grown colons (seeds 0, 1, ...) that the worlds share."""
@@ -45,7 +45,7 @@ class BenchWorlds:
         if not 1 <= self.colons <= 1000:
             raise InvalidOptionError(f"colons is {self.colons}: give 1 to 1000.")
         shares = joint_counts(self.devices, option="--devices", low=1, high=4096)
-        if self.engine == "warp" and max(shares) > 1:
+        if self.backend == "warp" and max(shares) > 1:
             raise InvalidOptionError("MuJoCo Warp's worlds are not shared among devices: give --devices 1.")
         device = use_jax(devices=max(shares), cache=self.cache)
         from haustra.envs.sim.scope_bank import BATCH_OPTIONS, build_bank
@@ -77,23 +77,23 @@ class BenchWorlds:
                 rate
                 for share in shares
                 for rate in measure_rates(
-                    bank, [n for n in counts if n >= share], engine=self.engine, devices=share, progress=report
+                    bank, [n for n in counts if n >= share], backend=self.backend, devices=share, progress=report
                 )
             ]
         further: dict[str, Any] = {}
         if self.insertions > 0:
-            further["insertions"] = measure_insertions(bank, self.insertions, seconds=30.0, engine=self.engine)
+            further["insertions"] = measure_insertions(bank, self.insertions, seconds=30.0, backend=self.backend)
         if self.compare > 0:
             scope = (bank.scene.design, bank.scene.options)
             further["accuracy"] = {
                 colon.name: compare_with_native(
-                    colon, *scope, cell=_FINE_CELL, seconds=self.compare, engine=self.engine
+                    colon, *scope, cell=_FINE_CELL, seconds=self.compare, backend=self.backend
                 ).summary()
                 for colon in colons
             }
         return {
             "device": describe_device(device),
-            "engine": self.engine,
+            "backend": self.backend,
             "dofs": int(bank.scene.compile().nv),
             "joints": len(bank.scene.cable.cells),
             "spheres": len(bank.scene.samples),

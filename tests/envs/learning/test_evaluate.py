@@ -46,12 +46,12 @@ def test_all_drivers_get_the_same_episodes_in_any_order():
     assert all(0 <= one.tip_ahead_m < 0.02 for one in many.episodes), "a tube without loops allows no short cut"
 
 
-def test_both_engines_give_the_same_table():
+def test_both_backends_give_the_same_table():
     """The follower in two tubes: the same episodes, all completed, ways and times within a tenth, peaks within half."""
     pytest.importorskip("jax")
     found = [
-        evaluate(FollowerDriver, "follower", CONFIG, short_bank(), episodes=2, engine=engine, record=True)
-        for engine in ("native", "jax")
+        evaluate(FollowerDriver, "follower", CONFIG, short_bank(), episodes=2, backend=backend, record=True)
+        for backend in ("native", "jax")
     ]
     ours, theirs = (one.summary() for one in found)
     assert ours.keys() == theirs.keys()

@@ -108,7 +108,7 @@ def test_in_a_colon_that_moves_the_picture_moves_along():
     pytest.importorskip("jax")
     config = replace(CONFIG, mesentery=True, limits=Limits(seconds=3.0))
     bank = hung_bank()
-    kept = evaluate(PushDriver, "push", config, bank, episodes=1, engine="jax", record=True).recording
+    kept = evaluate(PushDriver, "push", config, bank, episodes=1, backend="jax", record=True).recording
     assert kept is not None and kept.displacement is not None and kept.displacement.shape[0] == len(kept.time)
     assert np.abs(kept.displacement[0]).max() < np.abs(kept.displacement[-1]).max() < 0.02
 

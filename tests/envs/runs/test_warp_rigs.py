@@ -1,4 +1,4 @@
-"""MuJoCo Warp pulls as the native engine does. On a CPU its kernels take a minute to compile: not in CI."""
+"""MuJoCo Warp pulls as the native backend does. On a CPU its kernels take a minute to compile: not in CI."""
 
 import numpy as np
 import pytest

@@ -1,7 +1,7 @@
-"""Every field of scenes, designs and tasks on every backend: its effect is that of the native engine, or it is refused.
+"""Every field of scenes, designs and tasks on every backend: its effect is the native one, or it is refused.
 
 A scope is pushed round a bend, turned and steered. The effect of a field is how the means of what is read off over the
-run change with it. Backends of many worlds meet the wall's table, the native engine its tangent planes, one sphere
+run change with it. Backends of many worlds meet the wall's table, the native backend its tangent planes, one sphere
 against two planes: effects agree within `TOLERANCE` of their size.
 """
 
@@ -203,12 +203,12 @@ def _pulls(time: float, path: str) -> np.ndarray:
 
 
 def _native(design: ScopeDesign, options: SceneOptions, path: str) -> np.ndarray:
-    engine, rows = NativeEngine(_scene(design, options, path, many=False)), []
-    axes = entry_of(engine.scene.colon)[1]
+    backend, rows = NativeEngine(_scene(design, options, path, many=False)), []
+    axes = entry_of(backend.scene.colon)[1]
     for look in range(round(_seconds(path) / LOOK)):
-        engine.step(Controls(PUSH, ROLL, _pulls(look * LOOK, path)), round(LOOK / options.timestep))
-        seen = engine.read()
-        tip = axes.T @ (seen.tip - engine.scene.entry)
+        backend.step(Controls(PUSH, ROLL, _pulls(look * LOOK, path)), round(LOOK / options.timestep))
+        seen = backend.read()
+        tip = axes.T @ (seen.tip - backend.scene.entry)
         rows.append([*tip, *seen.bend, seen.push_force, seen.torque, seen.link_forces.sum(), seen.insertion])
     return np.mean(rows, axis=0) / SCALES
 
@@ -246,14 +246,14 @@ def _base(run: Callable, like: str) -> np.ndarray:
 
 @cache
 def _known(path: str) -> np.ndarray:
-    """The effect on the native engine, which every field but labels has."""
+    """The effect on the native backend, which every field but labels has."""
     return _effect(_native, path)
 
 
 def _require_same(path: str, effect: np.ndarray, floor: float = FLOOR) -> None:
     known = _known(path)
     share = AT_THE_WALL_TOLERANCE if _at_the_wall(path) else TOLERANCE
-    if path == "scene.wall_damping_time":  # batches read K (d + t d'), the engine what its solver found
+    if path == "scene.wall_damping_time":  # batches read K (d + t d'), the backend what its solver found
         share, effect, known = 0.9, np.delete(effect, 7), np.delete(known, 7)
     apart = np.linalg.norm(effect - known)
     assert apart < share * np.linalg.norm(known) + floor, f"{np.round(effect, 3)} instead of {np.round(known, 3)}"
@@ -268,7 +268,7 @@ def _refused(path: str, backend: str) -> bool:
 
 
 @pytest.mark.parametrize("path", PATHS)
-def test_the_native_engine_honours_it(path: str) -> None:
+def test_the_native_backend_honours_it(path: str) -> None:
     assert np.linalg.norm(_known(path)) > LEAST
 
 
@@ -305,8 +305,8 @@ class _Jax:
         named = {"stiffness": "wall_stiffness", "damping_time": "wall_damping_time"}
         named |= {name: name for name in ("friction", "push_limit", "torque_limit", "gravity")}
         each = {name: np.array([getattr(one.options, field) for _, one in own]) for name, field in named.items()}
-        engine, worlds = kinds["up"], len(own)
-        parameters = engine.parameters(
+        backend, worlds = kinds["up"], len(own)
+        parameters = backend.parameters(
             scenes["up"],
             worlds,
             scope=stack_scopes([read_scope(scene) for _, scene in own]),
@@ -317,10 +317,10 @@ class _Jax:
         @jax.jit
         def go(state: Any, pulls: Any) -> Any:
             hands = Controls(jnp.full(worlds, PUSH), jnp.full(worlds, ROLL), pulls)
-            state = engine.steps(tables, parameters, state, hands, round(LOOK / OPTIONS.timestep))
-            return state, engine.read(parameters, tables, state)
+            state = backend.steps(tables, parameters, state, hands, round(LOOK / OPTIONS.timestep))
+            return state, backend.read(parameters, tables, state)
 
-        state, looks = engine.begin(parameters, tables), []
+        state, looks = backend.begin(parameters, tables), []
         for look in range(round(2 * SECONDS / LOOK)):
             pulls = np.array([_pulls(look * LOOK, path) for (_, _, path), _ in own], np.float32)
             state, seen = go(state, pulls)
@@ -445,9 +445,9 @@ def test_wires_slack_and_stretch_count_where_wheels_steer_and_wheels_are_refused
     bends = []
     for changed in ({}, {"slack": 0.002}, {"compliance": 3 * DESIGN.wires.compliance}):
         design = _wires(DESIGN, **changed)
-        engine = NativeEngine(_scene(design, _options("design.name"), "design.name", many=False))
-        engine.step(Controls(0.0, 0.0, wheels=np.array([0.006, 0.0])), 60)
-        bends.append(engine.read().bend[0])
+        backend = NativeEngine(_scene(design, _options("design.name"), "design.name", many=False))
+        backend.step(Controls(0.0, 0.0, wheels=np.array([0.006, 0.0])), 60)
+        bends.append(backend.read().bend[0])
     assert bends[1] < 0.95 * bends[0]
     assert bends[2] < 0.95 * bends[0]
     pytest.importorskip("jax")

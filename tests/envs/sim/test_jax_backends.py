@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from haustra.envs.sim.conditions import Conditions
-from haustra.envs.sim.device_engines import device_engine
+from haustra.envs.sim.device_backends import device_backend
 from haustra.envs.sim.load import load_backend
 from haustra.envs.sim.scope_reading import read_scope
 from haustra.envs.sim.state import Controls
@@ -32,11 +32,11 @@ _OPTIONS = SceneOptions(
 
 
 NEEDS_WARP = pytest.mark.skipif(find_spec("warp") is None, reason="the extra warp is not installed")
-ENGINES = ["jax", pytest.param("warp", marks=NEEDS_WARP)]
+BACKENDS = ["jax", pytest.param("warp", marks=NEEDS_WARP)]
 
 
-@pytest.mark.parametrize("name", ENGINES)
-def test_engines_see_the_same(name: str) -> None:
+@pytest.mark.parametrize("name", BACKENDS)
+def test_backends_see_the_same(name: str) -> None:
     """A bend, pushed and steered: tips within 1 mm on average, forces within a tenth; a reset world begins anew."""
     colons = [swept_colon(winding([(0.08, 0.0), (0.1, turn), (0.2, 0.0)]), name=f"bend {turn}") for turn in (-1.2, 1.6)]
     scene = build_scene(colons[0], None, _DESIGN, _OPTIONS, show_lumen=False)
@@ -45,14 +45,14 @@ def test_engines_see_the_same(name: str) -> None:
     )
     stiffness = np.array([2400.0, 700.0])
     conditions = Conditions(np.array([0.05, 0.1]), stiffness, np.array([1.0, 0.8]), np.array([0.0, 0.3]))
-    engines = [load_backend(each, scene, tables, worlds=2) for each in ("native", name)]
-    for engine in engines:
-        engine.reset(np.arange(2), np.array([1, 0]), conditions)
+    backends = [load_backend(each, scene, tables, worlds=2) for each in ("native", name)]
+    for backend in backends:
+        backend.reset(np.arange(2), np.array([1, 0]), conditions)
     inputs = Controls(np.array([0.06, 0.05]), np.array([0.0, 0.2]), np.tile([12.0, 0.0, 0.0, 0.0], (2, 1)))
     apart, forces, insertion = [], [], 0.0
     for _ in range(80):
-        assert all(engine.step(inputs, 8).all() for engine in engines)
-        threads, device = (engine.read() for engine in engines)
+        assert all(backend.step(inputs, 8).all() for backend in backends)
+        threads, device = (backend.read() for backend in backends)
         apart.append(np.linalg.norm(threads.tip - device.tip, axis=1))
         forces.append([threads.link_forces.sum(), device.link_forces.sum()])
         insertion = device.insertion[0]
@@ -61,25 +61,25 @@ def test_engines_see_the_same(name: str) -> None:
     assert np.mean(apart) < 0.001
     ours, theirs = np.mean(forces, axis=0)
     assert ours == pytest.approx(theirs, rel=0.1)
-    for engine in engines:
-        engine.reset(np.array([1]), np.array([0]), conditions.of(np.array([1])))
-    seen = engines[1].read()
+    for backend in backends:
+        backend.reset(np.array([1]), np.array([0]), conditions.of(np.array([1])))
+    seen = backends[1].read()
     assert seen.insertion[0] == pytest.approx(insertion)
     assert seen.insertion[1] == pytest.approx(0.03)
     # A pull that is no number.
     nothing = Controls(np.zeros(2), np.zeros(2), np.array([[np.nan, 0.0, 0.0, 0.0], np.zeros(4)]))
-    assert engines[1].step(nothing, 1).tolist() == [False, True]
-    engines[1].reset(np.array([0]), np.array([1]), conditions.of(np.array([0])))
+    assert backends[1].step(nothing, 1).tolist() == [False, True]
+    backends[1].reset(np.array([0]), np.array([1]), conditions.of(np.array([0])))
     # A hand that is asked to push without end: its force is limited, so that only its place gives it away.
     endless = Controls(np.array([0.0, np.inf]), np.zeros(2), np.zeros((2, 4)))
-    for engine in engines:
-        assert engine.step(endless, 4).tolist() == [True, False]
-        assert np.isfinite(engine.read().hand_lead).all()
+    for backend in backends:
+        assert backend.step(endless, 4).tolist() == [True, False]
+        assert np.isfinite(backend.read().hand_lead).all()
 
 
-@pytest.mark.parametrize("name", ENGINES)
-def test_a_vector_environment_runs_on_every_engine(name: str) -> None:
-    made = NavigationVectorEnv(2, bank=short_bank(), observation="dict", depth=True, picture_size=24, engine=name)
+@pytest.mark.parametrize("name", BACKENDS)
+def test_a_vector_environment_runs_on_every_backend(name: str) -> None:
+    made = NavigationVectorEnv(2, bank=short_bank(), observation="dict", depth=True, picture_size=24, backend=name)
     made.reset(seed=3)
     seen, reward, *_ = made.step(np.tile([1.0, 0, 0, 0], (2, 1)).astype(np.float32))
     assert made.observation_space.contains(seen)
@@ -90,26 +90,26 @@ def test_a_vector_environment_runs_on_every_engine(name: str) -> None:
     assert depth[:, 12, 12].min() > depth[:, 12, 1].max()
 
 
-def test_an_engine_that_is_not_known_is_named() -> None:
+def test_a_backend_that_is_not_known_is_named() -> None:
     with pytest.raises(InvalidOptionError, match="cuda"):
-        NavigationVectorEnv(2, bank=short_bank(), engine="cuda")
+        NavigationVectorEnv(2, bank=short_bank(), backend="cuda")
 
 
 @pytest.mark.skipif(find_spec("warp") is not None, reason="the extra warp is installed")
 def test_without_warp_it_says_what_to_install(capfd: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(MissingDependencyError, match="haustra\\[warp\\]"):
-        NavigationVectorEnv(2, bank=short_bank(), engine="warp")
+        NavigationVectorEnv(2, bank=short_bank(), backend="warp")
     assert capfd.readouterr().out == ""
 
 
 @NEEDS_WARP
 def test_warp_refuses_what_it_cannot_do() -> None:
-    engine = device_engine("warp")
+    backend = device_backend("warp")
     with pytest.raises(UnsupportedSceneError, match="mesentery"):
-        engine.of(hung_bank().scene)
+        backend.of(hung_bank().scene)
     scene = short_bank().scene
     with pytest.raises(UnsupportedSceneError, match="several designs"):
-        engine.of(scene).parameters(scene, 2, scope=read_scope(scene))
+        backend.of(scene).parameters(scene, 2, scope=read_scope(scene))
 
 
 @NEEDS_WARP
@@ -121,12 +121,12 @@ def test_warp_takes_a_worlds_own_stiffness_and_push() -> None:
     from haustra.envs.sim.state import Controls
 
     scene, tables = short_bank().scene, on_device(short_bank().tables)
-    engine = device_engine("warp").of(scene)
+    backend = device_backend("warp").of(scene)
     bending, push = np.array([1.0, 2.0, 1.0]), np.array([20.0, 20.0, 0.0])
-    parameters = engine.parameters(scene, 3, stiffness=1.0, tip_bending=bending, push_limit=push)
+    parameters = backend.parameters(scene, 3, stiffness=1.0, tip_bending=bending, push_limit=push)
     hands = Controls(jnp.full(3, 0.02), jnp.zeros(3), jnp.tile(jnp.array([1.0, 0.0, 0.0, 0.0]), (3, 1)))
-    now = engine.steps(tables, parameters, engine.begin(parameters, tables), hands, 200)
-    seen = engine.read(parameters, tables, now)
+    now = backend.steps(tables, parameters, backend.begin(parameters, tables), hands, 200)
+    seen = backend.read(parameters, tables, now)
     assert float(seen.bend[0, 0]) == pytest.approx(2 * float(seen.bend[1, 0]), rel=0.05)
     assert float(seen.insertion[0]) > 0.04
     assert float(seen.insertion[2]) == pytest.approx(0.03, abs=1e-4)  # a hand without force

@@ -65,7 +65,7 @@ def test_one_scene_goes_as_under_jax(colon) -> None:
     Contacts act at the scope's surface natively and at its spheres' middles under JAX.
     """
     pytest.importorskip("jax")
-    from haustra.envs.sim.field_engine import JaxSingle
+    from haustra.envs.sim.jax_single import JaxSingle
 
     scene = _scene(colon)
     (mine, one), (theirs, other) = _driven(NativeEngine(scene)), _driven(JaxSingle(scene))

@@ -52,15 +52,15 @@ def _native(law: Literal["pieces", "planes"]) -> tuple[float, float]:
 def _rolled(options: SceneOptions) -> tuple[float, float]:
     """Torque of the hand [N m], and the sum of normal forces [N]."""
     wall = wedge_wall(sectors=4)
-    engine = NativeEngine(build_scene(square_tube(), wall, named_design("adult"), options, show_lumen=False))
-    assert engine.step(Controls(0.0, 0.0), _SETTLE)
-    assert engine.step(Controls(0.0, _FAST), _ROLL)
+    backend = NativeEngine(build_scene(square_tube(), wall, named_design("adult"), options, show_lumen=False))
+    assert backend.step(Controls(0.0, 0.0), _SETTLE)
+    assert backend.step(Controls(0.0, _FAST), _ROLL)
     torques, forces = [], []
     for _ in range(round(np.pi / _FAST / options.timestep)):
-        assert engine.step(Controls(0.0, _FAST), 1)
-        rows = engine.data.contact.efc_address
-        forces.append(engine.data.efc_force[rows[rows >= 0]].sum())
-        torques.append(engine.read().torque)
+        assert backend.step(Controls(0.0, _FAST), 1)
+        rows = backend.data.contact.efc_address
+        forces.append(backend.data.efc_force[rows[rows >= 0]].sum())
+        torques.append(backend.read().torque)
     return float(np.mean(torques)), float(np.mean(forces))
 
 
@@ -84,10 +84,10 @@ def _batch(make: Callable) -> tuple[float, float]:
     return float(np.mean(torques)), FRICTION * float(np.mean(forces)) * bank.scene.cable.radius
 
 
-def _device(engine: str) -> tuple[float, float]:
+def _device(backend: str) -> tuple[float, float]:
     from haustra.envs.sim.load import load_backend
 
-    return _batch(lambda scene, tables: load_backend(engine, scene, tables, worlds=2))
+    return _batch(lambda scene, tables: load_backend(backend, scene, tables, worlds=2))
 
 
 def _warp() -> tuple[float, float]:

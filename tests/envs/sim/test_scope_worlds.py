@@ -1,4 +1,4 @@
-"""Many scopes in JAX: the native engine's motion without a wall, Hooke's law and Coulomb's with one."""
+"""Many scopes in JAX: the native backend's motion without a wall, Hooke's law and Coulomb's with one."""
 
 from dataclasses import replace
 from typing import Any
@@ -114,7 +114,7 @@ def test_friction_holds_below_coulombs_limit_and_slides_above() -> None:
 
 
 def test_it_presses_a_bend_as_tangent_planes_do() -> None:
-    """Round a bend of 60 mm: the path and push of the native engine in tangent planes of the same law.
+    """Round a bend of 60 mm: the path and push of the native backend in tangent planes of the same law.
 
     In between the tip snaps forward along the wall, a little earlier or later; places are compared by their median.
     """

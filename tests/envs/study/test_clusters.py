@@ -19,7 +19,7 @@ from tests.envs.study.studies import study
 def _table(folder: Path, job_map) -> bytes:
     asked = study()
     with open_store(folder, asked, lambda: jobs_of(asked, designs_of(asked)), kind="sweep", resume=False) as store:
-        store.begin_session(engine="native", pool="test")
+        store.begin_session(backend="native", pool="test")
         answer_all(store, job_map)
         export(store)
     return (folder / "results.csv").read_bytes()

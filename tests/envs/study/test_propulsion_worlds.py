@@ -1,4 +1,4 @@
-"""A study of tracked designs on MuJoCo Warp gives the native engine's rows. On a CPU its kernels compile slowly."""
+"""A study of tracked designs on MuJoCo Warp gives the native backend's rows. On a CPU its kernels compile slowly."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +22,7 @@ def study():
 
 
 @pytest.mark.slow
-def test_rows_are_those_of_the_native_engine(study) -> None:
+def test_rows_are_those_of_the_native_backend(study) -> None:
     """Designs of four pitches in one batch: means within 1e-4, ripple 2e-3, curves 3e-3 (single precision)."""
     jobs = list(jobs_of(study, designs_of(study)))[:: 10_000 // 7]
     rows = {result.job: result for result in WORLDS.start(study, Path())(jobs)}

@@ -97,7 +97,7 @@ def test_a_folder_is_not_overwritten_by_mistake(folder: Path) -> None:
 
 def test_two_writers_are_refused_a_reader_is_not(tmp_path: Path) -> None:
     with _open(tmp_path) as store:
-        store.begin_session(engine="native", pool="here")
+        store.begin_session(backend="native", pool="here")
         store.claim(3)
         with pytest.raises(InvalidOptionError, match="Another process"), _open(tmp_path, resume=True):
             pass
@@ -107,18 +107,18 @@ def test_two_writers_are_refused_a_reader_is_not(tmp_path: Path) -> None:
 
 def test_what_a_dead_writer_had_claimed_waits_again(tmp_path: Path) -> None:
     with _open(tmp_path) as store:
-        store.begin_session(engine="native", pool="here")
+        store.begin_session(backend="native", pool="here")
         first = store.claim(4)
         store.record(Result(first[0].id, "finished", {"force_N": 1.0}))
     with _open(tmp_path, resume=True) as store:
-        store.begin_session(engine="native", pool="here")
+        store.begin_session(backend="native", pool="here")
         assert store.counts() == {"pending": 23, "claimed": 0, "finished": 1, "failed": 0, "diverged": 0}
         assert [job.id for job in store.claim(2)] == [1, 2]
 
 
 def test_nothing_is_recorded_twice(tmp_path: Path) -> None:
     with _open(tmp_path) as store:
-        store.begin_session(engine="native", pool="here")
+        store.begin_session(backend="native", pool="here")
         (job,) = store.claim(1)
         assert store.record(Result(job.id, "finished", {"force_N": 1.0}))
         assert not store.record(Result(job.id, "finished", {"force_N": 2.0}))
@@ -140,7 +140,7 @@ def test_a_job_that_crashes_every_worker_fails_and_takes_no_other_with_it(tmp_pa
                 yield Result(job.id, "finished", {"force_N": float(job.id)})
 
     with _open(tmp_path) as store:
-        store.begin_session(engine="native", pool="here")
+        store.begin_session(backend="native", pool="here")
         answer_all(store, crashing)
         assert deaths == MOST_CRASHES
         assert store.counts()["finished"] == 23
@@ -177,11 +177,11 @@ def test_a_full_disk_keeps_what_was_recorded(tmp_path: Path, pages: int) -> None
         return answer
 
     with pytest.raises(OutputError, match=r"disk is full.*--resume"), _open(tmp_path, asked=asked) as store:
-        store.begin_session(engine="native", pool="here")
+        store.begin_session(backend="native", pool="here")
         answer_all(store, filling(store))
     with _open(tmp_path, asked=asked, resume=True) as store:
         kept = store.counts()["finished"]
-        store.begin_session(engine="native", pool="here")
+        store.begin_session(backend="native", pool="here")
         answer_all(store, _fake)
         assert store.counts()["finished"] == 400 > kept
         assert [row["scores"]["force_N"] for row in store.rows()] == [float(job) for job in range(400)]

@@ -1,4 +1,4 @@
-"""Studies of scopes on the engine of many worlds: one batch for designs of a kind, halved where memory is short."""
+"""Studies of scopes on the backend of many worlds: one batch for designs of a kind, halved where memory is short."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -59,11 +59,11 @@ def test_designs_share_a_batch_and_differ(study: Study, tmp_path: Path, monkeypa
     assert stiff > 1.5 * soft > 0
     answer, seen = scope_worlds._answer, []
 
-    def short_of_memory(colons, worlds, seconds, engine):
+    def short_of_memory(colons, worlds, seconds, backend):
         seen.append(len(worlds))
         if len(worlds) > 1:
             raise jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED: Out of memory allocating 1 byte")
-        return answer(colons, worlds, seconds, engine)
+        return answer(colons, worlds, seconds, backend)
 
     monkeypatch.setattr(scope_worlds, "_answer", short_of_memory)
     again = {result.job: result for result in scope_worlds.WORLDS.start(study, tmp_path)(_jobs(study))}

@@ -34,7 +34,7 @@ def test_a_follower_drives_in_colons_that_move():
     config = TaskConfig(
         design=DESIGN, observation="dict", privileged=True, mesentery=True, imager=True, weights=Weights(facing=1.0)
     )
-    task = ScopeTask(config, worlds=2, engine="jax", bank=hung_bank())
+    task = ScopeTask(config, worlds=2, backend="jax", bank=hung_bank())
     seen = task.reset(seeds=[1, 2], case=np.array([0, 1]))
     driver = FollowerDriver(task)
     driver.begin(np.ones(2, bool))
@@ -60,25 +60,25 @@ def test_a_follower_drives_in_colons_that_move():
 def test_a_camera_that_moves_with_the_colon_sees_the_same():
     """The whole colon, and the eye, 5 cm aside: distances to the wall as at rest."""
     bank = hung_bank()
-    engine = JaxBackend(bank.scene, bank.tables, worlds=2)
+    backend = JaxBackend(bank.scene, bank.tables, worlds=2)
     aside = np.array([0.03, -0.04, 0.0])
-    engine._seen = engine._seen._replace(displacement=jnp.zeros_like(engine.displacement) + aside)
+    backend._seen = backend._seen._replace(displacement=jnp.zeros_like(backend.displacement) + aside)
     case, arc = np.array([0, 1]), np.array([0.05, 0.12])
     rows = [round(s / bank.cases[0].step) for s in arc]
     eye = np.array([bank.cases[k].points[row] for k, row in zip(case, rows, strict=True)])
     frame = np.array([bank.cases[k].frames[row] for k, row in zip(case, rows, strict=True)])
     still = Sight(bank.cases).tip_distances(case, eye, frame, arc)
-    moved = DeviceEyes(Sight(bank.cases), engine).tip_distances(case, eye + aside, frame, arc)
+    moved = DeviceEyes(Sight(bank.cases), backend).tip_distances(case, eye + aside, frame, arc)
     assert np.abs(still - moved).max() < 1e-4
     lens = {"field_of_view_deg": 140.0, "size": 16}
     drawn = [
         DeviceEyes(Sight(bank.cases), one).depth(case, place, frame, arc, **lens)
-        for one, place in ((None, eye), (engine, eye + aside))
+        for one, place in ((None, eye), (backend, eye + aside))
     ]
     assert np.abs(drawn[0].astype(int) - drawn[1]).max() <= 1
 
 
-@pytest.mark.parametrize(("engine", "changed"), [("jax", {"observation": "pixels"}), ("jax", {"task": "withdrawal"})])
-def test_what_cannot_be_done_in_colons_that_move_is_refused(engine, changed):
+@pytest.mark.parametrize(("backend", "changed"), [("jax", {"observation": "pixels"}), ("jax", {"task": "withdrawal"})])
+def test_what_cannot_be_done_in_colons_that_move_is_refused(backend, changed):
     with pytest.raises(UnsupportedSceneError, match="mesentery"):
-        ScopeTask(TaskConfig(design=DESIGN, mesentery=True, **changed), engine=engine, bank=hung_bank())
+        ScopeTask(TaskConfig(design=DESIGN, mesentery=True, **changed), backend=backend, bank=hung_bank())

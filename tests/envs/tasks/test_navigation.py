@@ -98,9 +98,9 @@ def test_time_truncates_and_a_wall_that_breaks_terminates():
 def test_a_diverged_world_terminates_with_its_own_flag():
     environment = NavigationEnv(bank=short_bank(), observation="state")
     environment.reset(seed=0)
-    engine = environment.task.backend
-    assert isinstance(engine, NativeBackend)
-    engine._shards[0]._qvel[0, 3] = np.inf
+    backend = environment.task.backend
+    assert isinstance(backend, NativeBackend)
+    backend._shards[0]._qvel[0, 3] = np.inf
     seen, reward, terminated, truncated, info = environment.step(PUSH)
     assert terminated and not truncated and info["diverged"]
     assert np.isfinite(seen).all() and reward == 0

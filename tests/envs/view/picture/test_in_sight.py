@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from haustra.envs.sim.field_engine import JaxSingle
+from haustra.envs.sim.jax_single import JaxSingle
 from haustra.envs.sim.state import Controls
 from haustra.envs.view.picture.in_sight import SIGHT, LumenInSight
 from haustra.models.devices.scope.library import named_design

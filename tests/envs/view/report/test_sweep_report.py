@@ -31,7 +31,7 @@ def _fill(folder: Path, *, jobs: int = 1000, **changes) -> Path:
                 yield Result(job.id, "finished", scores, curves=CURVE)
 
     with open_store(folder, asked, lambda: jobs_of(asked, designs_of(asked)), kind="sweep", resume=False) as store:
-        store.begin_session(engine="native", pool="here")
+        store.begin_session(backend="native", pool="here")
         answer_all(store, answer if jobs == 1000 else (lambda claim: answer(lambda most: claim(most)[:jobs])))
     return folder
 

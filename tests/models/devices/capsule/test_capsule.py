@@ -9,7 +9,7 @@ import pytest
 
 from haustra.envs.runs.device_run import run_device
 from haustra.envs.sim.device_native import NativeDevice
-from haustra.envs.study.questions import find_engine
+from haustra.envs.study.questions import find_backend
 from haustra.envs.study.run import run_sweep
 from haustra.envs.study.study_file import load_study
 from haustra.errors import InvalidDesignError
@@ -35,7 +35,7 @@ def tube():
     return straight_tube(0.2)
 
 
-def engine(device: Capsule, tube, *, friction: float = 0.0, worlds: int = 1) -> NativeDevice:
+def backend(device: Capsule, tube, *, friction: float = 0.0, worlds: int = 1) -> NativeDevice:
     scene = build_device_scene(device, device_options(friction=friction), pose=Pose())
     return NativeDevice(scene, device_tables(scene, [tube]), worlds=worlds)
 
@@ -59,7 +59,7 @@ def test_nothing_outside_its_folder_names_it():
 def test_a_steady_force_moves_it_at_force_over_drag(tube):
     """Far from the wall: v = F / c, in the patient's axes and in its own."""
     for frame in ("patient", "own"):
-        one = engine(capsule(frame=frame, tether_friction=0.0), tube)
+        one = backend(capsule(frame=frame, tether_friction=0.0), tube)
         hold(one, [0, 0, 0.4, 0, 0, 0], 0.4)
         assert one.readings()["speed"][0] == pytest.approx(0.4 / 10.0, rel=1e-3)
         assert one.readings()["magnet_force"][0] == pytest.approx(0.4)
@@ -68,7 +68,7 @@ def test_a_steady_force_moves_it_at_force_over_drag(tube):
 def test_its_tether_pulls_back_with_the_weight_drawn_in_times_friction(tube):
     """T = mu (m / L) g s, and v = (F - T) / c."""
     device = capsule(tether_mass_per_length=0.1, tether_friction=2.0)
-    one = engine(device, tube)
+    one = backend(device, tube)
     hold(one, [0, 0, 0.5, 0, 0, 0], 0.8)
     drag = 2.0 * 0.1 * 9.81 * one.read().tip_arc[0]
     assert one.readings()["tether_drag"][0] == pytest.approx(drag, rel=0.03)
@@ -79,7 +79,7 @@ def test_its_tether_pulls_back_with_the_weight_drawn_in_times_friction(tube):
 
 def test_pressed_on_the_wall_its_six_spheres_share_the_force(tube):
     """F = 6 K d: each sphere is a spring of K, and the wall's force is what presses."""
-    one = engine(capsule(), tube)
+    one = backend(capsule(), tube)
     hold(one, [0, 0, 0.5, 0, 0, 0], 0.8)
     hold(one, [0.9, 0, 0, 0, 0, 0], 1.0)
     seen = one.read()
@@ -92,7 +92,7 @@ def test_a_torque_turns_it_in_its_own_or_the_patients_axes(tube):
     """The same torque about x, then about its own axis: only the body's own axes turn with it."""
     turned = {}
     for frame in ("patient", "own"):
-        one = engine(capsule(frame=frame), tube)
+        one = backend(capsule(frame=frame), tube)
         hold(one, [0, 0, 0, 2e-3, 0, 0], 0.4)
         hold(one, [0, 0, 0, 0, 0, 2e-3], 0.4)
         turned[frame] = one.read().tip_frame[0, :, 2]
@@ -121,7 +121,7 @@ def test_it_runs_from_the_command_line(colon_folder, tmp_path, capsys):
     scores = json.loads(capsys.readouterr().out)
     assert scores == json.loads((tmp_path / "scores.json").read_text())
     assert scores["device"] == scores["device_kind"] == "capsule"
-    assert scores["backend"] == "native" and scores["wall_law"] == "table" and scores["mesentery"] is False
+    assert scores["backend"] == "native" and scores["wall_law"] == "table" and scores["mesentery"] is True
     assert 0.2 < scores["reach"] < 0.6 and scores["magnet_force_peak_N"] == pytest.approx(0.5, rel=0.01)
     assert "tether" in scores["not_modelled"] and scores["provenance"]["versions"]["mujoco"]
     for name in ("trajectory.npz", "scene.xml", "outside.png", "report.html"):
@@ -159,13 +159,13 @@ goal = "maximise"
 """
 
 
-def sweep(colon_folder: Path, tmp_path: Path, engine: str) -> list[float]:
+def sweep(colon_folder: Path, tmp_path: Path, backend: str) -> list[float]:
     pytest.importorskip("polars")
     from haustra.envs.study.run import Computing
 
     path = tmp_path / "study.toml"
     path.write_text(STUDY.format(colon=colon_folder), encoding="utf-8")
-    done = run_sweep(load_study(path), tmp_path / "sweep", Computing(engine=engine))
+    done = run_sweep(load_study(path), tmp_path / "sweep", Computing(backend=backend))
     assert done["finished"] == 2, done
     import polars
 
@@ -175,7 +175,7 @@ def sweep(colon_folder: Path, tmp_path: Path, engine: str) -> list[float]:
 def test_it_is_studied(colon_folder, tmp_path):
     weak, strong = sweep(colon_folder, tmp_path, "native")
     assert strong - weak == pytest.approx((0.5 - 0.2) / 10.0 * 0.5, rel=0.05)
-    assert find_engine("device", "warp").batch > 1
+    assert find_backend("device", "warp").batch > 1
 
 
 @pytest.mark.slow
@@ -200,7 +200,7 @@ def test_pressed_on_the_wall_warp_agrees_with_native(tube):
     from haustra.envs.sim.device_warp import Conditions, WarpDevice
 
     device = capsule()
-    native = engine(device, tube, friction=0.1)
+    native = backend(device, tube, friction=0.1)
     warp = WarpDevice.of(native.scene, device_tables(native.scene, [tube]))
     conditions = Conditions(jnp.zeros(1, int), jnp.full(1, 0.1), jnp.full(1, 1500.0))
     now = warp.begin(conditions)

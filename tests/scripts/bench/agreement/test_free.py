@@ -1,4 +1,4 @@
-"""A free scope moves alike on every engine; a text stands where one is absent."""
+"""A free scope moves alike on every backend; a text stands where one is absent."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Means over seeds agree between the engines, and a scope with other friction does not."""
+"""Means over seeds agree between the backends, and a scope with other friction does not."""
 
 from dataclasses import replace
 
@@ -18,11 +18,11 @@ SEEDS = 12
 
 @pytest.fixture(scope="module")
 def native() -> Runs:
-    return run_seeds(short_bank(), engine="native", seeds=range(SEEDS), seconds=6.0)
+    return run_seeds(short_bank(), backend="native", seeds=range(SEEDS), seconds=6.0)
 
 
 def test_insertions_into_short_bends_agree(native) -> None:
-    found = run_seeds(short_bank(), engine="jax", seeds=range(SEEDS), seconds=6.0)
+    found = run_seeds(short_bank(), backend="jax", seeds=range(SEEDS), seconds=6.0)
     rows = compare_insertions(native, {"jax": found, "warp": "not built"})
     assert native.diverged == found.diverged == 0
     for row in rows[:2]:  # reach and push; short runs have little wall force and looping
@@ -64,7 +64,7 @@ def test_few_seeds_show_nothing_however_little_they_scatter(native) -> None:
 
 
 def test_finished_insertions_are_kept_and_processes_change_nothing(native, tmp_path) -> None:
-    asked = {"engine": "native", "mesentery": False, "seeds": SEEDS, "seconds": 6.0, "folder": tmp_path}
+    asked = {"backend": "native", "mesentery": False, "seeds": SEEDS, "seconds": 6.0, "folder": tmp_path}
     monkeys = pytest.MonkeyPatch()
     with monkeys.context() as patch:
         patch.setattr(insertions_module, "_PER_PROCESS", 6)
@@ -80,6 +80,6 @@ def test_finished_insertions_are_kept_and_processes_change_nothing(native, tmp_p
         np.testing.assert_array_equal(getattr(again, name), getattr(native, name))
 
 
-def test_an_engine_that_refuses_is_absent_with_its_reason() -> None:
+def test_a_backend_that_refuses_is_absent_with_its_reason() -> None:
     (row,) = compare_insertions(None, {"jax": "no such colon"}, mesentery=True)
     assert row.absent == "no such colon" and "on the mesentery" in row.quantity

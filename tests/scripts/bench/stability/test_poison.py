@@ -20,7 +20,7 @@ def test_worlds_of_a_batch_are_lost_alone(bank):
     assert all(case.caught == "diverged" for case in found if case.array == "pulls")
 
 
-def test_an_engine_of_one_scope_refuses(bank):
+def test_a_backend_of_one_scope_refuses(bank):
     assert {case.caught for case in single_cases(bank)} == {"refused"}
 
 

@@ -57,10 +57,10 @@ def test_shocks_are_spread_and_kept(tmp_path, monkeypatch):
 
 def test_faster_than_its_locks_a_shaft_is_not_pulled_out():
     options = SceneOptions(wall_law="planes", insertion_limit=0.3)
-    engine = NativeEngine(build_scene(straight_tube(0.4), None, named_design("adult"), options, show_lumen=False))
-    assert engine.step(Controls(-PULL_OUT_LIMIT, 0.0), 1)
+    backend = NativeEngine(build_scene(straight_tube(0.4), None, named_design("adult"), options, show_lumen=False))
+    assert backend.step(Controls(-PULL_OUT_LIMIT, 0.0), 1)
     with pytest.raises(InvalidOptionError, match=r"1 m/s at most"):
-        engine.step(Controls(-1.01 * PULL_OUT_LIMIT, 0.0), 1)
+        backend.step(Controls(-1.01 * PULL_OUT_LIMIT, 0.0), 1)
 
 
 def test_a_bent_shaft_stands_being_pulled_out_as_fast_as_is_allowed():
@@ -72,9 +72,9 @@ def test_a_bent_shaft_stands_being_pulled_out_as_fast_as_is_allowed():
 
 def test_a_scope_is_laid_along_the_centreline():
     options = SceneOptions(wall_law="planes")
-    engine = NativeEngine(build_scene(BEND, None, named_design("adult"), options, show_lumen=False))
-    lay_along(engine, 0.25)
-    shape = engine.shape()[engine.scene.cable.node_distances < 0.24]
+    backend = NativeEngine(build_scene(BEND, None, named_design("adult"), options, show_lumen=False))
+    lay_along(backend, 0.25)
+    shape = backend.shape()[backend.scene.cable.node_distances < 0.24]
     apart = np.linalg.norm(shape[:, None] - BEND.centreline.points, axis=2).min(axis=1)
     assert apart.max() < 0.008
     assert np.linalg.norm(shape[-1] - shape[0]) < 0.235  # bent, not straight

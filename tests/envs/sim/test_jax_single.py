@@ -1,4 +1,4 @@
-"""One scope on JAX does in a bend what the native engine does in tangent planes, and is recorded and scored alike."""
+"""One scope on JAX does in a bend what the native backend does in tangent planes, and is recorded and scored alike."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ pytest.importorskip("jax")
 
 from haustra.envs.runs.insertion import run_insertion
 from haustra.envs.runs.outcome import Outcome
-from haustra.envs.sim.field_engine import JaxSingle
+from haustra.envs.sim.jax_single import JaxSingle
 from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.state import Controls
 from haustra.errors import UnsupportedSceneError
@@ -33,7 +33,7 @@ def field(colon) -> JaxSingle:
     return JaxSingle(build_scene(colon, None, DESIGN, OPTIONS, show_lumen=False))
 
 
-def test_it_sees_what_the_native_engine_sees(colon, field) -> None:
+def test_it_sees_what_the_native_backend_sees(colon, field) -> None:
     """Tip within 1 % of the length inside, forces within 10 % and 0.1 N of those in tangent planes."""
     native = NativeEngine(build_scene(colon, None, DESIGN, replace(OPTIONS, wall_law="planes"), show_lumen=False))
     for instant in range(250):
@@ -54,9 +54,9 @@ def test_it_sees_what_the_native_engine_sees(colon, field) -> None:
     np.testing.assert_allclose(field.shape(), native.shape(), atol=5e-3)
 
 
-def test_a_run_is_recorded_as_the_native_engines(colon) -> None:
+def test_a_run_is_recorded_as_the_native_backends(colon) -> None:
     scene = build_scene(colon, None, DESIGN, OPTIONS, show_lumen=False)
-    run = run_insertion(scene, seconds=2.0, engine=JaxSingle)
+    run = run_insertion(scene, seconds=2.0, backend=JaxSingle)
     assert run.outcome is Outcome.TIME_UP
     model = scene.compile()
     assert run.trajectory.qpos.shape == (100, model.nq)

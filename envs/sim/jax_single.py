@@ -1,4 +1,4 @@
-"""One scope in one colon on JAX, with the interface of the native engine.
+"""One scope in one colon on JAX, with the interface of the native backend.
 
 The scope meets the colon's table of radii (`haustra.models.wall.lumen_table`), so no wall needs to be built. What is
 drawn is placed by MuJoCo.
@@ -30,7 +30,7 @@ from haustra.models.wall.piece_wall import Blocks
 class JaxSingle:
     """A scene of wall law 'table', stepped in JAX."""
 
-    backend = "jax"
+    name = "jax"
     """Name in scores."""
     added: Sequence[float] = ()
     """When shaft was added [s]: never."""
@@ -38,10 +38,10 @@ class JaxSingle:
     """Of the colon's table against its surface."""
 
     def __init__(self, scene: Scene) -> None:
-        """Tabulate the colon and lay the scope straight, its tip at the start depth; the engine is compiled here.
+        """Tabulate the colon and lay the scope straight, its tip at the start depth; the backend is compiled here.
 
         Raises:
-            UnsupportedSceneError: when the scene has what this engine cannot honour.
+            UnsupportedSceneError: when the scene has what this backend cannot honour.
         """
         self.scene = scene
         self.model = scene.compile()
@@ -89,7 +89,7 @@ class JaxSingle:
             UnsupportedSceneError: when wheels steer.
         """
         if inputs.wheels is not None:
-            raise UnsupportedSceneError("The JAX scope engine steers by pulls: use the native engine for wheels.")
+            raise UnsupportedSceneError("The backend 'jax' steers by pulls: use the native backend for wheels.")
         self._hand = inputs.checked().pulls
         asked = np.array([inputs.push_rate, inputs.roll_rate, *inputs.pulls], np.float32)
         self._step(asked, count)
@@ -134,7 +134,7 @@ class JaxSingle:
 
     @property
     def ctrl(self) -> Float[np.ndarray, " actuators"]:
-        """Controls of the last step, as the native engine's [m/s, rad/s, N, 1]."""
+        """Controls of the last step, as the native backend's [m/s, rad/s, N, 1]."""
         return self.data.ctrl.copy()
 
     def read(self) -> Readings:

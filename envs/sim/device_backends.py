@@ -1,4 +1,4 @@
-"""The engines that step many scopes on JAX's device, by name."""
+"""The backends that step many scopes on JAX's device, by name."""
 
 from typing import TYPE_CHECKING
 
@@ -8,28 +8,28 @@ from haustra.errors import InvalidOptionError
 if TYPE_CHECKING:
     from haustra.envs.sim.scope_worlds import JaxScopes
 
-DEVICE_ENGINES = ("jax", "warp")
+DEVICE_BACKENDS = ("jax", "warp")
 """A chain and a wall in JAX; MuJoCo's own dynamics and contacts by MuJoCo Warp, through MJX."""
 
 
-def require_device_engine(name: str) -> None:
+def require_device_backend(name: str) -> None:
     """Refuse a name that is none, before anything is loaded.
 
     Raises:
         InvalidOptionError: naming those that are known.
     """
-    if name not in DEVICE_ENGINES:
-        raise InvalidOptionError(f"Engine '{name}' is not known. Known: native, {', '.join(DEVICE_ENGINES)}.")
+    if name not in DEVICE_BACKENDS:
+        raise InvalidOptionError(f"Backend '{name}' is not known. Known: native, {', '.join(DEVICE_BACKENDS)}.")
 
 
-def device_engine(name: str) -> "type[JaxScopes]":
-    """The engine of that name.
+def device_backend(name: str) -> "type[JaxScopes]":
+    """The backend of that name.
 
     Raises:
         InvalidOptionError: when there is none.
         MissingDependencyError: when what it computes with is not installed.
     """
-    require_device_engine(name)
+    require_device_backend(name)
     if name == "jax":
         from haustra.envs.sim.scope_worlds import JaxScopes
 
