@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.base import Device, Handles, Pose
-from haustra.models.scene import SceneOptions, empty_spec
+from haustra.models.scene import SceneOptions, empty_spec, entry_of
 from haustra.models.wall.lumen_table import Tables, lumen_table, stack
 from haustra.models.wall.planes import add_planes
 
@@ -20,12 +20,21 @@ HONOURED = (
     "wall_stiffness",
     "wall_damping_time",
     "wall_law",
+    "mesentery",
     "friction",
     "start_depth",
     "gravity",
 )
 """Scene options that scenes of any device take; the others are refused by name where they are not the usual ones."""
 
+_FELT = sum(
+    1 << int(part)
+    for part in (
+        mujoco.mjtConDataField.mjCONDATA_FORCE,
+        mujoco.mjtConDataField.mjCONDATA_NORMAL,
+        mujoco.mjtConDataField.mjCONDATA_TANGENT,
+    )
+)
 _TOLERANCE = 1e-8
 """Tolerance of the solver [1]: MuJoCo's own."""
 
@@ -68,9 +77,24 @@ class DeviceScene:
         return {"options": options, "design": self.device.describe(), "left_out": dict(self.left_out)}
 
 
-def device_options(**changed: object) -> SceneOptions:
-    """Options of a scene of any device: the usual ones, with the lumen as a table."""
-    return SceneOptions(**{"wall_law": "table", **changed})  # type: ignore[arg-type]
+def device_options(device: Device | None = None, **changed: object) -> SceneOptions:
+    """Options of a scene of any device: the usual ones, with the lumen as a table, and those that suit this device."""
+    return SceneOptions(**{"wall_law": "table", **(device.usual if device else {}), **changed})  # type: ignore[arg-type]
+
+
+def pose_in(colon: Colon, device: Device, options: SceneOptions) -> Pose:
+    """Where a device begins in a colon: at the anus, or where it stands.
+
+    Raises:
+        InvalidDesignError: when it does not fit there.
+        InvalidOptionError: when `start_depth` is not inside the colon.
+    """
+    return device.standing(colon, options.start_depth) or Pose(*entry_of(colon))
+
+
+def tread_sensor(sphere: int) -> str:
+    """Name of the sensor of what the wall does to a sphere of a device with treads: force, normal and tangent."""
+    return f"wall/felt_{sphere:04d}"
 
 
 def build_device_scene(device: Device, options: SceneOptions | None = None, *, pose: Pose | None = None) -> DeviceScene:
@@ -85,7 +109,7 @@ def build_device_scene(device: Device, options: SceneOptions | None = None, *, p
     Raises:
         UnsupportedSceneError: naming the option that is not honoured, or the wall that the device cannot meet.
     """
-    options = options or device_options()
+    options = options or device_options(device)
     _require_honoured(device, options)
     if pose is None and any(options.gravity):
         raise UnsupportedSceneError("Gravity needs one colon and its pose: colons that take turns lie otherwise each.")
@@ -96,6 +120,15 @@ def build_device_scene(device: Device, options: SceneOptions | None = None, *, p
     for name in handles.geoms:
         spec.geom(name).conaffinity = 0
     add_planes(spec, bare, handles.samples, options.contact, timestep=options.timestep, planes=1)
+    if device.has_treads:
+        for number in range(len(handles.samples)):
+            spec.add_sensor(
+                name=tread_sensor(number),
+                type=mujoco.mjtSensor.mjSENS_CONTACT,
+                objtype=mujoco.mjtObj.mjOBJ_GEOM,
+                objname=f"wall/sphere_{number:04d}",
+                intprm=[_FELT, 2, 1],  # of the contact with the largest force, which is the only one
+            )
     spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     spec.option.tolerance = _TOLERANCE
     return DeviceScene(spec, device, handles, options, pose, {**_left_out(options), **device.left_out})
@@ -106,7 +139,7 @@ def device_tables(scene: DeviceScene, colons: list[Colon], poses: list[Pose] | N
     found = []
     for number, colon in enumerate(colons):
         for radius in scene.radii:
-            table = lumen_table(colon, device_radius=radius)
+            table = lumen_table(colon, device_radius=radius, with_mesentery=scene.options.mesentery)
             pose = poses[number] if poses else None
             found.append(table.seen_from(pose.position, pose.frame) if pose else table.tables)
     return stack(found)
@@ -125,6 +158,10 @@ def _require_honoured(device: Device, options: SceneOptions) -> None:
             f"A device of kind '{device.kind}' meets the lumen's table only: wall law '{options.wall_law}' is not "
             "honoured."
         )
+    if options.mesentery and device.has_treads:
+        raise UnsupportedSceneError(
+            f"Treads of a device of kind '{device.kind}' do not honour the option mesentery: leave the colon fixed."
+        )
     if "table" not in device.walls:
         raise UnsupportedSceneError(
             f"A device of kind '{device.kind}' cannot meet the lumen's table. It can meet: {', '.join(device.walls)}."
@@ -133,10 +170,11 @@ def _require_honoured(device: Device, options: SceneOptions) -> None:
 
 def _left_out(options: SceneOptions) -> dict[str, str]:
     left_out = {
-        "mesentery": "the colon gives way by its wall's stiffness only; sigmoid and transverse colon do not swing",
         "self-contact": "the device does not touch itself",
         "wall": "its table is the backend's: stock MuJoCo moves the saved device without one",
     }
+    if not options.mesentery:
+        left_out["mesentery"] = "the colon gives way by its wall's stiffness only; it does not swing on its mesentery"
     if not options.friction:
         left_out["friction"] = "none was asked for: contacts have a normal force only"
     if not any(options.gravity):

@@ -19,7 +19,7 @@ class Run:
     """Name of a device (adult, paediatric, adult-worn, adult-variable, and what assets/devices holds), or a file that
     ends in .toml; options that a device does not honour are refused by name."""
     start: float | None = None
-    """Where a device that stands in the colon stands at first, as its centre's distance from the anus [m]."""
+    """Where a device that stands in the colon stands at first, as its tip's distance from the anus [m]."""
     wall: Literal["coacd", "prism"] = "coacd"
     """Which wall to use; it is built first if the colon's folder does not have it."""
     preset: Literal["fast", "balanced", "accurate"] = "balanced"

@@ -10,8 +10,7 @@ if TYPE_CHECKING:
 
 _ALWAYS = ("colon", "output", "device", "seconds", "friction", "fixed", "json")
 _TABLE = ("wall_law", "wall_stiffness", "timestep", "gravity")
-_STANDING = ("wall_law", "wall", "start")
-"""Options of `haustra run` that devices honour: those that meet the lumen's table, and those that meet pieces."""
+"""Options of `haustra run` that all devices honour; `start` is honoured by those that stand in the colon."""
 
 
 def run_any(asked: Any, device: "Device") -> dict[str, Any]:
@@ -27,34 +26,23 @@ def run_any(asked: Any, device: "Device") -> dict[str, Any]:
     from haustra.models.device_scene import device_options
     from haustra.scripts.console import progress_bar
 
-    on_table = "table" in device.walls
-    _require_honoured(asked, device, (*_ALWAYS, *(_TABLE if on_table else _STANDING)))
+    stands = "start_depth" in device.usual
+    _require_honoured(asked, device, (*_ALWAYS, *_TABLE, *(("start",) if stands else ())))
     if not 0 < asked.seconds <= 36000:
         raise InvalidOptionError(f"--seconds is {asked.seconds}; give a time between 0 and 36000 s.")
     changed = {name: value for name in ("friction", *_TABLE) if (value := getattr(asked, name)) is not None}
-    options = device_options(**changed) if on_table else None
+    changed["mesentery"] = not (asked.fixed or device.has_treads)
+    if asked.start is not None:
+        changed["start_depth"] = asked.start
+    options = device_options(device, **changed)
     colon, folder = load_colon(asked.colon), prepare_folder(asked.output)
     with progress_bar("simulate", asked.seconds, unit="s") as advance:
 
         def tell(time: float, arc: float) -> None:
             advance(time, f"tip at {arc:.2f} m")
 
-        if options is None:
-            run = _standing(asked, device, colon, tell)
-        else:
-            run = run_device(device, colon, options, seconds=asked.seconds, progress=tell)
+        run = run_device(device, colon, options, seconds=asked.seconds, progress=tell)
     return write_device_run(folder, colon=colon, run=run)
-
-
-def _standing(asked: Any, device: "Device", colon: Any, tell: Any) -> Any:
-    """A device that stands in a wall of pieces."""
-    from haustra.envs.runs.tracked_drive import run_tracked
-    from haustra.models.wall.pieces.folder import wall_of
-
-    wall = wall_of(asked.colon, colon, asked.wall)
-    return run_tracked(
-        device, colon, wall, seconds=asked.seconds, arc=asked.start, friction=asked.friction, progress=tell
-    )
 
 
 def _require_honoured(asked: Any, device: "Device", honoured: tuple[str, ...]) -> None:

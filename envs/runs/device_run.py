@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -13,12 +13,13 @@ from haustra.envs.runs.insertion import CONTROL_INTERVAL, Progress
 from haustra.envs.runs.measure.progress import segment_at
 from haustra.envs.runs.outcome import CAECUM_MARGIN, ESCAPE_DEPTH, Outcome
 from haustra.envs.sim.device_native import NativeDevice
+from haustra.envs.sim.moved_colon import CurrentColon
 from haustra.models.accuracy import NumericalError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.lumen_meshes import add_lumen
-from haustra.models.device_scene import build_device_scene, device_options, device_tables
-from haustra.models.devices.base import Device, Pose, Reading
-from haustra.models.scene import SceneOptions, entry_of
+from haustra.models.device_scene import build_device_scene, device_options, device_tables, pose_in
+from haustra.models.devices.base import Device, Reading
+from haustra.models.scene import SceneOptions
 
 PATIENCE = 10.0
 """A run whose time is up was stuck when it made less than `_HEADWAY` in this time [s]."""
@@ -46,11 +47,10 @@ class DeviceRun:
     """Time that stepping and deciding took [s]."""
     backend: str
     wall_law: str
+    mesentery: bool
     left_out: Mapping[str, str]
     configuration: Mapping[str, object]
     """Every option that shaped the run; JSON values only."""
-    own_scores: Mapping[str, Any] = field(default_factory=dict)
-    """Scores of this kind of device, beside the means and peaks of its readings."""
 
 
 def run_device(
@@ -66,9 +66,10 @@ def run_device(
     Raises:
         UnsupportedSceneError: naming what the device or its scene does not honour.
     """
-    options = options or device_options()
-    scene = build_device_scene(device, options, pose=Pose(*entry_of(colon)))
-    backend = NativeDevice(scene, device_tables(scene, [colon]))
+    options = options or device_options(device)
+    scene = build_device_scene(device, options, pose=pose_in(colon, device, options))
+    tables = device_tables(scene, [colon])
+    backend = NativeDevice(scene, tables)
     steps = max(1, round(CONTROL_INTERVAL / options.timestep))
     rows: list[dict[str, Any]] = []
     memory, outcome, shape = np.zeros(1), None, backend.spheres()[0]
@@ -89,6 +90,8 @@ def run_device(
             progress(float(seen.time[0]), float(seen.tip_arc[0]))
     records = {name: np.array([row[name] for row in rows], float) for name in rows[0]} if rows else _nothing(device)
     spec = scene.spec.copy()
+    if (moved := backend.displacement) is not None:
+        colon = CurrentColon(colon, tables, np.zeros(3), np.eye(3)).colon(moved[0])
     add_lumen(spec, colon, group=1)
     return DeviceRun(
         device=device,
@@ -100,6 +103,7 @@ def run_device(
         wall_clock=time.perf_counter() - began,
         backend=backend.name,
         wall_law=options.wall_law,
+        mesentery=options.mesentery,
         left_out=scene.left_out,
         configuration={**scene.configuration(), "seconds": seconds, "driver": "the device's own"},
     )
@@ -173,10 +177,9 @@ def device_scores(run: DeviceRun, colon: Colon) -> dict[str, Any]:
         "real_time_factor": simulated / run.wall_clock if run.wall_clock > 0 else 0.0,
         "backend": run.backend,
         "wall_law": run.wall_law,
-        "mesentery": False,
+        "mesentery": run.mesentery,
         "numerical_error": NumericalError().to_json(),
         "timestep_s": float(run.spec.option.timestep),
-        **run.own_scores,
         "not_modelled": dict(run.left_out),
     }
 

@@ -1,5 +1,6 @@
 """Any device on MuJoCo's CPU engine, in many worlds: planes placed where the table says, commands in, readings out."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -10,9 +11,10 @@ from mujoco.batch import Batch
 from haustra.envs.sim.log import log_to_stderr_only
 from haustra.envs.sim.native import FATAL_WARNINGS, SPEED_LIMIT
 from haustra.envs.sim.table_planes import TablePlanes
-from haustra.models.device_scene import DeviceScene
+from haustra.models.device_scene import DeviceScene, tread_sensor
 from haustra.models.devices.base import LOOK_AHEAD, DeviceReadings, State
-from haustra.models.wall.lumen_table import Tables, axis_at, pick
+from haustra.models.wall.lumen_table import Tables, pick
+from haustra.models.wall.moving_colon import axis_at
 
 
 class NativeDevice:
@@ -20,7 +22,15 @@ class NativeDevice:
 
     name = "native"
 
-    def __init__(self, scene: DeviceScene, tables: Tables, *, worlds: int = 1, threads: int = 1) -> None:
+    def __init__(
+        self,
+        scene: DeviceScene,
+        tables: Tables,
+        *,
+        worlds: int = 1,
+        threads: int = 1,
+        starts: Sequence[float] | None = None,
+    ) -> None:
         """Compile one model for all worlds.
 
         Args:
@@ -28,10 +38,13 @@ class NativeDevice:
             tables: the colons (`haustra.models.device_scene.device_tables`).
             worlds: how many.
             threads: of MuJoCo.
+            starts: arc length of the scene's pose in each colon [m]; that of the pose when None.
         """
         log_to_stderr_only()
         self.scene, self.worlds, self._tables = scene, worlds, tables
         self.model = model = scene.compile()
+        # Before it is copied: treads, and walls that move, drag by friction.
+        model.flg_surfacevel = scene.device.has_treads or scene.options.mesentery
         self._batch = batch = Batch(model, worlds, nthread=threads)
         self._qpos, self._qvel, self._act = (batch.bind(name) for name in ("qpos", "qvel", "act"))
         self._ctrl, self._time, self._force = (batch.bind(name) for name in ("ctrl", "time", "actuator_force"))
@@ -48,7 +61,13 @@ class NativeDevice:
             groups=scene.groups,
             anus=scene.pose.position,
             inwards=scene.pose.frame[:, 2],
+            starts=np.array(starts) if starts else np.full(len(tables.count) // len(scene.radii), scene.pose.arc),
+            samples=scene.handles.samples,
         )
+        if scene.device.has_treads:
+            self._surface, self._felt = batch.expand("geom_surfacevel"), batch.bind("sensordata")
+            first = [model.sensor(tread_sensor(i)).adr[0] for i in range(len(scene.handles.samples))]
+            self._columns = np.add.outer(first, np.arange(9))
         self._nose = self._wall.radius[-1]
         self._start_state = batch.state[0].copy()
         self.healthy: Bool[np.ndarray, " worlds"] = np.ones(worlds, bool)
@@ -87,8 +106,9 @@ class NativeDevice:
         self._lose(self.healthy & ~sound)
         commands = np.where(sound[:, None], commands, 0.0)
         device = self.scene.device
-        self._ctrl[:] = device.control(np, self.model, self.scene.handles, self._state(), commands)
-        for _ in range(count):
+        for number in range(count):
+            if number == 0 or device.has_treads:
+                self._command(commands)
             self._wall.place(np.flatnonzero(self.healthy))
             self._batch.step(None if self.healthy.all() else np.flatnonzero(self.healthy))
             self._catch_divergence()
@@ -104,7 +124,7 @@ class NativeDevice:
             tip=tip,
             tip_frame=self._frame(),
             tip_arc=arcs,
-            ahead=look_ahead(np, self._tables, self._wall.case * len(self.scene.radii), tip, arcs),
+            ahead=look_ahead(np, self._tables, self._wall.case * len(self.scene.radii), tip, arcs, self.displacement),
             wall_force=np.linalg.norm(links, axis=2).max(axis=1),
             deepest=self._wall.depth.max(axis=1),
         )
@@ -112,6 +132,11 @@ class NativeDevice:
     def readings(self) -> dict[str, Float[np.ndarray, " worlds"]]:
         """The device's own quantities, by name."""
         return self.scene.device.read(np, self.model, self.scene.handles, self._state())
+
+    @property
+    def displacement(self) -> Float[np.ndarray, "worlds nodes 3"] | None:
+        """Displacements of the colons' axes [m]; None where they are fixed."""
+        return self._wall.displacement
 
     def spheres(self) -> Float[np.ndarray, "worlds spheres 3"]:
         """Places of the device's spheres, the last at its nose [m]."""
@@ -125,11 +150,26 @@ class NativeDevice:
         """Model and data of one world as MuJoCo's own values, to draw or to check."""
         return self._batch.get_model(world), self._batch.get_data(world)
 
+    def _command(self, commands: Float[np.ndarray, "worlds channels"]) -> None:
+        """Set the device's actuators, and let its treads run."""
+        device, handles, state = self.scene.device, self.scene.handles, self._state()
+        self._ctrl[:] = device.control(np, self.model, handles, state, commands)
+        if device.has_treads:
+            treads = device.treads(np, self.model, handles, state, commands)
+            self._surface[:, self._wall.spheres, :3] = treads.speed
+            self._wall.set_grip(treads.grip)
+
     def _state(self) -> State:
         # Python's own arrays: a device must not write into what MuJoCo steps.
-        return State(
+        state = State(
             self._qpos.copy(), self._qvel.copy(), self._act.copy(), self._frame(), self._arc(), self._force.copy()
         )
+        if not self.scene.device.has_treads:
+            return state
+        felt = self._felt[:, self._columns]
+        force, normal, tangent = felt[..., :3], felt[..., 3:6], felt[..., 6:]
+        on_wall = force[..., 1:2] * tangent + force[..., 2:] * np.cross(normal, tangent)
+        return state._replace(pressed=force[..., 0], rubbed=-on_wall)
 
     def _frame(self) -> Float[np.ndarray, "worlds 3 3"]:
         return self._site_xmat[:, self._tip].reshape(-1, 3, 3).copy()
@@ -154,9 +194,12 @@ class NativeDevice:
         self._wall.begin(np.flatnonzero(lost))
 
 
-def look_ahead(xp: Any, tables: Tables, colons: Any, tip: Any, arcs: Any) -> Any:
-    """Unit vectors (worlds, 3) from the tip to the lumen's axis `LOOK_AHEAD` further on, at least to the anus."""
-    own = pick(tables, colons)
-    target = axis_at(xp, own, xp.maximum(arcs + LOOK_AHEAD, 0.0)[:, None])[:, 0]
+def look_ahead(xp: Any, tables: Tables, colons: Any, tip: Any, arcs: Any, displacement: Any = None) -> Any:
+    """Unit vectors (worlds, 3) from the tip to the lumen's axis `LOOK_AHEAD` further on, at least to the anus.
+
+    The axis is displaced where colons move (worlds, nodes, 3).
+    """
+    further = xp.maximum(arcs + LOOK_AHEAD, 0.0)[:, None]
+    target = axis_at(xp, pick(tables, colons), displacement, further)[:, 0]
     away = target - tip
     return away / xp.maximum(xp.sqrt((away**2).sum(axis=-1, keepdims=True)), 1e-6)

@@ -88,6 +88,14 @@ class WarpDevice:
         Raises:
             UnsupportedSceneError: when Warp has not what the device is made of.
         """
+        if scene.options.mesentery:
+            raise UnsupportedSceneError(
+                "The backend 'warp' cannot honour scene.mesentery = True for a device; 'native' can."
+            )
+        if scene.device.has_treads:
+            raise UnsupportedSceneError(
+                f"The backend 'warp' cannot honour the treads of a device of kind '{scene.device.kind}'; 'native' can."
+            )
         host = for_warp(scene.compile())
         try:
             model = mjx.put_model(host, impl="warp").tree_replace({"opt._impl.warn_overflow": 0})

@@ -6,10 +6,11 @@ with a wall of stiffness k_v. Twist, which the paper leaves out, is given apart.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 _BEND, _TWIST = "scope/bend_", "scope/twist_"
 
@@ -31,6 +32,25 @@ class Energies:
         return self.bending + self.wall
 
 
+class _Springs(NamedTuple):
+    """Of some joints."""
+
+    where: Int[np.ndarray, " joints"]
+    """Of their angles among the positions."""
+    rest: Float[np.ndarray, " joints"]
+    linear: Float[np.ndarray, " joints"]
+    cubic: Float[np.ndarray, " joints"]
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel, joints: Int[np.ndarray, " joints"]) -> "_Springs":
+        where = model.jnt_qposadr[joints]
+        return cls(where, model.qpos_spring[where], model.jnt_stiffness[joints], model.jnt_stiffnesspoly[joints, 1])
+
+    def energy(self, qpos: Float[np.ndarray, " positions"]) -> float:
+        square = (qpos[self.where] - self.rest) ** 2
+        return float(0.5 * self.linear @ square + 0.25 * self.cubic @ square**2)
+
+
 class EnergyMeter:
     """Reads the energies of one compiled scene."""
 
@@ -38,18 +58,17 @@ class EnergyMeter:
         """Find the scope's joints; `wall_stiffness` is that of one contact [N/m], or of the contacts of each geom."""
         names = [model.joint(joint).name for joint in range(model.njnt)]
         self._bends, self._twists = (
-            np.array([index for index, name in enumerate(names) if name.startswith(prefix)], dtype=int)
+            _Springs.of(model, np.array([i for i, name in enumerate(names) if name.startswith(prefix)], dtype=int))
             for prefix in (_BEND, _TWIST)
         )
-        self._model = model
         self._wall_stiffness = wall_stiffness
 
     def read(self, data: mujoco.MjData) -> Energies:
         """Energies of the state whose contacts were last found."""
         depth = np.maximum(data.contact.includemargin - data.contact.dist, 0.0) * (data.contact.exclude == 0)
         return Energies(
-            bending=self._of_joints(data, self._bends),
-            twist=self._of_joints(data, self._twists),
+            bending=self._bends.energy(data.qpos),
+            twist=self._twists.energy(data.qpos),
             wall=float(0.5 * np.sum(self._stiffness(data) * depth**2)),
         )
 
@@ -58,9 +77,3 @@ class EnergyMeter:
         if isinstance(self._wall_stiffness, np.ndarray):
             return self._wall_stiffness[data.contact.geom].max(axis=1)
         return self._wall_stiffness
-
-    def _of_joints(self, data: mujoco.MjData, joints: np.ndarray) -> float:
-        where = self._model.jnt_qposadr[joints]
-        angle = data.qpos[where] - self._model.qpos_spring[where]
-        linear, cubic = self._model.jnt_stiffness[joints], self._model.jnt_stiffnesspoly[joints, 1]
-        return float(0.5 * linear @ angle**2 + 0.25 * cubic @ angle**4)

@@ -22,15 +22,16 @@ class CurrentColon:
         self._colon, self._tables, self._origin, self._axes = colon, tables, origin, axes
         assert tables.mesentery is not None
         self._mesentery = tables.mesentery
-        self._spacing = float(np.asarray(tables.mesentery.spacing)[0])
+        spacing, nodes = float(np.asarray(tables.mesentery.spacing)[0]), tables.mesentery.nodes.shape[1]
+        self._station_nodes, share = moving_colon.node_cell(np, spacing, nodes, colon.centreline.arc)
+        self._station_share = share[:, None]
         self._surface_arcs: np.ndarray | None = None
 
     def way(self, displacement: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "stations 3"]:
         """Where the stations of the centreline are [m], given displacements in the tables' coordinates [m]."""
-        line = self._colon.centreline
-        nodes = self._spacing * np.arange(len(displacement))
-        moved = np.column_stack([np.interp(line.arc, nodes, displacement[:, axis]) for axis in range(3)])
-        return line.points + moved @ self._axes.T
+        at, share = self._station_nodes, self._station_share
+        moved = (1 - share) * displacement[at] + share * displacement[at + 1]
+        return self._colon.centreline.points + moved @ self._axes.T
 
     def colon(self, displacement: Float[np.ndarray, "nodes 3"]) -> Colon:
         """The colon with its surface and centreline where they are; frames and radii turn with it."""

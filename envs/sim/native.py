@@ -264,7 +264,9 @@ class NativeEngine:
         """Where these blocks of the wall are [m], and how they are turned, as quaternions; none in a fixed colon."""
         if isinstance(self._wall, PieceWall):
             return self.data.mocap_pos.copy(), self.data.mocap_quat.copy()
-        return self._moved.poses(self._displacement, blocks) if self._moved else (np.zeros((0, 3)), np.zeros((0, 4)))
+        if self._moved and len(blocks.arcs):
+            return self._moved.poses(self._displacement, blocks)
+        return np.zeros((0, 3)), np.zeros((0, 4))
 
     def shape(self) -> Float[np.ndarray, "nodes 3"]:
         """Points along the scope's axis, from the handle end of the modelled part to the tip [m]."""

@@ -1,5 +1,6 @@
 """Tangent planes of the spheres of some worlds, put before every step where each world's table says the wall is."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -11,7 +12,7 @@ from haustra.errors import UnsupportedSceneError
 from haustra.models.wall.compiled import loops
 from haustra.models.wall.law import SLIP_SPEED, normal_force, require_honoured, soft_contact
 from haustra.models.wall.lumen_table import Tables
-from haustra.models.wall.planes import AWAY
+from haustra.models.wall.planes import AWAY, Sample
 from haustra.models.wall.table_wall import TableWalls
 
 
@@ -53,6 +54,8 @@ class TablePlanes:
         groups: Int[np.ndarray, " spheres"] | None = None,
         anus: Float[np.ndarray, "3"] | None = None,
         inwards: Float[np.ndarray, "3"] | None = None,
+        starts: Float[np.ndarray, " colons"] | None = None,
+        samples: Sequence[Sample] = (),
     ) -> None:
         """Find spheres, planes and pairs.
 
@@ -64,8 +67,10 @@ class TablePlanes:
             count: spheres.
             damping_time: damping over stiffness of the wall [s].
             groups: number of the table of a colon that each sphere looks its place up in; the first when None.
-            anus: where the colons begin [m]; the origin when None.
+            anus: where devices begin [m]; the origin when None.
             inwards: unit vector into the patient; z when None.
+            starts: arc length of that place in each colon [m]; the anus when None.
+            samples: the spheres, where some have a stiffness or friction of their own.
 
         Raises:
             UnsupportedSceneError: when colons are to move and spheres have several radii.
@@ -89,6 +94,14 @@ class TablePlanes:
         self._groups = [self._group(model, tables, worlds, np.flatnonzero(own == i)) for i in range(own.max() + 1)]
         self._anus = np.zeros(3) if anus is None else anus
         self._into = np.array([0.0, 0.0, 1.0]) if inwards is None else inwards
+        self._starts = starts
+        self._own_stiffness = _own([sample.stiffness for sample in samples], count)
+        self._own_friction = _own([sample.friction for sample in samples], count)
+        if tables.mesentery is not None and not np.isnan([*self._own_stiffness, *self._own_friction]).all():
+            raise UnsupportedSceneError(
+                "Spheres with stiffness or friction of their own cannot press on a colon that moves: leave it fixed."
+            )
+        self._spring, self._rub = np.ones((worlds, count)), np.zeros((worlds, count))
         self.case = np.zeros(worlds, int)
         self._stiffness, self._friction_of = np.ones(worlds), np.zeros(worlds)
         self._ahead = np.full(worlds, self._damper_time)
@@ -137,14 +150,20 @@ class TablePlanes:
     ) -> None:
         """Give these worlds' contacts their law: that of `haustra.models.wall.law`."""
         self._stiffness[worlds], self._friction_of[worlds] = wall_stiffness, friction
-        stiffness = wall_stiffness[:, None]
+        stiffness = np.where(np.isnan(self._own_stiffness), wall_stiffness[:, None], self._own_stiffness)
         damper = stiffness * self._damper_time
+        self._spring[worlds] = stiffness
+        self._rub[worlds] = np.where(np.isnan(self._own_friction), friction[:, None], self._own_friction)
         soft = soft_contact(np, self._inverse_inertia, stiffness, damper, timestep=self._step_time)
         require_honoured(soft.impedance, what="A stiffness of the wall")
         where = np.ix_(worlds, self._pairs)
-        self._friction[(*where, slice(2))] = friction[:, None, None]
+        self._friction[(*where, slice(2))] = self._rub[worlds][..., None]
         self._solref[where], self._solref_friction[where] = soft.solref, soft.sliding
         self._solimp[(*where, slice(2))] = soft.impedance[..., None]
+
+    def set_grip(self, share: Float[np.ndarray, "worlds spheres"]) -> None:
+        """Leave each sphere a share of its friction [1]."""
+        self._friction[:, self._pairs, :2] = (self._rub * share)[..., None]
 
     def park(self, worlds: Int[np.ndarray, " reset"]) -> None:
         """Take the planes of these worlds out of the way."""
@@ -152,7 +171,8 @@ class TablePlanes:
 
     def begin(self, worlds: Int[np.ndarray, " reset"]) -> None:
         """Start looking anew in these worlds, whose devices lie straight at the anus and whose colons are at rest."""
-        self.resume(worlds, (self._geom_xpos[worlds][:, self.spheres] - self._anus) @ self._into)
+        begun = 0.0 if self._starts is None else self._starts[self.case[worlds]][:, None]
+        self.resume(worlds, begun + (self._geom_xpos[worlds][:, self.spheres] - self._anus) @ self._into)
 
     def resume(self, worlds: Int[np.ndarray, " reset"], arcs: Float[np.ndarray, "*reset spheres"]) -> None:
         """Go on from where those devices are now, beside these arc lengths [m], in colons at rest."""
@@ -177,7 +197,7 @@ class TablePlanes:
         moves = self._groups[0].walls.displacement is not None
         if moves:
             self._batch.forward(worlds, stage=mujoco.mjtStage.mjSTAGE_POS)
-        h, stiffness = self._step_time, self._stiffness[:, None]
+        h = self._step_time
         for group in self._groups:
             walls = group.walls
             loops().carry_on(
@@ -201,7 +221,7 @@ class TablePlanes:
             walls.give_way(worlds, group.on_wall, group.damping, h)
             before = walls.depth.copy()
             walls.look(worlds, group.points)
-            leaving = (before - walls.depth) / h
+            leaving, stiffness = (before - walls.depth) / h, self._spring[:, group.members]
             self.normal_force[:, group.members] = normal_force(
                 np, stiffness * before, stiffness * self._damper_time, leaving
             )
@@ -235,3 +255,8 @@ class TablePlanes:
         for group in self._groups:
             whole[:, group.members] = getattr(group.walls, name)
         return whole
+
+
+def _own(values: Sequence[float | None], count: int) -> Float[np.ndarray, " spheres"]:
+    """What spheres have of their own; NaN for those that have nothing."""
+    return np.array([np.nan if value is None else value for value in values] or [np.nan] * count)

@@ -19,9 +19,9 @@ from haustra.errors import HaustraError, InvalidStudyError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.store import load_colon
-from haustra.models.device_scene import build_device_scene, device_options, device_tables
+from haustra.models.device_scene import build_device_scene, device_options, device_tables, pose_in
 from haustra.models.devices.base import Device, Pose, load_device
-from haustra.models.scene import SceneOptions, entry_of
+from haustra.models.scene import SceneOptions
 
 BATCH = 1024
 """Jobs in one call of the backend 'warp'."""
@@ -76,7 +76,8 @@ def build_setup(
         path if path.partition(".")[0] in own else f"design.{path}": value for path, value in rooms["design"].items()
     }
     device = with_values(base, inside) if inside else base
-    options = device_options(friction=friction, timestep=float(study.options["timestep"]))
+    asked = {"timestep": float(study.options["timestep"]), "mesentery": bool(study.options["mesentery"])}
+    options = device_options(device, friction=friction, **asked)
     options = with_values(options, rooms["scene"]) if rooms["scene"] else options
     build_device_scene(device, options, pose=Pose())
     return device, options
@@ -148,7 +149,7 @@ def _answer_warp(study: Study, names: tuple[str, ...], jobs: Sequence[Job], seco
     device, options = setups[0]
     colons = [_colon(name) for name in names]
     scene = build_device_scene(device, options)
-    backend = WarpDevice.of(scene, device_tables(scene, colons, [Pose(*entry_of(colon)) for colon in colons]))
+    backend = WarpDevice.of(scene, device_tables(scene, colons, [pose_in(one, device, options) for one in colons]))
     number = [names.index(str(job.conditions["colon"])) for job in jobs]
     conditions = Conditions(
         jnp.asarray(number),
@@ -180,7 +181,7 @@ QUESTION = Question(
         "colon": Column("colon", "text", "grown-<seed>, or the folder of a colon"),
         "friction": Column("friction", "1", "Coulomb's coefficient between device and wall"),
     },
-    options={"seconds": 30.0, "timestep": SceneOptions.timestep},
+    options={"seconds": 30.0, "timestep": SceneOptions.timestep, "mesentery": False},
     check=build_setup,
 )
 NATIVE = Backend(start=_start)

@@ -14,9 +14,8 @@ from haustra.envs.sim.device_native import NativeDevice
 from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
-from haustra.models.device_scene import build_device_scene, device_options, device_tables
-from haustra.models.devices.base import Device, Pose, load_device
-from haustra.models.scene import entry_of
+from haustra.models.device_scene import build_device_scene, device_options, device_tables, pose_in
+from haustra.models.devices.base import Device, load_device
 
 _COMMON = 3 + 1 + 1 + 1
 """Direction ahead in the tip's frame, progress, wall force, room."""
@@ -34,6 +33,8 @@ class DeviceRules:
     """Between device and wall, drawn evenly [1]."""
     wall_stiffness: tuple[float, float] = (700.0, 2400.0)
     """Of a contact, drawn evenly: the measured range [N/m]."""
+    mesentery: bool = False
+    """Colons move on their mesentery."""
     seconds: float = 90.0
     """Then the episode is truncated [s]."""
     control_interval: float = 0.04
@@ -79,9 +80,10 @@ class DeviceEnv(gymnasium.Env):
         self.device = device if isinstance(device, Device) else load_device(device)
         colons = list(colons or [grow_colon(seed=seed) for seed in range(*self.rules.seeds)])
         self._lengths = [colon.centreline.length for colon in colons]
-        scene = build_device_scene(self.device, device_options())
-        poses = [Pose(*entry_of(colon)) for colon in colons]
-        self._backend = NativeDevice(scene, device_tables(scene, colons, poses))
+        options = device_options(self.device, mesentery=self.rules.mesentery)
+        scene = build_device_scene(self.device, options)
+        poses = [pose_in(colon, self.device, options) for colon in colons]
+        self._backend = NativeDevice(scene, device_tables(scene, colons, poses), starts=[pose.arc for pose in poses])
         self._steps = max(1, round(self.rules.control_interval / scene.options.timestep))
         channels = self.device.controls
         self._low = np.array([channel.low for channel in channels])

@@ -23,6 +23,7 @@ from jaxtyping import Float
 
 from haustra.assets import assets
 from haustra.errors import HaustraError, InvalidDesignError, UnreadableFileError
+from haustra.models.anatomy.colon import Colon
 from haustra.models.wall.planes import Sample
 from haustra.quantity import Quantity
 
@@ -52,12 +53,14 @@ class Reading:
 
 @dataclass(frozen=True)
 class Pose:
-    """Where a device enters the patient."""
+    """Where a device begins: at the anus, or where it stands."""
 
     position: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
-    """The anus [m]."""
+    """Of that place [m]."""
     frame: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
     """Columns: two normals and the direction into the patient."""
+    arc: float = 0.0
+    """Its arc length from the anus, for a device that begins further in [m]."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +94,19 @@ class State(NamedTuple):
     """(worlds,) arc length of the centreline next to the tip [m]."""
     actuator_force: Any
     """(worlds, actuators) [N, N m]."""
+    pressed: Any = None
+    """(worlds, spheres) normal force of the wall in the last step [N]; for devices with treads."""
+    rubbed: Any = None
+    """(worlds, spheres, 3) friction of the wall then, in the scene's axes [N]; for devices with treads."""
+
+
+class Treads(NamedTuple):
+    """How the surface of a device runs over its body, worlds first."""
+
+    speed: Any
+    """(worlds, spheres, 3) of the surface against its body, in the body's axes [m/s]."""
+    grip: Any
+    """(worlds, spheres) share of the friction that is left [1]."""
 
 
 class DeviceReadings(NamedTuple):
@@ -126,6 +142,8 @@ class Device(ABC):
     """Wall laws that it can meet (`haustra.models.scene.SceneOptions.wall_law`)."""
     left_out: ClassVar[Mapping[str, str]] = {}
     """What its model does not hold, and why."""
+    has_treads: ClassVar[bool] = False
+    """Its surface runs (`treads`): it is controlled at every time step and told what the wall does to its spheres."""
 
     name: str
 
@@ -192,6 +210,24 @@ class Device(ABC):
         low, high = np.array([one.low for one in channels]), np.array([one.high for one in channels])
         columns = [model.actuator(one.actuator).id for one in channels]
         return put(xp, xp.zeros((len(commands), model.nu), commands.dtype), columns, xp.clip(commands, low, high))
+
+    @property
+    def usual(self) -> Mapping[str, Any]:
+        """Scene options that suit it, by name, where nobody says otherwise."""
+        return {}
+
+    def standing(self, colon: Colon, start: float) -> Pose | None:
+        """Where it stands in a colon with its tip at arc length `start` [m]; None for what enters at the anus.
+
+        Raises:
+            InvalidDesignError: when it does not fit there.
+            InvalidOptionError: when the arc length is not inside the colon.
+        """
+        return None
+
+    def treads(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State, commands: Any) -> Treads:
+        """How its surface runs under commands (worlds, channels); asked of devices that have treads."""
+        raise NotImplementedError
 
     def read(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State) -> dict[str, Any]:
         """Each of `readings`, (worlds,)."""

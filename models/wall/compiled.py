@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from haustra.models.wall import lumen_table, moving_colon, planes, vectors
+from haustra.models.wall import contact_solver, lumen_table, moving_colon, planes, vectors
 from haustra.models.wall.lumen_table import axis_point, query_point
 from haustra.models.wall.moving_colon import (
     bend_gradient,
@@ -44,6 +44,7 @@ class Loops(NamedTuple):
     carry_on: Callable[..., None]
     contacts: Callable[..., None]
     step_axis: Callable[..., None]
+    solve: Callable[..., int]
 
 
 def _node(values: Any, world: int, node: int) -> Any:
@@ -409,14 +410,17 @@ def loops() -> Loops:
 
     overload(vectors.where)(lambda xp, condition, yes, no: lambda xp, condition, yes, no: yes if condition else no)
     own = (_node, _put, _put_more, _node_between, _edge_rate, _shape, _add_springs)
-    entries = (_query, _query_moved, _place_planes, _carry_on, _contacts, _step_axis)
-    for part in (*vectors.PARTS, *lumen_table.PARTS, *moving_colon.PARTS, *own, *entries):
+    entries = (_query, _query_moved, _place_planes, _carry_on, _contacts, _step_axis, contact_solver.solve)
+    parts = (*vectors.PARTS, *lumen_table.PARTS, *moving_colon.PARTS, *contact_solver.PARTS)
+    # Sums may be taken in any order, so that several numbers are added at a time.
+    options: Any = {"error_model": "numpy", "fastmath": {"contract", "reassoc", "nsz"}}
+    for part in (*parts, *own, *entries):
         plain = unwrap(part)  # of what checks types at run time
-        overload(part, strict=False)(lambda *_, plain=plain: plain)
-    files = [Path(str(module.__file__)) for module in (vectors, lumen_table, moving_colon, planes)]
+        overload(part, strict=False, jit_options=options)(lambda *_, plain=plain: plain)
+    files = [Path(str(module.__file__)) for module in (vectors, lumen_table, moving_colon, planes, contact_solver)]
     law = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
-    def compiled(loop: Callable[..., None]) -> Callable[..., None]:
+    def compiled(loop: Callable[..., Any]) -> Callable[..., Any]:
         # Numba finds again what it has kept by the values that a function closes over.
         return njit(lambda *given: loop(*given) if law else None, nogil=True, cache=True, error_model="numpy")
 

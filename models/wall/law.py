@@ -18,7 +18,7 @@ friction that is no softer (`soft_contact`; docs/decisions/contact.md has what t
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import mujoco
@@ -72,6 +72,10 @@ class WallContact:
             raise InvalidOptionError(f"Friction is {self.friction}; it must be between 0 and 5.")
         if not 0 <= self.friction_rise < 1e3:
             raise InvalidOptionError(f"Friction rises by {self.friction_rise} s/m; it must be from 0 to below 1000.")
+
+    def stiffened(self, stiffness: float) -> "WallContact":
+        """The same law at another stiffness [N/m], which relaxes in the same time."""
+        return replace(self, stiffness=stiffness, damping=self.damping * stiffness / self.stiffness)
 
 
 class ImplicitContact(NamedTuple):

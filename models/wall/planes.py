@@ -47,6 +47,10 @@ class Sample:
     """Centre, in the link's frame [m]."""
     radius: float
     """Radius [m]."""
+    stiffness: float | None = None
+    """Of the contact [N/m], where the device's own compliance stands for the wall's; the wall's when None."""
+    friction: float | None = None
+    """Coulomb's coefficient, where it is the sphere's own [1]; that between device and wall when None."""
 
 
 def capsule_samples(bare: mujoco.MjModel, geoms: Sequence[str], *, spacing: float) -> tuple[Sample, ...]:
@@ -120,7 +124,9 @@ def add_planes(
     for number, sample in enumerate(samples):
         sphere = add_sphere(spec, number, sample, prefix=prefix)
         inverse_inertia = bare.body_invweight0[bare.body(sample.body).id, 0]
-        soft = contact_parameters(inverse_inertia, contact, timestep=timestep, where=sample.body)
+        own = contact if sample.stiffness is None else contact.stiffened(sample.stiffness)
+        soft = contact_parameters(inverse_inertia, own, timestep=timestep, where=sample.body)
+        friction = contact.friction if sample.friction is None else sample.friction
         for side in range(planes):
             name = f"{prefix}plane_{number:04d}_{side}"
             body = spec.worldbody.add_body(name=name, pos=[0, 0, -AWAY], mocap=True)
@@ -137,8 +143,8 @@ def add_planes(
                 name=name,
                 geomname1=name,
                 geomname2=sphere,
-                condim=3 if contact.friction > 0 else 1,
-                friction=[contact.friction, contact.friction, 0, 0, 0],
+                condim=3 if friction > 0 else 1,
+                friction=[friction, friction, 0, 0, 0],
                 solref=soft.solref,
                 solreffriction=soft.sliding,
                 solimp=solimp(float(soft.impedance)),

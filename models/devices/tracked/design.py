@@ -2,6 +2,9 @@
 
 import math
 from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import numpy as np
 
 from haustra.errors import InvalidDesignError
 from haustra.models.devices.tracked.tread import NUMBERS, TreadGeometry
@@ -31,8 +34,6 @@ class Worm:
 class FlexibleShaft:
     """The shaft between the motor outside and the worm."""
 
-    torsional_stiffness: float = NUMBERS["tracked.shaft.torsional_stiffness"].value
-    """Torque a radian over its whole length [N m/rad]. Assumed."""
     onset_speed: float = NUMBERS["tracked.shaft.onset_speed"].value
     """Where its losses begin to rise [rad/s]. Published: "above this value the transmission efficiency declines"."""
     efficiency: float = NUMBERS["tracked.shaft.efficiency"].value
@@ -41,13 +42,13 @@ class FlexibleShaft:
     """Excess over the onset at which viscous loss would take all of it [rad/s]. Fitted with `SpeedFriction.exponent`:
     the paper's statements identify only both together, and we let both ends of the range lose alike."""
 
-    def transmission(self, speed: float) -> float:
-        """Share of the traction force that still reaches the treads at a worm speed [rad/s].
+    def transmission(self, speed: Any) -> Any:
+        """Share of the traction force that still reaches the treads at a worm speed [rad/s], or at several.
 
         A motor torque less a viscous loss: efficiency (1 - (w - w_onset) / w_stall), constant below the onset.
         """
-        excess = max(0.0, speed - self.onset_speed) / self.stall_excess
-        return self.efficiency * max(0.0, 1.0 - excess)
+        excess = np.maximum(0.0, speed - self.onset_speed) / self.stall_excess
+        return self.efficiency * np.maximum(0.0, 1.0 - excess)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,7 +168,6 @@ class TrackedDesign:
             scale=scale,
             tread=tread,
             worm=replace(self.worm, lead=self.worm.lead * s, torque_limit=self.worm.torque_limit * s**3),
-            shaft=replace(self.shaft, torsional_stiffness=self.shaft.torsional_stiffness * s**3),
             bellows=replace(
                 self.bellows,
                 stiffness=self.bellows.stiffness * s,

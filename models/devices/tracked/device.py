@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -83,12 +84,16 @@ class Tracked:
         """The same when the tread of each track has moved by its own `travel` [m]."""
         moved = travel[..., [pad.track for pad in self.pads]]
         phases = moved / self.design.tread.pitch + np.array([pad.offset for pad in self.pads])
-        operating = _operating(self.law, self.design)
-        contact = _CONTACT_STIFFNESS * _ratio(self.design)
-        force = self.law.phase_factor(phases) * self.law.mean_force(operating)
+        operating, mean, contact, (k1, k2, k3) = self._series
+        force = self.law.phase_factor(phases) * mean
         left = operating - force / contact
-        k1, k2, k3 = self.law.behind(contact)
-        return (force - left * (k1 + left * (k2 + left * k3))) / (_secant(self.law, self.design) * left)
+        return (force - left * (k1 + left * (k2 + left * k3))) / (mean / operating * left)
+
+    @cached_property
+    def _series(self) -> tuple[float, float, float, tuple[float, float, float]]:
+        """Operating indentation [m] and force [N], the contact's stiffness [N/m] and the spring behind it."""
+        operating, contact = _operating(self.law, self.design), pad_stiffness(self.design)
+        return operating, float(self.law.mean_force(operating)), contact, self.law.behind(contact)
 
     def set_speed(self, model: mujoco.MjModel, speed: float) -> None:
         """Let the treads run backwards at `speed` relative to the core [m/s]: the robot is pushed forwards."""
@@ -164,7 +169,7 @@ def add_tracked(
         if loops:
             recess = 2 * _operating(law, design)
             parts += add_loop(spec, strut, design, track, float(each[track]), recess, prefix=prefix)
-    stiffness = _CONTACT_STIFFNESS * _ratio(design)
+    stiffness = pad_stiffness(design)
     if loops:
         soften(spec, [pad.geom for pad in pads], parts, f"{prefix}core", pad_stiffness=stiffness, friction=friction)
     else:
@@ -184,6 +189,11 @@ def _calibrate_contacts(spec: mujoco.MjSpec, pads: Sequence[Pad], stiffness: flo
         geom = spec.geom(pad.geom)
         weight = weights[geom.parent.id, 0]
         geom.solref = [-stiffness * (1 - _CONTACT_IMPEDANCE) * weight, -_CONTACT_DAMPING]
+
+
+def pad_stiffness(design: TrackedDesign) -> float:
+    """Of a pad's contact [N/m]."""
+    return _CONTACT_STIFFNESS * _ratio(design)
 
 
 def _reach(design: TrackedDesign) -> float:
@@ -281,7 +291,7 @@ def _add_pad(spec, strut, design: TrackedDesign, law: PadLaw, track: int, tip: s
         name=name,
         type=mujoco.mjtJoint.mjJNT_SLIDE,
         axis=[0, 0, -1],
-        stiffness=list(law.behind(_CONTACT_STIFFNESS * ratio)),
+        stiffness=list(law.behind(pad_stiffness(design))),
         damping=[_PAD_DAMPING * ratio, 0, 0],
     )
     body.add_geom(

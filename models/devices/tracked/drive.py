@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -65,20 +66,20 @@ def worm_lever(design: TrackedDesign) -> float:
 class WormState:
     """What the one worm does, in a colon as in the rigs: its torque, and how fast it still runs under it."""
 
-    torque: float = 0.0
-    """What the treads ask of it, and turn the core with [N m]."""
-    speed_share: float = 1.0
+    torque: Any = 0.0
+    """What the treads ask of it, and turn the core with [N m]; a number, or one a world."""
+    speed_share: Any = 1.0
     """Its speed over the speed asked for [1]: less than 1 next to the largest torque that the shaft may transmit."""
 
     @classmethod
-    def under(cls, design: TrackedDesign, traction: float) -> "WormState":
+    def under(cls, design: TrackedDesign, traction: Any) -> "WormState":
         """What the worm does while the treads pull with `traction` [N].
 
         A worm that is asked for more than the shaft transmits stands; being self-locking it holds.
         """
-        torque = abs(traction) * worm_lever(design)
+        torque = np.abs(traction) * worm_lever(design)
         spare = (1 - torque / design.worm.torque_limit) / _DROOP
-        return cls(torque, min(1.0, max(0.0, spare)))
+        return cls(torque, np.clip(spare, 0.0, 1.0))
 
 
 def drive_point(design: TrackedDesign, friction: float, rpm: float, *, diameter: float | None = None) -> DrivePoint:

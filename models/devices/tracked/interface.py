@@ -1,29 +1,61 @@
-"""The tracked robot as a device among others. Its treads meet walls of pieces only: their law stands in their pads."""
+"""The tracked robot as a device among others: treads that run over struts on bellows, driven by one worm.
 
+Spheres stand where a tread or the core may meet the wall: one at each strut tip, which carries the tread's law, and
+some along the rest of each tread, which climbs folds and bends as a tank does. How far each tread has run is an
+activation of its own, an integrator without a force, and so is what the treads ask of the worm, a filter: the state is
+all MuJoCo's.
+"""
+
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from types import ModuleType
 from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
-from haustra.errors import InvalidDesignError
+from haustra.errors import InvalidDesignError, UnsupportedSceneError
+from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.base import (
+    LOOK_AHEAD,
     Channel,
     Device,
     DeviceReadings,
     Handles,
     Pose,
     Reading,
+    State,
+    Treads,
     choice,
     number,
+    put,
     read_fields,
 )
 from haustra.models.devices.tracked.design import TRACKS, TrackedDesign
-from haustra.models.devices.tracked.device import add_tracked
+from haustra.models.devices.tracked.device import Tracked, add_tracked, pad_stiffness
+from haustra.models.devices.tracked.drive import WormState
+from haustra.models.devices.tracked.loop import CORE_FRICTION
+from haustra.models.devices.tracked.rig import TIMESTEP
+from haustra.models.devices.tracked.standing import require_fit
+from haustra.models.wall.planes import Sample
 
 _OWN = ("name", "rpm", "friction", "steering")
+_LARGEST_RPM = 1000.0
+_SPACING = 1 / 8
+"""Largest distance between spheres of a tread and of the core, over the core's length; engineering choice: beyond the
+tips a tread meets folds and bends, whose radii are larger."""
+_USUAL_START = 0.3
+"""Where its nose stands at first [m]; engineering choice: in the sigmoid, which it fits."""
+_LONGEST_STEP = 2e-3
+"""Time step up to which pads stay on the wall [s]: at 5 ms wall forces are six times as large in a bend."""
+_ANSWER = 0.1
+"""Within which the worm answers to what the treads ask of it [s]; engineering choice: longer than the force that the
+worm's droop leaves takes to bring the robot's mass to speed, some 50 ms, or both would swing."""
+_LARGEST_SHARE = 2.0
+"""Of the nominal tread speed when steering; the inner tread may stand but not run back."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,21 +63,29 @@ class TrackedRobot(Device):
     """A tracked robot and how its worm is run."""
 
     kind: ClassVar[str] = "tracked"
-    walls: ClassVar[tuple[str, ...]] = ("pieces",)
+    has_treads: ClassVar[bool] = True
     left_out: ClassVar[Mapping[str, str]] = {
         "friction by speed": "treads rub by their nominal coefficient at any speed of sliding",
         "flexible shaft": "its losses and torque limit count; its twist, its whirl and its drag in the colon do not",
-        "mesentery": "the colon gives way by its wall's stiffness only; sigmoid and transverse colon do not swing",
-        "weight": "as in the paper",
     }
 
     design: TrackedDesign
-    rpm: float = number("1/min", 0.0, 1000.0)
+    rpm: float = number("1/min", 0.0, _LARGEST_RPM)
     """Worm speed."""
     friction: float = number("1", 0.0, 2.0)
     """Coulomb's coefficient between treads and wall, where a run does not say otherwise."""
     steering: str = choice("none", "each tread", default="none")
-    """The paper's device has one worm for all treads; each at its own speed (`AxisSteering`) needs four motors."""
+    """The paper's device has one worm for all treads; each at its own speed needs four motors."""
+
+    def __post_init__(self) -> None:
+        """Refuse what a robot in a colon does not honour."""
+        super().__post_init__()
+        usual = TrackedDesign().at_scale(self.design.scale)
+        if self.design.speed_friction != usual.speed_friction:
+            raise InvalidDesignError(
+                f"Device '{self.name}': design.speed_friction is not honoured in a colon, only on the rigs of "
+                "`haustra propulsion` and studies of propulsion: leave it out."
+            )
 
     @classmethod
     def from_toml(cls, table: Mapping[str, Any], where: str) -> "TrackedRobot":
@@ -61,9 +101,24 @@ class TrackedRobot(Device):
         return replace(found, design=found.design.at_scale(float(scale)))
 
     @property
+    def usual(self) -> Mapping[str, Any]:
+        """Its own friction and time step, and where it stands."""
+        return {"friction": self.friction, "timestep": TIMESTEP, "start_depth": _USUAL_START}
+
+    def standing(self, colon: Colon, start: float) -> Pose:
+        """Its core on the centreline, facing the caecum, its nose at `start` [m]."""
+        arc = start - self._nose
+        require_fit(colon, self.design, arc)
+        line = colon.centreline
+        place = np.array([np.interp(arc, line.arc, axis) for axis in line.points.T])
+        return Pose(place, line.frames[int(np.searchsorted(line.arc, arc))], arc)
+
+    @property
     def controls(self) -> tuple[Channel, ...]:
-        """The worm. Treads run by their geoms' surface velocity, which is no actuator: the run sets it."""
-        return (Channel("worm_speed", "1/min", 0.0, 1000.0, ""),)
+        """Speed of the worm, or of each tread as if it had a worm of its own."""
+        treads = range(TRACKS) if self._steers else range(1)
+        name = "tread_speed_{}" if self._steers else "worm_speed"
+        return tuple(Channel(name.format(n), "1/min", 0.0, _LARGEST_RPM, f"tracked/tread{n}") for n in treads)
 
     @property
     def readings(self) -> tuple[Reading, ...]:
@@ -71,34 +126,140 @@ class TrackedRobot(Device):
         return (
             Reading("worm_torque", "N m", "what the treads ask of the worm, which turns the core"),
             Reading("worm_share", "1", "worm speed over that asked for: below 1 its torque limit holds it back"),
+            Reading("traction", "N", "friction of the wall on all treads along the core; forwards is positive"),
             Reading("normal", "N", "force of all treads on the wall"),
             Reading("core_force", "N", "force of the core on the wall"),
         )
 
     def add_to(self, spec: mujoco.MjSpec, pose: Pose, *, timestep: float, start: float) -> Handles:
-        """A robot with its nose at the start, its tracks at their nominal width."""
+        """A robot whose core's centre stands at the pose, its tracks at their nominal width."""
+        if timestep > _LONGEST_STEP:
+            raise UnsupportedSceneError(
+                f"A device of kind 'tracked' cannot honour a time step of {timestep:g} s: give up to "
+                f"{_LONGEST_STEP:g} s."
+            )
         spec.option.timestep = timestep
         normal, binormal, into = pose.frame.T
-        half = self.design.core_length / 2
-        centre = pose.position + (start - half) * into
         tracked = add_tracked(
             spec,
             self.design,
             friction=self.friction,
-            position=tuple(map(float, centre)),
+            position=tuple(map(float, pose.position)),
             frame=np.column_stack([into, normal, binormal]),
             loops=True,
         )
         core = spec.body(tracked.core)
         # Forwards is x in the core, z in a tip's site.
-        core.add_site(name="tracked/tip", pos=[half, 0, 0], quat=[np.sqrt(0.5), 0, np.sqrt(0.5), 0])
+        core.add_site(name="tracked/tip", pos=[self._nose, 0, 0], quat=[np.sqrt(0.5), 0, np.sqrt(0.5), 0])
+        for track in range(TRACKS):
+            run = spec.add_actuator(name=f"tracked/tread{track}", target=f"tracked/strut{track}")
+            run.trntype, run.dyntype = mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtDyn.mjDYN_INTEGRATOR
+            run.gainprm = [0.0] * 10
+        felt = spec.add_actuator(name="tracked/felt", target="tracked/centre", trntype=mujoco.mjtTrn.mjTRN_SITE)
+        felt.dyntype, felt.dynprm, felt.gainprm = mujoco.mjtDyn.mjDYN_FILTEREXACT, [_ANSWER] + [0.0] * 9, [0.0] * 10
+        samples = tuple(sphere for sphere, _, _ in self._spheres(tracked))
         struts = tuple(f"tracked/strut{track}" for track in range(TRACKS))
-        geoms = (tracked.core, *(part.geom for part in (*tracked.pads, *tracked.loops)))
-        return Handles((tracked.core, *struts), (), geoms, "tracked/tip", start)
+        pads = tuple(pad.geom for pad in tracked.pads)
+        geoms = (tracked.core, *pads, *(part.geom for part in tracked.loops))
+        return Handles((tracked.core, *struts, *pads), samples, geoms, "tracked/tip", start)
+
+    def control(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State, commands: Any) -> Any:
+        """How fast the treads run, the tooth phase over each tip, and the worm's torque on the core."""
+        tracked = self._tracked
+        controls = xp.zeros((len(commands), model.nu))
+        phases = tracked.phase_controls_each(state.act[:, :TRACKS])
+        put(xp, controls, [model.actuator("tracked/felt").id], self._traction(state)[:, None])
+        put(
+            xp, controls, [model.actuator(f"tracked/tread{n}").id for n in range(TRACKS)], self._speeds(state, commands)
+        )
+        put(xp, controls, [model.actuator(pad.actuator).id for pad in tracked.pads], phases)
+        return put(xp, controls, [model.actuator(tracked.roll_motor).id], self._worm(state).torque[:, None])
+
+    def treads(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State, commands: Any) -> Treads:
+        """Surfaces run backwards; what the shaft loses is lost to friction."""
+        speeds, (_, tracks, directions) = self._speeds(state, commands), self._layout
+        on_tread = tracks >= 0
+        each = xp.where(on_tread, speeds[:, tracks], 0.0)
+        turning = xp.abs(speeds).max(axis=1) / self.design.worm.lead * math.tau
+        grip = xp.where(on_tread, self.design.shaft.transmission(turning)[:, None], 1.0)
+        return Treads(-each[..., None] * directions, grip)
+
+    def read(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State) -> dict[str, Any]:
+        """Each of `readings`, (worlds,)."""
+        worm, on_tread = self._worm(state), self._layout[1] >= 0
+        return {
+            "worm_torque": worm.torque,
+            "worm_share": worm.speed_share,
+            "traction": self._traction(state),
+            "normal": state.pressed[:, on_tread].sum(axis=1),
+            "core_force": state.pressed[:, ~on_tread].sum(axis=1),
+        }
 
     def drive(self, xp: ModuleType, seen: DeviceReadings, memory: Any) -> tuple[Any, Any]:
-        """A worm at its speed."""
-        return xp.full((len(seen.time), 1), self.rpm), memory
+        """The worm at its speed; treads that have their own turn towards the lumen ahead."""
+        if not self._steers:
+            return xp.full((len(seen.time), 1), self.rpm), memory
+        ahead = xp.einsum("wji,wj->wi", seen.tip_frame, LOOK_AHEAD * seen.ahead)
+        forwards, side = self._nose + ahead[:, 2], ahead[:, :2]
+        # The circle along the core's axis through the target has curvature 2 y / d^2 (Coulter 1992, pure pursuit).
+        curvature = 2 * side / (forwards**2 + (side**2).sum(axis=1))[:, None]
+        azimuth = math.tau * np.arange(TRACKS) / TRACKS
+        # Of each track in the tip's frame, whose x is down and y left: track 0 is up.
+        outwards = np.stack([-np.cos(azimuth), -np.sin(azimuth)])
+        share = 1 - self.design.nominal_diameter / 2 * curvature @ outwards
+        return self.rpm * xp.clip(share, 0.0, _LARGEST_SHARE), memory
+
+    @property
+    def _steers(self) -> bool:
+        return self.steering != "none"
+
+    @property
+    def _nose(self) -> float:
+        """Distance of the tip from the core's centre [m]."""
+        return (self.design.core_length + self.design.core_diameter) / 2
+
+    @cached_property
+    def _tracked(self) -> Tracked:
+        """Names of its parts."""
+        return add_tracked(mujoco.MjSpec(), self.design, friction=self.friction, loops=True)
+
+    @cached_property
+    def _layout(self) -> tuple[tuple[Sample, ...], np.ndarray, Float[np.ndarray, "spheres 3"]]:
+        """Spheres, the track of each, -1 for the core's, and which way its tread runs forwards."""
+        spheres, tracks, directions = zip(*self._spheres(self._tracked), strict=True)
+        return spheres, np.array(tracks), np.array(directions)
+
+    def _spheres(self, tracked: Tracked) -> list[tuple[Sample, int, np.ndarray]]:
+        design, forwards = self.design, np.array([1.0, 0.0, 0.0])
+        ball, most = design.tread.width / 2, _SPACING * design.core_length
+        stiffness = pad_stiffness(design)
+        found = [
+            (Sample(pad.geom, np.zeros(3), ball, stiffness=stiffness), pad.track, forwards) for pad in tracked.pads
+        ]
+        for part in tracked.loops:
+            rear, front = (np.array([end[0], 0.0, end[1]]) for end in (part.rear, part.front))
+            along = (front - rear) / np.linalg.norm(front - rear)
+            count = math.ceil(np.linalg.norm(front - rear) / most) + 1
+            strut = f"tracked/strut{part.track}"
+            found += [(Sample(strut, place, ball), part.track, along) for place in np.linspace(rear, front, count)]
+        half, radius = design.core_length / 2, design.core_diameter / 2
+        places = np.linspace(-half, half, math.ceil(1 / _SPACING / 2) + 1)
+        return found + [
+            (Sample(tracked.core, place * forwards, radius, friction=CORE_FRICTION), -1, forwards) for place in places
+        ]
+
+    def _worm(self, state: State) -> WormState:
+        return WormState.under(self.design, state.act[:, TRACKS])
+
+    def _speeds(self, state: State, commands: Any) -> Any:
+        """Of the treads (worlds, tracks) [m/s]: as asked, as far as the worm's torque goes."""
+        asked = self.design.tread_speed(1.0) * np.clip(commands, 0.0, _LARGEST_RPM)
+        return np.broadcast_to(asked * self._worm(state).speed_share[:, None], (len(commands), TRACKS))
+
+    def _traction(self, state: State) -> Any:
+        """Friction of the wall on all treads along the core (worlds,), as of the last step [N]."""
+        along = np.einsum("wsi,wi->ws", state.rubbed, state.tip_frame[..., 2])
+        return along[:, self._layout[1] >= 0].sum(axis=1)
 
 
 DEVICE = TrackedRobot

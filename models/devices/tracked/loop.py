@@ -24,6 +24,10 @@ class LoopPart:
     """A straight run of one tread's loop: a capsule whose surface runs along it."""
 
     track: int
+    rear: tuple[float, float]
+    """Its end to the robot's rear: forwards and outwards of the strut [m]."""
+    front: tuple[float, float]
+    """Its other end [m]."""
     geom: str
     """Also the name of its contact sensor: forces of two contacts, each in its own frame, normal first [N]."""
 
@@ -57,7 +61,7 @@ def add_loop(
     }
     parts = []
     for name, (rear, front) in runs.items():
-        part = LoopPart(track, f"{prefix}loop{track}{name}")
+        part = LoopPart(track, rear, front, f"{prefix}loop{track}{name}")
         strut.add_geom(
             name=part.geom,
             type=mujoco.mjtGeom.mjGEOM_CAPSULE,

@@ -1,6 +1,6 @@
 """A tracked robot standing in a colon, its struts spread to the local lumen."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -99,30 +99,6 @@ def track_radii(colon: Colon, design: TrackedDesign, arc: float) -> Float[np.nda
     # Track k stands 90 k degrees from the second normal, away from the first.
     columns = [round(angles * (track / TRACKS + 0.25)) % angles for track in range(TRACKS)]
     return colon.radius[near][:, columns].min(0)
-
-
-@dataclass(frozen=True)
-class Fit:
-    """Where in a colon a robot's tracks reach the wall on both sides and still fit between."""
-
-    share: float
-    """Of the colon's length [1]."""
-    start: float
-    """Of the longest such stretch [m]."""
-    end: float
-    """Of the longest such stretch [m]."""
-
-
-def where_it_fits(colon: Colon, design: TrackedDesign) -> Fit:
-    """How much of a colon is neither narrower nor wider, across opposite tracks, than a robot reaches."""
-    arc = colon.centreline.arc
-    fits = [_fits(design, track_radii(colon, design, float(place))) for place in arc]
-    edges = np.flatnonzero(np.diff([0, *fits, 0]))
-    starts, ends = edges[::2], edges[1::2]
-    if not len(starts):
-        return Fit(0.0, 0.0, 0.0)
-    longest = int(np.argmax(ends - starts))
-    return Fit(float(np.mean(fits)), float(arc[starts[longest]]), float(arc[ends[longest] - 1]))
 
 
 def wall_near(wall: Wall, low: float, high: float) -> Wall:

@@ -121,7 +121,7 @@ def test_it_runs_from_the_command_line(colon_folder, tmp_path, capsys):
     scores = json.loads(capsys.readouterr().out)
     assert scores == json.loads((tmp_path / "scores.json").read_text())
     assert scores["device"] == scores["device_kind"] == "capsule"
-    assert scores["backend"] == "native" and scores["wall_law"] == "table" and scores["mesentery"] is False
+    assert scores["backend"] == "native" and scores["wall_law"] == "table" and scores["mesentery"] is True
     assert 0.2 < scores["reach"] < 0.6 and scores["magnet_force_peak_N"] == pytest.approx(0.5, rel=0.01)
     assert "tether" in scores["not_modelled"] and scores["provenance"]["versions"]["mujoco"]
     for name in ("trajectory.npz", "scene.xml", "outside.png", "report.html"):

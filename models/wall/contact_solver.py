@@ -1,0 +1,441 @@
+"""MuJoCo's contact problem on devices, solved by Newton's method at a cost that is linear in links and contacts.
+
+MuJoCo finds the acceleration a that makes 1/2 (a - a0)' M (a - a0) + sum s(J a - a_ref) least, where s is the cost of
+a joint's stop or of a contact's elliptic cone (https://mujoco.readthedocs.io/en/stable/computation). Its solvers take
+J as a matrix. A contact with what stands still acts on one link, however, so a step of Newton's method, whose matrix is
+M + J' s'' J, is the motion of the same links with heavier inertias, and Featherstone's articulated bodies (2008,
+chapter 7) solve that link by link. M, J and parameters are MuJoCo's own, and so is the least that is found.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from haustra.models.wall.vectors import cross, minus, times
+
+_LIMIT, _SMOOTH_CONTACT, _CONTACT = (
+    int(kind)
+    for kind in (
+        mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT,
+        mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS,
+        mujoco.mjtConstraint.mjCNSTR_CONTACT_ELLIPTIC,
+    )
+)
+_STAGES = (
+    mujoco.mj_kinematics,
+    mujoco.mj_comPos,
+    mujoco.mj_tendon,
+    mujoco.mj_makeM,
+    mujoco.mj_collision,
+    mujoco.mj_makeConstraint,
+    mujoco.mj_transmission,
+    mujoco.mj_fwdVelocity,
+    mujoco.mj_fwdActuation,
+)
+"""What comes before the constraints in a step, but for cameras, flexes and M's factors."""
+_LINE = 0.03
+"""Share of a line's first slope at which it has been searched well enough."""
+_TRIES = 20
+"""Points of a line that are tried at most."""
+
+
+class Tree(NamedTuple):
+    """Links that move, as compiled loops want them."""
+
+    bodies: Any
+    """Bodies that move, parents first."""
+    parent: Any
+    root: Any
+    first: Any
+    """First dof of each body."""
+    dofs: Any
+    """How many each has."""
+    armature: Any
+    dof_of_joint: Any
+    """Of slides and hinges; -1 for others."""
+    body_of_geom: Any
+    """-1 where it stands still."""
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel) -> "Tree":
+        """Read a compiled model."""
+        return cls(
+            np.flatnonzero(model.body_treeid >= 0),
+            model.body_parentid,
+            model.body_rootid,
+            model.body_dofadr,
+            model.body_dofnum,
+            model.dof_armature,
+            np.where(model.jnt_type >= int(mujoco.mjtJoint.mjJNT_SLIDE), model.jnt_dofadr, -1),
+            np.where(model.body_treeid[model.geom_bodyid] >= 0, model.geom_bodyid, -1),
+        )
+
+
+class Rows(NamedTuple):
+    """Constraints of one instant, as MuJoCo made them."""
+
+    kind: Any
+    number: Any
+    """Of the joint or contact."""
+    stiffness: Any
+    """D of each row."""
+    aim: Any
+    """a_ref of each row."""
+    jacobian: Any
+    geoms: Any
+    places: Any
+    frames: Any
+    dims: Any
+    mu: Any
+    friction: Any
+
+
+def step(model: mujoco.MjModel, data: mujoco.MjData, tree: Tree, solve: Callable[..., int]) -> None:
+    """Do what `mj_step` does for a model with an implicit integrator, without sensors and callbacks.
+
+    Args:
+        model: with a dense Jacobian.
+        data: of the model.
+        tree: the model's links.
+        solve: `solve`, compiled.
+    """
+    for stage in _STAGES:
+        stage(model, data)
+    data.qfrc_smooth[:] = data.qfrc_passive - data.qfrc_bias + data.qfrc_actuator + data.qfrc_applied
+    if data.xfrc_applied.any() or not _constrain(model, data, tree, solve):
+        mujoco.mj_factorM(model, data)
+        mujoco.mj_fwdAcceleration(model, data)
+        mujoco.mj_fwdConstraint(model, data)
+    mujoco.mj_implicit(model, data)
+
+
+def _constrain(model: mujoco.MjModel, data: mujoco.MjData, tree: Tree, solve: Callable[..., int]) -> bool:
+    """Do what `mj_fwdConstraint` does; False where constraints are of a kind that is not known here."""
+    contact = data.contact
+    of_contacts = contact.geom, contact.pos, contact.frame, contact.dim, contact.mu, contact.friction
+    rows = Rows(
+        data.efc_type,
+        data.efc_id,
+        data.efc_D,
+        data.efc_aref,
+        data.efc_J,
+        *map(np.ascontiguousarray, of_contacts),  # a single contact's are, and numba would compile once more
+    )
+    data.qacc[:] = data.qacc_warmstart
+    done = solve(
+        tree,
+        rows,
+        data.subtree_com,
+        data.cdof,
+        data.cinert,
+        data.qfrc_smooth,
+        model.opt.tolerance * model.stat.meaninertia * model.nv,
+        model.opt.iterations,
+        data.qacc,
+        data.qfrc_constraint,
+        data.efc_force,
+    )
+    if done < 0:
+        return False
+    data.qacc_warmstart[:] = data.qacc
+    return True
+
+
+def times_inertia(c: Any, v: Any) -> Any:
+    """MuJoCo's ten numbers of a link's inertia times a spatial velocity."""
+    return (
+        c[0] * v[0] + c[3] * v[1] + c[4] * v[2] - c[8] * v[4] + c[7] * v[5],
+        c[3] * v[0] + c[1] * v[1] + c[5] * v[2] + c[8] * v[3] - c[6] * v[5],
+        c[4] * v[0] + c[5] * v[1] + c[2] * v[2] - c[7] * v[3] + c[6] * v[4],
+        c[8] * v[1] - c[7] * v[2] + c[9] * v[3],
+        c[6] * v[2] - c[8] * v[0] + c[9] * v[4],
+        c[7] * v[0] - c[6] * v[1] + c[9] * v[5],
+    )
+
+
+def put_inertia(c: Any, whole: Any) -> None:
+    """MuJoCo's ten numbers of a link's inertia as a matrix."""
+    whole[:] = 0.0
+    whole[0, 0], whole[1, 1], whole[2, 2] = c[0], c[1], c[2]
+    whole[0, 1] = whole[1, 0] = c[3]
+    whole[0, 2] = whole[2, 0] = c[4]
+    whole[1, 2] = whole[2, 1] = c[5]
+    whole[3, 3] = whole[4, 4] = whole[5, 5] = c[9]
+    whole[0, 4] = whole[4, 0] = -c[8]
+    whole[0, 5] = whole[5, 0] = c[7]
+    whole[1, 3] = whole[3, 1] = c[8]
+    whole[1, 5] = whole[5, 1] = -c[6]
+    whole[2, 3] = whole[3, 2] = -c[7]
+    whole[2, 4] = whole[4, 2] = c[6]
+
+
+def cone(d0: Any, d1: Any, d2: Any, mu: Any, f1: Any, f2: Any, r0: Any, r1: Any, r2: Any) -> Any:
+    """Forces of an elliptic cone whose rows are off by r, and their derivatives (00, 01, 02, 11, 12, 22), negated."""
+    n, u1, u2 = r0 * mu, r1 * f1, r2 * f2
+    t = np.sqrt(u1 * u1 + u2 * u2)
+    if n >= mu * t:
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    if mu * n + t <= 0:
+        return (-d0 * r0, -d1 * r1, -d2 * r2), (d0, 0.0, 0.0, d1, 0.0, d2)
+    stiff = d0 / (mu * mu * (1 + mu * mu))
+    over = n - mu * t
+    e1, e2 = u1 / t, u2 / t
+    bent = -mu * over / t
+    forces = -stiff * over * mu, stiff * over * mu * e1 * f1, stiff * over * mu * e2 * f2
+    h11 = bent * e2 * e2 + mu * mu * e1 * e1
+    h12 = (mu * mu - bent) * e1 * e2
+    h22 = bent * e1 * e1 + mu * mu * e2 * e2
+    return forces, (
+        stiff * mu * mu,
+        -stiff * mu * mu * e1 * f1,
+        -stiff * mu * mu * e2 * f2,
+        stiff * h11 * f1 * f1,
+        stiff * h12 * f1 * f2,
+        stiff * h22 * f2 * f2,
+    )
+
+
+def _three(values: Any, at: int) -> Any:
+    return values[at], values[at + 1], values[at + 2]
+
+
+def _put_six(values: Any, turning: Any, moving: Any) -> None:
+    values[0], values[1], values[2] = turning
+    values[3], values[4], values[5] = moving
+
+
+def _rates(arms: Any, body: int, row: int, size: int, motion: Any, dofs: Any, rate: Any) -> None:
+    """Rows of J times a motion of the bodies and dofs."""
+    if body < 0:
+        rate[row] = arms[row, 0] * dofs[-1 - body]
+        return
+    for r in range(row, row + size):
+        total = 0.0
+        for k in range(6):
+            total += arms[r, k] * motion[body, k]
+        rate[r] = total
+
+
+def _pushed(rows: Any, row: int, size: int, r0: Any, r1: Any, r2: Any) -> Any:
+    """Forces of a constraint whose rows are off by r, and their derivatives, as `cone` gives them."""
+    if size == 3:
+        d, number = rows.stiffness, rows.number[row]
+        friction = rows.friction[number]
+        return cone(d[row], d[row + 1], d[row + 2], rows.mu[number], friction[0], friction[1], r0, r1, r2)
+    if r0 >= 0:
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return (-rows.stiffness[row] * r0, 0.0, 0.0), (rows.stiffness[row], 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def _press(arms: Any, row: int, size: int, f: Any, h: Any, bias: Any, whole: Any) -> None:
+    """Add a contact's forces and their derivatives to those on its body."""
+    if size == 1:
+        for i in range(6):
+            bias[i] -= f[0] * arms[row, i]
+            for k in range(6):
+                whole[i, k] += h[0] * arms[row, i] * arms[row, k]
+        return
+    for i in range(6):
+        x, y, z = arms[row, i], arms[row + 1, i], arms[row + 2, i]
+        bias[i] -= f[0] * x + f[1] * y + f[2] * z
+        p = h[0] * x + h[1] * y + h[2] * z
+        q = h[1] * x + h[3] * y + h[4] * z
+        s = h[2] * x + h[4] * y + h[5] * z
+        for k in range(6):
+            whole[i, k] += p * arms[row, k] + q * arms[row + 1, k] + s * arms[row + 2, k]
+
+
+def _let_go(axis: Any, column: Any, whole: Any, bias: Any, drive: Any, i: int, pivot: float) -> float:
+    """Let a link's inertia and forces be those that are felt before its dof i, whose own inertia comes back."""
+    for k in range(6):
+        total = 0.0
+        for j in range(6):
+            total += whole[k, j] * axis[j]
+        column[k] = total
+    for k in range(6):
+        pivot += axis[k] * column[k]
+        drive[i] -= axis[k] * bias[k]
+    push = drive[i] / pivot
+    for k in range(6):
+        bias[k] += column[k] * push
+        part = column[k] / pivot
+        for j in range(6):
+            whole[k, j] -= part * column[j]
+    return pivot
+
+
+def _line(rows: Any, row: int, size: int, off: Any, rate: Any, share: Any, slope: Any, bend: Any) -> Any:
+    """Slope and curvature of the cost along a step, with those of a constraint added."""
+    second, third = row + size // 2, row + size - 1
+    v0, v1, v2 = rate[row], rate[second], rate[third]
+    f, h = _pushed(rows, row, size, off[row] + share * v0, off[second] + share * v1, off[third] + share * v2)
+    across = 2 * (h[1] * v0 * v1 + h[2] * v0 * v2 + h[4] * v1 * v2)
+    bend += h[0] * v0 * v0 + h[3] * v1 * v1 + h[5] * v2 * v2 + across
+    return slope - (f[0] * v0 + f[1] * v1 + f[2] * v2), bend
+
+
+PARTS = (times_inertia, put_inertia, cone, _three, _put_six, _rates, _pushed, _press, _let_go, _line)
+"""What numba is to compile."""
+
+
+def solve(
+    tree: Any,
+    rows: Any,
+    centres: Any,
+    axes: Any,
+    inertias: Any,
+    smooth: Any,
+    tolerance: float,
+    iterations: int,
+    qacc: Any,
+    total: Any,
+    force: Any,
+) -> int:
+    """Find the acceleration; returns Newton's steps, or -1 where constraints are of a kind that is not known here.
+
+    Args:
+        tree: the links.
+        rows: the constraints.
+        centres: of the trees' masses, about which axes and inertias are given [m].
+        axes: of the dofs, as spatial velocities.
+        inertias: of the bodies, ten numbers each.
+        smooth: generalised forces of all but the constraints.
+        tolerance: of the cost that is made least: less gain than this in a step ends the search.
+        iterations: Newton's steps at most.
+        qacc: where to begin, and then the acceleration.
+        total: generalised forces of the constraints.
+        force: of each row.
+    """
+    count, joints, bodies = len(rows.kind), len(qacc), len(tree.parent)
+    if len(rows.jacobian) != count * joints:
+        return -1
+    # Constraints: one row on one dof, or one or three rows on one body.
+    body, starts, sizes = np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count, np.int64)
+    arms, found, row = np.zeros((count, 6)), 0, 0
+    while row < count:
+        kind, number = rows.kind[row], rows.number[row]
+        starts[found], sizes[found] = row, 1
+        if kind == _LIMIT:
+            dof = tree.dof_of_joint[number]
+            if dof < 0:
+                return -1
+            body[found], arms[row, 0] = -1 - dof, rows.jacobian[row * joints + dof]
+        elif kind == _SMOOTH_CONTACT or (kind == _CONTACT and rows.dims[number] == 3):
+            one, other = tree.body_of_geom[rows.geoms[number, 0]], tree.body_of_geom[rows.geoms[number, 1]]
+            if (one < 0) == (other < 0):
+                return -1
+            body[found], sizes[found] = max(one, other), rows.dims[number]
+            side, centre = 1.0 if one < 0 else -1.0, centres[tree.root[body[found]]]
+            lever = minus(_three(rows.places[number], 0), _three(centre, 0))
+            for axis in range(sizes[found]):
+                way = times(side, _three(rows.frames[number], 3 * axis))
+                _put_six(arms[row + axis], cross(lever, way), way)
+        else:
+            return -1
+        row += sizes[found]
+        found += 1
+    moving, going = np.zeros((bodies, 6)), np.zeros((bodies, 6))
+    whole, bias = np.zeros((bodies, 6, 6)), np.zeros((bodies, 6))
+    off, rate, stops = np.empty(count), np.empty(count), np.empty(joints)
+    step, drive, pivot, columns = np.empty(joints), np.empty(joints), np.empty(joints), np.empty((joints, 6))
+    for b in tree.bodies:
+        moving[b] = moving[tree.parent[b]]
+        for i in range(tree.first[b], tree.first[b] + tree.dofs[b]):
+            for k in range(6):
+                moving[b, k] += axes[i, k] * qacc[i]
+    for c in range(found):
+        _rates(arms, body[c], starts[c], sizes[c], moving, qacc, off)
+    for r in range(count):
+        off[r] -= rows.aim[r]
+    steps, last = 0, False
+    while True:
+        # Forces, their sum on each link, and how they change with its motion.
+        stops[:], total[:] = 0.0, 0.0
+        for b in tree.bodies:
+            put_inertia(inertias[b], whole[b])
+            pushed = times_inertia(inertias[b], moving[b])
+            for k in range(6):
+                bias[b, k] = pushed[k]
+        for c in range(found):
+            row, b = starts[c], body[c]
+            f, h = _pushed(rows, row, sizes[c], off[row], off[row + sizes[c] // 2], off[row + sizes[c] - 1])
+            for axis in range(sizes[c]):
+                force[row + axis] = f[axis]
+            if b < 0:
+                stops[-1 - b] += h[0]
+                total[-1 - b] += arms[row, 0] * f[0]
+            elif h[0] > 0:
+                _press(arms, row, sizes[c], f, h, bias[b], whole[b])
+        if last:
+            break
+        # Newton's step: articulated bodies that are moved by what is out of balance.
+        for n in range(len(tree.bodies) - 1, -1, -1):
+            b = tree.bodies[n]
+            for i in range(tree.first[b] + tree.dofs[b] - 1, tree.first[b] - 1, -1):
+                drive[i] = smooth[i] + total[i] - tree.armature[i] * qacc[i]
+                pivot[i] = _let_go(axes[i], columns[i], whole[b], bias[b], drive, i, tree.armature[i] + stops[i])
+            up = tree.parent[b]
+            if up > 0:
+                bias[up] += bias[b]
+                whole[up] += whole[b]
+        for b in tree.bodies:
+            going[b] = going[tree.parent[b]]
+            for i in range(tree.first[b], tree.first[b] + tree.dofs[b]):
+                left = drive[i]
+                for k in range(6):
+                    left -= columns[i, k] * going[b, k]
+                step[i] = left / pivot[i]
+                for k in range(6):
+                    going[b, k] += axes[i, k] * step[i]
+        # Along the step: slope and curvature of the cost of free motion, then with the rows'.
+        slope, bend = 0.0, 0.0
+        for b in tree.bodies:
+            pushed = times_inertia(inertias[b], going[b])
+            for k in range(6):
+                slope += pushed[k] * moving[b, k]
+                bend += pushed[k] * going[b, k]
+        for i in range(joints):
+            slope += step[i] * (tree.armature[i] * qacc[i] - smooth[i])
+            bend += step[i] * step[i] * tree.armature[i]
+        for c in range(found):
+            _rates(arms, body[c], starts[c], sizes[c], going, step, rate)
+        share, low, high, first = 1.0, 0.0, np.inf, 0.0
+        for i in range(joints):
+            first -= drive[i] * drive[i] / pivot[i]
+        for _ in range(_TRIES):
+            here, change = slope + share * bend, bend
+            for c in range(found):
+                here, change = _line(rows, starts[c], sizes[c], off, rate, share, here, change)
+            if abs(here) <= -_LINE * first:
+                break
+            low, high = (share, high) if here < 0 else (low, share)
+            share -= here / change
+            if not low < share < high:
+                share = 0.5 * (low + high) if high < np.inf else 2.0 * low
+        for i in range(joints):
+            qacc[i] += share * step[i]
+        for b in tree.bodies:
+            for k in range(6):
+                moving[b, k] += share * going[b, k]
+        for r in range(count):
+            off[r] += share * rate[r]
+        steps += 1
+        last = not -first > 2 * tolerance or steps >= iterations
+    # What the rows' forces come to at the dofs.
+    for b in tree.bodies:
+        bias[b] = 0.0
+    for c in range(found):
+        if body[c] >= 0:
+            for r in range(starts[c], starts[c] + sizes[c]):
+                for k in range(6):
+                    bias[body[c], k] += force[r] * arms[r, k]
+    for n in range(len(tree.bodies) - 1, -1, -1):
+        b = tree.bodies[n]
+        for i in range(tree.first[b], tree.first[b] + tree.dofs[b]):
+            for k in range(6):
+                total[i] += axes[i, k] * bias[b, k]
+        if tree.parent[b] > 0:
+            bias[tree.parent[b]] += bias[b]
+    return steps

@@ -1,0 +1,178 @@
+"""The tracked robot as any other device: what its treads, worm and shaft do on the lumen's table."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from haustra.envs.runs.device_run import run_device
+from haustra.envs.sim.device_native import NativeDevice
+from haustra.envs.study.run import Computing, run_sweep
+from haustra.envs.study.study_file import load_study
+from haustra.envs.tasks.device_task import DeviceEnv, DeviceRules
+from haustra.errors import HaustraError, InvalidDesignError, UnsupportedSceneError
+from haustra.models.anatomy.store import save_colon
+from haustra.models.device_scene import build_device_scene, device_options, device_tables, pose_in
+from haustra.models.devices.base import load_device
+from haustra.models.devices.tracked.drive import track_normal, worm_lever
+from haustra.models.devices.tracked.interface import TrackedRobot
+from tests.ring_wall import bent_colon
+
+COLON = bent_colon(bend=0.04, leg=0.3, length=0.5)
+"""Straight where the robot stands, and as wide as its tracks reach."""
+DIAMETER = 0.032
+UPHILL = 1.5
+"""Gravity along the way back [m/s^2]: half of what friction holds."""
+
+
+def robot(**changed: object) -> TrackedRobot:
+    found = load_device("tracked")
+    assert isinstance(found, TrackedRobot)
+    return replace(found, **changed)  # type: ignore[arg-type]
+
+
+def with_worm(**changed: float) -> TrackedRobot:
+    design = robot().design
+    return robot(design=replace(design, worm=replace(design.worm, **changed)))
+
+
+def driven(device: TrackedRobot, *, seconds: float = 1.0, **options: object) -> tuple[NativeDevice, dict[str, float]]:
+    """A robot that drives for a while, and means of what is read over the last half; `headway` is its own [m]."""
+    asked = device_options(device, **{"start_depth": 0.1, **options})
+    scene = build_device_scene(device, asked, pose=pose_in(COLON, device, asked))
+    one, rows = NativeDevice(scene, device_tables(scene, [COLON])), []
+    for _ in range(round(seconds / 0.02)):
+        assert one.step(np.array([[device.rpm]]), round(0.02 / asked.timestep)).all()
+        rows.append({name: float(value[0]) for name, value in one.readings().items()})
+        rows[-1]["arc"] = float(one.read().tip_arc[0])
+    late = rows[len(rows) // 2 :]
+    means = {name: float(np.mean([row[name] for row in late])) for name in rows[0]}
+    return one, {**means, "headway": late[-1]["arc"] - late[0]["arc"]}
+
+
+def weight_uphill() -> float:
+    scene = build_device_scene(robot(), device_options(robot(), gravity=(0.0, 0.0, -UPHILL)), pose=pose_in_any())
+    return UPHILL * float(scene.compile().body_mass.sum())
+
+
+def pose_in_any():
+    return pose_in(COLON, robot(), device_options(robot(), start_depth=0.1))
+
+
+@pytest.mark.parametrize("timestep", [1e-3, 2e-3])
+def test_it_runs_at_the_speed_of_its_treads_and_presses_as_bellows_and_tissue_say(timestep: float) -> None:
+    one, seen = driven(robot(), timestep=timestep)
+    ran = robot().design.tread_speed(robot().rpm) * 0.02 * 24
+    assert seen["headway"] == pytest.approx(ran, rel=0.005)
+    assert seen["normal"] == pytest.approx(4 * track_normal(robot().design, DIAMETER), rel=0.005)
+    assert seen["traction"] == pytest.approx(0.0, abs=1e-3)
+    assert seen["core_force"] == 0.0
+    assert one.spheres().shape[1] == len(one.scene.handles.samples)
+
+
+@pytest.mark.parametrize("timestep", [1e-3, 2e-3])
+def test_uphill_its_treads_pull_its_weight_and_the_worm_its_lever_of_that(timestep: float) -> None:
+    """t = F lead / (2 pi eta), which turns the core, too."""
+    one, seen = driven(robot(), timestep=timestep, gravity=(0.0, 0.0, -UPHILL))
+    assert seen["traction"] == pytest.approx(weight_uphill(), rel=0.002)
+    assert seen["worm_torque"] == pytest.approx(worm_lever(robot().design) * weight_uphill(), rel=0.01)
+    assert seen["worm_share"] == 1.0
+    turned = one._force[0, one.model.actuator("tracked/roll").id]
+    assert turned == pytest.approx(seen["worm_torque"], rel=0.01)
+
+
+def test_a_worm_at_its_torque_limit_slows_down_and_beyond_it_holds() -> None:
+    needed = worm_lever(robot().design) * weight_uphill()
+    _, slow = driven(with_worm(torque_limit=1.05 * needed), seconds=2.0, gravity=(0.0, 0.0, -UPHILL))
+    _, held = driven(with_worm(torque_limit=0.5 * needed), seconds=2.0, gravity=(0.0, 0.0, -UPHILL))
+    assert slow["worm_share"] == pytest.approx((1 - 1 / 1.05) / 0.1, rel=0.15)
+    assert held["worm_share"] == 0.0 and held["headway"] == pytest.approx(0.0, abs=1e-4)
+    assert held["traction"] == pytest.approx(weight_uphill(), rel=0.002)
+
+
+def test_what_the_shaft_loses_friction_lacks() -> None:
+    """Uphill, between mu N and that times the shaft's efficiency, it climbs without losses, and slides back with."""
+    design = robot().design
+    friction = weight_uphill() / (0.97 * 4 * track_normal(design, DIAMETER))
+    lossless = robot(design=replace(design, shaft=replace(design.shaft, efficiency=1.0)))
+    uphill = {"gravity": (0.0, 0.0, -UPHILL), "friction": friction, "seconds": 0.4}
+    assert driven(lossless, **uphill)[1]["headway"] > 0.001
+    assert driven(robot(), **uphill)[1]["headway"] < -0.001
+
+
+def test_it_follows_a_bend_and_steered_treads_follow_it_better() -> None:
+    colon, ways = bent_colon(bend=0.04, leg=0.11, length=0.3), {}
+    for steering in ("none", "each tread"):
+        device = robot(steering=steering)
+        run = run_device(device, colon, device_options(device, start_depth=0.1, timestep=2e-3), seconds=8.0)
+        assert run.records["core_force"].max() < 1.0 and run.wall_law == "table"
+        ways[steering] = run.records["tip_arc"][-1] - 0.1
+    ran = 8.0 * robot().design.tread_speed(robot().rpm)
+    assert 0.8 * ran < ways["none"] < ways["each tread"] < 1.02 * ran
+
+
+def test_a_study_and_an_environment_run_it(tmp_path: Path) -> None:
+    (tmp_path / "colon").mkdir()
+    save_colon(COLON, tmp_path / "colon")
+    (tmp_path / "study.toml").write_text(
+        f"""
+question = "device"
+title = "Speed of the worm"
+[base]
+design = "tracked"
+[options]
+seconds = 1.0
+timestep = 0.002
+[[variables]]
+name = "speed"
+path = "design.rpm"
+unit = "1/min"
+nominal = 150
+low = 75
+high = 150
+values = [75, 150]
+[conditions]
+colon = ["{tmp_path / "colon"}"]
+friction = [0.4]
+[[objectives]]
+score = "reach"
+goal = "maximise"
+"""
+    )
+    polars = pytest.importorskip("polars")
+    assert run_sweep(load_study(tmp_path / "study.toml"), tmp_path / "sweep", Computing())["finished"] == 2
+    slow, fast = polars.read_csv(tmp_path / "sweep" / "results.csv")["tip_arc_max_m"].to_list()
+    assert fast - slow == pytest.approx(robot().design.tread_speed(75), rel=0.02)
+    made = DeviceEnv("tracked", colons=[COLON], rules=DeviceRules(friction=(0.4, 0.4)))
+    made.reset(seed=0)
+    reward, info = 0.0, {}
+    for _ in range(10):
+        _, reward, _, _, info = made.step(np.array([-0.7]))
+    assert info["tip_arc"] - 0.3 == pytest.approx(10 * 0.04 * robot().design.tread_speed(150), rel=0.1) and reward > 0
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"timestep": 0.005}, r"cannot honour a time step of 0\.005 s: give up to 0\.002 s"),
+        ({"mesentery": True}, "do not honour the option mesentery"),
+        ({"wall_law": "pieces"}, "wall law 'pieces' is not honoured"),
+        ({"start_depth": 0.01}, "cannot stand at"),
+    ],
+)
+def test_what_a_scene_of_it_does_not_honour_is_refused_by_name(options: dict, message: str) -> None:
+    with pytest.raises(HaustraError, match=message):
+        driven(robot(), **options)
+
+
+def test_friction_by_speed_and_warp_are_refused_by_name() -> None:
+    design = robot().design
+    with pytest.raises(InvalidDesignError, match=r"design\.speed_friction is not honoured in a colon"):
+        robot(design=replace(design, speed_friction=replace(design.speed_friction, exponent=0.1)))
+    pytest.importorskip("jax")
+    from haustra.envs.sim.device_warp import WarpDevice
+
+    scene = build_device_scene(robot(), pose=pose_in_any())
+    with pytest.raises(UnsupportedSceneError, match="'warp' cannot honour the treads of a device of kind 'tracked'"):
+        WarpDevice.of(scene, device_tables(scene, [COLON]))
