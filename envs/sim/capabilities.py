@@ -15,11 +15,12 @@ from haustra.models.scene import Scene
 BACKENDS: Mapping[str, str] = {
     "native": "one scene on MuJoCo's CPU engine",
     "native-batch": "many scopes on MuJoCo's CPU threads",
+    "linear": "many scopes on CPU threads, as a chain in linear time",
     "jax": "many scopes, or one, as a chain in JAX",
     "warp": "many scopes on MuJoCo Warp",
 }
 """What each backend is, by name."""
-MANY_WORLDS = ("native-batch", "jax", "warp")
+MANY_WORLDS = ("native-batch", "linear", "jax", "warp")
 """Backends that step many scopes at once, in tasks too."""
 
 
@@ -62,7 +63,7 @@ SCENE = (
     *_in("scene", "gravity", about="in each colon's own frame"),
     *_in("scene", "segment_stiffness", only=_only(())),
     *_in("scene", "wall_law", only=_only("table")),
-    *_in("scene", "mesentery", only=_only(False, backends=("warp",))),
+    *_in("scene", "mesentery", only=_only(False, backends=("linear", "warp"))),
     *_in("scene", "softening", only=_only(False)),
 )
 """Fields of `SceneOptions`."""
@@ -97,8 +98,8 @@ RANDOMISATION = (
 
 _RULES = "a rule of the task, which every backend steps"
 TASK = (
-    *_in("task", "task", only=_only("insertion", backends=("jax", "warp"))),
-    *_in("task", "mesentery", only=_only(False, backends=("warp",))),
+    *_in("task", "task", only=_only("insertion", backends=("linear", "jax", "warp"))),
+    *_in("task", "mesentery", only=_only(False, backends=("linear", "warp"))),
     *_in("task", "design", "difficulty", "seeds"),
     *_in("task", "observation", "privileged", "imager", "memory", "picture_size", "depth", "pictures", about=_RULES),
     *_in("task", "randomisation", about="its fields follow"),

@@ -130,13 +130,9 @@ class _OnDevice(AbstractBackend):
 
     def world_data(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Model and data of one world as MuJoCo's own values, to draw or to check."""
-        from haustra.envs.sim.native_batch import batch_model
+        from haustra.envs.sim.native_batch import posed
 
-        model = batch_model(self.scene)
-        data = mujoco.MjData(model)
-        data.qpos[:] = np.asarray(self._state.qpos[world])
-        mujoco.mj_forward(model, data)
-        return model, data
+        return posed(self.scene, np.asarray(self._state.qpos[world]))
 
     def close(self) -> None:
         """Nothing is held open."""

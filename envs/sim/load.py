@@ -9,7 +9,7 @@ from haustra.models.wall.lumen_table import Tables
 
 
 def backend_of(name: str) -> type[AbstractBackend]:
-    """The backend of many worlds of that name: 'native', 'jax' or 'warp'.
+    """The backend of many worlds of that name: 'native', 'linear', 'jax' or 'warp'.
 
     Raises:
         InvalidOptionError: when there is none.
@@ -19,6 +19,10 @@ def backend_of(name: str) -> type[AbstractBackend]:
         from haustra.envs.sim.native_batch import NativeBackend
 
         return NativeBackend
+    if name == "linear":
+        from haustra.envs.sim.linear.backend import LinearBackend
+
+        return LinearBackend
     require_device_backend(name)
     from haustra.envs.sim.jax_setup import share_memory, use_jax
 

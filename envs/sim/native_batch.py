@@ -140,3 +140,12 @@ def batch_model(scene: Scene) -> mujoco.MjModel:
     spec.option.solver = mujoco.mjtSolver.mjSOL_PGS
     spec.option.tolerance = SOLVER_TOLERANCE
     return spec.compile()
+
+
+def posed(scene: Scene, qpos: Float[np.ndarray, " positions"]) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """`batch_model`, and data of it with the scope as those positions say."""
+    model = batch_model(scene)
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_forward(model, data)
+    return model, data

@@ -1,26 +1,78 @@
-"""From a scene to the numbers of its scope, for backends of many worlds in JAX; what they cannot honour is refused."""
+"""From a scene to its scope as a chain with numbers, for backends that step it themselves; the rest is refused."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
-import jax
 import numpy as np
 
 from haustra.envs.sim.at_origin import compile_at_origin
 from haustra.envs.sim.capabilities import require_supported
-from haustra.envs.sim.chain import Links
+from haustra.envs.sim.coils import coil_samples
 from haustra.envs.sim.scope_values import Scope
+from haustra.envs.sim.serial_chain import Chain, Links
 from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene
 
 
-def read_scope(scene: Scene) -> Scope:
+@dataclass(frozen=True)
+class ScopeChain:
+    """How one kind of scope hangs together."""
+
+    chain: Chain
+    lock_dofs: np.ndarray
+    """(joints, 2)."""
+    scale: np.ndarray
+    """(dofs,) which of the parameters scales it: 0 none, 1 bending, 2 tip_bending, 3 torsion."""
+    sample_body: np.ndarray
+    """(points,) body of each sphere."""
+    coils: np.ndarray
+    """(coils,) spheres on which an imager's coils sit."""
+    bend_dofs: tuple[np.ndarray, np.ndarray]
+    shaft_dofs: tuple[np.ndarray, np.ndarray]
+    """Hinges of the shaft about x and about y, joint by joint: what its wires are bent through."""
+
+
+def read_chain(scene: Scene, *, backend: str = "jax") -> ScopeChain:
+    """Read how a scene's scope hangs together.
+
+    Raises:
+        UnsupportedSceneError: when the scene has what that backend cannot honour.
+    """
+    refuse_unsupported(scene, backend)
+    model = compile_at_origin(scene)
+    names = [model.joint(index).name for index in range(model.njnt)]
+    cells = scene.cable.cells
+    steerable = {index for index, cell in enumerate(cells) if cell.steerable}
+    shaft = [index for index in range(len(cells)) if index not in steerable]
+
+    def bend(side: str, of: Iterable[int]) -> np.ndarray:
+        return np.array([names.index(f"scope/bend_{side}_{index:03d}") for index in of], int)
+
+    return ScopeChain(
+        chain=Chain.of(model),
+        lock_dofs=np.array([[names.index(f"scope/bend_{a}_{i:03d}") for a in "xy"] for i in range(len(cells))]),
+        scale=np.array([_scale_of(name, steerable) for name in names]),
+        sample_body=np.array([model.body(sample.body).id - 1 for sample in scene.samples]),
+        coils=coil_samples(model, scene.samples),
+        bend_dofs=(bend("y", sorted(steerable)), bend("x", sorted(steerable))),
+        shaft_dofs=(bend("x", shaft), bend("y", shaft)),
+    )
+
+
+def _scale_of(name: str, steerable: set[int]) -> int:
+    if "bend_" in name:
+        return 2 if int(name[-3:]) in steerable else 1
+    return 3 if "twist_" in name else 0
+
+
+def read_scope(scene: Scene, *, backend: str = "jax") -> Scope:
     """Numbers of a scene's scope, in double precision.
 
     Raises:
-        UnsupportedSceneError: when the scene has what this backend cannot honour.
+        UnsupportedSceneError: when the scene has what that backend cannot honour.
     """
-    refuse_unsupported(scene)
+    refuse_unsupported(scene, backend)
     model = compile_at_origin(scene)
     cable, design = scene.cable, scene.design
     arms = np.zeros((len(WIRE_NAMES), model.nv))
@@ -57,19 +109,24 @@ def read_scope(scene: Scene) -> Scope:
 
 def stack_scopes(scopes: Sequence[Scope]) -> Scope:
     """One design a world."""
-    return jax.tree.map(lambda *parts: np.concatenate(parts), *scopes)
+    links = Links(*map(np.concatenate, zip(*(scope.links for scope in scopes), strict=True)))
+    return Scope(links, *map(np.concatenate, zip(*(scope[1:] for scope in scopes), strict=True)))
 
 
-def refuse_unsupported(scene: Scene) -> None:
-    """Say by name what of a scene this backend cannot honour.
+def refuse_unsupported(scene: Scene, backend: str) -> None:
+    """Say by name what of a scene that backend cannot honour.
 
     Raises:
         UnsupportedSceneError: naming the first such thing.
     """
-    require_supported(scene, "jax")
+    require_supported(scene, backend)
     model = scene.compile()
     cubic = np.asarray(model.jnt_stiffnesspoly) if hasattr(model, "jnt_stiffnesspoly") else np.zeros(1)
     if np.abs(cubic).max(initial=0) > 0:
-        raise UnsupportedSceneError("The backend 'jax' has linear springs only: build the scene with softening=False.")
+        raise UnsupportedSceneError(
+            f"The backend '{backend}' has linear springs only: build the scene with softening=False."
+        )
     if model.nplugin or model.neq:
-        raise UnsupportedSceneError("The backend 'jax' has no plugins or equality constraints: use the native backend.")
+        raise UnsupportedSceneError(
+            f"The backend '{backend}' has no plugins or equality constraints: use the native backend."
+        )

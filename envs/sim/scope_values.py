@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple, TypeAlias
 
-from haustra.envs.sim.chain import Links
+from haustra.envs.sim.serial_chain import Links
 from haustra.models.wall.law import ImplicitContact
 from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
 

@@ -5,7 +5,6 @@ and locks add `h J^T A J` to the mass matrix, which costs no more than the compo
 the wall has its stiffness to rounding at rest, as in the native backend, and steps of 5 ms are stable.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -15,16 +14,13 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.sim import chain as links
-from haustra.envs.sim.at_origin import compile_at_origin
-from haustra.envs.sim.chain import Chain
-from haustra.envs.sim.coils import coil_samples
 from haustra.envs.sim.device_arrays import tree_where
 from haustra.envs.sim.physics.hand import HAND_DAMPING, hand_force
 from haustra.envs.sim.physics.lock import lock_activation
 from haustra.envs.sim.physics.stops import stop_torque
 from haustra.envs.sim.physics.wires import borne_pulls, sheath_angle
 from haustra.envs.sim.precision import precise
-from haustra.envs.sim.scope_reading import read_scope, refuse_unsupported
+from haustra.envs.sim.scope_reading import ScopeChain, read_chain, read_scope
 from haustra.envs.sim.scope_values import Array, Contact, Parameters, Scope, State
 from haustra.envs.sim.state import Controls, Readings
 from haustra.errors import InvalidOptionError
@@ -39,27 +35,15 @@ SPEED_LIMIT = 1e4
 """A generalised speed above this [rad/s or m/s] is divergence, as in the native backend."""
 
 
-@dataclass(frozen=True)
-class JaxScopes:
+@dataclass(frozen=True, kw_only=True)
+class JaxScopes(ScopeChain):
     """How one kind of scope hangs together, for any number of worlds: a pure function of state, inputs, parameters."""
 
     designs_share: ClassVar[bool] = True
     """Whether worlds of one batch may be of several designs."""
 
-    chain: Chain
     timestep: Array
     """[s]: a number, or what JAX traces, for programs of any time step."""
-    lock_dofs: np.ndarray
-    """(joints, 2)."""
-    scale: np.ndarray
-    """(dofs,) which of the parameters scales it: 0 none, 1 bending, 2 tip_bending, 3 torsion."""
-    sample_body: np.ndarray
-    """(points,) body of each sphere."""
-    coils: np.ndarray
-    """(coils,) spheres on which an imager's coils sit."""
-    bend_dofs: tuple[np.ndarray, np.ndarray]
-    shaft_dofs: tuple[np.ndarray, np.ndarray]
-    """Hinges of the shaft about x and about y, joint by joint: what its wires are bent through."""
 
     @classmethod
     def of(cls, scene: Scene) -> "JaxScopes":
@@ -68,26 +52,7 @@ class JaxScopes:
         Raises:
             UnsupportedSceneError: when the scene has what this backend cannot honour.
         """
-        refuse_unsupported(scene)
-        model = compile_at_origin(scene)
-        names = [model.joint(index).name for index in range(model.njnt)]
-        cells = scene.cable.cells
-        steerable = {index for index, cell in enumerate(cells) if cell.steerable}
-        shaft = [index for index in range(len(cells)) if index not in steerable]
-
-        def bend(side: str, of: Iterable[int]) -> np.ndarray:
-            return np.array([names.index(f"scope/bend_{side}_{index:03d}") for index in of], int)
-
-        return cls(
-            chain=Chain.of(model),
-            timestep=scene.options.timestep,
-            lock_dofs=np.array([[names.index(f"scope/bend_{a}_{i:03d}") for a in "xy"] for i in range(len(cells))]),
-            scale=np.array([_scale_of(name, steerable) for name in names]),
-            sample_body=np.array([model.body(sample.body).id - 1 for sample in scene.samples]),
-            coils=coil_samples(model, scene.samples),
-            bend_dofs=(bend("y", sorted(steerable)), bend("x", sorted(steerable))),
-            shaft_dofs=(bend("x", shaft), bend("y", shaft)),
-        )
+        return cls(timestep=scene.options.timestep, **vars(read_chain(scene)))
 
     def same_topology(self, other: "JaxScopes") -> bool:
         """Whether both kinds of scope can share a batch: the same joints in the same order, and as many spheres."""
@@ -380,9 +345,3 @@ def solve(matrix: Float[Array, "worlds dofs dofs"], right: Float[Array, "worlds 
     factor = jnp.linalg.cholesky(matrix)
     forth = jax.lax.linalg.triangular_solve(factor, right[..., None], left_side=True, lower=True)
     return jax.lax.linalg.triangular_solve(factor, forth, left_side=True, lower=True, transpose_a=True)[..., 0]
-
-
-def _scale_of(name: str, steerable: set[int]) -> int:
-    if "bend_" in name:
-        return 2 if int(name[-3:]) in steerable else 1
-    return 3 if "twist_" in name else 0

@@ -7,7 +7,6 @@ few dozen operations and no search, has no seams, and is the same code in numpy 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -221,7 +220,7 @@ def _hung(tables: Tables, colon: Colon) -> Tables:
     return tables._replace(mesentery=mesentery.hang(tables.points, arcs, width, colon.segments))
 
 
-def query(xp: ModuleType, tables: Tables, points: Float[Any, "*worlds points 3"], arcs: Float[Any, "..."]) -> WallQuery:
+def query(xp: Any, tables: Tables, points: Float[Any, "*worlds points 3"], arcs: Float[Any, "..."]) -> WallQuery:
     """Look points up that were near `arcs` at the last look.
 
     Args:
@@ -235,7 +234,7 @@ def query(xp: ModuleType, tables: Tables, points: Float[Any, "*worlds points 3"]
 
 
 def query_point(
-    xp: ModuleType, tables: Tables, step: Any, first: Any, count: Any, point: Vector, arc: Any
+    xp: Any, tables: Tables, step: Any, first: Any, count: Any, point: Vector, arc: Any
 ) -> tuple[Any, Any, Vector]:
     """`query` of one point, or of arrays of them: arc length [m], depth [m] and inward normal.
 
@@ -253,7 +252,7 @@ def query_point(
     return arc, where(xp, arc > 0, depth, -1.0), inwards
 
 
-def nearest_arc(xp: ModuleType, tables: Tables, step: Any, first: Any, count: Any, point: Vector, arc: Any) -> Any:
+def nearest_arc(xp: Any, tables: Tables, step: Any, first: Any, count: Any, point: Vector, arc: Any) -> Any:
     """Arc length of the centreline next to a point that was near `arc` at the last look [m]; as in `query_point`."""
     frames = tables.frames
     j, u = _cell(xp, step, first, count, arc)
@@ -264,7 +263,7 @@ def nearest_arc(xp: ModuleType, tables: Tables, step: Any, first: Any, count: An
 
 
 def wall_beside(
-    xp: ModuleType, tables: Tables, step: Any, first: Any, count: Any, point: Vector, arc: Any
+    xp: Any, tables: Tables, step: Any, first: Any, count: Any, point: Vector, arc: Any
 ) -> tuple[Any, Vector]:
     """Depth of a point in the wall [m], and the inward normal, at its arc length past the anus; as in `query_point`."""
     frames, wall = tables.frames, tables.wall
@@ -293,18 +292,18 @@ def wall_beside(
     return (radius - edge) * slope, inwards
 
 
-def axis_at(xp: ModuleType, tables: Tables, arcs: Float[Any, "..."]) -> Float[Any, "..."]:
+def axis_at(xp: Any, tables: Tables, arcs: Float[Any, "..."]) -> Float[Any, "..."]:
     """Points of the centreline at arc lengths [m]; the last one beyond its end."""
     return vectors.stacked(xp, axis_point(xp, tables, tables.step, tables.first, tables.count, arcs))
 
 
-def axis_point(xp: ModuleType, tables: Tables, step: Any, first: Any, count: Any, arc: Any) -> Vector:
+def axis_point(xp: Any, tables: Tables, step: Any, first: Any, count: Any, arc: Any) -> Vector:
     """`axis_at` one arc length, or arrays of them [m]; the colon's stations as in `query_point`."""
     j, u = _cell(xp, step, first, count, arc)
     return _line(tables, j, xp.minimum(xp.maximum(u, 0.0), 1.0))
 
 
-def _cell(xp: ModuleType, step: Any, first: Any, count: Any, arc: Any) -> tuple[Any, Any]:
+def _cell(xp: Any, step: Any, first: Any, count: Any, arc: Any) -> tuple[Any, Any]:
     """Row of the station before an arc length, and the fraction of a step after it (beyond 0 and 1: outside)."""
     place = arc / step
     j = xp.int32(xp.floor(where(xp, place > 0, xp.minimum(place, count - 2), 0.0)))  # NaN: the first
@@ -328,7 +327,7 @@ def _mixed(wall: Any, j: Any, k: Any, after: Any, u: Any, w: Any, part: int) -> 
     return (1 - u) * here + u * ((1 - w) * wall[j + 1, k, part] + w * wall[j + 1, after, part])
 
 
-def _unit(xp: ModuleType, v: Vector) -> Vector:
+def _unit(xp: Any, v: Vector) -> Vector:
     return times(1 / xp.sqrt(dot(v, v)), v)
 
 

@@ -10,7 +10,6 @@ numpy and JAX, and in compiled loops by `haustra.models.wall.compiled`.
 """
 
 from collections.abc import Callable
-from types import ModuleType
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -68,18 +67,18 @@ class AttachmentPoints(NamedTuple):
 # Laws of one node, edge or point.
 
 
-def turned(xp: ModuleType, cosine: Any, axis: Vector, v: Vector) -> Vector:
+def turned(xp: Any, cosine: Any, axis: Vector, v: Vector) -> Vector:
     """A vector of a cross-section at rest, turned the shortest way that brings its tangent where it is now."""
     share = dot(axis, v) / xp.maximum(1 + cosine, _LEAST_COSINE)
     return add(add(times(cosine, v), cross(axis, v)), times(share, axis))
 
 
-def turned_back(xp: ModuleType, cosine: Any, axis: Vector, v: Vector) -> Vector:
+def turned_back(xp: Any, cosine: Any, axis: Vector, v: Vector) -> Vector:
     """The transpose of `turned`."""
     return turned(xp, cosine, times(-1.0, axis), v)
 
 
-def turn_rate(xp: ModuleType, cosine: Any, axis: Vector, cosine_rate: Any, axis_rate: Vector, v: Vector) -> Vector:
+def turn_rate(xp: Any, cosine: Any, axis: Vector, cosine_rate: Any, axis_rate: Vector, v: Vector) -> Vector:
     """Rate of `turned` of a vector that itself does not change."""
     along, most = dot(axis, v), xp.maximum(1 + cosine, _LEAST_COSINE)
     rate = where(xp, 1 + cosine > _LEAST_COSINE, cosine_rate, 0.0)
@@ -88,9 +87,7 @@ def turn_rate(xp: ModuleType, cosine: Any, axis: Vector, cosine_rate: Any, axis_
     return add(moved, add(times(along / most, axis_rate), times(share, axis)))
 
 
-def turn_gradient(
-    xp: ModuleType, rest: Vector, cosine: Any, axis: Vector, couples: tuple[Vector, Vector, Vector]
-) -> Vector:
+def turn_gradient(xp: Any, rest: Vector, cosine: Any, axis: Vector, couples: tuple[Vector, Vector, Vector]) -> Vector:
     """Gradient over the tangent of the work of forces f on vectors v of a cross-section: the transpose of `turn_rate`.
 
     Args:
@@ -112,7 +109,7 @@ def turn_gradient(
 
 
 def taken_back(
-    xp: ModuleType,
+    xp: Any,
     offset: Vector,
     stretch: Any,
     along: Vector,
@@ -137,14 +134,14 @@ def taken_back(
     return add(back, times(shortened * dot(back, along), along))
 
 
-def edge_tension(xp: ModuleType, length: Any, rest: Any, tension: Any, pleating: Any) -> Any:
+def edge_tension(xp: Any, length: Any, rest: Any, tension: Any, pleating: Any) -> Any:
     """Force in an edge [N], positive where it is stretched."""
     strain = length / rest - 1
     stiffness = where(xp, strain > 0, tension, tension * pleating)
     return stiffness * strain - SHORTEST_STIFFNESS * xp.maximum(SHORTEST - 1 - strain, 0.0)
 
 
-def bend_gradient(xp: ModuleType, change: Vector, rest: Any, bending: Any) -> Vector:
+def bend_gradient(xp: Any, change: Vector, rest: Any, bending: Any) -> Vector:
     """Gradient of the bending energy over the change of direction from one edge to the next [N m].
 
     Only how much it bends counts, not to which side: a tube that may turn about itself.
@@ -153,20 +150,20 @@ def bend_gradient(xp: ModuleType, change: Vector, rest: Any, bending: Any) -> Ve
     return times(bending * (amount - rest) / amount, change)
 
 
-def hold_force(xp: ModuleType, place: Vector, slack: Any, hold: Any, support: Any) -> Vector:
+def hold_force(xp: Any, place: Vector, slack: Any, hold: Any, support: Any) -> Vector:
     """Force of mesentery and surroundings on a node [N]."""
     moved = norm(xp, place)
     return times(-hold * xp.maximum(moved - slack, 0.0) / moved - support, place)
 
 
 def node_resistance(
-    xp: ModuleType, place: Vector, slack: Any, hold: Any, support: Any, drag: Any, gripped: Any, h: Any
+    xp: Any, place: Vector, slack: Any, hold: Any, support: Any, drag: Any, gripped: Any, h: Any
 ) -> Any:
     """What a step's speed meets at a node by itself: damping, and h times a bound of its springs [N s/m]."""
     return drag + gripped + h * (support + where(xp, dot(place, place) > slack**2, hold, 0.0))
 
 
-def edge_resistance(xp: ModuleType, tension: Any, before: Any, after: Any, length: Any, h: Any) -> Any:
+def edge_resistance(xp: Any, tension: Any, before: Any, after: Any, length: Any, h: Any) -> Any:
     """What a step's speed difference meets between nodes [N s/m]: h times a bound of the springs along and across.
 
     Bending resists most from node to node, by four times its stiffness, `before` and `after`, over the spacing.
@@ -174,7 +171,7 @@ def edge_resistance(xp: ModuleType, tension: Any, before: Any, after: Any, lengt
     return h * (tension + 4 * xp.maximum(before, after) / length) / length
 
 
-def node_cell(xp: ModuleType, spacing: Any, nodes: Any, arc: Any) -> tuple[Any, Any]:
+def node_cell(xp: Any, spacing: Any, nodes: Any, arc: Any) -> tuple[Any, Any]:
     """Node before an arc length, and the share of the way to the next, of that many nodes."""
     way = arc / spacing
     at = xp.int32(xp.floor(where(xp, way > 0, xp.minimum(way, nodes - 2), 0.0)))  # NaN: the first
@@ -200,14 +197,14 @@ PARTS = (
 # Arrays of them.
 
 
-def at_rest(xp: ModuleType, own: Mesentery, worlds: int, kind: Any) -> AxisDisplacement:
+def at_rest(xp: Any, own: Mesentery, worlds: int, kind: Any) -> AxisDisplacement:
     """Nothing has moved."""
     zero = xp.zeros((worlds, own.nodes.shape[-2], 3), kind)
     return AxisDisplacement(zero, zero)
 
 
 def query(
-    xp: ModuleType, tables: Tables, displacement: AxisDisplacement, points: Array, arcs: Array, radius: Array
+    xp: Any, tables: Tables, displacement: AxisDisplacement, points: Array, arcs: Array, radius: Array
 ) -> tuple[WallQuery, AttachmentPoints]:
     """As `haustra.models.wall.lumen_table.query`, in a colon that has moved: tables of one colon a world.
 
@@ -222,7 +219,7 @@ def query(
     return found._replace(inwards=_unit(xp, _turned(xp, own, shape, found.arcs, found.inwards))), grip
 
 
-def shape_of(xp: ModuleType, own: Mesentery, place: Array) -> AxisShape:
+def shape_of(xp: Any, own: Mesentery, place: Array) -> AxisShape:
     """How axes lie that are displaced by so much (worlds, nodes, 3) [m]."""
     nodes = own.nodes + place
     edges = vectors.of(nodes[:, 1:] - nodes[:, :-1])
@@ -240,7 +237,7 @@ def shape_of(xp: ModuleType, own: Mesentery, place: Array) -> AxisShape:
     )
 
 
-def to_reference(xp: ModuleType, tables: Tables, place: Array, shape: AxisShape, points: Array, arcs: Array) -> Array:
+def to_reference(xp: Any, tables: Tables, place: Array, shape: AxisShape, points: Array, arcs: Array) -> Array:
     """Points near those arc lengths, as if the colon around them had not moved (worlds, points, 3) [m].
 
     Args:
@@ -267,24 +264,24 @@ def to_reference(xp: ModuleType, tables: Tables, place: Array, shape: AxisShape,
     return axis + stacked(xp, back)
 
 
-def back_to_reference(xp: ModuleType, tables: Tables, place: Array) -> Callable[[Array, Array], Array]:
+def back_to_reference(xp: Any, tables: Tables, place: Array) -> Callable[[Array, Array], Array]:
     """`to_reference` with displacements of the nodes [m], of points and arc lengths."""
     shape = shape_of(xp, _hung(tables), place)
     return lambda points, arcs: to_reference(xp, tables, place, shape, points, arcs)
 
 
-def to_current(xp: ModuleType, tables: Tables, place: Array, points: Array, arcs: Array) -> Array:
+def to_current(xp: Any, tables: Tables, place: Array, points: Array, arcs: Array) -> Array:
     """Points of the colon at rest at those arc lengths (worlds, points, 3), where they are now [m]."""
     return _current(xp, tables, place, shape_of(xp, _hung(tables), place), points, arcs)
 
 
-def directions(xp: ModuleType, own: Mesentery, place: Array, arcs: Array, v: Array) -> Array:
+def directions(xp: Any, own: Mesentery, place: Array, arcs: Array, v: Array) -> Array:
     """Directions in the colon at rest (worlds, points, 3), as they stand where it is now."""
     return _turned(xp, own, shape_of(xp, own, place), arcs, v)
 
 
 def section_poses(
-    xp: ModuleType, tables: Tables, place: Array, shape: AxisShape, points: Array, arcs: Array
+    xp: Any, tables: Tables, place: Array, shape: AxisShape, points: Array, arcs: Array
 ) -> tuple[Array, Array]:
     """Where bodies are that go along with cross-sections at arc lengths, and how they are turned from rest.
 
@@ -306,13 +303,13 @@ def section_poses(
     return _current(xp, tables, place, shape, points, arcs), turn
 
 
-def axis_at(xp: ModuleType, tables: Tables, place: Array | None, arcs: Array) -> Array:
+def axis_at(xp: Any, tables: Tables, place: Array | None, arcs: Array) -> Array:
     """Points of the centreline at arc lengths, where it is now [m]; without displacements, where it is fixed."""
     still = table.axis_at(xp, tables, arcs)
     return still if place is None else still + _between(place, *_cell(xp, _hung(tables), arcs))
 
 
-def wall_speeds(xp: ModuleType, own: Mesentery, displacement: AxisDisplacement, grip: AttachmentPoints) -> Array:
+def wall_speeds(xp: Any, own: Mesentery, displacement: AxisDisplacement, grip: AttachmentPoints) -> Array:
     """Speeds of the wall where points hold on to it (worlds, points, 3) [m/s]; none before the anus."""
     shape = shape_of(xp, own, displacement.place)
     rates = vectors.of(displacement.speed[:, 1:] - displacement.speed[:, :-1])
@@ -332,7 +329,7 @@ def wall_speeds(xp: ModuleType, own: Mesentery, displacement: AxisDisplacement, 
 
 
 def step_axis(
-    xp: ModuleType,
+    xp: Any,
     own: Mesentery,
     displacement: AxisDisplacement,
     grip: AttachmentPoints,
@@ -366,7 +363,7 @@ def step_axis(
     return AxisDisplacement(displacement.place + h * speed, speed)
 
 
-def spring_forces(xp: ModuleType, own: Mesentery, place: Array, couples: Array) -> Array:
+def spring_forces(xp: Any, own: Mesentery, place: Array, couples: Array) -> Array:
     """Forces of the axis, its mesentery and what turns cross-sections on the nodes (worlds, nodes, 3) [N].
 
     Args:
@@ -390,7 +387,7 @@ def spring_forces(xp: ModuleType, own: Mesentery, place: Array, couples: Array) 
     return held + xp.pad(pull, ((0, 0), (0, 1), (0, 0))) - xp.pad(pull, ((0, 0), (1, 0), (0, 0)))
 
 
-def solve_tridiagonal(xp: ModuleType, below: Array, diagonal: Array, above: Array, right: Array) -> Array:
+def solve_tridiagonal(xp: Any, below: Array, diagonal: Array, above: Array, right: Array) -> Array:
     """Solve diagonally dominant tridiagonal systems (worlds, nodes) for vectors (worlds, nodes, 3).
 
     By cyclic reduction in parallel (Hockney & Jesshope 1981): all worlds and nodes at once, in a few rounds. JAX's own
@@ -409,7 +406,7 @@ def solve_tridiagonal(xp: ModuleType, below: Array, diagonal: Array, above: Arra
     return right / diagonal[..., None]
 
 
-def energy(xp: ModuleType, own: Mesentery, place: Array) -> Array:
+def energy(xp: Any, own: Mesentery, place: Array) -> Array:
     """Stored in the axis and its mesentery (worlds,) [J]."""
     shape = shape_of(xp, own, place)
     strain = shape.lengths / own.lengths - 1
@@ -423,7 +420,7 @@ def energy(xp: ModuleType, own: Mesentery, place: Array) -> Array:
     return along.sum(axis=1) + bent.sum(axis=1) + held.sum(axis=1)
 
 
-def _current(xp: ModuleType, tables: Tables, place: Array, shape: AxisShape, points: Array, arcs: Array) -> Array:
+def _current(xp: Any, tables: Tables, place: Array, shape: AxisShape, points: Array, arcs: Array) -> Array:
     own, axis = _hung(tables), table.axis_at(xp, tables, arcs)
     moved = _between(place, *_cell(xp, own, arcs))
     return axis + moved + _turned(xp, own, shape, arcs, points - axis)
@@ -434,7 +431,7 @@ def _hung(tables: Tables) -> Mesentery:
     return tables.mesentery
 
 
-def _turned(xp: ModuleType, own: Mesentery, shape: AxisShape, arcs: Array, v: Array) -> Array:
+def _turned(xp: Any, own: Mesentery, shape: AxisShape, arcs: Array, v: Array) -> Array:
     """Vectors of the colon at rest at those arc lengths (worlds, points, 3), turned."""
     at, share = _cell(xp, own, arcs)
     world, parts = _worlds(at), vectors.of(v)
@@ -444,7 +441,7 @@ def _turned(xp: ModuleType, own: Mesentery, shape: AxisShape, arcs: Array, v: Ar
     return stacked(xp, between(before, after, share))
 
 
-def _cell(xp: ModuleType, own: Mesentery, arcs: Array) -> tuple[Array, Array]:
+def _cell(xp: Any, own: Mesentery, arcs: Array) -> tuple[Array, Array]:
     """Node before each arc length (worlds, points), and the share of the way to the next."""
     return node_cell(xp, own.spacing[:, None], own.nodes.shape[-2], arcs)
 
@@ -460,7 +457,7 @@ def _between(values: Array, at: Array, share: Array) -> Array:
     return before + share[..., None] * (after - before)
 
 
-def _onto_nodes(xp: ModuleType, own: Mesentery, cell: tuple[Array, Array], values: Array) -> Array:
+def _onto_nodes(xp: Any, own: Mesentery, cell: tuple[Array, Array], values: Array) -> Array:
     """Shares of values at places between nodes (worlds, points, ...), summed over each node (worlds, nodes, ...)."""
     at, share = cell
     world = _worlds(at)
@@ -473,17 +470,17 @@ def _onto_nodes(xp: ModuleType, own: Mesentery, cell: tuple[Array, Array], value
     return zero.at[world, at].add(values - later).at[world, at + 1].add(later)
 
 
-def _at_nodes(xp: ModuleType, edges: Array) -> Array:
+def _at_nodes(xp: Any, edges: Array) -> Array:
     """Sums of the vectors of neighbouring edges (worlds, nodes - 1, 3) at the nodes; at the ends, that of one edge."""
     return xp.concatenate([edges[:, :1], edges[:, 1:] + edges[:, :-1], edges[:, -1:]], axis=1)
 
 
-def _unit(xp: ModuleType, v: Array) -> Array:
+def _unit(xp: Any, v: Array) -> Array:
     parts = vectors.of(v)
     return stacked(xp, times(1 / norm(xp, parts), parts))
 
 
-def _shifted(xp: ModuleType, values: Array, by: int, fill: float = 0.0) -> Array:
+def _shifted(xp: Any, values: Array, by: int, fill: float = 0.0) -> Array:
     """Values of the nodes `by` places before each, or that many after where it is negative; `fill` beyond the ends."""
     more = xp.full((values.shape[0], abs(by), *values.shape[2:]), fill, values.dtype)
     if by > 0:

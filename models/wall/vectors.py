@@ -4,7 +4,6 @@ A law that is written for one place with these is one law: for a number a compon
 them in numpy and JAX.
 """
 
-from types import ModuleType
 from typing import Any, TypeAlias
 
 Vector: TypeAlias = tuple[Any, Any, Any]
@@ -18,7 +17,7 @@ def of(array: Any) -> Vector:
     return array[..., 0], array[..., 1], array[..., 2]
 
 
-def stacked(xp: ModuleType, v: Vector) -> Any:
+def stacked(xp: Any, v: Vector) -> Any:
     """Vectors along the last axis of one array."""
     return xp.stack(v, axis=-1)
 
@@ -48,7 +47,7 @@ def cross(a: Vector, b: Vector) -> Vector:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-def norm(xp: ModuleType, a: Vector) -> Any:
+def norm(xp: Any, a: Vector) -> Any:
     """Length, at least a millionth."""
     return xp.sqrt(dot(a, a) + TINY)
 
@@ -63,7 +62,7 @@ def unit_rate(unit: Vector, length: Any, rate: Vector) -> Vector:
     return times(1 / length, minus(rate, times(dot(unit, rate), unit)))
 
 
-def where(xp: ModuleType, condition: Any, yes: Any, no: Any) -> Any:
+def where(xp: Any, condition: Any, yes: Any, no: Any) -> Any:
     """`xp.where`, of which numba makes an array of a number."""
     return xp.where(condition, yes, no)
 

@@ -3,7 +3,8 @@
 A step by backward Euler solves (M + h D) a = tau, where D holds what damps joints and what damps places of links. A
 place's damping C adds h J^T C J, which has the form of an inertia of that link, and a joint's adds to the diagonal. So
 the recursion of Featherstone (2008, chapter 7) solves the very same system, with the inertia of each link and what
-damps it summed, and nothing else changed. Velocity and gravity enter as a wrench on each link (docs/decisions/linear.md).
+damps it summed, and nothing else changed. Velocity and gravity enter as a wrench on each link (docs/decisions/linear.md
+has the proof).
 
 Vectors are tuples (`haustra.models.wall.vectors`), along the axes of the world; each link's point of reference is its
 own origin, so that single precision meets no long levers.

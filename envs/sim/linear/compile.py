@@ -10,8 +10,9 @@ import llvmlite.binding as llvm
 import numpy as np
 from llvmlite import ir
 
+from haustra.envs.sim.linear.layout import WORLD, Layout, design_slots, seen_slot
 from haustra.envs.sim.linear.memory import Lanes, Rows, Shared
-from haustra.envs.sim.linear.program import ARGUMENTS, ScopeProgram
+from haustra.envs.sim.linear.program import ARGUMENTS, COUNTS, ScopeProgram
 from haustra.envs.sim.linear.trace import INDEX, Program, Value
 from haustra.models.wall import cache
 
@@ -36,13 +37,16 @@ def write_program(*, lanes: int, real: Any, timestep: float, angles: int, one_de
         one_design: whether all worlds have the same design; else each has its own.
     """
     pointer = ir.PointerType()
-    program = Program("advance", [pointer] * len(ARGUMENTS) + [INDEX] * 6, lanes=lanes, real=np.dtype(real))
-    *arrays, dofs, bodies, spheres, count, first, last = program.function.args
-    counts = tuple(Value(program, each) for each in (dofs, bodies, spheres))
-    named = dict(zip(ARGUMENTS, arrays, strict=True))
-    with program.loop(Value(program, first), Value(program, last)) as block:
-        own = _block(program, named, block, counts, angles=angles, one_design=one_design)
-        ScopeProgram(program, own, counts, timestep=timestep).advance(Value(program, count))
+    program = Program("advance", [pointer] * len(ARGUMENTS) + [INDEX] * len(COUNTS), lanes=lanes, real=np.dtype(real))
+    arguments = program.function.args
+    named = dict(zip(ARGUMENTS, arguments, strict=False))
+    *counts, steps, first, last = (Value(program, each) for each in arguments[len(ARGUMENTS) :])
+    with program.loop(first, last) as block:
+        own = _block(program, named, block, tuple(counts), angles=angles, one_design=one_design)
+        scopes = ScopeProgram(program, own, tuple(counts), timestep=timestep)
+        with program.when(steps > 0):
+            scopes.advance(steps)
+        scopes.observe()
     return program.finish()
 
 
@@ -50,10 +54,14 @@ def _block(
     program: Program, arrays: dict[str, Any], block: Value, counts: Any, *, angles: int, one_design: bool
 ) -> dict[str, Any]:
     """Arrays of one block's worlds."""
-    from haustra.envs.sim.linear.layout import WORLD, Layout, design_slots
-
-    layout, builder = Layout(*counts), program.builder
-    size = {"state": layout.state, "worlds": program.index(len(WORLD)), "design": design_slots(*counts)[-1]}
+    *parts, coils = counts
+    layout, builder = Layout(*parts), program.builder
+    size = {
+        "state": layout.state,
+        "worlds": program.index(len(WORLD)),
+        "seen": coils * 3 + seen_slot("coils") + layout.bodies,
+        "design": design_slots(*parts)[-1],
+    }
 
     def lanes(name: str) -> Lanes:
         wide = [builder.sext(each.written, LONG) for each in (size[name] * program.lanes, block)]
@@ -63,6 +71,7 @@ def _block(
     return {
         "state": lanes("state"),
         "worlds": lanes("worlds"),
+        "seen": lanes("seen"),
         "room": Lanes(program, arrays["room"], program.lanes),
         "design": Shared(program, arrays["design"]) if one_design else lanes("design"),
         "structure": Shared(program, arrays["structure"], whole=True),
@@ -97,5 +106,5 @@ def compiled(text: str) -> tuple[Any, Callable[..., None]]:
     engine = llvm.create_mcjit_compiler(module, machine)
     engine.set_object_cache(lambda _, code: cache.keep(path, code), lambda _: kept)
     engine.finalize_object()
-    kinds = [ctypes.c_void_p] * len(ARGUMENTS) + [ctypes.c_int32] * 6
+    kinds = [ctypes.c_void_p] * len(ARGUMENTS) + [ctypes.c_int32] * len(COUNTS)
     return engine, ctypes.CFUNCTYPE(None, *kinds)(engine.get_function_address("advance"))

@@ -96,6 +96,20 @@ SPHERE_ROOM = 11
 """Normal, lever, speed against the wall (9), spring, drag."""
 
 
+STRUCTURE = 5
+"""Whole numbers a link: its first joint, the one after its last, the same of its spheres, and whether it is of the tip.
+After all links' come, for each joint, what scales it, and for each sphere its place among the imager's coils, or -1."""
+
+SEEN = ("tip", 3), ("tip_frame", 9), ("push_force", 1), ("torque", 1), ("tip_force", 3), ("deepest", 1)
+"""What is read off first, and how many numbers it is; then come the coils' places and the links' forces."""
+
+
+def seen_slot(name: str) -> int:
+    """Where what is read off by that name begins; 'coils' come last."""
+    names = [each for each, _ in SEEN] + ["coils"]
+    return sum(count for _, count in SEEN[: names.index(name)])
+
+
 def design_slots(dofs: Any, bodies: Any, spheres: Any) -> tuple[Any, Any, Any, Any]:
     """First slots of links, spheres and the scope's own numbers in a design, and all; joints begin at 0."""
     links = dofs * len(DOF)

@@ -6,7 +6,7 @@ that the other backends call.
 """
 
 from collections.abc import Callable
-from types import SimpleNamespace
+from inspect import unwrap
 from typing import Any
 
 from haustra.envs.sim.linear import layout as slots
@@ -21,7 +21,18 @@ from haustra.envs.sim.linear.articulated import (
     slide_force,
     turned_frame,
 )
-from haustra.envs.sim.linear.layout import BODY, BODY_ROOM, DOF, JOINT_ROOM, SCOPE, SPHERE_ROOM, WORLD, Layout
+from haustra.envs.sim.linear.layout import (
+    BODY,
+    BODY_ROOM,
+    DOF,
+    JOINT_ROOM,
+    SCOPE,
+    SPHERE_ROOM,
+    STRUCTURE,
+    WORLD,
+    Layout,
+    seen_slot,
+)
 from haustra.envs.sim.linear.memory import Lanes, Rows, Shared, Slots
 from haustra.envs.sim.linear.trace import Program, Value
 from haustra.envs.sim.physics.hand import HAND_DAMPING, HAND_STIFFNESS, held_force
@@ -30,16 +41,22 @@ from haustra.envs.sim.physics.stops import stop_torque
 from haustra.envs.sim.physics.wires import borne_pulls, joint_angle
 from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.wall.law import normal_force, place_contact, place_force
-from haustra.models.wall.lumen_table import nearest_arc, wall_beside
+from haustra.models.wall.lumen_table import Tables, nearest_arc, wall_beside
 from haustra.models.wall.vectors import Vector, add, cross, dot, minus, times
 
 SPEED_LIMIT = 1e4
 """A generalised speed above this [rad/s or m/s] is divergence, as in the other backends."""
 
-ARGUMENTS = ("state", "worlds", "room", "design", "structure", "stations", "wall")
-"""Arrays of a program, in this order; then four whole numbers: joints, links, spheres, time steps, first and last
-block, or worlds on a GPU."""
+ARGUMENTS = ("state", "worlds", "seen", "room", "design", "structure", "stations", "wall")
+"""Arrays of a program, in this order; then whole numbers: `COUNTS`."""
+COUNTS = ("dofs", "bodies", "spheres", "coils", "steps", "first", "last")
+"""The last two are blocks of worlds."""
 
+# Laws without the checks of arrays' shapes: what they are called with here are values of a program.
+_arriving_pulls, _borne_pulls = unwrap(arriving_pulls), unwrap(borne_pulls)
+_lock_activation, _stop_torque = unwrap(lock_activation), unwrap(stop_torque)
+
+_HAND_LIMITS = ("push_limit", "torque_limit")
 _NONE: Vector = (0.0, 0.0, 0.0)
 
 
@@ -68,20 +85,23 @@ class ScopeProgram:
         Args:
             program: to write to.
             arrays: by the names of `ARGUMENTS`.
-            counts: joints, links and spheres.
+            counts: joints, links, spheres and coils.
             timestep: [s].
         """
         self.program, self.h = program, timestep
-        self.layout = Layout(*counts)
-        self.dofs, self.bodies, self.spheres = counts
+        self.dofs, self.bodies, self.spheres, self.coils = counts
+        self.layout = Layout(*counts[:3])
         self.state: Lanes = arrays["state"]
+        self.seen: Lanes = arrays["seen"]
         self.room: Lanes = arrays["room"]
         self.design: Slots = arrays["design"]
         self.structure: Shared = arrays["structure"]
         self._world: Lanes = arrays["worlds"]
         stations, wall = arrays["stations"], arrays["wall"]
-        self.tables = SimpleNamespace(points=_Points(stations), frames=_Frames(stations), wall=_Wall(wall))
-        self._links, self._places, self._scope, _ = slots.design_slots(*counts)
+        parts = _Points(stations), _Frames(stations), _Wall(wall)
+        self.tables = Tables(*parts, step=None, first=None, count=None, axes=None, device_radius=None)
+        self._links, self._places, self._scope, _ = slots.design_slots(*counts[:3])
+        self._scales = self.bodies * STRUCTURE
 
     # Numbers by name.
 
@@ -107,15 +127,15 @@ class ScopeProgram:
 
     def joints_of(self, body: Any) -> tuple[Value, Value]:
         """First joint of a link, and the one after its last."""
-        return self.structure.load(body * 4), self.structure.load(body * 4 + 1)
+        return self.structure.load(body * STRUCTURE), self.structure.load(body * STRUCTURE + 1)
 
     def spheres_of(self, body: Any) -> tuple[Value, Value]:
         """First sphere of a link, and the one after its last."""
-        return self.structure.load(body * 4 + 2), self.structure.load(body * 4 + 3)
+        return self.structure.load(body * STRUCTURE + 2), self.structure.load(body * STRUCTURE + 3)
 
     def scale(self, dof: Any) -> Value:
         """What the world scales a joint by."""
-        return self._world.load(self.structure.load(self.bodies * 4 + dof))
+        return self._world.load(self.structure.load(self._scales + dof))
 
     # The control step.
 
@@ -148,13 +168,13 @@ class ScopeProgram:
         angle = program.variable(0.0)
         with program.loop(1, self.bodies) as body:
             first, last = self.joints_of(body)
-            shaft = self.structure.load(self.bodies * 4 + first) == 1
+            shaft = self.structure.load(self._scales + first) == 1
             with program.when(shaft):
                 x, y = self.state.load(first), self.state.load(last - 1)
                 angle.value = angle.value + joint_angle(xp, x, y)
         for wire, name in enumerate(WIRE_NAMES):
             slot = self.layout.pulls + wire
-            arrived = arriving_pulls(
+            arrived = _arriving_pulls(
                 xp,
                 self.world(name),
                 self.state.load(slot),
@@ -257,7 +277,7 @@ class ScopeProgram:
         program, room = self.program, self.room
         sums = _Changing(program, [0.0] * 27)
         limit, arrived = self.scope("pull_limit"), (self.state.load(self.layout.pulls + wire) for wire in range(4))
-        pulls = tuple(borne_pulls(program.xp, pull, limit) for pull in arrived)
+        pulls = tuple(_borne_pulls(program.xp, pull, limit) for pull in arrived)
         with program.loop(0, self.bodies, backwards=True) as body:
             own = self._body(body)
             sums.now = tuple(total + room.load(own + i) for i, total in enumerate(sums.now))
@@ -290,10 +310,10 @@ class ScopeProgram:
         scale = self.scale(dof)
         damping = scale * self.joint(dof, "damping")
         low, high = self.joint(dof, "low"), self.joint(dof, "high")
-        stop, stopped = stop_torque(xp, angle, low, high, timestep=self.h)
+        stop, stopped = _stop_torque(xp, angle, low, high, timestep=self.h)
         torque = stop - scale * self.joint(dof, "stiffness") * (angle - self.joint(dof, "rest"))
         insertion = self.scope("start") + state.load(0)
-        held = lock_activation(xp, insertion, self.joint(dof, "behind"))
+        held = _lock_activation(xp, insertion, self.joint(dof, "behind"))
         damping = damping + stopped + self.joint(dof, "lock_damping") * held
         torque = torque - self.joint(dof, "lock_stiffness") * held * angle
         for name, pull in zip(WIRE_NAMES, pulls, strict=True):
@@ -302,13 +322,18 @@ class ScopeProgram:
         damped = program.variable(damping)
         with program.when(dof < 2):
             side = 0 if slides else 1
-            limit = self.world("push_limit" if slides else "torque_limit")
-            stiffness, damper = float(HAND_STIFFNESS[side]), float(HAND_DAMPING[side])
-            hand = held_force(xp, state.load(self.layout.hand + side), angle, speed, limit, stiffness, damper)
+            hand = self._hand(side, angle, speed)
             total.value = total.value + hand
             # The hand's damper is in its force already; where the force is at its limit, it damps no more.
-            damped.value = damped.value + xp.where(xp.abs(hand) < limit, damper, 0.0)
+            free = xp.abs(hand) < self.world(_HAND_LIMITS[side])
+            damped.value = damped.value + xp.where(free, float(HAND_DAMPING[side]), 0.0)
         return total.value, scale * self.joint(dof, "armature") + self.h * damped.value
+
+    def _hand(self, side: int, place: Value, speed: Value) -> Value:
+        """Force of the hand along the shaft, or torque about it."""
+        aim, limit = self.state.load(self.layout.hand + side), self.world(_HAND_LIMITS[side])
+        parts = float(HAND_STIFFNESS[side]), float(HAND_DAMPING[side])
+        return held_force(self.program.xp, aim, place, speed, limit, *parts)
 
     def _accelerate(self, fastest: Any) -> None:
         program, state, room, layout = self.program, self.state, self.room, self.layout
@@ -344,6 +369,44 @@ class ScopeProgram:
             normal, lever, speed = (room.vector(own + 3 * part) for part in range(3))
             speed = add(speed, times(self.h, add(moving_rate, cross(turning_rate, lever))))
             self.state.store(slot, normal_force(program.xp, spring, self._damper(), dot(normal, speed)))
+
+    def observe(self) -> None:
+        """Read off what there is to see at the end of a control step."""
+        program, state, seen = self.program, self.state, self.seen
+        force, deepest = _Changing(program, _NONE), program.variable(-1.0)
+
+        def look(body: Value, link: Link) -> None:
+            pressed = _Changing(program, _NONE)
+            with program.loop(*self.spheres_of(body)) as sphere:
+                self._press(sphere, link, pressed, deepest)
+            size = program.xp.sqrt(dot(pressed.now, pressed.now))
+            seen.store(seen_slot("coils") + self.coils * 3 + body, size)
+            with program.when(self.structure.load(body * STRUCTURE + 4) > 0):
+                force.now = add(force.now, pressed.now)
+
+        tip = self.chain(look)
+        frame = tip.frame
+        seen.put(seen_slot("tip"), add(tip.place, times(self.scope("tip"), tip.axis)))
+        seen.put(seen_slot("tip_frame"), [frame[column][row] for row in range(3) for column in range(3)])
+        seen.put(seen_slot("tip_force"), [dot(column, force.now) for column in frame])
+        seen.store(seen_slot("deepest"), deepest.value)
+        for side, name in enumerate(("push_force", "torque")):
+            held = self._hand(side, state.load(side), state.load(self.layout.speeds + side))
+            seen.store(seen_slot(name), held)
+
+    def _press(self, sphere: Value, link: "Link", pressed: _Changing, deepest: Any) -> None:
+        program, xp, layout = self.program, self.program.xp, self.layout
+        centre = add(link.place, times(self.sphere_place(sphere), link.axis))
+        coil = self.structure.load(self._scales + self.dofs + sphere)
+        with program.when(coil >= 0):
+            self.seen.put(coil * 3 + seen_slot("coils"), centre)
+        arc = self.nearest(centre, self.state.load(layout.arcs + sphere))
+        with program.when(arc > 0):
+            depth, normal = self.wall(centre, arc)
+            depth = xp.where(arc > 0, depth + (self.scope("radius") - self.world("device_radius")), -1.0)
+            deepest.value = xp.maximum(deepest.value, depth)
+            force = xp.where(arc > 0, self.state.load(layout.normals + sphere), 0.0)
+            pressed.now = add(pressed.now, times(force, normal))
 
     def _joint(self, dof: Any) -> Any:
         return self.layout.joint_room + dof * JOINT_ROOM

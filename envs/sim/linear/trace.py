@@ -154,7 +154,9 @@ class Program:
         if isinstance(own.written, ir.Constant):
             return ir.Constant(kind, [own.written.constant] * self.lanes)
         first = self.builder.insert_element(ir.Constant(kind, ir.Undefined), own.written, ir.Constant(INDEX, 0))
-        return self.builder.shuffle_vector(first, first, ir.Constant(ir.VectorType(INDEX, self.lanes), [0] * self.lanes))
+        return self.builder.shuffle_vector(
+            first, first, ir.Constant(ir.VectorType(INDEX, self.lanes), [0] * self.lanes)
+        )
 
     def alike(self, first: Any, second: Any) -> tuple[Any, Any]:
         """LLVM's values of two numbers, of one type: real if either is, in all lanes if either is."""
@@ -216,7 +218,9 @@ class Program:
         kind = INDEX if value.lanes == 1 else ir.VectorType(INDEX, value.lanes)
         real = "f64" if isinstance(self.real, ir.DoubleType) else "f32"
         many = "" if value.lanes == 1 else f"v{value.lanes}"
-        function = self._declared(f"llvm.fptosi.sat.{many}i32.{many}{real}", ir.FunctionType(kind, [value.written.type]))
+        function = self._declared(
+            f"llvm.fptosi.sat.{many}i32.{many}{real}", ir.FunctionType(kind, [value.written.type])
+        )
         return Value(self, self.builder.call(function, [value.written]))
 
     def any(self, condition: Value) -> Any:
@@ -306,8 +310,7 @@ class Mathematics:
         lanes = max(condition.lanes, Value(program, a).lanes)
         if lanes > 1:
             a, b = program.spread(Value(program, a)), program.spread(Value(program, b))
-        chosen = condition.written if condition.lanes == 1 else condition.written
-        return Value(program, program.builder.select(chosen, a, b))
+        return Value(program, program.builder.select(condition.written, a, b))
 
     def minimum(self, a: Number, b: Number) -> Value:
         """As numpy's, but for what is no number: the second."""

@@ -1,6 +1,5 @@
 """The hand at the handle: a spring and a damper along and about the shaft, of limited force and torque."""
 
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ HAND_STIFFNESS, HAND_DAMPING = np.array([HAND_PUSH, HAND_ROLL]).T
 
 
 def hand_force(
-    xp: ModuleType,
+    xp: Any,
     aim: Float[Any, "*worlds 2"],
     place: Float[Any, "*worlds 2"],
     speed: Float[Any, "*worlds 2"],
@@ -32,6 +31,6 @@ def hand_force(
     return held_force(xp, aim, place, speed, limit, stiffness, damping)
 
 
-def held_force(xp: ModuleType, aim: Any, place: Any, speed: Any, limit: Any, stiffness: Any, damping: Any) -> Any:
+def held_force(xp: Any, aim: Any, place: Any, speed: Any, limit: Any, stiffness: Any, damping: Any) -> Any:
     """`hand_force` along or about the shaft, by that stiffness and damping."""
     return xp.clip(stiffness * (aim - place) - damping * speed, -limit, limit)

@@ -1,6 +1,5 @@
 """Shaft outside the patient is held straight; its joints are freed smoothly as they pass the anus."""
 
-from types import ModuleType
 from typing import Any
 
 from jaxtyping import Float
@@ -9,7 +8,7 @@ from haustra.models.devices.scope.cable import LOCK_STRETCH
 
 
 def lock_activation(
-    xp: ModuleType, insertion: Float[Any, "*worlds"], behind: Float[Any, "*joints"]
+    xp: Any, insertion: Float[Any, "*worlds"], behind: Float[Any, "*joints"]
 ) -> Float[Any, "*activation"]:
     """How firmly joints are held, from 0 inside the patient to 1 further than `LOCK_STRETCH` outside.
 

@@ -1,6 +1,5 @@
 """Stops of joints by backward Euler: MuJoCo's soft limits as `haustra.models.devices.scope.stops` sets them."""
 
-from types import ModuleType
 from typing import Any
 
 from jaxtyping import Float
@@ -9,7 +8,7 @@ from haustra.models.devices.scope.stops import STOP_STIFFNESS, stop_damping
 
 
 def stop_torque(
-    xp: ModuleType,
+    xp: Any,
     angles: Float[Any, "*worlds dofs"],
     low: Float[Any, "*any dofs"],
     high: Float[Any, "*any dofs"],

@@ -6,7 +6,6 @@ scopes show both, and slack besides (Rozeboom 2016, Endosc Int Open 4:E466: 2 of
 """
 
 from dataclasses import dataclass
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -37,7 +36,7 @@ class WireSet:
 
 
 def arriving_pulls(
-    xp: ModuleType,
+    xp: Any,
     hand: Float[Any, "*worlds 4"],
     before: Float[Any, "*worlds 4"],
     *,

@@ -32,7 +32,7 @@ _OPTIONS = SceneOptions(
 
 
 NEEDS_WARP = pytest.mark.skipif(find_spec("warp") is None, reason="the extra warp is not installed")
-BACKENDS = ["jax", pytest.param("warp", marks=NEEDS_WARP)]
+BACKENDS = ["linear", "jax", pytest.param("warp", marks=NEEDS_WARP)]
 
 
 @pytest.mark.parametrize("name", BACKENDS)

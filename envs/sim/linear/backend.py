@@ -1,0 +1,204 @@
+"""Many scopes in linear time on CPU threads: one program steps blocks of worlds, a world a lane."""
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, final
+
+import mujoco
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from haustra.envs.sim.backend import AbstractBackend
+from haustra.envs.sim.conditions import Conditions, Snapshot
+from haustra.envs.sim.linear.compile import compiled, lanes_of, write_program
+from haustra.envs.sim.linear.layout import SEEN, WORLD, seen_slot
+from haustra.envs.sim.linear.pack import aligned, pack_design, pack_tables, structure_of
+from haustra.envs.sim.native_batch import posed
+from haustra.envs.sim.scope_reading import read_chain, read_scope
+from haustra.envs.sim.state import Controls, Readings, refuse_others
+from haustra.errors import UnsupportedSceneError
+from haustra.models.devices.scope.wires import WIRE_NAMES
+from haustra.models.scene import Scene
+from haustra.models.wall import lumen_table
+from haustra.models.wall.lumen_table import Tables, pick
+
+_GIVEN = ("stiffness", "damping_time", "friction", "push_limit", "torque_limit")
+
+
+@final
+class LinearBackend(AbstractBackend):
+    """Scopes as articulated bodies, by the laws of all backends, in single precision or double."""
+
+    name = "linear"
+    on_device = False
+    traces_pictures = False
+
+    def __init__(self, scene: Scene, tables: Tables, *, worlds: int, threads: int = 1, real: type = np.float32) -> None:
+        """Compile, or read what was compiled before.
+
+        Args:
+            scene: scope and options, built with wall_law "table" for any of the colons.
+            tables: the colons, seen from their entries (`LumenTable.seen_from`) and stacked.
+            worlds: how many.
+            threads: each steps its own part of the worlds.
+            real: precision.
+
+        Raises:
+            UnsupportedSceneError: when the scene has what this backend cannot honour.
+        """
+        self.scene, self.tables, self.worlds, self._real = scene, tables, worlds, real
+        self._chain, scope = read_chain(scene, backend=self.name), read_scope(scene, backend=self.name)
+        structure = structure_of(self._chain)
+        self._layout, self._structure, self._coils = structure.layout, structure.numbers, structure.coils
+        self._places = int(structure.coils.max()) + 1
+        self._links = scope.links
+        self._scope = scope
+        self._lanes = lanes = lanes_of(real)
+        self._design = aligned(pack_design(scope, self._chain)[0], real)
+        self._stations, self._wall = pack_tables(tables, real)
+        options = {"lanes": lanes, "real": real, "timestep": scene.options.timestep, "angles": tables.wall.shape[1]}
+        self._engine, self._advance = compiled(write_program(**options, one_design=True))
+        blocks = -(-worlds // lanes)
+        self._first_link = seen_slot("coils") + 3 * self._places
+        self._state = aligned(np.zeros((blocks, self._layout.state, lanes)), real)
+        self._seen = aligned(np.zeros((blocks, self._first_link + self._layout.bodies, lanes)), real)
+        self._world = aligned(np.ones((blocks, len(WORLD), lanes)), real)
+        parts = np.array_split(np.arange(blocks), min(threads, blocks))
+        self._parts = [(int(part[0]), int(part[-1]) + 1) for part in parts]
+        self._rooms = [aligned(np.zeros((self._layout.room, lanes)), real) for _ in parts]
+        self._pool = ThreadPoolExecutor(len(parts) - 1) if len(parts) > 1 else None
+        self._case = np.zeros(worlds, int)
+        one = np.ones(blocks * lanes)
+        options = scene.options
+        plain = Conditions(options.friction * one, options.wall_stiffness * one, one)
+        self._reset(np.arange(blocks * lanes), np.zeros(blocks * lanes, int), plain)
+        self.read().checked()  # the shapes stay
+
+    def reset(self, worlds: Int[np.ndarray, " reset"], case: Int[np.ndarray, " reset"], conditions: Conditions) -> None:
+        """Lay the scopes of some worlds straight, tips at the start depth, in the colons of those numbers."""
+        self._case[worlds] = case
+        self._reset(worlds, case, conditions)
+
+    def _reset(self, worlds: np.ndarray, case: np.ndarray, conditions: Conditions) -> None:
+        options, tables, layout, scope = self.scene.options, self.tables, self._layout, self._scope
+        gravity = np.einsum("wij,i->wj", tables.axes[case], np.asarray(options.gravity))
+        values: dict[str, Any] = {name: getattr(tables, name)[case] for name in ("step", "first", "count")}
+        values |= {"device_radius": tables.device_radius[case], "bending": conditions.shaft_stiffness, "alive": 1.0}
+        values |= {f"gravity_{axis}": gravity[:, i] for i, axis in enumerate("xyz")}
+        values |= {"stiffness": conditions.wall_stiffness, "friction": conditions.friction}
+        values |= {"damping_time": options.wall_damping_time}
+        values |= {"push_limit": options.push_limit, "torque_limit": options.torque_limit}
+        for name, value in values.items():
+            self._put(self._world, worlds, WORLD.index(name), value)
+        start = np.cumsum(self._links.offset[0, :, 2])
+        places = np.append(start[self._chain.sample_body] + scope.sample_place[0, :, 2], 0.0)
+        places[-1] = start[-1] + scope.tip_place[0, 0, 2]
+        block, lane = np.divmod(worlds, self._lanes)
+        self._state[block, :, lane] = 0.0
+        self._state[block, layout.arcs : layout.arcs + len(places), lane] = places
+        if conditions.roll is not None:
+            for slot in (1, layout.hand + 1):
+                self._put(self._state, worlds, slot, conditions.roll)
+        self._run(0)
+
+    def _put(self, array: np.ndarray, worlds: np.ndarray, slot: int, values: Any) -> None:
+        block, lane = np.divmod(worlds, self._lanes)
+        array[block, slot, lane] = values
+
+    def _of_worlds(self, array: np.ndarray, start: int, stop: int) -> np.ndarray:
+        """Slots of all worlds (worlds, slots), in double precision."""
+        return np.swapaxes(array[:, start:stop], 1, 2).reshape(-1, stop - start)[: self.worlds].astype(float)
+
+    def step(self, inputs: Controls, count: int) -> Bool[np.ndarray, " worlds"]:
+        """Advance all worlds by `count` time steps; False for those that have diverged, which stand still from then.
+
+        A world that diverges is left as it was before these steps.
+        """
+        refuse_others(inputs, self.worlds)
+        worlds = np.arange(self.worlds)
+        for name in ("push_rate", "roll_rate"):
+            self._put(self._world, worlds, WORLD.index(name), getattr(inputs, name))
+        for wire, name in enumerate(WIRE_NAMES):
+            self._put(self._world, worlds, WORLD.index(name), inputs.pulls[:, wire])
+        self._run(count)
+        alive = WORLD.index("alive")
+        return self._of_worlds(self._world, alive, alive + 1)[:, 0] > 0
+
+    def _run(self, count: int) -> None:
+        layout = self._layout
+        counts = layout.dofs, layout.bodies, layout.spheres, self._places, count
+
+        def part(index: int) -> None:
+            arrays = (self._state, self._world, self._seen, self._rooms[index], self._design, self._structure)
+            pointers = (each.ctypes.data for each in (*arrays, self._stations, self._wall))
+            self._advance(*pointers, *counts, *self._parts[index])
+
+        others = [self._pool.submit(part, index) for index in range(1, len(self._parts))] if self._pool else []
+        part(0)
+        for other in others:
+            other.result()
+
+    def read(self) -> Readings:
+        """What can be read off at the end of the last step."""
+        layout, chain = self._layout, self._chain
+        state = self._of_worlds(self._state, 0, layout.state)
+        seen = self._of_worlds(self._seen, 0, self._first_link + layout.bodies)
+        parts = {name: seen[:, seen_slot(name) :][:, :count] for name, count in SEEN}
+        up, left = (state[:, dofs].sum(axis=1) for dofs in chain.bend_dofs)
+        return Readings(
+            time=state[:, layout.time],
+            insertion=self._scope.start[0] + state[:, 0],
+            roll=state[:, 1],
+            hand_lead=state[:, layout.hand] - state[:, 0],
+            tip=parts["tip"],
+            tip_frame=parts["tip_frame"].reshape(-1, 3, 3),
+            tip_arc=state[:, layout.arcs + layout.spheres],
+            bend=np.stack([up, -left], axis=-1),
+            push_force=parts["push_force"][:, 0],
+            torque=parts["torque"][:, 0],
+            tip_force=parts["tip_force"],
+            link_forces=seen[:, self._first_link :],
+            deepest=parts["deepest"][:, 0],
+            coils=seen[:, seen_slot("coils") : self._first_link].reshape(self.worlds, -1, 3)[:, self._coils],
+        )
+
+    @property
+    def displacement(self) -> None:
+        """None: colons are fixed in space."""
+        return None
+
+    def way_ahead(self, distances: Float[np.ndarray, " places"]) -> Float[np.ndarray, "worlds places 3"]:
+        """As `AbstractBackend.way_ahead`."""
+        tip = self._layout.arcs + self._layout.spheres
+        arcs = self._of_worlds(self._state, tip, tip + 1) + distances
+        return lumen_table.axis_at(np, pick(self.tables, self._case), arcs)
+
+    def positions(self) -> Float[np.ndarray, "worlds joints"]:
+        """Joint positions of all scopes, as MuJoCo counts them."""
+        return self._of_worlds(self._state, 0, self._layout.dofs)
+
+    def snapshot(self, world: int) -> Snapshot:
+        """Not kept.
+
+        Raises:
+            UnsupportedSceneError: always.
+        """
+        raise UnsupportedSceneError(
+            "Withdrawal begins where scopes stood, which the backend 'linear' does not keep: use 'native'."
+        )
+
+    def restore(self, world: int, snapshot: Snapshot) -> None:
+        """Not kept.
+
+        Raises:
+            UnsupportedSceneError: always.
+        """
+        self.snapshot(world)
+
+    def world_data(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        """Model and data of one world as MuJoCo's own values, to draw or to check."""
+        return posed(self.scene, self.positions()[world])
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._pool:
+            self._pool.shutdown()
