@@ -1,7 +1,6 @@
-"""Many scopes in linear time on CPU threads: one program steps blocks of worlds, a world a lane."""
+"""Many scopes in linear time: one program steps all worlds, in the lanes of a CPU or the threads of a GPU."""
 
-from concurrent.futures import ThreadPoolExecutor
-from typing import Any, final
+from typing import Any, Literal, final
 
 import mujoco
 import numpy as np
@@ -9,9 +8,9 @@ from jaxtyping import Bool, Float, Int
 
 from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.conditions import Conditions, Snapshot
-from haustra.envs.sim.linear.compile import compiled, lanes_of, write_program
 from haustra.envs.sim.linear.layout import SEEN, WORLD, seen_slot
-from haustra.envs.sim.linear.pack import aligned, pack_design, pack_tables, structure_of
+from haustra.envs.sim.linear.pack import pack_design, pack_tables, structure_of
+from haustra.envs.sim.linear.place import CpuPlace, GpuPlace, Place
 from haustra.envs.sim.native_batch import posed
 from haustra.envs.sim.scope_reading import read_chain, read_scope
 from haustra.envs.sim.state import Controls, Readings, refuse_others
@@ -32,43 +31,56 @@ class LinearBackend(AbstractBackend):
     on_device = False
     traces_pictures = False
 
-    def __init__(self, scene: Scene, tables: Tables, *, worlds: int, threads: int = 1, real: type = np.float32) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        tables: Tables,
+        *,
+        worlds: int,
+        threads: int = 1,
+        real: type = np.float32,
+        device: Literal["cpu", "cuda"] = "cpu",
+    ) -> None:
         """Compile, or read what was compiled before.
 
         Args:
             scene: scope and options, built with wall_law "table" for any of the colons.
             tables: the colons, seen from their entries (`LumenTable.seen_from`) and stacked.
             worlds: how many.
-            threads: each steps its own part of the worlds.
+            threads: of a CPU; each steps its own part of the worlds.
             real: precision.
+            device: threads of the CPU, or the first NVIDIA GPU.
 
         Raises:
+            MissingDependencyError: when there is no such device.
             UnsupportedSceneError: when the scene has what this backend cannot honour.
         """
-        self.scene, self.tables, self.worlds, self._real = scene, tables, worlds, real
-        self._chain, scope = read_chain(scene, backend=self.name), read_scope(scene, backend=self.name)
+        self.scene, self.tables, self.worlds = scene, tables, worlds
+        self._chain, self._scope = read_chain(scene, backend=self.name), read_scope(scene, backend=self.name)
         structure = structure_of(self._chain)
-        self._layout, self._structure, self._coils = structure.layout, structure.numbers, structure.coils
+        self._layout, self._coils = structure.layout, structure.coils
         self._places = int(structure.coils.max()) + 1
-        self._links = scope.links
-        self._scope = scope
-        self._lanes = lanes = lanes_of(real)
-        self._design = aligned(pack_design(scope, self._chain)[0], real)
-        self._stations, self._wall = pack_tables(tables, real)
-        options = {"lanes": lanes, "real": real, "timestep": scene.options.timestep, "angles": tables.wall.shape[1]}
-        self._engine, self._advance = compiled(write_program(**options, one_design=True))
-        blocks = -(-worlds // lanes)
         self._first_link = seen_slot("coils") + 3 * self._places
-        self._state = aligned(np.zeros((blocks, self._layout.state, lanes)), real)
-        self._seen = aligned(np.zeros((blocks, self._first_link + self._layout.bodies, lanes)), real)
-        self._world = aligned(np.ones((blocks, len(WORLD), lanes)), real)
-        parts = np.array_split(np.arange(blocks), min(threads, blocks))
-        self._parts = [(int(part[0]), int(part[-1]) + 1) for part in parts]
-        self._rooms = [aligned(np.zeros((self._layout.room, lanes)), real) for _ in parts]
-        self._pool = ThreadPoolExecutor(len(parts) - 1) if len(parts) > 1 else None
+        program = {"real": real, "room": self._layout.room, "timestep": scene.options.timestep}
+        program |= {"angles": tables.wall.shape[1], "one_design": True}
+        self._place: Place = (
+            CpuPlace(threads=min(threads, worlds), **program) if device == "cpu" else GpuPlace(worlds=worlds, **program)
+        )
+        lanes = self._place.lanes
+        blocks = -(-worlds // lanes)
+        stations, wall = pack_tables(tables)
+        values = {
+            "state": np.zeros((blocks, self._layout.state, lanes)),
+            "worlds": np.ones((blocks, len(WORLD), lanes)),
+            "seen": np.zeros((blocks, self._first_link + self._layout.bodies, lanes)),
+            "design": pack_design(self._scope, self._chain)[0],
+            "structure": structure.numbers,
+            "stations": stations,
+            "wall": wall,
+        }
+        self._held = {name: self._place.hold(each) for name, each in values.items()}
         self._case = np.zeros(worlds, int)
-        one = np.ones(blocks * lanes)
-        options = scene.options
+        one, options = np.ones(blocks * lanes), scene.options
         plain = Conditions(options.friction * one, options.wall_stiffness * one, one)
         self._reset(np.arange(blocks * lanes), np.zeros(blocks * lanes, int), plain)
         self.read().checked()  # the shapes stay
@@ -88,25 +100,30 @@ class LinearBackend(AbstractBackend):
         values |= {"damping_time": options.wall_damping_time}
         values |= {"push_limit": options.push_limit, "torque_limit": options.torque_limit}
         for name, value in values.items():
-            self._put(self._world, worlds, WORLD.index(name), value)
-        start = np.cumsum(self._links.offset[0, :, 2])
+            self._put("worlds", worlds, WORLD.index(name), value)
+        start = np.cumsum(scope.links.offset[0, :, 2])
         places = np.append(start[self._chain.sample_body] + scope.sample_place[0, :, 2], 0.0)
         places[-1] = start[-1] + scope.tip_place[0, 0, 2]
-        block, lane = np.divmod(worlds, self._lanes)
-        self._state[block, :, lane] = 0.0
-        self._state[block, layout.arcs : layout.arcs + len(places), lane] = places
+        block, lane = np.divmod(worlds, self._place.lanes)
+        state = self._held["state"].change()
+        state[block, :, lane] = 0.0
+        state[block, layout.arcs : layout.arcs + len(places), lane] = places
         if conditions.roll is not None:
             for slot in (1, layout.hand + 1):
-                self._put(self._state, worlds, slot, conditions.roll)
+                self._put("state", worlds, slot, conditions.roll)
         self._run(0)
 
-    def _put(self, array: np.ndarray, worlds: np.ndarray, slot: int, values: Any) -> None:
-        block, lane = np.divmod(worlds, self._lanes)
-        array[block, slot, lane] = values
+    def _put(self, name: str, worlds: np.ndarray, slot: int, values: Any) -> None:
+        block, lane = np.divmod(worlds, self._place.lanes)
+        self._held[name].change()[block, slot, lane] = values
 
-    def _of_worlds(self, array: np.ndarray, start: int, stop: int) -> np.ndarray:
+    def _of_worlds(self, name: str, start: int, stop: int) -> np.ndarray:
         """Slots of all worlds (worlds, slots), in double precision."""
-        return np.swapaxes(array[:, start:stop], 1, 2).reshape(-1, stop - start)[: self.worlds].astype(float)
+        return (
+            np.swapaxes(self._held[name].read()[:, start:stop], 1, 2)
+            .reshape(-1, stop - start)[: self.worlds]
+            .astype(float)
+        )
 
     def step(self, inputs: Controls, count: int) -> Bool[np.ndarray, " worlds"]:
         """Advance all worlds by `count` time steps; False for those that have diverged, which stand still from then.
@@ -116,32 +133,23 @@ class LinearBackend(AbstractBackend):
         refuse_others(inputs, self.worlds)
         worlds = np.arange(self.worlds)
         for name in ("push_rate", "roll_rate"):
-            self._put(self._world, worlds, WORLD.index(name), getattr(inputs, name))
+            self._put("worlds", worlds, WORLD.index(name), getattr(inputs, name))
         for wire, name in enumerate(WIRE_NAMES):
-            self._put(self._world, worlds, WORLD.index(name), inputs.pulls[:, wire])
+            self._put("worlds", worlds, WORLD.index(name), inputs.pulls[:, wire])
         self._run(count)
         alive = WORLD.index("alive")
-        return self._of_worlds(self._world, alive, alive + 1)[:, 0] > 0
+        return self._of_worlds("worlds", alive, alive + 1)[:, 0] > 0
 
     def _run(self, count: int) -> None:
         layout = self._layout
         counts = layout.dofs, layout.bodies, layout.spheres, self._places, count
-
-        def part(index: int) -> None:
-            arrays = (self._state, self._world, self._seen, self._rooms[index], self._design, self._structure)
-            pointers = (each.ctypes.data for each in (*arrays, self._stations, self._wall))
-            self._advance(*pointers, *counts, *self._parts[index])
-
-        others = [self._pool.submit(part, index) for index in range(1, len(self._parts))] if self._pool else []
-        part(0)
-        for other in others:
-            other.result()
+        self._place.run(self._held, counts, self.worlds)
 
     def read(self) -> Readings:
         """What can be read off at the end of the last step."""
         layout, chain = self._layout, self._chain
-        state = self._of_worlds(self._state, 0, layout.state)
-        seen = self._of_worlds(self._seen, 0, self._first_link + layout.bodies)
+        state = self._of_worlds("state", 0, layout.state)
+        seen = self._of_worlds("seen", 0, self._first_link + layout.bodies)
         parts = {name: seen[:, seen_slot(name) :][:, :count] for name, count in SEEN}
         up, left = (state[:, dofs].sum(axis=1) for dofs in chain.bend_dofs)
         return Readings(
@@ -169,12 +177,12 @@ class LinearBackend(AbstractBackend):
     def way_ahead(self, distances: Float[np.ndarray, " places"]) -> Float[np.ndarray, "worlds places 3"]:
         """As `AbstractBackend.way_ahead`."""
         tip = self._layout.arcs + self._layout.spheres
-        arcs = self._of_worlds(self._state, tip, tip + 1) + distances
+        arcs = self._of_worlds("state", tip, tip + 1) + distances
         return lumen_table.axis_at(np, pick(self.tables, self._case), arcs)
 
     def positions(self) -> Float[np.ndarray, "worlds joints"]:
         """Joint positions of all scopes, as MuJoCo counts them."""
-        return self._of_worlds(self._state, 0, self._layout.dofs)
+        return self._of_worlds("state", 0, self._layout.dofs)
 
     def snapshot(self, world: int) -> Snapshot:
         """Not kept.
@@ -200,5 +208,4 @@ class LinearBackend(AbstractBackend):
 
     def close(self) -> None:
         """End the threads."""
-        if self._pool:
-            self._pool.shutdown()
+        self._place.close()

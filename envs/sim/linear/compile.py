@@ -36,48 +36,83 @@ def write_program(*, lanes: int, real: Any, timestep: float, angles: int, one_de
         angles: of the wall's table.
         one_design: whether all worlds have the same design; else each has its own.
     """
-    pointer = ir.PointerType()
-    program = Program("advance", [pointer] * len(ARGUMENTS) + [INDEX] * len(COUNTS), lanes=lanes, real=np.dtype(real))
-    arguments = program.function.args
-    named = dict(zip(ARGUMENTS, arguments, strict=False))
-    *counts, steps, first, last = (Value(program, each) for each in arguments[len(ARGUMENTS) :])
+    program, arrays, counts, (steps, first, last) = _begun(lanes, real)
     with program.loop(first, last) as block:
-        own = _block(program, named, block, tuple(counts), angles=angles, one_design=one_design)
-        scopes = ScopeProgram(program, own, tuple(counts), timestep=timestep)
-        with program.when(steps > 0):
-            scopes.advance(steps)
-        scopes.observe()
+        own = _Worlds(program, arrays, counts, block=block, stride=lanes)
+        _step(program, own.arrays(angles, one_design, room_of_block=False), counts, timestep, steps)
     return program.finish()
 
 
-def _block(
-    program: Program, arrays: dict[str, Any], block: Value, counts: Any, *, angles: int, one_design: bool
-) -> dict[str, Any]:
-    """Arrays of one block's worlds."""
-    *parts, coils = counts
-    layout, builder = Layout(*parts), program.builder
-    size = {
-        "state": layout.state,
-        "worlds": program.index(len(WORLD)),
-        "seen": coils * 3 + seen_slot("coils") + layout.bodies,
-        "design": design_slots(*parts)[-1],
-    }
+WARP = 32
+"""Worlds of a block on a graphics processor, where a thread steps a world."""
 
-    def lanes(name: str) -> Lanes:
-        wide = [builder.sext(each.written, LONG) for each in (size[name] * program.lanes, block)]
-        start = builder.gep(arrays[name], [builder.mul(*wide)], source_etype=program.real)
-        return Lanes(program, start, program.lanes)
 
-    return {
-        "state": lanes("state"),
-        "worlds": lanes("worlds"),
-        "seen": lanes("seen"),
-        "room": Lanes(program, arrays["room"], program.lanes),
-        "design": Shared(program, arrays["design"]) if one_design else lanes("design"),
-        "structure": Shared(program, arrays["structure"], whole=True),
-        "stations": Rows(program, arrays["stations"], 4),
-        "wall": (Rows(program, arrays["wall"], 1), angles),
-    }
+def write_kernel(*, real: Any, timestep: float, angles: int, one_design: bool) -> str:
+    """The same for a graphics processor; `last` of `COUNTS` is how many worlds there are."""
+    program, arrays, counts, (steps, _, worlds) = _begun(1, real, approximate=True)
+    program.function.calling_convention = "ptx_kernel"
+    builder = program.builder
+    block, size, thread = (
+        builder.call(ir.Function(program.module, ir.FunctionType(INDEX, []), f"llvm.nvvm.read.ptx.sreg.{name}.x"), [])
+        for name in ("ctaid", "ntid", "tid")
+    )
+    world = Value(program, builder.add(builder.mul(block, size), thread))
+    with program.when(world < worlds):
+        lane = world % WARP
+        own = _Worlds(program, arrays, counts, block=(world - lane).over(WARP), stride=WARP, lane=lane)
+        _step(program, own.arrays(angles, one_design, room_of_block=True), counts, timestep, steps)
+    return program.finish()
+
+
+def _begun(lanes: int, real: Any, *, approximate: bool = False) -> tuple[Program, dict[str, Any], Any, list[Value]]:
+    """A program without anything in it, its arrays, what it counts, and its last arguments."""
+    kinds = [ir.PointerType()] * len(ARGUMENTS) + [INDEX] * len(COUNTS)
+    program = Program("advance", kinds, lanes=lanes, real=np.dtype(real), approximate=approximate)
+    arguments = program.function.args
+    *counts, steps, first, last = (Value(program, each) for each in arguments[len(ARGUMENTS) :])
+    return program, dict(zip(ARGUMENTS, arguments, strict=False)), tuple(counts), [steps, first, last]
+
+
+def _step(program: Program, arrays: dict[str, Any], counts: Any, timestep: float, steps: Value) -> None:
+    scopes = ScopeProgram(program, arrays, counts, timestep=timestep)
+    with program.when(steps > 0):
+        scopes.advance(steps)
+    scopes.observe()
+
+
+class _Worlds:
+    """Arrays of the worlds that are stepped together."""
+
+    def __init__(
+        self, program: Program, arrays: dict[str, Any], counts: Any, *, block: Value, stride: int, lane: Any = None
+    ) -> None:
+        self._program, self._arrays, self._block, self._stride, self._lane = program, arrays, block, stride, lane
+        *parts, coils = counts
+        layout = Layout(*parts)
+        self._sizes = {
+            "state": layout.state,
+            "worlds": program.index(len(WORLD)),
+            "seen": coils * 3 + seen_slot("coils") + layout.bodies,
+            "room": layout.room,
+            "design": design_slots(*parts)[-1],
+        }
+
+    def arrays(self, angles: int, one_design: bool, room_of_block: bool) -> dict[str, Any]:
+        program, given = self._program, self._arrays
+        own = {name: self._lanes(name) for name in ("state", "worlds", "seen")}
+        own["room"] = self._lanes("room") if room_of_block else Lanes(program, given["room"], self._stride)
+        own["design"] = Shared(program, given["design"]) if one_design else self._lanes("design")
+        own["structure"] = Shared(program, given["structure"], whole=True)
+        tables = {"stations": Rows(program, given["stations"], 4), "wall": (Rows(program, given["wall"], 1), angles)}
+        return own | tables
+
+    def _lanes(self, name: str) -> Lanes:
+        program, builder = self._program, self._program.builder
+        wide = [builder.sext(each.written, LONG) for each in (self._sizes[name] * self._stride, self._block)]
+        start = builder.mul(*wide)
+        if self._lane is not None:
+            start = builder.add(start, builder.sext(self._lane.written, LONG))
+        return Lanes(program, builder.gep(self._arrays[name], [start], source_etype=program.real), self._stride)
 
 
 @functools.cache
@@ -108,3 +143,17 @@ def compiled(text: str) -> tuple[Any, Callable[..., None]]:
     engine.finalize_object()
     kinds = [ctypes.c_void_p] * len(ARGUMENTS) + [ctypes.c_int32] * len(COUNTS)
     return engine, ctypes.CFUNCTYPE(None, *kinds)(engine.get_function_address("advance"))
+
+
+def assembled(text: str, *, architecture: str = "sm_80") -> str:
+    """A kernel (`write_kernel`) in the language of NVIDIA's drivers, which finish it for the processor they drive."""
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    target = llvm.Target.from_triple("nvptx64-nvidia-cuda")
+    machine = target.create_target_machine(cpu=architecture, opt=3)
+    module = llvm.parse_assembly(text)
+    module.triple, module.data_layout = machine.triple, str(machine.target_data)
+    module.verify()
+    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
+    builder.getModulePassManager().run(module, builder)
+    return machine.emit_assembly(module)

@@ -1,7 +1,6 @@
 """From a scene, colons and parameters to the arrays that programs work on."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -87,19 +86,9 @@ def pack_design(scope: Scope, own: ScopeChain) -> Float[np.ndarray, "designs slo
     return np.concatenate(list(flat), axis=1)
 
 
-def pack_tables(tables: Tables, real: Any) -> tuple[np.ndarray, np.ndarray]:
+def pack_tables(tables: Tables) -> tuple[np.ndarray, np.ndarray]:
     """Rows of stations and of the wall, of colons stacked one after the other."""
     rows = np.zeros((len(tables.points), 4, 4))
     rows[:, 0, :3] = tables.points
     rows[:, 1:, :3] = np.swapaxes(tables.frames, 1, 2)
-    return aligned(rows.reshape(-1, STATION), real), aligned(tables.wall, real)
-
-
-def aligned(values: np.ndarray, real: Any) -> np.ndarray:
-    """A copy that begins where vectors of any width may be read."""
-    kind = np.dtype(real)
-    raw = np.zeros(values.size * kind.itemsize + 64, np.uint8)
-    start = -raw.ctypes.data % 64
-    copy = raw[start : start + values.size * kind.itemsize].view(kind).reshape(values.shape)
-    copy[...] = values
-    return copy
+    return rows.reshape(-1, STATION), np.asarray(tables.wall)

@@ -14,7 +14,7 @@ from llvmlite import ir
 
 INDEX = ir.IntType(32)
 BIT = ir.IntType(1)
-_EXACT = ("reassoc", "contract", "arcp", "nsz")
+_FREE = ("reassoc", "contract", "arcp", "nsz")
 """What LLVM may do to sums and quotients: what is no number stays so, for the world that has it to be found."""
 
 Number: TypeAlias = "Value | float | int"
@@ -64,7 +64,11 @@ class Value:
         return self.program.combine("div", other, self)
 
     def __neg__(self) -> "Value":
-        return 0 - self if self.whole else Value(self.program, self.program.builder.fneg(self.written, flags=_EXACT))
+        return (
+            0 - self
+            if self.whole
+            else Value(self.program, self.program.builder.fneg(self.written, flags=self.program.flags))
+        )
 
     def __pow__(self, power: int) -> "Value":
         assert power >= 1 and power == int(power), "only whole powers are written down"
@@ -77,6 +81,10 @@ class Value:
         own, other = program.alike(self, divisor)
         rest = Value(program, program.builder.srem(own, other))
         return program.xp.where(rest < 0, rest + divisor, rest)
+
+    def over(self, divisor: int) -> "Value":
+        """A whole number that is not negative, over another, without the rest."""
+        return Value(self.program, self.program.builder.sdiv(*self.program.alike(self, divisor)))
 
     def __lt__(self, other: Number) -> "Value":
         return self.program.compare("<", self, other)
@@ -111,19 +119,25 @@ class Value:
 class Program:
     """One function under construction, for worlds in lanes."""
 
-    def __init__(self, name: str, arguments: Sequence[Any], *, lanes: int, real: np.dtype) -> None:
+    def __init__(
+        self, name: str, arguments: Sequence[Any], *, lanes: int, real: np.dtype, approximate: bool = False
+    ) -> None:
         """Begin.
 
         Args:
             name: of the function.
-            arguments: LLVM types of its arguments.
+            arguments: LLVM types of its arguments; pointers are to arrays that do not overlap.
             lanes: worlds that one instruction serves.
             real: precision of real numbers.
+            approximate: whether quotients and roots may be off in their last digits, as graphics processors have them.
         """
-        self.lanes = lanes
+        self.lanes, self.flags = lanes, (*_FREE, *(("afn",) if approximate else ()))
         self.real = ir.DoubleType() if np.dtype(real) == np.float64 else ir.FloatType()
         self.module = ir.Module(name)
         self.function = ir.Function(self.module, ir.FunctionType(ir.VoidType(), arguments), name)
+        for argument in self.function.args:
+            if isinstance(argument.type, ir.PointerType):
+                argument.add_attribute("noalias")
         self._entry = self.function.append_basic_block("entry")
         self.builder = ir.IRBuilder(self.function.append_basic_block("begin"))
         self.xp = Mathematics(self)
@@ -184,7 +198,7 @@ class Program:
         if not Value(self, a).whole or what == "div":
             if Value(self, a).whole:
                 a, b = (self._as_real(Value(self, each)).written for each in (a, b))
-            return Value(self, getattr(self.builder, f"f{what}")(a, b, flags=_EXACT))
+            return Value(self, getattr(self.builder, f"f{what}")(a, b, flags=self.flags))
         # Whole numbers are rows of tables: the same one is to be known again.
         key = (what, str(a) if isinstance(a, ir.Constant) else a, str(b) if isinstance(b, ir.Constant) else b)
         if key not in self._known:
@@ -207,7 +221,7 @@ class Program:
         )  # fmt: skip
         kind = ir.FunctionType(written.type, [written.type] * len(values))
         function = self._declared(f"llvm.{name}.{suffix}", kind)
-        return Value(self, self.builder.call(function, [each.written for each in values], fastmath=_EXACT))
+        return Value(self, self.builder.call(function, [each.written for each in values], fastmath=self.flags))
 
     def _declared(self, name: str, kind: Any) -> Any:
         known = self.module.globals.get(name)

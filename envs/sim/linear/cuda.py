@@ -1,0 +1,112 @@
+"""NVIDIA's driver, as far as programs need it: memory, kernels and launches, through ctypes."""
+
+import ctypes
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from haustra.errors import MissingDependencyError
+
+
+@cache
+def _driver() -> Any:
+    """The driver, with the first device's context current.
+
+    Raises:
+        MissingDependencyError: when there is no device or no driver.
+    """
+    try:
+        library = ctypes.CDLL("libcuda.so.1")
+    except OSError as error:
+        raise MissingDependencyError("No NVIDIA driver was found (libcuda.so.1): use the CPU.") from error
+    device, context = ctypes.c_int(), ctypes.c_void_p()
+    for code in (
+        library.cuInit(0),
+        library.cuDeviceGet(ctypes.byref(device), 0),
+        library.cuDevicePrimaryCtxRetain(ctypes.byref(context), device),
+        library.cuCtxSetCurrent(context),
+    ):
+        if code:
+            raise MissingDependencyError(f"NVIDIA's driver found no device (error {code}): use the CPU.")
+    return library
+
+
+def _call(name: str, *arguments: Any) -> None:
+    driver = _driver()
+    code = getattr(driver, name)(*arguments)
+    if code:
+        text = ctypes.c_char_p()
+        driver.cuGetErrorString(code, ctypes.byref(text))
+        raise RuntimeError(f"{name}: {text.value.decode() if text.value else code}")
+
+
+class DeviceArray:
+    """Numbers in the memory of a graphics processor; JAX, torch and CuPy take them as they are."""
+
+    def __init__(self, values: np.ndarray) -> None:
+        """Copy them there."""
+        self.shape, self.dtype = values.shape, values.dtype
+        self._pointer = ctypes.c_uint64()
+        _call("cuMemAlloc_v2", ctypes.byref(self._pointer), ctypes.c_size_t(max(values.nbytes, 16)))
+        self.put(values)
+
+    @property
+    def pointer(self) -> int:
+        """Address."""
+        return int(self._pointer.value)
+
+    @property
+    def __cuda_array_interface__(self) -> dict[str, Any]:
+        """Version 3 of the interface by which libraries share arrays."""
+        return {"shape": self.shape, "typestr": self.dtype.str, "data": (self.pointer, False), "version": 3}
+
+    def put(self, values: np.ndarray) -> None:
+        """Copy values of the same shape there."""
+        own = np.ascontiguousarray(values, self.dtype)
+        _call("cuMemcpyHtoD_v2", self._pointer, ctypes.c_void_p(own.ctypes.data), ctypes.c_size_t(own.nbytes))
+
+    def get(self) -> np.ndarray:
+        """Copy them here."""
+        own = np.empty(self.shape, self.dtype)
+        _call("cuMemcpyDtoH_v2", ctypes.c_void_p(own.ctypes.data), self._pointer, ctypes.c_size_t(own.nbytes))
+        return own
+
+    def __del__(self) -> None:
+        if getattr(self, "_pointer", None):
+            _driver().cuMemFree_v2(self._pointer)
+
+
+class Kernel:
+    """A kernel on the first device."""
+
+    def __init__(self, assembly: str, name: str) -> None:
+        """Let the driver finish it.
+
+        Raises:
+            RuntimeError: when it cannot.
+        """
+        module, self._function = ctypes.c_void_p(), ctypes.c_void_p()
+        _driver()
+        _call("cuModuleLoadData", ctypes.byref(module), assembly.encode())
+        _call("cuModuleGetFunction", ctypes.byref(self._function), module, name.encode())
+
+    def __call__(self, arrays: Sequence[DeviceArray], counts: Sequence[int], *, threads: int, group: int = 64) -> None:
+        """Launch it with that many threads, in groups.
+
+        Args:
+            arrays: first arguments.
+            counts: whole numbers that follow.
+            threads: at least so many.
+            group: threads that are placed together.
+        """
+        own = [ctypes.c_uint64(array.pointer) for array in arrays] + [ctypes.c_int32(count) for count in counts]
+        arguments = (ctypes.c_void_p * len(own))(*(ctypes.addressof(each) for each in own))
+        size = (-(-threads // group), 1, 1, group, 1, 1, 0)
+        _call("cuLaunchKernel", self._function, *size, None, arguments, None)
+
+    @staticmethod
+    def wait() -> None:
+        """Until all that was launched is done."""
+        _call("cuCtxSynchronize")

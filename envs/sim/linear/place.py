@@ -1,0 +1,169 @@
+"""Where programs run: on threads of the CPU, or on an NVIDIA GPU, behind one interface."""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Protocol
+
+import numpy as np
+
+from haustra.envs.sim.linear.compile import WARP, assembled, compiled, lanes_of, write_kernel, write_program
+from haustra.envs.sim.linear.cuda import DeviceArray, Kernel
+from haustra.envs.sim.linear.program import ARGUMENTS
+
+_WRITTEN = ("state", "worlds", "seen", "room")
+"""What a program writes to, of `ARGUMENTS`."""
+
+
+class Held(Protocol):
+    """Numbers that a program works on."""
+
+    def read(self) -> np.ndarray:
+        """What they are now, not to be written to."""
+        ...
+
+    def change(self) -> np.ndarray:
+        """What they are now, to be written to before the next run."""
+        ...
+
+
+class Place(Protocol):
+    """Where programs run."""
+
+    lanes: int
+    """Worlds of a block."""
+
+    def hold(self, values: np.ndarray) -> Any:
+        """Numbers there."""
+        ...
+
+    def run(self, arrays: dict[str, Any], counts: Sequence[int], worlds: int) -> None:
+        """Run the program on all worlds."""
+        ...
+
+    def close(self) -> None:
+        """End what is held open."""
+        ...
+
+
+class _Here:
+    """Numbers in the CPU's memory."""
+
+    def __init__(self, values: np.ndarray) -> None:
+        self._values = values
+
+    def read(self) -> np.ndarray:
+        return self._values
+
+    change = read
+
+
+class CpuPlace:
+    """Threads of the CPU."""
+
+    def __init__(self, *, threads: int, real: Any, room: int, **program: Any) -> None:
+        """Compile a program, or read what was compiled before.
+
+        Args:
+            threads: that share the blocks.
+            real: precision.
+            room: slots of a block to work in.
+            program: the rest of what `write_program` wants.
+        """
+        self._real, self.lanes = np.dtype(real), lanes_of(real)
+        self._engine, self._function = compiled(write_program(lanes=self.lanes, real=real, **program))
+        self._rooms = [aligned(np.zeros((room, self.lanes)), real) for _ in range(threads)]
+        self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
+
+    def hold(self, values: np.ndarray) -> _Here:
+        """Numbers where vectors of any width may be read."""
+        return _Here(values if values.dtype == np.int32 else aligned(values, self._real))
+
+    def run(self, arrays: dict[str, _Here], counts: Sequence[int], worlds: int) -> None:
+        """Run the program on all worlds, a part of the blocks a thread."""
+        blocks = -(-worlds // self.lanes)
+        bounds = np.linspace(0, blocks, len(self._rooms) + 1).astype(int)
+        pointers = {name: array.read().ctypes.data for name, array in arrays.items()}
+
+        def part(index: int) -> None:
+            own = pointers | {"room": self._rooms[index].ctypes.data}
+            self._function(*(own[name] for name in ARGUMENTS), *counts, int(bounds[index]), int(bounds[index + 1]))
+
+        others = [self._pool.submit(part, index) for index in range(1, len(self._rooms))] if self._pool else []
+        part(0)
+        for other in others:
+            other.result()
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._pool:
+            self._pool.shutdown()
+
+
+class _There:
+    """Numbers in a graphics processor's memory, copied when they are asked for."""
+
+    def __init__(self, values: np.ndarray) -> None:
+        self.there = DeviceArray(values)
+        self._here: np.ndarray | None = None
+        self._changed = False
+
+    def read(self) -> np.ndarray:
+        if self._here is None:
+            self._here = self.there.get()
+        return self._here
+
+    def change(self) -> np.ndarray:
+        self._changed = True
+        return self.read()
+
+    def run(self, *, written: bool) -> DeviceArray:
+        """Give it to a program, which may write to it."""
+        if self._changed and self._here is not None:
+            self.there.put(self._here)
+        self._changed, self._here = False, None if written else self._here
+        return self.there
+
+
+class GpuPlace:
+    """The first NVIDIA GPU; a thread steps a world."""
+
+    lanes = WARP
+
+    def __init__(self, *, worlds: int, real: Any, room: int, **program: Any) -> None:
+        """Compile a program.
+
+        Args:
+            worlds: how many.
+            real: precision.
+            room: slots of a world to work in.
+            program: the rest of what `write_kernel` wants.
+
+        Raises:
+            MissingDependencyError: when there is no such GPU.
+        """
+        self._real = np.dtype(real)
+        self._kernel = Kernel(assembled(write_kernel(real=real, **program)), "advance")
+        self._room = DeviceArray(np.zeros((-(-worlds // WARP), room, WARP), self._real))
+
+    def hold(self, values: np.ndarray) -> _There:
+        """Numbers in its memory."""
+        return _There(values if values.dtype == np.int32 else values.astype(self._real))
+
+    def run(self, arrays: dict[str, _There], counts: Sequence[int], worlds: int) -> None:
+        """Run the program on all worlds."""
+        own = {name: array.run(written=name in _WRITTEN) for name, array in arrays.items()} | {"room": self._room}
+        self._kernel([own[name] for name in ARGUMENTS], [*counts, 0, worlds], threads=worlds)
+        self._kernel.wait()
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+
+def aligned(values: np.ndarray, real: Any) -> np.ndarray:
+    """A copy that begins where vectors of any width may be read."""
+    kind = np.dtype(real)
+    raw = np.zeros(values.size * kind.itemsize + 64, np.uint8)
+    start = -raw.ctypes.data % 64
+    copy = raw[start : start + values.size * kind.itemsize].view(kind).reshape(values.shape)
+    copy[...] = values
+    return copy
