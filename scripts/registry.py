@@ -51,6 +51,7 @@ BENCHMARKS: Mapping[str, str] = {
     "bench errors": f"{_BENCH}.errors:BenchErrors",
     "bench grown": f"{_BENCH}.grown:BenchGrown",
     "bench profile": f"{_BENCH}.profile:BenchProfile",
+    "bench linear": f"{_BENCH}.linear:BenchLinear",
     "bench pushes": f"{_BENCH}.pushes:BenchPushes",
     "bench rigs": f"{_BENCH}.rigs:BenchRigs",
     "bench rods": f"{_BENCH}.rods:BenchRods",

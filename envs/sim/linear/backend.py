@@ -1,5 +1,6 @@
 """Many scopes in linear time: one program steps all worlds, in the lanes of a CPU or the threads of a GPU."""
 
+from itertools import pairwise
 from typing import Any, Literal, final
 
 import mujoco
@@ -13,6 +14,7 @@ from haustra.envs.sim.linear.pack import pack_design, pack_tables, structure_of
 from haustra.envs.sim.linear.place import CpuPlace, GpuPlace, Place
 from haustra.envs.sim.native_batch import posed
 from haustra.envs.sim.scope_reading import read_chain, read_scope
+from haustra.envs.sim.scope_values import State
 from haustra.envs.sim.state import Controls, Readings, refuse_others
 from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.scope.wires import WIRE_NAMES
@@ -168,6 +170,15 @@ class LinearBackend(AbstractBackend):
             deepest=parts["deepest"][:, 0],
             coils=seen[:, seen_slot("coils") : self._first_link].reshape(self.worlds, -1, 3)[:, self._coils],
         )
+
+    def state(self) -> State:
+        """The whole state, as the backend 'jax' has it, in double precision."""
+        layout, alive = self._layout, WORLD.index("alive")
+        ends = (0, layout.speeds, layout.arcs, layout.normals, layout.hand, layout.pulls, layout.time, layout.state)
+        parts = [self._of_worlds("state", *pair) for pair in pairwise(ends)]
+        qpos, qvel, arcs, normal, hand, pulls, time = parts
+        healthy = self._of_worlds("worlds", alive, alive + 1)[:, 0] > 0
+        return State(qpos, qvel, hand, arcs, normal, healthy, time[:, 0], pulls)
 
     @property
     def displacement(self) -> None:

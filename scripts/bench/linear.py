@@ -1,0 +1,174 @@
+"""What a time step of the backend 'linear' costs, by joints and worlds, and how far it is from the dense one."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from haustra.envs.sim.conditions import Conditions
+from haustra.envs.sim.linear.backend import LinearBackend
+from haustra.envs.sim.scope_bank import BATCH_OPTIONS, ScopeBank, build_bank
+from haustra.envs.sim.state import Controls
+from haustra.models.anatomy.grown import grow_colon
+from haustra.models.devices.scope.library import named_design
+from haustra.models.scene import SceneOptions, build_scene
+
+SIZES = {40: (0.11, 0.03, 0.015), 80: (0.047, 0.0165, 0.015), 160: (0.0225, 0.009, 0.015), 400: (0.0086, 0.004, 0.015)}
+"""Joints, about, and the cells of shaft and bending section and the spheres' spacing that give them [m]."""
+
+_PUSH, _PULL, _WAY = 0.05, 20.0, 8.0
+"""Speed of the hand [m/s], largest pull [N], and seconds that a scope is driven in before it is timed."""
+_INTERVAL = 0.125
+"""The hand changes its mind so often [s]."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Of a time step."""
+
+    dofs: int
+    spheres: int
+    worlds: int
+    device: str
+    us_per_step: float
+    """Of one world [us]."""
+    us_per_step_dense: float | None = None
+    """Of the backend 'jax' on the same processor, in the same run [us]."""
+    touching: float = 0.0
+    """Share of the spheres that press."""
+
+
+class Hands:
+    """A hand that pushes, rolls and pulls at random, the same whenever it is asked in the same order."""
+
+    def __init__(self, worlds: int, seed: int = 0) -> None:
+        """For that many worlds."""
+        self._random, self._worlds = np.random.default_rng(seed), worlds
+        self._pulls = np.zeros((worlds, 4))
+
+    def next(self) -> Controls:
+        """What it does in the next `_INTERVAL`."""
+        self._pulls = np.clip(self._pulls + 2 * self._random.normal(size=self._pulls.shape), 0, _PULL)
+        return Controls(np.full(self._worlds, _PUSH), self._random.uniform(-0.5, 0.5, self._worlds), self._pulls)
+
+
+def bank_of(dofs: int, *, colons: int = 2) -> ScopeBank:
+    """An adult scope of about so many joints, and grown colons."""
+    return build_bank([grow_colon(seed=seed) for seed in range(colons)], named_design("adult"), _options(dofs))
+
+
+def resized(bank: ScopeBank, dofs: int) -> ScopeBank:
+    """The same with a scope of about so many joints."""
+    longest = max(bank.colons, key=lambda colon: colon.centreline.length)
+    return replace(bank, scene=build_scene(longest, None, bank.scene.design, _options(dofs), show_lumen=False))
+
+
+def _options(dofs: int) -> SceneOptions:
+    shaft, bending, spacing = SIZES[dofs]
+    return replace(BATCH_OPTIONS, shaft_cell=shaft, bending_cell=bending, sample_spacing=spacing)
+
+
+def driven(
+    bank: ScopeBank,
+    worlds: int,
+    *,
+    seconds: float = _WAY,
+    real: type = np.float32,
+    device: Literal["cpu", "cuda"] = "cpu",
+    threads: int = 1,
+) -> tuple[LinearBackend, Hands]:
+    """Scopes that were pushed in for a while, worlds differing in friction and hand."""
+    backend = LinearBackend(bank.scene, bank.tables, worlds=worlds, real=real, device=device, threads=threads)
+    all_worlds = np.arange(worlds)
+    backend.reset(all_worlds, all_worlds % len(bank.colons), conditions(bank, worlds))
+    hands = Hands(worlds)
+    for _ in range(round(seconds / _INTERVAL)):
+        backend.step(hands.next(), round(_INTERVAL / bank.scene.options.timestep))
+    return backend, hands
+
+
+def conditions(bank: ScopeBank, worlds: int) -> Conditions:
+    """Friction from 0.03 to 0.2, worlds in turn."""
+    one = np.ones(worlds)
+    return Conditions(np.linspace(0.03, 0.2, worlds), bank.scene.options.wall_stiffness * one, one)
+
+
+def time_steps(backend: LinearBackend, hands: Hands, *, steps: int, times: int = 5) -> float:
+    """Least time of a step of one world, of some runs of so many steps under the same hands [s]."""
+    best = np.inf
+    for _ in range(times):
+        inputs = hands.next()
+        began = time.perf_counter()
+        backend.step(inputs, steps)
+        best = min(best, time.perf_counter() - began)
+    return best / steps / backend.worlds
+
+
+def measure_cost(bank: ScopeBank, worlds: Sequence[int], *, threads: int = 1, **device: Any) -> list[Cost]:
+    """Cost with these scopes, in those numbers of worlds."""
+    rows = []
+    for count in worlds:
+        backend, hands = driven(bank, count, threads=threads, **device)
+        state = backend.state()
+        spheres = state.normal.shape[1]
+        steps = max(4, min(400, 40_000 // count))
+        seconds = time_steps(backend, hands, steps=steps)
+        touching = float((state.normal > 0).mean())
+        where = device.get("device", "cpu")
+        rows.append(Cost(state.qpos.shape[1], spheres, count, where, seconds * 1e6, touching=touching))
+        backend.close()
+    return rows
+
+
+def exponent(costs: Sequence[Cost]) -> float:
+    """By which power of the number of joints a step's cost grows."""
+    return float(np.polyfit(np.log([row.dofs for row in costs]), np.log([row.us_per_step for row in costs]), 1)[0])
+
+
+def dense_cost(bank: ScopeBank, worlds: int) -> float:
+    """Of a step of the backend 'jax' from where the same hands bring it, on JAX's device, single precision [s]."""
+    from haustra.envs.sim.jax_backends import JaxBackend
+
+    backend = JaxBackend(bank.scene, bank.tables, worlds=worlds)
+    all_worlds = np.arange(worlds)
+    backend.reset(all_worlds, all_worlds % len(bank.colons), conditions(bank, worlds))
+    hands, best = Hands(worlds), np.inf
+    for _ in range(4):
+        began = time.perf_counter()
+        backend.step(hands.next(), 40)
+        backend.read()
+        best = min(best, time.perf_counter() - began)
+    return best / 40 / worlds
+
+
+def largest_difference(bank: ScopeBank, *, worlds: int = 20, instants: int = 10) -> float:
+    """Of generalised speeds after one step from the dense step, relative to the fastest of each world, in double.
+
+    States are those of scopes pushed in by random hands, from straight to deep inside; JAX must have double precision.
+    """
+    import jax
+    import jax.numpy as jnp
+
+    from haustra.envs.sim.device_arrays import on_device
+    from haustra.envs.sim.scope_values import State
+    from haustra.envs.sim.scope_worlds import JaxScopes
+
+    dense, tables = JaxScopes.of(bank.scene), on_device(bank.tables, jnp.float64)
+    own = conditions(bank, worlds)
+    colon = np.arange(worlds) % len(bank.colons)
+    parameters = dense.parameters(bank.scene, worlds, colon=colon, friction=own.friction, kind=jnp.float64)
+    step = jax.jit(lambda state, hands: dense.steps(tables, parameters, state, hands, 1))
+    backend, hands = driven(bank, worlds, seconds=_INTERVAL, real=np.float64)
+    worst = 0.0
+    for _ in range(instants):
+        for _ in range(6):
+            backend.step(hands.next(), round(_INTERVAL / bank.scene.options.timestep))
+        before, inputs = backend.state(), hands.next()
+        backend.step(inputs, 1)
+        own_state = State(*(None if part is None else jnp.asarray(part) for part in before))
+        want = np.asarray(step(own_state, Controls(*map(jnp.asarray, inputs[:3]))).qvel)
+        apart = np.abs(backend.state().qvel - want).max(axis=1)
+        worst = max(worst, float((apart / np.abs(want).max(axis=1)).max()))
+    return worst

@@ -1,0 +1,66 @@
+"""`haustra bench linear`: what a step of the backend 'linear' costs, and how far it is from the dense step."""
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+
+@dataclass(frozen=True)
+class BenchLinear:
+    """Time steps in linear time by joints and worlds, beside the dense backend; compare both in double precision."""
+
+    worlds: str = "1,128"
+    """Numbers of worlds, separated by commas."""
+    dofs: str = "40,80,160,400"
+    """Numbers of joints, about: of 40, 80, 160, 400."""
+    threads: int = 1
+    """Of the CPU."""
+    device: Literal["cpu", "cuda"] = "cpu"
+    """Threads of the CPU, or the first NVIDIA GPU."""
+    dense: bool = True
+    """Time the dense backend with 80 joints too, and compare both; needs the extra mjx."""
+    json: bool = field(default=False)
+    """Print one JSON document instead of a table."""
+
+    def __call__(self) -> dict[str, Any]:
+        """Build, drive in, time, compare."""
+        from dataclasses import replace
+
+        from haustra.errors import InvalidOptionError
+        from haustra.scripts.bench import linear
+        from haustra.scripts.bench.verbs.rods import joint_counts
+        from haustra.scripts.console import progress_bar
+
+        counts = joint_counts(self.worlds, option="--worlds", low=1, high=1_000_000)
+        sizes = joint_counts(self.dofs, option="--dofs", low=1, high=10_000)
+        if unknown := set(sizes) - set(linear.SIZES):
+            raise InvalidOptionError(
+                f"--dofs {min(unknown)} is not known: give some of {', '.join(map(str, linear.SIZES))}."
+            )
+        rows: list[linear.Cost] = []
+        bank = linear.bank_of(80)
+        with progress_bar("time", len(sizes), unit="sizes") as advance:
+            for done, size in enumerate(sizes, 1):
+                rows += linear.measure_cost(
+                    linear.resized(bank, size), counts, threads=self.threads, device=self.device
+                )
+                advance(done, f"{rows[-1].us_per_step:.3g} us a step")
+        found: dict[str, Any] = {}
+        if self.dense:
+            from haustra.envs.sim.jax_setup import describe_device, use_jax
+
+            found["dense_device"] = describe_device(use_jax())
+            import jax
+
+            rows = [
+                replace(row, us_per_step_dense=linear.dense_cost(bank, row.worlds) * 1e6) if _is_80(row) else row
+                for row in rows
+            ]
+            jax.config.update("jax_enable_x64", True)
+            found["largest_difference"] = linear.largest_difference(bank)
+        most = [row for row in rows if row.worlds == max(counts)]
+        found["exponent"] = linear.exponent(most) if len(most) > 1 else None
+        return {"rows": [vars(row) for row in rows], **found}
+
+
+def _is_80(row: Any) -> bool:
+    return 70 <= row.dofs <= 90
