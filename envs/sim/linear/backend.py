@@ -66,7 +66,9 @@ class LinearBackend(AbstractBackend):
         program = {"real": real, "room": self._layout.room, "timestep": scene.options.timestep}
         program |= {"angles": tables.wall.shape[1], "one_design": True}
         self._place: Place = (
-            CpuPlace(threads=min(threads, worlds), **program) if device == "cpu" else GpuPlace(worlds=worlds, **program)
+            CpuPlace(worlds=worlds, threads=min(threads, worlds), **program)
+            if device == "cpu"
+            else GpuPlace(worlds=worlds, **program)
         )
         lanes = self._place.lanes
         blocks = -(-worlds // lanes)

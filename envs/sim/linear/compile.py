@@ -115,8 +115,8 @@ class _Worlds:
         return Lanes(program, builder.gep(self._arrays[name], [start], source_etype=program.real), self._stride)
 
 
-@functools.cache
 def _machine() -> Any:
+    """This processor; an engine owns the one that it was made with."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     features = llvm.get_host_cpu_features().flatten()
@@ -127,6 +127,13 @@ def _machine() -> Any:
 @functools.cache
 def compiled(text: str) -> tuple[Any, Callable[..., None]]:
     """The function of a program (`write_program`), and what keeps it alive."""
+    engine = engine_of(text)
+    kinds = [ctypes.c_void_p] * len(ARGUMENTS) + [ctypes.c_int32] * len(COUNTS)
+    return engine, ctypes.CFUNCTYPE(None, *kinds)(engine.get_function_address("advance"))
+
+
+def engine_of(text: str) -> Any:
+    """LLVM's engine with the machine code of a program, new or kept from before."""
     machine = _machine()
     about = (text, llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten(), str(llvm.llvm_version_info))
     path = cache.cache_folder() / "linear" / f"{hashlib.sha256(chr(10).join(about).encode()).hexdigest()[:32]}.o"
@@ -141,8 +148,7 @@ def compiled(text: str) -> tuple[Any, Callable[..., None]]:
     engine = llvm.create_mcjit_compiler(module, machine)
     engine.set_object_cache(lambda _, code: cache.keep(path, code), lambda _: kept)
     engine.finalize_object()
-    kinds = [ctypes.c_void_p] * len(ARGUMENTS) + [ctypes.c_int32] * len(COUNTS)
-    return engine, ctypes.CFUNCTYPE(None, *kinds)(engine.get_function_address("advance"))
+    return engine
 
 
 def assembled(text: str, *, architecture: str = "sm_80") -> str:

@@ -60,16 +60,17 @@ class _Here:
 class CpuPlace:
     """Threads of the CPU."""
 
-    def __init__(self, *, threads: int, real: Any, room: int, **program: Any) -> None:
+    def __init__(self, *, worlds: int, threads: int, real: Any, room: int, **program: Any) -> None:
         """Compile a program, or read what was compiled before.
 
         Args:
+            worlds: how many; one alone has no lanes to fill.
             threads: that share the blocks.
             real: precision.
             room: slots of a block to work in.
             program: the rest of what `write_program` wants.
         """
-        self._real, self.lanes = np.dtype(real), lanes_of(real)
+        self._real, self.lanes = np.dtype(real), lanes_of(real) if worlds > 1 else 1
         self._engine, self._function = compiled(write_program(lanes=self.lanes, real=real, **program))
         self._rooms = [aligned(np.zeros((room, self.lanes)), real) for _ in range(threads)]
         self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None

@@ -167,10 +167,10 @@ class ScopeProgram:
         program, xp = self.program, self.program.xp
         angle = program.variable(0.0)
         with program.loop(1, self.bodies) as body:
-            first, last = self.joints_of(body)
+            first, _ = self.joints_of(body)
             shaft = self.structure.load(self._scales + first) == 1
             with program.when(shaft):
-                x, y = self.state.load(first), self.state.load(last - 1)
+                x, y = self.state.load(first), self.state.load(first + 1)
                 angle.value = angle.value + joint_angle(xp, x, y)
         for wire, name in enumerate(WIRE_NAMES):
             slot = self.layout.pulls + wire

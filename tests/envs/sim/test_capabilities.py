@@ -25,6 +25,7 @@ from haustra.envs.sim.capabilities import (
 )
 from haustra.envs.sim.capabilities import DESIGN as DESIGN_TABLE
 from haustra.envs.sim.conditions import Conditions
+from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.native_batch import NativeBackend, batch_model
 from haustra.envs.sim.state import Controls
@@ -215,8 +216,16 @@ def _native(design: ScopeDesign, options: SceneOptions, path: str) -> np.ndarray
 
 
 def _native_batch(design: ScopeDesign, options: SceneOptions, path: str) -> np.ndarray:
+    return _batch(NativeBackend, design, options, path)
+
+
+def _linear(design: ScopeDesign, options: SceneOptions, path: str) -> np.ndarray:
+    return _batch(LinearBackend, design, options, path)
+
+
+def _batch(kind: Any, design: ScopeDesign, options: SceneOptions, path: str) -> np.ndarray:
     scene, tables = _scene(design, options, path, many=True), _tables(_at_the_wall(path), design.diameter / 2)
-    batch, rows = NativeBackend(scene, tables, worlds=1), []
+    batch, rows = kind(scene, tables, worlds=1), []
     own = (np.array([options.friction]), np.array([options.wall_stiffness]), np.ones(1))
     batch.reset(np.zeros(1, int), np.zeros(1, int), Conditions(*own))
     for look in range(round(_seconds(path) / LOOK)):
@@ -276,6 +285,12 @@ def test_the_native_backend_honours_it(path: str) -> None:
 @pytest.mark.parametrize("path", [path for path in PATHS if not _refused(path, "native-batch")])
 def test_the_native_batch_does_the_same(path: str) -> None:
     _require_same(path, _effect(_native_batch, path))
+
+
+@pytest.mark.parametrize("path", [path for path in PATHS if not _refused(path, "linear")])
+def test_linear_time_does_the_same(path: str) -> None:
+    # Finer cells move the tip by 0.03 of its scale at most, where MuJoCo and the chain differ by as much.
+    _require_same(path, _effect(_linear, path), 2 * JAX_FLOOR if path == "scene.shaft_cell" else JAX_FLOOR)
 
 
 class _Jax:
@@ -433,6 +448,8 @@ def test_a_camera_that_tasks_cannot_show_is_refused_by_them(entry: Any, backend:
         ("jax", {"task": "withdrawal"}),
         ("warp", {"task": "withdrawal"}),
         ("warp", {"mesentery": True}),
+        ("linear", {"task": "withdrawal"}),
+        ("linear", {"mesentery": True}),
     ],
 )
 def test_what_a_backend_cannot_honour_of_a_task_it_refuses_by_name(backend: str, changed: dict) -> None:

@@ -1,0 +1,86 @@
+"""Linear time: the dense step to rounding, worlds that keep to themselves, runs that repeat to the bit."""
+
+import numpy as np
+import pytest
+
+from haustra.envs.sim.linear.backend import LinearBackend
+from haustra.envs.sim.state import Controls
+from haustra.errors import UnsupportedSceneError
+from haustra.scripts.bench.linear import SIZES, bank_of, conditions, driven, largest_difference
+
+
+@pytest.fixture(scope="module")
+def bank():
+    return bank_of(40)
+
+
+def test_a_step_is_the_dense_step(bank):
+    """The bar of 1e-9 is for any step; rounding leaves 1e-12."""
+    jax = pytest.importorskip("jax")
+    before = jax.config.jax_enable_x64
+    jax.config.update("jax_enable_x64", True)
+    try:
+        assert largest_difference(bank, worlds=10, instants=20) < 1e-10
+    finally:
+        jax.config.update("jax_enable_x64", before)
+
+
+def test_single_precision_stays_with_double(bank):
+    backends = [driven(bank, 8, seconds=4.0, real=real)[0] for real in (np.float32, np.float64)]
+    single, double = (backend.read() for backend in backends)
+    np.testing.assert_allclose(single.insertion, double.insertion, atol=5e-4)
+    assert double.link_forces.sum() > 1
+    assert single.link_forces.sum() == pytest.approx(double.link_forces.sum(), rel=0.02)
+
+
+@pytest.mark.parametrize("where", ["push_rate", "pulls"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_world_that_breaks_harms_no_other_and_is_left_as_it_was(bank, where, value):
+    count = 11
+    backend, hands = driven(bank, count, seconds=2.0)
+    twin, same = driven(bank, count, seconds=2.0)
+    inputs = hands.next()
+    assert same.next().push_rate.shape == inputs.push_rate.shape
+    before = backend.state()
+    poisoned = inputs._replace(**{where: np.array(getattr(inputs, where))})
+    getattr(poisoned, where)[3] = value
+    assert backend.step(poisoned, 4).tolist() == [world != 3 for world in range(count)]
+    assert twin.step(inputs, 4).all()
+    after, known = backend.state(), twin.state()
+    others = np.arange(count) != 3
+    for name in ("qpos", "qvel", "normal", "arcs", "hand", "pulls", "time"):
+        np.testing.assert_array_equal(getattr(after, name)[others], getattr(known, name)[others])
+        np.testing.assert_array_equal(getattr(after, name)[3], getattr(before, name)[3])
+    assert np.isfinite(backend.read().tip).all()
+    backend.reset(np.array([3]), np.array([0]), conditions(bank, count).of(np.array([3])))
+    assert backend.step(inputs, 4).all()
+
+
+def test_threads_and_lanes_do_not_change_a_bit(bank):
+    one, two = (driven(bank, 21, seconds=1.0, threads=threads)[0].state() for threads in (1, 2))
+    for name in ("qpos", "qvel", "normal"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
+
+
+def test_a_scope_alone_goes_as_among_others(bank):
+    alone, _ = driven(bank, 1, seconds=0.0)
+    among, _ = driven(bank, 9, seconds=0.0)
+    among.reset(np.arange(9), np.zeros(9, int), conditions(bank, 1).of(np.zeros(9, int)))
+    for backend in (alone, among):
+        count = backend.worlds
+        for _ in range(40):
+            backend.step(Controls(np.full(count, 0.05), np.zeros(count), np.tile([9.0, 3.0, 0.0, 0.0], (count, 1))), 5)
+    np.testing.assert_allclose(alone.positions()[0], among.positions()[4], atol=2e-4)
+
+
+def test_what_it_cannot_do_is_refused_by_name(bank):
+    backend, _ = driven(bank, 1, seconds=0.0)
+    with pytest.raises(UnsupportedSceneError, match="'linear' does not keep"):
+        backend.snapshot(0)
+
+
+def test_sizes_are_what_they_say():
+    assert sorted(SIZES) == [40, 80, 160, 400]
+    model, data = LinearBackend(bank_of(40).scene, bank_of(40).tables, worlds=1).world_data(0)
+    assert 36 <= model.nv <= 44
+    assert data.qpos.shape == (model.nv,)
