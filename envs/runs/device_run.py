@@ -38,7 +38,7 @@ class DeviceRun:
     outcome: Outcome
     records: Records
     shape: Float[np.ndarray, "points 3"]
-    """Points along the device at the end, from its rear to its nose, in the colon's coordinates [m]."""
+    """Spheres as thick as its nose, at the end, from its rear on, in the colon's coordinates [m]."""
     radius: float
     """Radius of the device, to draw it [m]."""
     spec: mujoco.MjSpec
@@ -46,6 +46,8 @@ class DeviceRun:
     wall_clock: float
     """Time that stepping and deciding took [s]."""
     backend: str
+    colon: Colon
+    """The colon as it lies at the end."""
     wall_law: str
     mesentery: bool
     left_out: Mapping[str, str]
@@ -92,16 +94,18 @@ def run_device(
     spec = scene.spec.copy()
     if (moved := backend.displacement) is not None:
         colon = CurrentColon(colon, tables, np.zeros(3), np.eye(3)).colon(moved[0])
+    thick = scene.groups == scene.groups[-1]
     add_lumen(spec, colon, group=1)
     return DeviceRun(
         device=device,
         outcome=outcome or time_is_up(records),
         records=records,
-        shape=shape,
-        radius=max(scene.radii),
+        shape=shape[thick],
+        radius=scene.handles.samples[-1].radius,
         spec=spec,
         wall_clock=time.perf_counter() - began,
         backend=backend.name,
+        colon=colon,
         wall_law=options.wall_law,
         mesentery=options.mesentery,
         left_out=scene.left_out,

@@ -109,7 +109,34 @@ TASK = (
 )
 """Fields of `TaskConfig` and its parts."""
 
-CAPABILITIES = (*SCENE, *DESIGN, *CAMERA, *TASK, *RANDOMISATION)
+_SOLVED = "refused where no force table is solved for the tread"
+_PAIRED = "with worm and tread, which must mesh"
+_RIGS_ONLY = "on the rigs; a robot in a colon refuses another than the prototype's"
+TRACKED = (
+    *_in("tracked", "name", about=_LABEL),
+    *_in("tracked", "scale", about="size of masses, dampers and contacts of the model itself"),
+    *_in("tracked.tread", "pitch", "tooth_width", about=f"{_SOLVED}; {_PAIRED}"),
+    *_in("tracked.tread", "tooth_height", "belt_thickness", "tip_radius", about=_SOLVED),
+    *_in("tracked.tread", "width", "tissue_thickness", "clearance", about=_SOLVED),
+    *_in("tracked.tread", "tip_spacing"),
+    *_in("tracked.worm", "starts", "lead", about=_PAIRED),
+    *_in("tracked.worm", "efficiency", "torque_limit"),
+    *_in("tracked.shaft", "onset_speed", "efficiency", "stall_excess"),
+    *_in("tracked.bellows", "stiffness", "preload", "pressure", "area"),
+    *_in("tracked.speed_friction", "peak_speed", "exponent", about=_RIGS_ONLY),
+    *_in("tracked", "nominal_diameter", "smallest_diameter", "largest_diameter"),
+    *_in("tracked", "core_length", "core_diameter", "mass"),
+)
+"""Fields of `TrackedDesign` and its parts."""
+TRACKED_ON: Mapping[str, str] = {
+    "native": "yes",
+    "native-batch": "no tracked robots",
+    "jax": "no tracked robots",
+    "warp": "on rigs",
+}
+"""Where each backend runs tracked robots: on Warp on the rigs of studies of propulsion, not in colons."""
+
+CAPABILITIES = (*SCENE, *DESIGN, *CAMERA, *TASK, *RANDOMISATION, *TRACKED)
 
 
 def require_supported(scene: Scene, backend: str) -> None:

@@ -30,8 +30,9 @@ def write_device_run(folder: Path, *, colon: Colon, run: DeviceRun) -> dict[str,
     write_atomically(folder / "trajectory.npz", lambda path: np.savez_compressed(path, allow_pickle=False, **arrays))
     text = run.spec.to_xml()
     write_atomically(folder / "scene.xml", lambda path: path.write_text(text, encoding="utf-8"))
-    rotation = default_rotation(colon.lumen, colon.centreline.points)
-    picture = outside_view(colon.lumen, run.shape, run.radius, bending_length=0.0, rotation=rotation)
+    seen = run.colon
+    rotation = default_rotation(seen.lumen, seen.centreline.points)
+    picture = outside_view(seen.lumen, run.shape, run.radius, bending_length=0.0, rotation=rotation)
     write_png(folder / "outside.png", picture)
     write_json(folder / "scores.json", scores)
     report_run(folder)

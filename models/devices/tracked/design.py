@@ -34,8 +34,6 @@ class Worm:
 class FlexibleShaft:
     """The shaft between the motor outside and the worm."""
 
-    torsional_stiffness: float = NUMBERS["tracked.shaft.torsional_stiffness"].value
-    """Torque a radian over its whole length [N m/rad]. Assumed."""
     onset_speed: float = NUMBERS["tracked.shaft.onset_speed"].value
     """Where its losses begin to rise [rad/s]. Published: "above this value the transmission efficiency declines"."""
     efficiency: float = NUMBERS["tracked.shaft.efficiency"].value
@@ -170,7 +168,6 @@ class TrackedDesign:
             scale=scale,
             tread=tread,
             worm=replace(self.worm, lead=self.worm.lead * s, torque_limit=self.worm.torque_limit * s**3),
-            shaft=replace(self.shaft, torsional_stiffness=self.shaft.torsional_stiffness * s**3),
             bellows=replace(
                 self.bellows,
                 stiffness=self.bellows.stiffness * s,

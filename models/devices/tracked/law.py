@@ -58,16 +58,19 @@ def load_law(tread: TreadGeometry) -> "PadLaw":
 
 def _solved_for(tread: TreadGeometry) -> tuple[str, float]:
     """Name of the tread's table, and its size over the table's."""
-    known = []
+    known, others = [], []
     for table, entry in _index().items():
         lengths = {name: value for name, value in entry["geometry"].items() if name != "tip_spacing"}
-        scales = [getattr(tread, name) / value for name, value in lengths.items()]
-        if max(scales) / min(scales) - 1 < _SAME_LENGTH:
-            return table, scales[0]
+        scales = {name: getattr(tread, name) / value for name, value in lengths.items()}
+        usual = float(np.median(list(scales.values())))
+        off = [name for name, scale in scales.items() if abs(scale / usual - 1) >= _SAME_LENGTH]
+        if not off:
+            return table, usual
+        others.append(off)
         known.append(f"pitch {entry['geometry']['pitch'] * 1e3:.3g} mm")
+    unlike = ", ".join(f"{name} {getattr(tread, name) * 1e3:.3g} mm" for name in min(others, key=len))
     raise InvalidDesignError(
-        f"No force table for a tread of pitch {tread.pitch * 1e3:.3g} mm, tooth {tread.tooth_width * 1e3:.3g} x "
-        f"{tread.tooth_height * 1e3:.3g} mm, belt {tread.belt_thickness * 1e3:.3g} mm. Solved so far: "
+        f"No force table for a tread of pitch {tread.pitch * 1e3:.3g} mm with {unlike}. Solved so far: "
         f"{', '.join(known)}; solve another with `haustra tread fem`."
     )
 

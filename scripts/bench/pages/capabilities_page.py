@@ -7,17 +7,24 @@ import sys
 from itertools import groupby
 from pathlib import Path
 
-from haustra.envs.sim.capabilities import BACKENDS, CAPABILITIES, Capability
+from haustra.envs.sim.capabilities import BACKENDS, CAPABILITIES, TRACKED_ON, Capability
 from haustra.files import write_atomically
 
 _HEAD = """\
 # What each backend honours
 
-Every field of a scene's options, of a scope's design and of a task. A backend refuses by name what it cannot honour, so
-that no field is silently ignored: `tests/envs/sim/test_capabilities.py` runs each field on each backend. This page is
-generated from `haustra.envs.sim.capabilities` by `make docs`; edit that table, not this page.
+Every field of a scene's options, of the designs of scopes and of the tracked robot, and of a task. A backend refuses by
+name what it cannot honour, so that no field is silently ignored: `tests/envs/sim/test_capabilities.py` and
+`test_tracked_capabilities.py` beside it run each field on each backend. This page is generated from
+`haustra.envs.sim.capabilities` by `make docs`; edit that table, not this page.
 """
-_TITLES = {"scene": "Scene", "design": "Scope design", "task": "Task", "randomisation": "Randomisation"}
+_TITLES = {
+    "scene": "Scene",
+    "design": "Scope design",
+    "tracked": "Tracked design",
+    "task": "Task",
+    "randomisation": "Randomisation",
+}
 
 
 def capabilities_page() -> str:
@@ -44,6 +51,8 @@ def _section(title: str, entries: list[Capability]) -> str:
 def _cell(entry: Capability, backend: str) -> str:
     if entry.path.startswith(("task.", "randomisation.")) and backend == "native":
         return "no tasks"
+    if entry.path.startswith("tracked."):
+        return TRACKED_ON[backend]
     if backend not in entry.only:
         return "yes"
     return "only " + ", ".join(_value(value) for value in entry.only[backend])

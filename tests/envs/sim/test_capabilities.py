@@ -33,6 +33,7 @@ from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.anatomy.colon import ColonSegment, Surface
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.devices.scope.library import named_design
+from haustra.models.devices.tracked.design import TrackedDesign
 from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
 from haustra.models.wall.lumen_table import ANGLES, Tables, lumen_table, stack
 from tests.bent_colon import winding
@@ -463,6 +464,7 @@ def test_no_field_is_missing_from_the_table_and_none_has_gone() -> None:
     design = _names(ScopeDesign, DESIGN, "design.")
     asked = _names(SceneOptions, SceneOptions(), "scene.") | design | _names(TaskConfig, TaskConfig(), "task.")
     inner = {path for path in asked if path.startswith("task.randomisation.")}
+    asked |= _names(TrackedDesign, TrackedDesign(), "tracked.")
     asked = (asked - inner) | {path.removeprefix("task.") for path in inner} | {"task.randomisation"}
     assert named == asked
 

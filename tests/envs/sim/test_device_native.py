@@ -135,5 +135,6 @@ def test_a_capsule_drives_through_a_colon_that_moves_and_the_run_says_so():
         assert run.outcome is not Outcome.DIVERGED
         scores = device_scores(run, bend)
         assert scores["mesentery"] is moves and ("mesentery" in scores["not_modelled"]) is not moves
+        assert np.array_equal(run.colon.lumen.vertices, bend.lumen.vertices) is not moves
         runs[moves] = scores["wall_force_peak_N"], run.records["tip_arc"][-1]
     assert runs[True] != runs[False] and runs[True][1] > 0.05

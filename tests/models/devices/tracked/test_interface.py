@@ -107,6 +107,8 @@ def test_it_follows_a_bend_and_steered_treads_follow_it_better() -> None:
         device = robot(steering=steering)
         run = run_device(device, colon, device_options(device, start_depth=0.1, timestep=2e-3), seconds=8.0)
         assert run.records["core_force"].max() < 1.0 and run.wall_law == "table"
+        along = np.diff(run.shape, axis=0) @ (run.shape[-1] - run.shape[0])
+        assert (along > 0).all() and run.radius == device.design.core_diameter / 2
         ways[steering] = run.records["tip_arc"][-1] - 0.1
     ran = 8.0 * robot().design.tread_speed(robot().rpm)
     assert 0.8 * ran < ways["none"] < ways["each tread"] < 1.02 * ran
