@@ -15,6 +15,8 @@ from haustra.models.wall.lumen_table import Tables
 from haustra.models.wall.planes import AWAY, Sample
 from haustra.models.wall.table_wall import TableWalls
 
+_CONSTRAINT = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+
 
 @dataclass(frozen=True)
 class _Group:
@@ -83,6 +85,7 @@ class TablePlanes:
         self._friction = batch.expand("pair_friction")
         self._solref, self._solimp = batch.expand("pair_solref"), batch.expand("pair_solimp")
         self._solref_friction, self._margin = batch.expand("pair_solreffriction"), batch.expand("pair_margin")
+        self._disabled = np.zeros(0, np.int32) if tables.mesentery is None else batch.expand("opt.disableflags")
         self._surface = np.zeros((0, 0, 0)) if tables.mesentery is None else batch.expand("geom_surfacevel")
         self.spheres = np.array([model.geom(f"wall/sphere_{i:04d}").id for i in range(count)])
         self.radius = model.geom_size[self.spheres, 0]
@@ -195,8 +198,10 @@ class TablePlanes:
         the last step, or it rocks where walls are stiff: there places are asked for anew.
         """
         moves = self._groups[0].walls.displacement is not None
-        if moves:
+        if moves:  # where spheres are does not depend on what they touch
+            self._disabled |= _CONSTRAINT
             self._batch.forward(worlds, stage=mujoco.mjtStage.mjSTAGE_POS)
+            self._disabled &= ~_CONSTRAINT
         h = self._step_time
         for group in self._groups:
             walls = group.walls

@@ -411,12 +411,14 @@ def loops() -> Loops:
     overload(vectors.where)(lambda xp, condition, yes, no: lambda xp, condition, yes, no: yes if condition else no)
     own = (_node, _put, _put_more, _node_between, _edge_rate, _shape, _add_springs)
     entries = (_query, _query_moved, _place_planes, _carry_on, _contacts, _step_axis, contact_solver.solve)
-    parts = (*vectors.PARTS, *lumen_table.PARTS, *moving_colon.PARTS, *contact_solver.PARTS)
-    # Sums may be taken in any order, so that several numbers are added at a time.
-    options: Any = {"error_model": "numpy", "fastmath": {"contract", "reassoc", "nsz"}}
-    for part in (*parts, *own, *entries):
+    laws = (*vectors.PARTS, *lumen_table.PARTS, *moving_colon.PARTS, *own, *entries[:-1])
+    # Products may be added at once; sums keep their order, or code from the cache would round as no other does.
+    options = {"error_model": "numpy", "fastmath": {"contract"}}
+    solver = (*contact_solver.PARTS, contact_solver.solve)
+    each: Any = *((part, {}) for part in laws), *((part, options) for part in solver)
+    for part, how in each:
         plain = unwrap(part)  # of what checks types at run time
-        overload(part, strict=False, jit_options=options)(lambda *_, plain=plain: plain)
+        overload(part, strict=False, jit_options=how)(lambda *_, plain=plain: plain)
     files = [Path(str(module.__file__)) for module in (vectors, lumen_table, moving_colon, planes, contact_solver)]
     law = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 

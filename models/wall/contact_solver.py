@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from haustra.models.wall.vectors import cross, minus, times
+from haustra.models.wall.vectors import add, cross, dot, minus, times
 
 _LIMIT, _SMOOTH_CONTACT, _CONTACT = (
     int(kind)
@@ -143,32 +143,32 @@ def _constrain(model: mujoco.MjModel, data: mujoco.MjData, tree: Tree, solve: Ca
     return True
 
 
-def times_inertia(c: Any, v: Any) -> Any:
-    """MuJoCo's ten numbers of a link's inertia times a spatial velocity."""
-    return (
-        c[0] * v[0] + c[3] * v[1] + c[4] * v[2] - c[8] * v[4] + c[7] * v[5],
-        c[3] * v[0] + c[1] * v[1] + c[5] * v[2] + c[8] * v[3] - c[6] * v[5],
-        c[4] * v[0] + c[5] * v[1] + c[2] * v[2] - c[7] * v[3] + c[6] * v[4],
-        c[8] * v[1] - c[7] * v[2] + c[9] * v[3],
-        c[6] * v[2] - c[8] * v[0] + c[9] * v[4],
-        c[7] * v[0] - c[6] * v[1] + c[9] * v[5],
+def times_inertia(c: Any, v: Any, b: int) -> Any:
+    """MuJoCo's ten numbers of a body's inertia times its spatial velocity."""
+    r, w, u = (c[b, 6], c[b, 7], c[b, 8]), (v[b, 0], v[b, 1], v[b, 2]), (v[b, 3], v[b, 4], v[b, 5])
+    turned = (
+        c[b, 0] * w[0] + c[b, 3] * w[1] + c[b, 4] * w[2],
+        c[b, 3] * w[0] + c[b, 1] * w[1] + c[b, 5] * w[2],
+        c[b, 4] * w[0] + c[b, 5] * w[1] + c[b, 2] * w[2],
     )
+    return add(turned, cross(r, u)), add(times(c[b, 9], u), cross(w, r))
 
 
-def put_inertia(c: Any, whole: Any) -> None:
-    """MuJoCo's ten numbers of a link's inertia as a matrix."""
-    whole[:] = 0.0
-    whole[0, 0], whole[1, 1], whole[2, 2] = c[0], c[1], c[2]
-    whole[0, 1] = whole[1, 0] = c[3]
-    whole[0, 2] = whole[2, 0] = c[4]
-    whole[1, 2] = whole[2, 1] = c[5]
-    whole[3, 3] = whole[4, 4] = whole[5, 5] = c[9]
-    whole[0, 4] = whole[4, 0] = -c[8]
-    whole[0, 5] = whole[5, 0] = c[7]
-    whole[1, 3] = whole[3, 1] = c[8]
-    whole[1, 5] = whole[5, 1] = -c[6]
-    whole[2, 3] = whole[3, 2] = -c[7]
-    whole[2, 4] = whole[4, 2] = c[6]
+def put_inertia(c: Any, whole: Any, b: int) -> None:
+    """MuJoCo's ten numbers of a body's inertia as a matrix."""
+    for i in range(3):
+        for k in range(3):
+            whole[b, i, k + 3] = whole[b, i + 3, k] = whole[b, i + 3, k + 3] = 0.0
+        whole[b, i, i], whole[b, i + 3, i + 3] = c[b, i], c[b, 9]
+    whole[b, 0, 1] = whole[b, 1, 0] = c[b, 3]
+    whole[b, 0, 2] = whole[b, 2, 0] = c[b, 4]
+    whole[b, 1, 2] = whole[b, 2, 1] = c[b, 5]
+    whole[b, 0, 4] = whole[b, 4, 0] = -c[b, 8]
+    whole[b, 0, 5] = whole[b, 5, 0] = c[b, 7]
+    whole[b, 1, 3] = whole[b, 3, 1] = c[b, 8]
+    whole[b, 1, 5] = whole[b, 5, 1] = -c[b, 6]
+    whole[b, 2, 3] = whole[b, 3, 2] = -c[b, 7]
+    whole[b, 2, 4] = whole[b, 4, 2] = c[b, 6]
 
 
 def cone(d0: Any, d1: Any, d2: Any, mu: Any, f1: Any, f2: Any, r0: Any, r1: Any, r2: Any) -> Any:
@@ -197,13 +197,17 @@ def cone(d0: Any, d1: Any, d2: Any, mu: Any, f1: Any, f2: Any, r0: Any, r1: Any,
     )
 
 
-def _three(values: Any, at: int) -> Any:
-    return values[at], values[at + 1], values[at + 2]
+def _three(values: Any, row: int, at: int) -> Any:
+    return values[row, at], values[row, at + 1], values[row, at + 2]
 
 
-def _put_six(values: Any, turning: Any, moving: Any) -> None:
-    values[0], values[1], values[2] = turning
-    values[3], values[4], values[5] = moving
+def _put_six(values: Any, row: int, turning: Any, moving: Any) -> None:
+    values[row, 0], values[row, 1], values[row, 2] = turning
+    values[row, 3], values[row, 4], values[row, 5] = moving
+
+
+def _dot_six(a: Any, i: int, b: Any, k: int) -> Any:
+    return dot(_three(a, i, 0), _three(b, k, 0)) + dot(_three(a, i, 3), _three(b, k, 3))
 
 
 def _rates(arms: Any, body: int, row: int, size: int, motion: Any, dofs: Any, rate: Any) -> None:
@@ -212,57 +216,53 @@ def _rates(arms: Any, body: int, row: int, size: int, motion: Any, dofs: Any, ra
         rate[row] = arms[row, 0] * dofs[-1 - body]
         return
     for r in range(row, row + size):
-        total = 0.0
-        for k in range(6):
-            total += arms[r, k] * motion[body, k]
-        rate[r] = total
+        rate[r] = _dot_six(arms, r, motion, body)
 
 
 def _pushed(rows: Any, row: int, size: int, r0: Any, r1: Any, r2: Any) -> Any:
     """Forces of a constraint whose rows are off by r, and their derivatives, as `cone` gives them."""
     if size == 3:
         d, number = rows.stiffness, rows.number[row]
-        friction = rows.friction[number]
-        return cone(d[row], d[row + 1], d[row + 2], rows.mu[number], friction[0], friction[1], r0, r1, r2)
+        rough = rows.mu[number], rows.friction[number, 0], rows.friction[number, 1]
+        return cone(d[row], d[row + 1], d[row + 2], *rough, r0, r1, r2)
     if r0 >= 0:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     return (-rows.stiffness[row] * r0, 0.0, 0.0), (rows.stiffness[row], 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def _press(arms: Any, row: int, size: int, f: Any, h: Any, bias: Any, whole: Any) -> None:
+def _press(arms: Any, row: int, size: int, f: Any, h: Any, bias: Any, whole: Any, b: int) -> None:
     """Add a contact's forces and their derivatives to those on its body."""
     if size == 1:
         for i in range(6):
-            bias[i] -= f[0] * arms[row, i]
+            bias[b, i] -= f[0] * arms[row, i]
             for k in range(6):
-                whole[i, k] += h[0] * arms[row, i] * arms[row, k]
+                whole[b, i, k] += h[0] * arms[row, i] * arms[row, k]
         return
     for i in range(6):
         x, y, z = arms[row, i], arms[row + 1, i], arms[row + 2, i]
-        bias[i] -= f[0] * x + f[1] * y + f[2] * z
+        bias[b, i] -= f[0] * x + f[1] * y + f[2] * z
         p = h[0] * x + h[1] * y + h[2] * z
         q = h[1] * x + h[3] * y + h[4] * z
         s = h[2] * x + h[4] * y + h[5] * z
         for k in range(6):
-            whole[i, k] += p * arms[row, k] + q * arms[row + 1, k] + s * arms[row + 2, k]
+            whole[b, i, k] += p * arms[row, k] + q * arms[row + 1, k] + s * arms[row + 2, k]
 
 
-def _let_go(axis: Any, column: Any, whole: Any, bias: Any, drive: Any, i: int, pivot: float) -> float:
-    """Let a link's inertia and forces be those that are felt before its dof i, whose own inertia comes back."""
-    for k in range(6):
-        total = 0.0
-        for j in range(6):
-            total += whole[k, j] * axis[j]
-        column[k] = total
-    for k in range(6):
-        pivot += axis[k] * column[k]
-        drive[i] -= axis[k] * bias[k]
+def _let_go(axes: Any, columns: Any, whole: Any, bias: Any, drive: Any, b: int, i: int, pivot: float) -> float:
+    """Let a body's inertia and forces be those that are felt before its dof i, whose own inertia comes back."""
+    for k in range(6):  # the matrix is symmetric; by its rows, six sums go on at a time
+        columns[i, k] = whole[b, 0, k] * axes[i, 0]
+    for j in range(1, 6):
+        for k in range(6):
+            columns[i, k] += whole[b, j, k] * axes[i, j]
+    pivot += _dot_six(axes, i, columns, i)
+    drive[i] -= _dot_six(axes, i, bias, b)
     push = drive[i] / pivot
     for k in range(6):
-        bias[k] += column[k] * push
-        part = column[k] / pivot
+        bias[b, k] += columns[i, k] * push
+        part = columns[i, k] / pivot
         for j in range(6):
-            whole[k, j] -= part * column[j]
+            whole[b, k, j] -= part * columns[i, j]
     return pivot
 
 
@@ -276,7 +276,7 @@ def _line(rows: Any, row: int, size: int, off: Any, rate: Any, share: Any, slope
     return slope - (f[0] * v0 + f[1] * v1 + f[2] * v2), bend
 
 
-PARTS = (times_inertia, put_inertia, cone, _three, _put_six, _rates, _pushed, _press, _let_go, _line)
+PARTS = (times_inertia, put_inertia, cone, _three, _put_six, _dot_six, _rates, _pushed, _press, _let_go, _line)
 """What numba is to compile."""
 
 
@@ -327,17 +327,17 @@ def solve(
             if (one < 0) == (other < 0):
                 return -1
             body[found], sizes[found] = max(one, other), rows.dims[number]
-            side, centre = 1.0 if one < 0 else -1.0, centres[tree.root[body[found]]]
-            lever = minus(_three(rows.places[number], 0), _three(centre, 0))
+            side = 1.0 if one < 0 else -1.0
+            lever = minus(_three(rows.places, number, 0), _three(centres, tree.root[body[found]], 0))
             for axis in range(sizes[found]):
-                way = times(side, _three(rows.frames[number], 3 * axis))
-                _put_six(arms[row + axis], cross(lever, way), way)
+                way = times(side, _three(rows.frames, number, 3 * axis))
+                _put_six(arms, row + axis, cross(lever, way), way)
         else:
             return -1
         row += sizes[found]
         found += 1
     moving, going = np.zeros((bodies, 6)), np.zeros((bodies, 6))
-    whole, bias = np.zeros((bodies, 6, 6)), np.zeros((bodies, 6))
+    whole, bias = np.empty((bodies, 6, 6)), np.empty((bodies, 6))
     off, rate, stops = np.empty(count), np.empty(count), np.empty(joints)
     step, drive, pivot, columns = np.empty(joints), np.empty(joints), np.empty(joints), np.empty((joints, 6))
     for b in tree.bodies:
@@ -354,10 +354,8 @@ def solve(
         # Forces, their sum on each link, and how they change with its motion.
         stops[:], total[:] = 0.0, 0.0
         for b in tree.bodies:
-            put_inertia(inertias[b], whole[b])
-            pushed = times_inertia(inertias[b], moving[b])
-            for k in range(6):
-                bias[b, k] = pushed[k]
+            put_inertia(inertias, whole, b)
+            _put_six(bias, b, *times_inertia(inertias, moving, b))
         for c in range(found):
             row, b = starts[c], body[c]
             f, h = _pushed(rows, row, sizes[c], off[row], off[row + sizes[c] // 2], off[row + sizes[c] - 1])
@@ -367,7 +365,7 @@ def solve(
                 stops[-1 - b] += h[0]
                 total[-1 - b] += arms[row, 0] * f[0]
             elif h[0] > 0:
-                _press(arms, row, sizes[c], f, h, bias[b], whole[b])
+                _press(arms, row, sizes[c], f, h, bias, whole, b)
         if last:
             break
         # Newton's step: articulated bodies that are moved by what is out of balance.
@@ -375,27 +373,25 @@ def solve(
             b = tree.bodies[n]
             for i in range(tree.first[b] + tree.dofs[b] - 1, tree.first[b] - 1, -1):
                 drive[i] = smooth[i] + total[i] - tree.armature[i] * qacc[i]
-                pivot[i] = _let_go(axes[i], columns[i], whole[b], bias[b], drive, i, tree.armature[i] + stops[i])
+                pivot[i] = _let_go(axes, columns, whole, bias, drive, b, i, tree.armature[i] + stops[i])
             up = tree.parent[b]
             if up > 0:
-                bias[up] += bias[b]
-                whole[up] += whole[b]
+                for k in range(6):
+                    bias[up, k] += bias[b, k]
+                    for j in range(6):
+                        whole[up, k, j] += whole[b, k, j]
         for b in tree.bodies:
             going[b] = going[tree.parent[b]]
             for i in range(tree.first[b], tree.first[b] + tree.dofs[b]):
-                left = drive[i]
-                for k in range(6):
-                    left -= columns[i, k] * going[b, k]
-                step[i] = left / pivot[i]
+                step[i] = (drive[i] - _dot_six(columns, i, going, b)) / pivot[i]
                 for k in range(6):
                     going[b, k] += axes[i, k] * step[i]
         # Along the step: slope and curvature of the cost of free motion, then with the rows'.
         slope, bend = 0.0, 0.0
         for b in tree.bodies:
-            pushed = times_inertia(inertias[b], going[b])
-            for k in range(6):
-                slope += pushed[k] * moving[b, k]
-                bend += pushed[k] * going[b, k]
+            turning, pushing = times_inertia(inertias, going, b)
+            slope += dot(turning, _three(moving, b, 0)) + dot(pushing, _three(moving, b, 3))
+            bend += dot(turning, _three(going, b, 0)) + dot(pushing, _three(going, b, 3))
         for i in range(joints):
             slope += step[i] * (tree.armature[i] * qacc[i] - smooth[i])
             bend += step[i] * step[i] * tree.armature[i]
@@ -434,8 +430,7 @@ def solve(
     for n in range(len(tree.bodies) - 1, -1, -1):
         b = tree.bodies[n]
         for i in range(tree.first[b], tree.first[b] + tree.dofs[b]):
-            for k in range(6):
-                total[i] += axes[i, k] * bias[b, k]
+            total[i] += _dot_six(axes, i, bias, b)
         if tree.parent[b] > 0:
             bias[tree.parent[b]] += bias[b]
     return steps
