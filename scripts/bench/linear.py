@@ -111,12 +111,12 @@ def measure_cost(bank: ScopeBank, worlds: Sequence[int], *, threads: int = 1, **
     rows = []
     for count in worlds:
         backend, hands = driven(bank, count, threads=threads, **device)
+        where = device.get("device", "cpu")
         state = backend.state()
         spheres = state.normal.shape[1]
-        steps = max(4, min(400, 40_000 // count))
+        steps = 40 if where == "cuda" else max(4, min(400, 40_000 // count))
         seconds = time_steps(backend, hands, steps=steps)
         touching = float((state.normal > 0).mean())
-        where = device.get("device", "cpu")
         rows.append(Cost(state.qpos.shape[1], spheres, count, where, seconds * 1e6, touching=touching))
         backend.close()
     return rows
