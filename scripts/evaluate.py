@@ -31,7 +31,7 @@ class Evaluate:
     """Let colons move on their mesentery (backends native and jax); as the first policy's when not given."""
     seconds: float = 90.0
     """Longest episode [s]."""
-    backend: Literal["native", "jax", "warp"] = "native"
+    backend: Literal["native", "linear", "jax", "warp"] = "native"
     """Of the physics: MuJoCo on threads, or JAX on its device, all episodes at once."""
     threads: int = 2
     """For physics on the CPU."""

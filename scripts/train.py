@@ -32,7 +32,7 @@ class Train:
     """Let colons move on their mesentery; backends native and jax."""
     colons: int | None = None
     """Number of grown colons (seeds 0, 1, ...)."""
-    backend: Literal["native", "jax", "warp"] | None = None
+    backend: Literal["native", "linear", "jax", "warp"] | None = None
     """Of the physics: MuJoCo on threads, or JAX on its device."""
     device: Literal["cpu", "cuda"] | None = None
     """Of the networks."""

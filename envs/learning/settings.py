@@ -11,7 +11,7 @@ from haustra.envs.tasks.observation import IN_BYTES, sizes
 from haustra.errors import InvalidOptionError
 
 ALGORITHMS = ("ppo", "sac")
-BACKENDS = ("native", *DEVICE_BACKENDS)
+BACKENDS = ("native", "linear", *DEVICE_BACKENDS)
 DEVICES = ("cpu", "cuda")
 SHIPPED = ("insertion-ppo", "insertion-gpu", "insertion-mesentery", "insertion-easy", "insertion-sac", "quick")
 """Configurations in assets/training."""

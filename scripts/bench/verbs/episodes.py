@@ -12,7 +12,7 @@ class BenchEpisodes:
     """Scopes stepped at once."""
     threads: int = 2
     """For physics."""
-    backend: Literal["native", "jax", "warp"] = "native"
+    backend: Literal["native", "linear", "jax", "warp"] = "native"
     """What computes: MuJoCo on threads, or JAX or MuJoCo Warp on a GPU."""
     seconds: float = 20.0
     """Simulated time of each world [s]."""
