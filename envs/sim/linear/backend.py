@@ -1,5 +1,6 @@
 """Many scopes in linear time: one program steps all worlds, in the lanes of a CPU or the threads of a GPU."""
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, Literal, final
 
@@ -9,8 +10,8 @@ from jaxtyping import Bool, Float, Int
 
 from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.conditions import Conditions, Snapshot
-from haustra.envs.sim.linear.layout import SEEN, WORLD, seen_slot
-from haustra.envs.sim.linear.pack import pack_design, pack_tables, structure_of
+from haustra.envs.sim.linear.layout import AXIS, NODE, SEEN, WORLD, seen_slot
+from haustra.envs.sim.linear.pack import pack_axis, pack_design, pack_tables, structure_of
 from haustra.envs.sim.linear.place import CpuPlace, GpuPlace, Place
 from haustra.envs.sim.native_batch import posed
 from haustra.envs.sim.scope_reading import read_chain, read_scope
@@ -19,8 +20,9 @@ from haustra.envs.sim.state import Controls, Readings, refuse_others
 from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene
-from haustra.models.wall import lumen_table
+from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables, pick
+from haustra.models.wall.moving_colon import AxisDisplacement
 
 _GIVEN = ("stiffness", "damping_time", "friction", "push_limit", "torque_limit")
 
@@ -60,11 +62,13 @@ class LinearBackend(AbstractBackend):
         self.scene, self.tables, self.worlds = scene, tables, worlds
         self._chain, self._scope = read_chain(scene, backend=self.name), read_scope(scene, backend=self.name)
         structure = structure_of(self._chain)
-        self._layout, self._coils = structure.layout, structure.coils
+        moving = tables.mesentery
+        nodes = 0 if moving is None else moving.nodes.shape[1]
+        self._layout, self._coils = replace(structure.layout, nodes=nodes), structure.coils
         self._places = int(structure.coils.max()) + 1
         self._first_link = seen_slot("coils") + 3 * self._places
         program = {"real": real, "room": self._layout.room, "timestep": scene.options.timestep}
-        program |= {"angles": tables.wall.shape[1], "one_design": True}
+        program |= {"angles": tables.wall.shape[1], "one_design": True, "moving": moving is not None}
         self._place: Place = (
             CpuPlace(worlds=worlds, threads=min(threads, worlds), **program)
             if device == "cpu"
@@ -81,6 +85,7 @@ class LinearBackend(AbstractBackend):
             "structure": structure.numbers,
             "stations": stations,
             "wall": wall,
+            "axis": np.zeros((1, len(AXIS))) if moving is None else pack_axis(moving),
         }
         self._held = {name: self._place.hold(each) for name, each in values.items()}
         self._case = np.zeros(worlds, int)
@@ -100,6 +105,10 @@ class LinearBackend(AbstractBackend):
         values: dict[str, Any] = {name: getattr(tables, name)[case] for name in ("step", "first", "count")}
         values |= {"device_radius": tables.device_radius[case], "bending": conditions.shaft_stiffness, "alive": 1.0}
         values |= {f"gravity_{axis}": gravity[:, i] for i, axis in enumerate("xyz")}
+        if tables.mesentery is not None:
+            moving = tables.mesentery
+            values |= {"first_node": case * layout.nodes}
+            values |= {"spacing": moving.spacing[case], "pleating": moving.pleating[case]}
         values |= {"stiffness": conditions.wall_stiffness, "friction": conditions.friction}
         values |= {"damping_time": options.wall_damping_time}
         values |= {"push_limit": options.push_limit, "torque_limit": options.torque_limit}
@@ -146,7 +155,7 @@ class LinearBackend(AbstractBackend):
 
     def _run(self, count: int) -> None:
         layout = self._layout
-        counts = layout.dofs, layout.bodies, layout.spheres, self._places, count
+        counts = layout.dofs, layout.bodies, layout.spheres, layout.nodes, self._places, count
         self._place.run(self._held, counts, self.worlds)
 
     def read(self) -> Readings:
@@ -170,28 +179,36 @@ class LinearBackend(AbstractBackend):
             tip_force=parts["tip_force"],
             link_forces=seen[:, self._first_link :],
             deepest=parts["deepest"][:, 0],
+            displacement=self.displacement,
             coils=seen[:, seen_slot("coils") : self._first_link].reshape(self.worlds, -1, 3)[:, self._coils],
         )
 
     def state(self) -> State:
         """The whole state, as the backend 'jax' has it, in double precision."""
         layout, alive = self._layout, WORLD.index("alive")
-        ends = (0, layout.speeds, layout.arcs, layout.normals, layout.hand, layout.pulls, layout.time, layout.state)
+        ends = (0, layout.speeds, layout.arcs, layout.normals, layout.hand, layout.pulls, layout.time, layout.axis)
         parts = [self._of_worlds("state", *pair) for pair in pairwise(ends)]
         qpos, qvel, arcs, normal, hand, pulls, time = parts
         healthy = self._of_worlds("worlds", alive, alive + 1)[:, 0] > 0
-        return State(qpos, qvel, hand, arcs, normal, healthy, time[:, 0], pulls)
+        axis = AxisDisplacement(*self._axes()) if layout.nodes else None
+        return State(qpos, qvel, hand, arcs, normal, healthy, time[:, 0], pulls, displacement=axis)
+
+    def _axes(self) -> tuple[Float[np.ndarray, "worlds nodes 3"], Float[np.ndarray, "worlds nodes 3"]]:
+        """Displacements of the colons' axes [m], and their speeds [m/s]."""
+        numbers = self._of_worlds("state", self._layout.axis, self._layout.state)
+        both = numbers.reshape(self.worlds, self._layout.nodes, NODE)
+        return both[..., :3], both[..., 3:]
 
     @property
-    def displacement(self) -> None:
-        """None: colons are fixed in space."""
-        return None
+    def displacement(self) -> Float[np.ndarray, "worlds nodes 3"] | None:
+        """Of the colons' axes from rest [m]; None where the colons are fixed in space."""
+        return self._axes()[0] if self._layout.nodes else None
 
     def way_ahead(self, distances: Float[np.ndarray, " places"]) -> Float[np.ndarray, "worlds places 3"]:
         """As `AbstractBackend.way_ahead`."""
         tip = self._layout.arcs + self._layout.spheres
         arcs = self._of_worlds("state", tip, tip + 1) + distances
-        return lumen_table.axis_at(np, pick(self.tables, self._case), arcs)
+        return moving_colon.axis_at(np, pick(self.tables, self._case), self.displacement, arcs)
 
     def positions(self) -> Float[np.ndarray, "worlds joints"]:
         """Joint positions of all scopes, as MuJoCo counts them."""

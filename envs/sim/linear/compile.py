@@ -26,7 +26,7 @@ def lanes_of(real: Any) -> int:
     return _BYTES // np.dtype(real).itemsize
 
 
-def write_program(*, lanes: int, real: Any, timestep: float, angles: int, one_design: bool) -> str:
+def write_program(*, lanes: int, real: Any, timestep: float, angles: int, one_design: bool, moving: bool) -> str:
     """A control step of blocks of worlds on a CPU, in LLVM's language.
 
     Args:
@@ -35,11 +35,12 @@ def write_program(*, lanes: int, real: Any, timestep: float, angles: int, one_de
         timestep: [s].
         angles: of the wall's table.
         one_design: whether all worlds have the same design; else each has its own.
+        moving: whether colons move on their mesentery.
     """
     program, arrays, counts, (steps, first, last) = _begun(lanes, real)
     with program.loop(first, last) as block:
         own = _Worlds(program, arrays, counts, block=block, stride=lanes)
-        _step(program, own.arrays(angles, one_design, room_of_block=False), counts, timestep, steps)
+        _step(program, own.arrays(angles, one_design, moving, room_of_block=False), counts, timestep, steps)
     return program.finish()
 
 
@@ -47,7 +48,7 @@ WARP = 32
 """Worlds of a block on a graphics processor, where a thread steps a world."""
 
 
-def write_kernel(*, real: Any, timestep: float, angles: int, one_design: bool) -> str:
+def write_kernel(*, real: Any, timestep: float, angles: int, one_design: bool, moving: bool) -> str:
     """The same for a graphics processor; `last` of `COUNTS` is how many worlds there are."""
     program, arrays, counts, (steps, _, worlds) = _begun(1, real, approximate=True)
     program.function.calling_convention = "ptx_kernel"
@@ -60,7 +61,7 @@ def write_kernel(*, real: Any, timestep: float, angles: int, one_design: bool) -
     with program.when(world < worlds):
         lane = world % WARP
         own = _Worlds(program, arrays, counts, block=(world - lane).over(WARP), stride=WARP, lane=lane)
-        _step(program, own.arrays(angles, one_design, room_of_block=True), counts, timestep, steps)
+        _step(program, own.arrays(angles, one_design, moving, room_of_block=True), counts, timestep, steps)
     return program.finish()
 
 
@@ -94,17 +95,17 @@ class _Worlds:
             "worlds": program.index(len(WORLD)),
             "seen": coils * 3 + seen_slot("coils") + layout.bodies,
             "room": layout.room,
-            "design": design_slots(*parts)[-1],
+            "design": design_slots(*parts[:3])[-1],
         }
 
-    def arrays(self, angles: int, one_design: bool, room_of_block: bool) -> dict[str, Any]:
+    def arrays(self, angles: int, one_design: bool, moving: bool, *, room_of_block: bool) -> dict[str, Any]:
         program, given = self._program, self._arrays
         own = {name: self._lanes(name) for name in ("state", "worlds", "seen")}
         own["room"] = self._lanes("room") if room_of_block else Lanes(program, given["room"], self._stride)
         own["design"] = Shared(program, given["design"]) if one_design else self._lanes("design")
         own["structure"] = Shared(program, given["structure"], whole=True)
         tables = {"stations": Rows(program, given["stations"], 4), "wall": (Rows(program, given["wall"], 1), angles)}
-        return own | tables
+        return own | tables | {"axis": Rows(program, given["axis"], 4) if moving else None}
 
     def _lanes(self, name: str) -> Lanes:
         program, builder = self._program, self._program.builder

@@ -15,8 +15,13 @@ SCOPE = ("radius", "start", "tip", "pull_limit", "wire_friction", "wire_hysteres
 
 WORLD = ("one", "bending", "tip_bending", "torsion", "stiffness", "damping_time", "friction", "push_limit",
          "torque_limit", "gravity_x", "gravity_y", "gravity_z", "step", "first", "count", "device_radius",
+         "first_node", "spacing", "pleating",
          "push_rate", "roll_rate", "up", "left", "down", "right", "alive")  # fmt: skip
 """Of a world: what scales joints, its wall, its hand, its colon, what the hands ask for, and whether it is stepped."""
+
+AXIS = ("place", "y", "z", "turn", "tangent", "tangent_y", "tangent_z", "length", "tension", "bending", "slack", "hold",
+        "support", "drag", "", "")  # fmt: skip
+"""Of a colon that moves, for each node of its axis: a row of `haustra.models.wall.mesentery.Mesentery`."""
 
 STATION = 16
 """Numbers of a row of a colon's station: point, first normal, second normal and tangent, each filled up to four."""
@@ -29,6 +34,8 @@ class Layout:
     dofs: Any
     bodies: Any
     spheres: Any
+    nodes: Any = 0
+    """Of the axis of a colon that moves."""
 
     @property
     def speeds(self) -> Any:
@@ -61,9 +68,14 @@ class Layout:
         return self.pulls + 4
 
     @property
+    def axis(self) -> Any:
+        """`NODE` slots a node."""
+        return self.time + 1
+
+    @property
     def state(self) -> Any:
         """Slots of the state."""
-        return self.time + 1
+        return self.axis + self.nodes * NODE
 
     # Room to work in begins with a copy of the state.
 
@@ -83,17 +95,26 @@ class Layout:
         return self.body_room + self.bodies * BODY_ROOM
 
     @property
+    def node_room(self) -> Any:
+        """`NODE_ROOM` slots a node."""
+        return self.sphere_room + self.spheres * SPHERE_ROOM
+
+    @property
     def room(self) -> Any:
         """All of it."""
-        return self.sphere_room + self.spheres * SPHERE_ROOM
+        return self.node_room + self.nodes * NODE_ROOM
 
 
 JOINT_ROOM = 10
 """U / D (6), tau / D, direction (3)."""
 BODY_ROOM = 30
 """Inertia (21), wrench (6), offset from its parent (3)."""
-SPHERE_ROOM = 11
-"""Normal, lever, speed against the wall (9), spring, drag."""
+SPHERE_ROOM = 14
+"""Normal, lever, speed against the wall (9), spring, drag, lever at which a colon that moves is held (3)."""
+NODE = 6
+"""Displacement and speed."""
+NODE_ROOM = 34
+"""`haustra.envs.sim.linear.axis`."""
 
 
 STRUCTURE = 5

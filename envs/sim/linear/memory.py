@@ -1,5 +1,6 @@
 """Where a program's numbers lie: one a world, one for all worlds, or in tables that each world looks up in."""
 
+from collections.abc import Iterator
 from typing import Any, Protocol
 
 from llvmlite import ir
@@ -36,6 +37,41 @@ class Lanes:
     def from_slot(self, slot: Number) -> "Lanes":
         """The same, counted from a slot on."""
         return Lanes(self._program, self._place(slot), self._stride)
+
+    def gather(self, slot: Value) -> Value:
+        """The number there, where each lane has a slot of its own."""
+        program, builder = self._program, self._program.builder
+        if program.lanes == 1 or slot.lanes == 1:
+            return self.load(slot)
+        found: Any = ir.Constant(ir.VectorType(program.real, program.lanes), ir.Undefined)
+        for lane, place in self._each(slot):
+            number = builder.load(place, typ=program.real)
+            found = builder.insert_element(found, number, ir.Constant(INDEX, lane))
+        return Value(program, found)
+
+    def gather_vector(self, slot: Value) -> tuple[Value, Value, Value]:
+        """Three numbers from there on."""
+        return self.gather(slot), self.gather(slot + 1), self.gather(slot + 2)
+
+    def add_at(self, slot: Value, value: Value) -> None:
+        """Add to the number there, where each lane has a slot of its own."""
+        program, builder = self._program, self._program.builder
+        if program.lanes == 1:
+            self.store(slot, self.load(slot) + value)
+            return
+        spread = program.spread(value)
+        for lane, place in self._each(slot):
+            more = builder.extract_element(spread, ir.Constant(INDEX, lane))
+            builder.store(builder.fadd(builder.load(place, typ=program.real), more), place)
+
+    def _each(self, slot: Value) -> Iterator[tuple[int, Any]]:
+        """Lanes, and the place of each one's own slot."""
+        program, builder = self._program, self._program.builder
+        offset = (slot * self._stride).written
+        for lane in range(program.lanes):
+            own = builder.extract_element(offset, ir.Constant(INDEX, lane))
+            own = builder.add(own, ir.Constant(INDEX, lane))
+            yield lane, builder.gep(self._base, [own], source_etype=program.real)
 
     def vector(self, slot: Number) -> tuple[Value, Value, Value]:
         """Three numbers from there on."""

@@ -5,12 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from haustra.envs.sim.linear.layout import BODY, DOF, SCOPE, STATION, STRUCTURE, Layout
+from haustra.envs.sim.linear.layout import AXIS, BODY, DOF, SCOPE, STATION, STRUCTURE, Layout
 from haustra.envs.sim.scope_reading import ScopeChain
 from haustra.envs.sim.scope_values import Scope
 from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.wall.lumen_table import Tables
+from haustra.models.wall.mesentery import Mesentery
 
 _STRAIGHT = 1e-9
 """What lies further from a link's axis than this [m, or of directions 1] is not on it."""
@@ -92,3 +93,15 @@ def pack_tables(tables: Tables) -> tuple[np.ndarray, np.ndarray]:
     rows[:, 0, :3] = tables.points
     rows[:, 1:, :3] = np.swapaxes(tables.frames, 1, 2)
     return rows.reshape(-1, STATION), np.asarray(tables.wall)
+
+
+def pack_axis(own: Mesentery) -> Float[np.ndarray, "nodes columns"]:
+    """Rows of the nodes of stacked colons that move, one colon after the other."""
+    colons, nodes = own.turns.shape
+    rows = np.zeros((colons, nodes, len(AXIS)))
+    rows[..., 0:3], rows[..., 4:7] = own.nodes, own.tangents
+    rows[:, :-1, AXIS.index("length")], rows[:, :-1, AXIS.index("tension")] = own.lengths, own.tension
+    for name in ("bending", "slack", "hold", "support", "drag"):
+        rows[..., AXIS.index(name)] = getattr(own, name)
+    rows[..., AXIS.index("turn")] = own.turns
+    return rows.reshape(-1, len(AXIS))

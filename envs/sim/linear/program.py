@@ -21,6 +21,7 @@ from haustra.envs.sim.linear.articulated import (
     slide_force,
     turned_frame,
 )
+from haustra.envs.sim.linear.axis import Axis
 from haustra.envs.sim.linear.layout import (
     BODY,
     BODY_ROOM,
@@ -47,9 +48,9 @@ from haustra.models.wall.vectors import Vector, add, cross, dot, minus, times
 SPEED_LIMIT = 1e4
 """A generalised speed above this [rad/s or m/s] is divergence, as in the other backends."""
 
-ARGUMENTS = ("state", "worlds", "seen", "room", "design", "structure", "stations", "wall")
+ARGUMENTS = ("state", "worlds", "seen", "room", "design", "structure", "stations", "wall", "axis")
 """Arrays of a program, in this order; then whole numbers: `COUNTS`."""
-COUNTS = ("dofs", "bodies", "spheres", "coils", "steps", "first", "last")
+COUNTS = ("dofs", "bodies", "spheres", "nodes", "coils", "steps", "first", "last")
 """The last two are blocks of worlds."""
 
 # Laws without the checks of arrays' shapes: what they are called with here are values of a program.
@@ -85,12 +86,12 @@ class ScopeProgram:
         Args:
             program: to write to.
             arrays: by the names of `ARGUMENTS`.
-            counts: joints, links, spheres and coils.
+            counts: joints, links, spheres, nodes of the axis and coils.
             timestep: [s].
         """
         self.program, self.h = program, timestep
-        self.dofs, self.bodies, self.spheres, self.coils = counts
-        self.layout = Layout(*counts[:3])
+        self.dofs, self.bodies, self.spheres, _, self.coils = counts
+        self.layout = Layout(*counts[:4])
         self.state: Lanes = arrays["state"]
         self.seen: Lanes = arrays["seen"]
         self.room: Lanes = arrays["room"]
@@ -102,6 +103,10 @@ class ScopeProgram:
         self.tables = Tables(*parts, step=None, first=None, count=None, axes=None, device_radius=None)
         self._links, self._places, self._scope, _ = slots.design_slots(*counts[:3])
         self._scales = self.bodies * STRUCTURE
+        self.axis: Axis | None = None
+        if rows := arrays["axis"]:
+            own = self.state, self._world, self.room
+            self.axis = Axis(program, self.layout, own, rows, (self.tables, self._stations()))
 
     # Numbers by name.
 
@@ -150,6 +155,8 @@ class ScopeProgram:
             self._outwards()
             self._inwards()
             self._accelerate(fastest)
+            if self.axis:
+                self.axis.step(self.h, fastest, SPEED_LIMIT)
             for side, rate in enumerate(("push_rate", "roll_rate")):
                 aim = layout.hand + side
                 self.state.store(aim, self.state.load(aim) + self.h * self.world(rate))
@@ -207,10 +214,12 @@ class ScopeProgram:
         return link
 
     def _outwards(self) -> None:
+        if self.axis:
+            self.axis.shape()
         tip = self.chain(self._meet)
         slot = self.layout.arcs + self.spheres
         place = add(tip.place, times(self.scope("tip"), tip.axis))
-        self.state.store(slot, self.nearest(place, self.state.load(slot)))
+        self.state.store(slot, self.nearest(place, self.state.load(slot))[0])
 
     def _meet(self, body: Value, link: "Link") -> None:
         """What a link's velocity needs and its spheres meet: its inertia and wrench."""
@@ -228,16 +237,14 @@ class ScopeProgram:
         program, xp, state, room, layout = self.program, self.program.xp, self.state, self.room, self.layout
         along = times(self.sphere_place(sphere), link.axis)
         centre, slot = add(link.place, along), layout.arcs + sphere
-        arc = self.nearest(centre, state.load(slot))
+        arc, rest = self.nearest(centre, state.load(slot))
         state.store(slot, arc)
         where, carried = self._sphere(sphere), state.load(layout.normals + sphere) > 0
         room.store(where + 9, 0.0)
         with program.when(arc > 0):
-            depth, normal = self.wall(centre, arc)
-            radius = self.scope("radius")
-            depth = xp.where(arc > 0, depth + (radius - self.world("device_radius")), -1.0)
-            lever = minus(along, times(radius, normal))
-            speed = add(link.moving, cross(link.turning, lever))
+            depth, normal, held, leaving = self.wall(rest, arc)
+            lever = minus(along, times(self.scope("radius"), normal))
+            speed = minus(add(link.moving, cross(link.turning, lever)), leaving)
             damper = self._damper()
             spring, damper, drag = place_contact(
                 xp,
@@ -252,7 +259,7 @@ class ScopeProgram:
             room.store(where + 9, spring)
             with program.when(spring > 0):
                 room.put(where, (*normal, *lever, *speed))
-                room.store(where + 10, drag)
+                room.put(where + 10, (drag, *held) if self.axis else (drag,))
                 felt = place_inertia(lever, normal, self.h * damper, self.h * drag)
                 force = place_force(spring, damper, drag, normal, speed)
                 more = (*_flat(felt), *times(-1.0, cross(lever, force)), *times(-1.0, force))
@@ -261,13 +268,26 @@ class ScopeProgram:
     def _damper(self) -> Value:
         return self.world("stiffness") * (self.world("damping_time") + self.h)
 
-    def nearest(self, place: Vector, arc: Value) -> Value:
-        """Arc length next to a place that was near `arc`."""
-        return nearest_arc(self.program.xp, self.tables, *self._stations(), place, arc)
+    def nearest(self, place: Vector, arc: Value) -> tuple[Value, Vector]:
+        """Arc length next to a place that was near `arc`, and where the place stands in the colon at rest."""
+        rest = self.axis.reference(place, arc) if self.axis else place
+        return nearest_arc(self.program.xp, self.tables, *self._stations(), rest, arc), rest
 
-    def wall(self, place: Vector, arc: Value) -> tuple[Value, Vector]:
-        """Depth of a point in the wall, and the inward normal."""
-        return wall_beside(self.program.xp, self.tables, *self._stations(), place, arc)
+    def wall(self, rest: Vector, arc: Value) -> tuple[Value, Vector, Vector, Vector]:
+        """Depth of a sphere in the wall, the inward normal, its lever on a colon that moves, and that wall's speed.
+
+        Args:
+            rest: the sphere's middle, in the colon at rest.
+            arc: there.
+        """
+        xp, radius = self.program.xp, self.scope("radius")
+        depth, normal = wall_beside(xp, self.tables, *self._stations(), rest, arc)
+        depth = xp.where(arc > 0, depth + (radius - self.world("device_radius")), -1.0)
+        if not self.axis:
+            return depth, normal, _NONE, _NONE
+        surface = minus(rest, times(radius, normal))
+        normal, held, speed = self.axis.carried(arc, normal, surface)
+        return depth, normal, held, speed
 
     def _stations(self) -> tuple[Value, Value, Value]:
         whole = self.program.xp.int32
@@ -368,12 +388,29 @@ class ScopeProgram:
         with program.when(spring > 0):
             normal, lever, speed = (room.vector(own + 3 * part) for part in range(3))
             speed = add(speed, times(self.h, add(moving_rate, cross(turning_rate, lever))))
-            self.state.store(slot, normal_force(program.xp, spring, self._damper(), dot(normal, speed)))
+            pressed = normal_force(program.xp, spring, self._damper(), dot(normal, speed))
+            self.state.store(slot, pressed)
+            if self.axis:
+                self._press_axis(sphere, spring, normal, speed)
+
+    def _press_axis(self, sphere: Value, spring: Value, normal: Vector, speed: Vector) -> None:
+        """What a sphere does to a colon that moves, at the end of the step."""
+        where, own = self.program.xp.where, self._sphere(sphere)
+        touching = spring > 0
+        damper = where(touching, self._damper(), 0.0)
+        drag = where(touching, self.room.load(own + 10), 0.0)
+        speed, held = (
+            tuple(where(touching, part, 0.0) for part in each) for each in (speed, self.room.vector(own + 11))
+        )
+        force = times(-1.0, place_force(spring, damper, drag, normal, speed))
+        self.axis.press(self.state.load(self.layout.arcs + sphere), held, force, damper + drag)
 
     def observe(self) -> None:
         """Read off what there is to see at the end of a control step."""
         program, state, seen = self.program, self.state, self.seen
         force, deepest = _Changing(program, _NONE), program.variable(-1.0)
+        if self.axis:
+            self.axis.shape()
 
         def look(body: Value, link: Link) -> None:
             pressed = _Changing(program, _NONE)
@@ -400,10 +437,9 @@ class ScopeProgram:
         coil = self.structure.load(self._scales + self.dofs + sphere)
         with program.when(coil >= 0):
             self.seen.put(coil * 3 + seen_slot("coils"), centre)
-        arc = self.nearest(centre, self.state.load(layout.arcs + sphere))
+        arc, rest = self.nearest(centre, self.state.load(layout.arcs + sphere))
         with program.when(arc > 0):
-            depth, normal = self.wall(centre, arc)
-            depth = xp.where(arc > 0, depth + (self.scope("radius") - self.world("device_radius")), -1.0)
+            depth, normal, _, _ = self.wall(rest, arc)
             deepest.value = xp.maximum(deepest.value, depth)
             force = xp.where(arc > 0, self.state.load(layout.normals + sphere), 0.0)
             pressed.now = add(pressed.now, times(force, normal))

@@ -16,6 +16,8 @@ class BenchLinear:
     """Of the CPU."""
     device: Literal["cpu", "cuda"] = "cpu"
     """Threads of the CPU, or the first NVIDIA GPU."""
+    mesentery: bool = False
+    """Let the colons move on their mesentery."""
     dense: bool = True
     """Time the dense backend with 80 joints too, and compare both; needs the extra mjx."""
     json: bool = field(default=False)
@@ -37,7 +39,7 @@ class BenchLinear:
                 f"--dofs {min(unknown)} is not known: give some of {', '.join(map(str, linear.SIZES))}."
             )
         rows: list[linear.Cost] = []
-        bank = linear.bank_of(80)
+        bank = linear.bank_of(80, mesentery=self.mesentery)
         with progress_bar("time", len(sizes), unit="sizes") as advance:
             for done, size in enumerate(sizes, 1):
                 rows += linear.measure_cost(

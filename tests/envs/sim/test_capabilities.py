@@ -449,7 +449,6 @@ def test_a_camera_that_tasks_cannot_show_is_refused_by_them(entry: Any, backend:
         ("warp", {"task": "withdrawal"}),
         ("warp", {"mesentery": True}),
         ("linear", {"task": "withdrawal"}),
-        ("linear", {"mesentery": True}),
     ],
 )
 def test_what_a_backend_cannot_honour_of_a_task_it_refuses_by_name(backend: str, changed: dict) -> None:

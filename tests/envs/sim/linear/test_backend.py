@@ -14,8 +14,10 @@ def bank():
     return bank_of(40)
 
 
-def test_a_step_is_the_dense_step(bank):
+@pytest.mark.parametrize("mesentery", [False, True])
+def test_a_step_is_the_dense_step(mesentery):
     """The bar of 1e-9 is for any step; rounding leaves 1e-12."""
+    bank = bank_of(40, mesentery=mesentery)
     jax = pytest.importorskip("jax")
     before = jax.config.jax_enable_x64
     jax.config.update("jax_enable_x64", True)
