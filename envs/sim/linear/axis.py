@@ -87,7 +87,8 @@ class Axis:
         """Where a place near an arc length stands in the colon at rest."""
         xp, cell = self.program.xp, self._cell(arc)
         axis = self._axis(arc)
-        moved = between(*(self._state.gather_vector(self._place(cell.at + i)) for i in range(2)), cell.share)
+        before, after = (self._state.gather_vector(self._place(cell.at + i)) for i in range(2))
+        moved = between(before, after, cell.share)
         stretch = self._room.gather(self._node(cell.at) + _LENGTH) / self._number(cell.at, "length")
         along = between(self._vector(cell.at, "tangent"), self._vector(cell.at + 1, "tangent"), cell.share)
         offset = minus(minus(place, axis), moved)
@@ -105,13 +106,15 @@ class Axis:
         before, after = self._turns(cell)
         now = between(turned(xp, *before, normal), turned(xp, *after, normal), cell.share)
         held = minus(surface, self._axis(arc))
-        rates = []
-        for i, turn in enumerate((before, after)):
-            slot = self._node(cell.at + i)
+
+        def speed(node: Value, turn: tuple[Value, Vector]) -> Vector:
+            slot = self._node(node)
             rate = self._room.gather(slot + _COSINE_RATE), self._room.gather_vector(slot + _TURN_RATE)
-            rates.append(turn_rate(xp, *turn, *rate, held))
-        moving = between(*(self._state.gather_vector(self._place(cell.at + i) + 3) for i in range(2)), cell.share)
-        return times(1 / norm(xp, now), now), held, add(moving, between(*rates, cell.share))
+            moving = self._state.gather_vector(self._place(node) + 3)
+            return add(moving, turn_rate(xp, *turn, *rate, held))
+
+        moving = between(speed(cell.at, before), speed(cell.at + 1, after), cell.share)
+        return times(1 / norm(xp, now), now), held, moving
 
     def press(self, arc: Value, held: Vector, force: Vector, damping: Value) -> None:
         """Let a force on the wall [N] act, damped by so much [N s/m], where its lever is held."""
@@ -129,7 +132,7 @@ class Axis:
         self._add_springs()
         with program.loop(0, self.nodes) as i:
             own, place, speed = self._node(i), self._state.vector(self._place(i)), self.speed(i)
-            springs = [self._number(i, name) for name in ("slack", "hold", "support")]
+            springs = self._number(i, "slack"), self._number(i, "hold"), self._number(i, "support")
             gripped = room.load(own + _GRIPPED)
             held = add(times(gripped, speed), hold_force(xp, place, *springs))
             room.put(own + _PULLED, add(room.vector(own + _PULLED), held))
@@ -167,7 +170,8 @@ class Axis:
             room.put(self._node(i) + _OVER, [0.0] * 3)
         with program.loop(0, self.nodes) as i:
             own, (inner, here, before) = self._node(i), self._edges(i)
-            rows = tuple(room.vector(own + _COUPLES + 3 * row) for row in range(3))
+            first = own + _COUPLES
+            rows = room.vector(first), room.vector(first + 3), room.vector(first + 6)
             turn = room.load(own + _COSINE), room.vector(own + _TURN)
             work = turn_gradient(xp, self._vector(i, "tangent"), *turn, rows)
             work = unit_rate(room.vector(own + _TANGENT), room.load(own + _SUM), work)

@@ -100,7 +100,7 @@ class _Worlds:
 
     def arrays(self, angles: int, one_design: bool, moving: bool, *, room_of_block: bool) -> dict[str, Any]:
         program, given = self._program, self._arrays
-        own = {name: self._lanes(name) for name in ("state", "worlds", "seen")}
+        own: dict[str, Any] = {name: self._lanes(name) for name in ("state", "worlds", "seen")}
         own["room"] = self._lanes("room") if room_of_block else Lanes(program, given["room"], self._stride)
         own["design"] = Shared(program, given["design"]) if one_design else self._lanes("design")
         own["structure"] = Shared(program, given["structure"], whole=True)
@@ -109,8 +109,8 @@ class _Worlds:
 
     def _lanes(self, name: str) -> Lanes:
         program, builder = self._program, self._program.builder
-        wide = [builder.sext(each.written, LONG) for each in (self._sizes[name] * self._stride, self._block)]
-        start = builder.mul(*wide)
+        size = builder.sext((self._sizes[name] * self._stride).written, LONG)
+        start = builder.mul(size, builder.sext(self._block.written, LONG))
         if self._lane is not None:
             start = builder.add(start, builder.sext(self._lane.written, LONG))
         return Lanes(program, builder.gep(self._arrays[name], [start], source_etype=program.real), self._stride)

@@ -136,7 +136,8 @@ class Rows:
         sides = [self._joined(parts[k::4]) for k in range(4)]
         low = [self._picked(sides[k], sides[k + 1], _TURN_LOW, lanes) for k in (0, 2)]
         high = [self._picked(sides[k], sides[k + 1], _TURN_HIGH, lanes) for k in (0, 2)]
-        turned = [self._picked(*pair, mask, lanes) for pair in (low, high) for mask in (_FIRST_HALF, _SECOND_HALF)]
+        halves = _FIRST_HALF, _SECOND_HALF
+        turned = [self._picked(pair[0], pair[1], half, lanes) for pair in (low, high) for half in halves]
         return [Value(program, each) for each in turned]
 
     def _joined(self, parts: list[Any]) -> Any:

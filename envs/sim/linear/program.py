@@ -194,8 +194,8 @@ class ScopeProgram:
     def chain(self, each: Callable[[Value, "Link"], None]) -> "Link":
         """Go outwards along the chain, and do something at each link; the last one is returned."""
         program, state = self.program, self.state
-        gravity = tuple(-self.world(f"gravity_{axis}") for axis in "xyz")
-        link = Link(program, gravity)
+        gravity = self.world("gravity_x"), self.world("gravity_y"), self.world("gravity_z")
+        link = Link(program, times(-1.0, gravity))
         with program.loop(0, self.bodies) as body:
             first, last = self.joints_of(body)
             offset = times(self.link(body, "offset"), link.axis)
@@ -224,7 +224,8 @@ class ScopeProgram:
     def _meet(self, body: Value, link: "Link") -> None:
         """What a link's velocity needs and its spheres meet: its inertia and wrench."""
         program, room = self.program, self.room
-        own = tuple(self.link(body, name) for name in BODY[1:])
+        mass, centre, across, along = (self.link(body, name) for name in BODY[1:])
+        own = mass, centre, across, along
         rates = link.turning_rate, link.moving_rate
         torque, force = link_bias(own, link.axis, link.turning, link.moving, rates)
         inertia = link_inertia(link.axis, *own)
@@ -391,19 +392,22 @@ class ScopeProgram:
             pressed = normal_force(program.xp, spring, self._damper(), dot(normal, speed))
             self.state.store(slot, pressed)
             if self.axis:
-                self._press_axis(sphere, spring, normal, speed)
+                self._press_axis(self.axis, sphere, normal, speed)
 
-    def _press_axis(self, sphere: Value, spring: Value, normal: Vector, speed: Vector) -> None:
+    def _press_axis(self, axis: Axis, sphere: Value, normal: Vector, speed: Vector) -> None:
         """What a sphere does to a colon that moves, at the end of the step."""
         where, own = self.program.xp.where, self._sphere(sphere)
+        spring = self.room.load(own + 9)
         touching = spring > 0
+
+        def there(v: Vector) -> Vector:
+            return where(touching, v[0], 0.0), where(touching, v[1], 0.0), where(touching, v[2], 0.0)
+
         damper = where(touching, self._damper(), 0.0)
         drag = where(touching, self.room.load(own + 10), 0.0)
-        speed, held = (
-            tuple(where(touching, part, 0.0) for part in each) for each in (speed, self.room.vector(own + 11))
-        )
-        force = times(-1.0, place_force(spring, damper, drag, normal, speed))
-        self.axis.press(self.state.load(self.layout.arcs + sphere), held, force, damper + drag)
+        force = times(-1.0, place_force(spring, damper, drag, there(normal), there(speed)))
+        held = there(self.room.vector(own + 11))
+        axis.press(self.state.load(self.layout.arcs + sphere), held, force, damper + drag)
 
     def observe(self) -> None:
         """Read off what there is to see at the end of a control step."""
