@@ -129,42 +129,55 @@ class Axis:
     def step(self, h: float, fastest: Any, limit: float) -> None:
         """Let the axes give way for a time step [s]; `fastest` keeps what is faster than a limit."""
         program, xp, room = self.program, self.program.xp, self._room
-        self._add_springs()
+        self._bend()
+        last = self.nodes - 1
+        pulls, right = ([program.variable(0.0) for _ in range(3)] for _ in range(2))
+        tied, resisted = program.variable(0.0), program.variable(1.0)
+
+        def now(parts: list[Any]) -> Vector:
+            return parts[0].value, parts[1].value, parts[2].value
+
+        # Outwards: forces and resistances of node after node, of which Thomas's algorithm takes away those before;
+        # off the diagonal stands -tie.
         with program.loop(0, self.nodes) as i:
             own, place, speed = self._node(i), self._state.vector(self._place(i)), self.speed(i)
             springs = self._number(i, "slack"), self._number(i, "hold"), self._number(i, "support")
-            gripped = room.load(own + _GRIPPED)
+            gripped, inside = room.load(own + _GRIPPED), i < last
+            pull, tie = self._edge(i, h)
+            pull = xp.where(inside, pull[0], 0.0), xp.where(inside, pull[1], 0.0), xp.where(inside, pull[2], 0.0)
+            tie, before = xp.where(inside, tie, 0.0), tied.value
             held = add(times(gripped, speed), hold_force(xp, place, *springs))
-            room.put(own + _PULLED, add(room.vector(own + _PULLED), held))
+            total = add(add(room.vector(own + _PULLED), held), minus(pull, now(pulls)))
             resists = node_resistance(xp, place, *springs, self._number(i, "drag"), gripped, h)
-            room.put(own + _DIAGONAL, (resists, 0.0))
-        with program.loop(0, self.nodes - 1) as i:
-            bending = self._number(i, "bending"), self._number(i + 1, "bending")
-            tie = edge_resistance(xp, self._number(i, "tension"), *bending, self._number(i, "length"), h)
-            for node in (i, i + 1):
-                diagonal = self._node(node) + _DIAGONAL
-                room.store(diagonal, room.load(diagonal) + tie)
-            room.store(self._node(i) + _TIE, tie)
-        # Thomas's algorithm; off the diagonal stands -tie.
-        with program.loop(1, self.nodes) as i:
-            own, before = self._node(i), self._node(i - 1)
-            tie = room.load(before + _TIE)
-            share = tie / room.load(before + _DIAGONAL)
-            room.store(own + _DIAGONAL, room.load(own + _DIAGONAL) - share * tie)
-            pulled = add(room.vector(own + _PULLED), times(share, room.vector(before + _PULLED)))
-            room.put(own + _PULLED, pulled)
+            share = before / resisted.value
+            total = add(total, times(share, now(right)))
+            resists = resists + tie + before - share * before
+            room.put(own + _PULLED, total)
+            room.put(own + _DIAGONAL, (resists, tie))
+            for parts, values in ((pulls, pull), (right, total), ([tied, resisted], (tie, resists))):
+                for part, value in zip(parts, values, strict=True):
+                    part.value = value
         beyond = [program.variable(0.0) for _ in range(3)]
         with program.loop(0, self.nodes, backwards=True) as i:
             own, slot = self._node(i), self._place(i)
-            right = add(room.vector(own + _PULLED), times(room.load(own + _TIE), tuple(part.value for part in beyond)))
-            moving = times(1 / room.load(own + _DIAGONAL), right)
+            total = add(room.vector(own + _PULLED), times(room.load(own + _TIE), now(beyond)))
+            moving = times(1 / room.load(own + _DIAGONAL), total)
             for part, value in zip(beyond, moving, strict=True):
                 part.value = value
                 fastest.value = xp.where(xp.abs(value) < limit, fastest.value, xp.abs(value))
             self._state.put(slot, (*add(self._state.vector(slot), times(h, moving)), *moving))
 
-    def _add_springs(self) -> None:
-        """Forces along and across the axis on its nodes."""
+    def _edge(self, i: Value, h: float) -> tuple[Vector, Value]:
+        """Force with which an edge pulls the node before it, and what ties both; of no meaning behind the last node."""
+        xp, room, own = self.program.xp, self._room, self._node(i)
+        unit, length, rest = room.vector(own + _UNIT), room.load(own + _LENGTH), self._number(i, "length")
+        stiffness, bending = self._number(i, "tension"), (self._number(i, "bending"), self._number(i + 1, "bending"))
+        tension = edge_tension(xp, length, rest, stiffness, self._of_world("pleating"))
+        pull = minus(times(tension, unit), unit_rate(unit, length, room.vector(own + _OVER)))
+        return pull, edge_resistance(xp, stiffness, bending[0], bending[1], rest, h)
+
+    def _bend(self) -> None:
+        """What bending and turned cross-sections do to the edges' directions."""
         program, xp, room = self.program, self.program.xp, self._room
         with program.loop(0, self.nodes) as i:
             room.put(self._node(i) + _OVER, [0.0] * 3)
@@ -180,15 +193,6 @@ class Axis:
             room.put(here + _OVER, add(room.vector(here + _OVER), minus(work, bend)))
             more = times(inner, add(work, bend))
             room.put(before + _OVER, add(room.vector(before + _OVER), more))
-        with program.loop(0, self.nodes - 1) as i:
-            own = self._node(i)
-            unit, length = room.vector(own + _UNIT), room.load(own + _LENGTH)
-            stiffness = self._number(i, "length"), self._number(i, "tension"), self._of_world("pleating")
-            tension = edge_tension(xp, length, *stiffness)
-            pull = minus(times(tension, unit), unit_rate(unit, length, room.vector(own + _OVER)))
-            for node, sign in ((i, 1.0), (i + 1, -1.0)):
-                slot = self._node(node) + _PULLED
-                room.put(slot, add(room.vector(slot), times(sign, pull)))
 
     def speed(self, node: Value) -> Vector:
         """Of a node [m/s]."""

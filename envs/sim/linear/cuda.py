@@ -92,7 +92,7 @@ class Kernel:
         _call("cuModuleLoadData", ctypes.byref(module), assembly.encode())
         _call("cuModuleGetFunction", ctypes.byref(self._function), module, name.encode())
 
-    def __call__(self, arrays: Sequence[DeviceArray], counts: Sequence[int], *, threads: int, group: int = 64) -> None:
+    def __call__(self, arrays: Sequence[DeviceArray], counts: Sequence[int], *, threads: int, group: int = 32) -> None:
         """Launch it with that many threads, in groups.
 
         Args:

@@ -104,4 +104,4 @@ def pack_axis(own: Mesentery) -> Float[np.ndarray, "nodes columns"]:
     for name in ("bending", "slack", "hold", "support", "drag"):
         rows[..., AXIS.index(name)] = getattr(own, name)
     rows[..., AXIS.index("turn")] = own.turns
-    return rows.reshape(-1, len(AXIS))
+    return np.vstack([rows.reshape(-1, len(AXIS)), np.ones((1, len(AXIS)))])  # one more, that is read behind the last
