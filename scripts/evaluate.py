@@ -32,7 +32,7 @@ class Evaluate:
     seconds: float = 90.0
     """Longest episode [s]."""
     backend: Literal["native", "linear", "jax", "warp"] = "native"
-    """Of the physics: MuJoCo on threads, or JAX on its device, all episodes at once."""
+    """Of the physics: MuJoCo on threads, linear time on them, or JAX on its device, all episodes at once."""
     threads: int = 2
     """For physics on the CPU."""
     processes: int = 2

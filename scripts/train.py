@@ -33,7 +33,7 @@ class Train:
     colons: int | None = None
     """Number of grown colons (seeds 0, 1, ...)."""
     backend: Literal["native", "linear", "jax", "warp"] | None = None
-    """Of the physics: MuJoCo on threads, or JAX on its device."""
+    """Of the physics: MuJoCo on threads, linear time on them, or JAX on its device."""
     device: Literal["cpu", "cuda"] | None = None
     """Of the networks."""
     threads: int = 2

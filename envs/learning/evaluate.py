@@ -135,7 +135,7 @@ def evaluate(
         bank: the colons.
         episodes: in each.
         threads: for physics on the CPU.
-        backend: 'native', MuJoCo on threads; 'jax' or 'warp', on JAX's device.
+        backend: 'native', MuJoCo on threads; 'linear', linear time on them; 'jax' or 'warp', on JAX's device.
         most_worlds: stepped at once; what suits the backend and its device when None.
         record: keep the states of the best episode.
         progress: told episodes done and their number.

@@ -29,7 +29,7 @@ class Training:
     """Steps between two checkpoints; episodes begin anew there, so that a resumed run is the same run."""
     worlds: int = 32
     backend: str = "native"
-    """Of the physics: MuJoCo on threads, or thousands of worlds on JAX's device: 'jax', 'warp'."""
+    """Of the physics: on threads, MuJoCo or 'linear', or thousands of worlds on JAX's device: 'jax', 'warp'."""
     device: str = "cpu"
     """Of the networks: 'cpu', or 'cuda', PyTorch's GPU."""
     seed: int = 0

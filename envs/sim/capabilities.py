@@ -132,6 +132,7 @@ TRACKED = (
 TRACKED_ON: Mapping[str, str] = {
     "native": "yes",
     "native-batch": "no tracked robots",
+    "linear": "no tracked robots",
     "jax": "no tracked robots",
     "warp": "on rigs",
 }

@@ -35,7 +35,7 @@ class NavigationVectorEnv(VectorEnv):
         render_mode: str | None = None,
         **options: Any,
     ) -> None:
-        """Build the bank, or take one; `backend` is 'native' (MuJoCo on threads), 'jax' or 'warp' (on a GPU).
+        """Build the bank, or take one; `backend` is 'native' or 'linear' (on threads), 'jax' or 'warp' (on a GPU).
 
         Raises:
             InvalidOptionError: when there is nothing to step, or an option is not known.

@@ -13,7 +13,7 @@ class BenchEpisodes:
     threads: int = 2
     """For physics."""
     backend: Literal["native", "linear", "jax", "warp"] = "native"
-    """What computes: MuJoCo on threads, or JAX or MuJoCo Warp on a GPU."""
+    """What computes: MuJoCo on threads, linear time on them, or JAX or MuJoCo Warp on a GPU."""
     seconds: float = 20.0
     """Simulated time of each world [s]."""
     colons: int = 4
