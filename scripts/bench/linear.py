@@ -20,6 +20,8 @@ SIZES = {40: (0.11, 0.03, 0.015), 80: (0.047, 0.0165, 0.015), 160: (0.0225, 0.00
 
 _PUSH, _PULL, _WAY = 0.05, 20.0, 8.0
 """Speed of the hand [m/s], largest pull [N], and seconds that a scope is driven in before it is timed."""
+_STILL = 1e-3
+"""Where nothing is faster than this [m/s, rad/s], differences are relative to it: rounding of what hardly moves."""
 _INTERVAL = 0.125
 """The hand changes its mind so often [s]."""
 
@@ -170,7 +172,7 @@ def largest_difference(bank: ScopeBank, *, worlds: int = 20, instants: int = 10)
         backend.step(inputs, 1)
         want = step(jax.tree.map(jnp.asarray, before), Controls(*map(jnp.asarray, inputs[:3])))
         for found, known in zip(_speeds(backend.state()), _speeds(want), strict=True):
-            apart = np.abs(found - known).max(axis=1) / np.abs(known).max(axis=1)
+            apart = np.abs(found - known).max(axis=1) / np.maximum(np.abs(known).max(axis=1), _STILL)
             worst = max(worst, float(apart.max()))
     return worst
 
