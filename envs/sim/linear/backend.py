@@ -15,9 +15,9 @@ from haustra.envs.sim.linear.pack import pack_axis, pack_design, pack_tables, st
 from haustra.envs.sim.linear.place import CpuPlace, GpuPlace, Place
 from haustra.envs.sim.native_batch import posed
 from haustra.envs.sim.scope_reading import read_chain, read_scope
-from haustra.envs.sim.scope_values import State
+from haustra.envs.sim.scope_values import Scope, State
 from haustra.envs.sim.state import Controls, Readings, refuse_others
-from haustra.errors import UnsupportedSceneError
+from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene
 from haustra.models.wall import moving_colon
@@ -44,6 +44,7 @@ class LinearBackend(AbstractBackend):
         threads: int = 1,
         real: type = np.float32,
         device: Literal["cpu", "cuda"] = "cpu",
+        scopes: Scope | None = None,
     ) -> None:
         """Compile, or read what was compiled before.
 
@@ -54,13 +55,20 @@ class LinearBackend(AbstractBackend):
             threads: of a CPU; each steps its own part of the worlds.
             real: precision.
             device: threads of the CPU, or the first NVIDIA GPU.
+            scopes: one design a world (`haustra.envs.sim.scope_reading.stack_scopes`), of as many joints and spheres as
+                the scene's; that of the scene when None.
 
         Raises:
+            InvalidOptionError: when there is not one design a world, of the scene's joints and spheres.
             MissingDependencyError: when there is no such device.
             UnsupportedSceneError: when the scene has what this backend cannot honour.
         """
         self.scene, self.tables, self.worlds = scene, tables, worlds
-        self._chain, self._scope = read_chain(scene, backend=self.name), read_scope(scene, backend=self.name)
+        self._chain, own = read_chain(scene, backend=self.name), read_scope(scene, backend=self.name)
+        self._scope, self._one_each = (own, False) if scopes is None else (scopes, True)
+        alike = all(a.shape[1:] == b.shape[1:] for a, b in zip(_arrays(self._scope), _arrays(own), strict=True))
+        if not alike or (self._one_each and len(self._scope.start) != worlds):
+            raise InvalidOptionError(f"Give one design a world, {worlds}, of the scene's joints and spheres.")
         structure = structure_of(self._chain)
         moving = tables.mesentery
         nodes = 0 if moving is None else moving.nodes.shape[1]
@@ -68,7 +76,7 @@ class LinearBackend(AbstractBackend):
         self._places = int(structure.coils.max()) + 1
         self._first_link = seen_slot("coils") + 3 * self._places
         program = {"real": real, "room": self._layout.room, "timestep": scene.options.timestep}
-        program |= {"angles": tables.wall.shape[1], "one_design": True, "moving": moving is not None}
+        program |= {"angles": tables.wall.shape[1], "one_design": not self._one_each, "moving": moving is not None}
         self._place: Place = (
             CpuPlace(worlds=worlds, threads=min(threads, worlds), **program)
             if device == "cpu"
@@ -81,7 +89,7 @@ class LinearBackend(AbstractBackend):
             "state": np.zeros((blocks, self._layout.state, lanes)),
             "worlds": np.ones((blocks, len(WORLD), lanes)),
             "seen": np.zeros((blocks, self._first_link + self._layout.bodies, lanes)),
-            "design": pack_design(self._scope, self._chain)[0],
+            "design": self._designs(blocks),
             "structure": structure.numbers,
             "stations": stations,
             "wall": wall,
@@ -114,17 +122,26 @@ class LinearBackend(AbstractBackend):
         values |= {"push_limit": options.push_limit, "torque_limit": options.torque_limit}
         for name, value in values.items():
             self._put("worlds", worlds, WORLD.index(name), value)
-        start = np.cumsum(scope.links.offset[0, :, 2])
-        places = np.append(start[self._chain.sample_body] + scope.sample_place[0, :, 2], 0.0)
-        places[-1] = start[-1] + scope.tip_place[0, 0, 2]
+        own = np.minimum(worlds, len(scope.start) - 1)
+        start = np.cumsum(scope.links.offset[..., 2], axis=1)
+        spheres, tip = start[:, self._chain.sample_body] + scope.sample_place[..., 2], start[:, -1:]
+        places = np.concatenate([spheres, tip + scope.tip_place[..., 2]], axis=1)[own]
         block, lane = np.divmod(worlds, self._place.lanes)
         state = self._held["state"].change()
         state[block, :, lane] = 0.0
-        state[block, layout.arcs : layout.arcs + len(places), lane] = places
+        state[block, layout.arcs : layout.normals, lane] = places
         if conditions.roll is not None:
             for slot in (1, layout.hand + 1):
                 self._put("state", worlds, slot, conditions.roll)
         self._run(0)
+
+    def _designs(self, blocks: int) -> np.ndarray:
+        """The one design, or those of blocks of worlds."""
+        packed, lanes = pack_design(self._scope, self._chain), self._place.lanes
+        if not self._one_each:
+            return packed[0]
+        rows = packed[np.minimum(np.arange(blocks * lanes), self.worlds - 1)]
+        return np.swapaxes(rows.reshape(blocks, lanes, -1), 1, 2)
 
     def _put(self, name: str, worlds: np.ndarray, slot: int, values: Any) -> None:
         block, lane = np.divmod(worlds, self._place.lanes)
@@ -167,7 +184,7 @@ class LinearBackend(AbstractBackend):
         up, left = (state[:, dofs].sum(axis=1) for dofs in chain.bend_dofs)
         return Readings(
             time=state[:, layout.time],
-            insertion=self._scope.start[0] + state[:, 0],
+            insertion=self._scope.start + state[:, 0],
             roll=state[:, 1],
             hand_lead=state[:, layout.hand] - state[:, 0],
             tip=parts["tip"],
@@ -239,3 +256,7 @@ class LinearBackend(AbstractBackend):
     def close(self) -> None:
         """End the threads."""
         self._place.close()
+
+
+def _arrays(scope: Scope) -> list[np.ndarray]:
+    return [*scope.links, *scope[1:]]

@@ -1,13 +1,16 @@
 """Linear time: the dense step to rounding, worlds that keep to themselves, runs that repeat to the bit."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 from haustra.envs.sim.linear.backend import LinearBackend
+from haustra.envs.sim.scope_reading import read_scope, stack_scopes
 from haustra.envs.sim.state import Controls
-from haustra.errors import UnsupportedSceneError
+from haustra.errors import InvalidOptionError, UnsupportedSceneError
+from haustra.models.devices.scope.library import named_design
 from haustra.scripts.bench.linear import SIZES, bank_of, conditions, driven, largest_difference, resized
 
 
@@ -80,6 +83,25 @@ def test_a_scope_alone_goes_as_among_others(bank):
         for _ in range(40):
             backend.step(Controls(np.full(count, 0.05), np.zeros(count), np.tile([9.0, 3.0, 0.0, 0.0], (count, 1))), 5)
     np.testing.assert_allclose(alone.positions()[0], among.positions()[4], atol=2e-4)
+
+
+def test_designs_that_differ_by_world_go_as_each_does_alone(bank):
+    adult = named_design("adult")
+    limp = replace(adult, bending=replace(adult.bending, flexural_rigidity=0.5 * adult.bending.flexural_rigidity))
+    scenes = [resized(replace(bank, scene=replace(bank.scene, design=each)), 40).scene for each in (adult, limp)]
+    own = conditions(bank, 2)
+    each = [LinearBackend(scene, bank.tables, worlds=2) for scene in scenes]
+    both = LinearBackend(scenes[0], bank.tables, worlds=2, scopes=stack_scopes([read_scope(scene) for scene in scenes]))
+    inputs = Controls(np.full(2, 0.05), np.zeros(2), np.tile([9.0, 3.0, 0.0, 0.0], (2, 1)))
+    for backend in (*each, both):
+        backend.reset(np.arange(2), np.zeros(2, int), own)
+        for _ in range(20):
+            assert backend.step(inputs, 20).all()
+    tips = np.stack([each[world].read().tip[world] for world in range(2)])
+    np.testing.assert_allclose(both.read().tip, tips, atol=1e-5)
+    assert np.linalg.norm(each[0].read().tip[1] - tips[1]) > 1e-4
+    with pytest.raises(InvalidOptionError, match="one design a world, 3"):
+        LinearBackend(scenes[0], bank.tables, worlds=3, scopes=stack_scopes([read_scope(scene) for scene in scenes]))
 
 
 def test_what_it_cannot_do_is_refused_by_name(bank):
