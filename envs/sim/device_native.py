@@ -9,7 +9,8 @@ from jaxtyping import Bool, Float, Int
 from mujoco.batch import Batch
 
 from haustra.envs.sim.log import log_to_stderr_only
-from haustra.envs.sim.native import FATAL_WARNINGS, SPEED_LIMIT
+from haustra.envs.sim.native import FATAL_WARNINGS
+from haustra.envs.sim.state import SPEED_LIMIT
 from haustra.envs.sim.table_planes import TablePlanes
 from haustra.models.device_scene import DeviceScene, tread_sensor
 from haustra.models.devices.base import LOOK_AHEAD, DeviceReadings, State

@@ -16,8 +16,8 @@ from mujoco import mjx
 
 from haustra.envs.sim.device_arrays import on_device, tree_where
 from haustra.envs.sim.device_native import look_ahead
-from haustra.envs.sim.native import SPEED_LIMIT
 from haustra.envs.sim.precision import precise
+from haustra.envs.sim.state import SPEED_LIMIT
 from haustra.envs.sim.warp_scopes import CONTACT_ROWS, filled, for_warp, with_columns
 from haustra.errors import UnsupportedSceneError
 from haustra.models.device_scene import DeviceScene

@@ -13,7 +13,7 @@ from haustra.envs.sim.moved_colon import CurrentColon
 from haustra.envs.sim.physics.hand import hand_force
 from haustra.envs.sim.physics.lock import lock_activation
 from haustra.envs.sim.physics.wires import sheath_angle
-from haustra.envs.sim.state import Controls, Readings
+from haustra.envs.sim.state import SPEED_LIMIT, Controls, Readings
 from haustra.envs.sim.wheels import Wheels
 from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import Colon
@@ -26,9 +26,6 @@ from haustra.models.wall.planes import PlaneWall, add_planes
 from haustra.models.wall.segment_law import SegmentLaw
 from haustra.models.wall.signed_distance import LumenDistance
 from haustra.models.wall.table_wall import TableWall
-
-SPEED_LIMIT = 1e4
-"""A generalised speed above this [rad/s or m/s] is divergence, not motion."""
 
 FATAL_WARNINGS = [
     int(kind)

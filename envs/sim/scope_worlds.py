@@ -22,7 +22,7 @@ from haustra.envs.sim.physics.wires import borne_pulls, sheath_angle
 from haustra.envs.sim.precision import precise
 from haustra.envs.sim.scope_reading import ScopeChain, read_chain, read_scope
 from haustra.envs.sim.scope_values import Array, Contact, Parameters, Scope, State
-from haustra.envs.sim.state import Controls, Readings
+from haustra.envs.sim.state import SPEED_LIMIT, Controls, Readings
 from haustra.errors import InvalidOptionError
 from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.scene import Scene
@@ -30,9 +30,6 @@ from haustra.models.wall import moving_colon
 from haustra.models.wall.law import implicit_contact, normal_force
 from haustra.models.wall.lumen_table import Tables, WallQuery, pick, query
 from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
-
-SPEED_LIMIT = 1e4
-"""A generalised speed above this [rad/s or m/s] is divergence, as in the native backend."""
 
 
 @dataclass(frozen=True, kw_only=True)

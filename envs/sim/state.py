@@ -16,6 +16,9 @@ SLACK = np.zeros(len(WIRE_NAMES))
 """Pulls of one scope's wires at rest [N]."""
 SLACK.setflags(write=False)  # every caller's default
 
+SPEED_LIMIT = 1e4
+"""A generalised speed above this [rad/s or m/s] is divergence."""
+
 
 class Controls(NamedTuple):
     """What the hands and the wheels ask for, until the next call."""

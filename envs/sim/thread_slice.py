@@ -9,10 +9,11 @@ from mujoco.batch import Batch
 
 from haustra.envs.sim.coils import coil_samples
 from haustra.envs.sim.conditions import Conditions, Snapshot
-from haustra.envs.sim.native import FATAL_WARNINGS, SPEED_LIMIT
+from haustra.envs.sim.native import FATAL_WARNINGS
 from haustra.envs.sim.physics.hand import hand_force
 from haustra.envs.sim.physics.lock import lock_activation
 from haustra.envs.sim.physics.wires import sheath_angle
+from haustra.envs.sim.state import SPEED_LIMIT
 from haustra.envs.sim.table_planes import TablePlanes
 from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.scene import Scene

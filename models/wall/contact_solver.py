@@ -54,7 +54,7 @@ class Tree(NamedTuple):
     """How many each has."""
     armature: Any
     dof_of_joint: Any
-    """Of slides and hinges; -1 for others."""
+    """First dof of slides and hinges; -1 for other joints."""
     body_of_geom: Any
     """-1 where it stands still."""
 
@@ -78,7 +78,7 @@ class Rows(NamedTuple):
 
     kind: Any
     number: Any
-    """Of the joint or contact."""
+    """Number of the joint or contact that a row is of."""
     stiffness: Any
     """D of each row."""
     aim: Any

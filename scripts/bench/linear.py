@@ -28,16 +28,16 @@ _INTERVAL = 0.125
 
 @dataclass(frozen=True)
 class Cost:
-    """Of a time step."""
+    """What a time step costs."""
 
     dofs: int
     spheres: int
     worlds: int
     device: str
     us_per_step: float
-    """Of one world [us]."""
+    """Wall-clock time of a step over the worlds that share it [us]."""
     us_per_step_dense: float | None = None
-    """Of the backend 'jax' on the same processor, in the same run [us]."""
+    """What the backend 'jax' takes on the same processor, in the same run [us]."""
     touching: float = 0.0
     """Share of the spheres that press."""
 
@@ -63,7 +63,7 @@ def bank_of(dofs: int, *, colons: int = 2, mesentery: bool = False) -> ScopeBank
 
 
 def resized(bank: ScopeBank, dofs: int) -> ScopeBank:
-    """The same with a scope of about so many joints."""
+    """A bank of the same colons with a scope of about so many joints."""
     longest = max(bank.colons, key=lambda colon: colon.centreline.length)
     options = replace(_options(dofs), mesentery=bank.scene.options.mesentery)
     return replace(bank, scene=build_scene(longest, None, bank.scene.design, options, show_lumen=False))
@@ -132,7 +132,7 @@ def exponent(costs: Sequence[Cost]) -> float:
 
 
 def dense_cost(bank: ScopeBank, worlds: int) -> float:
-    """Of a step of the backend 'jax' from where the same hands bring it, on JAX's device, single precision [s]."""
+    """Time of a step of the backend 'jax' from where the same hands bring it, on JAX's device, single precision [s]."""
     from haustra.envs.sim.jax_backends import JaxBackend
 
     backend = JaxBackend(bank.scene, bank.tables, worlds=worlds)
@@ -148,7 +148,7 @@ def dense_cost(bank: ScopeBank, worlds: int) -> float:
 
 
 def largest_difference(bank: ScopeBank, *, worlds: int = 20, instants: int = 10) -> float:
-    """Of speeds after one step from the dense step, relative to the fastest of each world, in double precision.
+    """How far speeds lie from the dense step after one step, relative to each world's fastest, in double precision.
 
     States are those of scopes pushed in by random hands, from straight to deep inside; JAX must have double precision.
     """
@@ -178,6 +178,6 @@ def largest_difference(bank: ScopeBank, *, worlds: int = 20, instants: int = 10)
 
 
 def _speeds(state: Any) -> list[np.ndarray]:
-    """Of joints, and of the colon's axis where it moves: (worlds, numbers) each."""
+    """Speeds of joints, and of the colon's axis where it moves: (worlds, numbers) each."""
     moved = [] if state.displacement is None else [np.asarray(state.displacement.speed)]
     return [each.reshape(len(each), -1) for each in (np.asarray(state.qvel), *moved)]

@@ -26,7 +26,7 @@ class Inertia(NamedTuple):
     """xx, xy, xz, yy, yz, zz [kg]."""
 
     def plus(self, other: "Inertia") -> "Inertia":
-        """Of both together."""
+        """Inertia of both together."""
         return Inertia(*(tuple(x + y for x, y in zip(*parts, strict=True)) for parts in zip(self, other, strict=True)))
 
 
@@ -36,7 +36,7 @@ def symmetric(x: Any, y: Any, z: Any, u: Vector, v: Vector) -> tuple[Any, ...]:
 
 
 def link_inertia(axis: Vector, mass: Any, centre: Any, across: Any, along: Any) -> Inertia:
-    """Of a link of revolution.
+    """Inertia of a link of revolution about its origin.
 
     Args:
         axis: its direction.
@@ -144,7 +144,7 @@ def freed(own: Inertia, torque: Vector, force: Vector, inverse: Any) -> tuple[In
 
 
 def from_parent(own: Inertia, offset: Vector) -> Inertia:
-    """The same about a point that lies `offset` [m] before: b' = b + [r] m, a' = a + [r] b^T - b' [r]."""
+    """Inertia about a point that lies `offset` [m] before: b' = b + [r] m, a' = a + [r] b^T - b' [r]."""
     a, b, m = own
     columns = (m[0], m[1], m[2]), (m[1], m[3], m[4]), (m[2], m[4], m[5])
     turned = [cross(offset, column) for column in columns]

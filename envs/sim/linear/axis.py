@@ -32,7 +32,7 @@ class Cell(NamedTuple):
     at: Value
     """The node before."""
     share: Value
-    """Of the way to the next."""
+    """How much of the way to the next is behind it [1]."""
 
 
 class Axis:
@@ -195,7 +195,7 @@ class Axis:
             room.put(before + _OVER, add(room.vector(before + _OVER), more))
 
     def speed(self, node: Value) -> Vector:
-        """Of a node [m/s]."""
+        """Velocity of a node [m/s]."""
         return self._state.vector(self._place(node) + 3)
 
     def _now(self, node: Value) -> Vector:

@@ -18,7 +18,6 @@ from haustra.envs.sim.scope_reading import read_chain, read_scope
 from haustra.envs.sim.scope_values import Scope, State
 from haustra.envs.sim.state import Controls, Readings, refuse_others
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
-from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene
 from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables, pick
@@ -161,11 +160,10 @@ class LinearBackend(AbstractBackend):
         A world that diverges is left as it was before these steps.
         """
         refuse_others(inputs, self.worlds)
-        worlds = np.arange(self.worlds)
-        for name in ("push_rate", "roll_rate"):
-            self._put("worlds", worlds, WORLD.index(name), getattr(inputs, name))
-        for wire, name in enumerate(WIRE_NAMES):
-            self._put("worlds", worlds, WORLD.index(name), inputs.pulls[:, wire])
+        asked = np.column_stack([inputs.push_rate, inputs.roll_rate, inputs.pulls])
+        block, lane = np.divmod(np.arange(self.worlds), self._place.lanes)
+        first = WORLD.index("push_rate")  # roll_rate and the pulls follow
+        self._held["worlds"].change()[block, first : first + asked.shape[1], lane] = asked
         self._run(count)
         alive = WORLD.index("alive")
         return self._of_worlds("worlds", alive, alive + 1)[:, 0] > 0
@@ -178,7 +176,7 @@ class LinearBackend(AbstractBackend):
     def read(self) -> Readings:
         """What can be read off at the end of the last step."""
         layout, chain = self._layout, self._chain
-        state = self._of_worlds("state", 0, layout.state)
+        state = self._of_worlds("state", 0, layout.axis)
         seen = self._of_worlds("seen", 0, self._first_link + layout.bodies)
         parts = {name: seen[:, seen_slot(name) :][:, :count] for name, count in SEEN}
         up, left = (state[:, dofs].sum(axis=1) for dofs in chain.bend_dofs)
@@ -218,7 +216,7 @@ class LinearBackend(AbstractBackend):
 
     @property
     def displacement(self) -> Float[np.ndarray, "worlds nodes 3"] | None:
-        """Of the colons' axes from rest [m]; None where the colons are fixed in space."""
+        """Displacement of the colons' axes from rest [m]; None where the colons are fixed in space."""
         return self._axes()[0] if self._layout.nodes else None
 
     def way_ahead(self, distances: Float[np.ndarray, " places"]) -> Float[np.ndarray, "worlds places 3"]:

@@ -49,7 +49,7 @@ WARP = 32
 
 
 def write_kernel(*, real: Any, timestep: float, angles: int, one_design: bool, moving: bool) -> str:
-    """The same for a graphics processor; `last` of `COUNTS` is how many worlds there are."""
+    """A control step of worlds on a graphics processor; `last` of `COUNTS` is how many worlds there are."""
     program, arrays, counts, (steps, _, worlds) = _begun(1, real, approximate=True)
     program.function.calling_convention = "ptx_kernel"
     builder = program.builder
@@ -139,13 +139,7 @@ def engine_of(text: str) -> Any:
     about = (text, llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten(), str(llvm.llvm_version_info))
     path = cache.cache_folder() / "linear" / f"{hashlib.sha256(chr(10).join(about).encode()).hexdigest()[:32]}.o"
     kept = cache.read(path)
-    module = llvm.parse_assembly(text)
-    module.triple, module.data_layout = machine.triple, str(machine.target_data)
-    if kept is None:
-        module.verify()
-        options = llvm.create_pipeline_tuning_options(speed_level=3)
-        builder = llvm.create_pass_builder(machine, options)
-        builder.getModulePassManager().run(module, builder)
+    module = _module(text, machine, optimised=kept is None)
     engine = llvm.create_mcjit_compiler(module, machine)
     engine.set_object_cache(lambda _, code: cache.keep(path, code), lambda _: kept)
     engine.finalize_object()
@@ -158,9 +152,15 @@ def assembled(text: str, *, architecture: str = "sm_80") -> str:
     llvm.initialize_all_asmprinters()
     target = llvm.Target.from_triple("nvptx64-nvidia-cuda")
     machine = target.create_target_machine(cpu=architecture, opt=3)
+    return machine.emit_assembly(_module(text, machine, optimised=True))
+
+
+def _module(text: str, machine: Any, *, optimised: bool) -> Any:
+    """LLVM's module of a program for a processor."""
     module = llvm.parse_assembly(text)
     module.triple, module.data_layout = machine.triple, str(machine.target_data)
-    module.verify()
-    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
-    builder.getModulePassManager().run(module, builder)
-    return machine.emit_assembly(module)
+    if optimised:
+        module.verify()
+        builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
+        builder.getModulePassManager().run(module, builder)
+    return module

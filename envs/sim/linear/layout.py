@@ -5,23 +5,23 @@ from typing import Any
 
 DOF = ("x", "y", "z", "stiffness", "damping", "armature", "rest", "low", "high", "up", "left", "down", "right",
        "behind", "lock_stiffness", "lock_damping")  # fmt: skip
-"""Of a design, for each of its joints: axis, spring, stops, arms of the wires, and its lock outside."""
+"""Numbers of each joint in a design: axis, spring, stops, arms of the wires, and its lock outside."""
 
 BODY = ("offset", "mass", "centre", "across", "along")
-"""Of a design, for each link: where it begins on its parent's axis [m], mass, centre of mass, moments of inertia."""
+"""Numbers of each link in a design: place on its parent's axis [m], mass, centre of mass, moments of inertia."""
 
 SCOPE = ("radius", "start", "tip", "pull_limit", "wire_friction", "wire_hysteresis")
-"""Of a design as a whole."""
+"""Numbers of a whole design."""
 
 WORLD = ("one", "bending", "tip_bending", "torsion", "stiffness", "damping_time", "friction", "push_limit",
          "torque_limit", "gravity_x", "gravity_y", "gravity_z", "step", "first", "count", "device_radius",
          "first_node", "spacing", "pleating",
          "push_rate", "roll_rate", "up", "left", "down", "right", "alive")  # fmt: skip
-"""Of a world: what scales joints, its wall, its hand, its colon, what the hands ask for, and whether it is stepped."""
+"""Numbers of a world: what scales joints, its wall, hand and colon, what hands ask, whether it is stepped."""
 
 AXIS = ("place", "y", "z", "turn", "tangent", "tangent_y", "tangent_z", "length", "tension", "bending", "slack", "hold",
         "support", "drag", "", "")  # fmt: skip
-"""Of a colon that moves, for each node of its axis: a row of `haustra.models.wall.mesentery.Mesentery`."""
+"""Numbers of each node of the axis of a colon that moves: a row of `haustra.models.wall.mesentery.Mesentery`."""
 
 STATION = 16
 """Numbers of a row of a colon's station: point, first normal, second normal and tangent, each filled up to four."""
@@ -35,7 +35,7 @@ class Layout:
     bodies: Any
     spheres: Any
     nodes: Any = 0
-    """Of the axis of a colon that moves."""
+    """Nodes of the axis of a colon that moves."""
 
     @property
     def speeds(self) -> Any:

@@ -35,7 +35,7 @@ class Lanes:
         program.builder.store(program.spread(value), self._place(slot), align=_size(program))
 
     def from_slot(self, slot: Number) -> "Lanes":
-        """The same, counted from a slot on."""
+        """These numbers, counted from a slot on."""
         return Lanes(self._program, self._place(slot), self._stride)
 
     def gather(self, slot: Value) -> Value:
@@ -149,7 +149,7 @@ class Rows:
         return parts[0]
 
     def _picked(self, first: Any, second: Any, pattern: tuple[int, ...], lanes: int) -> Any:
-        """The same choice of every four of both."""
+        """One choice, made of every four numbers of both."""
         mask = [4 * four + at % 4 + lanes * (at // 4) for four in range(lanes // 4) for at in pattern]
         return self._program.builder.shuffle_vector(first, second, ir.Constant(ir.VectorType(INDEX, lanes), mask))
 

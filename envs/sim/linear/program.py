@@ -40,13 +40,11 @@ from haustra.envs.sim.physics.hand import HAND_DAMPING, HAND_STIFFNESS, held_for
 from haustra.envs.sim.physics.lock import lock_activation
 from haustra.envs.sim.physics.stops import stop_torque
 from haustra.envs.sim.physics.wires import borne_pulls, joint_angle
+from haustra.envs.sim.state import SPEED_LIMIT
 from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.wall.law import normal_force, place_contact, place_force
 from haustra.models.wall.lumen_table import Tables, nearest_arc, wall_beside
 from haustra.models.wall.vectors import Vector, add, cross, dot, minus, times
-
-SPEED_LIMIT = 1e4
-"""A generalised speed above this [rad/s or m/s] is divergence, as in the other backends."""
 
 ARGUMENTS = ("state", "worlds", "seen", "room", "design", "structure", "stations", "wall", "axis")
 """Arrays of a program, in this order; then whole numbers: `COUNTS`."""
@@ -111,19 +109,19 @@ class ScopeProgram:
     # Numbers by name.
 
     def world(self, name: str) -> Value:
-        """Of the world."""
+        """A number of the world, by its name in `WORLD`."""
         return self._world.load(WORLD.index(name))
 
     def joint(self, dof: Any, name: str) -> Value:
-        """Of a joint's design."""
+        """A number of a joint's design, by its name in `DOF`."""
         return self.design.load(dof * len(DOF) + DOF.index(name))
 
     def link(self, body: Any, name: str) -> Value:
-        """Of a link's design."""
+        """A number of a link's design, by its name in `BODY`."""
         return self.design.load(self._links + body * len(BODY) + BODY.index(name))
 
     def scope(self, name: str) -> Value:
-        """Of the design as a whole."""
+        """A number of the whole design, by its name in `SCOPE`."""
         return self.design.load(self._scope + SCOPE.index(name))
 
     def sphere_place(self, sphere: Any) -> Value:
@@ -133,6 +131,11 @@ class ScopeProgram:
     def joints_of(self, body: Any) -> tuple[Value, Value]:
         """First joint of a link, and the one after its last."""
         return self.structure.load(body * STRUCTURE), self.structure.load(body * STRUCTURE + 1)
+
+    def hinges_of(self, body: Any) -> tuple[Value, Value]:
+        """The joints of a link but the slide, which is the first joint of the first."""
+        first, last = self.joints_of(body)
+        return self.program.xp.where(body == 0, 1, first), last
 
     def spheres_of(self, body: Any) -> tuple[Value, Value]:
         """First sphere of a link, and the one after its last."""
@@ -197,7 +200,6 @@ class ScopeProgram:
         gravity = self.world("gravity_x"), self.world("gravity_y"), self.world("gravity_z")
         link = Link(program, times(-1.0, gravity))
         with program.loop(0, self.bodies) as body:
-            first, last = self.joints_of(body)
             offset = times(self.link(body, "offset"), link.axis)
             link.shift(offset)
             self.room.put(self._body(body) + 27, offset)
@@ -205,7 +207,7 @@ class ScopeProgram:
                 direction = link.direction(self._axis(0))
                 self.room.put(self._joint(0) + 7, direction)
                 link.slide(direction, state.load(0), state.load(self.layout.speeds))
-            with program.loop(program.xp.where(body == 0, 1, first), last) as dof:
+            with program.loop(*self.hinges_of(body)) as dof:
                 local = self._axis(dof)
                 direction = link.direction(local)
                 self.room.put(self._joint(dof) + 7, direction)
@@ -302,8 +304,7 @@ class ScopeProgram:
         with program.loop(0, self.bodies, backwards=True) as body:
             own = self._body(body)
             sums.now = tuple(total + room.load(own + i) for i, total in enumerate(sums.now))
-            first, last = self.joints_of(body)
-            with program.loop(program.xp.where(body == 0, 1, first), last, backwards=True) as dof:
+            with program.loop(*self.hinges_of(body), backwards=True) as dof:
                 self._free(dof, sums, pulls, hinge_force, 0)
             with program.when(body == 0):
                 self._free(program.index(0), sums, pulls, slide_force, 1)
@@ -372,11 +373,10 @@ class ScopeProgram:
             fastest.value = program.xp.where(size < SPEED_LIMIT, fastest.value, size)  # also of what is no number
 
         with program.loop(0, self.bodies) as body:
-            first, last = self.joints_of(body)
             moving.now = add(moving.now, cross(turning.now, room.vector(self._body(body) + 27)))
             with program.when(body == 0):
                 move(program.index(0), moving)
-            with program.loop(program.xp.where(body == 0, 1, first), last) as dof:
+            with program.loop(*self.hinges_of(body)) as dof:
                 move(dof, turning)
             with program.loop(*self.spheres_of(body)) as sphere:
                 self._leave(sphere, turning.now, moving.now)
@@ -483,7 +483,7 @@ class Link:
 
     @property
     def place(self) -> Vector:
-        """Of its origin [m]."""
+        """Place of its origin [m]."""
         return self._place.now
 
     @property
@@ -507,7 +507,7 @@ class Link:
         return self._moving_rate.now
 
     def direction(self, local: Vector) -> Vector:
-        """Of a joint's axis."""
+        """Direction of a joint's axis in the world."""
         x, y, z = self.frame
         return add(add(times(local[0], x), times(local[1], y)), times(local[2], z))
 

@@ -76,7 +76,7 @@ class Value:
         return half if power == 1 else half * half * self if power % 2 else half * half
 
     def __mod__(self, divisor: int) -> "Value":
-        """Of a whole number, as Python's: not negative."""
+        """Rest of a whole number, as Python's: not negative."""
         program = self.program
         own, other = program.alike(self, divisor)
         rest = Value(program, program.builder.srem(own, other))

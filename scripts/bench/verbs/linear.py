@@ -13,7 +13,7 @@ class BenchLinear:
     dofs: str = "40,80,160,400"
     """Numbers of joints, about: of 40, 80, 160, 400."""
     threads: int = 1
-    """Of the CPU."""
+    """Threads of the CPU that share the worlds."""
     device: Literal["cpu", "cuda"] = "cpu"
     """Threads of the CPU, or the first NVIDIA GPU."""
     mesentery: bool = False
