@@ -93,15 +93,9 @@ class Train:
             )
 
     def _training(self) -> Any:
-        import json
-
         from haustra.envs.learning.settings import Training, shipped
-        from haustra.errors import UnreadableFileError
+        from haustra.reading import read_document
 
         if not self.config.endswith(".json"):
             return shipped(self.config)
-        try:
-            values = json.loads(Path(self.config).read_text(encoding="utf-8"))
-            return Training.from_json(values)
-        except (OSError, ValueError, TypeError, AttributeError) as error:
-            raise UnreadableFileError(f"'{self.config}' is no training ({error}).") from error
+        return Training.from_json(read_document(Path(self.config), "training"))

@@ -1,6 +1,5 @@
 """Studies as files: TOML, or YAML where PyYAML is installed."""
 
-import tomllib
 from pathlib import Path
 from typing import Any, cast, get_args
 
@@ -18,13 +17,12 @@ from haustra.envs.study.study import (
     Value,
     Variable,
 )
-from haustra.errors import HaustraError, MissingDependencyError, UnreadableFileError
+from haustra.errors import HaustraError, UnreadableFileError
 from haustra.provenance import content_hash
+from haustra.reading import read_document
 
 SHIPPED = ("propulsion", "scope", "scope-mesentery")
 """Studies that ship, under their names."""
-_LARGEST_FILE = 4_000_000
-"""A study's file is at most this long [bytes]; a list of a hundred thousand designs is shorter."""
 
 
 def load_study(name: str | Path) -> Study:
@@ -40,31 +38,7 @@ def load_study(name: str | Path) -> Study:
         raise UnreadableFileError(
             f"'{name}' is no study: name a file that ends in .toml or .yaml, or one of {', '.join(SHIPPED)}."
         )
-    return read_study(_parse(path), path)
-
-
-def _parse(path: Path) -> Any:
-    try:
-        if path.stat().st_size > _LARGEST_FILE:
-            raise UnreadableFileError(f"'{path}' is longer than {_LARGEST_FILE / 1e6:g} MB: that is no study.")
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UnreadableFileError(f"Cannot read the study '{path}': {error}.") from error
-    if path.suffix == ".toml":
-        try:
-            return tomllib.loads(text)
-        except (tomllib.TOMLDecodeError, RecursionError) as error:
-            raise UnreadableFileError(f"'{path}' is not TOML: {error}.") from error
-    try:
-        import yaml
-    except ImportError as error:
-        raise MissingDependencyError(
-            "Studies in YAML need PyYAML: 'pip install haustra[sweep]', or use TOML."
-        ) from error
-    try:
-        return yaml.safe_load(text)
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
-        raise UnreadableFileError(f"'{path}' is not YAML: {' '.join(str(error).split())[:200]}.") from error
+    return read_study(read_document(path, "study"), path)
 
 
 def read_study(table: Any, path: Path) -> Study:

@@ -12,6 +12,7 @@ from haustra.envs.runs.device_run import ended
 from haustra.envs.runs.outcome import Outcome
 from haustra.envs.sim.device_native import NativeDevice
 from haustra.errors import InvalidOptionError
+from haustra.fields import number, require_declared, span
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.device_scene import build_device_scene, device_options, device_tables, pose_in
@@ -27,26 +28,27 @@ _LARGEST = 10.0
 class DeviceRules:
     """An episode of any device."""
 
-    seeds: tuple[int, int] = (0, 1)
+    seeds: tuple[int, int] = span("1", 0, 10**9, default=(0, 1), whole=True)
     """Grown colons: from the first seed up to, not including, the last; one is drawn for each episode."""
-    friction: tuple[float, float] = (0.03, 0.1)
+    friction: tuple[float, float] = span("1", 0.0, 2.0, default=(0.03, 0.1))
     """Between device and wall, drawn evenly [1]."""
-    wall_stiffness: tuple[float, float] = (700.0, 2400.0)
+    wall_stiffness: tuple[float, float] = span("N/m", 50.0, 1e5, default=(700.0, 2400.0))
     """Of a contact, drawn evenly: the measured range [N/m]."""
     mesentery: bool = False
     """Colons move on their mesentery."""
-    seconds: float = 90.0
+    seconds: float = number("s", 0.002, 36_000.0, default=90.0)
     """Then the episode is truncated [s]."""
-    control_interval: float = 0.04
+    control_interval: float = number("s", 0.001, 1.0, default=0.04)
     """Between two actions [s]."""
-    force_weight: float = 0.02
+    force_weight: float = number("1", 0.0, 1e4, default=0.02)
     """What a control step costs, times the wall force over `safe_force`, squared [1]."""
-    safe_force: float = 5.0
+    safe_force: float = number("N", 0.01, 1e4, default=5.0)
     """[N]; engineering choice."""
 
     def __post_init__(self) -> None:
-        if not 0 <= self.seeds[0] < self.seeds[1]:
-            raise InvalidOptionError(f"Seeds {self.seeds} hold no colon: give a first and a larger last one.")
+        require_declared(self)
+        if self.seeds[0] == self.seeds[1]:
+            raise InvalidOptionError(f"seeds {self.seeds} hold no colon: give a first and a larger last one.")
 
 
 class DeviceEnv(gymnasium.Env):

@@ -12,6 +12,7 @@ from haustra.envs.sim.log import log_to_stderr_only
 from haustra.envs.tasks.case import TabulatedColon, case_of
 from haustra.envs.tasks.sight import RANGE, Sight, ray_directions
 from haustra.errors import InvalidOptionError
+from haustra.fields import number, require_declared, span
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.devices.tracked.design import TRACKS, TrackedDesign
@@ -32,16 +33,19 @@ _STATE = 4 + 4 + 1 + 8
 class TrackedRules:
     """An episode of the robot."""
 
-    distance: float = 0.1
+    distance: float = number("m", 0.001, 5.0, default=0.1)
     """Way to go [m]."""
-    start: tuple[float, float] = (0.25, 0.35)
+    start: tuple[float, float] = span("m", 0.0, 10.0, default=(0.25, 0.35))
     """Arc length of the core's centre at the start, drawn evenly [m]."""
-    friction: tuple[float, float] = (0.3, 0.5)
+    friction: tuple[float, float] = span("1", 0.0, 2.0, default=(0.3, 0.5))
     """Between treads and wall, drawn evenly [1]."""
-    seconds: float = 30.0
+    seconds: float = number("s", 0.002, 36_000.0, default=30.0)
     """Then the episode is truncated [s]."""
-    force_weight: float = 0.01
+    force_weight: float = number("1/N", 0.0, 1e4, default=0.01)
     """A control step, times the largest normal force of a track [1/N]."""
+
+    def __post_init__(self) -> None:
+        require_declared(self)
 
 
 class TrackedNavigationEnv(gymnasium.Env):

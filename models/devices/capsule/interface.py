@@ -17,6 +17,7 @@ from typing import Any, ClassVar
 import mujoco
 import numpy as np
 
+from haustra.fields import choice, number
 from haustra.models.devices.base import (
     Channel,
     Device,
@@ -26,8 +27,6 @@ from haustra.models.devices.base import (
     Reading,
     State,
     add_wrench,
-    choice,
-    number,
     put,
 )
 from haustra.models.devices.capsule.driver import drive

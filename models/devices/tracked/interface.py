@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.errors import InvalidDesignError, UnsupportedSceneError
+from haustra.fields import choice, number, read_fields
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.base import (
     LOOK_AHEAD,
@@ -29,10 +30,7 @@ from haustra.models.devices.base import (
     Reading,
     State,
     Treads,
-    choice,
-    number,
     put,
-    read_fields,
 )
 from haustra.models.devices.tracked.design import TRACKS, TrackedDesign
 from haustra.models.devices.tracked.device import Tracked, add_tracked, pad_stiffness
@@ -93,12 +91,9 @@ class TrackedRobot(Device):
         rest = dict(table)
         scale = rest.pop("at_scale", None)
         own = {name: rest.pop(name) for name in _OWN if name in rest}
-        found = read_fields(cls, {**own, "design": rest.pop("design", {}), **rest}, where)
-        if scale is None:
-            return found
-        if not isinstance(scale, int | float) or isinstance(scale, bool):
-            raise InvalidDesignError(f"{where}, at_scale: expected a number, found {scale!r}.")
-        return replace(found, design=found.design.at_scale(float(scale)))
+        table = {**own, "design": rest.pop("design", {}), **rest}
+        found = read_fields(cls, table, where, error=InvalidDesignError)
+        return found if scale is None else replace(found, design=found.design.at_scale(scale))
 
     @property
     def usual(self) -> Mapping[str, Any]:
