@@ -66,7 +66,7 @@ def build_setup(
         else:
             raise InvalidStudyError(f"'{path}' is not known. Known: design.<field>, scene.<field>, condition.friction")
     seed = str(conditions["colon"]).removeprefix("grown-")
-    if seed != conditions["colon"] and not seed.isdigit():
+    if seed != conditions["colon"] and not (seed.isascii() and seed.isdecimal() and len(seed) < 19):
         raise InvalidStudyError(f"Colon '{conditions['colon']}' is not known: give grown-<seed> or a colon's folder.")
     if not 0 < float(study.options["seconds"]) <= 3600:
         raise InvalidStudyError(f"options.seconds is {study.options['seconds']}: give a time up to 3600 s")

@@ -188,7 +188,7 @@ def _curves(recorded: Trajectory) -> dict[str, list[float]]:
 
 def _require_colon(name: str) -> None:
     seed = name.removeprefix("grown-")
-    if seed != name and not seed.isdigit():
+    if seed != name and not (seed.isascii() and seed.isdecimal() and len(seed) < 19):
         raise InvalidOptionError(f"Colon '{name}' is not known: give grown-0, grown-1, … or a colon's folder.")
 
 

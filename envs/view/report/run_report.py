@@ -10,8 +10,11 @@ from haustra.envs.view.report.page import write_report
 from haustra.envs.view.report.sections import Chart, Gallery, Highlights, Picture, Section, Table, Warnings
 from haustra.envs.view.report.values import flat, name_and_unit, provenance_table, score_table, shown
 from haustra.errors import UnreadableFileError
+from haustra.provenance import file_hash
 from haustra.reading import LARGEST_RECORD, read_arrays, read_document
 
+TRAJECTORY = "trajectory.npz"
+"""What was recorded over time; scores.json holds its hash."""
 _HIGHLIGHTS = {
     "outcome": "Outcome",
     "tip_segment": "Tip is in",
@@ -56,17 +59,20 @@ def report_run(folder: Path) -> Path:
         The report's path.
 
     Raises:
-        UnreadableFileError: when the folder holds no finished run.
+        UnreadableFileError: when the folder holds no finished run, or parts of two.
         OutputError: when the report cannot be written.
     """
     scores = _read_scores(folder / "scores.json")
+    known = scores.get("trajectory")
+    if known is not None and (folder / TRAJECTORY).is_file() and file_hash(folder / TRAJECTORY) != known:
+        raise UnreadableFileError(f"The files in '{folder}' are of two runs: run it again, into a new folder.")
     sections: list[Section] = [Highlights(_highlights(scores))]
     sections.append(Warnings([str(message) for message in scores.get("warnings", ())]))
     if pictures := _pictures(folder):
         sections.append(Gallery("The end of the run", pictures))
-    if chart := _chart(folder / "trajectory.npz"):
+    if chart := _chart(folder / TRAJECTORY):
         sections.append(chart)
-    sections.append(score_table(scores, leave_out=("provenance", "warnings", "numerical_error")))
+    sections.append(score_table(scores, leave_out=("provenance", "warnings", "numerical_error", "trajectory")))
     sections += _numerical_error(scores.get("numerical_error"))
     sections.append(provenance_table(scores.get("provenance", {})))
     return write_report(
