@@ -154,9 +154,11 @@ class Vector(Declaration):
 
 @dataclass(frozen=True)
 class Named(Declaration):
-    """Pairs of a name and a number."""
+    """Entries of a name and one or more numbers."""
 
     each: Number
+    count: int = 1
+    """Numbers behind each name."""
 
     @property
     def unit(self) -> str:
@@ -164,13 +166,15 @@ class Named(Declaration):
         return self.each.of
 
     def __str__(self) -> str:
-        return f"pairs of a name and {self.each}"
+        return f"entries of a name and {'a number' if self.count == 1 else f'{self.count} numbers'}, each {self.each}"
 
     def wrong(self, value: Any) -> str | None:
-        """Whether an entry is no pair of a name and such a number."""
-        if not _is_list(value) or not all(_is_list(one) and len(one) == 2 and isinstance(one[0], str) for one in value):
+        """Whether an entry is not a name and such numbers."""
+        length, entries = 1 + self.count, value if _is_list(value) else [None]
+        if not all(_is_list(one) and len(one) == length and isinstance(one[0], str) for one in entries):
             return f" is {shown(value)}; give {self}"
-        return next((f".{name}{said}" for name, number in value if (said := self.each.wrong(number))), None)
+        found = ((name, self.each.wrong(number)) for name, *numbers in value for number in numbers)
+        return next((f"[{shown(name)}]{said}" for name, said in found if said), None)
 
 
 @dataclass(frozen=True)
@@ -245,9 +249,9 @@ def vector(*each: Number, default: Any = MISSING) -> Any:
     return _declared(Vector(each), default)
 
 
-def named(unit: str, low: float, high: float, *, default: Any = MISSING) -> Any:
-    """A field that holds pairs of a name and a number in that unit and range."""
-    return _declared(Named(Number(unit, low, high)), default)
+def named(unit: str, low: float, high: float, *, default: Any = MISSING, count: int = 1) -> Any:
+    """A field that holds entries of a name and `count` numbers in that unit and range."""
+    return _declared(Named(Number(unit, low, high), count), default)
 
 
 def choice(*words: str, default: Any = MISSING) -> Any:
@@ -287,6 +291,19 @@ def read_fields(kind: type, table: Any, where: str = "", *, error: type[HaustraE
         return _read(kind, table, "")
     except _WrongError as wrong:
         raise error(f"{where}{': ' if where else ''}{wrong}.") from wrong
+
+
+def declaration_of(kind: type, name: str) -> Declaration:
+    """What a field of a dataclass may hold.
+
+    Raises:
+        KeyError: when there is no such field, or it declares nothing.
+    """
+    entry = next((entry for entry in fields(kind) if entry.name == name), None)
+    found = _declaration(entry, _hints(kind)[name]) if entry else None
+    if found is None:
+        raise KeyError(f"{kind.__name__} declares no field '{name}'")
+    return found
 
 
 def declared_fields(kind: type, path: str = "") -> Iterator[tuple[str, Declaration, Any, type]]:

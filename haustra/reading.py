@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile, ZipFile
+from zipfile import ZipFile
 
 import numpy as np
 
@@ -79,11 +79,11 @@ def read_arrays(
         raise UnreadableFileError(f"Cannot read '{path}': {error.strerror or error}.") from error
     except KeyError as error:
         raise UnreadableFileError(f"'{path}' holds no array {error}.") from error
-    except (ValueError, EOFError, BadZipFile, NotImplementedError, RuntimeError, MemoryError, ArithmeticError) as error:
-        reason = " ".join(str(error).split())[:160]
+    except UnreadableFileError:
+        raise
+    except Exception as error:  # numpy, zipfile, zlib and lzma each raise errors of many kinds for a damaged file
+        reason = " ".join(str(error).split())[:160] or type(error).__name__
         raise UnreadableFileError(f"'{path}' is damaged ({reason}).") from error
-    except Exception as error:  # zlib and lzma have errors of their own, and numpy's parser of headers raises any
-        raise UnreadableFileError(f"'{path}' is damaged ({type(error).__name__}).") from error
 
 
 def _text(path: Path, what: str, largest: int) -> str:

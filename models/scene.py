@@ -188,6 +188,7 @@ def build_scene(
         InvalidOptionError: when the scope does not fit through the entry, or an option cannot be honoured.
     """
     options = options or SceneOptions()
+    require_start(colon, options)
     entry, frame = entry_of(colon)
     cells, modelled = _modelled_cells(colon, design, options)
     outside = None
@@ -265,6 +266,19 @@ def _left_out(
     if not any(options.gravity):
         left_out["gravity"] = "the patient's posture is not known; the scope's weight is about 3 N per metre"
     return left_out
+
+
+def require_start(colon: Colon, options: SceneOptions) -> None:
+    """Refuse a start that is not inside the colon.
+
+    Raises:
+        InvalidOptionError: naming both lengths.
+    """
+    if options.start_depth >= colon.centreline.length:
+        raise InvalidOptionError(
+            f"start_depth is {options.start_depth} m; give less than the length of colon '{colon.name}', "
+            f"{colon.centreline.length:.3f} m."
+        )
 
 
 def entry_of(colon: Colon) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:

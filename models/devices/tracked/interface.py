@@ -32,7 +32,7 @@ from haustra.models.devices.base import (
     Treads,
     put,
 )
-from haustra.models.devices.tracked.design import TRACKS, TrackedDesign
+from haustra.models.devices.tracked.design import SCALE, TRACKS, TrackedDesign
 from haustra.models.devices.tracked.device import Tracked, add_tracked, pad_stiffness
 from haustra.models.devices.tracked.drive import WormState
 from haustra.models.devices.tracked.loop import CORE_FRICTION
@@ -93,7 +93,11 @@ class TrackedRobot(Device):
         own = {name: rest.pop(name) for name in _OWN if name in rest}
         table = {**own, "design": rest.pop("design", {}), **rest}
         found = read_fields(cls, table, where, error=InvalidDesignError)
-        return found if scale is None else replace(found, design=found.design.at_scale(scale))
+        if scale is None:
+            return found
+        if said := SCALE.wrong(scale):
+            raise InvalidDesignError(f"{where}: at_scale{said}; 1 is the device in practice.")
+        return replace(found, design=found.design.at_scale(float(scale)))
 
     @property
     def usual(self) -> Mapping[str, Any]:
