@@ -131,7 +131,7 @@ def drawn(data: st.DataObject, kind: type, most: int, *, leave: tuple[str, ...] 
     return table
 
 
-@settings(SLOW, max_examples=60)
+@settings(SLOW, max_examples=90)
 @given(st.data())
 def test_an_episode_of_a_scope_is_sound(data: st.DataObject) -> None:
     table = drawn(data, TaskConfig, 4, leave=("task", "design", "seeds", "difficulty", "mesentery", "picture_size"))
@@ -171,7 +171,7 @@ def test_an_episode_of_any_device_is_sound(data: st.DataObject) -> None:
         assert environment.observation_space.contains(seen) and np.isfinite(reward)
 
 
-@settings(SLOW, max_examples=30)
+@settings(SLOW, max_examples=60)
 @given(st.data())
 def test_a_run_of_any_scope_ends_with_its_outcome(data: st.DataObject) -> None:
     scene = drawn(data, SceneOptions, 3, leave=("mesentery", "segment_stiffness", "wall_law"))
