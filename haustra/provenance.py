@@ -16,6 +16,8 @@ from haustra.errors import UnreadableFileError
 
 _BACKENDS: Mapping[str, tuple[str, ...]] = {
     "native": (),
+    "linear": ("llvmlite",),
+    "linear-gpu": ("llvmlite",),
     "jax": ("jax", "jaxlib"),
     "warp": ("jax", "jaxlib", "mujoco-mjx", "warp-lang"),
 }
