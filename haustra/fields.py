@@ -346,7 +346,7 @@ def _between(low: float, value: float, high: float, size: float) -> bool:
         return False
 
 
-def _is_list(value: Any) -> bool:
+def _is_list(value: Any) -> typing.TypeGuard[Sequence[Any]]:
     return isinstance(value, Sequence) and not isinstance(value, str | bytes)
 
 
@@ -449,7 +449,7 @@ def _value(entry: Any, hint: Any, value: Any, path: str) -> Any:
         raise _WrongError(f"{path}{said}")
     if _is_list(value):
         return tuple(tuple(one) if _is_list(one) else one for one in value)
-    return float(value) if hint is float else value
+    return float(typing.cast(float, value)) if hint is float else value
 
 
 def _sourced(table: Mapping[str, Any], path: str, unit: str) -> Any:

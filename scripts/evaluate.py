@@ -9,7 +9,7 @@ import tyro
 from haustra.fields import number, span, texts, whole
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Evaluate:
     """Let drivers insert a scope into held-out grown colons, or yours; the same episodes for all; compare them."""
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from haustra.errors import InvalidMeshError, InvalidOptionError
 from haustra.models.anatomy.colon import Centreline, ColonSegment
@@ -122,7 +122,7 @@ def require_near(
     """
     if not positions:
         return
-    tree = cKDTree(vertices)
+    tree = KDTree(vertices)
     for name, position in positions.items():
         distance = float(tree.query(position)[0])
         if distance <= LARGEST_GAP:

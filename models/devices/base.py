@@ -265,7 +265,7 @@ def kinds() -> tuple[str, ...]:
 
 def shipped_devices() -> tuple[str, ...]:
     """Names of all designs that ship."""
-    return (*(name for kind in kinds() for name in _class_of(kind).names()), *assets("devices", ".toml"))
+    return (*(name for kind in kinds() for name in device_class(kind).names()), *assets("devices", ".toml"))
 
 
 def load_device(name: str | Path) -> Device:
@@ -277,7 +277,7 @@ def load_device(name: str | Path) -> Device:
     """
     if not str(name).endswith(".toml"):
         for kind in kinds():
-            if found := _class_of(kind).named(str(name)):
+            if found := device_class(kind).named(str(name)):
                 return found
     files = assets("devices", ".toml")
     if not str(name).endswith(".toml") and name not in files:
@@ -289,8 +289,9 @@ def load_device(name: str | Path) -> Device:
     kind = table.pop("kind", "scope")
     if kind not in kinds():
         raise InvalidDesignError(f"{path.name}: kind {shown(kind)} is not known. Known: {', '.join(kinds())}.")
-    return _class_of(kind).from_toml(table, path.name)
+    return device_class(kind).from_toml(table, path.name)
 
 
-def _class_of(kind: str) -> type[Device]:
+def device_class(kind: str) -> type[Device]:
+    """The class of a kind of device (`kinds`)."""
     return import_module(f"haustra.models.devices.{kind}.interface").DEVICE

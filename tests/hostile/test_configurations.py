@@ -25,7 +25,6 @@ from haustra.models.devices.base import load_device
 from haustra.models.devices.capsule.interface import Capsule
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.devices.scope.library import named_design
-from haustra.models.devices.tracked.interface import TrackedRobot
 from haustra.models.scene import SceneOptions, build_scene
 from haustra.scripts.bench.pages.fields_page import CONFIGURATIONS
 from haustra.scripts.registry import VERBS, load_verb
@@ -33,7 +32,8 @@ from tests.hostile.drawing import inside, outside
 from tests.task_bank import DESIGN, short_bank
 from tests.tube_colon import straight_tube
 
-FEW = settings(deadline=None, derandomize=True, database=None, suppress_health_check=list(HealthCheck))
+PATIENT = [HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much]
+FEW = settings(deadline=None, derandomize=True, database=None, suppress_health_check=PATIENT)
 SLOW = settings(FEW, phases=[Phase.explicit, Phase.generate])
 """A case that takes seconds is not made smaller: that would take minutes."""
 TITLES = sorted(CONFIGURATIONS)
@@ -43,11 +43,8 @@ STEPS = 2
 @cache
 def base(kind: type) -> dict[str, Any]:
     """A configuration that runs, as a parsed file."""
-    known: dict[type, Any] = {
-        ScopeDesign: named_design("adult"),
-        Capsule: load_device("capsule"),
-        TrackedRobot: load_device("tracked"),
-    }
+    known: dict[type, Any] = {ScopeDesign: named_design("adult")}
+    known |= {type(device): device for device in map(load_device, ("adult", "capsule", "tracked"))}
     variable = {"name": "x", "path": "design.diameter", "unit": "m", "nominal": 1.0, "low": 0.0, "high": 2.0}
     return asdict(known[kind]) if kind in known else variable if "nominal" in kind.__dataclass_fields__ else {}
 

@@ -66,7 +66,7 @@ class ScopeTip:
     """Brightness of the light, relative to the renderer's default [1]."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ScopeDesign:
     """A colonoscope: insertion tube, bending section, pull wires and tip.
 

@@ -24,9 +24,8 @@ from haustra.envs.tasks.device_task import DeviceRules
 from haustra.envs.tasks.tracked_navigation import TrackedRules
 from haustra.fields import Declaration, declared_fields
 from haustra.files import write_atomically
-from haustra.models.devices.capsule.interface import Capsule
+from haustra.models.devices.base import device_class, kinds
 from haustra.models.devices.scope.design import ScopeDesign
-from haustra.models.devices.tracked.interface import TrackedRobot
 from haustra.models.scene import SceneOptions
 from haustra.scripts.registry import VERBS, load_verb
 
@@ -37,8 +36,7 @@ CONFIGURATIONS: Mapping[str, type] = {
     "Training": Training,
     "Scenes": SceneOptions,
     "Scope designs": ScopeDesign,
-    "Capsules": Capsule,
-    "Tracked robots": TrackedRobot,
+    **{f"Devices of kind '{kind}'": device_class(kind) for kind in kinds()},
     "The lumen follower": FollowerSettings,
     "A study's variable": Variable,
     "A study's sampler": Sampler,
