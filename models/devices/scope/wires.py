@@ -26,7 +26,7 @@ class WireSet:
     """Distance of each wire from the axis [m]."""
     pull_limit: float = number("N", 0.01, 1e4)
     """Largest pull of one wire [N]."""
-    friction: float = number("1", 0.0, 2.0, default=0.0)
+    friction: float = number("1", 0.0, 10.0, default=0.0)
     """Coulomb coefficient between wire and sheath [1]."""
     slack: float = number("m", 0.0, 0.1, default=0.0)
     """Length that a wheel takes up before a wire pulls [m]; counts where wheels steer."""
