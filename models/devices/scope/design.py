@@ -52,7 +52,7 @@ class BendingLimits:
 class ScopeTip:
     """The rigid distal end with its camera and light."""
 
-    length: float = number("m", 0.001, 0.2)
+    length: float = number("m", 1e-9, 0.2)
     """Rigid length [m]."""
     field_of_view_deg: float = number("degrees", 1.0, 360.0)
     """Full viewing angle of the camera [degrees]."""
@@ -80,7 +80,7 @@ class ScopeDesign:
     """Outer diameter, the same along the scope [m]."""
     mass_per_length: float = number("kg/m", 0.001, 5.0)
     """Mass per length [kg/m]."""
-    relaxation_time: float = number("s", 1e-5, 10.0)
+    relaxation_time: float = number("s", 1e-12, 10.0)
     """Relaxation time of bending and twist: viscous torque per rate over elastic torque per angle [s]."""
     shaft: tuple[ScopeSection, ...]
     """From the handle to the bending section."""
