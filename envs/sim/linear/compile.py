@@ -4,6 +4,7 @@ import ctypes
 import functools
 import hashlib
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import llvmlite.binding as llvm
@@ -184,8 +185,7 @@ def compiled(text: str) -> tuple[Any, Callable[..., None]]:
 def engine_of(text: str) -> Any:
     """LLVM's engine with the machine code of a program, new or kept from before."""
     machine = _machine()
-    about = (text, llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten(), str(llvm.llvm_version_info))
-    path = cache.cache_folder() / "linear" / f"{hashlib.sha256(chr(10).join(about).encode()).hexdigest()[:32]}.o"
+    path = _kept_at(f"{text}{llvm.get_host_cpu_name()}{llvm.get_host_cpu_features().flatten()}", "o")
     kept = cache.read(path)
     module = _module(text, machine, optimised=kept is None)
     engine = llvm.create_mcjit_compiler(module, machine)
@@ -196,11 +196,22 @@ def engine_of(text: str) -> Any:
 
 def assembled(text: str, *, architecture: str = "sm_80") -> str:
     """A kernel (`write_kernel`) in the language of NVIDIA's drivers, which finish it for the processor they drive."""
+    path = _kept_at(f"{text}{architecture}", "ptx")
+    if kept := cache.read(path):
+        return kept.decode()
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     target = llvm.Target.from_triple("nvptx64-nvidia-cuda")
     machine = target.create_target_machine(cpu=architecture, opt=3)
-    return machine.emit_assembly(_module(text, machine, optimised=True))
+    found = machine.emit_assembly(_module(text, machine, optimised=True))
+    cache.keep(path, found.encode())
+    return found
+
+
+def _kept_at(about: str, kind: str) -> Path:
+    """Where what was compiled is kept."""
+    key = hashlib.sha256(f"{about}{llvm.llvm_version_info}".encode()).hexdigest()[:32]
+    return cache.cache_folder() / "linear" / f"{key}.{kind}"
 
 
 def _module(text: str, machine: Any, *, optimised: bool) -> Any:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -126,6 +127,12 @@ class _There:
         return self.there
 
 
+@cache
+def _kernel(text: str) -> Kernel:
+    """The kernel of a program, made once in a process."""
+    return Kernel(assembled(text), "advance")
+
+
 class GpuPlace:
     """The first NVIDIA GPU; a thread steps a world."""
 
@@ -144,7 +151,7 @@ class GpuPlace:
             MissingDependencyError: when there is no such GPU.
         """
         self._real = np.dtype(real)
-        self._kernel = Kernel(assembled(write_kernel(real=real, **program)), "advance")
+        self._kernel = _kernel(write_kernel(real=real, **program))
         self._room = DeviceArray(np.zeros((-(-worlds // WARP), room, WARP), self._real))
 
     def hold(self, values: np.ndarray) -> _There:
