@@ -1,5 +1,6 @@
 """Many scopes in linear time: one program steps all worlds, in the lanes of a CPU or the threads of a GPU."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any, Literal, final
@@ -10,6 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.conditions import Conditions, Snapshot
+from haustra.envs.sim.linear.dual import with_slopes
 from haustra.envs.sim.linear.layout import AXIS, NODE, SEEN, WORLD, seen_slot
 from haustra.envs.sim.linear.pack import pack_axis, pack_design, pack_tables, structure_of
 from haustra.envs.sim.linear.place import CpuPlace, GpuPlace, Place
@@ -44,6 +46,7 @@ class LinearBackend(AbstractBackend):
         real: type = np.float32,
         device: Literal["cpu", "cuda"] = "cpu",
         scopes: Scope | None = None,
+        directions: int = 0,
     ) -> None:
         """Compile, or read what was compiled before.
 
@@ -56,9 +59,11 @@ class LinearBackend(AbstractBackend):
             device: threads of the CPU, or the first NVIDIA GPU.
             scopes: one design a world (`haustra.envs.sim.scope_reading.stack_scopes`), of as many joints and spheres as
                 the scene's; that of the scene when None.
+            directions: along how many the derivatives of all numbers are carried (`gradients.Gradients`).
 
         Raises:
-            InvalidOptionError: when there is not one design a world, of the scene's joints and spheres.
+            InvalidOptionError: when there is not one design a world, of the scene's joints and spheres; when derivatives
+                are wanted on a GPU.
             MissingDependencyError: when there is no such device.
             UnsupportedSceneError: when the scene has what this backend cannot honour.
         """
@@ -74,8 +79,12 @@ class LinearBackend(AbstractBackend):
         self._layout, self._coils = replace(structure.layout, nodes=nodes), structure.coils
         self._places = int(structure.coils.max()) + 1
         self._first_link = seen_slot("coils") + 3 * self._places
-        program = {"real": real, "room": self._layout.room, "timestep": scene.options.timestep}
+        if directions and device != "cpu":
+            raise InvalidOptionError("Derivatives are carried on a CPU only: leave the device out.")
+        self.directions = directions
+        program = {"real": real, "room": self._layout.room * (1 + directions), "timestep": scene.options.timestep}
         program |= {"angles": tables.wall.shape[1], "one_design": not self._one_each, "moving": moving is not None}
+        program |= {"directions": directions} if directions else {}
         self._place: Place = (
             CpuPlace(worlds=worlds, threads=min(threads, worlds), **program)
             if device == "cpu"
@@ -94,6 +103,7 @@ class LinearBackend(AbstractBackend):
             "wall": wall,
             "axis": np.zeros((1, len(AXIS))) if moving is None else pack_axis(moving),
         }
+        values |= {name: with_slopes(each, directions) for name, each in values.items() if self._has_slopes(name)}
         self._held = {name: self._place.hold(each) for name, each in values.items()}
         self._case = np.zeros(worlds, int)
         one, options = np.ones(blocks * lanes), scene.options
@@ -142,6 +152,20 @@ class LinearBackend(AbstractBackend):
         rows = packed[np.minimum(np.arange(blocks * lanes), self.worlds - 1)]
         return np.swapaxes(rows.reshape(blocks, lanes, -1), 1, 2)
 
+    def _has_slopes(self, name: str) -> bool:
+        return name in ("state", "worlds", "seen") or (name == "design" and self._one_each)
+
+    def numbers(self, name: str) -> Float[np.ndarray, "blocks slots lanes"]:
+        """An array of the program's, by its name in `ARGUMENTS`, without what derivatives there are behind."""
+        held = self._held[name].read()
+        return held[:, : held.shape[1] // (1 + self.directions)]
+
+    def slopes(self, name: str) -> Float[np.ndarray, "blocks slots directions lanes"]:
+        """Derivatives of an array of the program's, by its name in `ARGUMENTS`, to be written to."""
+        held = self._held[name].change()
+        slots = held.shape[1] // (1 + self.directions)
+        return held[:, slots:].reshape(len(held), slots, self.directions, -1)
+
     def _put(self, name: str, worlds: np.ndarray, slot: int, values: Any) -> None:
         block, lane = np.divmod(worlds, self._place.lanes)
         self._held[name].change()[block, slot, lane] = values
@@ -153,6 +177,11 @@ class LinearBackend(AbstractBackend):
             .reshape(-1, stop - start)[: self.worlds]
             .astype(float)
         )
+
+    def _slopes_of_worlds(self, name: str, start: int, stop: int) -> np.ndarray:
+        """Derivatives of slots of all worlds (worlds, directions, slots)."""
+        own = np.moveaxis(self.slopes(name)[:, start:stop], 3, 1)
+        return np.swapaxes(own.reshape(-1, *own.shape[2:])[: self.worlds], 1, 2)
 
     def step(self, inputs: Controls, count: int) -> Bool[np.ndarray, " worlds"]:
         """Advance all worlds by `count` time steps; False for those that have diverged, which stand still from then.
@@ -175,27 +204,37 @@ class LinearBackend(AbstractBackend):
 
     def read(self) -> Readings:
         """What can be read off at the end of the last step."""
+        return self._readings(self._of_worlds, self._scope.start)
+
+    def read_slopes(self) -> Readings:
+        """Derivatives of what is read off, along each direction: all arrays have axes of worlds and directions."""
+        return self._readings(self._slopes_of_worlds, 0.0)
+
+    def _readings(self, of: Callable[[str, int, int], np.ndarray], start: Any) -> Readings:
         layout, chain = self._layout, self._chain
-        state = self._of_worlds("state", 0, layout.axis)
-        seen = self._of_worlds("seen", 0, self._first_link + layout.bodies)
-        parts = {name: seen[:, seen_slot(name) :][:, :count] for name, count in SEEN}
-        up, left = (state[:, dofs].sum(axis=1) for dofs in chain.bend_dofs)
+        state = of("state", 0, layout.state)
+        seen = of("seen", 0, self._first_link + layout.bodies)
+        leading = state.shape[:-1]
+        parts = {name: seen[..., seen_slot(name) :][..., :count] for name, count in SEEN}
+        up, left = (state[..., dofs].sum(axis=-1) for dofs in chain.bend_dofs)
+        axes = state[..., layout.axis :].reshape(*leading, -1, NODE)
         return Readings(
-            time=state[:, layout.time],
-            insertion=self._scope.start + state[:, 0],
-            roll=state[:, 1],
-            hand_lead=state[:, layout.hand] - state[:, 0],
+            time=state[..., layout.time],
+            insertion=start + state[..., 0],
+            roll=state[..., 1],
+            hand_lead=state[..., layout.hand] - state[..., 0],
             tip=parts["tip"],
-            tip_frame=parts["tip_frame"].reshape(-1, 3, 3),
-            tip_arc=state[:, layout.arcs + layout.spheres],
+            tip_frame=parts["tip_frame"].reshape(*leading, 3, 3),
+            tip_arc=state[..., layout.arcs + layout.spheres],
             bend=np.stack([up, -left], axis=-1),
-            push_force=parts["push_force"][:, 0],
-            torque=parts["torque"][:, 0],
+            push_force=parts["push_force"][..., 0],
+            torque=parts["torque"][..., 0],
             tip_force=parts["tip_force"],
-            link_forces=seen[:, self._first_link :],
-            deepest=parts["deepest"][:, 0],
-            displacement=self.displacement,
-            coils=seen[:, seen_slot("coils") : self._first_link].reshape(self.worlds, -1, 3)[:, self._coils],
+            link_forces=seen[..., self._first_link :],
+            deepest=parts["deepest"][..., 0],
+            displacement=axes[..., :3] if layout.nodes else None,
+            coils=seen[..., seen_slot("coils") : self._first_link].reshape(*leading, -1, 3)[..., self._coils, :],
+            wall_force_sum=state[..., layout.normals : layout.hand].sum(axis=-1),
         )
 
     def state(self) -> State:
