@@ -62,8 +62,8 @@ class LinearBackend(AbstractBackend):
             directions: along how many the derivatives of all numbers are carried (`gradients.Gradients`).
 
         Raises:
-            InvalidOptionError: when there is not one design a world, of the scene's joints and spheres; when derivatives
-                are wanted on a GPU.
+            InvalidOptionError: when there is not one design a world, of the scene's joints and spheres; when
+                derivatives are wanted on a GPU.
             MissingDependencyError: when there is no such device.
             UnsupportedSceneError: when the scene has what this backend cannot honour.
         """

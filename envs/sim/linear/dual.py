@@ -75,12 +75,13 @@ class DualProgram(Program):
 
     def chain(self, found: Value, *parts: tuple[Number, Any]) -> Value:
         """A value by the chain rule: its rate over each number that it was made from, and that number."""
+        builder: Any = self.builder
         total = None
         for rate, of in parts:
             if isinstance(of, Dual):
                 own = self._as_real(rate) if isinstance(rate, Value) else rate
-                more = self.builder.fmul(self.beside(own), of.slopes, flags=self.flags)
-                total = more if total is None else self.builder.fadd(total, more, flags=self.flags)
+                more = builder.fmul(self.beside(own), of.slopes, flags=self.flags)
+                total = more if total is None else builder.fadd(total, more, flags=self.flags)
         return found if total is None else Dual(self, self.spread(found), total)
 
     def variable(self, value: Number, *, kind: Any = None) -> Variable:
