@@ -1,8 +1,8 @@
 """A lumen follower: drives scopes without a human, by the lumen's axis ahead of the tip.
 
 It knows the centreline and the wall forces, which a real device does not: a baseline and a demonstration, not a rival
-to a policy that sees only what a camera shows. Its rules are one function of (xp, …) for any number of worlds, in numpy
-and in JAX.
+to a policy that sees only what a camera shows. Its rules are one function of (xp, …) for any number of worlds, in
+numpy, in JAX, and in programs that step scopes in linear time.
 """
 
 import math
@@ -11,11 +11,13 @@ from types import ModuleType
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from haustra.envs.sim.state import Controls, Readings
 from haustra.models.anatomy.colon import Centreline
 from haustra.models.devices.scope.design import ScopeDesign
+from haustra.models.wall import vectors
+from haustra.models.wall.vectors import Vector
 
 STEP_FORWARD = 0.003
 """Gain in arc length that counts as progress [m]; engineering choice above the centreline's spacing of 2 mm."""
@@ -104,42 +106,71 @@ class Steering(NamedTuple):
 class Memory(NamedTuple):
     """What the follower remembers; leading axis: worlds."""
 
-    bend: Float[Any, "worlds 2"]
-    """Bend that it steers for, towards wires 'up' and 'left', as ideal wires would give it [rad]."""
-    best_arc: Float[Any, " worlds"]
+    bend_up: Float[Any, "*worlds"]
+    """Bend that it steers for, towards wire 'up', as ideal wires would give it [rad]."""
+    bend_left: Float[Any, "*worlds"]
+    """Bend that it steers for, towards wire 'left' [rad]."""
+    best_arc: Float[Any, "*worlds"]
     """Largest arc length of the tip so far [m]."""
-    local_arc: Float[Any, " worlds"]
+    local_arc: Float[Any, "*worlds"]
     """Largest arc length of the tip since it last went back [m]."""
-    local_time: Float[Any, " worlds"]
+    local_time: Float[Any, "*worlds"]
     """When that was reached [s]."""
-    retreat_until: Float[Any, " worlds"]
+    retreat_until: Float[Any, "*worlds"]
     """Insertion at which it goes on again [m]; negative while it does not retreat."""
-    retreat_from: Float[Any, " worlds"]
+    retreat_from: Float[Any, "*worlds"]
     """Insertion at which it began to retreat [m]."""
-    held_arc: Float[Any, " worlds"]
+    held_arc: Float[Any, "*worlds"]
     """Largest arc length of the tip since [m]."""
-    roll_goal: Float[Any, " worlds"]
+    roll_goal: Float[Any, "*worlds"]
     """Angle to which it turns the handle [rad]."""
-    attempts: Int[Any, " worlds"]
+    attempts: Float[Any, "*worlds"]
     """Times that it backed off since the last progress."""
+
+
+FIRST_MEMORY = Memory(0.0, 0.0, _NEVER, _NEVER, 0.0, _NEVER, _NEVER, _NEVER, 0.0, 0.0)
+"""Memory of a follower that has seen nothing yet."""
+
+
+class Sensed(NamedTuple):
+    """What the follower decides by; leading axis: worlds."""
+
+    time: Float[Any, "*worlds"]
+    """[s]."""
+    arc: Float[Any, "*worlds"]
+    """Arc length of the tip [m]."""
+    insertion: Float[Any, "*worlds"]
+    """Length past the anus [m]."""
+    roll: Float[Any, "*worlds"]
+    """Angle of the handle [rad]."""
+    hand_lead: Float[Any, "*worlds"]
+    """How far the hand aims ahead of the shaft [m]."""
+    push_force: Float[Any, "*worlds"]
+    """[N]."""
+    wall_force: Float[Any, "*worlds"]
+    """Largest resultant wall force on one link [N]."""
+    tip_force: Float[Any, "*worlds"]
+    """Largest resultant wall force on one link of the bending section [N]."""
+    bend: tuple[Any, Any]
+    """Bend of the bending section, towards wires 'up' and 'left' [rad]."""
+    ahead: Vector
+    """From the tip to the place that it steers for, in the tip's own axes [m]."""
 
 
 class Decision(NamedTuple):
     """What the follower asks for until it is asked again; leading axis: worlds."""
 
-    push_rate: Float[Any, " worlds"]
+    push_rate: Float[Any, "*worlds"]
     """Speed at which the hand pushes the shaft in [m/s]."""
-    roll_rate: Float[Any, " worlds"]
+    roll_rate: Float[Any, "*worlds"]
     """Speed at which the hand turns the shaft [rad/s]."""
-    pulls: Float[Any, "worlds 4"]
+    pulls: Any
     """Pull of each wire that bends an ideal scope as asked: up, left, down, right [N]."""
 
 
 def begin(xp: ModuleType, worlds: int, kind: Any) -> Memory:
-    """Memory of a follower that has seen nothing yet, in that precision."""
-    zero, never = xp.zeros(worlds, kind), xp.full(worlds, _NEVER, kind)
-    none = xp.zeros(worlds, xp.int32)
-    return Memory(xp.zeros((worlds, 2), kind), never, never, zero, never, never, never, zero, none)
+    """Memory of followers that have seen nothing yet, in that precision."""
+    return Memory(*(xp.full(worlds, value, kind) for value in FIRST_MEMORY))
 
 
 def decide(
@@ -155,7 +186,7 @@ def decide(
     interval: float,
     tip_links: int,
 ) -> tuple[Decision, Memory]:
-    """Push, steer along the lumen ahead, rotate, back off when the wall force rises.
+    """`rules` of many worlds; pulls have the shape (worlds, 4).
 
     Args:
         xp: numpy or jax.numpy.
@@ -170,69 +201,97 @@ def decide(
         interval: time to the next decision [s].
         tip_links: links of the bending section, the last ones.
     """
+    sensed = Sensed(
+        time=time,
+        arc=arc,
+        insertion=seen.insertion,
+        roll=seen.roll,
+        hand_lead=seen.hand_lead,
+        push_force=seen.push_force,
+        wall_force=seen.link_forces.max(axis=1),
+        tip_force=seen.link_forces[:, -tip_links:].max(axis=1),
+        bend=(seen.bend[:, 0], seen.bend[:, 1]),
+        ahead=vectors.of(xp.einsum("wij,wi->wj", seen.tip_frame, target - seen.tip)),
+    )
+    decision, kept = rules(xp, settings, steering, sensed, memory, interval=interval)
+    kept = Memory(*(new.astype(old.dtype) for new, old in zip(kept, memory, strict=True)))
+    return decision._replace(pulls=xp.stack(decision.pulls, axis=-1)), kept
+
+
+def rules(
+    xp: Any, settings: Any, steering: Steering, sensed: Sensed, memory: Memory, *, interval: float
+) -> tuple[Decision, Memory]:
+    """Push, steer along the lumen ahead, rotate, back off when the wall force rises.
+
+    Args:
+        xp: numpy, jax.numpy, or what writes programs.
+        settings: how it drives: `FollowerSettings`, or numbers by its names.
+        steering: the scopes that it steers.
+        sensed: what it decides by.
+        memory: what it remembers.
+        interval: time to the next decision [s].
+    """
     own = settings
-    bend = _steer(xp, own, steering, seen, memory.bend, target, interval)
+    up, left = _steer(xp, own, steering, sensed, memory, interval)
+    time, arc, insertion = sensed.time, sensed.arc, sensed.insertion
     forward, further = arc > memory.local_arc + STEP_FORWARD, arc > memory.best_arc + STEP_FORWARD
     local_arc, local_time = xp.where(forward, arc, memory.local_arc), xp.where(forward, time, memory.local_time)
     best = xp.where(further, arc, memory.best_arc)
-    attempts = xp.where(further, 0, memory.attempts)
-    wall = seen.link_forces.max(axis=1) / own.wall_force_limit
-    tip = seen.link_forces[:, -tip_links:].max(axis=1) / own.tip_force_limit
-    load = xp.maximum(xp.maximum(tip, wall), seen.push_force / own.push_force_limit)
+    attempts = xp.where(further, 0.0, memory.attempts)
+    wall, tip = sensed.wall_force / own.wall_force_limit, sensed.tip_force / own.tip_force_limit
+    load = xp.maximum(xp.maximum(tip, wall), sensed.push_force / own.push_force_limit)
     waiting = time - local_time
     back = (memory.retreat_until < 0) & (waiting > _FIRST_WAIT) & ((load > 1) | (waiting > own.patience))
     attempts = xp.where(back, attempts + 1, attempts)
-    far = own.straighten_distance if own.straighten else own.retreat_distance * xp.minimum(attempts, 4)
-    until = xp.where(back, xp.maximum(0.02, seen.insertion - far), memory.retreat_until)
-    begun = xp.where(back, seen.insertion, memory.retreat_from)
+    far = own.straighten_distance if own.straighten else own.retreat_distance * xp.minimum(attempts, 4.0)
+    until = xp.where(back, xp.maximum(insertion - far, 0.02), memory.retreat_until)
+    begun = xp.where(back, insertion, memory.retreat_from)
     held = xp.maximum(xp.where(back, arc, memory.held_arc), arc)
     # Alternate: a turn one way, twice back, and so on, so that the shaft does not wind up.
-    turn = own.roll_step * ((attempts + 1) // 2) * xp.where(attempts % 2 == 0, 1.0, -1.0)
+    half, twice = xp.floor((attempts + 1) / 2), xp.floor(attempts / 2) * 2
+    turn = own.roll_step * half * xp.where(attempts == twice, 1.0, -1.0)
     roll_goal = xp.where(back, turn, memory.roll_goal)
-    over = seen.insertion <= until
+    over = insertion <= until
     rate_back = -own.retreat_rate
     if own.straighten:
-        slipped = (arc < held - own.slip) | (seen.insertion <= arc)
-        over = over | (slipped & (seen.insertion <= begun - LEAST_RETREAT))
-        spare = 1 - xp.maximum(wall, -seen.push_force / own.push_force_limit)
+        slipped = (arc < held - own.slip) | (insertion <= arc)
+        over = over | (slipped & (insertion <= begun - LEAST_RETREAT))
+        spare = 1 - xp.maximum(wall, -sensed.push_force / own.push_force_limit)
         rate_back = rate_back * xp.clip(2 * spare, 0.0, 1.0)
     done = (until >= 0) & over
     until = xp.where(done, _NEVER, until)
     local_arc, local_time = xp.where(done, arc, local_arc), xp.where(done, time, local_time)
     rate = own.advance_rate * xp.clip(2 * (1 - load), 0.15, 1.0)
     # The hand never aims far beyond where the shaft is: the push would only build up.
-    rate = xp.minimum(rate, (own.hand_lead_limit - seen.hand_lead) / interval)
+    rate = xp.minimum(rate, (own.hand_lead_limit - sensed.hand_lead) / interval)
     decision = Decision(
         push_rate=xp.where(until >= 0, rate_back, rate),
-        roll_rate=xp.clip((roll_goal - seen.roll) / interval, -own.roll_rate, own.roll_rate),
-        pulls=_pulls(xp, steering, bend),
+        roll_rate=xp.clip((roll_goal - sensed.roll) / interval, -own.roll_rate, own.roll_rate),
+        pulls=_pulls(xp, steering, up, left),
     )
-    kept = (bend, best, local_arc, local_time, until, begun, held, roll_goal)
-    return decision, Memory(*(new.astype(memory.bend.dtype) for new in kept), attempts=attempts)
+    return decision, Memory(up, left, best, local_arc, local_time, until, begun, held, roll_goal, attempts)
 
 
-def _steer(
-    xp: ModuleType,
-    own: FollowerSettings,
-    steering: Steering,
-    seen: Any,
-    bend: Float[Any, "worlds 2"],
-    target: Float[Any, "worlds 3"],
-    interval: float,
-) -> Float[Any, "worlds 2"]:
-    ahead = xp.einsum("wij,wi->wj", seen.tip_frame, target - seen.tip)
-    sideways = xp.linalg.norm(ahead[:, :2] + _TINY, axis=-1)
-    turn = own.steer_gain * interval * xp.arctan2(sideways, ahead[:, 2]) / sideways
-    lead = xp.reshape(xp.asarray(steering.lead), (-1, 1))
-    bend = xp.clip(bend + turn[:, None] * ahead[:, :2], seen.bend - lead, seen.bend + lead)
-    size = xp.linalg.norm(bend + _TINY, axis=-1)
-    return bend * xp.minimum(1.0, steering.bend_limit / size)[:, None]
+def _steer(xp: Any, own: Any, steering: Steering, sensed: Sensed, memory: Memory, interval: float) -> tuple[Any, Any]:
+    """Bend that it steers for from now on."""
+    x, y, z = sensed.ahead
+    sideways = _length(xp, x, y)
+    turn = own.steer_gain * interval * xp.arctan2(sideways, z) / sideways
+    up, left = (
+        xp.clip(bend + turn * away, there - steering.lead, there + steering.lead)
+        for bend, away, there in zip((memory.bend_up, memory.bend_left), (x, y), sensed.bend, strict=True)
+    )
+    share = xp.minimum(steering.bend_limit / _length(xp, up, left), 1.0)
+    return up * share, left * share
 
 
-def _pulls(xp: ModuleType, steering: Steering, bend: Float[Any, "worlds 2"]) -> Float[Any, "worlds 4"]:
-    up, left = steering.pull_per_angle * bend[:, 0], steering.pull_per_angle * bend[:, 1]
-    most = xp.reshape(xp.asarray(steering.pull_limit), (-1, 1))
-    return xp.clip(xp.stack([up, left, -up, -left], axis=-1), 0.0, most)
+def _length(xp: Any, x: Any, y: Any) -> Any:
+    return xp.sqrt((x + _TINY) ** 2 + (y + _TINY) ** 2)
+
+
+def _pulls(xp: Any, steering: Steering, up: Any, left: Any) -> tuple[Any, Any, Any, Any]:
+    up, left, most = steering.pull_per_angle * up, steering.pull_per_angle * left, steering.pull_limit
+    return xp.clip(up, 0.0, most), xp.clip(left, 0.0, most), xp.clip(-up, 0.0, most), xp.clip(-left, 0.0, most)
 
 
 class LumenFollower:
@@ -269,7 +328,7 @@ class LumenFollower:
     @property
     def asked(self) -> Float[np.ndarray, "2"]:
         """Bend that it steers for, towards wires 'up' and 'left', as ideal wires would give it [rad]."""
-        return self._memory.bend[0].copy()
+        return np.array([self._memory.bend_up[0], self._memory.bend_left[0]])
 
     @property
     def attempts(self) -> int:

@@ -1,19 +1,18 @@
 """Many insertions at once: scopes driven into colons by the lumen follower, in JAX, scored as they go."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 
 from haustra.envs.control.follower import FollowerSettings, Memory
 from haustra.envs.control.follower_worlds import WorldsFollower
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.measure.containment import LumenWidths, outside, stack_widths
-from haustra.envs.runs.outcome import Outcome, ending, outcome_of
+from haustra.envs.runs.outcome import ending
+from haustra.envs.runs.tally import Insertions, Measured, Tally, counted
 from haustra.envs.sim.device_arrays import tree_where
 from haustra.envs.sim.device_backends import device_backend
 from haustra.envs.sim.precision import precise
@@ -27,43 +26,6 @@ from haustra.models.wall.lumen_table import Tables, pick
 Array: TypeAlias = Any
 _CHUNK = 50
 """Control intervals in one call: a second of simulated time between two reports of progress."""
-
-
-class Tally(NamedTuple):
-    """Scores so far; leading axis: worlds."""
-
-    tip_arc_max: Array
-    push_peak: Array
-    torque_peak: Array
-    wall_peak: Array
-    wall_sum: Array
-    loop_excess_peak: Array
-    intervals: Array
-    ended: Array
-    """Row of `haustra.envs.runs.outcome.ENDINGS`; 0 while a run goes on."""
-
-
-@dataclass(frozen=True)
-class Insertions:
-    """Many finished runs; arrays have one entry a world. A diverged world's numbers are those before it diverged."""
-
-    outcome: tuple[Outcome, ...]
-    simulated: Float[np.ndarray, " worlds"]
-    """Simulated time until it ended [s]."""
-    tip_arc_max: Float[np.ndarray, " worlds"]
-    """Furthest arc length of the tip [m]."""
-    insertion: Float[np.ndarray, " worlds"]
-    """Length past the anus at the end [m]."""
-    push_force_peak: Float[np.ndarray, " worlds"]
-    """[N]."""
-    torque_peak: Float[np.ndarray, " worlds"]
-    """[N m]."""
-    wall_force_peak: Float[np.ndarray, " worlds"]
-    """Largest resultant on one link [N]."""
-    wall_force_mean: Float[np.ndarray, " worlds"]
-    """Mean over time of the largest resultant on one link [N]."""
-    loop_excess_peak: Float[np.ndarray, " worlds"]
-    """Most scope inside beyond the colon passed [m]."""
 
 
 class InsertionBatch:
@@ -123,7 +85,10 @@ class InsertionBatch:
             drive = tree_where(running, decided, drive)
             after = self._backend.read(parameters, self._tables, worlds)
             ended = self._ended(parameters, tables, widths, worlds, after)
-            return worlds, drive, tree_where(running, self._score(tally, after, ended), tally)
+            measured = Measured(
+                after.tip_arc, after.insertion, after.push_force, after.torque, after.link_forces.max(axis=1)
+            )
+            return worlds, drive, tree_where(running, counted(jnp, tally, measured, ended), tally)
 
         return jax.lax.fori_loop(0, count, one, (worlds, drive, tally))
 
@@ -153,37 +118,13 @@ class InsertionBatch:
             modelled=scope.length,
         ).astype(jnp.int32)
 
-    def _score(self, tally: Tally, seen: Readings, ended: Array) -> Tally:
-        wall = seen.link_forces.max(axis=1)
-        return Tally(
-            tip_arc_max=jnp.maximum(tally.tip_arc_max, seen.tip_arc),
-            push_peak=jnp.maximum(tally.push_peak, jnp.abs(seen.push_force)),
-            torque_peak=jnp.maximum(tally.torque_peak, jnp.abs(seen.torque)),
-            wall_peak=jnp.maximum(tally.wall_peak, wall),
-            wall_sum=tally.wall_sum + wall,
-            loop_excess_peak=jnp.maximum(tally.loop_excess_peak, seen.insertion - seen.tip_arc),
-            intervals=tally.intervals + 1,
-            ended=ended,
-        )
-
     def _finish(self, parameters: Parameters, worlds: State, drive: Memory, tally: Tally) -> Insertions:
-        parts = (np.asarray(part) for part in (tally.ended, worlds.healthy, drive.attempts))
-        outcomes = [
-            outcome_of(int(ended), healthy=bool(healthy), attempts=int(attempts))
-            for ended, healthy, attempts in zip(*parts, strict=True)
-        ]
-        intervals = np.asarray(tally.intervals)
-        plain = {name: np.asarray(getattr(tally, name), float) for name in Tally._fields[:6]}
-        return Insertions(
-            outcome=tuple(outcomes),
-            simulated=np.asarray(worlds.time, float),
-            tip_arc_max=plain["tip_arc_max"],
-            insertion=np.asarray(parameters.scope.start + worlds.qpos[:, 0], float),
-            push_force_peak=plain["push_peak"],
-            torque_peak=plain["torque_peak"],
-            wall_force_peak=plain["wall_peak"],
-            wall_force_mean=plain["wall_sum"] / np.maximum(intervals, 1),
-            loop_excess_peak=plain["loop_excess_peak"],
+        return Insertions.of(
+            tally,
+            healthy=np.asarray(worlds.healthy),
+            attempts=np.asarray(drive.attempts),
+            simulated=np.asarray(worlds.time),
+            insertion=np.asarray(parameters.scope.start + worlds.qpos[:, 0]),
         )
 
 

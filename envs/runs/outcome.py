@@ -1,7 +1,6 @@
 """How a run ended."""
 
 from enum import Enum
-from types import ModuleType
 from typing import Any
 
 CAECUM_MARGIN = 0.03
@@ -44,7 +43,7 @@ ENDINGS = (None, Outcome.ESCAPED, Outcome.REACHED_CAECUM, Outcome.FULLY_INSERTED
 """What the numbers of `ending` mean; None: the run goes on."""
 
 
-def ending(xp: ModuleType, *, outside: Any, arc: Any, length: Any, insertion: Any, modelled: Any) -> Any:
+def ending(xp: Any, *, outside: Any, arc: Any, length: Any, insertion: Any, modelled: Any) -> Any:
     """Why runs end now, as rows of `ENDINGS`: one number, or one a world.
 
     Args:

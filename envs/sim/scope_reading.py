@@ -102,6 +102,7 @@ def read_scope(scene: Scene, *, backend: str = "jax") -> Scope:
         "pull_limit": np.float64(design.wires.pull_limit),
         "bend_limit": np.radians(design.limits.smallest),
         "wire_friction": np.float64(design.wires.friction),
+        "cubic": np.asarray(model.jnt_stiffnesspoly)[model.dof_jntid, 1].copy(),
         "wire_hysteresis": np.float64(design.wires.hysteresis),
     }
     return Scope(links=Links.of(model), **{name: np.asarray(part)[None] for name, part in parts.items()})
@@ -121,11 +122,6 @@ def refuse_unsupported(scene: Scene, backend: str) -> None:
     """
     require_supported(scene, backend)
     model = scene.compile()
-    cubic = np.asarray(model.jnt_stiffnesspoly) if hasattr(model, "jnt_stiffnesspoly") else np.zeros(1)
-    if np.abs(cubic).max(initial=0) > 0:
-        raise UnsupportedSceneError(
-            f"The backend '{backend}' has linear springs only: build the scene with softening=False."
-        )
     if model.nplugin or model.neq:
         raise UnsupportedSceneError(
             f"The backend '{backend}' has no plugins or equality constraints: use the native backend."

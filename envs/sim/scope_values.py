@@ -47,6 +47,8 @@ class Scope(NamedTuple):
     """(any,) smallest of the bending section's limits [rad]."""
     wire_friction: Array
     """(any,) Coulomb coefficient between wire and sheath [1]."""
+    cubic: Array
+    """(any, dofs) of the springs' torque stiffness q + cubic q^3 [N m/rad^3]."""
     wire_hysteresis: Array
     """(any,) part of a pull that is lost in the bending section itself [1]."""
 

@@ -11,9 +11,10 @@ import numpy as np
 
 from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.control.follower_worlds import WorldsFollower
-from haustra.envs.runs.insertions import InsertionBatch, Insertions
+from haustra.envs.runs.insertions import InsertionBatch
 from haustra.envs.runs.measure.containment import LumenWidths, stack_widths
 from haustra.envs.runs.outcome import Outcome
+from haustra.envs.runs.tally import Insertions
 from haustra.envs.sim.capabilities import require_supported
 from haustra.envs.sim.device_arrays import on_device
 from haustra.envs.sim.device_backends import device_backend

@@ -71,12 +71,8 @@ class FollowerDriver:
 
     def begin(self, worlds: Bool[np.ndarray, " worlds"]) -> None:
         """New colons, new followers."""
-        self._memory = Memory(
-            *(
-                np.where(worlds.reshape(-1, *[1] * (new.ndim - 1)), new, old)
-                for new, old in zip(self._fresh, self._memory, strict=True)
-            )
-        )
+        pairs = zip(self._fresh, self._memory, strict=True)
+        self._memory = Memory(*(np.where(worlds, new, old) for new, old in pairs))
 
     def act(self, seen: Parts) -> Float[np.ndarray, "worlds 4"]:
         """What each follower asks for, as actions."""

@@ -303,6 +303,13 @@ def axis_point(xp: Any, tables: Tables, step: Any, first: Any, count: Any, arc: 
     return _line(tables, j, xp.minimum(xp.maximum(u, 0.0), 1.0))
 
 
+def station_width(xp: Any, tables: Tables, step: Any, first: Any, count: Any, arc: Any) -> Any:
+    """What stations hold beside their points, at an arc length [m]; the colon's stations as in `query_point`."""
+    j, u = _cell(xp, step, first, count, arc)
+    u = xp.minimum(xp.maximum(u, 0.0), 1.0)
+    return (1 - u) * tables.points[j, 3] + u * tables.points[j + 1, 3]
+
+
 def _cell(xp: Any, step: Any, first: Any, count: Any, arc: Any) -> tuple[Any, Any]:
     """Row of the station before an arc length, and the fraction of a step after it (beyond 0 and 1: outside)."""
     place = arc / step

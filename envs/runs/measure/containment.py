@@ -81,18 +81,33 @@ def outside(
         radius: of the scope [m].
         moves: whether the colon may gather on the scope.
     """
-    least, most = _PATH_STRETCH
-    most *= _PLEATED if moves else 1.0
     tip, arcs = xp.asarray(tip_arc)[..., None, None], widths.arcs[..., None, :]
-    low, high = tip - most * behind[..., None] - _BLUR, tip - least * behind[..., None] + _BLUR
+    low, high = beside(tip, behind[..., None], moves=moves)
     # Beyond its ends, the first and the last station count.
     candidates = (arcs >= xp.minimum(low, arcs[..., -1:])) & (arcs <= xp.maximum(high, arcs[..., :1]))
     # One product of matrices instead of a difference for every pair: half the time of a check.
     squares = (nodes**2).sum(-1)[..., None] + (stations**2).sum(-1)[..., None, :]
     squares = squares - 2 * xp.matmul(nodes, xp.swapaxes(stations, -1, -2))
-    distance = xp.sqrt(xp.maximum(squares, 0.0)) - widths.width[..., None, :] + xp.asarray(radius)[..., None, None]
-    nearest = xp.where(candidates, distance, np.inf).min(-1)
+    apart = stands_out(xp, squares, widths.width[..., None, :], xp.asarray(radius)[..., None, None])
+    nearest = xp.where(candidates, apart, np.inf).min(-1)
     return xp.where(inside, nearest, -np.inf).max(-1)
+
+
+def beside(tip_arc: Any, behind: Any, *, moves: bool) -> tuple[Any, Any]:
+    """Between which arc lengths a point of a scope can be, so far behind a tip at that arc length [m].
+
+    Args:
+        tip_arc: [m].
+        behind: distance from the tip along the scope [m].
+        moves: whether the colon may gather on the scope.
+    """
+    least, most = _PATH_STRETCH
+    return tip_arc - (most * _PLEATED if moves else most) * behind - _BLUR, tip_arc - least * behind + _BLUR
+
+
+def stands_out(xp: Any, square: Any, width: Any, radius: Any) -> Any:
+    """How far a scope of that radius, the root of `square` from the axis of a lumen that wide, stands outside [m]."""
+    return xp.sqrt(xp.maximum(square, 0.0)) - width + radius
 
 
 class Containment:

@@ -86,13 +86,17 @@ class Axis:
     def reference(self, place: Vector, arc: Value) -> Vector:
         """Where a place near an arc length stands in the colon at rest."""
         xp, cell = self.program.xp, self._cell(arc)
-        axis = self._axis(arc)
-        before, after = (self._state.gather_vector(self._place(cell.at + i)) for i in range(2))
-        moved = between(before, after, cell.share)
+        axis, moved = self._axis(arc), self.moved(arc)
         stretch = self._room.gather(self._node(cell.at) + _LENGTH) / self._number(cell.at, "length")
         along = between(self._vector(cell.at, "tangent"), self._vector(cell.at + 1, "tangent"), cell.share)
         offset = minus(minus(place, axis), moved)
         return add(axis, taken_back(xp, offset, stretch, along, *self._turns(cell), cell.share))
+
+    def moved(self, arc: Value) -> Vector:
+        """How far the axis has moved from rest at an arc length [m]."""
+        cell = self._cell(arc)
+        before, after = (self._state.gather_vector(self._place(cell.at + i)) for i in range(2))
+        return between(before, after, cell.share)
 
     def carried(self, arc: Value, normal: Vector, surface: Vector) -> tuple[Vector, Vector, Vector]:
         """Normal as it stands now, lever of a place on the wall at rest, and the wall's speed there.

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.conditions import Conditions, Snapshot
+from haustra.envs.sim.linear.compile import Driver
 from haustra.envs.sim.linear.dual import with_slopes
 from haustra.envs.sim.linear.layout import AXIS, NODE, SEEN, WORLD, seen_slot
 from haustra.envs.sim.linear.pack import pack_axis, pack_design, pack_tables, structure_of
@@ -24,8 +25,6 @@ from haustra.models.scene import Scene
 from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables, pick
 from haustra.models.wall.moving_colon import AxisDisplacement
-
-_GIVEN = ("stiffness", "damping_time", "friction", "push_limit", "torque_limit")
 
 
 @final
@@ -46,6 +45,8 @@ class LinearBackend(AbstractBackend):
         real: type = np.float32,
         device: Literal["cpu", "cuda"] = "cpu",
         scopes: Scope | None = None,
+        driver: Driver | None = None,
+        width: Float[np.ndarray, " rows"] | None = None,
         directions: int = 0,
     ) -> None:
         """Compile, or read what was compiled before.
@@ -59,6 +60,8 @@ class LinearBackend(AbstractBackend):
             device: threads of the CPU, or the first NVIDIA GPU.
             scopes: one design a world (`haustra.envs.sim.scope_reading.stack_scopes`), of as many joints and spheres as
                 the scene's; that of the scene when None.
+            driver: who drives within the program (`drive`); hands outside it when None (`step`).
+            width: of the lumen at each row of the tables [m], for drivers that ask for it.
             directions: along how many the derivatives of all numbers are carried (`gradients.Gradients`).
 
         Raises:
@@ -82,9 +85,10 @@ class LinearBackend(AbstractBackend):
         if directions and device != "cpu":
             raise InvalidOptionError("Derivatives are carried on a CPU only: leave the device out.")
         self.directions = directions
-        program = {"real": real, "room": self._layout.room * (1 + directions), "timestep": scene.options.timestep}
+        room = self._layout.room + (driver.room if driver else 0)
+        program: dict[str, Any] = {"real": real, "timestep": scene.options.timestep, "room": room * (1 + directions)}
         program |= {"angles": tables.wall.shape[1], "one_design": not self._one_each, "moving": moving is not None}
-        program |= {"directions": directions} if directions else {}
+        program |= {"driver": driver, **({"directions": directions} if directions else {})}
         self._place: Place = (
             CpuPlace(worlds=worlds, threads=min(threads, worlds), **program)
             if device == "cpu"
@@ -92,10 +96,11 @@ class LinearBackend(AbstractBackend):
         )
         lanes = self._place.lanes
         blocks = -(-worlds // lanes)
-        stations, wall = pack_tables(tables)
+        stations, wall = pack_tables(tables, 0.0 if width is None else width)
         values = {
             "state": np.zeros((blocks, self._layout.state, lanes)),
             "worlds": np.ones((blocks, len(WORLD), lanes)),
+            "driver": np.zeros((blocks, driver.slots if driver else 1, lanes)),
             "seen": np.zeros((blocks, self._first_link + self._layout.bodies, lanes)),
             "design": self._designs(blocks),
             "structure": structure.numbers,
@@ -144,6 +149,17 @@ class LinearBackend(AbstractBackend):
                 self._put("state", worlds, slot, conditions.roll)
         self._run(0)
 
+    def redesign(self, scopes: Scope) -> None:
+        """Give each world another design of the same joints and spheres, before a reset.
+
+        Raises:
+            InvalidOptionError: when the worlds had one design all together.
+        """
+        if not self._one_each:
+            raise InvalidOptionError("These worlds share one design: give each its own from the beginning.")
+        self._scope, held = scopes, self._held["design"].change()
+        held[:, : self.numbers("design").shape[1]] = self._designs(len(held))
+
     def _designs(self, blocks: int) -> np.ndarray:
         """The one design, or those of blocks of worlds."""
         packed, lanes = pack_design(self._scope, self._chain), self._place.lanes
@@ -153,7 +169,7 @@ class LinearBackend(AbstractBackend):
         return np.swapaxes(rows.reshape(blocks, lanes, -1), 1, 2)
 
     def _has_slopes(self, name: str) -> bool:
-        return name in ("state", "worlds", "seen") or (name == "design" and self._one_each)
+        return name in ("state", "worlds", "driver", "seen") or (name == "design" and self._one_each)
 
     def numbers(self, name: str) -> Float[np.ndarray, "blocks slots lanes"]:
         """An array of the program's, by its name in `ARGUMENTS`, without what derivatives there are behind."""
@@ -194,8 +210,37 @@ class LinearBackend(AbstractBackend):
         first = WORLD.index("push_rate")  # roll_rate and the pulls follow
         self._held["worlds"].change()[block, first : first + asked.shape[1], lane] = asked
         self._run(count)
-        alive = WORLD.index("alive")
-        return self._of_worlds("worlds", alive, alive + 1)[:, 0] > 0
+        return self.alive
+
+    @property
+    def alive(self) -> Bool[np.ndarray, " worlds"]:
+        """Which worlds have not diverged."""
+        slot = WORLD.index("alive")
+        return self._of_worlds("worlds", slot, slot + 1)[:, 0] > 0
+
+    def drive(self, count: int) -> None:
+        """Let the program's own driver decide `count` times."""
+        self._run(count)
+
+    def give(self, name: str, values: Float[np.ndarray, " worlds"] | float) -> None:
+        """Set a number of all worlds, by its name in `haustra.envs.sim.linear.layout.WORLD`."""
+        self._put("worlds", np.arange(self.worlds), WORLD.index(name), values)
+
+    def load(self, gravity: Float[np.ndarray, "worlds 3"]) -> None:
+        """Set gravity, in each colon's own frame [m/s^2]."""
+        seen = np.einsum("wij,wi->wj", self.tables.axes[self._case], gravity)
+        for component, axis in enumerate("xyz"):
+            self.give(f"gravity_{axis}", seen[:, component])
+
+    def tell_driver(self, slot: int, values: Float[np.ndarray, "worlds numbers"]) -> None:
+        """Set numbers of the driver, from a slot on."""
+        worlds = np.arange(self.worlds)
+        for more in range(values.shape[1]):
+            self._put("driver", worlds, slot + more, values[:, more])
+
+    def driver_numbers(self) -> Float[np.ndarray, "worlds slots"]:
+        """What the driver keeps of each world."""
+        return self._of_worlds("driver", 0, self.numbers("driver").shape[1])
 
     def _run(self, count: int) -> None:
         layout = self._layout
@@ -239,13 +284,12 @@ class LinearBackend(AbstractBackend):
 
     def state(self) -> State:
         """The whole state, as the backend 'jax' has it, in double precision."""
-        layout, alive = self._layout, WORLD.index("alive")
+        layout = self._layout
         ends = (0, layout.speeds, layout.arcs, layout.normals, layout.hand, layout.pulls, layout.time, layout.axis)
         parts = [self._of_worlds("state", *pair) for pair in pairwise(ends)]
         qpos, qvel, arcs, normal, hand, pulls, time = parts
-        healthy = self._of_worlds("worlds", alive, alive + 1)[:, 0] > 0
         axis = AxisDisplacement(*self._axes()) if layout.nodes else None
-        return State(qpos, qvel, hand, arcs, normal, healthy, time[:, 0], pulls, displacement=axis)
+        return State(qpos, qvel, hand, arcs, normal, self.alive, time[:, 0], pulls, displacement=axis)
 
     def _axes(self) -> tuple[Float[np.ndarray, "worlds nodes 3"], Float[np.ndarray, "worlds nodes 3"]]:
         """Displacements of the colons' axes [m], and their speeds [m/s]."""

@@ -4,7 +4,7 @@ import ctypes
 import functools
 import hashlib
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import llvmlite.binding as llvm
 import numpy as np
@@ -22,13 +22,35 @@ _BYTES = 32
 """Width of the registers that a program is written for, in bytes: eight numbers in single precision."""
 
 
+@runtime_checkable
+class Driver(Protocol):
+    """Who drives scopes within a program, instead of hands outside it."""
+
+    slots: int
+    """Numbers that it keeps of each world."""
+    room: int
+    """Slots that it needs of each world's room to work in."""
+
+    def write(self, scopes: ScopeProgram, numbers: Lanes, room: Lanes, count: Value) -> None:
+        """Write down `count` of its decisions, and what each leads to."""
+        ...
+
+
 def lanes_of(real: Any) -> int:
     """Worlds that one instruction serves on a CPU."""
     return _BYTES // np.dtype(real).itemsize
 
 
 def write_program(
-    *, lanes: int, real: Any, timestep: float, angles: int, one_design: bool, moving: bool, directions: int = 0
+    *,
+    lanes: int,
+    real: Any,
+    timestep: float,
+    angles: int,
+    one_design: bool,
+    moving: bool,
+    driver: Driver | None = None,
+    directions: int = 0,
 ) -> str:
     """A control step of blocks of worlds on a CPU, in LLVM's language.
 
@@ -39,12 +61,13 @@ def write_program(
         angles: of the wall's table.
         one_design: whether all worlds have the same design; else each has its own.
         moving: whether colons move on their mesentery.
+        driver: who decides what the hands ask for; None: that is given. `steps` of `COUNTS` are then decisions.
         directions: along how many the derivatives of all numbers are carried.
     """
     program, arrays, counts, (steps, first, last) = _begun(lanes, real, directions=directions)
     with program.loop(first, last) as block:
-        own = _Worlds(program, arrays, counts, block=block, stride=lanes)
-        _step(program, own.arrays(angles, one_design, moving, room_of_block=False), counts, timestep, steps)
+        own = _Worlds(program, arrays, counts, driver, block=block, stride=lanes)
+        _step(program, own.arrays(angles, one_design, moving, room_of_block=False), counts, timestep, steps, driver)
     return program.finish()
 
 
@@ -52,7 +75,9 @@ WARP = 32
 """Worlds of a block on a graphics processor, where a thread steps a world."""
 
 
-def write_kernel(*, real: Any, timestep: float, angles: int, one_design: bool, moving: bool) -> str:
+def write_kernel(
+    *, real: Any, timestep: float, angles: int, one_design: bool, moving: bool, driver: Driver | None = None
+) -> str:
     """A control step of worlds on a graphics processor; `last` of `COUNTS` is how many worlds there are."""
     program, arrays, counts, (steps, _, worlds) = _begun(1, real, approximate=True)
     program.function.calling_convention = "ptx_kernel"
@@ -64,8 +89,8 @@ def write_kernel(*, real: Any, timestep: float, angles: int, one_design: bool, m
     world = Value(program, builder.add(builder.mul(block, size), thread))
     with program.when(world < worlds):
         lane = world % WARP
-        own = _Worlds(program, arrays, counts, block=(world - lane).over(WARP), stride=WARP, lane=lane)
-        _step(program, own.arrays(angles, one_design, moving, room_of_block=True), counts, timestep, steps)
+        own = _Worlds(program, arrays, counts, driver, block=(world - lane).over(WARP), stride=WARP, lane=lane)
+        _step(program, own.arrays(angles, one_design, moving, room_of_block=True), counts, timestep, steps, driver)
     return program.finish()
 
 
@@ -82,8 +107,16 @@ def _begun(
     return program, dict(zip(ARGUMENTS, arguments, strict=False)), tuple(counts), [steps, first, last]
 
 
-def _step(program: Program, arrays: dict[str, Any], counts: Any, timestep: float, steps: Value) -> None:
+def _step(
+    program: Program, arrays: dict[str, Any], counts: Any, timestep: float, steps: Value, driver: Driver | None
+) -> None:
     scopes = ScopeProgram(program, arrays, counts, timestep=timestep)
+    if driver:
+        with program.when(steps > 0):
+            driver.write(scopes, arrays["driver"], scopes.room.from_slot(scopes.layout.room), steps)
+        with program.when(steps == 0):
+            scopes.observe()
+        return
     with program.when(steps > 0):
         scopes.advance(steps)
     scopes.observe()
@@ -93,7 +126,15 @@ class _Worlds:
     """Arrays of the worlds that are stepped together."""
 
     def __init__(
-        self, program: Program, arrays: dict[str, Any], counts: Any, *, block: Value, stride: int, lane: Any = None
+        self,
+        program: Program,
+        arrays: dict[str, Any],
+        counts: Any,
+        driver: Driver | None,
+        *,
+        block: Value,
+        stride: int,
+        lane: Any = None,
     ) -> None:
         self._program, self._arrays, self._block, self._stride, self._lane = program, arrays, block, stride, lane
         *parts, coils = counts
@@ -102,13 +143,14 @@ class _Worlds:
             "state": layout.state,
             "worlds": program.index(len(WORLD)),
             "seen": coils * 3 + seen_slot("coils") + layout.bodies,
-            "room": layout.room,
+            "room": layout.room + (driver.room if driver else 0),
+            "driver": program.index(driver.slots if driver else 1),
             "design": design_slots(*parts[:3])[-1],
         }
 
     def arrays(self, angles: int, one_design: bool, moving: bool, *, room_of_block: bool) -> dict[str, Any]:
         program, given = self._program, self._arrays
-        own: dict[str, Any] = {name: self._lanes(name) for name in ("state", "worlds", "seen")}
+        own: dict[str, Any] = {name: self._lanes(name) for name in ("state", "worlds", "seen", "driver")}
         own["room"] = self._lanes("room") if room_of_block else self._from(given["room"], "room")
         own["design"] = Shared(program, given["design"]) if one_design else self._lanes("design")
         own["structure"] = Shared(program, given["structure"], whole=True)
@@ -129,7 +171,7 @@ class _Worlds:
     def _from(self, base: Any, name: str) -> Lanes:
         program = self._program
         if isinstance(program, DualProgram):
-            return DualLanes(program, base, self._stride, slots=self._sizes[name])
+            return DualLanes.behind(program, base, self._stride, slots=self._sizes[name])
         return Lanes(program, base, self._stride)
 
 

@@ -164,11 +164,21 @@ class DualLanes(Lanes):
 
     _program: DualProgram
 
-    def __init__(self, program: DualProgram, base: Any, stride: int, *, slots: Value) -> None:
-        """`base` points at slot 0, `slots` after which derivatives come; `stride` is how many lanes there are."""
+    def __init__(self, program: DualProgram, base: Any, stride: int, *, slopes: Any) -> None:
+        """`base` points at slot 0 and `slopes` at its derivatives; `stride` is how many lanes there are."""
         assert stride == program.lanes, "derivatives are carried on a CPU"
         super().__init__(program, base, stride)
-        self._slopes = program.builder.gep(base, [(slots * stride).written], source_etype=program.real)
+        self._slopes = slopes
+
+    @classmethod
+    def behind(cls, program: DualProgram, base: Any, stride: int, *, slots: Value) -> "DualLanes":
+        """Numbers with their derivatives behind so many of them."""
+        slopes = program.builder.gep(base, [(slots * stride).written], source_etype=program.real)
+        return cls(program, base, stride, slopes=slopes)
+
+    def from_slot(self, slot: Number) -> "DualLanes":
+        """These numbers, counted from a slot on."""
+        return DualLanes(self._program, self._place(slot), self._stride, slopes=self._at(slot))
 
     def load(self, slot: Number) -> Value:
         """The number there."""

@@ -100,6 +100,10 @@ class Gradients:
         self.backend.reset(np.arange(self.backend.worlds), case, conditions)
         self._begin()
 
+    def redesign(self, scopes: Scope) -> None:
+        """As `LinearBackend.redesign`; derivatives by stiffness are then by that of the new designs."""
+        self.backend.redesign(scopes)
+
     def step(self, inputs: Controls, count: int) -> Bool[np.ndarray, " worlds"]:
         """As `LinearBackend.step`: a world that diverges keeps its derivatives of before, too."""
         slopes = self.backend.slopes("worlds")

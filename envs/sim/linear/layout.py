@@ -4,13 +4,14 @@ from dataclasses import dataclass
 from typing import Any
 
 DOF = ("x", "y", "z", "stiffness", "damping", "armature", "rest", "low", "high", "up", "left", "down", "right",
-       "behind", "lock_stiffness", "lock_damping")  # fmt: skip
-"""Numbers of each joint in a design: axis, spring, stops, arms of the wires, and its lock outside."""
+       "behind", "lock_stiffness", "lock_damping", "cubic")  # fmt: skip
+"""Numbers of each joint in a design: axis, spring, stops, arms of the wires, its lock outside, spring's cube."""
 
 BODY = ("offset", "mass", "centre", "across", "along")
 """Numbers of each link in a design: place on its parent's axis [m], mass, centre of mass, moments of inertia."""
 
-SCOPE = ("radius", "start", "tip", "pull_limit", "wire_friction", "wire_hysteresis")
+SCOPE = ("radius", "start", "tip", "pull_limit", "wire_friction", "wire_hysteresis", "length", "pull_per_angle",
+         "bend_limit")  # fmt: skip
 """Numbers of a whole design."""
 
 WORLD = ("one", "bending", "tip_bending", "torsion", "stiffness", "damping_time", "friction", "push_limit",
@@ -24,7 +25,7 @@ AXIS = ("place", "y", "z", "turn", "tangent", "tangent_y", "tangent_z", "length"
 """Numbers of each node of the axis of a colon that moves: a row of `haustra.models.wall.mesentery.Mesentery`."""
 
 STATION = 16
-"""Numbers of a row of a colon's station: point, first normal, second normal and tangent, each filled up to four."""
+"""Numbers of a row of a colon's station: point and width, first normal, second normal and tangent, each of four."""
 
 
 @dataclass(frozen=True)

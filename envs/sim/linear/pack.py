@@ -1,6 +1,7 @@
 """From a scene, colons and parameters to the arrays that programs work on."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -76,21 +77,22 @@ def pack_design(scope: Scope, own: ScopeChain) -> Float[np.ndarray, "designs slo
     each[:, locked, DOF.index("behind")] = np.repeat(scope.behind, 2, axis=1)
     each[:, locked, DOF.index("lock_stiffness")] = scope.lock_stiffness
     each[:, locked, DOF.index("lock_damping")] = scope.lock_damping
+    each[:, :, DOF.index("cubic")] = scope.cubic
     body = np.stack(
         [links.offset[..., 2], links.mass, links.centre[..., 2], inertia[..., 0, 0], inertia[..., 2, 2]], -1
     )
     assert body.shape[-1] == len(BODY)
-    whole = np.stack([scope.radius, scope.start, scope.tip_place[:, 0, 2], scope.pull_limit, scope.wire_friction,
-                    scope.wire_hysteresis], axis=-1)  # fmt: skip
+    first = scope.radius, scope.start, scope.tip_place[:, 0, 2], scope.pull_limit, scope.wire_friction
+    whole = np.stack([*first, scope.wire_hysteresis, scope.length, scope.pull_per_angle, scope.bend_limit], axis=-1)
     assert whole.shape[-1] == len(SCOPE)
     flat = (part.reshape(count, -1) for part in (each, body, scope.sample_place[..., 2], whole))
     return np.concatenate(list(flat), axis=1)
 
 
-def pack_tables(tables: Tables) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of stations and of the wall, of colons stacked one after the other."""
+def pack_tables(tables: Tables, width: Any = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of stations and of the wall, of colons stacked one after the other; `width` of the lumen at each [m]."""
     rows = np.zeros((len(tables.points), 4, 4))
-    rows[:, 0, :3] = tables.points
+    rows[:, 0, :3], rows[:, 0, 3] = tables.points, width
     rows[:, 1:, :3] = np.swapaxes(tables.frames, 1, 2)
     return rows.reshape(-1, STATION), np.asarray(tables.wall)
 

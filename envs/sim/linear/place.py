@@ -10,7 +10,7 @@ from haustra.envs.sim.linear.compile import WARP, assembled, compiled, lanes_of,
 from haustra.envs.sim.linear.cuda import DeviceArray, Kernel
 from haustra.envs.sim.linear.program import ARGUMENTS
 
-_WRITTEN = ("state", "worlds", "seen", "room")
+_WRITTEN = ("state", "worlds", "seen", "room", "driver")
 """What a program writes to, of `ARGUMENTS`."""
 
 

@@ -43,10 +43,10 @@ from haustra.envs.sim.physics.wires import borne_pulls, joint_angle
 from haustra.envs.sim.state import SPEED_LIMIT
 from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.wall.law import normal_force, place_contact, place_force
-from haustra.models.wall.lumen_table import Tables, nearest_arc, wall_beside
+from haustra.models.wall.lumen_table import Tables, axis_point, nearest_arc, station_width, wall_beside
 from haustra.models.wall.vectors import Vector, add, cross, dot, minus, times
 
-ARGUMENTS = ("state", "worlds", "seen", "room", "design", "structure", "stations", "wall", "axis")
+ARGUMENTS = ("state", "worlds", "seen", "room", "design", "structure", "stations", "wall", "axis", "driver")
 """Arrays of a program, in this order; then whole numbers: `COUNTS`."""
 COUNTS = ("dofs", "bodies", "spheres", "nodes", "coils", "steps", "first", "last")
 """The last two are blocks of worlds."""
@@ -112,6 +112,14 @@ class ScopeProgram:
         """A number of the world, by its name in `WORLD`."""
         return self._world.load(WORLD.index(name))
 
+    def ask(self, name: str, value: Any) -> None:
+        """Put a number of the world, by its name in `WORLD`."""
+        self._world.store(WORLD.index(name), value)
+
+    def reading(self, name: str) -> Value:
+        """The first number of what was read off, by its name in `SEEN`."""
+        return self.seen.load(seen_slot(name))
+
     def joint(self, dof: Any, name: str) -> Value:
         """A number of a joint's design, by its name in `DOF`."""
         return self.design.load(dof * len(DOF) + DOF.index(name))
@@ -147,9 +155,16 @@ class ScopeProgram:
 
     # The control step.
 
-    def advance(self, count: Value) -> None:
-        """So many time steps under what the hands ask for; a world that breaks is left as it was before them."""
+    def advance(self, count: Any, going: Value | None = None) -> None:
+        """So many time steps under what the hands ask for; a world that breaks is left as it was before them.
+
+        Args:
+            count: of steps.
+            going: which worlds are to go on; all that have not broken when None.
+        """
         program, layout, xp = self.program, self.layout, self.program.xp
+        alive = self.world("alive") > 0
+        going = alive if going is None else alive & going
         with program.loop(0, layout.state) as slot:
             self.room.store(slot, self.state.load(slot))
         self._let_pulls_arrive()
@@ -164,14 +179,14 @@ class ScopeProgram:
                 aim = layout.hand + side
                 self.state.store(aim, self.state.load(aim) + self.h * self.world(rate))
             self.state.store(layout.time, self.state.load(layout.time) + self.h)
-        sound = (fastest.value < SPEED_LIMIT) & (self.world("alive") > 0)
+        sound = fastest.value < SPEED_LIMIT
         for name in ("stiffness", "damping_time"):
             sound = sound & xp.isfinite(self.world(name))
         for slot in range(6):
             sound = sound & xp.isfinite(self.state.load(layout.hand + slot))
         with program.loop(0, layout.state) as slot:
-            self.state.store(slot, xp.where(sound, self.state.load(slot), self.room.load(slot)))
-        self._world.store(WORLD.index("alive"), xp.where(sound, 1.0, 0.0))
+            self.state.store(slot, xp.where(sound & going, self.state.load(slot), self.room.load(slot)))
+        self.ask("alive", xp.where(sound & alive, 1.0, xp.where(going, 0.0, self.world("alive"))))
 
     def _let_pulls_arrive(self) -> None:
         program, xp = self.program, self.program.xp
@@ -292,6 +307,34 @@ class ScopeProgram:
         normal, held, speed = self.axis.carried(arc, normal, surface)
         return depth, normal, held, speed
 
+    def station(self, arc: Value) -> tuple[Vector, Value]:
+        """Where the centreline is now at an arc length [m], and how wide the lumen is there [m]."""
+        place = axis_point(self.program.xp, self.tables, *self._stations(), arc)
+        width = station_width(self.program.xp, self.tables, *self._stations(), arc)
+        return add(place, self.axis.moved(arc)) if self.axis else place, width
+
+    def bend(self) -> tuple[Value, Value]:
+        """Bend of the bending section towards wires 'up' and 'left' [rad]."""
+        up, left = self.program.variable(0.0), self.program.variable(0.0)
+        with self.program.loop(0, self.bodies) as body:
+            tip = self.program.xp.where(self._of_tip(body), 1.0, 0.0)
+            with self.program.loop(*self.hinges_of(body)) as dof:
+                angle = tip * self.state.load(dof)
+                up.value = up.value + self.joint(dof, "y") * angle
+                left.value = left.value - self.joint(dof, "x") * angle
+        return up.value, left.value
+
+    def link_force(self, body: Value) -> Value:
+        """Resultant of the wall on a link when it was last read off [N]."""
+        return self.seen.load(seen_slot("coils") + self.coils * 3 + body)
+
+    def _of_tip(self, body: Value) -> Value:
+        return self.structure.load(body * STRUCTURE + 4) > 0
+
+    def length(self) -> Value:
+        """Length of the colon's centreline [m]."""
+        return self.world("step") * (self.world("count") - 1)
+
     def _stations(self) -> tuple[Value, Value, Value]:
         whole = self.program.xp.int32
         return self.world("step"), whole(self.world("first")), self.world("count")
@@ -333,7 +376,8 @@ class ScopeProgram:
         damping = scale * self.joint(dof, "damping")
         low, high = self.joint(dof, "low"), self.joint(dof, "high")
         stop, stopped = _stop_torque(xp, angle, low, high, timestep=self.h)
-        torque = stop - scale * self.joint(dof, "stiffness") * (angle - self.joint(dof, "rest"))
+        bent = angle - self.joint(dof, "rest")
+        torque = stop - scale * (self.joint(dof, "stiffness") + self.joint(dof, "cubic") * bent**2) * bent
         insertion = self.scope("start") + state.load(0)
         held = _lock_activation(xp, insertion, self.joint(dof, "behind"))
         damping = damping + stopped + self.joint(dof, "lock_damping") * held
@@ -417,12 +461,13 @@ class ScopeProgram:
             self.axis.shape()
 
         def look(body: Value, link: Link) -> None:
+            self.room.put(self.origin_slot(body), link.place)
             pressed = _Changing(program, _NONE)
             with program.loop(*self.spheres_of(body)) as sphere:
                 self._press(sphere, link, pressed, deepest)
             size = program.xp.sqrt(dot(pressed.now, pressed.now))
             seen.store(seen_slot("coils") + self.coils * 3 + body, size)
-            with program.when(self.structure.load(body * STRUCTURE + 4) > 0):
+            with program.when(self._of_tip(body)):
                 force.now = add(force.now, pressed.now)
 
         tip = self.chain(look)
@@ -447,6 +492,10 @@ class ScopeProgram:
             deepest.value = xp.maximum(deepest.value, depth)
             force = xp.where(arc > 0, self.state.load(layout.normals + sphere), 0.0)
             pressed.now = add(pressed.now, times(force, normal))
+
+    def origin_slot(self, body: Any) -> Any:
+        """Slot of the room where `observe` leaves a link's origin [m]."""
+        return self._body(body)
 
     def _joint(self, dof: Any) -> Any:
         return self.layout.joint_room + dof * JOINT_ROOM

@@ -245,6 +245,18 @@ class Program:
         name = f"llvm.vector.reduce.or.v{condition.lanes}i1"
         return self.builder.call(self._declared(name, ir.FunctionType(BIT, [kind])), [condition.written])
 
+    def most(self, value: Value, *, least: bool = False) -> Value:
+        """The largest of a whole number's lanes, or the least, which all share."""
+        if value.lanes == 1:
+            return value
+        name = f"llvm.vector.reduce.{'smin' if least else 'smax'}.v{value.lanes}i32"
+        kind = ir.FunctionType(INDEX, [value.written.type])
+        return Value(self, self.builder.call(self._declared(name, kind), [value.written]))
+
+    def real_of(self, value: Value) -> Value:
+        """A whole number as a real one."""
+        return self._as_real(value)
+
     @contextmanager
     def loop(self, start: Number, stop: Number, *, backwards: bool = False) -> Iterator[Value]:
         """Count from `start` to before `stop`, or the same backwards; both are shared by all worlds."""

@@ -21,7 +21,8 @@ def run(lanes, directions, write, given, slopes, outputs):
     source, target = program.function.args
     counts = program.index(len(given)), program.index(outputs)
     write(
-        program, *(DualLanes(program, base, lanes, slots=n) for base, n in zip((source, target), counts, strict=True))
+        program,
+        *(DualLanes.behind(program, base, lanes, slots=n) for base, n in zip((source, target), counts, strict=True)),
     )
     engine = engine_of(program.finish())
     call = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(engine.get_function_address("advance"))
@@ -67,6 +68,7 @@ def test_what_is_kept_keeps_its_derivatives():
             target.store(0, 2.0 * total.value)
         row: Value = program.xp.int32(source.load(3))
         target.store(1, source.gather(row))
+        target.store(2, source.from_slot(1).load(1))
         target.store(3, 5.0)
         target.add_at(row + 3, source.load(0))
 
@@ -76,6 +78,7 @@ def test_what_is_kept_keeps_its_derivatives():
     a, b, c = given[:3]
     product = 2 * (slopes[0] * b * c + a * slopes[1] * c + a * b * slopes[2])
     np.testing.assert_allclose(found[0], product, rtol=1e-12)
+    np.testing.assert_array_equal(found[2], slopes[2])
     for lane, row in enumerate([0, 1, 2, 1]):
         np.testing.assert_array_equal(found[1, :, lane], slopes[row][:, lane])
         np.testing.assert_array_equal(found[3 + row, :, lane], slopes[0][:, lane])

@@ -1,0 +1,193 @@
+"""Insertions within a program of linear time: the follower's rules, scopes' steps, endings and scores in one launch.
+
+Every rule is the function that other backends call: `haustra.envs.control.follower.rules`, the law of
+`haustra.envs.runs.measure.containment`, `haustra.envs.runs.outcome.ending` and `haustra.envs.runs.tally.counted`.
+"""
+
+from dataclasses import fields
+from types import SimpleNamespace
+from typing import Any, final
+
+import numpy as np
+from jaxtyping import Float
+
+from haustra.envs.control.follower import FIRST_MEMORY, FollowerSettings, Memory, Sensed, Steering, rules
+from haustra.envs.runs.measure.containment import beside, stands_out
+from haustra.envs.runs.outcome import ending
+from haustra.envs.runs.tally import Measured, Tally, counted
+from haustra.envs.sim.linear.layout import STRUCTURE, seen_slot
+from haustra.envs.sim.linear.memory import Lanes
+from haustra.envs.sim.linear.program import ScopeProgram
+from haustra.envs.sim.linear.trace import Value
+from haustra.models.devices.scope.wires import WIRE_NAMES
+from haustra.models.wall.vectors import Vector, dot, minus
+
+STATION_STEP = 0.01
+"""Distance between the stations at which it is seen whether a scope is outside [m]."""
+SETTINGS = tuple(field.name for field in fields(FollowerSettings) if field.name not in ("steer", "straighten"))
+"""Settings of the follower that are numbers of each world."""
+_MEMORY, _TALLY = len(SETTINGS), len(SETTINGS) + len(Memory._fields)
+_OUTSIDE = _TALLY + len(Tally._fields)
+_FAR = 1e3
+"""Further out than any scope [m]."""
+
+
+@final
+class InsertionProgram:
+    """The follower in a program. Each world has its settings, its memory, its scores, and how far it is outside."""
+
+    slots = _OUTSIDE + 1
+
+    def __init__(self, *, straighten: bool, moves: bool, steps: int, interval: float, longest: float) -> None:
+        """Choose what worlds share.
+
+        Args:
+            straighten: `FollowerSettings.straighten`.
+            moves: whether the colons move.
+            steps: time steps between two decisions.
+            interval: time between them [s].
+            longest: length of the longest colon's centreline [m].
+        """
+        self._straighten, self._moves, self._steps, self._interval = straighten, moves, steps, interval
+        self.room = 4 * (int(np.ceil(longest / STATION_STEP)) + 2)
+
+    def write(self, scopes: ScopeProgram, numbers: Lanes, room: Lanes, count: Value) -> None:
+        """So many decisions, steps and scores; worlds that have ended stay as they are."""
+        program = scopes.program
+        with program.loop(0, count):
+            going = (self._ended(numbers) == 0) & (scopes.world("alive") > 0)
+            with program.when(going):
+                self._interval_of(scopes, numbers, room, going)
+
+    def _ended(self, numbers: Lanes) -> Value:
+        return numbers.load(_TALLY + Tally._fields.index("ended"))
+
+    def _interval_of(self, scopes: ScopeProgram, numbers: Lanes, room: Lanes, going: Value) -> None:
+        xp = scopes.program.xp
+        memory = Memory(*(numbers.load(_MEMORY + slot) for slot in range(len(Memory._fields))))
+        own = SimpleNamespace(straighten=self._straighten)
+        vars(own).update({name: numbers.load(slot) for slot, name in enumerate(SETTINGS)})
+        sensed, scale = self._sense(scopes, own.look_ahead), scopes.world("tip_bending")
+        steering = Steering(
+            pull_per_angle=scopes.scope("pull_per_angle") * scale,
+            pull_limit=scopes.scope("pull_limit"),
+            bend_limit=xp.minimum(scopes.scope("bend_limit"), own.steer_limit_deg * (np.pi / 180)),
+            lead=own.steer_lead,
+        )
+        decision, kept = rules(xp, own, steering, sensed, memory, interval=self._interval)
+        asked = {"push_rate": decision.push_rate, "roll_rate": decision.roll_rate}
+        for name, value in (asked | dict(zip(WIRE_NAMES, decision.pulls, strict=True))).items():
+            scopes.ask(name, value)
+        scopes.advance(self._steps, going)
+        scopes.observe()
+        still = going & (scopes.world("alive") > 0)
+        for slot, (new, old) in enumerate(zip(kept, memory, strict=True)):
+            numbers.store(_MEMORY + slot, xp.where(still, new, old))
+        self._score(scopes, numbers, room, still)
+
+    def _sense(self, scopes: ScopeProgram, look_ahead: Value) -> Sensed:
+        state, layout, seen = scopes.state, scopes.layout, scopes.seen
+        arc, (up, left) = self._tip_arc(scopes), scopes.bend()
+        away = minus(scopes.station(arc + look_ahead)[0], seen.vector(seen_slot("tip")))
+        frame = [seen.vector(seen_slot("tip_frame") + 3 * row) for row in range(3)]
+        ahead: Any = tuple(dot((frame[0][axis], frame[1][axis], frame[2][axis]), away) for axis in range(3))
+        wall, tip = self._largest_force(scopes)
+        return Sensed(
+            time=state.load(layout.time),
+            arc=arc,
+            insertion=self._insertion(scopes),
+            roll=state.load(1),
+            hand_lead=state.load(layout.hand) - state.load(0),
+            push_force=scopes.reading("push_force"),
+            wall_force=wall,
+            tip_force=tip,
+            bend=(up, left),
+            ahead=ahead,
+        )
+
+    def _score(self, scopes: ScopeProgram, numbers: Lanes, room: Lanes, still: Value) -> None:
+        xp, arc, insertion = scopes.program.xp, self._tip_arc(scopes), self._insertion(scopes)
+        tally = Tally(*(numbers.load(_TALLY + slot) for slot in range(len(Tally._fields))))
+        outside = self._outside(scopes, room, arc, insertion)
+        modelled = scopes.scope("length")
+        ended = ending(xp, outside=outside, arc=arc, length=scopes.length(), insertion=insertion, modelled=modelled)
+        wall, _ = self._largest_force(scopes)
+        measured = Measured(arc, insertion, scopes.reading("push_force"), scopes.reading("torque"), wall)
+        for slot, (new, old) in enumerate(zip(counted(xp, tally, measured, ended), tally, strict=True)):
+            numbers.store(_TALLY + slot, xp.where(still, new, old))
+        numbers.store(_OUTSIDE, xp.where(still, outside, numbers.load(_OUTSIDE)))
+
+    def _tip_arc(self, scopes: ScopeProgram) -> Value:
+        return scopes.state.load(scopes.layout.arcs + scopes.spheres)
+
+    def _insertion(self, scopes: ScopeProgram) -> Value:
+        return scopes.scope("start") + scopes.state.load(0)
+
+    def _largest_force(self, scopes: ScopeProgram) -> tuple[Value, Value]:
+        """Largest resultant of the wall on one link, and on one of the bending section [N]."""
+        program = scopes.program
+        wall, tip = program.variable(0.0), program.variable(0.0)
+        with program.loop(0, scopes.bodies) as body:
+            force = scopes.link_force(body)
+            wall.value = program.xp.maximum(wall.value, force)
+            with program.when(scopes.structure.load(body * STRUCTURE + 4) > 0):
+                tip.value = program.xp.maximum(tip.value, force)
+        return wall.value, tip.value
+
+    def _outside(self, scopes: ScopeProgram, room: Lanes, arc: Value, insertion: Value) -> Value:
+        """How far the scope stands outside the lumen [m]: as `haustra.envs.runs.measure.containment.outside`."""
+        program = scopes.program
+        xp, last = program.xp, scopes.length()
+        ahead = beside(arc, 0.0, moves=self._moves)[1]
+        stations = program.most(xp.int32(xp.clip(ahead, 0.0, last) * (1 / STATION_STEP))) + 2
+        with program.loop(0, stations) as station:
+            place, width = scopes.station(xp.minimum(program.real_of(station) * STATION_STEP, last))
+            room.put(station * 4, (*place, width))
+        furthest = program.variable(-_FAR)
+        behind = program.variable(scopes.scope("tip"))
+
+        def judge(place: Vector, behind: Value | float) -> None:
+            low, high = beside(arc, behind, moves=self._moves)
+            low, high = xp.minimum(low, last), xp.maximum(high, 0.0)
+            nearest = program.variable(_FAR)
+            first = program.most(xp.int32(xp.maximum(low, 0.0) * (1 / STATION_STEP)), least=True)
+            beyond = program.most(xp.int32(xp.minimum(high, last) * (1 / STATION_STEP))) + 2
+            with program.loop(first, xp.minimum(beyond, stations)) as station:
+                away, at = minus(place, room.vector(station * 4)), program.real_of(station) * STATION_STEP
+                apart = stands_out(xp, dot(away, away), room.load(station * 4 + 3), scopes.scope("radius"))
+                near = (at >= low) & (at <= high) & (apart < nearest.value)
+                nearest.value = xp.where(near, apart, nearest.value)
+            inside = (insertion > behind) & (nearest.value < _FAR)
+            furthest.value = xp.where(inside, xp.maximum(furthest.value, nearest.value), furthest.value)
+
+        judge(scopes.seen.vector(seen_slot("tip")), 0.0)
+        with program.loop(0, scopes.bodies, backwards=True) as body:
+            with program.when(insertion > behind.value):
+                judge(scopes.room.vector(scopes.origin_slot(body)), behind.value)
+            behind.value = behind.value + scopes.link(body, "offset")
+        return furthest.value
+
+    # What worlds are given, and what is kept of them.
+
+    @staticmethod
+    def numbers_of(settings: FollowerSettings, worlds: int, start: Any) -> np.ndarray:
+        """Numbers of worlds that have not begun, whose tips start so deep [m]: one number, or one a world."""
+        tally = Tally(*[0.0] * len(Tally._fields))
+        rows = np.tile([*(getattr(settings, name) for name in SETTINGS), *FIRST_MEMORY, *tally, -_FAR], (worlds, 1))
+        rows[:, _TALLY] = start
+        return rows
+
+    @staticmethod
+    def tally_of(numbers: Float[np.ndarray, "worlds slots"]) -> Tally:
+        """Scores of each world."""
+        return Tally(*numbers[:, _TALLY:_OUTSIDE].T)
+
+    @staticmethod
+    def memory_of(numbers: Float[np.ndarray, "worlds slots"]) -> Memory:
+        """Each world's memory."""
+        return Memory(*numbers[:, _MEMORY:_TALLY].T)
+
+    @staticmethod
+    def outside_of(numbers: Float[np.ndarray, "worlds slots"]) -> Float[np.ndarray, " worlds"]:
+        """How far each scope stood outside the lumen at last [m]."""
+        return numbers[:, _OUTSIDE]

@@ -1,0 +1,116 @@
+"""Many insertions at once in linear time: scopes driven into colons by the lumen follower, on a CPU or a GPU."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from haustra.envs.control.follower import FollowerSettings
+from haustra.envs.runs.insertion import CONTROL_INTERVAL
+from haustra.envs.runs.insertion_program import InsertionProgram
+from haustra.envs.runs.measure.containment import lumen_widths
+from haustra.envs.runs.tally import Insertions
+from haustra.envs.sim.conditions import Conditions
+from haustra.envs.sim.linear.backend import LinearBackend
+from haustra.envs.sim.scope_values import Scope
+from haustra.errors import InvalidOptionError
+from haustra.models.anatomy.colon import Colon
+from haustra.models.scene import Scene
+from haustra.models.wall.lumen_table import Tables
+
+_CHUNK = 50
+"""Control intervals in one call: a second of simulated time between two reports of progress."""
+
+
+class LinearInsertions:
+    """Scopes of one kind in stacked colons, compiled once, run as often as wanted."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        tables: Tables,
+        colons: Sequence[Colon],
+        *,
+        worlds: int,
+        settings: FollowerSettings,
+        threads: int = 1,
+        device: Literal["cpu", "cuda"] = "cpu",
+        real: type = np.float32,
+        scopes: Scope | None = None,
+    ) -> None:
+        """Compile, or read what was compiled before.
+
+        Args:
+            scene: scope and options, built with wall_law "table" for any of the colons.
+            tables: the colons, seen from their entries and stacked.
+            colons: the same colons.
+            worlds: how many.
+            settings: of the follower, the same in all worlds.
+            threads: of a CPU.
+            device: threads of the CPU, or the first NVIDIA GPU.
+            real: precision.
+            scopes: one design a world, as `LinearBackend`.
+
+        Raises:
+            InvalidOptionError: when the follower is to steer by wheels, or designs do not fit.
+            UnsupportedSceneError: when the scene has what this backend cannot honour.
+        """
+        if settings.steer != "pulls":
+            raise InvalidOptionError("Many worlds are steered by pulls; steering by wheels needs the native backend.")
+        self._settings, self._start = settings, scene.options.start_depth if scopes is None else scopes.start
+        self._steps = max(1, round(CONTROL_INTERVAL / scene.options.timestep))
+        self.interval = self._steps * scene.options.timestep
+        program = InsertionProgram(
+            straighten=settings.straighten,
+            moves=tables.mesentery is not None,
+            steps=self._steps,
+            interval=self.interval,
+            longest=float((tables.step * (tables.count - 1)).max()),
+        )
+        arrangement: dict[str, Any] = {"threads": threads, "device": device, "real": real, "scopes": scopes}
+        self.backend = LinearBackend(
+            scene, tables, worlds=worlds, driver=program, width=station_widths(tables, colons), **arrangement
+        )
+
+    def begin(
+        self, case: Int[np.ndarray, " worlds"], conditions: Conditions, given: Mapping[str, Any] | None = None
+    ) -> None:
+        """Lay all scopes at the start of their colons, nothing scored.
+
+        Args:
+            case: which colon each world has.
+            conditions: of each world.
+            given: more numbers of worlds, by the names of `haustra.envs.sim.linear.layout.WORLD`; `gravity` in each
+                colon's own frame (worlds, 3) [m/s^2].
+        """
+        backend, worlds = self.backend, np.arange(self.backend.worlds)
+        backend.reset(worlds, case, conditions)
+        for name, values in (given or {}).items():
+            backend.load(values) if name == "gravity" else backend.give(name, values)
+        backend.tell_driver(0, InsertionProgram.numbers_of(self._settings, len(worlds), self._start))
+
+    def run(self, *, seconds: float, progress: Callable[[float], None] = lambda time: None) -> Insertions:
+        """Drive all worlds for up to `seconds` of simulated time; `progress` is told the time [s]."""
+        intervals = round(seconds / self.interval)
+        for first in range(0, intervals, _CHUNK):
+            count = min(_CHUNK, intervals - first)
+            self.backend.drive(count)
+            progress((first + count) * self.interval)
+            tally = InsertionProgram.tally_of(self.backend.driver_numbers())
+            if ((tally.ended > 0) | ~self.backend.alive).all():
+                break
+        seen, numbers = self.backend.read(), self.backend.driver_numbers()
+        return Insertions.of(
+            InsertionProgram.tally_of(numbers),
+            healthy=self.backend.alive,
+            attempts=InsertionProgram.memory_of(numbers).attempts,
+            simulated=seen.time,
+            insertion=seen.insertion,
+        )
+
+
+def station_widths(tables: Tables, colons: Sequence[Colon]) -> Float[np.ndarray, " rows"]:
+    """How wide each colon's lumen is at each row of the stacked tables [m]."""
+    rows = zip(tables.step, tables.count, map(lumen_widths, colons), strict=True)
+    return np.concatenate([np.interp(step * np.arange(count), *widths) for step, count, widths in rows])

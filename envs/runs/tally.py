@@ -1,0 +1,117 @@
+"""What is kept of many insertions while they run, and what is said of them at the end."""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from jaxtyping import Float
+
+from haustra.envs.runs.outcome import Outcome, outcome_of
+
+Array: TypeAlias = Any
+
+
+class Tally(NamedTuple):
+    """Scores so far; leading axis: worlds."""
+
+    tip_arc_max: Array
+    push_peak: Array
+    torque_peak: Array
+    wall_peak: Array
+    wall_sum: Array
+    loop_excess_peak: Array
+    intervals: Array
+    ended: Array
+    """Row of `haustra.envs.runs.outcome.ENDINGS`; 0 while a run goes on."""
+
+
+class Measured(NamedTuple):
+    """What scores are made of, at one instant; leading axis: worlds."""
+
+    tip_arc: Array
+    """Arc length of the tip [m]."""
+    insertion: Array
+    """Length past the anus [m]."""
+    push_force: Array
+    """[N]."""
+    torque: Array
+    """[N m]."""
+    wall_force: Array
+    """Largest resultant on one link [N]."""
+
+
+def counted(xp: Any, tally: Tally, seen: Measured, ended: Array) -> Tally:
+    """Scores after one more control interval.
+
+    Args:
+        xp: numpy, jax.numpy, or what writes programs.
+        tally: scores before it.
+        seen: at its end.
+        ended: why the run ends with it, as a row of `haustra.envs.runs.outcome.ENDINGS`.
+    """
+    return Tally(
+        tip_arc_max=xp.maximum(tally.tip_arc_max, seen.tip_arc),
+        push_peak=xp.maximum(tally.push_peak, xp.abs(seen.push_force)),
+        torque_peak=xp.maximum(tally.torque_peak, xp.abs(seen.torque)),
+        wall_peak=xp.maximum(tally.wall_peak, seen.wall_force),
+        wall_sum=tally.wall_sum + seen.wall_force,
+        loop_excess_peak=xp.maximum(tally.loop_excess_peak, seen.insertion - seen.tip_arc),
+        intervals=tally.intervals + 1,
+        ended=ended,
+    )
+
+
+@dataclass(frozen=True)
+class Insertions:
+    """Many finished runs; arrays have one entry a world. A diverged world's numbers are those before it diverged."""
+
+    outcome: tuple[Outcome, ...]
+    simulated: Float[np.ndarray, " worlds"]
+    """Simulated time until it ended [s]."""
+    tip_arc_max: Float[np.ndarray, " worlds"]
+    """Furthest arc length of the tip [m]."""
+    insertion: Float[np.ndarray, " worlds"]
+    """Length past the anus at the end [m]."""
+    push_force_peak: Float[np.ndarray, " worlds"]
+    """[N]."""
+    torque_peak: Float[np.ndarray, " worlds"]
+    """[N m]."""
+    wall_force_peak: Float[np.ndarray, " worlds"]
+    """Largest resultant on one link [N]."""
+    wall_force_mean: Float[np.ndarray, " worlds"]
+    """Mean over time of the largest resultant on one link [N]."""
+    loop_excess_peak: Float[np.ndarray, " worlds"]
+    """Most scope inside beyond the colon passed [m]."""
+
+    @classmethod
+    def of(
+        cls,
+        tally: Tally,
+        *,
+        healthy: Float[np.ndarray, " worlds"],
+        attempts: Float[np.ndarray, " worlds"],
+        simulated: Float[np.ndarray, " worlds"],
+        insertion: Float[np.ndarray, " worlds"],
+    ) -> "Insertions":
+        """Say how runs went.
+
+        Args:
+            tally: scores.
+            healthy: whether runs stayed sound.
+            attempts: times that the driver backed off since the last progress.
+            simulated: when they ended [s].
+            insertion: length past the anus then [m].
+        """
+        kept = Tally(*(np.asarray(part, float) for part in tally))
+        ends = zip(kept.ended, np.asarray(healthy), np.asarray(attempts), strict=True)
+        return cls(
+            outcome=tuple(outcome_of(int(row), healthy=bool(sound), attempts=int(tries)) for row, sound, tries in ends),
+            simulated=np.asarray(simulated, float),
+            tip_arc_max=kept.tip_arc_max,
+            insertion=np.asarray(insertion, float),
+            push_force_peak=kept.push_peak,
+            torque_peak=kept.torque_peak,
+            wall_force_peak=kept.wall_peak,
+            wall_force_mean=kept.wall_sum / np.maximum(kept.intervals, 1),
+            loop_excess_peak=kept.loop_excess_peak,
+        )
