@@ -13,6 +13,8 @@ from importlib.metadata import PackageNotFoundError, version
 
 _BACKENDS: Mapping[str, tuple[str, ...]] = {
     "native": (),
+    "linear": ("llvmlite",),
+    "linear-gpu": ("llvmlite",),
     "jax": ("jax", "jaxlib"),
     "warp": ("jax", "jaxlib", "mujoco-mjx", "warp-lang"),
 }

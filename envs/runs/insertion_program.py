@@ -4,9 +4,10 @@ Every rule is the function that other backends call: `haustra.envs.control.follo
 `haustra.envs.runs.measure.containment`, `haustra.envs.runs.outcome.ending` and `haustra.envs.runs.tally.counted`.
 """
 
-from dataclasses import fields
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from types import SimpleNamespace
-from typing import Any, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 from jaxtyping import Float
@@ -33,23 +34,27 @@ _FAR = 1e3
 
 
 @final
+@dataclass(frozen=True, kw_only=True)
 class InsertionProgram:
     """The follower in a program. Each world has its settings, its memory, its scores, and how far it is outside."""
 
-    slots = _OUTSIDE + 1
+    straighten: bool
+    """`FollowerSettings.straighten`."""
+    moves: bool
+    """Whether the colons move."""
+    steps: int
+    """Time steps between two decisions."""
+    interval: float
+    """Time between them [s]."""
+    longest: float
+    """The longest colon's centreline is no longer [m]."""
 
-    def __init__(self, *, straighten: bool, moves: bool, steps: int, interval: float, longest: float) -> None:
-        """Choose what worlds share.
+    slots: ClassVar[int] = _OUTSIDE + 1
 
-        Args:
-            straighten: `FollowerSettings.straighten`.
-            moves: whether the colons move.
-            steps: time steps between two decisions.
-            interval: time between them [s].
-            longest: length of the longest colon's centreline [m].
-        """
-        self._straighten, self._moves, self._steps, self._interval = straighten, moves, steps, interval
-        self.room = 4 * (int(np.ceil(longest / STATION_STEP)) + 2)
+    @property
+    def room(self) -> int:
+        """A place and a width for each station of the longest colon."""
+        return 4 * (int(np.ceil(self.longest / STATION_STEP)) + 2)
 
     def write(self, scopes: ScopeProgram, numbers: Lanes, room: Lanes, count: Value) -> None:
         """So many decisions, steps and scores; worlds that have ended stay as they are."""
@@ -65,7 +70,7 @@ class InsertionProgram:
     def _interval_of(self, scopes: ScopeProgram, numbers: Lanes, room: Lanes, going: Value) -> None:
         xp = scopes.program.xp
         memory = Memory(*(numbers.load(_MEMORY + slot) for slot in range(len(Memory._fields))))
-        own = SimpleNamespace(straighten=self._straighten)
+        own = SimpleNamespace(straighten=self.straighten)
         vars(own).update({name: numbers.load(slot) for slot, name in enumerate(SETTINGS)})
         sensed, scale = self._sense(scopes, own.look_ahead), scopes.world("tip_bending")
         steering = Steering(
@@ -74,11 +79,11 @@ class InsertionProgram:
             bend_limit=xp.minimum(scopes.scope("bend_limit"), own.steer_limit_deg * (np.pi / 180)),
             lead=own.steer_lead,
         )
-        decision, kept = rules(xp, own, steering, sensed, memory, interval=self._interval)
+        decision, kept = rules(xp, own, steering, sensed, memory, interval=self.interval)
         asked = {"push_rate": decision.push_rate, "roll_rate": decision.roll_rate}
         for name, value in (asked | dict(zip(WIRE_NAMES, decision.pulls, strict=True))).items():
             scopes.ask(name, value)
-        scopes.advance(self._steps, going)
+        scopes.advance(self.steps, going)
         scopes.observe()
         still = going & (scopes.world("alive") > 0)
         for slot, (new, old) in enumerate(zip(kept, memory, strict=True)):
@@ -138,7 +143,7 @@ class InsertionProgram:
         """How far the scope stands outside the lumen [m]: as `haustra.envs.runs.measure.containment.outside`."""
         program = scopes.program
         xp, last = program.xp, scopes.length()
-        ahead = beside(arc, 0.0, moves=self._moves)[1]
+        ahead = beside(arc, 0.0, moves=self.moves)[1]
         stations = program.most(xp.int32(xp.clip(ahead, 0.0, last) * (1 / STATION_STEP))) + 2
         with program.loop(0, stations) as station:
             place, width = scopes.station(xp.minimum(program.real_of(station) * STATION_STEP, last))
@@ -147,7 +152,7 @@ class InsertionProgram:
         behind = program.variable(scopes.scope("tip"))
 
         def judge(place: Vector, behind: Value | float) -> None:
-            low, high = beside(arc, behind, moves=self._moves)
+            low, high = beside(arc, behind, moves=self.moves)
             low, high = xp.minimum(low, last), xp.maximum(high, 0.0)
             nearest = program.variable(_FAR)
             first = program.most(xp.int32(xp.maximum(low, 0.0) * (1 / STATION_STEP)), least=True)
@@ -170,10 +175,10 @@ class InsertionProgram:
     # What worlds are given, and what is kept of them.
 
     @staticmethod
-    def numbers_of(settings: FollowerSettings, worlds: int, start: Any) -> np.ndarray:
+    def numbers_of(settings: Sequence[FollowerSettings], start: Any) -> np.ndarray:
         """Numbers of worlds that have not begun, whose tips start so deep [m]: one number, or one a world."""
-        tally = Tally(*[0.0] * len(Tally._fields))
-        rows = np.tile([*(getattr(settings, name) for name in SETTINGS), *FIRST_MEMORY, *tally, -_FAR], (worlds, 1))
+        tally = [0.0] * len(Tally._fields)
+        rows = np.array([[*map(own.__getattribute__, SETTINGS), *FIRST_MEMORY, *tally, -_FAR] for own in settings])
         rows[:, _TALLY] = start
         return rows
 

@@ -33,7 +33,7 @@ class LinearInsertions:
         colons: Sequence[Colon],
         *,
         worlds: int,
-        settings: FollowerSettings,
+        settings: FollowerSettings | Sequence[FollowerSettings],
         threads: int = 1,
         device: Literal["cpu", "cuda"] = "cpu",
         real: type = np.float32,
@@ -46,7 +46,7 @@ class LinearInsertions:
             tables: the colons, seen from their entries and stacked.
             colons: the same colons.
             worlds: how many.
-            settings: of the follower, the same in all worlds.
+            settings: of the follower, or of each world's, which all straighten or do not.
             threads: of a CPU.
             device: threads of the CPU, or the first NVIDIA GPU.
             real: precision.
@@ -56,17 +56,20 @@ class LinearInsertions:
             InvalidOptionError: when the follower is to steer by wheels, or designs do not fit.
             UnsupportedSceneError: when the scene has what this backend cannot honour.
         """
-        if settings.steer != "pulls":
+        each = [settings] * worlds if isinstance(settings, FollowerSettings) else list(settings)
+        if any(one.steer != "pulls" for one in each):
             raise InvalidOptionError("Many worlds are steered by pulls; steering by wheels needs the native backend.")
-        self._settings, self._start = settings, scene.options.start_depth if scopes is None else scopes.start
+        if len({one.straighten for one in each}) > 1:
+            raise InvalidOptionError("Followers of one batch all straighten, or none does: make two batches.")
+        self._settings, self._start = each, scene.options.start_depth if scopes is None else scopes.start
         self._steps = max(1, round(CONTROL_INTERVAL / scene.options.timestep))
         self.interval = self._steps * scene.options.timestep
         program = InsertionProgram(
-            straighten=settings.straighten,
+            straighten=each[0].straighten,
             moves=tables.mesentery is not None,
             steps=self._steps,
             interval=self.interval,
-            longest=float((tables.step * (tables.count - 1)).max()),
+            longest=float(np.ceil((tables.step * (tables.count - 1)).max())),  # whole metres: few programs
         )
         arrangement: dict[str, Any] = {"threads": threads, "device": device, "real": real, "scopes": scopes}
         self.backend = LinearBackend(
@@ -88,7 +91,7 @@ class LinearInsertions:
         backend.reset(worlds, case, conditions)
         for name, values in (given or {}).items():
             backend.load(values) if name == "gravity" else backend.give(name, values)
-        backend.tell_driver(0, InsertionProgram.numbers_of(self._settings, len(worlds), self._start))
+        backend.tell_driver(0, InsertionProgram.numbers_of(self._settings, self._start))
 
     def run(self, *, seconds: float, progress: Callable[[float], None] = lambda time: None) -> Insertions:
         """Drive all worlds for up to `seconds` of simulated time; `progress` is told the time [s]."""

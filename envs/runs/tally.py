@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from haustra.envs.runs.outcome import Outcome, outcome_of
 
@@ -88,7 +88,7 @@ class Insertions:
         cls,
         tally: Tally,
         *,
-        healthy: Float[np.ndarray, " worlds"],
+        healthy: Bool[np.ndarray, " worlds"],
         attempts: Float[np.ndarray, " worlds"],
         simulated: Float[np.ndarray, " worlds"],
         insertion: Float[np.ndarray, " worlds"],

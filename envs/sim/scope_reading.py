@@ -32,6 +32,16 @@ class ScopeChain:
     shaft_dofs: tuple[np.ndarray, np.ndarray]
     """Hinges of the shaft about x and about y, joint by joint: what its wires are bent through."""
 
+    def same_structure(self, other: "ScopeChain") -> bool:
+        """Whether both kinds of scope can share a batch: the same joints in the same order, and as many spheres."""
+        pairs = (
+            (self.chain.axis, other.chain.axis),
+            (self.chain.turn, other.chain.turn),
+            (self.scale, other.scale),
+            (self.sample_body, other.sample_body),
+        )
+        return all(np.array_equal(one, another) for one, another in pairs)
+
 
 def read_chain(scene: Scene, *, backend: str = "jax") -> ScopeChain:
     """Read how a scene's scope hangs together.

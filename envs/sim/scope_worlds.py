@@ -51,16 +51,6 @@ class JaxScopes(ScopeChain):
         """
         return cls(timestep=scene.options.timestep, **vars(read_chain(scene)))
 
-    def same_topology(self, other: "JaxScopes") -> bool:
-        """Whether both kinds of scope can share a batch: the same joints in the same order, and as many spheres."""
-        return (
-            self.timestep == other.timestep
-            and np.array_equal(self.chain.axis, other.chain.axis)
-            and np.array_equal(self.scale, other.scale)
-            and np.array_equal(self.chain.turn, other.chain.turn)
-            and np.array_equal(self.sample_body, other.sample_body)
-        )
-
     def parameters(
         self, scene: Scene, worlds: int, *, scope: Scope | None = None, kind: Any = jnp.float32, **changed: Any
     ) -> Parameters:

@@ -53,14 +53,15 @@ _BACKENDS = {
     ("propulsion", "native"): "haustra.envs.study.propulsion:NATIVE",
     ("propulsion", "warp"): "haustra.envs.study.propulsion_worlds:WORLDS",
     ("scope", "native"): "haustra.envs.study.scope:NATIVE",
-    ("scope", "jax"): "haustra.envs.study.scope_worlds:WORLDS",
+    ("scope", "linear"): "haustra.envs.study.scope_linear:LINEAR",
+    ("scope", "linear-gpu"): "haustra.envs.study.scope_linear:LINEAR_GPU",
     ("device", "native"): "haustra.envs.study.device:NATIVE",
     ("device", "warp"): "haustra.envs.study.device:WARP",
-    ("scope", "warp"): "haustra.envs.study.scope_worlds:WARP_WORLDS",
+    ("scope", "warp"): "haustra.envs.study.scope_warp:WARP",
 }
 """Where a backend for a question is found; loaded when it is asked for."""
 
-_EXTRAS = {"jax": "mjx", "warp": "warp"}
+_EXTRAS = {"warp": "warp"}
 """Extras that backends need."""
 
 QUESTIONS = tuple(_QUESTIONS)

@@ -147,7 +147,7 @@ def answer(study: Study, folder: Path, job: Job) -> Result:
     if setup.options.wall_law == "table":
         table = _table(folder, name, setup.design.diameter / 2, setup.options.mesentery)
     elif setup.options.wall_law == "pieces":
-        wall = load_wall(wall_folder(_colon_folder(folder, name), cast(Method, study.options["wall"])))
+        wall = load_wall(wall_folder(colon_folder(folder, name), cast(Method, study.options["wall"])))
     seconds = float(study.options["seconds"])
     deepest = setup.options.start_depth + setup.driver.advance_rate * seconds
     scene = build_scene(colon, wall, setup.design, setup.options, show_lumen=False, deepest=deepest)
@@ -192,13 +192,14 @@ def _require_colon(name: str) -> None:
         raise InvalidOptionError(f"Colon '{name}' is not known: give grown-0, grown-1, … or a colon's folder.")
 
 
-def _colon_folder(folder: Path, name: str) -> Path:
+def colon_folder(folder: Path, name: str) -> Path:
+    """Where a colon of a study is: a grown one in the study's own folder."""
     return folder / COLONS / name if name.startswith("grown-") else Path(name)
 
 
 @lru_cache(maxsize=4)
 def _colon(folder: Path, name: str) -> Colon:
-    return load_colon(_colon_folder(folder, name))
+    return load_colon(colon_folder(folder, name))
 
 
 @lru_cache(maxsize=4)
@@ -206,29 +207,34 @@ def _table(folder: Path, name: str, radius: float, moves: bool) -> LumenTable:
     return lumen_table(_colon(folder, name), device_radius=radius, with_mesentery=moves)
 
 
-def prepare(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
-    """Grow the study's colons and build the walls that are missing, where they stand fixed.
+def prepare_colons(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
+    """Grow the study's colons that are missing; each appears at once.
 
-    A grown colon appears at once with its wall.
+    Raises:
+        HaustraError: when a colon cannot be grown.
+    """
+    for name in map(str, study.conditions["colon"]):
+        place = colon_folder(folder, name)
+        if name.startswith("grown-") and not (place / METADATA).is_file():
+            tell(f"growing {name}")
+            half = place.with_name(f".{name}.{os.getpid()}")
+            save_colon(grow_colon(seed=int(name.removeprefix("grown-"))), half)
+            shutil.rmtree(place, ignore_errors=True)
+            half.rename(place)
+
+
+def prepare(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
+    """Grow the study's colons, and build the walls that are missing, where they stand fixed.
 
     Raises:
         HaustraError: when a colon cannot be grown or read, or has no wall.
     """
-    method, moves = cast(Method, study.options["wall"]), bool(study.options["mesentery"])
-    for name in map(str, study.conditions["colon"]):
-        place = _colon_folder(folder, name)
-        if name.startswith("grown-") and not (place / METADATA).is_file():
-            tell(f"growing {name}")
-            half = place.with_name(f".{name}.{os.getpid()}")
-            colon = grow_colon(seed=int(name.removeprefix("grown-")))
-            save_colon(colon, half)
-            if not moves:
-                wall_of(half, colon, method)
-            shutil.rmtree(place, ignore_errors=True)
-            half.rename(place)
-        elif not moves:
+    prepare_colons(study, folder, tell)
+    if not study.options["mesentery"]:
+        for name in map(str, study.conditions["colon"]):
+            place = colon_folder(folder, name)
             tell(f"wall of {place.name}")
-            wall_of(place, load_colon(place), method)
+            wall_of(place, load_colon(place), cast(Method, study.options["wall"]))
 
 
 def score_errors(study: Study, backend: str) -> dict[str, ScoreError]:

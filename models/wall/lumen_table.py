@@ -5,9 +5,12 @@ That surface is tabulated over arc length and angle around the centreline, with 
 few dozen operations and no search, has no seams, and is the same code in numpy and in JAX, where it is differentiable.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import astuple, dataclass
+from io import BytesIO
+from pathlib import Path
 from typing import Any, NamedTuple
+from zipfile import BadZipFile
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -15,10 +18,13 @@ from scipy.interpolate import CubicSpline
 
 from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
+from haustra.models.anatomy.store import colon_hash
 from haustra.models.wall import mesentery, vectors
+from haustra.models.wall.cache import cache_folder, keep, read
 from haustra.models.wall.mesentery import Mesentery
 from haustra.models.wall.signed_distance import LumenDistance
 from haustra.models.wall.vectors import Vector, add, between, dot, minus, times, where
+from haustra.provenance import content_hash
 
 STATION_STEP = 0.0025
 """Distance between tabulated stations [m]; engineering choice, a seventh of the tightest bends' radius."""
@@ -34,6 +40,8 @@ LEAST_SLOPE = 0.2
 not known from it."""
 MOST_RADIUS = 0.06
 """No lumen is wider: rays that leave through the anus end here [m]."""
+_FORMAT = 1
+"""Of tables in the cache; those of another format are made anew."""
 _MARCH = 24
 _PROBES = 4000
 
@@ -152,21 +160,48 @@ def lumen_table(
     colon: Colon,
     *,
     device_radius: float,
-    surface: LumenDistance | None = None,
-    seed: int = 0,
+    surface: Callable[[], LumenDistance] | None = None,
     with_mesentery: bool = False,
 ) -> LumenTable:
-    """Tabulate a colon's wall for spheres of one radius.
+    """Tabulate a colon's wall for spheres of one radius; what was tabulated before is read from the cache.
 
     Args:
         colon: the colon.
         device_radius: radius of the spheres [m].
-        surface: the colon's exact surface, when it is there already.
-        seed: of the places where the error is measured.
+        surface: gives the colon's exact surface, for callers who need several tables of it.
         with_mesentery: let the colon move on its mesentery; otherwise it is fixed in space.
     """
-    surface = surface or LumenDistance(colon)
+    key = content_hash(colon_hash(colon).encode(), repr((_FORMAT, STATION_STEP, ANGLES, device_radius)).encode())
+    path = cache_folder() / "tables" / f"{key}.npz"
     points, frames, step = _stations(colon)
+    kept = _kept(path)
+    if kept is None:
+        kept = _tabulated(surface() if surface else LumenDistance(colon), points, frames, step, device_radius)
+        buffer = BytesIO()
+        np.savez(buffer, wall=kept["wall"], error=kept["error"], narrow=kept["narrow"])
+        keep(path, buffer.getvalue())
+    tables = _tables(points, frames, kept["wall"].astype(float), step, device_radius)
+    if with_mesentery:
+        tables = _hung(tables, colon)
+    p50, p95, mean, normal, probes = kept["error"].tolist()
+    error = TableAccuracy(p50, p95, mean, normal, int(probes))
+    return LumenTable(tables, device_radius, error, tuple(kept["narrow"].tolist()))
+
+
+def _kept(path: Path) -> dict[str, np.ndarray] | None:
+    """What is kept there; None when nothing is, or not what it should be."""
+    data = read(path)
+    try:
+        with np.load(BytesIO(data or b""), allow_pickle=False) as file:
+            return {name: file[name] for name in ("wall", "error", "narrow")}
+    except (OSError, EOFError, ValueError, KeyError, BadZipFile):
+        return None
+
+
+def _tabulated(
+    surface: LumenDistance, points: np.ndarray, frames: np.ndarray, step: float, device_radius: float
+) -> dict[str, np.ndarray]:
+    """The wall in single precision, its error and where the device does not fit."""
     arcs = step * np.arange(len(points))
     angles = 2 * np.pi * np.arange(ANGLES) / ANGLES
     rays = np.einsum("sij,aj->sai", frames[:, :, :2], np.column_stack([np.cos(angles), np.sin(angles)]))
@@ -178,8 +213,15 @@ def lumen_table(
     grazing = np.einsum("sai,sai->sa", inwards, -rays) < LEAST_SLOPE
     inwards[grazing] = -rays[grazing]
     local = np.einsum("sij,sai->saj", frames, inwards)
-    wall = np.concatenate([radius[..., None], local], axis=-1)
-    tables = Tables(
+    wall = np.concatenate([radius[..., None], local], axis=-1).astype(np.float32)
+    tables = _tables(points, frames, wall.astype(float), step, device_radius)
+    error = _error(surface, tables, arcs, radius, rays, device_radius)
+    narrow = arcs[(radius <= LEAST_RADIUS).mean(axis=1) > 0.5]
+    return {"wall": wall, "error": np.array(astuple(error)), "narrow": narrow}
+
+
+def _tables(points: np.ndarray, frames: np.ndarray, wall: np.ndarray, step: float, device_radius: float) -> Tables:
+    return Tables(
         points,
         frames,
         wall,
@@ -189,28 +231,26 @@ def lumen_table(
         axes=np.eye(3),
         device_radius=np.float64(device_radius),
     )
-    if with_mesentery:
-        tables = _hung(tables, colon)
-    narrow = arcs[(radius <= LEAST_RADIUS).mean(axis=1) > 0.5]
-    return LumenTable(
-        tables, device_radius, _error(surface, tables, arcs, radius, rays, device_radius, seed), tuple(narrow.tolist())
-    )
+
+
+def table_between(first: Tables, last: Tables, device_radius: float) -> Tables:
+    """A colon's table for spheres of a radius between those of two tables [m], by what is in proportion between them.
+
+    Args:
+        first: of a smaller radius.
+        last: of a larger one, or `first`.
+        device_radius: the radius wanted [m].
+    """
+    apart = float(last.device_radius - first.device_radius)
+    share = (device_radius - float(first.device_radius)) / apart if apart else 0.0
+    wall = (1 - share) * first.wall + share * last.wall
+    return first._replace(wall=wall, device_radius=np.float64(device_radius if apart else first.device_radius))
 
 
 def axis_tables(colon: Colon) -> Tables:
     """Tables of a colon that moves, of its axis only: no wall is tabulated, to be looked up in."""
     points, frames, step = _stations(colon)
-    tables = Tables(
-        points,
-        frames,
-        np.zeros((0, 1, 4)),
-        np.float64(step),
-        np.int32(0),
-        np.int32(len(points)),
-        axes=np.eye(3),
-        device_radius=np.float64(0.0),
-    )
-    return _hung(tables, colon)
+    return _hung(_tables(points, frames, np.zeros((0, 1, 4)), step, 0.0), colon)
 
 
 def _hung(tables: Tables, colon: Colon) -> Tables:
@@ -385,9 +425,9 @@ def _first_touch(
     return np.clip(high, LEAST_RADIUS, MOST_RADIUS).reshape(stations, angles)
 
 
-def _error(surface, tables: Tables, arcs, radius, rays, device_radius: float, seed: int) -> TableAccuracy:
+def _error(surface, tables: Tables, arcs, radius, rays, device_radius: float) -> TableAccuracy:
     """Compare with the surface at random places within 3 mm of touching."""
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     s = random.integers(4, len(arcs) - 4, _PROBES)
     a = random.integers(0, ANGLES, _PROBES)
     fits = radius[s, a] > 2 * LEAST_RADIUS

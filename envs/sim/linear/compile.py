@@ -4,7 +4,7 @@ import ctypes
 import functools
 import hashlib
 from collections.abc import Callable
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import llvmlite.binding as llvm
 import numpy as np
@@ -24,12 +24,15 @@ _BYTES = 32
 
 @runtime_checkable
 class Driver(Protocol):
-    """Who drives scopes within a program, instead of hands outside it."""
+    """Who drives scopes within a program, instead of hands outside it; those that are equal write the same."""
 
-    slots: int
+    slots: ClassVar[int]
     """Numbers that it keeps of each world."""
-    room: int
-    """Slots that it needs of each world's room to work in."""
+
+    @property
+    def room(self) -> int:
+        """Slots that it needs of each world's room to work in."""
+        ...
 
     def write(self, scopes: ScopeProgram, numbers: Lanes, room: Lanes, count: Value) -> None:
         """Write down `count` of its decisions, and what each leads to."""
@@ -41,6 +44,7 @@ def lanes_of(real: Any) -> int:
     return _BYTES // np.dtype(real).itemsize
 
 
+@functools.cache
 def write_program(
     *,
     lanes: int,
@@ -75,6 +79,7 @@ WARP = 32
 """Worlds of a block on a graphics processor, where a thread steps a world."""
 
 
+@functools.cache
 def write_kernel(
     *, real: Any, timestep: float, angles: int, one_design: bool, moving: bool, driver: Driver | None = None
 ) -> str:

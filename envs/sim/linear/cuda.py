@@ -9,6 +9,8 @@ import numpy as np
 
 from haustra.errors import MissingDependencyError
 
+_OUT_OF_MEMORY = 2
+
 
 @cache
 def _driver() -> Any:
@@ -39,7 +41,8 @@ def _call(name: str, *arguments: Any) -> None:
     if code:
         text = ctypes.c_char_p()
         driver.cuGetErrorString(code, ctypes.byref(text))
-        raise RuntimeError(f"{name}: {text.value.decode() if text.value else code}")
+        kind = MemoryError if code == _OUT_OF_MEMORY else RuntimeError
+        raise kind(f"{name}: {text.value.decode() if text.value else code}")
 
 
 class DeviceArray:

@@ -311,7 +311,11 @@ class _Jax:
         cases |= {path: (*_case(path), path) for path in asked}
         scenes = {name: _scene(*case, many=True) for name, case in cases.items()}
         kinds = {name: JaxScopes.of(scene) for name, scene in scenes.items()}
-        self.alone = {name: kind for name, kind in kinds.items() if not kind.same_topology(kinds["up"])}
+        self.alone = {
+            name: kind
+            for name, kind in kinds.items()
+            if kind.timestep != kinds["up"].timestep or not kind.same_structure(kinds["up"])
+        }
         """Of other joints or time steps."""
         self.scenes, self.names = scenes, [name for name in kinds if name not in self.alone]
         own = [(cases[name], scenes[name]) for name in self.names]

@@ -1,12 +1,12 @@
-"""Studies of scopes on the backend of many worlds: one batch for designs of a kind, halved where memory is short."""
+"""Studies of scopes in linear time: one batch for designs of a kind, halved where memory is short."""
 
 from dataclasses import replace
 from pathlib import Path
 
-import jax
 import pytest
 
-from haustra.envs.study import scope, scope_worlds
+from haustra.envs.study import scope, scope_batch
+from haustra.envs.study.scope_linear import LINEAR
 from haustra.envs.study.study import Job, Objective, Study, Variable
 from haustra.models.anatomy.colon import ColonSegment
 from haustra.models.anatomy.store import save_colon
@@ -52,26 +52,25 @@ def _jobs(study: Study) -> list[Job]:
 
 def test_designs_share_a_batch_and_differ(study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A stiffer shaft needs more push in the bend; an impossible design fails alone; short memory changes no row."""
-    results = {result.job: result for result in scope_worlds.WORLDS.start(study, tmp_path)(_jobs(study))}
+    results = {result.job: result for result in LINEAR.start(study, tmp_path)(_jobs(study))}
     assert [results[index].state for index in range(3)] == ["finished", "finished", "failed"]
     assert "diameter" in results[2].reason
     soft, stiff = (float(results[index].scores["push_force_peak_N"] or 0) for index in range(2))
     assert stiff > 1.5 * soft > 0
-    answer, seen = scope_worlds._answer, []
+    answered, seen = scope_batch._answered, []
 
-    def short_of_memory(colons, worlds, seconds, backend):
+    def short_of_memory(colons, worlds, seconds, answer):
         seen.append(len(worlds))
         if len(worlds) > 1:
-            raise jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED: Out of memory allocating 1 byte")
-        return answer(colons, worlds, seconds, backend)
+            raise MemoryError("cuMemAlloc_v2: out of memory")
+        return answered(colons, worlds, seconds, answer)
 
-    monkeypatch.setattr(scope_worlds, "_answer", short_of_memory)
-    again = {result.job: result for result in scope_worlds.WORLDS.start(study, tmp_path)(_jobs(study))}
+    monkeypatch.setattr(scope_batch, "_answered", short_of_memory)
+    again = {result.job: result for result in LINEAR.start(study, tmp_path)(_jobs(study))}
     assert seen == [2, 1, 1]
     assert again[0].scores["push_force_peak_N"] == pytest.approx(soft, rel=1e-3)
 
 
-@pytest.mark.slow
 def test_rows_do_not_depend_on_the_order_of_jobs(study: Study, tmp_path: Path) -> None:
     """A wire of 5 N bends the tip less than one of 80 N, whichever job comes first, and as each does alone."""
     pulls = Variable(name="pull", path="design.wires.pull_limit", unit="N", nominal=20.0, low=1.0, high=100.0)
@@ -89,7 +88,7 @@ def test_rows_do_not_depend_on_the_order_of_jobs(study: Study, tmp_path: Path) -
     jobs = [Job(id=i, design=i, variables=each, conditions=conditions) for i, each in enumerate(designs)]
 
     def rows(some: list[Job]) -> dict[int, dict]:
-        return {one.job: dict(one.scores) for one in scope_worlds.WORLDS.start(study, tmp_path)(some)}
+        return {one.job: dict(one.scores) for one in LINEAR.start(study, tmp_path)(some)}
 
     forth, back = rows(jobs), rows(jobs[::-1])
     alone = {jobs[0].id: rows(jobs[:1])[jobs[0].id]}
@@ -107,7 +106,7 @@ def test_colons_of_a_study_move_when_asked(study: Study, tmp_path: Path) -> None
     """A bend that hangs by a sigmoid's mesentery takes less push, natively too."""
     moving = replace(study, options={**study.options, "mesentery": True})
     jobs = _jobs(study)[1:2]
-    fixed, moved = (next(iter(scope_worlds.WORLDS.start(each, tmp_path)(jobs))) for each in (study, moving))
+    fixed, moved = (next(iter(LINEAR.start(each, tmp_path)(jobs))) for each in (study, moving))
     assert fixed.state == moved.state == "finished"
     pushes = [float(one.scores["push_force_peak_N"] or 0) for one in (fixed, moved)]
     assert 0 < pushes[1] < pushes[0]

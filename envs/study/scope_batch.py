@@ -1,0 +1,159 @@
+"""Many scopes at once for studies: jobs become worlds, and worlds of a kind share a batch, whatever their numbers."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from haustra.envs.control.follower import FollowerSettings
+from haustra.envs.runs.outcome import Outcome
+from haustra.envs.runs.tally import Insertions
+from haustra.envs.sim.scope_bank import BATCH_OPTIONS
+from haustra.envs.sim.scope_reading import ScopeChain, read_chain, read_scope
+from haustra.envs.sim.scope_values import Scope
+from haustra.envs.study.halving import halved
+from haustra.envs.study.questions import Runner
+from haustra.envs.study.scope import SCORES, Setup, build_setup
+from haustra.envs.study.scope_colons import StudyColons
+from haustra.envs.study.study import Job, Result, Study
+from haustra.errors import HaustraError
+from haustra.models.scene import Scene, SceneOptions, build_scene
+
+_OPTIONS = {
+    "stiffness": "wall_stiffness",
+    "damping_time": "wall_damping_time",
+    "friction": "friction",
+    "push_limit": "push_limit",
+    "torque_limit": "torque_limit",
+    "gravity": "gravity",
+}
+"""Options of scenes that are numbers of each world, by their names there."""
+
+
+@dataclass(frozen=True)
+class World:
+    """One job, ready to share a batch."""
+
+    job: Job
+    chain: ScopeChain
+    scope: Scope
+    scene: Scene
+    driver: FollowerSettings
+
+    @property
+    def colon(self) -> str:
+        """Name of its colon."""
+        return str(self.job.conditions["colon"])
+
+
+Answer: TypeAlias = Callable[[StudyColons, Sequence[World], float], Insertions]
+"""Runs worlds of one batch for so many seconds."""
+
+
+def runner(
+    study: Study,
+    folder: Path,
+    *,
+    backend: str,
+    answer: Answer,
+    can_share: Callable[[World, World], bool],
+    threads: int = 1,
+    out_of_memory: Callable[[Exception], bool] = lambda error: isinstance(error, MemoryError),
+) -> Runner:
+    """Answer jobs of a study in batches.
+
+    Args:
+        study: the study.
+        folder: of the study.
+        backend: of `haustra.envs.sim.capabilities.BACKENDS`; what it cannot honour fails the job.
+        answer: runs a batch.
+        can_share: whether two worlds can be in one batch.
+        threads: on which colons are tabulated.
+        out_of_memory: whether an exception says that a batch was too large.
+    """
+    colons = StudyColons(study, folder, threads=threads)
+    seconds = float(study.options["seconds"])
+
+    def run(jobs: Sequence[Job]) -> Iterable[Result]:
+        worlds: list[World] = []
+        built: dict[Any, World] = {}
+        for job in jobs:
+            try:
+                worlds.append(_world(study, colons, job, backend, built))
+            except HaustraError as error:
+                yield Result(job.id, "failed", reason=" ".join(str(error).split()))
+        for group in _groups(worlds, can_share):
+            yield from halved(lambda some: _answered(colons, some, seconds, answer), group, full=out_of_memory)
+
+    return run
+
+
+def options_of(worlds: Sequence[World]) -> dict[str, Any]:
+    """Options that differ by world, by their names there."""
+    return {
+        name: np.array([getattr(one.scene.options, own) for one in worlds], float) for name, own in _OPTIONS.items()
+    }
+
+
+def _world(study: Study, colons: StudyColons, job: Job, backend: str, built: dict[Any, World]) -> World:
+    """The world of a job; jobs that differ by their colon only share their scene."""
+    about = {**job.variables, **{name: value for name, value in job.conditions.items() if name != "colon"}}
+    key = tuple(sorted(about.items()))
+    if key not in built:
+        setup: Setup = build_setup(study, job.variables, job.conditions)
+        scene = build_scene(colons.longest, None, setup.design, _options(setup.options), show_lumen=False)
+        chain, scope = read_chain(scene, backend=backend), read_scope(scene, backend=backend)
+        built[key] = World(job, chain, scope, scene, setup.driver)
+    return replace(built[key], job=job)
+
+
+def _options(asked: SceneOptions) -> SceneOptions:
+    """What was asked, in the field of the lumen and with the joints of a batch where the study names none."""
+    usual = SceneOptions()
+    own = {
+        name: getattr(BATCH_OPTIONS, name)
+        for name in ("shaft_cell", "bending_cell", "twist_hinges", "sample_spacing")
+        if getattr(asked, name) == getattr(usual, name)
+    }
+    return replace(asked, wall_law="table", softening=False, **own)
+
+
+def _groups(worlds: Sequence[World], can_share: Callable[[World, World], bool]) -> Iterator[list[World]]:
+    """Worlds that can share a batch."""
+    left = list(worlds)
+    while left:
+        first = left[0]
+        same = [one for one in left if can_share(one, first)]
+        yield same
+        taken = {one.job.id for one in same}
+        left = [one for one in left if one.job.id not in taken]
+
+
+def _answered(colons: StudyColons, worlds: Sequence[World], seconds: float, answer: Answer) -> list[Result]:
+    runs = answer(colons, worlds, seconds)
+    return [
+        _result(one.job, runs, index, colons.colons[one.colon].centreline.length) for index, one in enumerate(worlds)
+    ]
+
+
+def _result(job: Job, runs: Insertions, index: int, length: float) -> Result:
+    outcome = runs.outcome[index]
+    if outcome is Outcome.DIVERGED:
+        return Result(job.id, "diverged", reason=outcome.advice)
+    known: dict[str, Any] = {
+        "outcome": outcome.value,
+        "escaped": float(outcome is Outcome.ESCAPED),
+        "reach": float(runs.tip_arc_max[index]) / length,
+        "tip_arc_max_m": float(runs.tip_arc_max[index]),
+        "insertion_m": float(runs.insertion[index]),
+        "push_force_peak_N": float(runs.push_force_peak[index]),
+        "torque_peak_Nm": float(runs.torque_peak[index]),
+        "wall_force_peak_N": float(runs.wall_force_peak[index]),
+        "wall_force_mean_N": float(runs.wall_force_mean[index]),
+        "loop_excess_peak_m": float(runs.loop_excess_peak[index]),
+        "simulated_s": float(runs.simulated[index]),
+    }
+    # What these backends do not measure stays empty.
+    return Result(job.id, "finished", scores={column.name: known.get(column.name) for column in SCORES})
