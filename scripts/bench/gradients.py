@@ -1,6 +1,7 @@
-"""Derivatives in linear time: against finite differences, what they cost, and over which horizon they hold."""
+"""Derivatives in linear time: against finite differences, and what they cost."""
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,6 +43,42 @@ class Agreement:
     """Which reading that is."""
     errors: tuple[float, ...]
     """The same with each of `STEPS`."""
+
+
+@dataclass(frozen=True)
+class SlopeCost:
+    """What a time step with derivatives takes."""
+
+    directions: int
+    """Along how many; 0 is the plain program in double precision, the worlds in lanes."""
+    us_per_step: float
+    """Wall-clock time of a step of one world [us]."""
+    plain_steps: float
+    """The same over that of the plain program in the same run; central differences take 2 plain steps a direction."""
+
+
+def costs(bank: ScopeBank, directions: Sequence[int], *, worlds: int = 16, seconds: float = 4.0) -> list[SlopeCost]:
+    """Along so many directions, on one core, from where random hands have brought scopes.
+
+    Programs take turns, so that what else the machine does falls on all of them.
+    """
+    count, case = round(_INTERVAL / bank.scene.options.timestep), np.arange(worlds) % len(bank.colons)
+    own, friction = conditions(bank, worlds), Direction(friction=1.0)
+    plain = LinearBackend(bank.scene, bank.tables, worlds=worlds, real=np.float64)
+    plain.reset(np.arange(worlds), case, own)
+    steps: dict[int, Callable[[Controls, int], object]] = {0: plain.step}
+    for number in directions:
+        scopes = Gradients(bank.scene, bank.tables, worlds=worlds, directions=[friction] * number)
+        scopes.reset(case, own)
+        steps[number] = scopes.step
+    best = dict.fromkeys(steps, np.inf)
+    for inputs in random_script(worlds, seconds + 2.0):
+        timed = plain.read().time[0] > seconds
+        for number, step in steps.items():
+            began = time.perf_counter()
+            step(inputs, count)
+            best[number] = min(best[number], time.perf_counter() - began if timed else np.inf)
+    return [SlopeCost(number, taken / count / worlds * 1e6, taken / best[0]) for number, taken in sorted(best.items())]
 
 
 def random_script(worlds: int, seconds: float) -> list[Controls]:
