@@ -39,7 +39,7 @@ def test_derivatives_hold_over_a_short_insertion(problem):
 
 def test_following_derivatives_lowers_the_force(problem):
     before, _ = problem.value(np.zeros(ZONES))
-    found = by_gradient(problem, seconds=2.0)
+    found = by_gradient(problem, seconds=12.0)
     assert found.best[0] == pytest.approx(before, rel=1e-9)
     assert found.best[-1] < 0.97 * before
     assert found.best == sorted(found.best, reverse=True)
