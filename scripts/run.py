@@ -32,8 +32,9 @@ class Run:
     """Simulated time [s]."""
     fixed: bool = False
     """Let the colon stand fixed in space instead of swinging, stretching and pleating on its mesentery."""
-    backend: Literal["native", "jax"] = "native"
-    """What steps the scene: MuJoCo, or a chain in JAX (extra mjx), which knows the table only."""
+    backend: Literal["native", "linear"] | None = None
+    """What steps the scene: MuJoCo's CPU engine, or, many times as fast, a chain in linear time, which knows pulls and
+    the table of the lumen only. Linear time where that honours what is asked, when not given."""
     friction: float | None = None
     """Coulomb coefficient between scope and wall; the sourced default when not given."""
     wall_stiffness: float | None = None
@@ -64,6 +65,7 @@ class Run:
         from haustra.envs.control.follower import FollowerSettings
         from haustra.envs.runs.error import own_error, refinements
         from haustra.envs.runs.insertion import Insertion, run_insertion
+        from haustra.envs.runs.linear_insertion import run_linear_insertion
         from haustra.envs.view.run_folder import write_run
         from haustra.errors import InvalidOptionError
         from haustra.files import prepare_folder
@@ -86,7 +88,7 @@ class Run:
             raise InvalidOptionError("A scope starts at the anus: leave --start out.")
         design = device.design
         options = replace(find_preset(self.preset).apply(), **self._options())
-        self._require_backend(options)
+        backend = self._chosen_backend(options)
         _require_seconds(self.seconds)
         colon = load_colon(self.colon)
         folder = prepare_folder(self.output)
@@ -102,13 +104,11 @@ class Run:
         def drive(what: str, options: SceneOptions) -> tuple[Scene, Insertion]:
             scene = build_scene(colon, wall, design, options, deepest=deepest)
             with progress_bar(what, self.seconds, unit="s") as advance:
-                return scene, run_insertion(
-                    scene,
-                    seconds=self.seconds,
-                    settings=settings,
-                    backend=_jax_backend() if self.backend == "jax" else self._native(wall, deepest),
-                    progress=lambda time, arc: advance(time, f"tip at {arc:.2f} m"),
-                )
+                own: dict[str, Any] = {"seconds": self.seconds, "settings": settings}
+                own["progress"] = lambda time, arc: advance(time, f"tip at {arc:.2f} m")
+                if backend == "linear":
+                    return scene, run_linear_insertion(scene, **own)
+                return scene, run_insertion(scene, backend=self._native(wall, deepest), **own)
 
         scene, run = drive("simulate", options)
         error = None
@@ -124,35 +124,26 @@ class Run:
 
         return NativeEngine if self.whole_shaft else growing(wall, deepest=deepest)
 
-    def _require_backend(self, options) -> None:
+    def _chosen_backend(self, options) -> str:
+        """The one asked for, or the fastest that honours the scene."""
         from haustra.errors import UnsupportedSceneError
 
-        if self.backend == "jax" and options.wall_law != "table":
-            raise UnsupportedSceneError(f"The backend jax has no wall law '{options.wall_law}': leave out --wall-law.")
+        if self.backend == "linear" and options.wall_law != "table":
+            asked = f"wall law '{options.wall_law}'"
+            raise UnsupportedSceneError(f"The backend linear has no {asked}: leave out --backend, or --wall-law.")
+        fast = options.wall_law == "table" and self.steer == "pulls" and not self.whole_shaft
+        return self.backend or ("linear" if fast else "native")
 
     def _options(self) -> dict[str, Any]:
         names = ("wall_law", "friction", "wall_stiffness", "push_limit", "timestep", "largest_bend_deg", "gravity")
         chosen = {name: value for name in names if (value := getattr(self, name)) is not None}
         chosen.setdefault("wall_law", "planes" if self.segment_stiffness else "table")
         chosen["mesentery"] = chosen["wall_law"] != "planes" and not self.fixed
-        chosen["softening"] = self.backend == "native"
         if self.segment_stiffness:
             from haustra.models.scene import usual_segment_stiffness
 
             chosen["segment_stiffness"] = usual_segment_stiffness()
         return chosen
-
-
-def _jax_backend():
-    """The backend in JAX, its compiled programs kept for the next run."""
-    from haustra.envs.sim.jax_setup import compute_on_one_thread, use_jax
-    from haustra.models.wall.cache import cache_folder
-
-    compute_on_one_thread()
-    use_jax(cache=cache_folder() / "jax")
-    from haustra.envs.sim.jax_single import JaxSingle
-
-    return JaxSingle
 
 
 def _require_seconds(seconds: float) -> None:

@@ -183,9 +183,9 @@ class InsertionProgram:
         return rows
 
     @staticmethod
-    def tally_of(numbers: Float[np.ndarray, "worlds slots"]) -> Tally:
+    def tally_of(numbers: Float[np.ndarray, "*worlds slots"]) -> Tally:
         """Scores of each world."""
-        return Tally(*numbers[:, _TALLY:_OUTSIDE].T)
+        return Tally(*numbers[..., _TALLY:_OUTSIDE].T)
 
     @staticmethod
     def memory_of(numbers: Float[np.ndarray, "worlds slots"]) -> Memory:

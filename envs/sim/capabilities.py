@@ -15,8 +15,8 @@ from haustra.models.scene import Scene
 BACKENDS: Mapping[str, str] = {
     "native": "one scene on MuJoCo's CPU engine",
     "native-batch": "many scopes on MuJoCo's CPU threads",
-    "linear": "many scopes on CPU threads, as a chain in linear time",
-    "jax": "many scopes, or one, as a chain in JAX",
+    "linear": "many scopes, or one, on CPU threads or a GPU, as a chain in linear time",
+    "jax": "many scopes, as a chain in JAX",
     "warp": "many scopes on MuJoCo Warp",
 }
 """What each backend is, by name."""

@@ -46,9 +46,9 @@ class _Springs(NamedTuple):
         where = model.jnt_qposadr[joints]
         return cls(where, model.qpos_spring[where], model.jnt_stiffness[joints], model.jnt_stiffnesspoly[joints, 1])
 
-    def energy(self, qpos: Float[np.ndarray, " positions"]) -> float:
-        square = (qpos[self.where] - self.rest) ** 2
-        return float(0.5 * self.linear @ square + 0.25 * self.cubic @ square**2)
+    def energy(self, qpos: Float[np.ndarray, "*records positions"]) -> Float[np.ndarray, "*records"]:
+        square = (qpos[..., self.where] - self.rest) ** 2
+        return np.asarray(0.5 * square @ self.linear + 0.25 * square**2 @ self.cubic)
 
 
 class EnergyMeter:
@@ -67,10 +67,18 @@ class EnergyMeter:
         """Energies of the state whose contacts were last found."""
         depth = np.maximum(data.contact.includemargin - data.contact.dist, 0.0) * (data.contact.exclude == 0)
         return Energies(
-            bending=self._bends.energy(data.qpos),
-            twist=self._twists.energy(data.qpos),
+            bending=float(self._bends.energy(data.qpos)),
+            twist=float(self._twists.energy(data.qpos)),
             wall=float(0.5 * np.sum(self._stiffness(data) * depth**2)),
         )
+
+    def bending(self, qpos: Float[np.ndarray, "*records positions"]) -> Float[np.ndarray, "*records"]:
+        """E_c of the scope's bending joints at generalised positions [J]."""
+        return self._bends.energy(qpos)
+
+    def twist(self, qpos: Float[np.ndarray, "*records positions"]) -> Float[np.ndarray, "*records"]:
+        """Energy of the scope's twist joints at generalised positions [J]."""
+        return self._twists.energy(qpos)
 
     def _stiffness(self, data: mujoco.MjData) -> float | np.ndarray:
         """Of each contact [N/m]."""

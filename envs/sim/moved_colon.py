@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from haustra.models.anatomy.colon import Centreline, Colon, Surface
 from haustra.models.wall import moving_colon
-from haustra.models.wall.lumen_table import Tables
+from haustra.models.wall.lumen_table import Tables, pick
 from haustra.models.wall.piece_wall import Blocks
 from haustra.models.wall.signed_distance import surface_arcs
 
@@ -65,12 +65,22 @@ class CurrentColon:
         self, displacement: Float[np.ndarray, "nodes 3"], blocks: Blocks
     ) -> tuple[Float[np.ndarray, "blocks 3"], Float[np.ndarray, "blocks 4"]]:
         """Where blocks of the wall are [m], and how they are turned, as quaternions."""
-        now = np.asarray(displacement, float)[None]
-        places = ((blocks.places - self._origin) @ self._axes)[None]
-        shape = moving_colon.shape_of(np, self._mesentery, now)
-        moved, turns = moving_colon.section_poses(np, self._tables, now, shape, places, blocks.arcs[None])
-        turn = np.column_stack([turns[0, :, 0], turns[0, :, 1:] @ self._axes.T])
-        return moved[0] @ self._axes.T + self._origin, turn
+        places, turns = self.many_poses(np.asarray(displacement, float)[None], blocks)
+        return places[0], turns[0]
+
+    def many_poses(
+        self, displacements: Float[np.ndarray, "records nodes 3"], blocks: Blocks
+    ) -> tuple[Float[np.ndarray, "records blocks 3"], Float[np.ndarray, "records blocks 4"]]:
+        """`poses` for several displacements."""
+        count = len(displacements)
+        tables = pick(self._tables, np.zeros(count, int))
+        places = np.broadcast_to((blocks.places - self._origin) @ self._axes, (count, len(blocks.arcs), 3))
+        arcs = np.broadcast_to(blocks.arcs, places.shape[:2])
+        assert tables.mesentery is not None
+        shape = moving_colon.shape_of(np, tables.mesentery, displacements)
+        moved, turns = moving_colon.section_poses(np, tables, displacements, shape, places, arcs)
+        turn = np.concatenate([turns[..., :1], turns[..., 1:] @ self._axes.T], axis=-1)
+        return moved @ self._axes.T + self._origin, turn
 
     def _carried(self, displacement: np.ndarray, points: np.ndarray, arcs: np.ndarray) -> np.ndarray:
         seen = (points - self._origin) @ self._axes

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.sim.at_origin import without_pieces
 from haustra.envs.sim.capabilities import require_supported
 from haustra.envs.sim.energy import EnergyMeter
 from haustra.envs.sim.log import log_to_stderr_only
@@ -21,7 +22,7 @@ from haustra.models.devices.scope.cable import PULL_OUT_LIMIT
 from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.scene import Scene
 from haustra.models.wall.lumen_table import LumenTable, Tables, axis_tables, lumen_table, stack
-from haustra.models.wall.piece_wall import BLOCK, Blocks, PieceWall
+from haustra.models.wall.piece_wall import Blocks, PieceWall
 from haustra.models.wall.planes import PlaneWall, add_planes
 from haustra.models.wall.segment_law import SegmentLaw
 from haustra.models.wall.signed_distance import LumenDistance
@@ -169,9 +170,7 @@ class NativeEngine:
         self.table = self.table or lumen_table(
             scene.colon, device_radius=scene.cable.radius, with_mesentery=options.mesentery
         )
-        spec = scene.spec.copy()
-        for number in range(len(scene.blocks.arcs)):
-            spec.delete(spec.body(f"{BLOCK}{number:03d}"))
+        spec = without_pieces(scene)
         add_planes(spec, spec.compile(), scene.samples, options.contact, timestep=options.timestep, planes=1)
         return spec.compile()
 

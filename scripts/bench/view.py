@@ -10,7 +10,7 @@ import numpy as np
 
 from haustra.envs.control.follower import FollowerSettings, LumenFollower
 from haustra.envs.runs.measure.progress import ArcTracker
-from haustra.envs.sim.jax_single import JaxSingle
+from haustra.envs.sim.linear.single import LinearSingle
 from haustra.envs.view.picture.camera import looking
 from haustra.envs.view.picture.in_sight import LumenInSight
 from haustra.envs.view.picture.tip import tip_view
@@ -83,7 +83,7 @@ class _Moving:
 
     def __init__(self, colon: Colon, design: ScopeDesign, joints: int) -> None:
         options = replace(options_for(colon, design, joints), wall_law="table", softening=False, timestep=0.005)
-        self.engine = JaxSingle(build_scene(colon, None, design, options))
+        self.engine = LinearSingle(build_scene(colon, None, design, options))
         self.sight = LumenInSight(self.engine.model)
         self._tracker = ArcTracker(colon.centreline, start=options.start_depth)
         self._follower = LumenFollower(

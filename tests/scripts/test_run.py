@@ -56,7 +56,7 @@ def test_a_run_leaves_scores_trajectory_scene_pictures_and_a_report(colon_folder
 
 
 def test_a_run_in_a_colon_that_moves(colon_folder, tmp_path, capsys):
-    """Without options: natively, by the lumen's table."""
+    """Without options: in linear time, by the lumen's table."""
     call = ["run", "--colon", str(colon_folder), "--preset", "fast", "--seconds", "2"]
     assert main([*call, "-o", str(tmp_path), "--json"]) == SUCCESS
     printed = json.loads(capsys.readouterr().out)
@@ -66,8 +66,8 @@ def test_a_run_in_a_colon_that_moves(colon_folder, tmp_path, capsys):
     assert (tmp_path / "outside.png").stat().st_size > 1000
     assert main([*call, "-o", str(tmp_path / "fixed"), "--fixed", "--json"]) == SUCCESS
     assert json.loads(capsys.readouterr().out)["colon_moved_peak_mm"] == 0
-    assert main([*call, "-o", str(tmp_path / "other"), "--wall-law", "planes", "--backend", "jax"]) == BAD_INPUT
-    assert "backend jax has no wall law 'planes'" in capsys.readouterr().err
+    assert main([*call, "-o", str(tmp_path / "other"), "--wall-law", "planes", "--backend", "linear"]) == BAD_INPUT
+    assert "backend linear has no wall law 'planes'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -82,7 +82,8 @@ def test_a_run_says_its_preset_its_wall_and_that_nobody_measured_its_error(
     scores = json.loads(capsys.readouterr().out)
     assert scores["preset"] == scores["provenance"]["configuration"]["preset"] == preset
     assert scores["wall_law"] == ("planes" if "planes" in options else "table")
-    assert scores["backend"] == "native" and scores["mesentery"] is ("planes" not in options)
+    assert scores["backend"] == ("native" if "planes" in options else "linear")
+    assert scores["mesentery"] is ("planes" not in options)
     nothing = {"wall_force": [None, None], "push": [None, None], "tip_mm": [None, None]}
     assert scores["numerical_error"] == {**nothing, "measured_on": "not measured"}
 

@@ -1,9 +1,8 @@
 """Many scopes in linear time: one program steps all worlds, in the lanes of a CPU or the threads of a GPU."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, Literal, final
+from typing import Any, Literal, NamedTuple, final
 
 import mujoco
 import numpy as np
@@ -25,6 +24,19 @@ from haustra.models.scene import Scene
 from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables, pick
 from haustra.models.wall.moving_colon import AxisDisplacement
+
+
+class Row(NamedTuple):
+    """Numbers of a world, or of one world at several times."""
+
+    state: Float[np.ndarray, "*rows _"]
+    """Slots of `haustra.envs.sim.linear.layout.Layout`."""
+    worlds: Float[np.ndarray, "*rows _"]
+    """Of `haustra.envs.sim.linear.layout.WORLD`."""
+    seen: Float[np.ndarray, "*rows _"]
+    """Of `haustra.envs.sim.linear.layout.SEEN`, then places of coils and forces of links."""
+    driver: Float[np.ndarray, "*rows _"]
+    """Of the program's driver."""
 
 
 @final
@@ -249,23 +261,42 @@ class LinearBackend(AbstractBackend):
 
     def read(self) -> Readings:
         """What can be read off at the end of the last step."""
-        return self._readings(self._of_worlds, self._scope.start)
+        layout = self._layout
+        seen = self._of_worlds("seen", 0, self._first_link + layout.bodies)
+        read = self.readings(self._of_worlds("state", 0, layout.axis), seen)
+        return read._replace(displacement=self.displacement)
 
     def read_slopes(self) -> Readings:
         """Derivatives of what is read off, along each direction: all arrays have axes of worlds and directions."""
-        return self._readings(self._slopes_of_worlds, 0.0)
+        layout = self._layout
+        state, seen = (self._slopes_of_worlds(name, 0, self.numbers(name).shape[1]) for name in ("state", "seen"))
+        read = self.readings(state[..., : layout.axis], seen, start=0.0)
+        if not layout.nodes:
+            return read
+        axes = state[..., layout.axis :].reshape(*state.shape[:2], layout.nodes, NODE)
+        return read._replace(displacement=axes[..., :3])
 
-    def _readings(self, of: Callable[[str, int, int], np.ndarray], start: Any) -> Readings:
+    def row(self) -> "Row":
+        """All numbers of the first world, as they lie in memory."""
+        return Row(*(self._held[name].read()[0, :, 0].copy() for name in Row._fields))
+
+    def readings(
+        self, state: Float[np.ndarray, "*rows _"], seen: Float[np.ndarray, "*rows slots"], *, start: Any = None
+    ) -> Readings:
+        """What rows of states and of what was read off say; displacements are left out.
+
+        Args:
+            state: of the program.
+            seen: of the program.
+            start: length of scope past the anus before any was pushed in [m]; that of the designs when None.
+        """
         layout, chain = self._layout, self._chain
-        state = of("state", 0, layout.state)
-        seen = of("seen", 0, self._first_link + layout.bodies)
-        leading = state.shape[:-1]
         parts = {name: seen[..., seen_slot(name) :][..., :count] for name, count in SEEN}
         up, left = (state[..., dofs].sum(axis=-1) for dofs in chain.bend_dofs)
-        axes = state[..., layout.axis :].reshape(*leading, -1, NODE)
+        leading = state.shape[:-1]
         return Readings(
             time=state[..., layout.time],
-            insertion=start + state[..., 0],
+            insertion=(self._scope.start if start is None else start) + state[..., 0],
             roll=state[..., 1],
             hand_lead=state[..., layout.hand] - state[..., 0],
             tip=parts["tip"],
@@ -277,7 +308,6 @@ class LinearBackend(AbstractBackend):
             tip_force=parts["tip_force"],
             link_forces=seen[..., self._first_link :],
             deepest=parts["deepest"][..., 0],
-            displacement=axes[..., :3] if layout.nodes else None,
             coils=seen[..., seen_slot("coils") : self._first_link].reshape(*leading, -1, 3)[..., self._coils, :],
             wall_force_sum=state[..., layout.normals : layout.hand].sum(axis=-1),
         )
@@ -293,9 +323,24 @@ class LinearBackend(AbstractBackend):
 
     def _axes(self) -> tuple[Float[np.ndarray, "worlds nodes 3"], Float[np.ndarray, "worlds nodes 3"]]:
         """Displacements of the colons' axes [m], and their speeds [m/s]."""
-        numbers = self._of_worlds("state", self._layout.axis, self._layout.state)
-        both = numbers.reshape(self.worlds, self._layout.nodes, NODE)
+        both = self.axes(self._of_worlds("state", 0, self._layout.state))
         return both[..., :3], both[..., 3:]
+
+    def axes(self, state: Float[np.ndarray, "rows slots"]) -> Float[np.ndarray, "rows nodes 6"]:
+        """Displacements of the colons' axes [m], and their speeds [m/s], in rows of states."""
+        return state[:, self._layout.axis :].reshape(len(state), self._layout.nodes, NODE)
+
+    def normals(self, state: Float[np.ndarray, "rows slots"]) -> Float[np.ndarray, "rows spheres"]:
+        """Normal force of each sphere at the end of the last step [N], in rows of states."""
+        return state[:, self._layout.normals : self._layout.hand]
+
+    def arrived(self, state: Float[np.ndarray, "rows slots"]) -> Float[np.ndarray, "rows 4"]:
+        """What of the pulls arrived at the bending section [N], in rows of states."""
+        return state[:, self._layout.pulls : self._layout.time]
+
+    def joints(self, state: Float[np.ndarray, "rows slots"]) -> Float[np.ndarray, "rows joints"]:
+        """Joint positions, in rows of states."""
+        return state[:, : self._layout.dofs]
 
     @property
     def displacement(self) -> Float[np.ndarray, "worlds nodes 3"] | None:

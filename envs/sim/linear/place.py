@@ -50,6 +50,7 @@ class _Here:
 
     def __init__(self, values: np.ndarray) -> None:
         self._values = values
+        self.pointer = values.ctypes.data
 
     def read(self) -> np.ndarray:
         return self._values
@@ -73,7 +74,7 @@ class CpuPlace:
         alone = worlds == 1 or program.get("directions", 0) > lanes_of(real)
         self._real, self.lanes = np.dtype(real), 1 if alone else lanes_of(real)
         self._engine, self._function = compiled(write_program(lanes=self.lanes, real=real, **program))
-        self._rooms = [aligned(np.zeros((room, self.lanes)), real) for _ in range(threads)]
+        self._rooms = [_Here(aligned(np.zeros((room, self.lanes)), real)) for _ in range(threads)]
         self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
 
     def hold(self, values: np.ndarray) -> _Here:
@@ -83,14 +84,14 @@ class CpuPlace:
     def run(self, arrays: dict[str, _Here], counts: Sequence[int], worlds: int) -> None:
         """Run the program on all worlds, a part of the blocks a thread."""
         blocks = -(-worlds // self.lanes)
-        bounds = np.linspace(0, blocks, len(self._rooms) + 1).astype(int)
-        pointers = {name: array.read().ctypes.data for name, array in arrays.items()}
+        parts = len(self._rooms)
 
         def part(index: int) -> None:
-            own = pointers | {"room": self._rooms[index].ctypes.data}
-            self._function(*(own[name] for name in ARGUMENTS), *counts, int(bounds[index]), int(bounds[index + 1]))
+            own = arrays | {"room": self._rooms[index]}
+            bounds = blocks * index // parts, blocks * (index + 1) // parts
+            self._function(*(own[name].pointer for name in ARGUMENTS), *counts, *bounds)
 
-        others = [self._pool.submit(part, index) for index in range(1, len(self._rooms))] if self._pool else []
+        others = [self._pool.submit(part, index) for index in range(1, parts)] if self._pool else []
         part(0)
         for other in others:
             other.result()

@@ -299,6 +299,10 @@ class Program:
             return self.builder.alloca(kind)
 
 
+_LEAST = 1e-30
+"""What a quotient is divided by at least where both of its parts may be nothing."""
+
+
 class Variable:
     """A number that may change while the program runs."""
 
@@ -391,7 +395,7 @@ class Mathematics:
         less, more = self.minimum(across, along), self.maximum(across, along)
         # Within an eighth of a turn; beyond half of that, from its bisector.
         steep = less > more * float(np.tan(np.pi / 8))
-        ratio = self.where(steep, less - more, less) / self.where(steep, less + more, more)
+        ratio = self.where(steep, less - more, less) / self.maximum(self.where(steep, less + more, more), _LEAST)
         angle = ratio * self._series(_ARCTAN, ratio * ratio) + self.where(steep, np.pi / 4, 0.0)
         angle = self.where(across > along, np.pi / 2 - angle, angle)
         angle = self.where(x < 0, np.pi - angle, angle)

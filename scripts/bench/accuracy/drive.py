@@ -10,9 +10,9 @@ from haustra.envs.control.follower import FollowerSettings, LumenFollower
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.sim.backend import SingleBackend
+from haustra.envs.sim.linear.single import LinearSingle
 from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.state import Controls
-from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.scene import Scene, SceneOptions, build_scene
@@ -85,22 +85,8 @@ def steady_push(seconds: float, rate: float) -> Script:
 
 
 def honouring(scene: Scene) -> SingleBackend:
-    """The backend that steps a scene: native MuJoCo, or the chain in JAX, on one thread, where that refuses.
-
-    Raises:
-        UnsupportedSceneError: when neither honours it.
-    """
-    try:
-        return NativeEngine(scene)
-    except UnsupportedSceneError:
-        from haustra.envs.sim.jax_setup import compute_on_one_thread, use_jax
-        from haustra.models.wall.cache import cache_folder
-
-        compute_on_one_thread()
-        use_jax(cache=cache_folder() / "jax")
-        from haustra.envs.sim.jax_single import JaxSingle
-
-        return JaxSingle(scene)
+    """The backend that `haustra run` chooses for a scene: linear time by the lumen's table, or native MuJoCo."""
+    return LinearSingle(scene) if scene.options.wall_law == "table" else NativeEngine(scene)
 
 
 def record_script(colon: Colon, design: ScopeDesign, options: SceneOptions, *, seconds: float) -> Script:

@@ -13,7 +13,7 @@ import numpy as np
 from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.runs.insertion import Insertion, run_insertion
 from haustra.envs.sim.growing import growing
-from haustra.envs.sim.jax_single import JaxSingle
+from haustra.envs.sim.linear.single import LinearSingle
 from haustra.models.devices.scope.files import find_design
 from haustra.models.scene import SceneOptions, build_scene
 from haustra.scripts.bench.accuracy.drive import Errors, compare, record_script, replay
@@ -98,7 +98,7 @@ def _both_driven(place: Place, seconds: float) -> dict[str, Value]:
     )
     runs = {
         "pieces": run_insertion(pieces, seconds=seconds, backend=growing(wall, deepest=deepest)),
-        "field": run_insertion(field, seconds=seconds, backend=JaxSingle),
+        "field": run_insertion(field, seconds=seconds, backend=LinearSingle),
     }
     found: dict[str, Value] = {}
     for name, run in runs.items():

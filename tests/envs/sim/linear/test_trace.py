@@ -51,6 +51,15 @@ def test_functions_are_numpys(real, lanes, within):
         np.testing.assert_allclose(found, known, rtol=20 * within, atol=8 * within)
 
 
+def test_the_angle_of_nothing_is_nothing():
+    """As numpy says of a sphere that stands on the colon's very axis."""
+
+    def write(program, source, target, count):
+        target.put(0, [program.xp.arctan2(source.load(0), source.load(1))])
+
+    assert (run(np.float64, 1, write, np.zeros((2, 1)), 1) == 0).all()
+
+
 def test_loops_run_forth_and_back_and_conditions_hold_in_any_lane():
     def write(program, source, target, count):
         total, late = program.variable(0.0), program.variable(0.0)

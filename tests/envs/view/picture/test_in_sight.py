@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from haustra.envs.sim.jax_single import JaxSingle
+from haustra.envs.sim.linear.single import LinearSingle
 from haustra.envs.sim.state import Controls
 from haustra.envs.view.picture.in_sight import SIGHT, LumenInSight
 from haustra.models.devices.scope.library import named_design
@@ -14,7 +14,7 @@ from tests.models.wall.conftest import swept_colon
 def test_only_what_lies_before_the_camera_and_near_is_shown() -> None:
     colon = swept_colon(winding([(0.9, 0.0)]), name="straight")
     options = SceneOptions(wall_law="table", softening=False, insertion_limit=0.3, sample_spacing=0.03)
-    engine = JaxSingle(build_scene(colon, None, named_design("adult"), options))
+    engine = LinearSingle(build_scene(colon, None, named_design("adult"), options))
     for _ in range(60):
         engine.step(Controls(0.1, 0.0), 4)
     arc = engine.read().insertion

@@ -1,15 +1,13 @@
-"""One scope on JAX does in a bend what the native backend does in tangent planes, and is recorded and scored alike."""
+"""One scope in linear time does in a bend what the native backend does in tangent planes, and is recorded alike."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-pytest.importorskip("jax")
-
 from haustra.envs.runs.insertion import run_insertion
 from haustra.envs.runs.outcome import Outcome
-from haustra.envs.sim.jax_single import JaxSingle
+from haustra.envs.sim.linear.single import LinearSingle
 from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.state import Controls
 from haustra.errors import UnsupportedSceneError
@@ -29,8 +27,8 @@ def colon():
 
 
 @pytest.fixture(scope="module")
-def field(colon) -> JaxSingle:
-    return JaxSingle(build_scene(colon, None, DESIGN, OPTIONS, show_lumen=False))
+def field(colon) -> LinearSingle:
+    return LinearSingle(build_scene(colon, None, DESIGN, OPTIONS, show_lumen=False))
 
 
 def test_it_sees_what_the_native_backend_sees(colon, field) -> None:
@@ -56,7 +54,7 @@ def test_it_sees_what_the_native_backend_sees(colon, field) -> None:
 
 def test_a_run_is_recorded_as_the_native_backends(colon) -> None:
     scene = build_scene(colon, None, DESIGN, OPTIONS, show_lumen=False)
-    run = run_insertion(scene, seconds=2.0, backend=JaxSingle)
+    run = run_insertion(scene, seconds=2.0, backend=LinearSingle)
     assert run.outcome is Outcome.TIME_UP
     model = scene.compile()
     assert run.trajectory.qpos.shape == (100, model.nq)

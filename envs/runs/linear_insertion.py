@@ -1,0 +1,131 @@
+"""One insertion in linear time: the follower and the scope step within one program, and each decision leaves a row."""
+
+import time
+
+import numpy as np
+
+from haustra.envs.control.follower import FollowerSettings
+from haustra.envs.runs.insertion import CONTROL_INTERVAL, Insertion, Progress, Trajectory
+from haustra.envs.runs.insertion_program import InsertionProgram
+from haustra.envs.runs.linear_insertions import station_widths
+from haustra.envs.runs.outcome import outcome_of
+from haustra.envs.sim.linear.backend import Row
+from haustra.envs.sim.linear.layout import WORLD
+from haustra.envs.sim.linear.single import LinearSingle
+from haustra.errors import InvalidOptionError
+from haustra.models.scene import Scene, entry_of
+from haustra.models.wall.lumen_table import Tables, lumen_table, stack
+
+_ALIVE = WORLD.index("alive")
+
+
+def run_linear_insertion(
+    scene: Scene,
+    *,
+    seconds: float,
+    settings: FollowerSettings | None = None,
+    progress: Progress | None = None,
+) -> Insertion:
+    """`haustra.envs.runs.insertion.run_insertion` on the backend 'linear'.
+
+    The tip's arc length is the one that the wall's table is looked up at, where the native backend takes the nearest
+    station of the centreline.
+
+    Raises:
+        InvalidOptionError: when the follower is to steer by wheels.
+        UnsupportedSceneError: when the backend cannot honour the scene.
+    """
+    settings = settings or FollowerSettings()
+    if settings.steer != "pulls":
+        raise InvalidOptionError("The backend 'linear' steers by pulls: use the native backend for wheels.")
+    table = lumen_table(scene.colon, device_radius=scene.cable.radius, with_mesentery=scene.options.mesentery)
+    tables = stack([table.seen_from(*entry_of(scene.colon))])
+    backend = _backend(scene, tables, settings)
+    interval = _program(scene, tables, settings).interval
+    rows: list[Row] = []
+    healthy, ended = True, 0
+    began = time.perf_counter()
+    for count in range(max(0, round(seconds / interval))):
+        backend.many.drive(1)
+        row = backend.many.row()
+        healthy = row.worlds[_ALIVE] > 0
+        if not healthy:
+            break
+        rows.append(row)
+        tally = InsertionProgram.tally_of(row.driver)
+        ended = int(tally.ended)
+        if progress and count % 25 == 24:
+            progress((count + 1) * interval, float(tally.tip_arc_max))
+        if ended:
+            break
+    recorded = _trajectory(backend, backend.rows(rows)) if rows else _nothing(backend)
+    now = backend.rows()
+    attempts = int(InsertionProgram.memory_of(now.driver).attempts[0])
+    return Insertion(
+        outcome=outcome_of(ended, healthy=bool(healthy), attempts=attempts),
+        trajectory=recorded,
+        shape=backend.shape(),
+        tip_frame=backend.readings(now).tip_frame[0],
+        wall_clock=time.perf_counter() - began,
+        attempts=attempts,
+        settings=settings,
+        colon=backend.colon(),
+        backend=backend.name,
+    )
+
+
+def _program(scene: Scene, tables: Tables, settings: FollowerSettings) -> InsertionProgram:
+    steps = max(1, round(CONTROL_INTERVAL / scene.options.timestep))
+    return InsertionProgram(
+        straighten=settings.straighten,
+        moves=scene.options.mesentery,
+        steps=steps,
+        interval=steps * scene.options.timestep,
+        longest=float(np.ceil(tables.step[0] * (tables.count[0] - 1))),
+    )
+
+
+def _backend(scene: Scene, tables: Tables, settings: FollowerSettings) -> LinearSingle:
+    program = _program(scene, tables, settings)
+    backend = LinearSingle(scene, driver=program, tables=tables, width=station_widths(tables, [scene.colon]))
+    backend.many.tell_driver(0, InsertionProgram.numbers_of([settings], scene.options.start_depth))
+    return backend
+
+
+def _trajectory(backend: LinearSingle, rows: Row) -> Trajectory:
+    """Everything that rows hold."""
+    scene, seen, memory = backend.scene, backend.readings(rows), InsertionProgram.memory_of(rows.driver)
+    worst = seen.link_forces.argmax(axis=1)
+    normals = backend.many.normals(rows.state)
+    begun = np.concatenate([[scene.options.start_depth], seen.insertion[:-1]])
+    places, turns = backend.poses(rows, scene.blocks)
+    return Trajectory(
+        time=seen.time,
+        qpos=backend.many.joints(rows.state),
+        ctrl=backend.controls(rows, begun),
+        tip=seen.tip,
+        insertion=seen.insertion,
+        tip_arc=seen.tip_arc,
+        push_force=seen.push_force,
+        torque=seen.torque,
+        wall_force=seen.link_forces.max(axis=1),
+        wall_force_link=scene.cable.node_distances[worst],
+        contacts=(normals > 0).sum(axis=1).astype(float),
+        scope_energy=backend.bending_energy(rows),
+        wall_energy=backend.wall_energy(rows),
+        outside=InsertionProgram.outside_of(rows.driver),
+        asked_up=memory.bend_up,
+        asked_left=memory.bend_left,
+        bend_up=seen.bend[:, 0],
+        bend_left=seen.bend[:, 1],
+        colon_moved=backend.colon_moved(rows),
+        wall_force_sum=normals.sum(axis=1),
+        mocap_pos=places,
+        mocap_quat=turns,
+    )
+
+
+def _nothing(backend: LinearSingle) -> Trajectory:
+    """Of a run that diverged at once."""
+    one = _trajectory(backend, backend.rows())
+    return Trajectory(**{name: values[:0] for name, values in vars(one).items()})
