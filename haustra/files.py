@@ -3,7 +3,8 @@
 import json
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from haustra.errors import OutputError
@@ -41,6 +42,23 @@ def write_atomically(path: Path, write: Callable[[Path], object]) -> Path:
     finally:
         temporary.unlink(missing_ok=True)
     return path
+
+
+@contextmanager
+def replaced_together(folder: Path) -> Iterator[Path]:
+    """A place for files that belong together: they move into `folder` once all are there, and none does before.
+
+    Raises:
+        OutputError: when the folder cannot be written to.
+    """
+    prepare_folder(folder)
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".unfinished-") as place:
+        yield Path(place)
+        try:
+            for file in sorted(Path(place).iterdir()):
+                file.replace(folder / file.name)
+        except OSError as error:
+            raise OutputError(f"Cannot write to '{folder}': {error.strerror or error}.") from error
 
 
 def write_json(path: Path, value: object) -> Path:

@@ -10,6 +10,9 @@ from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from haustra.errors import UnreadableFileError
 
 _BACKENDS: Mapping[str, tuple[str, ...]] = {
     "native": (),
@@ -52,6 +55,18 @@ def content_hash(*parts: bytes) -> str:
         digest.update(len(part).to_bytes(8, "little"))
         digest.update(part)
     return digest.hexdigest()[:16]
+
+
+def file_hash(path: Path) -> str:
+    """Hash of a file's content.
+
+    Raises:
+        UnreadableFileError: when it cannot be read.
+    """
+    try:
+        return content_hash(path.read_bytes())
+    except OSError as error:
+        raise UnreadableFileError(f"Cannot read '{path}': {error.strerror or error}.") from error
 
 
 def package_versions() -> dict[str, str]:

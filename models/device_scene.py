@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.base import Device, Handles, Pose
-from haustra.models.scene import SceneOptions, empty_spec, entry_of
+from haustra.models.scene import SceneOptions, empty_spec, entry_of, require_start
 from haustra.models.wall.lumen_table import Tables, lumen_table, stack
 from haustra.models.wall.planes import add_planes
 
@@ -89,6 +89,7 @@ def pose_in(colon: Colon, device: Device, options: SceneOptions) -> Pose:
         InvalidDesignError: when it does not fit there.
         InvalidOptionError: when `start_depth` is not inside the colon.
     """
+    require_start(colon, options)
     return device.standing(colon, options.start_depth) or Pose(*entry_of(colon))
 
 

@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from haustra.assets import asset
 from haustra.errors import InvalidOptionError, OutputError
+from haustra.fields import Number, named, number, require_declared, vector, whole
 from haustra.files import write_atomically
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.lumen_meshes import add_lumen
@@ -49,22 +50,22 @@ _WALL_GROUP, _LUMEN_GROUP = 3, 1
 class SceneOptions:
     """How a scene is modelled. Defaults are sourced numbers or engineering choices."""
 
-    timestep: float = 0.005
+    timestep: float = number("s", 1e-5, 0.02, default=0.005)
     """Integration step [s]."""
-    shaft_cell: float = 0.05
+    shaft_cell: float = number("m", 0.002, 1.0, default=0.05)
     """Largest distance between joints of the shaft [m]."""
-    largest_bend_deg: float | None = None
+    largest_bend_deg: float | None = number("degrees", 0.5, 180.0, default=None)
     """Largest bend of a shaft joint, from which spacing is adapted to the colon, `shaft_cell` being its mean
     [degrees]; uniform spacing when None."""
-    bending_cell: float = 0.017
+    bending_cell: float = number("m", 0.001, 0.5, default=0.017)
     """Largest distance between joints of the bending section [m]."""
-    twist_hinges: int = 4
+    twist_hinges: int = whole(0, 200, default=4)
     """Hinges that carry the torsional compliance of the whole scope; 0 for stiff in torsion."""
-    wall_stiffness: float = _CONTACT["contact.wall_stiffness"].value
+    wall_stiffness: float = number("N/m", 1.0, 1e6, default=_CONTACT["contact.wall_stiffness"].value)
     """Normal stiffness of a contact with the wall [N/m]."""
-    segment_stiffness: tuple[tuple[str, float], ...] = ()
+    segment_stiffness: tuple[tuple[str, float], ...] = named("N/m", 1.0, 1e6, default=())
     """Names of segments and their stiffness [N/m], where it is not `wall_stiffness`; tangent planes only."""
-    wall_damping_time: float = 0.005
+    wall_damping_time: float = number("s", 0.0, 1.0, default=0.005)
     """Damping over stiffness of the wall [s]; engineering choice; sliding adds mu c v to the normal force."""
     wall_law: Literal["pieces", "planes", "table"] = "pieces"
     """What the scope meets: the wall's convex pieces, tangent planes of the lumen (docs/decisions/wall.md), or tangent
@@ -72,31 +73,26 @@ class SceneOptions:
     mesentery: bool = False
     """Let the colon swing, stretch and pleat on its mesentery (`haustra.models.wall.mesentery`); otherwise it is fixed
     in space and gives way by its wall's stiffness only. Laws 'pieces' and 'table'."""
-    sample_spacing: float | None = None
+    sample_spacing: float | None = number("m", 0.001, 0.1, default=None)
     """Distance between the spheres that meet planes or field [m]; three quarters of the scope's diameter when None."""
-    friction: float = _CONTACT["contact.friction"].value
+    friction: float = number("1", 0.0, 10.0, default=_CONTACT["contact.friction"].value)
     """Coulomb coefficient between scope and wall [1]."""
-    push_limit: float = _CONTACT["contact.push_force_peak"].value
+    push_limit: float = number("N", 0.01, 1e3, default=_CONTACT["contact.push_force_peak"].value)
     """Largest force that the hand applies [N]."""
-    torque_limit: float = _CONTACT["contact.torque_peak"].value
+    torque_limit: float = number("N m", 1e-4, 100.0, default=_CONTACT["contact.torque_peak"].value)
     """Largest torque that the hand applies [N m]."""
-    start_depth: float = 0.03
+    start_depth: float = number("m", 0.001, 5.0, default=0.03)
     """How far the tip is past the anus at the start [m]."""
     softening: bool = True
     """Let hinges of the shaft soften as they bend (`haustra.models.devices.scope.cable.SOFTENING`), so that a bend in
     any direction is as stiff; backends of many worlds have linear springs only."""
-    insertion_limit: float | None = None
+    insertion_limit: float | None = number("m", 0.01, 10.0, default=None)
     """How much of the scope the scene models [m]; the whole scope, or as much as the colon can take, when None."""
-    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gravity: tuple[float, float, float] = vector(*[Number("m/s^2", -100.0, 100.0)] * 3, default=(0.0, 0.0, 0.0))
     """Gravity in the colon's frame [m/s^2]; none by default, since a mesh does not say how the patient lies."""
 
     def __post_init__(self) -> None:
-        for name in ("timestep", "shaft_cell", "bending_cell", "push_limit", "torque_limit", "start_depth"):
-            value = getattr(self, name)
-            if not 0 < value < 1e3:
-                raise InvalidOptionError(f"Scene option {name} is {value}; it must be a positive number.")
-        if self.wall_law not in ("pieces", "planes", "table"):
-            raise InvalidOptionError(f"Wall law '{self.wall_law}' is not known. Known: pieces, planes, table.")
+        require_declared(self)
         if self.mesentery and self.wall_law == "planes":
             raise InvalidOptionError(
                 "A colon that moves on its mesentery needs wall law 'table' or 'pieces': 'planes' is fixed in space."
@@ -105,17 +101,6 @@ class SceneOptions:
             raise InvalidOptionError(
                 "Stiffness by segment needs wall law 'planes': pieces and field have one stiffness."
             )
-        if self.sample_spacing is not None and not 1e-3 <= self.sample_spacing <= 0.1:
-            raise InvalidOptionError(f"Scene option sample_spacing is {self.sample_spacing} m; give 0.001 to 0.1 m.")
-        if self.timestep > 0.02:
-            raise InvalidOptionError(f"Scene option timestep is {self.timestep} s; at most 0.02 s is supported.")
-        for name in ("insertion_limit", "largest_bend_deg"):
-            value = getattr(self, name)
-            if value is not None and not 0 < value < 1e3:
-                raise InvalidOptionError(f"Scene option {name} is {value}; it must be a positive number.")
-        _ = self.contact  # says what is wrong with stiffness, damping or friction
-        if not all(np.isfinite(self.gravity)):
-            raise InvalidOptionError(f"Scene option gravity is {self.gravity}; give three finite numbers.")
 
     @property
     def contact(self) -> WallContact:
@@ -203,6 +188,7 @@ def build_scene(
         InvalidOptionError: when the scope does not fit through the entry, or an option cannot be honoured.
     """
     options = options or SceneOptions()
+    require_start(colon, options)
     entry, frame = entry_of(colon)
     cells, modelled = _modelled_cells(colon, design, options)
     outside = None
@@ -280,6 +266,19 @@ def _left_out(
     if not any(options.gravity):
         left_out["gravity"] = "the patient's posture is not known; the scope's weight is about 3 N per metre"
     return left_out
+
+
+def require_start(colon: Colon, options: SceneOptions) -> None:
+    """Refuse a start that is not inside the colon.
+
+    Raises:
+        InvalidOptionError: naming both lengths.
+    """
+    if options.start_depth >= colon.centreline.length:
+        raise InvalidOptionError(
+            f"start_depth is {options.start_depth} m; give less than the length of colon '{colon.name}', "
+            f"{colon.centreline.length:.3f} m."
+        )
 
 
 def entry_of(colon: Colon) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
@@ -369,8 +368,8 @@ def add_blocks(spec: mujoco.MjSpec, wall: Wall, colon: Colon, *, touched: bool) 
     """Put the wall's pieces into a scene, in blocks on mocap bodies that can follow their stretch of the axis."""
     slabs = tuple(cut_into_slabs(wall, colon.centreline, longest=SLAB if touched else math.inf))
     count = 0
-    for number, slab in enumerate(slabs):
-        body = spec.worldbody.add_body(name=f"{BLOCK}{number:03d}", pos=slab.place, mocap=True)
+    for index, slab in enumerate(slabs):
+        body = spec.worldbody.add_body(name=f"{BLOCK}{index:03d}", pos=slab.place, mocap=True)
         for vertices in slab.pieces:
             _add_piece(spec, body, f"wall/{count:05d}", vertices - slab.place, touched=touched)
             count += 1

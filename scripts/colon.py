@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from haustra.fields import Number, named, vector, whole
+
 if TYPE_CHECKING:
     from haustra.models.anatomy.colon import Colon
 
@@ -23,13 +25,15 @@ class ColonImport:
     """Folder for the colon."""
     units: Literal["mm", "cm", "m", "voxel"] | None = None
     """Units of the coordinates; required for meshes and points, while label maps say theirs."""
-    anus: tuple[float, float, float] | None = None
+    anus: tuple[float, float, float] | None = vector(*[Number("file's units", -1e6, 1e6)] * 3, default=None)
     """Position of the anus in the file's units (label maps: mm, left-posterior-superior); found when left out."""
-    landmark: Annotated[tuple[tuple[str, float, float, float], ...], tyro.conf.arg(aliases=["--landmarks"])] = ()
+    landmark: Annotated[tuple[tuple[str, float, float, float], ...], tyro.conf.arg(aliases=["--landmarks"])] = named(
+        "file's units", -1e6, 1e6, default=(), count=3
+    )
     """NAME X Y Z, any number of times over: positions that override what is found; also ileocaecal_valve."""
-    spacing_mm: tuple[float, float, float] | None = None
+    spacing_mm: tuple[float, float, float] | None = vector(*[Number("mm", 1e-3, 100.0)] * 3, default=None)
     """Size of a voxel along x, y and z [mm]; needed with units voxel."""
-    label: int | None = None
+    label: int | None = whole(-(2**31), 2**31, default=None)
     """Value of the colon's voxels in a label map with several."""
     points: bool = False
     """The files hold points on the wall (XYZ, CSV, PLY, VTK), not triangles."""

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import tyro
 
+from haustra.fields import number
+
 
 @dataclass(frozen=True)
 class ColonCheck:
@@ -12,7 +14,7 @@ class ColonCheck:
 
     folder: tyro.conf.Positional[Path]
     """Folder of a colon, from `haustra colon import` or `haustra colon grow`."""
-    device_mm: float = 12.8
+    device_mm: float = number("mm", 0.1, 100.0, default=12.8)
     """Diameter of the device that is to pass [mm]; an adult colonoscope's when not given."""
     picture: Path | None = None
     """PNG to write; check.png in the colon's folder when not given."""
@@ -21,15 +23,10 @@ class ColonCheck:
 
     def __call__(self) -> dict:
         """Check, draw, and return the verdicts."""
-        import math
-
         from haustra.envs.view.picture.check_figure import write_check_figure
-        from haustra.errors import InvalidOptionError
         from haustra.models.anatomy.check import check_colon
         from haustra.models.anatomy.store import load_colon
 
-        if not (math.isfinite(self.device_mm) and 0 < self.device_mm <= 100):
-            raise InvalidOptionError(f"A device of {self.device_mm} mm is impossible: give 0-100 mm.")
         colon = load_colon(self.folder)
         check = check_colon(colon, device_diameter=self.device_mm * 1e-3)
         picture = write_check_figure(colon, check, self.picture or self.folder / "check.png")

@@ -14,11 +14,16 @@ def summary(result: Mapping[str, object]) -> None:
     for _ in range(2):
         table.add_column(overflow="fold")  # a name that is cut off names nothing
     for name, value in _rows({name: value for name, value in result.items() if name != "provenance"}):
-        table.add_row(Text(name, style="bold"), Text(value))  # as it is: brackets are no markup here
+        table.add_row(Text(one_line(name), style="bold"), Text(one_line(value)))  # brackets are no markup here
     console = Console()
     with console.capture() as rendered:  # rich would turn a reader that has gone into exit code 1
         console.print(table)
     print(rendered.get(), end="")
+
+
+def one_line(text: str) -> str:
+    """A text without what moves a terminal's cursor or begins a line."""
+    return "".join(letter if letter.isprintable() else " " if letter.isspace() else "?" for letter in text)
 
 
 def _rows(result: Mapping[str, object], prefix: str = ""):
@@ -38,11 +43,11 @@ def progress_bar(title: str, total: float, *, unit: str) -> Iterator[Callable[..
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),  # titles and names are a stranger's
         BarColumn(),
         TextColumn(f"{{task.completed:.6g}}/{{task.total:.6g}} {unit}"),
         TimeRemainingColumn(),
-        TextColumn("{task.fields[note]}"),
+        TextColumn("{task.fields[note]}", markup=False),
     )
     with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(title, total=total, note="")

@@ -6,36 +6,38 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from haustra.fields import number, span, texts, whole
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, kw_only=True)
 class Evaluate:
     """Let drivers insert a scope into held-out grown colons, or yours; the same episodes for all; compare them."""
 
-    drivers: Annotated[tuple[str, ...], tyro.conf.Positional]
+    drivers: Annotated[tuple[str, ...], tyro.conf.Positional] = texts(least=1, most=100)
     """Folders of policies, insertion-easy or insertion-mesentery (trained, ship), or random, push, follower."""
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for table, episodes and pictures."""
-    colons: int = 80
+    colons: int = whole(1, 1_000_000, default=80)
     """Held-out colons: grown from seeds 100000, 100001, ..."""
     colon_folders: tuple[Path, ...] = ()
     """Folders of `haustra colon import` to drive in, instead of grown colons."""
-    episodes: int = 5
+    episodes: int = whole(1, 1_000_000, default=5)
     """In each colon."""
     design: str | None = None
     """Scope; that of the first policy, or adult, when not given."""
     difficulty: Literal["any", "easy", "moderate", "difficult", "hard"] | None = None
     """Band of tortuosity; that of the first policy, or any, when not given."""
-    friction: tuple[float, float] | None = None
+    friction: tuple[float, float] | None = span("1", 0.0, 2.0, default=None)
     """Range of Coulomb's coefficient."""
     mesentery: bool | None = None
     """Let colons move on their mesentery (backends native and jax); as the first policy's when not given."""
-    seconds: float = 90.0
+    seconds: float = number("s", 0.002, 3600.0, default=90.0)
     """Longest episode [s]."""
     backend: Literal["native", "linear", "jax", "warp"] = "native"
     """Of the physics: MuJoCo on threads, linear time on them, or JAX on its device, all episodes at once."""
-    threads: int = 2
+    threads: int = whole(1, 4096, default=2)
     """For physics on the CPU."""
-    processes: int = 2
+    processes: int = whole(1, 4096, default=2)
     """That grow colons which are not in the cache."""
     sampled: bool = False
     """Draw the actions of policies as in training, from the same seed, instead of taking their means."""
@@ -57,19 +59,19 @@ class Evaluate:
         require_learning()
         from haustra.envs.learning.evaluate import evaluate
         from haustra.envs.learning.figures import draw_evaluations
-        from haustra.errors import InvalidOptionError
+        from haustra.envs.tasks.scope_task import require_task
         from haustra.files import prepare_folder, write_json
         from haustra.provenance import Provenance, backend_record
 
-        if self.colons < 1 or self.episodes < 1 or not 0 < self.seconds <= 3600:
-            raise InvalidOptionError("Give at least one colon, one episode and a time up to 3600 s.")
-        folder = prepare_folder(self.output)
         found = [self._driver(name) for name in self.drivers]
         config = self._config(next((task for _, task in found if task), None))
+        seen = [_seeing(config, own) if own else config for _, own in found]
+        for seeing in seen:
+            require_task(seeing, self.backend)
+        folder = prepare_folder(self.output)
         bank = self._bank(config)
         done = []
-        for name, (make, own) in zip(self.drivers, found, strict=True):
-            seeing = _seeing(config, own) if own else config
+        for name, (make, _), seeing in zip(self.drivers, found, seen, strict=True):
             with progress_bar(name, len(bank.cases) * self.episodes, unit="episodes") as advance:
                 done.append(
                     evaluate(

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+from haustra.fields import whole
+
 if TYPE_CHECKING:
     from haustra.models.anatomy.colon import Colon
     from haustra.models.anatomy.lesion import LesionOrder
@@ -25,9 +27,9 @@ class ColonGrow:
 
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for the colon; with several cases, for a folder each."""
-    seed: int = 0
+    seed: int = whole(0, 2**63 - 1, default=0)
     """Same seed and options, same colon, on any machine."""
-    cases: int = 1
+    cases: int = whole(1, 1_000_000, default=1)
     """How many colons, from this seed on; those already there are kept."""
     cohort: Literal["japan-ctc", "us-ctc"] = "japan-ctc"
     """Whose lengths: 1.50 m on average (Utano 2021) or 1.90 m (Khashab 2009)."""
@@ -46,12 +48,9 @@ class ColonGrow:
 
     def __call__(self) -> dict[str, Any]:
         """Grow, save, and return the measures."""
-        from haustra.errors import InvalidOptionError
         from haustra.files import prepare_folder
         from haustra.models.anatomy.lesion import read_orders
 
-        if not 1 <= self.cases <= 1_000_000:
-            raise InvalidOptionError(f"--cases is {self.cases}; give a number from 1 to 1000000.")
         lesions = (
             *read_orders("stricture", self.strictures),
             *read_orders("diverticulum", self.diverticula),

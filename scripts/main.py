@@ -6,10 +6,11 @@ import os
 import sys
 import textwrap
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from haustra.errors import HaustraError
-from haustra.scripts.console import summary
+from haustra.scripts.console import one_line, summary
 from haustra.scripts.registry import BENCHMARKS, GROUPS, VERBS, first_sentence, load_verb
 
 SUCCESS, BAD_INPUT, DIVERGED = 0, 2, 3
@@ -29,18 +30,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _overview(words)
     import tyro
 
+    from haustra.fields import require_declared
+
     try:
         verb: Any = tyro.cli(load_verb(name), prog=f"{PROGRAM} {name}", args=words[len(name.split()) :])
     except BrokenPipeError:  # of `--help | head`
         _stop_printing()
         return SUCCESS
+    output: Path | None = getattr(verb, "output", None)
+    made = _missing_folders(output)
     try:
+        require_declared(verb, name=lambda field: f"--{field.replace('_', '-')}")
         result = verb()
     except HaustraError as error:
-        print(f"haustra: {error}", file=sys.stderr)
+        _remove_empty(made)
+        print(f"haustra: {one_line(str(error))}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
-        print("haustra: interrupted; what was finished is kept.", file=sys.stderr)
+        _remove_empty(made)
+        print(f"haustra: interrupted; {_kept(output)}.", file=sys.stderr)
         return 130
     try:
         if verb.json:
@@ -51,6 +59,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         _stop_printing()
     return DIVERGED if result.get("outcome") == "diverged" else SUCCESS
+
+
+def _missing_folders(output: Path | None) -> list[Path]:
+    """A folder that results go to and its parents, as far as they are not there yet, innermost first."""
+    if output is None:
+        return []
+    return [folder for folder in (output, *output.parents) if not os.path.lexists(folder)]
+
+
+def _kept(output: Path | None) -> str:
+    """What an interrupted call leaves."""
+    holds = output is not None and output.is_dir() and any(output.iterdir())
+    return "what was finished is kept" if holds else "nothing was written"
+
+
+def _remove_empty(folders: Sequence[Path]) -> None:
+    """Leave nothing behind of a call that wrote nothing."""
+    for folder in folders:
+        try:
+            folder.rmdir()
+        except OSError:  # there is something in it, or it was never made
+            continue
 
 
 def verb_of(words: Sequence[str]) -> str | None:

@@ -7,6 +7,8 @@ from typing import Annotated, Any
 
 import tyro
 
+from haustra.fields import number, whole
+
 
 @dataclass(frozen=True)
 class Propulsion:
@@ -16,9 +18,9 @@ class Propulsion:
     """Folder for pictures; none are drawn without it."""
     page: Path | None = None
     """Write the validation page here (Markdown)."""
-    starts: int = 2
+    starts: int = whole(1, 16, default=2)
     """Worm starts; the pitch is the lead of 13 mm over it."""
-    spacing: float = 3.0
+    spacing: float = number("pitches", 0.5, 20.0, default=3.0)
     """Strut tip spacing [pitches]."""
     full_range: bool = True
     """Also run the whole device in a round tube, with losses."""

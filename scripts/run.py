@@ -6,6 +6,8 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from haustra.fields import Number, number, vector
+
 
 @dataclass(frozen=True)
 class Run:
@@ -18,7 +20,7 @@ class Run:
     device: str = "adult"
     """Name of a device (adult, paediatric, adult-worn, adult-variable, and what assets/devices holds), or a file that
     ends in .toml; options that a device does not honour are refused by name."""
-    start: float | None = None
+    start: float | None = number("m", 1e-3, 5.0, default=None)
     """Where a device that stands in the colon stands at first, as its tip's distance from the anus [m]."""
     wall: Literal["coacd", "prism"] = "coacd"
     """Which wall to use; it is built first if the colon's folder does not have it."""
@@ -28,28 +30,28 @@ class Run:
     """A table of the lumen (the default), fast and within 2 % of the surface's forces; convex pieces, which are
     in scene.xml for any MuJoCo; or tangent planes of the surface itself, at several times the cost a step, which stand
     fixed in space."""
-    seconds: float = 60.0
+    seconds: float = number("s", 0.02, 36_000.0, default=60.0)
     """Simulated time [s]."""
     fixed: bool = False
     """Let the colon stand fixed in space instead of swinging, stretching and pleating on its mesentery."""
     backend: Literal["native", "linear"] | None = None
     """What steps the scene: MuJoCo's CPU engine, or, many times as fast, a chain in linear time, which knows pulls and
     the table of the lumen only. Linear time where that honours what is asked, when not given."""
-    friction: float | None = None
+    friction: float | None = number("1", 0.0, 10.0, default=None)
     """Coulomb coefficient between scope and wall; the sourced default when not given."""
-    wall_stiffness: float | None = None
+    wall_stiffness: float | None = number("N/m", 1.0, 1e6, default=None)
     """Normal stiffness of a contact with the wall [N/m]; the sourced default when not given."""
     segment_stiffness: bool = False
     """Let the wall's stiffness depend on the segment, by assumed numbers (docs/numbers.md); tangent planes only."""
-    push_limit: float | None = None
+    push_limit: float | None = number("N", 0.01, 1e3, default=None)
     """Largest push of the hand [N]."""
-    timestep: float | None = None
+    timestep: float | None = number("s", 1e-5, 0.02, default=None)
     """Integration step [s]; that of the preset when not given."""
     steer: Literal["pulls", "wheels"] = "pulls"
     """What bends the tip: pulls as asked for, or the hand wheels, whose wires have slack, stretch and friction."""
-    largest_bend_deg: float | None = None
+    largest_bend_deg: float | None = number("degrees", 0.5, 180.0, default=None)
     """Largest bend of a shaft joint [degrees], from which joints are spaced for this colon; evenly when not given."""
-    gravity: tuple[float, float, float] | None = None
+    gravity: tuple[float, float, float] | None = vector(*[Number("m/s^2", -100.0, 100.0)] * 3, default=None)
     """Gravity in the colon's frame [m/s^2]; none when not given."""
     whole_shaft: bool = False
     """Model all of the shaft from the start, as scene.xml does; otherwise shaft that is still outside is added when it
@@ -89,7 +91,6 @@ class Run:
         design = device.design
         options = replace(find_preset(self.preset).apply(), **self._options())
         backend = self._chosen_backend(options)
-        _require_seconds(self.seconds)
         colon = load_colon(self.colon)
         folder = prepare_folder(self.output)
         wall = None
@@ -144,10 +145,3 @@ class Run:
 
             chosen["segment_stiffness"] = usual_segment_stiffness()
         return chosen
-
-
-def _require_seconds(seconds: float) -> None:
-    from haustra.errors import InvalidOptionError
-
-    if not 0 < seconds <= 36000:
-        raise InvalidOptionError(f"--seconds is {seconds}; give a time between 0 and 36000 s.")

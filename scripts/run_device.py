@@ -28,8 +28,6 @@ def run_any(asked: Any, device: "Device") -> dict[str, Any]:
 
     stands = "start_depth" in device.usual
     _require_honoured(asked, device, (*_ALWAYS, *_TABLE, *(("start",) if stands else ())))
-    if not 0 < asked.seconds <= 36000:
-        raise InvalidOptionError(f"--seconds is {asked.seconds}; give a time between 0 and 36000 s.")
     changed = {name: value for name in ("friction", *_TABLE) if (value := getattr(asked, name)) is not None}
     changed["mesentery"] = not (asked.fixed or device.has_treads)
     if asked.start is not None:

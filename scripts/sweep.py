@@ -9,6 +9,8 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from haustra.fields import whole
+
 
 @dataclass(frozen=True)
 class _StudyVerb:
@@ -18,7 +20,7 @@ class _StudyVerb:
     """Folder for jobs and results."""
     resume: bool = False
     """Go on with what the folder holds."""
-    workers: int | None = None
+    workers: int | None = whole(1, 100_000, default=None)
     """Processes (tasks on Ray, jobs on Slurm) at a time; as many as there are cores when not given."""
     backend: str = "native"
     """What computes."""

@@ -6,6 +6,8 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from haustra.fields import number, whole
+
 
 @dataclass(frozen=True)
 class Train:
@@ -16,13 +18,13 @@ class Train:
     config: str = "insertion-ppo"
     """A shipped training: insertion-ppo, insertion-gpu, insertion-mesentery,
     insertion-easy, insertion-sac, quick; or a JSON file like a training.json."""
-    steps: int | None = None
+    steps: int | None = whole(1, 10**12, default=None)
     """Environment steps over all worlds."""
-    worlds: int | None = None
+    worlds: int | None = whole(1, 1_000_000, default=None)
     """Scopes stepped at once."""
-    seed: int | None = None
+    seed: int | None = whole(0, 2**32 - 1, default=None)
     """Of everything random."""
-    imitate: int | None = None
+    imitate: int | None = whole(0, 10**12, default=None)
     """Steps in which the policy first learns from the lumen follower; 0 for none."""
     design: str | None = None
     """Scope design."""
@@ -30,17 +32,17 @@ class Train:
     """Band of tortuosity that colons are grown from."""
     mesentery: bool | None = None
     """Let colons move on their mesentery; backends native and jax."""
-    colons: int | None = None
+    colons: int | None = whole(1, 100_000, default=None)
     """Number of grown colons (seeds 0, 1, ...)."""
     backend: Literal["native", "linear", "jax", "warp"] | None = None
     """Of the physics: MuJoCo on threads, linear time on them, or JAX on its device."""
     device: Literal["cpu", "cuda"] | None = None
     """Of the networks."""
-    threads: int = 2
+    threads: int = whole(1, 4096, default=2)
     """For physics on the CPU."""
-    processes: int = 2
+    processes: int = whole(1, 4096, default=2)
     """That grow colons which are not in the cache."""
-    minutes: float | None = None
+    minutes: float | None = number("min", 0.01, 1e6, default=None)
     """Stop cleanly after this time; --resume goes on."""
     resume: bool = False
     """Go on from the folder's last checkpoint, up to --steps."""
@@ -93,15 +95,9 @@ class Train:
             )
 
     def _training(self) -> Any:
-        import json
-
         from haustra.envs.learning.settings import Training, shipped
-        from haustra.errors import UnreadableFileError
+        from haustra.reading import read_document
 
         if not self.config.endswith(".json"):
             return shipped(self.config)
-        try:
-            values = json.loads(Path(self.config).read_text(encoding="utf-8"))
-            return Training.from_json(values)
-        except (OSError, ValueError, TypeError, AttributeError) as error:
-            raise UnreadableFileError(f"'{self.config}' is no training ({error}).") from error
+        return Training.from_json(read_document(Path(self.config), "training"))

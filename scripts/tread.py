@@ -3,11 +3,13 @@
 import json
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
+
+from haustra.fields import number, several, whole
 
 Part = Literal["table", "two-tips", "passage", "convergence"]
 
@@ -24,19 +26,19 @@ class TreadFem:
     """Folder for CSV tables and figures."""
     parts: tuple[Part, ...] = ("table", "two-tips", "passage", "convergence")
     """What to solve."""
-    starts: int = 2
+    starts: int = whole(1, 16, default=2)
     """Worm starts; the pitch is the lead of 13 mm over it, the tooth half a pitch."""
-    spacing: tuple[float, ...] = (3.0, 3.5)
+    spacing: tuple[float, ...] = several("pitches", 0.5, 20.0, default=(3.0, 3.5), least=1)
     """Tip spacings of 'two-tips' [pitches]; 'passage' takes the first."""
-    indentation_mm: float = 0.465
+    indentation_mm: float = number("mm", 1e-3, 5.0, default=0.465)
     """Of the tips in 'two-tips', 'passage' and 'convergence'; calibrated to 1.875 N a track."""
-    table_mm: tuple[float, ...] = field(default=(0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8))
+    table_mm: tuple[float, ...] = several("mm", 1e-3, 5.0, default=(0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8), least=1)
     """Indentations of 'table'."""
-    phases: int = 8
+    phases: int = whole(1, 1000, default=8)
     """Tooth phases within a pitch."""
-    passage_steps: int = 4
+    passage_steps: int = whole(1, 1000, default=4)
     """Positions of 'passage' a pitch; the shipped table has 8."""
-    friction: float = 0.4
+    friction: float = number("1", 0.0, 2.0, default=0.4)
     """Coulomb's coefficient between teeth and tissue."""
     fresh: bool = False
     """Solve parts again that lie in the folder already, solved with the same settings."""

@@ -12,6 +12,8 @@ import tyro
 from haustra.errors import MissingDependencyError, UnreadableFileError
 
 _SCENES = ("scene.mjz", "scene.xml")
+_LARGEST_RECORDING = 8_000_000_000
+"""Joint positions of ten hours of a long scope [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,8 @@ def _require_display() -> None:
 def _load(path: Path) -> tuple[Any, Any]:
     """Model and data; at a run's last recorded state when its trajectory lies beside the scene."""
     import mujoco
-    import numpy as np
+
+    from haustra.reading import read_arrays
 
     try:
         if path.suffix == ".mjz":
@@ -67,8 +70,7 @@ def _load(path: Path) -> tuple[Any, Any]:
     data = mujoco.MjData(model)
     recorded = path.with_name("trajectory.npz")
     if recorded.is_file():
-        with recorded.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-            states = arrays["qpos"]
+        states = read_arrays(recorded, ("qpos",), largest=_LARGEST_RECORDING)["qpos"]
         if states.ndim != 2 or states.shape[1] != model.nq:
             raise UnreadableFileError(f"'{recorded}' belongs to another scene than '{path}': move one of them away.")
         data.qpos[:] = states[-1] if len(states) else data.qpos

@@ -8,6 +8,8 @@ from typing import Literal
 
 import tyro
 
+from haustra.fields import number, whole
+
 
 @dataclass(frozen=True)
 class WallBuild:
@@ -17,15 +19,15 @@ class WallBuild:
     """Folder of a colon; the wall is written to its folder wall-METHOD."""
     method: Literal["coacd", "prism"] = "coacd"
     """CoACD's search, or direct cuts (faster)."""
-    tolerance_mm: float | None = None
+    tolerance_mm: float | None = number("mm", 1e-3, 100.0, default=None)
     """Depth of a piece in the lumen that is aimed at [mm]; 1.5 for coacd and 0.8 for prism when left out."""
-    max_error_mm: float | None = None
+    max_error_mm: float | None = number("mm", 1e-3, 100.0, default=None)
     """Refuse a wall whose intrusion (95th percentile) or depth in a neighbouring loop's lumen exceeds this [mm]."""
-    thickness_mm: float = 30.0
+    thickness_mm: float = number("mm", 0.1, 1000.0, default=30.0)
     """How far pieces reach beyond the lumen [mm]."""
-    workers: int | None = None
+    workers: int | None = whole(1, 4096, default=None)
     """Child processes; as many as there are cores when left out."""
-    rays: int = 20_000
+    rays: int = whole(1, 10**8, default=20_000)
     """Rays that measure the error."""
     json: bool = False
     """Print one JSON document on stdout."""

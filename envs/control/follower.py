@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.sim.state import Controls, Readings
+from haustra.fields import number, require_declared
 from haustra.models.anatomy.colon import Centreline
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.wall import vectors
@@ -37,43 +38,46 @@ _TINY = 1e-12
 class FollowerSettings:
     """How the follower drives. Engineering choices, tuned on grown colons."""
 
-    look_ahead: float = 0.045
+    look_ahead: float = number("m", 0.005, 0.5, default=0.045)
     """It steers towards the centreline this far ahead of the tip [m]."""
-    advance_rate: float = 0.04
+    advance_rate: float = number("m/s", 1e-4, 1.0, default=0.04)
     """Insertion speed in free lumen [m/s]."""
-    retreat_rate: float = 0.06
+    retreat_rate: float = number("m/s", 1e-4, 1.0, default=0.06)
     """Withdrawal speed when backing off [m/s]."""
-    retreat_distance: float = 0.05
+    retreat_distance: float = number("m", 0.001, 2.0, default=0.05)
     """How far it backs off [m]; each further attempt at the same place goes back further."""
-    steer_gain: float = 3.0
+    steer_gain: float = number("1/s", 0.0, 100.0, default=3.0)
     """Bending rate per angle off the lumen's axis [1/s]."""
-    steer_limit_deg: float = 110.0
+    steer_limit_deg: float = number("degrees", 1.0, 360.0, default=110.0)
     """Largest angle that it bends the tip to while pushing [degrees]: a tip bent further is pushed sideways, not on."""
-    steer_lead: float = 0.6
+    steer_lead: float = number("rad", 0.01, 10.0, default=0.6)
     """Largest lead of the wires over the angle that the bending section has reached [rad]."""
-    tip_force_limit: float = 12.0
+    tip_force_limit: float = number("N", 0.01, 1e4, default=12.0)
     """Wall force on the bending section at which it backs off [N]."""
-    wall_force_limit: float = 25.0
+    wall_force_limit: float = number("N", 0.01, 1e4, default=25.0)
     """Wall force on any link at which it backs off [N]."""
-    push_force_limit: float = 35.0
+    push_force_limit: float = number("N", 0.01, 1e4, default=35.0)
     """Push force at which it backs off [N]."""
-    roll_step: float = math.radians(60)
+    roll_step: float = number("rad", 0.0, 2 * math.pi, default=math.radians(60))
     """How far it turns the shaft after backing off [rad]."""
-    roll_rate: float = math.radians(90)
+    roll_rate: float = number("rad/s", 0.01, 50.0, default=math.radians(90))
     """How fast it turns the shaft [rad/s]."""
-    hand_lead_limit: float = 0.01
+    hand_lead_limit: float = number("m", 1e-4, 0.1, default=0.01)
     """How far the hand aims beyond where the shaft is [m]."""
     steer: Literal["pulls", "wheels"] = "pulls"
     """What it steers by: pulls of wires that it knows to be right, or wheels, which the wires follow as they can."""
-    patience: float = 4.0
+    patience: float = number("s", 0.01, 600.0, default=4.0)
     """Time without progress after which it backs off [s]."""
     straighten: bool = False
     """Back off as endoscopists do: go on pulling while the hooked tip holds, so that a colon that may move is gathered
     on the shaft and straightened, and stop when the tip slips. For colons on their mesentery."""
-    straighten_distance: float = 0.35
+    straighten_distance: float = number("m", 0.001, 2.0, default=0.35)
     """How far it then backs off at most [m]."""
-    slip: float = 0.02
+    slip: float = number("m", 1e-4, 1.0, default=0.02)
     """Loss of arc length after which the tip counts as slipping [m]."""
+
+    def __post_init__(self) -> None:
+        require_declared(self, "The follower")
 
 
 class Steering(NamedTuple):

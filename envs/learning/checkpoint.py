@@ -1,6 +1,5 @@
 """The state of a training run as numbers in files: parameters, optimisers, what is remembered. No pickle."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -8,8 +7,9 @@ import numpy as np
 import torch
 from safetensors.torch import load_file, save_file
 
-from haustra.errors import UnreadableFileError
+from haustra.errors import HaustraError, UnreadableFileError
 from haustra.files import prepare_folder, write_atomically, write_json
+from haustra.reading import LARGEST_RECORD, read_document
 
 _BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
@@ -46,10 +46,10 @@ def load_checkpoint(folder: Path) -> dict[str, Any]:
         UnreadableFileError: when there is none.
     """
     try:
-        document = json.loads((folder / "checkpoint.json").read_text(encoding="utf-8"))
+        document = read_document(folder / "checkpoint.json", "checkpoint", largest=LARGEST_RECORD)
         if not {"steps_done", "leg", "training", "plain"} <= set(document):
             raise ValueError("entries are missing")
-    except (OSError, ValueError, TypeError) as error:
+    except (HaustraError, ValueError, TypeError) as error:
         raise UnreadableFileError(f"'{folder}' holds no checkpoint ({error}): train without --resume.") from error
     return document
 

@@ -1,6 +1,5 @@
 """A trained policy as two files that hold only numbers: weights (safetensors) and what they are for (JSON)."""
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.scope_task import ACTIONS
 from haustra.errors import HaustraError, InvalidOptionError, UnreadableFileError
 from haustra.files import prepare_folder, write_atomically, write_json
+from haustra.reading import read_document
 
 WEIGHTS, ABOUT = "policy.safetensors", "policy.json"
 """Names of the two files."""
@@ -105,7 +105,7 @@ def load_policy(folder: Path) -> MlpPolicy:
     try:
         if (folder / WEIGHTS).stat().st_size > _LARGEST_FILE:
             raise UnreadableFileError(f"'{folder / WEIGHTS}' is larger than any policy: name another.")
-        document = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
+        document = read_document(folder / ABOUT, "policy")
         arrays = load((folder / WEIGHTS).read_bytes())
         layers = range(int(document["layers"]))
         policy = MlpPolicy(

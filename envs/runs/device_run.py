@@ -174,6 +174,7 @@ def device_scores(run: DeviceRun, colon: Colon) -> dict[str, Any]:
         "device_kind": run.device.kind,
         **found,
         "advice": run.outcome.advice,
+        "warnings": list(colon.warnings),
         "tip_segment": segment_at(colon, found["tip_arc_m"]),
         "tip_segment_max": segment_at(colon, found["tip_arc_max_m"]),
         "colon_length_m": colon.centreline.length,

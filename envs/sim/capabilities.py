@@ -10,6 +10,7 @@ from operator import attrgetter
 from typing import Any
 
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
+from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.scene import Scene
 
 BACKENDS: Mapping[str, str] = {
@@ -151,20 +152,19 @@ def require_supported(scene: Scene, backend: str) -> None:
     _require(backend, (*SCENE, *DESIGN), {"scene": scene.options, "design": scene.design})
 
 
-def require_task_supported(config: Any, scene: Scene, backend: str) -> None:
-    """Refuse what a backend of many worlds cannot honour of a task, its design and its scene.
+def require_task_supported(config: Any, design: ScopeDesign, backend: str) -> None:
+    """Refuse what a backend of many worlds cannot honour of a task and its design; its scene is checked when built.
 
     Args:
         config: a `haustra.envs.tasks.config.TaskConfig`.
-        scene: of the task's scope.
+        design: of the task's scope.
         backend: one of `MANY_WORLDS`.
 
     Raises:
         InvalidOptionError: when the backend is not known.
         UnsupportedSceneError: naming the field, its value, the backend, and those that honour it.
     """
-    _require(backend, (*TASK, *CAMERA), {"task": config, "design": scene.design})
-    require_supported(scene, backend)
+    _require(backend, (*TASK, *CAMERA), {"task": config, "design": design})
 
 
 def _require(backend: str, table: tuple[Capability, ...], parts: Mapping[str, Any]) -> None:

@@ -1,7 +1,7 @@
 """How far any device gets in a colon by its own driver, as a question for studies."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from haustra.envs.study.paths import with_values
 from haustra.envs.study.questions import Backend, Question, Runner, one_by_one
 from haustra.envs.study.study import Column, Job, Result, Study, Value
 from haustra.errors import HaustraError, InvalidStudyError
+from haustra.fields import number
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.store import load_colon
@@ -38,6 +39,18 @@ SCORES = (
     Column("escaped", "1", "1 where the device broke through the wall, which ends the run"),
     Column("readings", "text", "means and peaks of the device's own readings, as name=value"),
 )
+
+
+@dataclass(frozen=True)
+class DeviceStudyOptions:
+    """How any device is simulated."""
+
+    seconds: float = number("s", 0.02, 3600.0, default=30.0)
+    """Longest run [s]."""
+    timestep: float = number("s", 1e-5, 0.02, default=SceneOptions.timestep)
+    """Integration step [s]."""
+    mesentery: bool = False
+    """Colons move on their mesentery."""
 
 
 def build_setup(
@@ -66,10 +79,8 @@ def build_setup(
         else:
             raise InvalidStudyError(f"'{path}' is not known. Known: design.<field>, scene.<field>, condition.friction")
     seed = str(conditions["colon"]).removeprefix("grown-")
-    if seed != conditions["colon"] and not seed.isdigit():
+    if seed != conditions["colon"] and not (seed.isascii() and seed.isdecimal() and len(seed) < 19):
         raise InvalidStudyError(f"Colon '{conditions['colon']}' is not known: give grown-<seed> or a colon's folder.")
-    if not 0 < float(study.options["seconds"]) <= 3600:
-        raise InvalidStudyError(f"options.seconds is {study.options['seconds']}: give a time up to 3600 s")
     base = load_device(_BASE if study.base == "default" else study.base)
     own = {entry.name for entry in fields(base)}
     inside = {
@@ -181,7 +192,7 @@ QUESTION = Question(
         "colon": Column("colon", "text", "grown-<seed>, or the folder of a colon"),
         "friction": Column("friction", "1", "Coulomb's coefficient between device and wall"),
     },
-    options={"seconds": 30.0, "timestep": SceneOptions.timestep, "mesentery": False},
+    options=DeviceStudyOptions,
     check=build_setup,
 )
 NATIVE = Backend(start=_start)

@@ -37,7 +37,7 @@ def with_values(part: T, changes: dict[str, float]) -> T:
 def _with_entries(part: tuple, own: dict[str, dict[str, float]]) -> tuple:
     entries = list(part)
     for key, inner in own.items():
-        if key != "*" and not (key.isdigit() and int(key) < len(entries)):
+        if key != "*" and not (key.isdecimal() and len(key) < 19 and int(key) < len(entries)):
             raise InvalidDesignError(f"'{key}' is not one of 0 to {len(entries) - 1}, nor *.")
         for index in range(len(entries)) if key == "*" else [int(key)]:
             entries[index] = _changed(entries[index], inner, key, whole=False)

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -14,6 +15,7 @@ from haustra.envs.study.paths import with_values
 from haustra.envs.study.questions import Backend, Question, Runner, one_by_one
 from haustra.envs.study.study import Column, Job, Result, Study, Value
 from haustra.errors import InvalidDesignError, InvalidOptionError, InvalidStudyError
+from haustra.fields import number
 from haustra.models.devices.tracked.design import TRACKS, TrackedDesign
 from haustra.models.devices.tracked.drive import track_normal
 from haustra.models.devices.tracked.law import TreadTable, load_law, load_table
@@ -76,6 +78,18 @@ class Steady:
     """Share of the time for which the pad that lifts most touches the wall."""
 
 
+@dataclass(frozen=True)
+class PropulsionStudyOptions:
+    """How the tracked robot is pulled."""
+
+    rig: Literal["flat", "tube"] = "flat"
+    """One track on flat tissue, or the whole device in its tube."""
+    losses: bool = False
+    """Friction falls with speed, and the shaft loses some of the drive."""
+    timestep: float = number("s", 0.0, 0.02, default=0.0)
+    """Integration step [s]; that of the rig when 0."""
+
+
 def build_case(study: Study, variables: Mapping[str, float], conditions: Mapping[str, Value]) -> TabulatedColon:
     """The design with the variables applied, and what its conditions ask of it.
 
@@ -123,8 +137,6 @@ def build_case(study: Study, variables: Mapping[str, float], conditions: Mapping
         raise InvalidDesignError(
             f"The worm would need {needed:.3g} N m, more than the shaft's {design.worm.torque_limit:.3g} N m."
         )
-    if study.options["rig"] not in ("flat", "tube"):
-        raise InvalidStudyError(f"options.rig is '{study.options['rig']}'. Known: flat, tube")
     return TabulatedColon(design, speed, friction, pressed.indentation, load_table(design.tread))
 
 
@@ -286,7 +298,7 @@ QUESTION = Question(
         "friction": Column("friction", "1", "Coulomb's coefficient between tread and wall"),
         "speed": Column("speed_m_s", "m/s", "speed of the treads relative to the core"),
     },
-    options={"rig": "flat", "losses": False, "timestep": 0.0},
+    options=PropulsionStudyOptions,
     check=build_case,
 )
 NATIVE = Backend(start=_start, batch=32)

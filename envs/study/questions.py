@@ -35,8 +35,8 @@ class Question:
     """What a finished job's row holds."""
     conditions: Mapping[str, Column]
     """What a design is tried under, by the name in a study's file."""
-    options: Mapping[str, Value]
-    """Options and their defaults."""
+    options: type
+    """A dataclass of declared fields with defaults: how it is simulated."""
     check: Callable[[Study, Mapping[str, float], Mapping[str, Value]], object]
     """Builds the design for values of the variables and conditions, without running it; raises when it is impossible
     or when a path or an option is not known."""

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from haustra.errors import InvalidStudyError
+from haustra.fields import declaration_of, read_fields, shown
 
 _ABSENT = object()
 
@@ -20,7 +21,7 @@ class TableReader:
 
     def wrong(self, key: str, complaint: str) -> InvalidStudyError:
         """The error that names a key of this table."""
-        path = f"{self._where}.{key}".strip(".") or "the file"
+        path = f"{self._where}.{shown(key)[1:-1]}".strip(".") or "the file"
         return InvalidStudyError(f"{self._file}: {path}: {complaint}.")
 
     def _take(self, key: str, default: Any) -> Any:
@@ -35,9 +36,9 @@ class TableReader:
         """A text, one of `options` when there are any."""
         value = self._take(key, default)
         if not isinstance(value, str) or not value:
-            raise self.wrong(key, f"expected text, found {value!r}")
+            raise self.wrong(key, f"expected text, found {shown(value)}")
         if options and value not in options:
-            raise self.wrong(key, f"'{value}' is not known. Known: {', '.join(options)}")
+            raise self.wrong(key, f"{shown(value)} is not known. Known: {', '.join(options)}")
         return value
 
     def number(self, key: str, default: Any = _ABSENT, *, least: float = -math.inf) -> float:
@@ -49,12 +50,20 @@ class TableReader:
         value = self._take(key, None)
         return None if value is None else float(self._number(key, value, least))
 
-    def count(self, key: str, default: Any = _ABSENT, *, least: int = 1) -> int:
-        """A whole number."""
+    def declared(self, key: str, kind: type) -> Any:
+        """What that field of a dataclass declares, or its default."""
+        default = getattr(kind, key)
         value = self._take(key, default)
-        if isinstance(value, bool) or not isinstance(value, int) or value < least:
-            raise self.wrong(key, f"expected a whole number of at least {least}, found {value!r}")
+        if value is not default and (said := declaration_of(kind, key).wrong(value)):
+            raise self.wrong(key, said.lstrip())
         return value
+
+    def fields(self, key: str, kind: type) -> Any:
+        """A dataclass of declared fields, from a table that may be missing."""
+        try:
+            return read_fields(kind, self._take(key, {}), error=InvalidStudyError)
+        except InvalidStudyError as error:
+            raise self.wrong(key, str(error).rstrip(".")) from error
 
     def numbers(self, key: str) -> tuple[float, ...]:
         """A list of different finite numbers, empty where there is none."""
@@ -69,7 +78,7 @@ class TableReader:
         values = self._list(key, [])
         for index, value in enumerate(values):
             if not isinstance(value, str):
-                raise self.wrong(f"{key}[{index}]", f"expected text, found {value!r}")
+                raise self.wrong(f"{key}[{index}]", f"expected text, found {shown(value)}")
         return tuple(values)
 
     def plain(self, key: str) -> dict[str, Any]:
@@ -80,7 +89,7 @@ class TableReader:
             for index, entry in enumerate(entries):
                 place = f"{key}.{name}[{index}]" if isinstance(value, list) else f"{key}.{name}"
                 if not isinstance(entry, int | float | str | bool):
-                    raise self.wrong(place, f"expected a number or text, found {entry!r}")
+                    raise self.wrong(place, f"expected a number or text, found {shown(entry)}")
                 if isinstance(entry, float) and not math.isfinite(entry):
                     raise self.wrong(place, f"is {entry}; give a finite number")
         return dict(table._table)
@@ -103,12 +112,12 @@ class TableReader:
     def _list(self, key: str, default: Any) -> list:
         value = self._take(key, default)
         if not isinstance(value, list):
-            raise self.wrong(key, f"expected a list, found {value!r}")
+            raise self.wrong(key, f"expected a list, found {shown(value)}")
         return value
 
     def _number(self, key: str, value: Any, least: float) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise self.wrong(key, f"expected a finite number, found {value!r}")
+            raise self.wrong(key, f"expected a finite number, found {shown(value)}")
         if value < least:
-            raise self.wrong(key, f"is {value!r}; give at least {least:g}")
+            raise self.wrong(key, f"is {shown(value)}; give at least {least:g}")
         return value

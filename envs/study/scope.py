@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import cast
+from typing import Literal, cast
 
 import numpy as np
 
@@ -20,13 +20,14 @@ from haustra.envs.study.questions import Backend, Question, Runner, one_by_one
 from haustra.envs.study.sampling import conditions_of
 from haustra.envs.study.study import Column, Job, Result, ScoreError, Study, Value
 from haustra.errors import InvalidOptionError, InvalidStudyError
+from haustra.fields import choice, number
 from haustra.models.accuracy import stated_error
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.store import METADATA, load_colon, save_colon
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.devices.scope.files import find_design
-from haustra.models.presets import MODELLING, find_preset
+from haustra.models.presets import MODELLING, PRESETS, find_preset
 from haustra.models.scene import Scene, SceneOptions, build_scene
 from haustra.models.wall.lumen_table import LumenTable, lumen_table
 from haustra.models.wall.pieces.build import Method
@@ -69,6 +70,22 @@ SCORES = (
 
 
 @dataclass(frozen=True)
+class ScopeStudyOptions:
+    """How scopes are simulated."""
+
+    seconds: float = number("s", 0.02, 3600.0, default=30.0)
+    """Longest run [s]."""
+    wall: Literal["prism", "coacd"] = "prism"
+    """How the pieces of a fixed colon's wall are made."""
+    timestep: float = number("s", 1e-5, 0.02, default=SceneOptions.timestep)
+    """Integration step [s]."""
+    preset: str = choice(*PRESETS, default="balanced")
+    """How finely a scene is modelled."""
+    mesentery: bool = False
+    """Colons move on their mesentery."""
+
+
+@dataclass(frozen=True)
 class Setup:
     """A scope, the scene's options and its driver, after the variables were applied."""
 
@@ -107,10 +124,6 @@ def build_setup(study: Study, variables: Mapping[str, float], conditions: Mappin
                 "condition.friction"
             )
     _require_colon(str(conditions["colon"]))
-    if not 0 < float(study.options["seconds"]) <= 3600:
-        raise InvalidStudyError(f"options.seconds is {study.options['seconds']}: give a time up to 3600 s")
-    if study.options["wall"] not in ("prism", "coacd"):
-        raise InvalidStudyError(f"options.wall is '{study.options['wall']}'. Known: prism, coacd")
     options = find_preset(str(study.options["preset"])).apply(SceneOptions(friction=friction))
     if (timestep := float(study.options["timestep"])) != SceneOptions.timestep:
         options = replace(options, timestep=timestep)
@@ -188,7 +201,7 @@ def _curves(recorded: Trajectory) -> dict[str, list[float]]:
 
 def _require_colon(name: str) -> None:
     seed = name.removeprefix("grown-")
-    if seed != name and not seed.isdigit():
+    if seed != name and not (seed.isascii() and seed.isdecimal() and len(seed) < 19):
         raise InvalidOptionError(f"Colon '{name}' is not known: give grown-0, grown-1, … or a colon's folder.")
 
 
@@ -280,13 +293,7 @@ QUESTION = Question(
         "colon": Column("colon", "text", "grown-<seed>, or the folder of a colon"),
         "friction": Column("friction", "1", "Coulomb's coefficient between scope and wall"),
     },
-    options={
-        "seconds": 30.0,
-        "wall": "prism",
-        "timestep": SceneOptions.timestep,
-        "preset": "balanced",
-        "mesentery": False,
-    },
+    options=ScopeStudyOptions,
     check=build_setup,
     errors=score_errors,
 )

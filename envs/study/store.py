@@ -179,7 +179,7 @@ def open_store(
     with _errors(folder), _lock(folder), _connected(folder / FILE) as connection:
         connection.execute("pragma journal_mode = wal")
         connection.execute("pragma synchronous = normal")
-        if not connection.execute("select 1 from sqlite_master where name = 'facts'").fetchone():
+        if not _has_begun(connection):
             _create(connection, study, jobs(), kind)
         elif not resume:
             raise InvalidOptionError(
@@ -244,9 +244,17 @@ def _errors(folder: Path) -> Iterator[None]:
         ) from error
 
 
+def _has_begun(connection: sqlite3.Connection) -> bool:
+    """Whether anything was computed for a store: one that was made for a call which was then refused holds nothing."""
+    made = connection.execute("select 1 from sqlite_master where name = 'sessions'").fetchone()
+    return bool(made and connection.execute("select 1 from sessions").fetchone())
+
+
 def _create(connection: sqlite3.Connection, study: Study, jobs: Iterable[Job], kind: Kind) -> None:
     connection.execute("begin immediate")
     try:
+        for table in ("jobs", "sessions", "facts"):
+            connection.execute(f"drop table if exists {table}")
         for statement in filter(str.strip, _TABLES.split(";")):
             connection.execute(statement)
         facts = {"format_version": str(FORMAT_VERSION), "kind": kind, "study": json.dumps(study.to_json())}

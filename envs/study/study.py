@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Literal, TypeAlias
 
+from haustra.fields import number, whole
 from haustra.provenance import content_hash
 
 Value: TypeAlias = float | int | str | bool
@@ -35,7 +36,7 @@ class Variable:
     """Standard deviation of 'normal'; a quarter of the bounds' distance when None."""
     values: tuple[float, ...] = ()
     """For a choice, and the levels of a grid when given."""
-    levels: int = 5
+    levels: int = whole(1, 100_000, default=5)
     """Of a grid without `values`: evenly spaced in probability, bounds included."""
 
     @property
@@ -71,9 +72,9 @@ class Sampler:
     """Which designs are tried."""
 
     kind: SamplerKind = "grid"
-    count: int = 64
+    count: int = whole(1, 10_000_000, default=64)
     """Designs of 'sobol' (a power of two balances it) and 'latin-hypercube'."""
-    seed: int = 0
+    seed: int = whole(0, 2**32 - 1, default=0)
     designs: tuple[Mapping[str, Value], ...] = ()
     """Of 'list': a `name`, and a value for each variable that is not nominal."""
 
@@ -90,11 +91,11 @@ class Objective:
 class Budget:
     """What a study may take."""
 
-    jobs: int = 100_000
+    jobs: int = whole(1, 100_000_000, default=100_000)
     """Largest number of jobs; a study that asks for more is refused."""
-    job_seconds: float | None = None
+    job_seconds: float | None = number("s", 1e-3, 1e7, default=None)
     """Longest time for one job [s]; a job that takes longer fails. No limit when None."""
-    trials: int = 64
+    trials: int = whole(1, 10_000_000, default=64)
     """Designs that `haustra optimise` tries."""
 
 

@@ -1,6 +1,6 @@
 """Studies as files: TOML, or YAML where PyYAML is installed."""
 
-import tomllib
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, cast, get_args
 
@@ -18,13 +18,14 @@ from haustra.envs.study.study import (
     Value,
     Variable,
 )
-from haustra.errors import HaustraError, MissingDependencyError, UnreadableFileError
+from haustra.errors import HaustraError, UnreadableFileError
 from haustra.provenance import content_hash
+from haustra.reading import read_document
 
 SHIPPED = ("propulsion", "scope", "scope-mesentery")
 """Studies that ship, under their names."""
-_LARGEST_FILE = 4_000_000
-"""A study's file is at most this long [bytes]; a list of a hundred thousand designs is shorter."""
+_MOST_TRIED = 100
+"""Values of a condition that are tried before a study begins."""
 
 
 def load_study(name: str | Path) -> Study:
@@ -40,31 +41,7 @@ def load_study(name: str | Path) -> Study:
         raise UnreadableFileError(
             f"'{name}' is no study: name a file that ends in .toml or .yaml, or one of {', '.join(SHIPPED)}."
         )
-    return read_study(_parse(path), path)
-
-
-def _parse(path: Path) -> Any:
-    try:
-        if path.stat().st_size > _LARGEST_FILE:
-            raise UnreadableFileError(f"'{path}' is longer than {_LARGEST_FILE / 1e6:g} MB: that is no study.")
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UnreadableFileError(f"Cannot read the study '{path}': {error}.") from error
-    if path.suffix == ".toml":
-        try:
-            return tomllib.loads(text)
-        except (tomllib.TOMLDecodeError, RecursionError) as error:
-            raise UnreadableFileError(f"'{path}' is not TOML: {error}.") from error
-    try:
-        import yaml
-    except ImportError as error:
-        raise MissingDependencyError(
-            "Studies in YAML need PyYAML: 'pip install haustra[sweep]', or use TOML."
-        ) from error
-    try:
-        return yaml.safe_load(text)
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
-        raise UnreadableFileError(f"'{path}' is not YAML: {' '.join(str(error).split())[:200]}.") from error
+    return read_study(read_document(path, "study"), path)
 
 
 def read_study(table: Any, path: Path) -> Study:
@@ -90,8 +67,8 @@ def read_study(table: Any, path: Path) -> Study:
         sampler=_sampler(reader.table("sampler", {}), variables),
         scores=_scores(reader, question),
         changes={name: float(value) for name, value in base.plain("values").items() if _is_number(base, name, value)},
-        options=_options(reader, question),
-        budget=_budget(reader.table("budget", {})),
+        options=asdict(reader.fields("options", find_question(question).options)),
+        budget=reader.fields("budget", Budget),
         inputs=inputs,
     )
     base.done()
@@ -113,7 +90,7 @@ def _variable(reader: TableReader) -> Variable:
         distribution=cast(Distribution, kind),
         deviation=reader.optional("deviation", least=1e-300),
         values=values,
-        levels=reader.count("levels", 5),
+        levels=reader.declared("levels", Variable),
     )
     reader.done()
     if not variable.name.isidentifier():
@@ -146,8 +123,8 @@ def _sampler(reader: TableReader, variables: tuple[Variable, ...]) -> Sampler:
         raise reader.wrong("designs", "no variable may be called 'name'")
     sampler = Sampler(
         kind=cast(SamplerKind, kind),
-        count=reader.count("count", 64),
-        seed=reader.count("seed", 0, least=0),
+        count=reader.declared("count", Sampler),
+        seed=reader.declared("seed", Sampler),
         designs=tuple(designs),
     )
     reader.done()
@@ -216,29 +193,6 @@ def _scores(reader: TableReader, question: str) -> tuple[str, ...]:
     return wanted
 
 
-def _options(reader: TableReader, question: str) -> dict[str, Value]:
-    known = find_question(question).options
-    given = reader.plain("options")
-    for name, value in given.items():
-        if name not in known:
-            raise reader.wrong(f"options.{name}", f"is not known. Known: {', '.join(known)}")
-        kind = type(known[name])
-        fine = isinstance(value, int | float) and not isinstance(value, bool) if kind is float else type(value) is kind
-        if not fine:
-            raise reader.wrong(f"options.{name}", f"expected {kind.__name__}, found {value!r}")
-    return {name: type(known[name])(given.get(name, default)) for name, default in known.items()}
-
-
-def _budget(reader: TableReader) -> Budget:
-    budget = Budget(
-        jobs=reader.count("jobs", Budget.jobs),
-        job_seconds=reader.optional("job_seconds", least=1e-3),
-        trials=reader.count("trials", Budget.trials),
-    )
-    reader.done()
-    return budget
-
-
 def _is_number(base: TableReader, name: str, value: object) -> bool:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise base.wrong(f"values.{name}", f"expected a number, found {value!r}")
@@ -246,7 +200,7 @@ def _is_number(base: TableReader, name: str, value: object) -> bool:
 
 
 def _try_out(study: Study, reader: TableReader) -> None:
-    """Build the nominal design, then it with each variable's path alone, so that a bad path is named."""
+    """Build the nominal design, then it with each variable and condition alone, so that what is bad is named."""
     question = find_question(study.question)
     for name in question.conditions:
         if name not in study.conditions:
@@ -258,8 +212,12 @@ def _try_out(study: Study, reader: TableReader) -> None:
     checks = [("base", study, {})]
     for index, variable in enumerate(study.variables):
         checks.append((f"variables[{index}].path", study, {variable.name: variable.nominal}))
-    for where, asked, values in checks:
+    tried = [(where, asked, values, first) for where, asked, values in checks]
+    for name, found in study.conditions.items():
+        for index, value in enumerate(found[1:_MOST_TRIED], start=1):
+            tried.append((f"conditions.{name}[{index}]", study, {}, {**first, name: value}))
+    for where, asked, values, conditions in tried:
         try:
-            question.check(asked, values, first)
+            question.check(asked, values, conditions)
         except HaustraError as error:
             raise reader.wrong(where, str(error).rstrip(".")) from error

@@ -4,7 +4,6 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from jaxtyping import Float
@@ -17,6 +16,7 @@ from haustra.models.scene import entry_of
 from haustra.models.wall.lumen_table import Tables, lumen_table
 from haustra.models.wall.mesentery import hang
 from haustra.provenance import Provenance
+from haustra.reading import read_arrays
 
 _ARRAYS = ("points", "frames", "wall", "sight", "step", "device_radius", "axes", "borders")
 
@@ -149,13 +149,12 @@ def load_case(path: Path) -> TabulatedColon:
         UnreadableFileError: when it is no case.
     """
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            arrays: dict[str, Any] = {key: file[key] for key in _ARRAYS}
-            name = str(file["name"])
+        arrays: dict[str, Any] = read_arrays(path, (*_ARRAYS, "name"))
+        name = str(arrays.pop("name"))
         step, radius = float(arrays.pop("step")), float(arrays.pop("device_radius"))
         case = TabulatedColon(name=name, step=step, device_radius=radius, **arrays)
         shaped = case.points.shape[1:] == (3,) and case.wall.shape[:2] == (*case.points.shape[:1], case.sight.shape[1])
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
+    except (ValueError, TypeError, IndexError, AttributeError) as error:
         raise UnreadableFileError(f"'{path}' is no case ({error}): delete it.") from error
     if not shaped or not all(np.isfinite(getattr(case, key)).all() for key in _ARRAYS):
         raise UnreadableFileError(f"'{path}' is no case (its arrays do not fit): delete it.")

@@ -1,10 +1,14 @@
 """What an episode is: who is examined with what, how an action becomes motion, what is paid, and when it ends."""
 
-from dataclasses import asdict, dataclass, field, fields
+import math
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from haustra.assets import asset
 from haustra.errors import InvalidOptionError
+from haustra.fields import choice, number, read_fields, require_declared, several, span, whole
+from haustra.models.anatomy.person import DIFFICULTIES
+from haustra.models.devices.scope.library import DESIGN_NAMES
 from haustra.quantity import load_quantities
 
 _CONTACT = load_quantities(asset("numbers/contact.toml"))
@@ -17,6 +21,8 @@ TASKS = ("insertion", "withdrawal")
 
 _LONGEST_MEMORY = 600.0
 """Beyond it a running mean is that of the whole episode [s]."""
+MOST_PAID = 1e4
+"""Largest weight of a reward's term."""
 HELD_OUT_SEEDS = 100_000
 """Colons with seeds from here on are for evaluation only: no shipped training draws them."""
 
@@ -25,23 +31,23 @@ HELD_OUT_SEEDS = 100_000
 class Weights:
     """Weights of the reward's terms (`haustra.envs.tasks.rewards`)."""
 
-    progress: float = 100.0
+    progress: float = number("1", 0.0, MOST_PAID, default=100.0)
     """For the whole colon, in proportion [1]."""
-    advance: float = 0.0
+    advance: float = number("1", 0.0, MOST_PAID, default=0.0)
     """For the whole colon, in proportion, and taken back for what is lost [1]."""
-    facing: float = 0.0
+    facing: float = number("1", 0.0, MOST_PAID, default=0.0)
     """A control step that the tip looks back along the way [1]; half of it when it looks aside."""
-    reached: float = 20.0
+    reached: float = number("1", 0.0, MOST_PAID, default=20.0)
     """Once, in the caecum; withdrawn, at the anus [1]."""
-    time: float = 0.01
+    time: float = number("1", 0.0, MOST_PAID, default=0.01)
     """A control step [1]."""
-    wall_force: float = 0.02
+    wall_force: float = number("1", 0.0, MOST_PAID, default=0.02)
     """A control step, times the square of the largest wall force over `Limits.safe_force` [1]."""
-    looping: float = 0.0
+    looping: float = number("1/m", 0.0, MOST_PAID, default=0.0)
     """A control step, a metre of scope beyond the colon passed [1/m]."""
-    perforation: float = 20.0
+    perforation: float = number("1", 0.0, MOST_PAID, default=20.0)
     """Once [1]."""
-    coverage: float = 0.0
+    coverage: float = number("1", 0.0, MOST_PAID, default=0.0)
     """For the whole surface, in proportion [1]; 100 in withdrawal."""
 
 
@@ -49,14 +55,14 @@ class Weights:
 class Limits:
     """When an episode ends, and what counts as safe."""
 
-    seconds: float = 90.0
+    seconds: float = number("s", 0.002, 36_000.0, default=90.0)
     """Longest episode [s]; then it is truncated."""
-    perforation_force: float = _CONTACT["contact.perforation_force"].high
+    perforation_force: float = number("N", 0.01, 1e4, default=_CONTACT["contact.perforation_force"].high)
     """Resultant wall force on one link that ends an episode as a perforation [N]: the highest measured, since a link
     of the model gathers the load of 6 cm of scope."""
-    safe_force: float = _CONTACT["contact.perforation_force"].value
+    safe_force: float = number("N", 0.01, 1e4, default=_CONTACT["contact.perforation_force"].value)
     """Peak up to which an episode counts as safe [N]: the lowest force that perforated."""
-    caecum_margin: float = 0.03
+    caecum_margin: float = number("m", 0.0, 0.5, default=0.03)
     """The caecum counts as reached this far before the end of the centreline [m], as in a single run."""
 
 
@@ -64,17 +70,17 @@ class Limits:
 class Randomisation:
     """Ranges that each episode draws from, evenly."""
 
-    friction: tuple[float, float] = (0.03, 0.1)
+    friction: tuple[float, float] = span("1", 0.0, 2.0, default=(0.03, 0.1))
     """Coulomb coefficient [1]."""
-    wall_stiffness: tuple[float, float] = (700.0, 2400.0)
+    wall_stiffness: tuple[float, float] = span("N/m", 50.0, 1e5, default=(700.0, 2400.0))
     """Of a contact [N/m]: the measured range."""
-    shaft_stiffness: tuple[float, float] = (0.85, 1.15)
+    shaft_stiffness: tuple[float, float] = span("1", 0.05, 20.0, default=(0.85, 1.15))
     """Over the design's [1]; engineering choice."""
-    wire_gain: tuple[float, float] = (0.85, 1.0)
+    wire_gain: tuple[float, float] = span("1", 0.05, 1.0, default=(0.85, 1.0))
     """Pull that arrives over pull asked for [1]; engineering choice."""
-    wire_slack: tuple[float, float] = (0.0, 0.05)
+    wire_slack: tuple[float, float] = span("1", 0.0, 0.9, default=(0.0, 0.05))
     """Share of a wheel's travel that does nothing [1]; engineering choice."""
-    start_roll: tuple[float, float] = (-3.14159, 3.14159)
+    start_roll: tuple[float, float] = span("rad", -2 * math.pi, 2 * math.pi, default=(-3.14159, 3.14159))
     """Angle of the colon about its entry, as the scope sees it at the start [rad]."""
 
 
@@ -82,15 +88,15 @@ class Randomisation:
 class Drive:
     """How actions, each from -1 to 1, become motion."""
 
-    control_interval: float = 0.04
-    """Between two actions [s]: 25 Hz. Physics takes steps of its own, `SceneOptions.timestep`."""
-    push_rate: float = 0.06
+    control_interval: float = number("s", 0.002, 1.0, default=0.04)
+    """Between two actions [s]: 25 Hz. A whole number of the steps that physics takes, `SceneOptions.timestep`."""
+    push_rate: float = number("m/s", 0.001, 0.5, default=0.06)
     """Of the hand at full action [m/s]; engineering choice."""
-    roll_rate: float = 1.57
+    roll_rate: float = number("rad/s", 0.01, 20.0, default=1.57)
     """Of the hand at full action [rad/s]; engineering choice."""
-    wheel_rate: float = 4.0
+    wheel_rate: float = number("1/s", 0.05, 100.0, default=4.0)
     """Largest change of a tip action in a second [1/s]: a wheel goes from neutral to full in a quarter second."""
-    hand_lead: float = 0.01
+    hand_lead: float = number("m", 1e-4, 0.1, default=0.01)
     """The hand aims at most this far beyond where the shaft is [m]: it then presses with 40 N."""
 
 
@@ -98,27 +104,27 @@ class Drive:
 class TaskConfig:
     """An episode's rules. Everything here is a plain value: JSON in, JSON out."""
 
-    task: str = "insertion"
+    task: str = choice(*TASKS, default="insertion")
     """One of `TASKS`."""
-    design: str = "paediatric"
+    design: str = choice(*DESIGN_NAMES, default="paediatric")
     """A shipped scope design."""
-    difficulty: str = "any"
+    difficulty: str = choice(*DIFFICULTIES, default="any")
     """Band of tortuosity that colons are drawn from."""
-    seeds: tuple[int, int] = (0, 16)
+    seeds: tuple[int, int] = span("1", 0, 10**9, default=(0, 16), whole=True)
     """Colons: from the first seed up to, not including, the last."""
     mesentery: bool = False
     """Colons swing, stretch and pleat on their mesentery instead of standing fixed; backends 'native', 'jax'."""
-    observation: str = "dict"
+    observation: str = choice(*OBSERVATIONS, default="dict")
     """One of `OBSERVATIONS`."""
     privileged: bool = False
     """Add what no device knows: arc length, the way ahead, the wall's place. For teachers and baselines."""
     imager: bool = False
     """Add what a magnetic imager of the scope's shape gives: where tip and shaft are, and how fast the tip moves.
     It has no noise here; a real one has some millimetres."""
-    memory: tuple[float, ...] = ()
+    memory: tuple[float, ...] = several("s", 0.01, _LONGEST_MEMORY, default=(), most=8)
     """Also show how all that is measured differs from its running means over these times [s]. A policy without
     memory of its own cannot tell else that it has stood still for a while."""
-    picture_size: int = 64
+    picture_size: int = whole(8, 512, default=64)
     """Rows and columns of pictures."""
     depth: bool = False
     """In mode dict: the tip camera's depth too."""
@@ -130,21 +136,9 @@ class TaskConfig:
     weights: Weights = field(default_factory=Weights)
 
     def __post_init__(self) -> None:
-        for name, known in (("observation", OBSERVATIONS), ("task", TASKS)):
-            if getattr(self, name) not in known:
-                raise InvalidOptionError(
-                    f"{name.capitalize()} '{getattr(self, name)}' is not known. Known: {', '.join(known)}."
-                )
-        if not 0 <= self.seeds[0] < self.seeds[1]:
-            raise InvalidOptionError(f"Seeds {self.seeds} hold no colon: give a first and a larger last one.")
-        if not all(0 < time <= _LONGEST_MEMORY for time in self.memory):
-            raise InvalidOptionError(f"memory is {self.memory}: give times over 0 and up to {_LONGEST_MEMORY:g} s.")
-        if not 8 <= self.picture_size <= 512:
-            raise InvalidOptionError(f"picture_size is {self.picture_size}; give 8 to 512.")
-        for name in (entry.name for entry in fields(Randomisation)):
-            low, high = getattr(self.randomisation, name)
-            if not low <= high:
-                raise InvalidOptionError(f"The range of {name} is empty: {low} to {high}.")
+        require_declared(self)
+        if self.seeds[0] == self.seeds[1]:
+            raise InvalidOptionError(f"seeds {self.seeds} hold no colon: give a first and a larger last one.")
 
     def to_json(self) -> dict[str, Any]:
         """As plain JSON values."""
@@ -155,20 +149,6 @@ class TaskConfig:
         """Read what `to_json` wrote.
 
         Raises:
-            InvalidOptionError: naming a value that is not known.
+            InvalidOptionError: naming a value that is not known or out of its range.
         """
-        parts = {"drive": Drive, "limits": Limits, "weights": Weights, "randomisation": Randomisation}
-        read = {name: _read(parts[name], value) if name in parts else value for name, value in values.items()}
-        if "seeds" in read:
-            read["seeds"] = tuple(read["seeds"])
-        return _read(cls, read)
-
-
-def _read(kind: Any, values: dict[str, Any]) -> Any:
-    known = {entry.name for entry in fields(kind)}
-    if unknown := set(values) - known:
-        raise InvalidOptionError(
-            f"{kind.__name__} has no value '{sorted(unknown)[0]}'. Known: {', '.join(sorted(known))}."
-        )
-    pairs = {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
-    return kind(**pairs)
+        return read_fields(cls, values)

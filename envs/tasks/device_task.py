@@ -11,7 +11,9 @@ from gymnasium import spaces
 from haustra.envs.runs.device_run import ended
 from haustra.envs.runs.outcome import Outcome
 from haustra.envs.sim.device_native import NativeDevice
+from haustra.envs.tasks.calls import checked_action, require_no_options, whole_steps
 from haustra.errors import InvalidOptionError
+from haustra.fields import number, read_fields, require_declared, span
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.device_scene import build_device_scene, device_options, device_tables, pose_in
@@ -27,26 +29,27 @@ _LARGEST = 10.0
 class DeviceRules:
     """An episode of any device."""
 
-    seeds: tuple[int, int] = (0, 1)
+    seeds: tuple[int, int] = span("1", 0, 10**9, default=(0, 1), whole=True)
     """Grown colons: from the first seed up to, not including, the last; one is drawn for each episode."""
-    friction: tuple[float, float] = (0.03, 0.1)
+    friction: tuple[float, float] = span("1", 0.0, 2.0, default=(0.03, 0.1))
     """Between device and wall, drawn evenly [1]."""
-    wall_stiffness: tuple[float, float] = (700.0, 2400.0)
+    wall_stiffness: tuple[float, float] = span("N/m", 50.0, 1e5, default=(700.0, 2400.0))
     """Of a contact, drawn evenly: the measured range [N/m]."""
     mesentery: bool = False
     """Colons move on their mesentery."""
-    seconds: float = 90.0
+    seconds: float = number("s", 0.002, 36_000.0, default=90.0)
     """Then the episode is truncated [s]."""
-    control_interval: float = 0.04
+    control_interval: float = number("s", 0.001, 1.0, default=0.04)
     """Between two actions [s]."""
-    force_weight: float = 0.02
+    force_weight: float = number("1", 0.0, 1e4, default=0.02)
     """What a control step costs, times the wall force over `safe_force`, squared [1]."""
-    safe_force: float = 5.0
+    safe_force: float = number("N", 0.01, 1e4, default=5.0)
     """[N]; engineering choice."""
 
     def __post_init__(self) -> None:
-        if not 0 <= self.seeds[0] < self.seeds[1]:
-            raise InvalidOptionError(f"Seeds {self.seeds} hold no colon: give a first and a larger last one.")
+        require_declared(self)
+        if self.seeds[0] == self.seeds[1]:
+            raise InvalidOptionError(f"seeds {self.seeds} hold no colon: give a first and a larger last one.")
 
 
 class DeviceEnv(gymnasium.Env):
@@ -64,7 +67,7 @@ class DeviceEnv(gymnasium.Env):
         device: str | Device = "adult",
         *,
         colons: Sequence[Colon] | None = None,
-        rules: DeviceRules | None = None,
+        rules: DeviceRules | dict[str, Any] | None = None,
         render_mode: str | None = None,
     ) -> None:
         """Take a device, or load one by name or file, and colons, or grow those of the rules' seeds.
@@ -76,15 +79,16 @@ class DeviceEnv(gymnasium.Env):
         """
         if render_mode is not None:
             raise InvalidOptionError("The environment of any device draws no pictures: leave render_mode out.")
-        self.render_mode, self.rules = None, rules or DeviceRules()
+        self.render_mode = None
+        self.rules: DeviceRules = read_fields(DeviceRules, rules or {}, "rules")
         self.device = device if isinstance(device, Device) else load_device(device)
-        colons = list(colons or [grow_colon(seed=seed) for seed in range(*self.rules.seeds)])
-        self._lengths = [colon.centreline.length for colon in colons]
         options = device_options(self.device, mesentery=self.rules.mesentery)
         scene = build_device_scene(self.device, options)
+        self._steps = whole_steps(self.rules.control_interval, scene.options.timestep)
+        colons = list(colons or [grow_colon(seed=seed) for seed in range(*self.rules.seeds)])
+        self._lengths = [colon.centreline.length for colon in colons]
         poses = [pose_in(colon, self.device, options) for colon in colons]
         self._backend = NativeDevice(scene, device_tables(scene, colons, poses), starts=[pose.arc for pose in poses])
-        self._steps = max(1, round(self.rules.control_interval / scene.options.timestep))
         channels = self.device.controls
         self._low = np.array([channel.low for channel in channels])
         self._high = np.array([channel.high for channel in channels])
@@ -92,28 +96,30 @@ class DeviceEnv(gymnasium.Env):
         size = _COMMON + len(self.device.readings)
         self.observation_space = spaces.Box(-_LARGEST, _LARGEST, (size,), np.float32)
         self._colon, self._best, self._begun = 0, 0.0, False
+        self._drawn: dict[str, np.ndarray] = {}
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Put the device to the anus of a colon."""
         super().reset(seed=seed)
+        require_no_options(options)
         rules = self.rules
         self._colon = int(self.np_random.integers(len(self._lengths)))
-        drawn = {
+        self._drawn = {
             name: np.array([self.np_random.uniform(*getattr(rules, name))]) for name in ("friction", "wall_stiffness")
         }
-        self._backend.reset(np.zeros(1, int), np.array([self._colon]), **drawn)
+        self._backend.reset(np.zeros(1, int), np.array([self._colon]), **self._drawn)
         self._best, self._begun = float(self._backend.read().tip_arc[0]), True
-        return self._shown(), {name: float(value[0]) for name, value in drawn.items()}
+        return self._shown(), self._info(None)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One control interval.
 
         Raises:
-            InvalidOptionError: before the first reset.
+            InvalidOptionError: before the first reset, or when the action is not one number a channel.
         """
         if not self._begun:
             raise InvalidOptionError("The environment was not reset: call reset first.")
-        share = np.clip(np.nan_to_num(np.asarray(action, float)), -1, 1)
+        share = np.clip(np.nan_to_num(checked_action(action, (len(self._low),))), -1, 1)
         commands = self._low + 0.5 * (share + 1) * (self._high - self._low)
         sound = bool(self._backend.step(commands[None], self._steps)[0])
         seen, length = self._backend.read(), self._lengths[self._colon]
@@ -124,14 +130,20 @@ class DeviceEnv(gymnasium.Env):
         self._best += gained
         reward = 100.0 * gained / length - self.rules.force_weight * (force / self.rules.safe_force) ** 2
         late = outcome is None and float(seen.time[0]) >= self.rules.seconds
-        info = {
-            "tip_arc": arc,
-            "progress": min(self._best / length, 1.0),
-            "wall_force": force,
+        return self._shown(), reward if sound else 0.0, outcome is not None, late, self._info(outcome)
+
+    def _info(self, outcome: Outcome | None) -> dict[str, Any]:
+        """Ground truth, with the same entries at reset and at every step; `outcome` is one of `OUTCOMES` or empty."""
+        seen = self._backend.read()
+        told = {name: float(value[0]) for name, value in self._backend.readings().items()}
+        return {
+            **{name: float(value[0]) for name, value in self._drawn.items()},
+            "tip_arc": float(seen.tip_arc[0]),
+            "progress": min(self._best / self._lengths[self._colon], 1.0),
+            "wall_force": float(seen.wall_force[0]),
             "outcome": outcome.value if outcome else "",
-            **{name: float(value[0]) for name, value in self._backend.readings().items()},
+            **told,
         }
-        return self._shown(), reward if sound else 0.0, outcome is not None, late, info
 
     def _shown(self) -> np.ndarray:
         seen = self._backend.read()

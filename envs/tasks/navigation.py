@@ -8,9 +8,11 @@ from gymnasium import spaces
 
 from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.bank import ColonSet
+from haustra.envs.tasks.calls import checked_action, require_no_options
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.scope_task import ACTIONS, ScopeTask
 from haustra.errors import InvalidOptionError
+from haustra.fields import Number, shown
 
 RENDER_MODES = ("rgb_array", "depth_array", "human")
 _PICTURE = 240
@@ -65,33 +67,42 @@ class NavigationEnv(gymnasium.Env):
         self.observation_space = observation_space(self.config)
         self.action_space = action_space()
         self._window: Any = None
+        self._began = False
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begin an episode; `options={"case": k}` chooses the k-th colon of the bank."""
         super().reset(seed=seed)
-        if seed is None and not self._seeded():
+        if seed is None and not self._began:
             seed = int(self.np_random.integers(2**31))
+        require_no_options(options, "case")
         case = None if not options else options.get("case")
-        if case is not None and not 0 <= case < len(self.task.bank.cases):
-            raise InvalidOptionError(f"Case {case} is not in the bank: it has {len(self.task.bank.cases)} colons.")
+        if case is not None and Number("1", 0, len(self.task.bank.cases) - 1, whole=True).wrong(case):
+            raise InvalidOptionError(
+                f"Case {shown(case)} is not in the bank: it has {len(self.task.bank.cases)} colons."
+            )
         seen = self.task.reset(seeds=None if seed is None else [seed], case=case)
         self._began = True
         if self.render_mode == "human":
             self.render()
-        return self._one(seen), {"case": int(self.task.case[0]), "friction": float(self.task.friction[0])}
+        return self._one(seen), _first(self.task.info())
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """One action of `TaskConfig.drive.control_interval`."""
-        done = self.task.step(np.asarray(action)[None])
+        """One action of `TaskConfig.drive.control_interval`.
+
+        Raises:
+            InvalidOptionError: before the first reset, or when the action is not four numbers.
+        """
+        if not self._began:
+            raise InvalidOptionError("The environment was not reset: call reset first.")
+        done = self.task.step(checked_action(action, (len(ACTIONS),))[None])
         if self.render_mode == "human":
             self.render()
-        info = {name: _plain(values[0]) for name, values in done.info.items()}
         return (
             self._one(done.observation),
             float(done.reward[0]),
             bool(done.terminated[0]),
             bool(done.truncated[0]),
-            info,
+            _first(done.info),
         )
 
     def render(self) -> Any:
@@ -114,9 +125,6 @@ class NavigationEnv(gymnasium.Env):
             self._window.close()
             self._window = None
 
-    def _seeded(self) -> bool:
-        return getattr(self, "_began", False)
-
     def _one(self, seen: seen_by.Observation) -> Any:
         if self.config.observation == "dict":
             return {name: seen[name][0] for name in self.task.parts}
@@ -129,5 +137,6 @@ def _box(name: str, shape: tuple[int, ...]) -> spaces.Box:
     return spaces.Box(-seen_by.bound(), seen_by.bound(), shape, np.float32)
 
 
-def _plain(value: Any) -> Any:
-    return value.item() if np.ndim(value) == 0 else np.array(value)
+def _first(info: dict[str, np.ndarray]) -> dict[str, Any]:
+    """What is said of the first world, as plain values."""
+    return {name: value[0].item() if np.ndim(value[0]) == 0 else np.array(value[0]) for name, value in info.items()}

@@ -12,14 +12,17 @@ from haustra.envs.sim.conditions import Conditions, Snapshot
 from haustra.envs.sim.load import backend_of, load_backend
 from haustra.envs.sim.state import Controls, Readings
 from haustra.envs.tasks import observation as seen_by
-from haustra.envs.tasks.bank import ColonSet, grown_bank
+from haustra.envs.tasks.bank import TASK_OPTIONS, ColonSet, grown_bank
+from haustra.envs.tasks.calls import checked_action, whole_steps
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.coverage import Coverage
 from haustra.envs.tasks.depth import DepthCameras, depth_cameras
 from haustra.envs.tasks.pictures import Pictures
 from haustra.envs.tasks.rewards import Moment, reward
 from haustra.envs.tasks.sight import Eyes, HostEyes, Sight
-from haustra.errors import UnsupportedSceneError
+from haustra.errors import InvalidOptionError, UnsupportedSceneError
+from haustra.fields import Number
+from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.devices.scope.library import named_design
 
 ACTIONS = ("push", "roll", "tip up", "tip left")
@@ -28,6 +31,8 @@ _LOOK_EVERY = 5
 """Control steps from one look for coverage to the next: 0.2 s, in which a tip moves by 12 mm at most."""
 _BESIDE = np.array([-0.015, 0.015])
 """Places of the centreline, from the tip on, between which its direction is taken [m]: at its end one is before it."""
+_SOME = Number("1", 1, 10**6, whole=True)
+"""Worlds, and threads."""
 _ANUS = 0.04
 """A withdrawn scope has reached the anus when its tip is less than this far in [m]."""
 
@@ -70,18 +75,21 @@ class ScopeTask:
             progress: told how many colons are there.
 
         Raises:
+            InvalidOptionError: when worlds, threads or a rule of the episode do not fit the colons and the time step.
             UnsupportedSceneError: when the colons are to move and the backend or what is seen of them cannot.
         """
         self.parts = seen_by.sizes(config)
-        if config.mesentery and (config.task == "withdrawal" or "pixels" in self.parts):
-            raise UnsupportedSceneError(
-                "Colons that move on their mesentery are not drawn in colour, nor withdrawn from: leave mesentery out."
-            )
+        for name, value in (("worlds", worlds), ("threads", threads)):
+            if said := _SOME.wrong(value):
+                raise InvalidOptionError(f"{name}{said}.")
         self.config, self.worlds = config, worlds
         design = named_design(config.design)
+        timestep = (bank.options if bank else TASK_OPTIONS).timestep
+        require_task(config, backend, design=bank.design if bank else design)
+        self.steps = whole_steps(config.drive.control_interval, timestep)
         bank = bank or grown_bank(range(*config.seeds), design, difficulty=config.difficulty, progress=progress)
         self.bank = bank.with_mesentery(config.mesentery)
-        require_task_supported(config, self.bank.scene, backend_of(backend).name)
+        self._require_way()
         self.backend = load_backend(backend, self.bank.scene, self.bank.tables, worlds=worlds, threads=threads)
         self.sight = Sight(self.bank.cases)
         self._eyes = _eyes(self.backend, self.sight)
@@ -91,8 +99,7 @@ class ScopeTask:
             size = config.picture_size
             lens = {"field_of_view_deg": self.pictures.view, "size": size}
             self._depths = depth_cameras(self.backend, self.bank, self.sight, self._eyes, **lens)
-        self.steps = max(1, round(config.drive.control_interval / self.bank.scene.options.timestep))
-        self.interval = self.steps * self.bank.scene.options.timestep
+        self.interval = self.steps * timestep
         self._covers = config.task == "withdrawal" or config.weights.coverage != 0
         self._coverage = Coverage(
             self.bank, self.sight, worlds, field_of_view_deg=self.bank.design.tip.field_of_view_deg
@@ -166,9 +173,12 @@ class ScopeTask:
         """Apply one action in each world. Worlds whose episode is over go on regardless until they are reset.
 
         A world whose action is not finite is lost, as if it had diverged: no policy means that.
+
+        Raises:
+            InvalidOptionError: when there are not four numbers a world.
         """
+        action = checked_action(action, (self.worlds, len(ACTIONS)))
         before, insertion, tip = self._moment, self.seen.insertion, self.seen.tip
-        action = np.asarray(action, float)
         sound = np.all(np.isfinite(action), axis=1)
         action = np.clip(np.where(sound[:, None], action, 0.0), -1.0, 1.0)
         inputs = self._inputs(action)
@@ -195,6 +205,12 @@ class ScopeTask:
             truncated=late,
             info=self._info(after, healthy, late, terms),
         )
+
+    def info(self) -> dict[str, np.ndarray]:
+        """What `Step.info` says of where all worlds are now, before any action."""
+        none = np.zeros(self.worlds, bool)
+        terms = {name: np.zeros(self.worlds) for name, weight in vars(self.config.weights).items() if weight != 0}
+        return self._info(self._moment, ~none, none, terms)
 
     def observe(self) -> seen_by.Observation:
         """What all worlds see."""
@@ -229,6 +245,16 @@ class ScopeTask:
     def close(self) -> None:
         """End the threads."""
         self.backend.close()
+
+    def _require_way(self) -> None:
+        """Refuse an end of the way that lies before its beginning."""
+        margin, start = self.config.limits.caecum_margin, self.bank.options.start_depth
+        shortest = float(self.bank.lengths.min())
+        if shortest - margin <= start:
+            raise InvalidOptionError(
+                f"limits.caecum_margin is {margin} m; give less than {shortest - start:.3f} m: the shortest colon is "
+                f"{shortest:.3f} m long, and the scope begins {start:g} m inside."
+            )
 
     def _draw(self, random: np.random.Generator) -> list[float]:
         ranges = self.config.randomisation
@@ -345,6 +371,26 @@ class ScopeTask:
         from haustra.envs.tasks.inserted import inserted_starts
 
         return inserted_starts(replace(self.config, task="insertion", observation="state"), self.bank)
+
+
+def require_task(config: TaskConfig, backend: str, *, design: ScopeDesign | None = None) -> None:
+    """Refuse what can be known to be impossible before any colon is grown.
+
+    Args:
+        config: the rules.
+        backend: as for `ScopeTask`.
+        design: the scope; that of the configuration when None.
+
+    Raises:
+        InvalidOptionError: when the backend is not known, or what is seen does not fit together.
+        MissingDependencyError: when what the backend computes with is not installed.
+        UnsupportedSceneError: when the colons are to move and the backend or what is seen of them cannot.
+    """
+    if config.mesentery and (config.task == "withdrawal" or "pixels" in seen_by.sizes(config)):
+        raise UnsupportedSceneError(
+            "Colons that move on their mesentery are not drawn in colour, nor withdrawn from: leave mesentery out."
+        )
+    require_task_supported(config, design or named_design(config.design), backend_of(backend).name)
 
 
 def _eyes(backend: AbstractBackend, sight: Sight) -> Eyes:

@@ -9,14 +9,16 @@ from gymnasium import spaces
 
 from haustra.envs.runs.tracked_drive import CONTROL_INTERVAL, TrackedRun
 from haustra.envs.sim.log import log_to_stderr_only
+from haustra.envs.tasks.calls import checked_action, require_no_options
 from haustra.envs.tasks.case import TabulatedColon, case_of
 from haustra.envs.tasks.sight import RANGE, Sight, ray_directions
 from haustra.errors import InvalidOptionError
+from haustra.fields import number, read_fields, require_declared, span
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.devices.tracked.design import TRACKS, TrackedDesign
 from haustra.models.devices.tracked.rig import TIMESTEP, empty_spec
-from haustra.models.devices.tracked.standing import stand_in_colon, wall_near
+from haustra.models.devices.tracked.standing import places_that_fit, stand_in_colon, wall_near
 from haustra.models.scene import add_wall, entry_of
 from haustra.models.wall.pieces.build import build_wall
 from haustra.models.wall.pieces.wall import Wall
@@ -26,22 +28,27 @@ _RPM = 150.0
 _BELLOWS_RANGE = 0.5
 """Share of its preload by which an action raises or lowers each bellows' force; engineering choice."""
 _STATE = 4 + 4 + 1 + 8
+_PLACES = 101
+"""Places of the start that are tried, evenly spaced; one that fits is drawn."""
 
 
 @dataclass(frozen=True)
 class TrackedRules:
     """An episode of the robot."""
 
-    distance: float = 0.1
+    distance: float = number("m", 0.001, 5.0, default=0.1)
     """Way to go [m]."""
-    start: tuple[float, float] = (0.25, 0.35)
-    """Arc length of the core's centre at the start, drawn evenly [m]."""
-    friction: tuple[float, float] = (0.3, 0.5)
+    start: tuple[float, float] = span("m", 0.0, 10.0, default=(0.25, 0.35))
+    """Arc length of the core's centre at the start, drawn evenly from the places where it fits [m]."""
+    friction: tuple[float, float] = span("1", 0.0, 2.0, default=(0.3, 0.5))
     """Between treads and wall, drawn evenly [1]."""
-    seconds: float = 30.0
+    seconds: float = number("s", 0.002, 36_000.0, default=30.0)
     """Then the episode is truncated [s]."""
-    force_weight: float = 0.01
+    force_weight: float = number("1/N", 0.0, 1e4, default=0.01)
     """A control step, times the largest normal force of a track [1/N]."""
+
+    def __post_init__(self) -> None:
+        require_declared(self)
 
 
 class TrackedNavigationEnv(gymnasium.Env):
@@ -59,23 +66,32 @@ class TrackedNavigationEnv(gymnasium.Env):
         colon: Colon | None = None,
         wall: Wall | None = None,
         *,
-        rules: TrackedRules | None = None,
+        rules: TrackedRules | dict[str, Any] | None = None,
         render_mode: str | None = None,
     ) -> None:
         """Take a colon and its wall, or grow that of seed 0 with a wall of prisms.
 
         Raises:
-            InvalidOptionError: when pictures are asked for, or the way does not fit into the colon.
+            InvalidOptionError: when pictures are asked for, the way does not fit into the colon, or the robot fits
+                nowhere in the range of its starts.
         """
         if render_mode is not None:
             raise InvalidOptionError("The tracked robot's environment draws no pictures: leave render_mode out.")
         log_to_stderr_only()
-        self.rules, self.render_mode = rules or TrackedRules(), None
+        self.rules: TrackedRules = read_fields(TrackedRules, rules or {}, "rules")
+        self.render_mode = None
         self._colon = colon or grow_colon(seed=0)
         if self.rules.start[1] + self.rules.distance > self._colon.centreline.length:
             raise InvalidOptionError("The robot's way does not fit into the colon: start earlier or go less far.")
-        self._wall = wall or build_wall(self._colon, method="prism")
         self._design = TrackedDesign().at_scale(1.0)
+        half, (low, high) = self._design.core_length / 2, self.rules.start
+        self._starts = places_that_fit(self._colon, self._design, np.linspace(max(low, half), max(high, half), _PLACES))
+        if not len(self._starts):
+            raise InvalidOptionError(
+                f"The robot fits nowhere in colon '{self._colon.name}' from start[0] = {low} m to start[1] = {high} m: "
+                "widen the range."
+            )
+        self._wall = wall or build_wall(self._colon, method="prism")
         self._speed = self._design.tread_speed(_RPM)
         self._case: TabulatedColon = case_of(self._colon, device_radius=self._design.core_diameter / 2)
         self._entry, self._axes = entry_of(self._colon)
@@ -87,13 +103,14 @@ class TrackedNavigationEnv(gymnasium.Env):
         )
         self._run: TrackedRun | None = None
         self._action = np.zeros(2 * TRACKS)
-        self._start = self._best = 0.0
+        self._start = self._best = self._friction = 0.0
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Stand the robot in the colon."""
         super().reset(seed=seed)
         rules, design = self.rules, self._design
-        self._start = float(self.np_random.uniform(*rules.start))
+        require_no_options(options)
+        self._start = float(self.np_random.choice(self._starts))
         friction = float(self.np_random.uniform(*rules.friction))
         spec = empty_spec(TIMESTEP)
         reach = design.core_length + design.largest_diameter
@@ -106,18 +123,19 @@ class TrackedNavigationEnv(gymnasium.Env):
         self._best = self._start
         self._run.shares = np.zeros(TRACKS)
         self._run.advance(CONTROL_INTERVAL)
-        return self._seen(), {"friction": friction, "tip_arc": self._run.tracker.arc}
+        self._friction = friction
+        return self._seen(), self._info(sound=True, reached=False)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One control interval of 20 ms.
 
         Raises:
-            InvalidOptionError: before the first reset.
+            InvalidOptionError: before the first reset, or when the action is not eight numbers.
         """
         run = self._run
         if run is None:
             raise InvalidOptionError("The environment was not reset: call reset first.")
-        self._action = np.clip(np.nan_to_num(np.asarray(action, float)), -1, 1)
+        self._action = np.clip(np.nan_to_num(checked_action(action, (2 * TRACKS,))), -1, 1)
         run.shares = self._action[:TRACKS]
         bellows = self._design.bellows
         shift = _BELLOWS_RANGE * bellows.preload * self._action[TRACKS:] / bellows.stiffness
@@ -130,14 +148,21 @@ class TrackedNavigationEnv(gymnasium.Env):
         reached = sound and self._best - self._start >= self.rules.distance
         late = not reached and sound and run.time >= self.rules.seconds
         reward = 100.0 * gained / self.rules.distance - self.rules.force_weight * float(forces.max())
-        info = {
-            "tip_arc": arc,
-            "progress": min((self._best - self._start) / self.rules.distance, 1.0),
-            "wall_force": float(forces.max()),
-            "reached": bool(reached),
+        info = self._info(sound=sound, reached=bool(reached))
+        return self._seen(), reward if sound else 0.0, bool(reached or not sound), bool(late), info
+
+    def _info(self, *, sound: bool, reached: bool) -> dict[str, Any]:
+        """Ground truth, with the same entries at reset and at every step."""
+        run = self._run
+        assert run is not None
+        return {
+            "friction": self._friction,
+            "tip_arc": run.tracker.arc,
+            "progress": float(np.clip((self._best - self._start) / self.rules.distance, 0.0, 1.0)),
+            "wall_force": float(run.latest()[0].max()) if sound else 0.0,
+            "reached": reached,
             "diverged": not sound,
         }
-        return self._seen(), reward if sound else 0.0, bool(reached or not sound), bool(late), info
 
     def _seen(self) -> dict[str, np.ndarray]:
         run = self._run

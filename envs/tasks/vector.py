@@ -7,10 +7,12 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from haustra.envs.tasks.bank import ColonSet
+from haustra.envs.tasks.calls import require_no_options
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.navigation import action_space, configured, observation_space
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import InvalidOptionError
+from haustra.fields import shown
 
 
 class NavigationVectorEnv(VectorEnv):
@@ -38,10 +40,8 @@ class NavigationVectorEnv(VectorEnv):
         """Build the bank, or take one; `backend` is 'native' or 'linear' (on threads), 'jax' or 'warp' (on a GPU).
 
         Raises:
-            InvalidOptionError: when there is nothing to step, or an option is not known.
+            InvalidOptionError: when an option is not known or out of its range.
         """
-        if num_envs < 1:
-            raise InvalidOptionError(f"num_envs is {num_envs}; give at least 1.")
         if render_mode not in (None, "rgb_array"):
             raise InvalidOptionError(f"Render mode '{render_mode}' is not known. Known: rgb_array.")
         self.config = configured(config, options)
@@ -59,7 +59,12 @@ class NavigationVectorEnv(VectorEnv):
         self, *, seed: int | list[int] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Begin anew: all worlds, or those of `options["reset_mask"]`. World i is seeded with `seed` + i."""
+        require_no_options(options, "reset_mask")
         mask = (options or {}).get("reset_mask")
+        if mask is not None and (np.shape(mask) != (self.num_envs,) or np.asarray(mask).dtype != bool):
+            raise InvalidOptionError(f"reset_mask is {shown(mask)}; give {self.num_envs} truths.")
+        if isinstance(seed, list) and len(seed) != self.num_envs:
+            raise InvalidOptionError(f"There are {len(seed)} seeds for {self.num_envs} worlds.")
         worlds = np.arange(self.num_envs) if mask is None else np.flatnonzero(mask)
         super().reset(seed=seed if isinstance(seed, int) else None)
         if seed is None and not self._began:
@@ -68,14 +73,21 @@ class NavigationVectorEnv(VectorEnv):
         chosen = None if seeds is None else [seeds[world] for world in worlds]
         seen = self.task.reset(worlds, chosen)
         self._over[worlds], self._began = False, True
-        return self._shown(seen), _info({"case": self.task.case.copy(), "friction": self.task.friction.copy()})
+        return self._shown(seen), _info(self.task.info())
 
     def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """One action in each world."""
+        """One action in each world.
+
+        Raises:
+            InvalidOptionError: before the first reset, when there are not four numbers a world, or when an episode is
+                over and nothing resets it.
+        """
+        if not self._began:
+            raise InvalidOptionError("The environment was not reset: call reset first.")
         mode, begins = self.metadata["autoreset_mode"], self._over.copy()
         if mode is AutoresetMode.DISABLED and begins.any():
             raise InvalidOptionError("Episodes are over and autoreset is disabled: reset them with a reset_mask.")
-        done = self.task.step(np.asarray(actions))
+        done = self.task.step(actions)
         reward, ended, late = done.reward.copy(), done.terminated.copy(), done.truncated.copy()
         seen, info = done.observation, _info(done.info)
         if mode is AutoresetMode.NEXT_STEP and begins.any():

@@ -1,7 +1,9 @@
 """A run on disk: scores, trajectory, scene, pictures and report."""
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,14 +14,14 @@ from haustra.envs.view.picture.image import write_png
 from haustra.envs.view.picture.outside import default_rotation, outside_view
 from haustra.envs.view.picture.plots import time_figure
 from haustra.envs.view.picture.tip import tip_view
-from haustra.envs.view.report.run_report import report_run
-from haustra.files import prepare_folder, write_atomically, write_json
+from haustra.envs.view.report.run_report import TRAJECTORY, report_run
+from haustra.files import replaced_together, write_atomically, write_json
 from haustra.models.accuracy import NumericalError
 from haustra.models.anatomy.store import colon_hash
 from haustra.models.presets import preset_of
 from haustra.models.scene import Scene
 from haustra.models.wall.pieces.wall import Wall
-from haustra.provenance import Provenance, backend_record
+from haustra.provenance import Provenance, backend_record, file_hash
 
 
 def write_run(
@@ -35,12 +37,12 @@ def write_run(
 
     The numerical error is that of the run itself where it was measured, otherwise that of other runs of its kind.
 
-    Files: scores.json, trajectory.npz, scene.xml, outside.png, tip.png, forces.png, report.html.
+    A run that was there is replaced as a whole. Files: scores.json, trajectory.npz, scene.xml, outside.png, tip.png,
+    forces.png, report.html.
 
     Raises:
         OutputError: when the folder cannot be written to.
     """
-    prepare_folder(folder)
     provenance = Provenance(
         inputs={"colon": colon_hash(scene.colon), "colon_name": scene.colon.name},
         configuration={
@@ -55,12 +57,24 @@ def write_run(
     )
     scores = score(scene, run, provenance, wall=wall.method if wall else None, error=error)
     arrays = {**asdict(run.trajectory), "shape": run.shape, "tip_frame": run.tip_frame}
-    write_atomically(folder / "trajectory.npz", lambda path: np.savez_compressed(path, allow_pickle=False, **arrays))
-    scene.save(folder / "scene.xml")
-    _draw(folder, scene, run)
-    write_json(folder / "scores.json", scores)
-    report_run(folder)
+    with replaced_together(folder) as place:
+        scores["trajectory"] = write_trajectory(place, arrays)
+        scene.save(place / "scene.xml")
+        _draw(place, scene, run)
+        write_json(place / "scores.json", scores)
+        report_run(place)
     return scores
+
+
+def write_trajectory(folder: Path, arrays: Mapping[str, Any]) -> str:
+    """Write the arrays of a run and return the hash by which its scores know them.
+
+    Raises:
+        OutputError: when they cannot be written.
+    """
+    path = folder / TRAJECTORY
+    write_atomically(path, lambda file: np.savez_compressed(file, allow_pickle=False, **arrays))
+    return file_hash(path)
 
 
 def _draw(folder: Path, scene: Scene, run: Insertion) -> None:

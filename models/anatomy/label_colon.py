@@ -8,8 +8,8 @@ import numpy as np
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.label_map import lumen_of_label, read_label_map
 from haustra.models.anatomy.landmarks import landmark_positions
-from haustra.models.anatomy.mesh_colon import colon_from_surface, file_hash
-from haustra.provenance import Provenance
+from haustra.models.anatomy.mesh_colon import colon_from_surface
+from haustra.provenance import Provenance, file_hash
 
 
 def import_label_map(

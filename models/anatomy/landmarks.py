@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial import KDTree
 
 from haustra.errors import InvalidMeshError, InvalidOptionError
 from haustra.models.anatomy.colon import Centreline, ColonSegment
@@ -18,6 +19,9 @@ VALVE = "ileocaecal_valve"
 """A landmark that is never found, only given: the caecum begins at it."""
 LARGEST_DISTANCE = 0.08
 """A landmark farther than this [m] from the centreline is a mistake: the widest caecum is 0.09 m across."""
+LARGEST_GAP = 0.05
+"""A landmark farther than this [m] from the surface is in other units, or of another patient: an anal canal that the
+surface leaves out is 0.03 to 0.05 m long."""
 VALVE_NOTE = "The caecum's border is its usual share of the length: the surface shows no valve."
 USUAL_SHARE = {
     "rectosigmoid_junction": 0.09,
@@ -99,6 +103,35 @@ def landmark_positions(
     if "caecum" in positions and VALVE in positions:
         raise InvalidOptionError(f"The caecum begins at the {VALVE}: give one of the two.")
     return positions
+
+
+def require_near(
+    positions: Mapping[str, Float[np.ndarray, "3"]],
+    vertices: Float[np.ndarray, "vertices 3"],
+    other_units: Mapping[str, float],
+) -> None:
+    """Refuse landmarks that are not near the surface.
+
+    Args:
+        positions: of the landmarks [m].
+        vertices: of the surface [m].
+        other_units: names of units in which positions may be by mistake, and what to multiply them with if so.
+
+    Raises:
+        InvalidMeshError: naming the landmark, its distance, and the unit that it is probably in.
+    """
+    if not positions:
+        return
+    tree = KDTree(vertices)
+    for name, position in positions.items():
+        distance = float(tree.query(position)[0])
+        if distance <= LARGEST_GAP:
+            continue
+        likely = [unit for unit, scale in other_units.items() if tree.query(position * scale)[0] <= LARGEST_GAP]
+        advice = f"it is probably in {likely[0]}" if likely else "check its coordinates and units"
+        raise InvalidMeshError(
+            f"The given {name} is {distance:.3g} m from the surface, more than {LARGEST_GAP} m: {advice}."
+        )
 
 
 def with_places(found: Landmarks, line: Centreline, positions: Mapping[str, Float[np.ndarray, "3"]]) -> Landmarks:

@@ -8,11 +8,17 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from haustra.errors import InvalidMeshError, InvalidOptionError, UnreadableFileError
+from haustra.errors import InvalidMeshError, InvalidOptionError
 from haustra.models.anatomy.centring import lead_to_ends, smooth_inside
 from haustra.models.anatomy.colon import Colon, Surface
 from haustra.models.anatomy.frames import arc_length, centreline_through, smooth
-from haustra.models.anatomy.landmarks import find_landmarks, landmark_positions, segments_between, with_places
+from haustra.models.anatomy.landmarks import (
+    find_landmarks,
+    landmark_positions,
+    require_near,
+    segments_between,
+    with_places,
+)
 from haustra.models.anatomy.lumen_grid import LumenGraph, lumen_graph
 from haustra.models.anatomy.mesh_file import read_pieces
 from haustra.models.anatomy.points import read_points, surface_through
@@ -21,7 +27,7 @@ from haustra.models.anatomy.rays import LumenRays, lumen_table
 from haustra.models.anatomy.repair import genus, repair, signed_volume
 from haustra.models.anatomy.route import farthest_from, lumen_ends, middle_route, nearest_point
 from haustra.models.anatomy.section import effective_diameter
-from haustra.provenance import Provenance, content_hash
+from haustra.provenance import Provenance, file_hash
 
 Units = Literal["mm", "cm", "m", "voxel"]
 """Units of a file's coordinates."""
@@ -140,9 +146,14 @@ def colon_from_surface(
         progress: Called with the name of each stage as it begins.
 
     Raises:
-        InvalidMeshError: when the surface has no lumen from end to end, or its length is not a colon's.
+        InvalidMeshError: when the surface has no lumen from end to end, its length is not a colon's, or a landmark is
+            far from it.
     """
     positions = positions or {}
+    assumed = METRES.get(units, 1e-3)
+    require_near(
+        positions, surface.vertices, {name: scale / assumed for name, scale in METRES.items() if name != units}
+    )
     progress("filling the lumen")
     graph = lumen_graph(surface, volume=signed_volume(surface.vertices, surface.faces))
     progress("finding the way through")
@@ -206,18 +217,6 @@ def _scale(units: Units, spacing_mm: tuple[float, float, float] | None) -> Float
     return np.asarray(spacing_mm, dtype=float) * 1e-3
 
 
-def file_hash(file: Path) -> str:
-    """Hash of a file's content.
-
-    Raises:
-        UnreadableFileError: when it cannot be read.
-    """
-    try:
-        return content_hash(file.read_bytes())
-    except OSError as error:
-        raise UnreadableFileError(f"Cannot read '{file}': {error.strerror or error}.") from error
-
-
 def _way_through(graph: LumenGraph, anus: Float[np.ndarray, "3"] | None) -> _Path:
     """The middle way from anus to caecum.
 
@@ -226,7 +225,8 @@ def _way_through(graph: LumenGraph, anus: Float[np.ndarray, "3"] | None) -> _Pat
     """
     if anus is not None:
         start = nearest_point(graph, anus)
-        return _Path(graph.points[middle_route(graph, start, farthest_from(graph, start))], ())
+        route = middle_route(graph, start, farthest_from(graph, start))
+        return _Path(graph.points[route], _left_out_note(graph, start, float(arc_length(graph.points[route])[-1])))
     one, other = lumen_ends(graph)
     start, end = sorted((one, other), key=lambda point: graph.points[point, 2])
     route = middle_route(graph, start, end)
@@ -236,6 +236,19 @@ def _way_through(graph: LumenGraph, anus: Float[np.ndarray, "3"] | None) -> _Pat
         return _Path(graph.points[route], ())
     note = "The lower end was taken for the anus (z up), although it is the wider one: name the anus if it is not."
     return _Path(graph.points[route], (note,))
+
+
+def _left_out_note(graph: LumenGraph, anus: int, way: float) -> tuple[str, ...]:
+    """How much of the lumen lies beyond an anus that is not at its end."""
+    one, other = lumen_ends(graph)
+    whole = middle_route(graph, one, other)
+    longest = float(arc_length(graph.points[whole])[-1])
+    if longest - way <= LONGEST_TRIM:
+        return ()
+    return (
+        f"The given anus is not at an end of the lumen: the colon begins there, {longest - way:.2f} m of "
+        f"{longest:.2f} m are left out.",
+    )
 
 
 def _trim(

@@ -11,6 +11,7 @@ from haustra.errors import UnreadableFileError
 from haustra.files import prepare_folder, write_atomically, write_json
 from haustra.models.anatomy.colon import Centreline, Colon, ColonSegment, Lesion, Surface
 from haustra.provenance import Provenance, content_hash
+from haustra.reading import LARGEST_RECORD, read_arrays, read_document
 
 FORMAT_VERSION = 1
 """Raised when a folder written before can no longer be read."""
@@ -111,10 +112,7 @@ def _read_metadata(folder: Path) -> dict:
         raise UnreadableFileError(
             f"'{folder}' holds no colon ({METADATA} is missing): make one with 'haustra colon import' or 'colon grow'."
         )
-    try:
-        metadata = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise UnreadableFileError(f"'{path}' cannot be read ({error}): make the colon again.") from error
+    metadata = read_document(path, "colon", largest=LARGEST_RECORD)
     if not isinstance(metadata, dict) or metadata.get("format") != "haustra colon":
         raise UnreadableFileError(f"'{path}' does not describe a colon: make the colon again.")
     if metadata.get("format_version") != FORMAT_VERSION:
@@ -126,12 +124,7 @@ def _read_metadata(folder: Path) -> dict:
 
 
 def _read_arrays(path: Path) -> dict[str, np.ndarray]:
-    try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in SHAPES}
-    except Exception as error:  # numpy and zipfile raise many kinds for a damaged file
-        reason = " ".join(str(error).split())[:160]
-        raise UnreadableFileError(f"'{path}' cannot be read ({reason}): make the colon again.") from error
+    arrays = read_arrays(path, SHAPES)
     for name, shape in SHAPES.items():
         array = arrays[name]
         fits = array.ndim == len(shape) and all(n is None or n == m for n, m in zip(shape, array.shape, strict=True))

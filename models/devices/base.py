@@ -6,12 +6,9 @@ code is loaded but what is installed. `control`, `read` and `drive` are function
 first, so that one device runs on every backend.
 """
 
-import tomllib
-import types
-import typing
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -22,12 +19,11 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.assets import assets
-from haustra.errors import HaustraError, InvalidDesignError, UnreadableFileError
+from haustra.errors import InvalidDesignError
+from haustra.fields import read_fields, require_declared, shown
 from haustra.models.anatomy.colon import Colon
 from haustra.models.wall.planes import Sample
-from haustra.quantity import Quantity
-
-_QUANTITY = {entry.name for entry in fields(Quantity)}
+from haustra.reading import read_document
 
 
 @dataclass(frozen=True)
@@ -134,7 +130,7 @@ LOOK_AHEAD = 0.03
 
 @dataclass(frozen=True, kw_only=True)
 class Device(ABC):
-    """A design of some kind. Numbers are declared by `number`, so that each has a unit and a range."""
+    """A design of some kind. Numbers are declared by `haustra.fields.number`, so that each has a unit and a range."""
 
     kind: ClassVar[str]
     """Name of its folder."""
@@ -148,17 +144,7 @@ class Device(ABC):
     name: str
 
     def __post_init__(self) -> None:
-        for entry in fields(self):
-            value, limits = getattr(self, entry.name), entry.metadata
-            if "low" in limits and not limits["low"] <= value <= limits["high"]:
-                raise InvalidDesignError(
-                    f"Device '{self.name}': {entry.name} is {value:g}; give {limits['low']:g} to {limits['high']:g} "
-                    f"{limits['unit']}."
-                )
-            if "choices" in limits and value not in limits["choices"]:
-                raise InvalidDesignError(
-                    f"Device '{self.name}': {entry.name} '{value}' is not known. Known: {', '.join(limits['choices'])}."
-                )
+        require_declared(self, f"Device {shown(self.name)}", error=InvalidDesignError)
 
     @classmethod
     def from_toml(cls, table: Mapping[str, Any], where: str) -> "Device":
@@ -167,7 +153,7 @@ class Device(ABC):
         Raises:
             InvalidDesignError: when a key is unknown or missing, or a value is out of its range.
         """
-        return read_fields(cls, table, where)
+        return read_fields(cls, table, where, error=InvalidDesignError)
 
     @classmethod
     def named(cls, name: str) -> "Device | None":
@@ -244,16 +230,6 @@ class Device(ABC):
         return {"kind": self.kind, **asdict(self)}
 
 
-def number(unit: str, low: float, high: float) -> Any:
-    """A field of a device that holds a number in that unit and range."""
-    return field(metadata={"unit": unit, "low": low, "high": high})
-
-
-def choice(*choices: str, default: str) -> Any:
-    """A field of a device that holds one of some words."""
-    return field(default=default, metadata={"choices": choices})
-
-
 def put(xp: ModuleType, array: Any, columns: Any, values: Any) -> Any:
     """An array with some of its columns replaced, in numpy or JAX."""
     if xp is np:
@@ -282,62 +258,6 @@ def add_wrench(spec: mujoco.MjSpec, site: str, names: tuple[str, ...], *, frame:
             motor.refsite = patient
 
 
-def read_fields(kind: type, table: Any, where: str) -> Any:
-    """A dataclass of numbers, texts and further such dataclasses from a parsed TOML table.
-
-    A number may be given with its unit, range and source, as in assets/numbers.
-
-    Raises:
-        InvalidDesignError: when a key is unknown or missing, or a value is of the wrong kind.
-    """
-    if not isinstance(table, Mapping):
-        raise InvalidDesignError(f"{where}: expected a table of values, found {type(table).__name__}.")
-    known = {entry.name: entry for entry in fields(kind)}
-    unknown = sorted(set(table) - set(known))
-    if unknown:
-        raise InvalidDesignError(f"{where}: '{unknown[0]}' is not known. Known: {', '.join(known)}.")
-    required = [name for name, entry in known.items() if entry.default is MISSING and entry.default_factory is MISSING]
-    missing = [name for name in required if name not in table]
-    if missing:
-        raise InvalidDesignError(f"{where}: '{missing[0]}' is missing: add it.")
-    types_of = typing.get_type_hints(kind)
-    return kind(
-        **{
-            name: _value(types_of[name], value, f"{where}, {name}", known[name].metadata.get("unit"))
-            for name, value in table.items()
-        }
-    )
-
-
-def _value(kind: Any, value: Any, where: str, unit: str | None = None) -> Any:
-    if is_dataclass(kind):
-        return read_fields(typing.cast(type, kind), value, where)
-    if typing.get_origin(kind) is tuple:
-        if not isinstance(value, list):
-            raise InvalidDesignError(f"{where}: expected a list of tables, [[{where.rpartition(' ')[2]}]].")
-        part = typing.get_args(kind)[0]
-        return tuple(_value(part, each, f"{where} {index}") for index, each in enumerate(value))
-    if isinstance(kind, types.UnionType):
-        kind = next(option for option in typing.get_args(kind) if option is not type(None))
-    if kind is float and isinstance(value, Mapping) and set(value) <= _QUANTITY:
-        value = _sourced(value, where, unit)
-    wanted = (int, float) if kind is float else kind
-    if not isinstance(value, wanted) or (isinstance(value, bool) and kind is not bool):
-        name = {float: "a number", int: "a whole number", bool: "true or false"}.get(kind, "text")
-        raise InvalidDesignError(f"{where}: expected {name}, found {value!r}.")
-    return float(typing.cast(float, value)) if kind is float else value
-
-
-def _sourced(table: Mapping[str, Any], where: str, unit: str | None) -> float:
-    try:
-        quantity = Quantity(**table)
-    except (TypeError, HaustraError) as error:
-        raise InvalidDesignError(f"{where}: {error}") from error
-    if unit is not None and quantity.unit != unit:
-        raise InvalidDesignError(f"{where}: is in '{quantity.unit}'; give it in '{unit}'.")
-    return quantity.value
-
-
 def kinds() -> tuple[str, ...]:
     """Kinds of devices: the folders beside this file that hold an interface."""
     return tuple(sorted(path.parent.name for path in Path(__file__).parent.glob("*/interface.py")))
@@ -345,7 +265,7 @@ def kinds() -> tuple[str, ...]:
 
 def shipped_devices() -> tuple[str, ...]:
     """Names of all designs that ship."""
-    return (*(name for kind in kinds() for name in _class_of(kind).names()), *assets("devices", ".toml"))
+    return (*(name for kind in kinds() for name in device_class(kind).names()), *assets("devices", ".toml"))
 
 
 def load_device(name: str | Path) -> Device:
@@ -357,7 +277,7 @@ def load_device(name: str | Path) -> Device:
     """
     if not str(name).endswith(".toml"):
         for kind in kinds():
-            if found := _class_of(kind).named(str(name)):
+            if found := device_class(kind).named(str(name)):
                 return found
     files = assets("devices", ".toml")
     if not str(name).endswith(".toml") and name not in files:
@@ -365,15 +285,13 @@ def load_device(name: str | Path) -> Device:
             f"Device '{name}' is not known. Known: {', '.join(shipped_devices())}; or name a file that ends in .toml."
         )
     path = files.get(str(name), Path(name))
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise UnreadableFileError(f"Cannot read the device '{path}': {error}.") from error
+    table = read_document(path, "device")
     kind = table.pop("kind", "scope")
     if kind not in kinds():
-        raise InvalidDesignError(f"{path.name}: kind '{kind}' is not known. Known: {', '.join(kinds())}.")
-    return _class_of(kind).from_toml(table, path.name)
+        raise InvalidDesignError(f"{path.name}: kind {shown(kind)} is not known. Known: {', '.join(kinds())}.")
+    return device_class(kind).from_toml(table, path.name)
 
 
-def _class_of(kind: str) -> type[Device]:
+def device_class(kind: str) -> type[Device]:
+    """The class of a kind of device (`kinds`)."""
     return import_module(f"haustra.models.devices.{kind}.interface").DEVICE

@@ -107,7 +107,7 @@ def test_a_run_measures_its_own_error(colon_folder, tmp_path, capsys):
         (["--device", "adlut"], "Known: adult, paediatric"),
         (["--start", "0.3"], "A scope starts at the anus"),
         (["--seconds", "-1"], "--seconds"),
-        (["--friction", "-0.1"], "Friction"),
+        (["--friction", "-0.1"], "--friction is -0.1; give 0 to 10"),
         (["--timestep", "nan"], "timestep"),
         (["--colon", "no/such/folder"], "no/such/folder"),
         (["-o", "/proc/nowhere"], "/proc/nowhere"),

@@ -63,7 +63,7 @@ def test_a_study_ends_in_one_document_tables_and_a_report(study, tmp_path, capsy
             ["sweep", "propulsion", "-o", "x", "--backend", "abacus"],
             "Backend 'abacus' does not answer",
         ),
-        (["sweep", "propulsion", "-o", "x", "--workers", "0"], "0 workers"),
+        (["sweep", "propulsion", "-o", "x", "--workers", "0"], "--workers is 0; give"),
         (["report", ".", "--compare", "0", "1"], "holds no sweep"),
     ],
 )

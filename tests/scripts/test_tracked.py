@@ -70,7 +70,7 @@ def test_it_drives_and_leaves_what_every_device_leaves(
     ("options", "message"),
     [
         (["--start", "0.01"], "cannot stand at -12 mm"),
-        (["--friction", "-1"], "Friction is -1"),
+        (["--friction", "-1"], "--friction is -1.0"),
         (["--preset", "fast"], "does not honour --preset"),
         (["--wall-law", "pieces"], "cannot meet wall law 'pieces'. It can meet: table"),
         (["--timestep", "0.005"], "give up to 0.002 s"),
@@ -88,8 +88,8 @@ def test_what_it_cannot_do_is_one_line(
     [
         ("at_scale = 4.0", "is longer than the 88 mm of colon"),
         ("at_scale = 0.5", "it fits nowhere in this colon; scale the design"),
-        ("at_scale = 0", "Scale 0.0 is not a positive number"),
-        ('at_scale = "big"', "at_scale: expected a number, found 'big'"),
+        ("at_scale = 0", "at_scale is 0; give 0.05 to 20"),
+        ('at_scale = "big"', "at_scale is 'big'; give 0.05 to 20"),
     ],
 )
 def test_sizes_that_cannot_be_are_one_line(

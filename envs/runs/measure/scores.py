@@ -34,6 +34,7 @@ def score(
     `colon_moved_peak_mm` is how far a colon on its mesentery was moved at most.
     `wall_force_sum_mean_N` is the mean of all normal forces together, which does not depend on how long links are.
     `numerical_error` holds ranges of relative errors of that mean and of the mean push, and of the tip's distance.
+    `warnings` are the colon's.
 
     Args:
         scene: colon, wall and scope.
@@ -50,6 +51,7 @@ def score(
     return {
         "outcome": run.outcome.value,
         "advice": run.outcome.advice,
+        "warnings": list(scene.colon.warnings),
         "simulated_s": simulated,
         "wall_clock_s": run.wall_clock,
         "real_time_factor": simulated / run.wall_clock if run.wall_clock > 0 else 0.0,

@@ -210,6 +210,9 @@ def _wall_of(canvas: _Canvas, lumen: Surface) -> _Wall:
     hit = np.flatnonzero(np.isfinite(front.depth))
     gloss = np.zeros(canvas.width * canvas.height)
     gloss[hit] = 0.30 * np.clip(unit(front.interpolate(lumen.faces, local, hit)) @ _HALFWAY, 0, 1) ** 50
+    if not parts:  # nothing of it can be seen
+        none = np.zeros(0)
+        return _Wall(np.zeros(0, int), none, np.zeros((0, 3)), none, none, gloss)
     pixel, own_depth, colour, opacity, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
     return _Wall(pixel, own_depth, colour, opacity, weight, gloss)
 

@@ -1,9 +1,7 @@
 """The report of one run, from what its folder holds."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 from jaxtyping import Float
@@ -12,7 +10,11 @@ from haustra.envs.view.report.page import write_report
 from haustra.envs.view.report.sections import Chart, Gallery, Highlights, Picture, Section, Table, Warnings
 from haustra.envs.view.report.values import flat, name_and_unit, provenance_table, score_table, shown
 from haustra.errors import UnreadableFileError
+from haustra.provenance import file_hash
+from haustra.reading import LARGEST_RECORD, read_arrays, read_document
 
+TRAJECTORY = "trajectory.npz"
+"""What was recorded over time; scores.json holds its hash."""
 _HIGHLIGHTS = {
     "outcome": "Outcome",
     "tip_segment": "Tip is in",
@@ -57,17 +59,20 @@ def report_run(folder: Path) -> Path:
         The report's path.
 
     Raises:
-        UnreadableFileError: when the folder holds no finished run.
+        UnreadableFileError: when the folder holds no finished run, or parts of two.
         OutputError: when the report cannot be written.
     """
     scores = _read_scores(folder / "scores.json")
+    known = scores.get("trajectory")
+    if known is not None and (folder / TRAJECTORY).is_file() and file_hash(folder / TRAJECTORY) != known:
+        raise UnreadableFileError(f"The files in '{folder}' are of two runs: run it again, into a new folder.")
     sections: list[Section] = [Highlights(_highlights(scores))]
     sections.append(Warnings([str(message) for message in scores.get("warnings", ())]))
     if pictures := _pictures(folder):
         sections.append(Gallery("The end of the run", pictures))
-    if chart := _chart(folder / "trajectory.npz"):
+    if chart := _chart(folder / TRAJECTORY):
         sections.append(chart)
-    sections.append(score_table(scores, leave_out=("provenance", "warnings", "numerical_error")))
+    sections.append(score_table(scores, leave_out=("provenance", "warnings", "numerical_error", "trajectory")))
     sections += _numerical_error(scores.get("numerical_error"))
     sections.append(provenance_table(scores.get("provenance", {})))
     return write_report(
@@ -76,11 +81,7 @@ def report_run(folder: Path) -> Path:
 
 
 def _read_scores(path: Path) -> dict:
-    try:
-        scores = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not JSON"
-        raise UnreadableFileError(f"Cannot read '{path}': {reason}. Name a folder that `haustra run` wrote.") from error
+    scores = read_document(path, "scores of a run", largest=LARGEST_RECORD)
     if not isinstance(scores, dict):
         raise UnreadableFileError(f"'{path}' holds no scores. Name a folder that `haustra run` wrote.")
     return scores
@@ -132,13 +133,8 @@ def _pictures(folder: Path) -> list[Picture]:
 def _chart(path: Path) -> Chart | None:
     if not path.is_file():
         return None
-    try:
-        # numpy leaves a file open that it cannot read to the end, unless it was opened here.
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-            wanted = {"time", *(key for curves in _PANELS.values() for key in curves.values())}
-            recorded = {key: arrays[key] for key in wanted & set(arrays.files)}
-    except (OSError, ValueError, BadZipFile) as error:
-        raise UnreadableFileError(f"Cannot read '{path}': {error}. Run `haustra run` again.") from error
+    wanted = {"time", *(key for curves in _PANELS.values() for key in curves.values())}
+    recorded = read_arrays(path, sorted(wanted), some=True)
     if len(recorded.get("time", ())) < 2:
         return None
     return Chart("Over time", "time [s]", recorded["time"], _panels(recorded))

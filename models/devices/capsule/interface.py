@@ -17,6 +17,8 @@ from typing import Any, ClassVar
 import mujoco
 import numpy as np
 
+from haustra.errors import InvalidDesignError
+from haustra.fields import choice, number
 from haustra.models.devices.base import (
     Channel,
     Device,
@@ -26,8 +28,6 @@ from haustra.models.devices.base import (
     Reading,
     State,
     add_wrench,
-    choice,
-    number,
     put,
 )
 from haustra.models.devices.capsule.driver import drive
@@ -35,6 +35,8 @@ from haustra.models.wall.planes import Sample
 
 SPHERES = 6
 _GRAVITY = 9.81
+_LEAST_SHAFT = 1e-3
+"""Between the two round ends [m]: MuJoCo takes no shorter capsule, and spheres on one spot say nothing of turning."""
 _SLIP = 2e-3
 """Speed below which the tether's drag fades, so that it holds and does not chatter [m/s]; engineering choice."""
 _AXES = tuple(f"{what}_{axis}" for what in ("force", "torque") for axis in "xyz")
@@ -70,6 +72,14 @@ class Capsule(Device):
     """Wall force beyond which the driver backs off."""
     frame: str = choice("patient", "own", default="patient")
     """Axes of force and torque: the patient's, as a magnet outside has them, or the body's own."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.length < self.diameter + _LEAST_SHAFT:
+            raise InvalidDesignError(
+                f"Device '{self.name}': length is {self.length} m; give at least the diameter and "
+                f"{_LEAST_SHAFT * 1e3:g} mm, {self.diameter + _LEAST_SHAFT:g} m."
+            )
 
     @property
     def controls(self) -> tuple[Channel, ...]:

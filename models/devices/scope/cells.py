@@ -1,11 +1,14 @@
 """Where the joints of a cable go: the scope cut into cells, one bending joint in the middle of each."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from haustra.errors import InvalidOptionError
 from haustra.models.devices.scope.design import ScopeDesign, ScopeSection
 
+MOST_CELLS = 1000
+"""Joints of a scope: a time step of as many takes some tenths of a second."""
 CellSize = float | Callable[[float], float]
 """Largest cell length [m], or a function that gives it for a distance from the tip [m]."""
 
@@ -58,10 +61,15 @@ def cut_into_cells(
         length: how much of the scope to model, measured back from the tip [m]; all of it when None. The rest stays
             outside the patient throughout the run and is left out.
 
+    Raises:
+        InvalidOptionError: when cells are so small that there are more than `MOST_CELLS`.
+
     Returns:
         Cells whose lengths add up to `length` less the rigid tip.
     """
     modelled = design.length if length is None else min(length, design.length)
+    bent = design.bending.length
+    _require_few([(max(modelled - bent, 0.0), shaft_cell), (bent, bending_cell)])
     skipped = design.length - modelled
     cells: list[Cell] = []
     start = 0.0
@@ -76,6 +84,16 @@ def cut_into_cells(
         cells.append(_cell(design, design.bending, start, size, steerable=True))
         start += size
     return tuple(cells)
+
+
+def _require_few(stretches: Sequence[tuple[float, CellSize]]) -> None:
+    """Refuse cells so small that a scope has more of them than can be stepped in any sensible time."""
+    count = sum(length / size for length, size in stretches if not callable(size))
+    if count > MOST_CELLS:
+        raise InvalidOptionError(
+            f"A scope in cells of {' and '.join(f'{size} m' for _, size in stretches if not callable(size))} has "
+            f"{count:.0f} joints, more than {MOST_CELLS}: raise shaft_cell or bending_cell."
+        )
 
 
 def _sizes(length: float, from_tip: float, largest: CellSize) -> list[float]:

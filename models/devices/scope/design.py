@@ -1,39 +1,30 @@
 """What an engineer decides about a colonoscope. SI units; angles in degrees where a person reads them."""
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 
 from haustra.errors import InvalidDesignError
+from haustra.fields import number, require_declared, shown
 from haustra.models.devices.scope.wires import WireSet
-
-_ALLOWED_ZERO = frozenset(
-    {"bias_up_deg", "bias_left_deg", "variable_stiffness", "friction", "slack", "compliance", "hysteresis"}
-    | {"camera_offset_up", "camera_offset_left", "camera_tilt_deg", "light"}
-)
-"""Fields for which zero means 'none of it'."""
-
-_ALLOWED_NEGATIVE = frozenset(
-    {"bias_up_deg", "bias_left_deg", "camera_offset_up", "camera_offset_left", "camera_tilt_deg"}
-)
 
 
 @dataclass(frozen=True)
 class ScopeSection:
     """A stretch of the insertion tube with uniform stiffness."""
 
-    length: float
+    length: float = number("m", 0.002, 10.0)
     """Length [m]."""
-    flexural_rigidity: float
+    flexural_rigidity: float = number("N m^2", 1e-6, 10.0)
     """Bending stiffness EI at the softest setting and room temperature [N m^2]."""
-    torsional_rigidity: float
+    torsional_rigidity: float = number("N m^2", 1e-6, 100.0)
     """Torsional stiffness GJ at room temperature [N m^2]; independent of EI, about 13 times it on real scopes."""
-    stiffening: float = 1.0
+    stiffening: float = number("1", 0.1, 20.0, default=1.0)
     """EI at the stiffest setting over EI at the softest [1]; 1 where the setting has no effect."""
-    minimum_bend_radius: float | None = None
+    minimum_bend_radius: float | None = number("m", 0.001, 5.0, default=None)
     """The section cannot bend tighter than this [m]; None for no stop."""
-    bias_up_deg: float = 0.0
+    bias_up_deg: float = number("degrees", -720.0, 720.0, default=0.0)
     """Angle that the unloaded section bends through towards wire 'up' [degrees]: a pre-curved scope."""
-    bias_left_deg: float = 0.0
+    bias_left_deg: float = number("degrees", -720.0, 720.0, default=0.0)
     """The same towards wire 'left' [degrees]."""
 
 
@@ -41,10 +32,10 @@ class ScopeSection:
 class BendingLimits:
     """Largest angle over the whole bending section in each direction [degrees]."""
 
-    up: float
-    left: float
-    down: float
-    right: float
+    up: float = number("degrees", 0.1, 1080.0)
+    left: float = number("degrees", 0.1, 1080.0)
+    down: float = number("degrees", 0.1, 1080.0)
+    right: float = number("degrees", 0.1, 1080.0)
 
     @property
     def largest(self) -> float:
@@ -61,35 +52,35 @@ class BendingLimits:
 class ScopeTip:
     """The rigid distal end with its camera and light."""
 
-    length: float
+    length: float = number("m", 1e-9, 0.2)
     """Rigid length [m]."""
-    field_of_view_deg: float
+    field_of_view_deg: float = number("degrees", 1.0, 360.0)
     """Full viewing angle of the camera [degrees]."""
-    camera_offset_up: float = 0.0
+    camera_offset_up: float = number("m", -0.03, 0.03, default=0.0)
     """Distance of the camera from the axis, towards wire 'up' [m]."""
-    camera_offset_left: float = 0.0
+    camera_offset_left: float = number("m", -0.03, 0.03, default=0.0)
     """Distance of the camera from the axis, towards wire 'left' [m]."""
-    camera_tilt_deg: float = 0.0
+    camera_tilt_deg: float = number("degrees", -180.0, 180.0, default=0.0)
     """Angle of the view from the axis, towards wire 'up' [degrees]."""
-    light: float = 1.0
+    light: float = number("1", 0.0, 100.0, default=1.0)
     """Brightness of the light, relative to the renderer's default [1]."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ScopeDesign:
     """A colonoscope: insertion tube, bending section, pull wires and tip.
 
     Raises:
-        InvalidDesignError: when a value is not positive and finite, or parts do not fit together.
+        InvalidDesignError: when a value is not what its field declares, or parts do not fit together.
     """
 
     name: str
     """What a person calls it."""
-    diameter: float
+    diameter: float = number("m", 0.001, 0.05)
     """Outer diameter, the same along the scope [m]."""
-    mass_per_length: float
+    mass_per_length: float = number("kg/m", 0.001, 5.0)
     """Mass per length [kg/m]."""
-    relaxation_time: float
+    relaxation_time: float = number("s", 1e-12, 10.0)
     """Relaxation time of bending and twist: viscous torque per rate over elastic torque per angle [s]."""
     shaft: tuple[ScopeSection, ...]
     """From the handle to the bending section."""
@@ -98,18 +89,17 @@ class ScopeDesign:
     limits: BendingLimits
     wires: WireSet
     tip: ScopeTip
-    temperature_factor_bending: float = 1.0
+    temperature_factor_bending: float = number("1", 0.1, 10.0, default=1.0)
     """EI in use over EI as given [1]; 1 at room temperature, about 0.83 inside the body."""
-    temperature_factor_torsion: float = 1.0
+    temperature_factor_torsion: float = number("1", 0.1, 10.0, default=1.0)
     """GJ in use over GJ as given [1]; 1 at room temperature, about 0.93 inside the body."""
-    variable_stiffness: float = 0.0
+    variable_stiffness: float = number("1", 0.0, 1.0, default=0.0)
     """Setting of the stiffening ring, from 0 (soft) to 1 (stiff)."""
-    working_length: float | None = field(default=None)
+    working_length: float | None = number("m", 0.05, 20.0, default=None)
     """What the parts should add up to [m]; checked when given."""
 
     def __post_init__(self) -> None:
-        for where, part in self._parts():
-            _require_numbers(where, part)
+        require_declared(self, f"Scope {shown(self.name)}", error=InvalidDesignError)
         self._require_fit()
 
     @property
@@ -131,15 +121,6 @@ class ScopeDesign:
         """GJ of a section in use [N m^2]."""
         return section.torsional_rigidity * self.temperature_factor_torsion
 
-    def _parts(self):
-        yield f"Scope '{self.name}'", self
-        for index, section in enumerate(self.shaft):
-            yield f"Scope '{self.name}', shaft section {index}", section
-        yield f"Scope '{self.name}', bending section", self.bending
-        yield f"Scope '{self.name}', limits", self.limits
-        yield f"Scope '{self.name}', wires", self.wires
-        yield f"Scope '{self.name}', tip", self.tip
-
     def _require_fit(self) -> None:
         where = f"Scope '{self.name}'"
         radius = self.diameter / 2
@@ -157,13 +138,7 @@ class ScopeDesign:
             )
         if math.hypot(self.tip.camera_offset_up, self.tip.camera_offset_left) >= radius:
             raise InvalidDesignError(f"{where}: the camera lies outside the tip: lower its offset.")
-        if self.variable_stiffness > 1:
-            raise InvalidDesignError(f"{where}: variable_stiffness is {self.variable_stiffness}; give 0 to 1.")
-        if self.wires.hysteresis >= 1:
-            raise InvalidDesignError(f"{where}: wires.hysteresis is {self.wires.hysteresis}; give less than 1.")
         self._require_bias_within_limits(where)
-        if not self.tip.field_of_view_deg <= 360:
-            raise InvalidDesignError(f"{where}: field_of_view_deg is {self.tip.field_of_view_deg}; give at most 360.")
         if self.working_length is not None and not math.isclose(self.working_length, self.length, abs_tol=1e-4):
             raise InvalidDesignError(
                 f"{where}: sections and tip add up to {self.length:.4f} m, not to its working length of "
@@ -189,15 +164,3 @@ class ScopeDesign:
                 raise InvalidDesignError(
                     f"{where}: a shaft section is pre-curved tighter than it may bend: lower its bias."
                 )
-
-
-def _require_numbers(where: str, part: object) -> None:
-    for entry in fields(part):  # type: ignore[arg-type]
-        value = getattr(part, entry.name)
-        if not isinstance(value, int | float):
-            continue
-        lowest = "any" if entry.name in _ALLOWED_NEGATIVE else "zero" if entry.name in _ALLOWED_ZERO else "positive"
-        fine = math.isfinite(value) and {"any": True, "zero": value >= 0, "positive": value > 0}[lowest]
-        if not fine:
-            kind = {"any": "finite", "zero": "zero or positive", "positive": "positive"}[lowest]
-            raise InvalidDesignError(f"{where}: {entry.name} is {value}; it must be a {kind} number.")

@@ -1,15 +1,15 @@
 """Scope designs as TOML files: tables and keys are the fields of `ScopeDesign`, lengths in metres."""
 
-import tomllib
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from haustra.errors import InvalidDesignError, UnreadableFileError
+from haustra.errors import InvalidDesignError
+from haustra.fields import read_fields
 from haustra.files import write_atomically
-from haustra.models.devices.base import read_fields
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.devices.scope.library import DESIGN_NAMES, named_design
+from haustra.reading import read_document
 
 
 def find_design(name: str) -> ScopeDesign:
@@ -35,11 +35,7 @@ def load_design(path: Path) -> ScopeDesign:
         UnreadableFileError: when the file is missing or not TOML.
         InvalidDesignError: when a key is unknown or missing, a value is of the wrong kind, or parts do not fit.
     """
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise UnreadableFileError(f"Cannot read the design '{path}': {error}.") from error
-    return read_fields(ScopeDesign, table, path.name)
+    return read_fields(ScopeDesign, read_document(path, "design"), path.name, error=InvalidDesignError)
 
 
 def save_design(design: ScopeDesign, path: Path) -> Path:

@@ -14,8 +14,9 @@ import mujoco
 import numpy as np
 
 from haustra.assets import asset
-from haustra.errors import UnsupportedSceneError
-from haustra.models.devices.base import Channel, Device, DeviceReadings, Handles, Pose, Reading, State, put, read_fields
+from haustra.errors import InvalidDesignError, UnsupportedSceneError
+from haustra.fields import number, read_fields, whole
+from haustra.models.devices.base import Channel, Device, DeviceReadings, Handles, Pose, Reading, State, put
 from haustra.models.devices.scope.cable import LOCK_STRETCH, PULL_OUT_LIMIT, add_scope
 from haustra.models.devices.scope.cells import Cell, cut_into_cells
 from haustra.models.devices.scope.design import ScopeDesign
@@ -46,18 +47,18 @@ class Scope(Device):
     }
 
     design: ScopeDesign
-    shaft_cell: float = 0.05
+    shaft_cell: float = number("m", 0.002, 1.0, default=0.05)
     """Largest distance between joints of the shaft [m]."""
-    bending_cell: float = 0.017
+    bending_cell: float = number("m", 0.001, 0.5, default=0.017)
     """Largest distance between joints of the bending section [m]."""
-    twist_hinges: int = 4
-    inserted: float | None = None
+    twist_hinges: int = whole(0, 200, default=4)
+    inserted: float | None = number("m", 0.01, 10.0, default=None)
     """Length that is modelled [m]; the whole scope when None."""
 
     @classmethod
     def from_toml(cls, table: Mapping[str, Any], where: str) -> "Scope":
         """A scope from its design's file."""
-        design = read_fields(ScopeDesign, table, where)
+        design = read_fields(ScopeDesign, table, where, error=InvalidDesignError)
         return cls(name=design.name, design=design)
 
     @classmethod

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.errors import InvalidDesignError
+from haustra.fields import number
 
 WIRE_NAMES = ("up", "left", "down", "right")
 """Wires in order of their angle about the axis: 0, 90, 180, 270 degrees from the link's x axis."""
@@ -21,17 +22,17 @@ WIRE_NAMES = ("up", "left", "down", "right")
 class WireSet:
     """Four pull wires of the bending section, 90 degrees apart."""
 
-    routing_radius: float
+    routing_radius: float = number("m", 1e-4, 0.025)
     """Distance of each wire from the axis [m]."""
-    pull_limit: float
+    pull_limit: float = number("N", 0.01, 1e4)
     """Largest pull of one wire [N]."""
-    friction: float = 0.0
+    friction: float = number("1", 0.0, 10.0, default=0.0)
     """Coulomb coefficient between wire and sheath [1]."""
-    slack: float = 0.0
+    slack: float = number("m", 0.0, 0.1, default=0.0)
     """Length that a wheel takes up before a wire pulls [m]; counts where wheels steer."""
-    compliance: float = 0.0
+    compliance: float = number("m/N", 0.0, 0.01, default=0.0)
     """Stretch of a wire per newton of pull [m/N]; counts where wheels steer, not where pulls are given."""
-    hysteresis: float = 0.0
+    hysteresis: float = number("1", 0.0, 0.99, default=0.0)
     """Part of the pull that is lost to friction in the bending section itself, at any bend of the shaft [1]."""
 
 

@@ -1,16 +1,18 @@
 """What an engineer decides about the tracked robot. SI units."""
 
-import math
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from haustra.errors import InvalidDesignError
+from haustra.fields import Number, number, require_declared, shown, whole
 from haustra.models.devices.tracked.tread import NUMBERS, TreadGeometry
 
 TRACKS = 4
 """Tracks, 90 degrees apart."""
+SCALE = Number("1", 0.05, 20.0)
+"""Size over the device in practice."""
 
 _MESHING_TOLERANCE = 0.01
 """Largest relative difference between the worm's lead and starts times pitch: beyond it teeth would climb the worm."""
@@ -20,13 +22,13 @@ _MESHING_TOLERANCE = 0.01
 class Worm:
     """The worm in the core that drives all four treads."""
 
-    starts: int = 2
+    starts: int = whole(1, 16, default=2)
     """Threads. Assumed: lead / pitch."""
-    lead: float = NUMBERS["tracked.worm.lead"].value
+    lead: float = number("m", 1e-4, 0.2, default=NUMBERS["tracked.worm.lead"].value)
     """Track a turn [m]. Published."""
-    efficiency: float = NUMBERS["tracked.worm.efficiency"].value
+    efficiency: float = number("1", 0.01, 1.0, default=NUMBERS["tracked.worm.efficiency"].value)
     """Of a self-locking polymer worm [1]. Assumed."""
-    torque_limit: float = NUMBERS["tracked.worm.torque_limit"].value
+    torque_limit: float = number("N m", 1e-6, 100.0, default=NUMBERS["tracked.worm.torque_limit"].value)
     """What the flexible shaft may transmit [N m]. Assumed."""
 
 
@@ -34,11 +36,11 @@ class Worm:
 class FlexibleShaft:
     """The shaft between the motor outside and the worm."""
 
-    onset_speed: float = NUMBERS["tracked.shaft.onset_speed"].value
+    onset_speed: float = number("rad/s", 0.01, 1e4, default=NUMBERS["tracked.shaft.onset_speed"].value)
     """Where its losses begin to rise [rad/s]. Published: "above this value the transmission efficiency declines"."""
-    efficiency: float = NUMBERS["tracked.shaft.efficiency"].value
+    efficiency: float = number("1", 0.01, 1.0, default=NUMBERS["tracked.shaft.efficiency"].value)
     """Share of the drive that reaches the treads up to the onset [1]. Fitted: the paper's RMSE at the peak."""
-    stall_excess: float = NUMBERS["tracked.shaft.stall_excess"].value
+    stall_excess: float = number("rad/s", 0.01, 1e5, default=NUMBERS["tracked.shaft.stall_excess"].value)
     """Excess over the onset at which viscous loss would take all of it [rad/s]. Fitted with `SpeedFriction.exponent`:
     the paper's statements identify only both together, and we let both ends of the range lose alike."""
 
@@ -59,13 +61,13 @@ class Bellows:
     track is out from its nominal radius and q0 = 0.
     """
 
-    stiffness: float = NUMBERS["tracked.bellows.stiffness"].value
+    stiffness: float = number("N/m", 0.01, 1e6, default=NUMBERS["tracked.bellows.stiffness"].value)
     """Radial [N/m]. Assumed."""
-    preload: float = NUMBERS["tracked.bellows.preload"].value
+    preload: float = number("N", 1e-4, 1e3, default=NUMBERS["tracked.bellows.preload"].value)
     """Outward force at the nominal diameter and atmospheric pressure [N]. Derived from the paper: 0.75 N / 0.4."""
-    pressure: float = NUMBERS["tracked.bellows.pressure"].value
+    pressure: float = number("Pa", 0.0, 1e6, default=NUMBERS["tracked.bellows.pressure"].value)
     """Above atmosphere [Pa]. Published: closed off at atmospheric pressure."""
-    area: float = NUMBERS["tracked.bellows.area"].value
+    area: float = number("m^2", 1e-8, 0.1, default=NUMBERS["tracked.bellows.area"].value)
     """Effective area over the strut's gearing [m^2]. Assumed."""
 
     def force(self, extension: float) -> float:
@@ -81,9 +83,9 @@ class SpeedFriction:
     Constant above it, where the loss that the paper reports is the shaft's.
     """
 
-    peak_speed: float = NUMBERS["tracked.speed_friction.peak_speed"].value
+    peak_speed: float = number("m/s", 1e-6, 10.0, default=NUMBERS["tracked.speed_friction.peak_speed"].value)
     """[m/s]. Published: the optimum, 150 rpm."""
-    exponent: float = NUMBERS["tracked.speed_friction.exponent"].value
+    exponent: float = number("1", 0.0, 10.0, default=NUMBERS["tracked.speed_friction.exponent"].value)
     """[1]. Fitted: the paper's mean and RMSE over the range."""
 
     def factor(self, speed: float) -> float:
@@ -102,29 +104,28 @@ class TrackedDesign:
     """
 
     name: str = "tracked prototype 4:1"
-    scale: float = NUMBERS["tracked.device.scale"].value
+    scale: float = number(SCALE.of, SCALE.low, SCALE.high, default=NUMBERS["tracked.device.scale"].value)
     """Size over the device in practice [1]. Published: 4."""
     tread: TreadGeometry = field(default_factory=TreadGeometry)
     worm: Worm = field(default_factory=Worm)
     shaft: FlexibleShaft = field(default_factory=FlexibleShaft)
     bellows: Bellows = field(default_factory=Bellows)
     speed_friction: SpeedFriction = field(default_factory=SpeedFriction)
-    nominal_diameter: float = NUMBERS["tracked.device.nominal_diameter"].value
+    nominal_diameter: float = number("m", 0.001, 1.0, default=NUMBERS["tracked.device.nominal_diameter"].value)
     """Track to track [m]. Published."""
-    smallest_diameter: float = NUMBERS["tracked.device.smallest_diameter"].value
+    smallest_diameter: float = number("m", 0.001, 1.0, default=NUMBERS["tracked.device.smallest_diameter"].value)
     """[m]. Published."""
-    largest_diameter: float = NUMBERS["tracked.device.largest_diameter"].value
+    largest_diameter: float = number("m", 0.001, 1.0, default=NUMBERS["tracked.device.largest_diameter"].value)
     """[m]. Published."""
-    core_length: float = NUMBERS["tracked.device.core_length"].value
+    core_length: float = number("m", 0.001, 1.0, default=NUMBERS["tracked.device.core_length"].value)
     """[m]. Assumed."""
-    core_diameter: float = NUMBERS["tracked.device.core_diameter"].value
+    core_diameter: float = number("m", 0.001, 1.0, default=NUMBERS["tracked.device.core_diameter"].value)
     """[m]. Assumed."""
-    mass: float = NUMBERS["tracked.device.mass"].value
+    mass: float = number("kg", 1e-6, 100.0, default=NUMBERS["tracked.device.mass"].value)
     """Of the whole device [kg]. Assumed; weight is left out, as in the paper."""
 
     def __post_init__(self) -> None:
-        for part in (self, self.worm, self.shaft, self.speed_friction, self.bellows):
-            _require_positive(f"Tracked design '{self.name}'", part, allow_zero=("pressure",))
+        require_declared(self, f"Tracked design {shown(self.name)}", error=InvalidDesignError)
         if not self.smallest_diameter <= self.nominal_diameter <= self.largest_diameter:
             raise InvalidDesignError(
                 f"Tracked design '{self.name}': nominal diameter {self.nominal_diameter * 1e3:.1f} mm is outside "
@@ -135,11 +136,6 @@ class TrackedDesign:
                 f"Tracked design '{self.name}': core of {self.core_diameter * 1e3:.1f} mm does not fit inside the "
                 f"folded device of {self.smallest_diameter * 1e3:.1f} mm: thin the core."
             )
-        for part, efficiency in (("worm", self.worm.efficiency), ("shaft", self.shaft.efficiency)):
-            if efficiency > 1:
-                raise InvalidDesignError(
-                    f"Tracked design '{self.name}': {part} efficiency {efficiency:g} is above 1: give a fraction."
-                )
         if abs(self.worm.starts * self.tread.pitch / self.worm.lead - 1) > _MESHING_TOLERANCE:
             raise InvalidDesignError(
                 f"Tracked design '{self.name}': a worm of {self.worm.starts} starts and {self.worm.lead * 1e3:g} mm "
@@ -156,10 +152,10 @@ class TrackedDesign:
         """The same device at another scale, materials unchanged: forces go with the square of length.
 
         Raises:
-            InvalidDesignError: when the scale is not positive.
+            InvalidDesignError: when the scale is out of its range.
         """
-        if not (math.isfinite(scale) and scale > 0):
-            raise InvalidDesignError(f"Scale {scale} is not a positive number: 1 is the device in practice.")
+        if said := SCALE.wrong(scale):
+            raise InvalidDesignError(f"at_scale{said}; 1 is the device in practice.")
         s = scale / self.scale
         tread = TreadGeometry(**{name: value * s for name, value in self.tread.to_json().items()})
         return replace(
@@ -208,15 +204,3 @@ class TrackedDesign:
     def phase_offsets(self) -> tuple[float, ...]:
         """Tooth phase of each track against the first, in pitches: starts x azimuth / 360 degrees."""
         return tuple(self.worm.starts * track / TRACKS % 1.0 for track in range(TRACKS))
-
-
-def _require_positive(where: str, part: object, *, allow_zero: tuple[str, ...]) -> None:
-    for entry in fields(part):  # type: ignore[arg-type]
-        value = getattr(part, entry.name)
-        if isinstance(value, int | float):
-            least = 0.0 if entry.name in allow_zero else math.nextafter(0.0, 1.0)
-            if not (math.isfinite(value) and value >= least):
-                raise InvalidDesignError(
-                    f"{where}: {entry.name} is {value}; it must be a {'non-negative' if least == 0 else 'positive'} "
-                    "number."
-                )

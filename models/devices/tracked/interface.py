@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.errors import InvalidDesignError, UnsupportedSceneError
+from haustra.fields import choice, number, read_fields
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.base import (
     LOOK_AHEAD,
@@ -29,12 +30,9 @@ from haustra.models.devices.base import (
     Reading,
     State,
     Treads,
-    choice,
-    number,
     put,
-    read_fields,
 )
-from haustra.models.devices.tracked.design import TRACKS, TrackedDesign
+from haustra.models.devices.tracked.design import SCALE, TRACKS, TrackedDesign
 from haustra.models.devices.tracked.device import Tracked, add_tracked, pad_stiffness
 from haustra.models.devices.tracked.drive import WormState
 from haustra.models.devices.tracked.loop import CORE_FRICTION
@@ -93,11 +91,12 @@ class TrackedRobot(Device):
         rest = dict(table)
         scale = rest.pop("at_scale", None)
         own = {name: rest.pop(name) for name in _OWN if name in rest}
-        found = read_fields(cls, {**own, "design": rest.pop("design", {}), **rest}, where)
+        table = {**own, "design": rest.pop("design", {}), **rest}
+        found = read_fields(cls, table, where, error=InvalidDesignError)
         if scale is None:
             return found
-        if not isinstance(scale, int | float) or isinstance(scale, bool):
-            raise InvalidDesignError(f"{where}, at_scale: expected a number, found {scale!r}.")
+        if said := SCALE.wrong(scale):
+            raise InvalidDesignError(f"{where}: at_scale{said}; 1 is the device in practice.")
         return replace(found, design=found.design.at_scale(float(scale)))
 
     @property

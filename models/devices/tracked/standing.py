@@ -101,6 +101,13 @@ def track_radii(colon: Colon, design: TrackedDesign, arc: float) -> Float[np.nda
     return colon.radius[near][:, columns].min(0)
 
 
+def places_that_fit(
+    colon: Colon, design: TrackedDesign, arcs: Float[np.ndarray, " places"]
+) -> Float[np.ndarray, " fitting"]:
+    """Those of some arc lengths [m] at which the tracks reach the wall on both sides."""
+    return np.array([arc for arc in arcs if _fits(design, track_radii(colon, design, float(arc)))])
+
+
 def wall_near(wall: Wall, low: float, high: float) -> Wall:
     """The pieces of a wall from one arc length to another [m]: a robot touches no others."""
     return replace(wall, pieces=tuple(piece for piece in wall.pieces if piece.end >= low and piece.start <= high))
@@ -120,7 +127,7 @@ def _elsewhere(colon: Colon, design: TrackedDesign, arc: float) -> str:
     """What to do: the nearest place that fits, or another scale."""
     line, half = colon.centreline, design.core_length / 2
     inside = line.arc[(line.arc >= half) & (line.arc <= line.length - half)]
-    fits = [float(place) for place in inside if _fits(design, track_radii(colon, design, float(place)))]
-    if not fits:
+    fits = places_that_fit(colon, design, inside)
+    if not len(fits):
         return "it fits nowhere in this colon; scale the design."
     return f"the nearest place that fits is at {1e3 * min(fits, key=lambda place: abs(place - arc)):.0f} mm."

@@ -1,9 +1,10 @@
 """The tread, its strut tips and the tissue strip it is pressed on, as one value."""
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 
 from haustra.assets import asset
 from haustra.errors import InvalidDesignError
+from haustra.fields import number, require_declared
 from haustra.quantity import load_quantities
 
 NUMBERS = load_quantities(asset("numbers/tracked.toml"))
@@ -20,33 +21,28 @@ class TreadGeometry:
     (docs/theory/tracked.md says which figure fixed which length).
     """
 
-    pitch: float = NUMBERS["tracked.tread.pitch"].value
+    pitch: float = number("m", 1e-5, 0.2, default=NUMBERS["tracked.tread.pitch"].value)
     """Distance between teeth [m]. Assumed: 13 mm of track a worm turn / 2 starts."""
-    tooth_width: float = NUMBERS["tracked.tread.tooth_width"].value
+    tooth_width: float = number("m", 1e-5, 0.2, default=NUMBERS["tracked.tread.tooth_width"].value)
     """Length of a tooth's face along the track [m]. Assumed: half the pitch."""
-    tooth_height: float = NUMBERS["tracked.tread.tooth_height"].value
+    tooth_height: float = number("m", 1e-5, 0.2, default=NUMBERS["tracked.tread.tooth_height"].value)
     """From the belt's outer face to the tooth's face [m]. Assumed."""
-    belt_thickness: float = NUMBERS["tracked.tread.belt_thickness"].value
+    belt_thickness: float = number("m", 1e-5, 0.2, default=NUMBERS["tracked.tread.belt_thickness"].value)
     """[m]. Assumed."""
-    tip_radius: float = NUMBERS["tracked.tread.tip_radius"].value
+    tip_radius: float = number("m", 1e-5, 0.2, default=NUMBERS["tracked.tread.tip_radius"].value)
     """Radius of a strut tip's circular contact [m]. Assumed."""
-    tip_spacing: float = NUMBERS["tracked.tread.tip_spacing"].value
+    tip_spacing: float = number("m", 1e-5, 0.2, default=NUMBERS["tracked.tread.tip_spacing"].value)
     """Between the two tips of a strut set, along the track [m]. Assumed: 3.0 pitches."""
-    width: float = NUMBERS["tracked.tread.width"].value
+    width: float = number("m", 1e-5, 0.2, default=NUMBERS["tracked.tread.width"].value)
     """Of tread and tissue strip, out of the plane [m]. Published."""
-    tissue_thickness: float = NUMBERS["tracked.tread.tissue_thickness"].value
+    tissue_thickness: float = number("m", 1e-5, 0.2, default=NUMBERS["tracked.tread.tissue_thickness"].value)
     """[m]. Published."""
-    clearance: float = NUMBERS["tracked.tread.clearance"].value
+    clearance: float = number("m", 1e-5, 0.2, default=NUMBERS["tracked.tread.clearance"].value)
     """Gap between teeth and tissue where the tread's ends are held [m]. Assumed: the paper holds the ends so that
     the tread touches only near the tips."""
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            if not 1e-5 < getattr(self, field.name) < 0.2:
-                raise InvalidDesignError(
-                    f"Tread {field.name} = {getattr(self, field.name)} m is not a length between 0.01 and 200 mm: "
-                    "lengths are in metres."
-                )
+        require_declared(self, "Tread", error=InvalidDesignError)
         if self.tooth_width >= self.pitch:
             raise InvalidDesignError(
                 f"Tooth width {self.tooth_width * 1e3:g} mm is not smaller than the pitch {self.pitch * 1e3:g} mm: "

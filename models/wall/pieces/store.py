@@ -1,7 +1,5 @@
 """Saving a wall to a folder and reading it again."""
 
-import json
-import zipfile
 from dataclasses import asdict
 from pathlib import Path
 
@@ -11,6 +9,7 @@ from haustra.errors import UnreadableFileError
 from haustra.files import prepare_folder, write_atomically, write_json
 from haustra.models.wall.pieces.wall import Wall, WallAccuracy, WallPiece
 from haustra.provenance import Provenance
+from haustra.reading import LARGEST_RECORD, read_arrays, read_document
 
 FORMAT_VERSION = 1
 """Raised when a folder written before can no longer be read."""
@@ -51,14 +50,16 @@ def load_wall(folder: Path) -> Wall:
     Raises:
         UnreadableFileError: when a file is missing, damaged or of another format.
     """
+    for name in (METADATA, ARRAYS):
+        if not (folder / name).is_file():
+            raise UnreadableFileError(f"No wall in '{folder}': '{name}' is missing. Build one with 'haustra wall'.")
     try:
-        known = json.loads((folder / METADATA).read_text(encoding="utf-8"))
+        known = read_document(folder / METADATA, "wall", largest=LARGEST_RECORD)
         if known.get("format") != "haustra wall" or known.get("format_version") != FORMAT_VERSION:
             raise UnreadableFileError(
                 f"'{folder / METADATA}' is no wall that this version reads: build the wall again."
             )
-        with (folder / ARRAYS).open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-            vertices, counts, arcs = (arrays[name] for name in ("vertices", "counts", "arcs"))
+        vertices, counts, arcs = read_arrays(folder / ARRAYS, ("vertices", "counts", "arcs")).values()
         parts = np.split(vertices, np.cumsum(counts)[:-1])
         if counts.sum() != len(vertices) or len(parts) != len(arcs) or not np.isfinite(vertices).all():
             raise ValueError("its arrays do not fit together")
@@ -72,9 +73,5 @@ def load_wall(folder: Path) -> Wall:
             provenance=Provenance(**known["provenance"]),
             metadata=known["metadata"],
         )
-    except FileNotFoundError as error:
-        raise UnreadableFileError(
-            f"No wall in '{folder}': '{Path(error.filename or '').name}' is missing. Build one with 'haustra wall'."
-        ) from error
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise UnreadableFileError(f"The wall in '{folder}' is damaged ({error}): build it again.") from error

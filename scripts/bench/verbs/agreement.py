@@ -7,6 +7,8 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from haustra.fields import number, whole
+
 
 @dataclass(frozen=True)
 class BenchAgreement:
@@ -20,17 +22,17 @@ class BenchAgreement:
     """What to compare, separated by commas: free (a scope without a wall), pads (of a track), insertions."""
     backends: str = "jax,warp"
     """That are held against the native one, of those that are installed, separated by commas."""
-    seeds: int = 256
+    seeds: int = whole(3, 1_000_000, default=256)
     """Insertions on each backend; each draws its own colon, friction, stiffness and start."""
-    seconds: float = 30.0
+    seconds: float = number("s", 0.02, 600.0, default=30.0)
     """Longest insertion [s]."""
-    colons: int = 8
+    colons: int = whole(1, 100_000, default=8)
     """Grown colons."""
     mesentery: Literal["fixed", "mesentery", "both"] = "both"
     """Colons of insertions: fixed in space, on their mesentery, or both."""
     design: str = "adult"
     """Scope design."""
-    processes: int = 0
+    processes: int = whole(0, 4096, default=0)
     """Of the native backend, and of growing; as many as there are cores when 0."""
     device: str | None = None
     """Of Warp where there is no wall: cuda:0, cpu; its own choice when not given. Insertions run where JAX does."""
@@ -58,8 +60,6 @@ class BenchAgreement:
         backends = [backend.strip() for backend in self.backends.split(",")]
         if unknown := [backend for backend in backends if backend not in DEVICE_BACKENDS]:
             raise InvalidOptionError(f"Backend '{unknown[0]}' is not known. Known: {', '.join(DEVICE_BACKENDS)}.")
-        if self.seeds < 3 or self.colons < 1 or self.processes < 0 or not 0 < self.seconds <= 600:
-            raise InvalidOptionError("Give at least 3 seeds, 1 colon, and a time of up to 600 s.")
         folder = prepare_folder(self.output) if self.output else None
         processes = self.processes or os.cpu_count() or 1
         with progress_bar("grow", self.colons, unit="colons") as advance:

@@ -3,22 +3,24 @@
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from haustra.fields import number, whole
+
 
 @dataclass(frozen=True)
 class BenchCores:
     """Step scopes in grown colons on one core and on several, beside MuJoCo alone in processes and on threads."""
 
-    cores: int = 2
+    cores: int = whole(1, 4096, default=2)
     """Threads, and processes beside them."""
-    worlds: int = 32
+    worlds: int = whole(1, 1_000_000, default=32)
     """Scopes stepped at once."""
-    colons: int = 4
+    colons: int = whole(1, 100_000, default=4)
     """Grown colons."""
     design: str = "adult"
     """Scope design."""
-    before: float = 10.0
+    before: float = number("s", 0.02, 1000.0, default=10.0)
     """Time that the follower drives the scopes in first [s]."""
-    repeats: int = 7
+    repeats: int = whole(1, 10_000, default=7)
     """Pairs of timings of each kind; their median is the result."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
@@ -32,8 +34,8 @@ class BenchCores:
         from haustra.scripts.bench.machine import machine
         from haustra.scripts.console import progress_bar
 
-        if min(self.cores, self.colons, self.repeats) < 1 or self.worlds < self.cores or not 0 < self.before < 1e3:
-            raise InvalidOptionError("Give at least one core, colon and repeat, a world a core, and a positive time.")
+        if self.worlds < self.cores:
+            raise InvalidOptionError(f"--worlds is {self.worlds}; give at least a world a core, {self.cores}.")
         with progress_bar("grow", self.colons, unit="colons") as advance:
             bank = grown_bank(range(self.colons), named_design(self.design), progress=lambda done: advance(done, ""))
         with progress_bar("time", self.repeats, unit="pairs") as advance:

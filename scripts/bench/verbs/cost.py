@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from haustra.fields import number
+
 
 @dataclass(frozen=True)
 class BenchCost:
@@ -16,7 +18,7 @@ class BenchCost:
     """Name of a scope design, or a file that ends in .toml."""
     joints: str = "20,40,60,100,140"
     """Numbers of joints, separated by commas."""
-    seconds: float = 10.0
+    seconds: float = number("s", 0.02, 36_000.0, default=10.0)
     """Simulated time in the colon [s]."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""

@@ -3,30 +3,32 @@
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
+from haustra.fields import number, whole
+
 
 @dataclass(frozen=True)
 class BenchEpisodes:
     """Time environment steps at 25 Hz control in grown colons, the follower driving, and watch memory."""
 
-    worlds: int = 32
+    worlds: int = whole(1, 1_000_000, default=32)
     """Scopes stepped at once."""
-    threads: int = 2
+    threads: int = whole(1, 4096, default=2)
     """For physics."""
     backend: Literal["native", "linear", "jax", "warp"] = "native"
     """What computes: MuJoCo on threads, linear time on them, or JAX or MuJoCo Warp on a GPU."""
-    seconds: float = 20.0
+    seconds: float = number("s", 0.02, 36_000.0, default=20.0)
     """Simulated time of each world [s]."""
-    colons: int = 4
+    colons: int = whole(1, 100_000, default=4)
     """Grown colons."""
     design: str = "adult"
     """Scope design."""
     observation: Literal["state", "lumen", "depth", "dict"] = "state"
     """What is observed."""
-    picture_size: int = 64
+    picture_size: int = whole(8, 512, default=64)
     """Rows and columns of depth pictures."""
-    memory_steps: int = 0
+    memory_steps: int = whole(0, 10**9, default=0)
     """Environment steps over which memory is watched; 0 for none."""
-    memory_resets: int = 0
+    memory_resets: int = whole(0, 10**9, default=0)
     """Resets over which memory is watched."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
@@ -35,13 +37,10 @@ class BenchEpisodes:
         """Grow, time, watch."""
         from haustra.envs.tasks.bank import grown_bank
         from haustra.envs.tasks.config import TaskConfig
-        from haustra.errors import InvalidOptionError
         from haustra.models.devices.scope.library import named_design
         from haustra.scripts.bench.episodes import memory_slope, step_rate
         from haustra.scripts.console import progress_bar
 
-        if min(self.worlds, self.threads, self.colons) < 1 or not 0 < self.seconds < 1e4:
-            raise InvalidOptionError("Give at least one world, thread and colon, and a positive time.")
         config = TaskConfig(
             design=self.design,
             observation=self.observation,

@@ -7,6 +7,8 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from haustra.fields import number, whole
+
 
 @dataclass(frozen=True)
 class BenchErrors:
@@ -17,7 +19,7 @@ class BenchErrors:
 
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for colons, tracks, errors.json and accuracy.toml."""
-    colons: int = 10
+    colons: int = whole(0, 100_000, default=10)
     """Colons grown from seeds 0, 1, 2, ...; a range over fewer than ten is not stated."""
     folders: str = ""
     """Folders of further colons, separated by commas."""
@@ -31,9 +33,9 @@ class BenchErrors:
     """Presets, separated by commas."""
     colon: Literal["fixed", "mesentery", "both"] = "both"
     """Fixed in space, on its mesentery, or both."""
-    seconds: float = 10.0
+    seconds: float = number("s", 0.02, 600.0, default=10.0)
     """Length of the script [s]."""
-    processes: int = 0
+    processes: int = whole(0, 4096, default=0)
     """At a time; as many as there are cores when 0."""
     ship: bool = False
     """Write assets/accuracy.toml too, which runs state their errors from."""
@@ -45,15 +47,12 @@ class BenchErrors:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
         from haustra.assets import asset
-        from haustra.errors import InvalidOptionError
         from haustra.files import write_atomically, write_json
         from haustra.models.presets import find_preset
         from haustra.scripts.bench.accuracy.errors import Asked, accuracy_toml, measure_errors, ranges_of, refusals
         from haustra.scripts.bench.machine import machine
         from haustra.scripts.console import progress_bar
 
-        if self.colons < 0 or self.processes < 0 or not 0 < self.seconds <= 600:
-            raise InvalidOptionError("Give colons and processes of 0 or more, and a time of up to 600 s.")
         asked = Asked(
             grown=self.colons,
             folders=tuple(map(Path, _words(self.folders))),

@@ -7,6 +7,8 @@ from typing import Annotated, Any
 
 import tyro
 
+from haustra.fields import whole
+
 
 @dataclass(frozen=True)
 class BenchGrown:
@@ -17,9 +19,9 @@ class BenchGrown:
 
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for the cases, comparison.json and grown-anatomy.png."""
-    seeds: int = 200
+    seeds: int = whole(2, 1_000_000, default=200)
     """Number of colons of the Japanese cohort, from seed 0 on."""
-    us_seeds: int = 60
+    us_seeds: int = whole(0, 1_000_000, default=60)
     """Number of colons of the US cohort, whose flexures are published."""
     colons: tuple[Path, ...] = ()
     """Folders of imported colons to draw beside them; keep such a picture as you keep the colons' data."""
@@ -32,7 +34,6 @@ class BenchGrown:
 
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-        from haustra.errors import InvalidOptionError
         from haustra.files import prepare_folder, write_json
         from haustra.models.anatomy.measures import anatomy_of
         from haustra.models.anatomy.store import load_colon
@@ -41,8 +42,6 @@ class BenchGrown:
         from haustra.scripts.bench.pages.grown_figure import draw
         from haustra.scripts.console import progress_bar
 
-        if self.seeds < 2 or self.us_seeds < 0:
-            raise InvalidOptionError("A comparison needs --seeds of at least 2 and --us-seeds of at least 0.")
         folder = prepare_folder(self.output)
         real = {colon.name: anatomy_of(colon) for colon in map(load_colon, self.colons)}
         with progress_bar("grown colons", self.seeds + self.us_seeds, unit="colons") as advance:

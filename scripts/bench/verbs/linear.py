@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from haustra.fields import whole
+
 
 @dataclass(frozen=True)
 class BenchLinear:
@@ -12,7 +14,7 @@ class BenchLinear:
     """Numbers of worlds, separated by commas."""
     dofs: str = "40,80,160,400"
     """Numbers of joints, about: of 40, 80, 160, 400."""
-    threads: int = 1
+    threads: int = whole(1, 4096, default=1)
     """Threads of the CPU that share the worlds."""
     device: Literal["cpu", "cuda"] = "cpu"
     """Threads of the CPU, or the first NVIDIA GPU."""

@@ -4,6 +4,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from haustra.fields import whole
+
 
 @dataclass(frozen=True)
 class BenchPushes:
@@ -13,23 +15,20 @@ class BenchPushes:
     """Folder of a colon."""
     wall: Literal["planes", "coacd", "prism"] = "planes"
     """What holds it: tangent planes, or convex pieces."""
-    count: int = 1000
+    count: int = whole(1, 10**9, default=1000)
     """Number of pushes."""
-    seed: int = 0
+    seed: int = whole(0, 2**63 - 1, default=0)
     """Of places, directions and forces."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 
     def __call__(self) -> dict[str, Any]:
         """Push, and say how far outside the tip ended."""
-        from haustra.errors import InvalidOptionError
         from haustra.models.anatomy.store import load_colon
         from haustra.models.wall.pieces.folder import wall_of
         from haustra.scripts.bench.pushes import random_pushes, summary
         from haustra.scripts.console import progress_bar
 
-        if self.count < 1:
-            raise InvalidOptionError(f"count is {self.count}: give at least 1 push.")
         colon = load_colon(self.colon)
         wall = None if self.wall == "planes" else wall_of(self.colon, colon, self.wall)
         with progress_bar("push", self.count, unit="pushes") as advance:

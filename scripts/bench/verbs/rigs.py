@@ -6,6 +6,8 @@ from typing import Annotated, Any
 
 import tyro
 
+from haustra.fields import whole
+
 
 @dataclass(frozen=True)
 class BenchRigs:
@@ -15,7 +17,7 @@ class BenchRigs:
     """Numbers of worlds, separated by commas."""
     rigs: str = "track,device"
     """Which rigs: track, device."""
-    study: int = 0
+    study: int = whole(0, 10**9, default=0)
     """Jobs of the propulsion study that ships, spread over all of it, that are answered and timed; 10000 is all."""
     device: str | None = None
     """As Warp names it: cuda:0, cpu; its own choice when not given."""

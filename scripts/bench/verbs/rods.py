@@ -7,6 +7,8 @@ from typing import Annotated, Any
 
 import tyro
 
+from haustra.fields import number
+
 
 @dataclass(frozen=True)
 class BenchRods:
@@ -16,7 +18,7 @@ class BenchRods:
     """Folder with rod.toml, *_dataStatics.csv and *_N.txt."""
     joints: str = "25,50,100"
     """Numbers of joints, separated by commas."""
-    timestep: float | None = None
+    timestep: float | None = number("s", 1e-6, 0.1, default=None)
     """Time step of the releases [s]; what is stable and accurate when not given."""
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
     """Folder for rows.json and pictures of the releases, among them what larger time steps cost."""

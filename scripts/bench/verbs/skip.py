@@ -7,6 +7,8 @@ from typing import Annotated, Any
 
 import tyro
 
+from haustra.fields import number, whole
+
 
 @dataclass(frozen=True)
 class BenchSkip:
@@ -14,9 +16,9 @@ class BenchSkip:
 
     colon: Path | None = None
     """Folder of a colon; grown seed 0 with a wall of prisms when not given."""
-    seconds: float = 10.0
+    seconds: float = number("s", 1.0, 60.0, default=10.0)
     """Simulated time of each replay [s]."""
-    repeats: int = 5
+    repeats: int = whole(1, 10_000, default=5)
     """How often each pair is timed."""
     quick: bool = False
     """5 s of simulated time and 3 repeats."""
@@ -29,17 +31,12 @@ class BenchSkip:
         """Measure."""
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-        from haustra.errors import InvalidOptionError
         from haustra.files import prepare_folder, write_json
         from haustra.models.devices.scope.library import named_design
         from haustra.scripts.bench.skip import bench_skip
         from haustra.scripts.console import progress_bar
 
         seconds, repeats = (5.0, 3) if self.quick else (self.seconds, self.repeats)
-        if not (1 <= seconds <= 60 and repeats >= 1):
-            raise InvalidOptionError(
-                f"--seconds {seconds}, --repeats {repeats}: give 1 to 60 s, and 1 or more repeats."
-            )
         folder = prepare_folder(self.output) if self.output else None
         colon, wall = colon_and_wall(self.colon)
         with progress_bar("skip", 1, unit="levers") as advance:

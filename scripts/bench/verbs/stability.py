@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 import tyro
 
+from haustra.fields import number, whole
+
 
 @dataclass(frozen=True)
 class BenchStability:
@@ -19,32 +21,27 @@ class BenchStability:
     """Parts, separated by commas: conservation, nan, shocks, step, escapes, ranges, long, moving. All when empty."""
     quick: bool = False
     """Fewer and shorter runs: minutes instead of hours."""
-    workers: int = 1
+    workers: int = whole(1, 256, default=1)
     """Child processes of the parts that have many independent runs."""
-    minutes: float | None = None
+    minutes: float | None = number("min", 0.01, 1e6, default=None)
     """Begin no further run after that long, and say what is missing; the same command goes on from there. Parts without
     independent runs (conservation, nan, moving) are not cut short."""
     colon: Path | None = None
     """Folder of a colon to push a tip about in besides the grown one."""
-    seed: int = 0
+    seed: int = whole(0, 2**63 - 1, default=0)
     """Of everything drawn."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 
     def __call__(self) -> dict[str, Any]:
         """Run the parts and write stability.json."""
-        from haustra.errors import InvalidOptionError
         from haustra.files import prepare_folder, write_json
         from haustra.scripts.bench.result import Bench
         from haustra.scripts.bench.stability.bench import PARTS, stability
         from haustra.scripts.bench.stability.part import RunOptions
         from haustra.scripts.console import progress_bar
 
-        if not 1 <= self.workers <= 256:
-            raise InvalidOptionError(f"workers is {self.workers}: give 1 to 256.")
         names = [name.strip() for name in self.only.split(",") if name.strip()]
-        if self.minutes is not None and not 0 < self.minutes < 1e5:
-            raise InvalidOptionError(f"minutes is {self.minutes}: give a positive number.")
         order = RunOptions(
             folder=prepare_folder(self.output),
             quick=self.quick,

@@ -5,12 +5,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from haustra.fields import number
+
 
 @dataclass(frozen=True)
 class BenchTracked:
     """Step one track, the whole device and an empty scene on one core, and time the five-by-two study."""
 
-    seconds: float = 1.0
+    seconds: float = number("s", 0.02, 36_000.0, default=1.0)
     """CPU time spent on each."""
     json: bool = False
     """Print one JSON document instead of a table."""

@@ -4,6 +4,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from haustra.fields import number, whole
+
 _FINE_CELL = 0.0112
 """Distance between joints [m] that makes 140 of an adult scope in a colon of 1.5 m."""
 
@@ -16,17 +18,17 @@ class BenchWorlds:
     """Numbers of worlds, separated by commas."""
     backend: Literal["jax", "warp"] = "jax"
     """A chain and a wall in JAX, or MuJoCo's own by MuJoCo Warp."""
-    colons: int = 2
+    colons: int = whole(1, 1000, default=2)
     """Grown colons (seeds 0, 1, ...) that the worlds share."""
     design: str = "adult"
     """Name of a scope design, or a file that ends in .toml."""
     devices: str = "1"
     """Numbers of devices that share the worlds, separated by commas."""
-    insertions: int = 0
+    insertions: int = whole(0, 1_000_000, default=0)
     """Insertions of 30 s by the lumen follower that are timed as a whole, compilation included."""
-    timestep: float = 0.005
+    timestep: float = number("s", 1e-5, 0.02, default=0.005)
     """Integration step [s]."""
-    compare: float = 0.0
+    compare: float = number("s", 0.0, 36_000.0, default=0.0)
     """Simulated time over which one scope in each colon is compared with a native one of 140 joints under the same
     inputs [s]."""
     cache: Path | None = None
@@ -42,8 +44,6 @@ class BenchWorlds:
         from haustra.scripts.console import progress_bar
 
         counts = joint_counts(self.worlds, option="--worlds", low=1, high=1_000_000)
-        if not 1 <= self.colons <= 1000:
-            raise InvalidOptionError(f"colons is {self.colons}: give 1 to 1000.")
         shares = joint_counts(self.devices, option="--devices", low=1, high=4096)
         if self.backend == "warp" and max(shares) > 1:
             raise InvalidOptionError("MuJoCo Warp's worlds are not shared among devices: give --devices 1.")

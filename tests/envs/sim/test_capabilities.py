@@ -439,7 +439,7 @@ def test_a_camera_that_tasks_cannot_show_is_refused_by_them(entry: Any, backend:
     design = replace(DESIGN, tip=replace(DESIGN.tip, **{name: 0.001 if "offset" in name else 0.5}))
     scene = build_scene(OPEN, None, design, replace(OPTIONS, wall_law="table", softening=False), show_lumen=False)
     with pytest.raises(UnsupportedSceneError, match=name):
-        require_task_supported(TaskConfig(), scene, backend)
+        require_task_supported(TaskConfig(), scene.design, backend)
     base = build_scene(OPEN, None, DESIGN, replace(OPTIONS, wall_law="table", softening=False), show_lumen=False)
     drawn, usual = scene.compile(), base.compile()
     parts = ("cam_pos", "cam_quat", "light_diffuse", "light_dir")
@@ -459,7 +459,7 @@ def test_what_a_backend_cannot_honour_of_a_task_it_refuses_by_name(backend: str,
     options = replace(OPTIONS, wall_law="table", softening=False)
     scene = build_scene(OPEN, None, DESIGN, options, show_lumen=False)
     with pytest.raises(UnsupportedSceneError, match=f"'{backend}' cannot honour task.{next(iter(changed))}"):
-        require_task_supported(TaskConfig(**changed), scene, backend)
+        require_task_supported(TaskConfig(**changed), scene.design, backend)
 
 
 def test_wires_slack_and_stretch_count_where_wheels_steer_and_wheels_are_refused_elsewhere() -> None:

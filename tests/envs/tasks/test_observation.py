@@ -40,7 +40,7 @@ def test_memory_comes_under_its_own_name_only() -> None:
         sizes(TaskConfig(observation="state", memory=(1.0,)))
     with pytest.raises(InvalidOptionError, match="names of their own"):
         sizes(TaskConfig(observation="state", imager=True))
-    with pytest.raises(InvalidOptionError, match="over 0"):
+    with pytest.raises(InvalidOptionError, match=r"give 0\.01 to 600 s"):
         TaskConfig(memory=(0.0,))
 
 

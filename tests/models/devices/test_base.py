@@ -51,7 +51,7 @@ def changed(tmp_path: Path, old: str, new: str) -> Path:
         ("value = 150\n", "value = 2000\n", "is not inside"),
         ('unit = "1/min"', 'unit = "rad/s"', "is in 'rad/s'; give it in '1/min'"),
         ('steering = "none"', 'steering = "by wire"', "steering 'by wire' is not known. Known: none, each tread"),
-        ('steering = "none"', "steering = 3", "expected text, found 3"),
+        ('steering = "none"', "steering = 3", "steering 3 is not known"),
     ],
 )
 def test_what_is_wrong_with_a_file_is_one_line(tmp_path: Path, old: str, new: str, message: str):

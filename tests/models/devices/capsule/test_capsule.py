@@ -100,7 +100,7 @@ def test_a_torque_turns_it_in_its_own_or_the_patients_axes(tube):
 
 
 def test_values_out_of_range_are_refused():
-    with pytest.raises(InvalidDesignError, match=r"Device 'capsule': mass is 5; give 0.001 to 0.1 kg\."):
+    with pytest.raises(InvalidDesignError, match=r"Device 'capsule': mass is 5.0; give 0.001 to 0.1 kg"):
         capsule(mass=5.0)
 
 

@@ -52,9 +52,9 @@ def with_bending(**changes):
     [
         (lambda: with_bending(bias_up_deg=200.0), "pre-curved beyond its own limits"),
         (lambda: with_bending(bias_left_deg=-170.0), "pre-curved beyond its own limits"),
-        (lambda: with_section(minimum_bend_radius=0.1, bias_up_deg=1000.0), "pre-curved tighter than it may bend"),
+        (lambda: with_section(minimum_bend_radius=0.5, bias_up_deg=720.0), "pre-curved tighter than it may bend"),
         (lambda: with_section(minimum_bend_radius=0.001), "smaller than the scope's own radius"),
-        (lambda: replace(named_design("adult"), wires=WireSet(0.005, 60.0, hysteresis=1.0)), "less than 1"),
+        (lambda: replace(named_design("adult"), wires=WireSet(0.005, 60.0, hysteresis=1.0)), "give 0 to 0.99"),
         (lambda: replace(named_design("adult"), variable_stiffness=1.5), "give 0 to 1"),
         (lambda: replace(named_design("adult"), working_length=1.5), "add up to"),
     ],
