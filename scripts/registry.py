@@ -49,6 +49,7 @@ BENCHMARKS: Mapping[str, str] = {
     "bench cost": f"{_BENCH}.cost:BenchCost",
     "bench episodes": f"{_BENCH}.episodes:BenchEpisodes",
     "bench errors": f"{_BENCH}.errors:BenchErrors",
+    "bench gradients": f"{_BENCH}.gradients:BenchGradients",
     "bench grown": f"{_BENCH}.grown:BenchGrown",
     "bench profile": f"{_BENCH}.profile:BenchProfile",
     "bench linear": f"{_BENCH}.linear:BenchLinear",

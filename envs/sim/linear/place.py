@@ -66,13 +66,14 @@ class CpuPlace:
         """Compile a program, or read what was compiled before.
 
         Args:
-            worlds: how many; one alone has no lanes to fill.
+            worlds: how many; one alone has no lanes to fill, nor are any left where derivatives fill them.
             threads: that share the blocks.
             real: precision.
             room: slots of a block to work in.
             program: the rest of what `write_program` wants.
         """
-        self._real, self.lanes = np.dtype(real), lanes_of(real) if worlds > 1 else 1
+        alone = worlds == 1 or program.get("directions", 0) > lanes_of(real)
+        self._real, self.lanes = np.dtype(real), 1 if alone else lanes_of(real)
         self._engine, self._function = compiled(write_program(lanes=self.lanes, real=real, **program))
         self._rooms = [_Here(aligned(np.zeros((room, self.lanes)), real)) for _ in range(threads)]
         self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
