@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from threading import Lock
 from typing import Any, Protocol
 
 import numpy as np
@@ -128,10 +129,18 @@ class _There:
         return self.there
 
 
+_MAKING = Lock()
+
+
 @cache
-def _kernel(text: str) -> Kernel:
-    """The kernel of a program, made once in a process."""
+def _made(text: str) -> Kernel:
     return Kernel(assembled(text), "advance")
+
+
+def _kernel(**program: Any) -> Kernel:
+    """The kernel of a program, made once in a process, whichever threads ask for it."""
+    with _MAKING:
+        return _made(write_kernel(**program))
 
 
 class GpuPlace:
@@ -152,7 +161,7 @@ class GpuPlace:
             MissingDependencyError: when there is no such GPU.
         """
         self._real = np.dtype(real)
-        self._kernel = _kernel(write_kernel(real=real, **program))
+        self._kernel = _kernel(real=real, **program)
         self._room = DeviceArray(np.zeros((-(-worlds // WARP), room, WARP), self._real))
 
     def hold(self, values: np.ndarray) -> _There:
