@@ -15,6 +15,10 @@ class BenchGradients:
     """Searches by Optuna, each with a seed of its own; 0: no search at all."""
     patience: float = 2.0
     """How many times as long Optuna may search."""
+    colons: int = 2
+    """Grown colons that are searched in."""
+    until: float = 20.0
+    """Length of their insertions [s]."""
     picture: Path | None = None
     """Draw the searches, their profiles and the horizons there."""
     json: bool = field(default=False)
@@ -24,8 +28,10 @@ class BenchGradients:
         """Fixed colons, then colons on their mesentery."""
         from haustra.errors import InvalidOptionError
 
-        if self.seconds <= 0 or self.seeds < 0 or self.patience < 1:
-            raise InvalidOptionError("--seconds must be positive, --seeds not negative, --patience at least 1.")
+        if min(self.seconds, self.until) <= 0 or self.seeds < 0 or min(self.patience, self.colons) < 1:
+            raise InvalidOptionError(
+                "--seconds and --until must be positive, --seeds not negative, --patience and --colons at least 1."
+            )
         found = {"fixed": self._of(mesentery=False), "mesentery": self._of(mesentery=True)}
         if self.picture:
             from haustra.scripts.bench.pages.gradients_figure import draw
@@ -51,14 +57,14 @@ class BenchGradients:
             advance(3, f"{far[-1].off_mean:.2g} off after {far[-1].seconds:.0f} s")
             searches, unseen = [], []
             if self.seeds:
-                problem = stiffness_profile.Problem(bank)
+                problem = stiffness_profile.Problem(stiffness_profile.searched(bank, self.colons), seconds=self.until)
                 searches.append(stiffness_profile.by_gradient(problem, seconds=self.seconds))
                 advance(4, f"{searches[0].best[-1]:.2f} N by gradient")
                 for seed in range(self.seeds):
                     longer = self.seconds * self.patience
                     searches.append(stiffness_profile.by_optuna(problem, seconds=longer, seed=seed))
                     advance(5 + seed, f"{searches[-1].best[-1]:.2f} N by Optuna")
-                unseen = stiffness_profile.elsewhere(bank, searches)
+                unseen = stiffness_profile.elsewhere(bank, searches, seconds=self.until)
         return {
             "agreement": [vars(each) for each in exact],
             "cost": [vars(each) for each in cost],
