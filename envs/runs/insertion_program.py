@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.control.follower import FIRST_MEMORY, FollowerSettings, Memory, Sensed, Steering, rules
-from haustra.envs.runs.measure.containment import beside, stands_out
+from haustra.envs.runs.measure.containment import beside, furthest_ahead, stands_out
 from haustra.envs.runs.outcome import ESCAPE_DEPTH, ending
 from haustra.envs.runs.tally import Measured, Tally, counted
 from haustra.envs.sim.linear.layout import STRUCTURE, seen_slot
@@ -154,21 +154,21 @@ class InsertionProgram:
 
     def _outside_bound(self, scopes: ScopeProgram, arc: Value, insertion: Value) -> Value:
         """How far nodes stand outside beside the places where their links' first spheres are; none is nearer there."""
-        program = scopes.program
+        program, xp = scopes.program, scopes.program.xp
         furthest, behind = program.variable(-_FAR), program.variable(scopes.scope("tip"))
-        beside_tip, near = program.variable(arc), program.variable(arc)
+        near = program.variable(arc)
 
-        def judge(place: Vector, at: Value, behind: Value | float) -> None:
-            low, high = beside(arc, behind, moves=self.moves)
+        def judge(place: Vector, at: Value, behind: Value) -> None:
+            low, high = beside(xp, arc, behind, moves=self.moves)
             axis, width = scopes.station(at)
             away = minus(place, axis)
-            apart = stands_out(program.xp, dot(away, away), width, scopes.scope("radius"))
-            apart = program.xp.where((at >= low) & (at <= high), apart, _FAR)
+            apart = stands_out(xp, dot(away, away), width, scopes.scope("radius"))
+            apart = xp.where((at >= low) & (at <= high), apart, _FAR)
             furthest.value = program.xp.where(
                 insertion > behind, program.xp.maximum(furthest.value, apart), furthest.value
             )
 
-        judge(scopes.seen.vector(seen_slot("tip")), beside_tip.value, 0.0)
+        judge(scopes.seen.vector(seen_slot("tip")), arc, program.constant(0.0))
         with program.loop(0, scopes.bodies, backwards=True) as body:
             first, last = scopes.spheres_of(body)
             with program.when(first < last):
@@ -181,7 +181,7 @@ class InsertionProgram:
         """How far the scope stands outside the lumen [m]: as `haustra.envs.runs.measure.containment.outside`."""
         program = scopes.program
         xp, last = program.xp, scopes.length()
-        ahead = beside(arc, 0.0, moves=self.moves)[1]
+        ahead = furthest_ahead(arc)
         stations = program.most(xp.int32(xp.clip(ahead, 0.0, last) * (1 / STATION_STEP))) + 2
         with program.loop(0, stations) as station:
             place, width = scopes.station(xp.minimum(program.real_of(station) * STATION_STEP, last))
@@ -189,8 +189,8 @@ class InsertionProgram:
         furthest = program.variable(-_FAR)
         behind = program.variable(scopes.scope("tip"))
 
-        def judge(place: Vector, behind: Value | float) -> None:
-            low, high = beside(arc, behind, moves=self.moves)
+        def judge(place: Vector, behind: Value) -> None:
+            low, high = beside(xp, arc, behind, moves=self.moves)
             low, high = xp.minimum(low, last), xp.maximum(high, 0.0)
             nearest = program.variable(_FAR)
             first = program.most(xp.int32(xp.maximum(low, 0.0) * (1 / STATION_STEP)), least=True)
@@ -203,7 +203,7 @@ class InsertionProgram:
             inside = (insertion > behind) & (nearest.value < _FAR)
             furthest.value = xp.where(inside, xp.maximum(furthest.value, nearest.value), furthest.value)
 
-        judge(scopes.seen.vector(seen_slot("tip")), 0.0)
+        judge(scopes.seen.vector(seen_slot("tip")), program.constant(0.0))
         with program.loop(0, scopes.bodies, backwards=True) as body:
             with program.when(insertion > behind.value):
                 judge(scopes.room.vector(scopes.origin_slot(body)), behind.value)

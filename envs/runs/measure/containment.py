@@ -17,6 +17,8 @@ _BLUR = 0.01
 
 _PATH_STRETCH = (0.35, 2.2)
 """Least and most centreline per length of scope that a search allows: scopes cut corners and lie in loops."""
+_FOLD = 0.1
+"""A tip may be folded back beside so much of its scope [m], which then lies further in than it does."""
 _PLEATED = 3.0
 """By how much more centreline a length of scope may have gathered where the colon moves."""
 
@@ -82,7 +84,7 @@ def outside(
         moves: whether the colon may gather on the scope.
     """
     tip, arcs = xp.asarray(tip_arc)[..., None, None], widths.arcs[..., None, :]
-    low, high = beside(tip, behind[..., None], moves=moves)
+    low, high = beside(xp, tip, behind[..., None], moves=moves)
     # Beyond its ends, the first and the last station count.
     candidates = (arcs >= xp.minimum(low, arcs[..., -1:])) & (arcs <= xp.maximum(high, arcs[..., :1]))
     # One product of matrices instead of a difference for every pair: half the time of a check.
@@ -93,16 +95,23 @@ def outside(
     return xp.where(inside, nearest, -np.inf).max(-1)
 
 
-def beside(tip_arc: Any, behind: Any, *, moves: bool) -> tuple[Any, Any]:
+def furthest_ahead(tip_arc: Any) -> Any:
+    """No point of a scope is further in than this, whose tip is at that arc length [m]."""
+    return tip_arc + _FOLD + _BLUR
+
+
+def beside(xp: Any, tip_arc: Any, behind: Any, *, moves: bool) -> tuple[Any, Any]:
     """Between which arc lengths a point of a scope can be, so far behind a tip at that arc length [m].
 
     Args:
+        xp: numpy, jax.numpy, or what writes programs.
         tip_arc: [m].
         behind: distance from the tip along the scope [m].
         moves: whether the colon may gather on the scope.
     """
     least, most = _PATH_STRETCH
-    return tip_arc - (most * _PLEATED if moves else most) * behind - _BLUR, tip_arc - least * behind + _BLUR
+    ahead = xp.minimum(behind, _FOLD) - least * xp.maximum(behind - _FOLD, 0.0)
+    return tip_arc - (most * _PLEATED if moves else most) * behind - _BLUR, tip_arc + ahead + _BLUR
 
 
 def stands_out(xp: Any, square: Any, width: Any, radius: Any) -> Any:
@@ -135,7 +144,7 @@ class Containment:
         arcs, width = self._widths
         if not len(nodes):
             return -float(width.min() - self._radius)
-        passed = slice(0, max(1, int(np.searchsorted(arcs, tip_arc + _BLUR, side="right"))))
+        passed = slice(0, max(1, int(np.searchsorted(arcs, furthest_ahead(tip_arc), side="right"))))
         found = outside(
             np,
             LumenWidths(arcs[passed], width[passed]),

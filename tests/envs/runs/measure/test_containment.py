@@ -30,6 +30,20 @@ def test_being_inside_another_loop_is_no_excuse():
     assert Containment(straight_tube(), radius=SCOPE).outside(nodes, np.zeros(1), 0.4) > 0.3
 
 
+@pytest.mark.parametrize("moves", [False, True])
+def test_a_tip_that_is_folded_back_in_the_lumen_has_not_left_it(moves):
+    """The bend lies further in than the tip."""
+    behind = np.linspace(0.2, 0.0, 41)
+    fold = 0.01 * np.pi  # half a turn of 1 cm radius, 4 cm behind the tip
+    turn = np.clip((0.04 + fold - behind) / fold, 0.0, 1.0) * np.pi
+    straight = np.where(behind > 0.04 + fold, 0.04 + fold - behind, 0.0)
+    back = np.where(behind < 0.04, 0.04 - behind, 0.0)
+    nodes = np.column_stack([-0.01 * np.cos(turn), 0 * turn, 0.4 + straight + 0.01 * np.sin(turn) - back])
+    line = straight_tube()
+    way = line.centreline.points if moves else None
+    assert Containment(line, radius=SCOPE).outside(nodes, behind, 0.36, way) < 0
+
+
 def test_many_worlds_are_judged_as_one_is():
     """Stations every centimetre instead of every two millimetres: no more than a millimetre apart, outside or in."""
     colons = [straight_tube(), swept_colon(winding([(0.1, 0.0), (0.12, 1.2), (0.1, 0.0)]), name="bend")]
