@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from haustra.envs.control.follower import FIRST_MEMORY, FollowerSettings, Memory, Sensed, Steering, rules
 from haustra.envs.runs.measure.containment import beside, stands_out
-from haustra.envs.runs.outcome import ending
+from haustra.envs.runs.outcome import ESCAPE_DEPTH, ending
 from haustra.envs.runs.tally import Measured, Tally, counted
 from haustra.envs.sim.linear.layout import STRUCTURE, seen_slot
 from haustra.envs.sim.linear.memory import Lanes
@@ -48,6 +48,9 @@ class InsertionProgram:
     """Time between them [s]."""
     longest: float
     """The longest colon's centreline is no longer [m]."""
+    measures_outside: bool = False
+    """Whether how far a scope stands outside the lumen is measured after every decision; otherwise it is bounded, and
+    measured only where the bound does not rule out that the scope has left the colon."""
 
     slots: ClassVar[int] = _OUTSIDE + 1
 
@@ -140,6 +143,41 @@ class InsertionProgram:
         return wall.value, tip.value
 
     def _outside(self, scopes: ScopeProgram, room: Lanes, arc: Value, insertion: Value) -> Value:
+        """How far the scope stands outside the lumen [m], or, where that does not matter, a bound above it."""
+        program = scopes.program
+        if self.measures_outside:
+            return self._measured_outside(scopes, room, arc, insertion)
+        found = program.variable(self._outside_bound(scopes, arc, insertion))
+        with program.when(found.value > ESCAPE_DEPTH):
+            found.value = self._measured_outside(scopes, room, arc, insertion)
+        return found.value
+
+    def _outside_bound(self, scopes: ScopeProgram, arc: Value, insertion: Value) -> Value:
+        """How far nodes stand outside beside the places where their links' first spheres are; none is nearer there."""
+        program = scopes.program
+        furthest, behind = program.variable(-_FAR), program.variable(scopes.scope("tip"))
+        beside_tip, near = program.variable(arc), program.variable(arc)
+
+        def judge(place: Vector, at: Value, behind: Value | float) -> None:
+            low, high = beside(arc, behind, moves=self.moves)
+            axis, width = scopes.station(at)
+            away = minus(place, axis)
+            apart = stands_out(program.xp, dot(away, away), width, scopes.scope("radius"))
+            apart = program.xp.where((at >= low) & (at <= high), apart, _FAR)
+            furthest.value = program.xp.where(
+                insertion > behind, program.xp.maximum(furthest.value, apart), furthest.value
+            )
+
+        judge(scopes.seen.vector(seen_slot("tip")), beside_tip.value, 0.0)
+        with program.loop(0, scopes.bodies, backwards=True) as body:
+            first, last = scopes.spheres_of(body)
+            with program.when(first < last):
+                near.value = scopes.state.load(scopes.layout.arcs + first)
+            judge(scopes.room.vector(scopes.origin_slot(body)), near.value, behind.value)
+            behind.value = behind.value + scopes.link(body, "offset")
+        return furthest.value
+
+    def _measured_outside(self, scopes: ScopeProgram, room: Lanes, arc: Value, insertion: Value) -> Value:
         """How far the scope stands outside the lumen [m]: as `haustra.envs.runs.measure.containment.outside`."""
         program = scopes.program
         xp, last = program.xp, scopes.length()

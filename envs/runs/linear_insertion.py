@@ -82,6 +82,7 @@ def _program(scene: Scene, tables: Tables, settings: FollowerSettings) -> Insert
         steps=steps,
         interval=steps * scene.options.timestep,
         longest=float(np.ceil(tables.step[0] * (tables.count[0] - 1))),
+        measures_outside=True,
     )
 
 

@@ -86,7 +86,7 @@ class Readings(NamedTuple):
     """Where the stations of the colon's centreline are now [m]; None of many scopes, and of a colon that is fixed."""
     wall_force_sum: Real[Any, "*worlds"] = None
     """Sum of the wall's normal forces [N]: unlike those on links, it does not depend on how long links are; None of
-    many scopes."""
+    many scopes but in linear time."""
 
     def checked(self) -> "Readings":
         """These readings, once their arrays are known to have the shapes said here.

@@ -1,6 +1,9 @@
 """Many scopes at once for studies: jobs become worlds, and worlds of a kind share a batch, whatever their numbers."""
 
+import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -15,7 +18,8 @@ from haustra.envs.sim.scope_reading import ScopeChain, read_chain, read_scope
 from haustra.envs.sim.scope_values import Scope
 from haustra.envs.study.halving import halved
 from haustra.envs.study.questions import Runner
-from haustra.envs.study.scope import SCORES, Setup, build_setup
+from haustra.envs.study.sampling import conditions_of, designs_of
+from haustra.envs.study.scope import SCORES, Setup, build_setup, prepare_colons
 from haustra.envs.study.scope_colons import StudyColons
 from haustra.envs.study.study import Job, Result, Study
 from haustra.errors import HaustraError
@@ -60,6 +64,7 @@ def runner(
     answer: Answer,
     can_share: Callable[[World, World], bool],
     threads: int = 1,
+    together: bool = False,
     out_of_memory: Callable[[Exception], bool] = lambda error: isinstance(error, MemoryError),
 ) -> Runner:
     """Answer jobs of a study in batches.
@@ -71,6 +76,7 @@ def runner(
         answer: runs a batch.
         can_share: whether two worlds can be in one batch.
         threads: on which colons are tabulated.
+        together: whether batches run side by side.
         out_of_memory: whether an exception says that a batch was too large.
     """
     colons = StudyColons(study, folder, threads=threads)
@@ -84,10 +90,31 @@ def runner(
                 worlds.append(_world(study, colons, job, backend, built))
             except HaustraError as error:
                 yield Result(job.id, "failed", reason=" ".join(str(error).split()))
-        for group in _groups(worlds, can_share):
-            yield from halved(lambda some: _answered(colons, some, seconds, answer), group, full=out_of_memory)
+        groups = list(_groups(worlds, can_share))
+
+        def answers(group: list[World]) -> list[Result]:
+            return halved(lambda some: _answered(colons, some, seconds, answer), group, full=out_of_memory)
+
+        with ThreadPoolExecutor(max(1, len(groups)) if together else 1) as pool:
+            for found in pool.map(answers, groups):
+                yield from found
 
     return run
+
+
+def prepare(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
+    """Grow the study's colons and tabulate them for all of its designs, on every core: workers read what they find.
+
+    Raises:
+        HaustraError: when a colon cannot be grown or read.
+    """
+    prepare_colons(study, folder, tell)
+    tell("tabulating colons")
+    conditions, radii = conditions_of(study)[0], set()
+    for design in designs_of(study):
+        with suppress(HaustraError):  # its jobs will say why
+            radii.add(build_setup(study, design, conditions).design.diameter / 2)
+    StudyColons(study, folder, threads=os.cpu_count() or 1).tabulate_for(radii)
 
 
 def options_of(worlds: Sequence[World]) -> dict[str, Any]:

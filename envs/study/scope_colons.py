@@ -1,9 +1,10 @@
 """The colons of a study of scopes, tabulated for every radius that its designs have."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, partial
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 
@@ -36,7 +37,14 @@ class StudyColons:
         self._base = find_design("adult" if study.base == "default" else study.base).diameter / 2
         self._moves, self._threads = bool(study.options["mesentery"]), threads
         self._surfaces = {name: cache(partial(LumenDistance, colon)) for name, colon in self.colons.items()}
+        self._tabulating = Lock()
         self._tables: dict[tuple[str, int], Tables] = {}
+
+    def tabulate_for(self, radii: Iterable[float]) -> None:
+        """Tabulate all colons for scopes of these radii [m], into the cache."""
+        steps = {round((radius - self._base) / RADIUS_STEP) for radius in radii}
+        with self._tabulating:
+            self._tabulate({(name, knot) for name in self.colons for step in steps for knot in _knots(step)})
 
     def stacked(self, asked: Sequence[tuple[str, float]]) -> tuple[Tables, list[Colon], np.ndarray]:
         """Tables of what worlds need, their colons, and which of them each world's is.
@@ -46,7 +54,8 @@ class StudyColons:
         """
         rows = [(name, round((radius - self._base) / RADIUS_STEP)) for name, radius in asked]
         kinds = sorted(set(rows))
-        self._tabulate({(name, knot) for name, step in kinds for knot in _knots(step)})
+        with self._tabulating:
+            self._tabulate({(name, knot) for name, step in kinds for knot in _knots(step)})
         tables = stack([self._between(*row) for row in kinds])
         return tables, [self.colons[name] for name, _ in kinds], np.array([kinds.index(row) for row in rows])
 

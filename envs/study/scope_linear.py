@@ -13,12 +13,11 @@ from haustra.envs.runs.tally import Insertions
 from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.scope_reading import stack_scopes
 from haustra.envs.study.questions import Backend, Runner
-from haustra.envs.study.scope import prepare_colons
-from haustra.envs.study.scope_batch import World, options_of, runner
+from haustra.envs.study.scope_batch import World, options_of, prepare, runner
 from haustra.envs.study.scope_colons import StudyColons
 from haustra.envs.study.study import Study
 
-_FEW, _MANY = 64, 8192
+_FEW, _MANY = 32, 8192
 """Jobs in one call: so many that a CPU's registers are full and progress shows; a GPU is full with thousands."""
 
 
@@ -30,6 +29,7 @@ def _start(study: Study, folder: Path, *, device: Literal["cpu", "cuda"]) -> Run
         answer=partial(_answer, device=device),
         can_share=_can_share,
         threads=1 if device == "cpu" else os.cpu_count() or 1,
+        together=device == "cuda",
     )
 
 
@@ -57,6 +57,6 @@ def _answer(
     return batch.run(seconds=seconds)
 
 
-LINEAR = Backend(start=partial(_start, device="cpu"), batch=_FEW, prepare=prepare_colons)
-LINEAR_GPU = Backend(start=partial(_start, device="cuda"), batch=_MANY, most_workers=1, prepare=prepare_colons)
+LINEAR = Backend(start=partial(_start, device="cpu"), batch=_FEW, prepare=prepare)
+LINEAR_GPU = Backend(start=partial(_start, device="cuda"), batch=_MANY, most_workers=1, prepare=prepare)
 """One process: it fills the device by itself."""

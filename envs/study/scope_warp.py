@@ -13,8 +13,7 @@ from haustra.envs.runs.tally import Insertions
 from haustra.envs.sim.device_arrays import on_device
 from haustra.envs.sim.device_backends import device_backend
 from haustra.envs.study.questions import Backend, Runner
-from haustra.envs.study.scope import prepare_colons
-from haustra.envs.study.scope_batch import World, options_of, runner
+from haustra.envs.study.scope_batch import World, options_of, prepare, runner
 from haustra.envs.study.scope_colons import StudyColons
 from haustra.envs.study.study import Study
 from haustra.errors import UnsupportedSceneError
@@ -52,7 +51,7 @@ def _answer(colons: StudyColons, worlds: Sequence[World], seconds: float) -> Ins
 def _prepare(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
     if study.options["mesentery"]:
         raise UnsupportedSceneError("Colons that move on their mesentery need the backend 'linear': name it.")
-    prepare_colons(study, folder, tell)
+    prepare(study, folder, tell)
 
 
 WARP = Backend(start=_start, batch=BATCH, most_workers=1, prepare=_prepare)

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float, Int
 from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.conditions import Conditions, Snapshot
 from haustra.envs.sim.linear.compile import Driver
+from haustra.envs.sim.linear.dual import with_slopes
 from haustra.envs.sim.linear.layout import AXIS, NODE, SEEN, WORLD, seen_slot
 from haustra.envs.sim.linear.pack import pack_axis, pack_design, pack_tables, structure_of
 from haustra.envs.sim.linear.place import CpuPlace, GpuPlace, Place
@@ -58,6 +59,7 @@ class LinearBackend(AbstractBackend):
         scopes: Scope | None = None,
         driver: Driver | None = None,
         width: Float[np.ndarray, " rows"] | None = None,
+        directions: int = 0,
     ) -> None:
         """Compile, or read what was compiled before.
 
@@ -72,9 +74,11 @@ class LinearBackend(AbstractBackend):
                 the scene's; that of the scene when None.
             driver: who drives within the program (`drive`); hands outside it when None (`step`).
             width: of the lumen at each row of the tables [m], for drivers that ask for it.
+            directions: along how many the derivatives of all numbers are carried (`gradients.Gradients`).
 
         Raises:
-            InvalidOptionError: when there is not one design a world, of the scene's joints and spheres.
+            InvalidOptionError: when there is not one design a world, of the scene's joints and spheres; when
+                derivatives are wanted on a GPU.
             MissingDependencyError: when there is no such device.
             UnsupportedSceneError: when the scene has what this backend cannot honour.
         """
@@ -90,9 +94,13 @@ class LinearBackend(AbstractBackend):
         self._layout, self._coils = replace(structure.layout, nodes=nodes), structure.coils
         self._places = int(structure.coils.max()) + 1
         self._first_link = seen_slot("coils") + 3 * self._places
-        program: dict[str, Any] = {"real": real, "timestep": scene.options.timestep}
+        if directions and device != "cpu":
+            raise InvalidOptionError("Derivatives are carried on a CPU only: leave the device out.")
+        self.directions = directions
+        room = self._layout.room + (driver.room if driver else 0)
+        program: dict[str, Any] = {"real": real, "timestep": scene.options.timestep, "room": room * (1 + directions)}
         program |= {"angles": tables.wall.shape[1], "one_design": not self._one_each, "moving": moving is not None}
-        program |= {"driver": driver, "room": self._layout.room + (driver.room if driver else 0)}
+        program |= {"driver": driver, **({"directions": directions} if directions else {})}
         self._place: Place = (
             CpuPlace(worlds=worlds, threads=min(threads, worlds), **program)
             if device == "cpu"
@@ -112,6 +120,7 @@ class LinearBackend(AbstractBackend):
             "wall": wall,
             "axis": np.zeros((1, len(AXIS))) if moving is None else pack_axis(moving),
         }
+        values |= {name: with_slopes(each, directions) for name, each in values.items() if self._has_slopes(name)}
         self._held = {name: self._place.hold(each) for name, each in values.items()}
         self._case = np.zeros(worlds, int)
         one, options = np.ones(blocks * lanes), scene.options
@@ -152,6 +161,17 @@ class LinearBackend(AbstractBackend):
                 self._put("state", worlds, slot, conditions.roll)
         self._run(0)
 
+    def redesign(self, scopes: Scope) -> None:
+        """Give each world another design of the same joints and spheres, before a reset.
+
+        Raises:
+            InvalidOptionError: when the worlds had one design all together.
+        """
+        if not self._one_each:
+            raise InvalidOptionError("These worlds share one design: give each its own from the beginning.")
+        self._scope, held = scopes, self._held["design"].change()
+        held[:, : self.numbers("design").shape[1]] = self._designs(len(held))
+
     def _designs(self, blocks: int) -> np.ndarray:
         """The one design, or those of blocks of worlds."""
         packed, lanes = pack_design(self._scope, self._chain), self._place.lanes
@@ -159,6 +179,20 @@ class LinearBackend(AbstractBackend):
             return packed[0]
         rows = packed[np.minimum(np.arange(blocks * lanes), self.worlds - 1)]
         return np.swapaxes(rows.reshape(blocks, lanes, -1), 1, 2)
+
+    def _has_slopes(self, name: str) -> bool:
+        return name in ("state", "worlds", "driver", "seen") or (name == "design" and self._one_each)
+
+    def numbers(self, name: str) -> Float[np.ndarray, "blocks slots lanes"]:
+        """An array of the program's, by its name in `ARGUMENTS`, without what derivatives there are behind."""
+        held = self._held[name].read()
+        return held[:, : held.shape[1] // (1 + self.directions)]
+
+    def slopes(self, name: str) -> Float[np.ndarray, "blocks slots directions lanes"]:
+        """Derivatives of an array of the program's, by its name in `ARGUMENTS`, to be written to."""
+        held = self._held[name].change()
+        slots = held.shape[1] // (1 + self.directions)
+        return held[:, slots:].reshape(len(held), slots, self.directions, -1)
 
     def _put(self, name: str, worlds: np.ndarray, slot: int, values: Any) -> None:
         block, lane = np.divmod(worlds, self._place.lanes)
@@ -171,6 +205,11 @@ class LinearBackend(AbstractBackend):
             .reshape(-1, stop - start)[: self.worlds]
             .astype(float)
         )
+
+    def _slopes_of_worlds(self, name: str, start: int, stop: int) -> np.ndarray:
+        """Derivatives of slots of all worlds (worlds, directions, slots)."""
+        own = np.moveaxis(self.slopes(name)[:, start:stop], 3, 1)
+        return np.swapaxes(own.reshape(-1, *own.shape[2:])[: self.worlds], 1, 2)
 
     def step(self, inputs: Controls, count: int) -> Bool[np.ndarray, " worlds"]:
         """Advance all worlds by `count` time steps; False for those that have diverged, which stand still from then.
@@ -213,7 +252,7 @@ class LinearBackend(AbstractBackend):
 
     def driver_numbers(self) -> Float[np.ndarray, "worlds slots"]:
         """What the driver keeps of each world."""
-        return self._of_worlds("driver", 0, self._held["driver"].read().shape[1])
+        return self._of_worlds("driver", 0, self.numbers("driver").shape[1])
 
     def _run(self, count: int) -> None:
         layout = self._layout
@@ -227,30 +266,50 @@ class LinearBackend(AbstractBackend):
         read = self.readings(self._of_worlds("state", 0, layout.axis), seen)
         return read._replace(displacement=self.displacement)
 
+    def read_slopes(self) -> Readings:
+        """Derivatives of what is read off, along each direction: all arrays have axes of worlds and directions."""
+        layout = self._layout
+        state, seen = (self._slopes_of_worlds(name, 0, self.numbers(name).shape[1]) for name in ("state", "seen"))
+        read = self.readings(state[..., : layout.axis], seen, start=0.0)
+        if not layout.nodes:
+            return read
+        axes = state[..., layout.axis :].reshape(*state.shape[:2], layout.nodes, NODE)
+        return read._replace(displacement=axes[..., :3])
+
     def row(self) -> "Row":
         """All numbers of the first world, as they lie in memory."""
         return Row(*(self._held[name].read()[0, :, 0].copy() for name in Row._fields))
 
-    def readings(self, state: Float[np.ndarray, "rows _"], seen: Float[np.ndarray, "rows slots"]) -> Readings:
-        """What rows of states and of what was read off say; displacements are left out."""
+    def readings(
+        self, state: Float[np.ndarray, "*rows _"], seen: Float[np.ndarray, "*rows slots"], *, start: Any = None
+    ) -> Readings:
+        """What rows of states and of what was read off say; displacements are left out.
+
+        Args:
+            state: of the program.
+            seen: of the program.
+            start: length of scope past the anus before any was pushed in [m]; that of the designs when None.
+        """
         layout, chain = self._layout, self._chain
-        parts = {name: seen[:, seen_slot(name) :][:, :count] for name, count in SEEN}
-        up, left = (state[:, dofs].sum(axis=1) for dofs in chain.bend_dofs)
+        parts = {name: seen[..., seen_slot(name) :][..., :count] for name, count in SEEN}
+        up, left = (state[..., dofs].sum(axis=-1) for dofs in chain.bend_dofs)
+        leading = state.shape[:-1]
         return Readings(
-            time=state[:, layout.time],
-            insertion=self._scope.start + state[:, 0],
-            roll=state[:, 1],
-            hand_lead=state[:, layout.hand] - state[:, 0],
+            time=state[..., layout.time],
+            insertion=(self._scope.start if start is None else start) + state[..., 0],
+            roll=state[..., 1],
+            hand_lead=state[..., layout.hand] - state[..., 0],
             tip=parts["tip"],
-            tip_frame=parts["tip_frame"].reshape(-1, 3, 3),
-            tip_arc=state[:, layout.arcs + layout.spheres],
+            tip_frame=parts["tip_frame"].reshape(*leading, 3, 3),
+            tip_arc=state[..., layout.arcs + layout.spheres],
             bend=np.stack([up, -left], axis=-1),
-            push_force=parts["push_force"][:, 0],
-            torque=parts["torque"][:, 0],
+            push_force=parts["push_force"][..., 0],
+            torque=parts["torque"][..., 0],
             tip_force=parts["tip_force"],
-            link_forces=seen[:, self._first_link :],
-            deepest=parts["deepest"][:, 0],
-            coils=seen[:, seen_slot("coils") : self._first_link].reshape(len(seen), -1, 3)[:, self._coils],
+            link_forces=seen[..., self._first_link :],
+            deepest=parts["deepest"][..., 0],
+            coils=seen[..., seen_slot("coils") : self._first_link].reshape(*leading, -1, 3)[..., self._coils, :],
+            wall_force_sum=state[..., layout.normals : layout.hand].sum(axis=-1),
         )
 
     def state(self) -> State:

@@ -4,12 +4,14 @@ import ctypes
 import functools
 import hashlib
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import llvmlite.binding as llvm
 import numpy as np
 from llvmlite import ir
 
+from haustra.envs.sim.linear.dual import DualLanes, DualProgram
 from haustra.envs.sim.linear.layout import WORLD, Layout, design_slots, seen_slot
 from haustra.envs.sim.linear.memory import Lanes, Rows, Shared
 from haustra.envs.sim.linear.program import ARGUMENTS, COUNTS, ScopeProgram
@@ -53,6 +55,7 @@ def write_program(
     one_design: bool,
     moving: bool,
     driver: Driver | None = None,
+    directions: int = 0,
 ) -> str:
     """A control step of blocks of worlds on a CPU, in LLVM's language.
 
@@ -64,8 +67,9 @@ def write_program(
         one_design: whether all worlds have the same design; else each has its own.
         moving: whether colons move on their mesentery.
         driver: who decides what the hands ask for; None: that is given. `steps` of `COUNTS` are then decisions.
+        directions: along how many the derivatives of all numbers are carried.
     """
-    program, arrays, counts, (steps, first, last) = _begun(lanes, real)
+    program, arrays, counts, (steps, first, last) = _begun(lanes, real, directions=directions)
     with program.loop(first, last) as block:
         own = _Worlds(program, arrays, counts, driver, block=block, stride=lanes)
         _step(program, own.arrays(angles, one_design, moving, room_of_block=False), counts, timestep, steps, driver)
@@ -96,10 +100,14 @@ def write_kernel(
     return program.finish()
 
 
-def _begun(lanes: int, real: Any, *, approximate: bool = False) -> tuple[Program, dict[str, Any], Any, list[Value]]:
+def _begun(
+    lanes: int, real: Any, *, approximate: bool = False, directions: int = 0
+) -> tuple[Program, dict[str, Any], Any, list[Value]]:
     """A program without anything in it, its arrays, what it counts, and its last arguments."""
     kinds = [ir.PointerType()] * len(ARGUMENTS) + [INDEX] * len(COUNTS)
-    program = Program("advance", kinds, lanes=lanes, real=np.dtype(real), approximate=approximate)
+    about: dict[str, Any] = {"lanes": lanes, "real": np.dtype(real), "approximate": approximate}
+    kind = functools.partial(DualProgram, directions=directions) if directions else Program
+    program = kind("advance", kinds, **about)
     arguments = program.function.args
     *counts, steps, first, last = (Value(program, each) for each in arguments[len(ARGUMENTS) :])
     return program, dict(zip(ARGUMENTS, arguments, strict=False)), tuple(counts), [steps, first, last]
@@ -149,7 +157,7 @@ class _Worlds:
     def arrays(self, angles: int, one_design: bool, moving: bool, *, room_of_block: bool) -> dict[str, Any]:
         program, given = self._program, self._arrays
         own: dict[str, Any] = {name: self._lanes(name) for name in ("state", "worlds", "seen", "driver")}
-        own["room"] = self._lanes("room") if room_of_block else Lanes(program, given["room"], self._stride)
+        own["room"] = self._lanes("room") if room_of_block else self._from(given["room"], "room")
         own["design"] = Shared(program, given["design"]) if one_design else self._lanes("design")
         own["structure"] = Shared(program, given["structure"], whole=True)
         tables = {"stations": Rows(program, given["stations"], 4), "wall": (Rows(program, given["wall"], 1), angles)}
@@ -157,11 +165,20 @@ class _Worlds:
 
     def _lanes(self, name: str) -> Lanes:
         program, builder = self._program, self._program.builder
-        size = builder.sext((self._sizes[name] * self._stride).written, LONG)
+        slots = self._sizes[name]
+        if isinstance(program, DualProgram):
+            slots = slots * (1 + program.directions)
+        size = builder.sext((slots * self._stride).written, LONG)
         start = builder.mul(size, builder.sext(self._block.written, LONG))
         if self._lane is not None:
             start = builder.add(start, builder.sext(self._lane.written, LONG))
-        return Lanes(program, builder.gep(self._arrays[name], [start], source_etype=program.real), self._stride)
+        return self._from(builder.gep(self._arrays[name], [start], source_etype=program.real), name)
+
+    def _from(self, base: Any, name: str) -> Lanes:
+        program = self._program
+        if isinstance(program, DualProgram):
+            return DualLanes.behind(program, base, self._stride, slots=self._sizes[name])
+        return Lanes(program, base, self._stride)
 
 
 def _machine() -> Any:
@@ -184,8 +201,7 @@ def compiled(text: str) -> tuple[Any, Callable[..., None]]:
 def engine_of(text: str) -> Any:
     """LLVM's engine with the machine code of a program, new or kept from before."""
     machine = _machine()
-    about = (text, llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten(), str(llvm.llvm_version_info))
-    path = cache.cache_folder() / "linear" / f"{hashlib.sha256(chr(10).join(about).encode()).hexdigest()[:32]}.o"
+    path = _kept_at(f"{text}{llvm.get_host_cpu_name()}{llvm.get_host_cpu_features().flatten()}", "o")
     kept = cache.read(path)
     module = _module(text, machine, optimised=kept is None)
     engine = llvm.create_mcjit_compiler(module, machine)
@@ -196,11 +212,22 @@ def engine_of(text: str) -> Any:
 
 def assembled(text: str, *, architecture: str = "sm_80") -> str:
     """A kernel (`write_kernel`) in the language of NVIDIA's drivers, which finish it for the processor they drive."""
+    path = _kept_at(f"{text}{architecture}", "ptx")
+    if kept := cache.read(path):
+        return kept.decode()
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     target = llvm.Target.from_triple("nvptx64-nvidia-cuda")
     machine = target.create_target_machine(cpu=architecture, opt=3)
-    return machine.emit_assembly(_module(text, machine, optimised=True))
+    found = machine.emit_assembly(_module(text, machine, optimised=True))
+    cache.keep(path, found.encode())
+    return found
+
+
+def _kept_at(about: str, kind: str) -> Path:
+    """Where what was compiled is kept."""
+    key = hashlib.sha256(f"{about}{llvm.llvm_version_info}".encode()).hexdigest()[:32]
+    return cache.cache_folder() / "linear" / f"{key}.{kind}"
 
 
 def _module(text: str, machine: Any, *, optimised: bool) -> Any:

@@ -10,11 +10,12 @@ import numpy as np
 from haustra.errors import MissingDependencyError
 
 _OUT_OF_MEMORY = 2
+"""CUDA_ERROR_OUT_OF_MEMORY."""
 
 
 @cache
-def _driver() -> Any:
-    """The driver, with the first device's context current.
+def _driver() -> tuple[Any, Any]:
+    """The driver, and the first device's context.
 
     Raises:
         MissingDependencyError: when there is no device or no driver.
@@ -28,15 +29,23 @@ def _driver() -> Any:
         library.cuInit(0),
         library.cuDeviceGet(ctypes.byref(device), 0),
         library.cuDevicePrimaryCtxRetain(ctypes.byref(context), device),
-        library.cuCtxSetCurrent(context),
     ):
         if code:
             raise MissingDependencyError(f"NVIDIA's driver found no device (error {code}): use the CPU.")
-    return library
+    return library, context
+
+
+_STREAM = ctypes.c_void_p(2)
+"""CU_STREAM_PER_THREAD: what several threads launch runs side by side."""
+
+
+def _wait() -> None:
+    _call("cuStreamSynchronize", _STREAM)
 
 
 def _call(name: str, *arguments: Any) -> None:
-    driver = _driver()
+    driver, context = _driver()
+    driver.cuCtxSetCurrent(context)  # of this thread
     code = getattr(driver, name)(*arguments)
     if code:
         text = ctypes.c_char_p()
@@ -68,17 +77,21 @@ class DeviceArray:
     def put(self, values: np.ndarray) -> None:
         """Copy values of the same shape there."""
         own = np.ascontiguousarray(values, self.dtype)
-        _call("cuMemcpyHtoD_v2", self._pointer, ctypes.c_void_p(own.ctypes.data), ctypes.c_size_t(own.nbytes))
+        size = ctypes.c_size_t(own.nbytes)
+        _call("cuMemcpyHtoDAsync_v2", self._pointer, ctypes.c_void_p(own.ctypes.data), size, _STREAM)
+        _wait()
 
     def get(self) -> np.ndarray:
         """Copy them here."""
         own = np.empty(self.shape, self.dtype)
-        _call("cuMemcpyDtoH_v2", ctypes.c_void_p(own.ctypes.data), self._pointer, ctypes.c_size_t(own.nbytes))
+        size = ctypes.c_size_t(own.nbytes)
+        _call("cuMemcpyDtoHAsync_v2", ctypes.c_void_p(own.ctypes.data), self._pointer, size, _STREAM)
+        _wait()
         return own
 
     def __del__(self) -> None:
         if getattr(self, "_pointer", None):
-            _driver().cuMemFree_v2(self._pointer)
+            _driver()[0].cuMemFree_v2(self._pointer)
 
 
 class Kernel:
@@ -91,7 +104,6 @@ class Kernel:
             RuntimeError: when it cannot.
         """
         module, self._function = ctypes.c_void_p(), ctypes.c_void_p()
-        _driver()
         _call("cuModuleLoadData", ctypes.byref(module), assembly.encode())
         _call("cuModuleGetFunction", ctypes.byref(self._function), module, name.encode())
 
@@ -107,9 +119,9 @@ class Kernel:
         own = [ctypes.c_uint64(array.pointer) for array in arrays] + [ctypes.c_int32(count) for count in counts]
         arguments = (ctypes.c_void_p * len(own))(*(ctypes.addressof(each) for each in own))
         size = (-(-threads // group), 1, 1, group, 1, 1, 0)
-        _call("cuLaunchKernel", self._function, *size, None, arguments, None)
+        _call("cuLaunchKernel", self._function, *size, _STREAM, arguments, None)
 
     @staticmethod
     def wait() -> None:
-        """Until all that was launched is done."""
-        _call("cuCtxSynchronize")
+        """Until all that this thread launched is done."""
+        _wait()

@@ -27,12 +27,12 @@ class Lanes:
         """The number there."""
         program = self._program
         kind = program.real if program.lanes == 1 else ir.VectorType(program.real, program.lanes)
-        return Value(program, program.builder.load(self._place(slot), typ=kind, align=_size(program)))
+        return Value(program, program.builder.load(self._place(slot), typ=kind, align=size_of(program)))
 
     def store(self, slot: Number, value: Number) -> None:
         """Put a number there."""
         program = self._program
-        program.builder.store(program.spread(value), self._place(slot), align=_size(program))
+        program.builder.store(program.spread(value), self._place(slot), align=size_of(program))
 
     def from_slot(self, slot: Number) -> "Lanes":
         """These numbers, counted from a slot on."""
@@ -125,7 +125,7 @@ class Rows:
 
         def loaded(at: Any) -> Any:
             pointer = builder.gep(self._base, [at], source_etype=four)
-            return builder.load(pointer, typ=four, align=4 * _size(program))
+            return builder.load(pointer, typ=four, align=4 * size_of(program))
 
         lanes = place.lanes
         if lanes == 1:
@@ -158,5 +158,6 @@ _TURN_LOW, _TURN_HIGH = (0, 4, 1, 5), (2, 6, 3, 7)
 _FIRST_HALF, _SECOND_HALF = (0, 1, 4, 5), (2, 3, 6, 7)
 
 
-def _size(program: Program) -> int:
+def size_of(program: Program) -> int:
+    """Bytes of a real number."""
     return 8 if isinstance(program.real, ir.DoubleType) else 4

@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from threading import Lock
 from typing import Any, Protocol
 
 import numpy as np
@@ -65,13 +67,14 @@ class CpuPlace:
         """Compile a program, or read what was compiled before.
 
         Args:
-            worlds: how many; one alone has no lanes to fill.
+            worlds: how many; one alone has no lanes to fill, nor are any left where derivatives fill them.
             threads: that share the blocks.
             real: precision.
             room: slots of a block to work in.
             program: the rest of what `write_program` wants.
         """
-        self._real, self.lanes = np.dtype(real), lanes_of(real) if worlds > 1 else 1
+        alone = worlds == 1 or program.get("directions", 0) > lanes_of(real)
+        self._real, self.lanes = np.dtype(real), 1 if alone else lanes_of(real)
         self._engine, self._function = compiled(write_program(lanes=self.lanes, real=real, **program))
         self._rooms = [_Here(aligned(np.zeros((room, self.lanes)), real)) for _ in range(threads)]
         self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
@@ -126,6 +129,20 @@ class _There:
         return self.there
 
 
+_MAKING = Lock()
+
+
+@cache
+def _made(text: str) -> Kernel:
+    return Kernel(assembled(text), "advance")
+
+
+def _kernel(**program: Any) -> Kernel:
+    """The kernel of a program, made once in a process, whichever threads ask for it."""
+    with _MAKING:
+        return _made(write_kernel(**program))
+
+
 class GpuPlace:
     """The first NVIDIA GPU; a thread steps a world."""
 
@@ -144,7 +161,7 @@ class GpuPlace:
             MissingDependencyError: when there is no such GPU.
         """
         self._real = np.dtype(real)
-        self._kernel = Kernel(assembled(write_kernel(real=real, **program)), "advance")
+        self._kernel = _kernel(real=real, **program)
         self._room = DeviceArray(np.zeros((-(-worlds // WARP), room, WARP), self._real))
 
     def hold(self, values: np.ndarray) -> _There:

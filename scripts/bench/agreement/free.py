@@ -79,6 +79,21 @@ def natively(trial: Trial) -> Motion:
     return np.array(seen)
 
 
+def by_linear(trial: Trial) -> Motion:
+    """The chain in linear time, on the CPU in single precision, with a wall as soft as air."""
+    from haustra.envs.sim.conditions import Conditions
+    from haustra.envs.sim.linear.backend import LinearBackend
+    from haustra.envs.sim.state import Controls
+
+    backend, one = LinearBackend(trial.scene, _open_space(trial.scene), worlds=1), np.ones(1)
+    backend.reset(np.zeros(1, int), np.zeros(1, int), Conditions(0 * one, 1e-9 * one, one))
+    seen = []
+    for look in range(_LOOKS):
+        backend.step(Controls(0 * one, 0 * one, np.array([[trial.pulled(look), 0.0, 0.0, 0.0]])), _EVERY)
+        seen.append(backend.positions()[0])
+    return np.array(seen)
+
+
 def by_jax(trial: Trial) -> Motion:
     """The chain in JAX, on its device in single precision, with a wall as soft as air."""
     import jax

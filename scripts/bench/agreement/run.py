@@ -5,14 +5,15 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from haustra.envs.sim.device_backends import DEVICE_BACKENDS
 from haustra.envs.tasks.bank import ColonSet
-from haustra.scripts.bench.agreement.free import Mover, by_jax, by_warp, compare_free, trials
+from haustra.scripts.bench.agreement.free import Mover, by_jax, by_linear, by_warp, compare_free, trials
 from haustra.scripts.bench.agreement.insertions import Runs, compare_insertions, insertions
 from haustra.scripts.bench.agreement.pads import NO_SURFACE_SPEED, compare_pads
 from haustra.scripts.bench.agreement.row import Agreement
 from haustra.scripts.bench.machine import machine
 
+BACKENDS = ("linear", "jax", "warp")
+"""What is held against the native backend."""
 PARTS = ("free", "pads", "insertions")
 _MISSING = "not installed here: pip install 'haustra[{}]'"
 
@@ -27,7 +28,7 @@ def compare_backends(
     bank: ColonSet,
     parts: Sequence[str],
     *,
-    backends: Sequence[str] = DEVICE_BACKENDS,
+    backends: Sequence[str] = BACKENDS,
     mesentery: Sequence[bool] = (False, True),
     seeds: int,
     seconds: float,
@@ -41,7 +42,7 @@ def compare_backends(
     Args:
         bank: colons and scope.
         parts: of `PARTS`.
-        backends: of `DEVICE_BACKENDS`.
+        backends: of `BACKENDS`.
         mesentery: kinds of colons for insertions: fixed, on their mesentery.
         seeds: of insertions.
         seconds: longest insertion [s].
@@ -50,12 +51,13 @@ def compare_backends(
         device: as Warp names it.
         progress: told parts done.
     """
-    absent: dict[str, str] = dict.fromkeys(set(DEVICE_BACKENDS) - set(backends), "not asked for") | absent_backends()
+    absent: dict[str, str] = dict.fromkeys(set(BACKENDS) - set(backends), "not asked for") | absent_backends()
     rows = []
     for done, part in enumerate(parts):
         progress(done, part)
         if part == "free":
             movers: dict[str, Mover | str] = {
+                "linear": by_linear,
                 "jax": by_jax,
                 "warp": lambda trial: by_warp(trial, device=device),
                 **absent,
@@ -63,7 +65,7 @@ def compare_backends(
             for trial in trials(bank.cases[0].colon(), bank.design):
                 rows += compare_free(trial, movers)
         elif part == "pads":
-            rows += compare_pads({"jax": NO_SURFACE_SPEED, **absent}, device=device)
+            rows += compare_pads({"linear": NO_SURFACE_SPEED, "jax": NO_SURFACE_SPEED, **absent}, device=device)
         else:
             for hung in mesentery:
                 rows += _insertions(
@@ -83,16 +85,14 @@ def compare_backends(
 def _insertions(bank: ColonSet, absent: dict[str, str], *, mesentery: bool, **asked: Any) -> list[Agreement]:
     """Rows for one kind of colon; where the native backend refuses it, there is nothing to compare with."""
     known = "nothing to compare"
-    if len(absent) < len(DEVICE_BACKENDS):
+    if len(absent) < len(BACKENDS):
         known = insertions(bank, backend="native", mesentery=mesentery, **asked)
     if isinstance(known, str):
-        refused: dict[str, Runs | str] = {
-            backend: absent.get(backend, f"native: {known}") for backend in DEVICE_BACKENDS
-        }
+        refused: dict[str, Runs | str] = {backend: absent.get(backend, f"native: {known}") for backend in BACKENDS}
         return compare_insertions(None, refused, mesentery=mesentery)
     found = {
         backend: absent.get(backend) or insertions(bank, backend=backend, mesentery=mesentery, **asked)
-        for backend in DEVICE_BACKENDS
+        for backend in BACKENDS
     }
     return compare_insertions(known, found, mesentery=mesentery)
 

@@ -20,7 +20,7 @@ class BenchAgreement:
 
     parts: str = "free,pads,insertions"
     """What to compare, separated by commas: free (a scope without a wall), pads (of a track), insertions."""
-    backends: str = "jax,warp"
+    backends: str = "linear,jax,warp"
     """That are held against the native one, of those that are installed, separated by commas."""
     seeds: int = whole(3, 1_000_000, default=256)
     """Insertions on each backend; each draws its own colon, friction, stiffness and start."""
@@ -45,21 +45,20 @@ class BenchAgreement:
         """Compare."""
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-        from haustra.envs.sim.device_backends import DEVICE_BACKENDS
         from haustra.envs.tasks.bank import grown_bank
         from haustra.errors import InvalidOptionError
         from haustra.files import prepare_folder, write_json
         from haustra.models.devices.scope.library import named_design
         from haustra.scripts.bench.agreement.row import table
-        from haustra.scripts.bench.agreement.run import PARTS, compare_backends, devices
+        from haustra.scripts.bench.agreement.run import BACKENDS, PARTS, compare_backends, devices
         from haustra.scripts.console import progress_bar
 
         parts = [part.strip() for part in self.parts.split(",")]
         if unknown := [part for part in parts if part not in PARTS]:
             raise InvalidOptionError(f"Part '{unknown[0]}' is not known. Known: {', '.join(PARTS)}.")
         backends = [backend.strip() for backend in self.backends.split(",")]
-        if unknown := [backend for backend in backends if backend not in DEVICE_BACKENDS]:
-            raise InvalidOptionError(f"Backend '{unknown[0]}' is not known. Known: {', '.join(DEVICE_BACKENDS)}.")
+        if unknown := [backend for backend in backends if backend not in BACKENDS]:
+            raise InvalidOptionError(f"Backend '{unknown[0]}' is not known. Known: {', '.join(BACKENDS)}.")
         folder = prepare_folder(self.output) if self.output else None
         processes = self.processes or os.cpu_count() or 1
         with progress_bar("grow", self.colons, unit="colons") as advance:

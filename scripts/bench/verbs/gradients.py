@@ -1,0 +1,66 @@
+"""`haustra bench gradients`: derivatives in linear time, held against differences, timed, and put to use."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True)
+class BenchGradients:
+    """Derivatives of scopes in linear time: how exact, at what cost, until when; a stiffness profile by gradient."""
+
+    seconds: float = 60.0
+    """Processor time of the search by gradient [s]."""
+    seeds: int = 4
+    """Searches by Optuna, each with a seed of its own; 0: no search at all."""
+    patience: float = 2.0
+    """How many times as long Optuna may search."""
+    picture: Path | None = None
+    """Draw the searches, their profiles and the horizons there."""
+    json: bool = field(default=False)
+    """Print one JSON document instead of a table."""
+
+    def __call__(self) -> dict[str, Any]:
+        """Fixed colons, then colons on their mesentery."""
+        from haustra.errors import InvalidOptionError
+
+        if self.seconds <= 0 or self.seeds < 0 or self.patience < 1:
+            raise InvalidOptionError("--seconds must be positive, --seeds not negative, --patience at least 1.")
+        found = {"fixed": self._of(mesentery=False), "mesentery": self._of(mesentery=True)}
+        if self.picture:
+            from haustra.scripts.bench.pages.gradients_figure import draw
+
+            draw(found, self.picture)
+        return found
+
+    def _of(self, *, mesentery: bool) -> dict[str, Any]:
+        import numpy as np
+
+        from haustra.scripts.bench import gradients, stiffness_profile
+        from haustra.scripts.bench.linear import bank_of
+        from haustra.scripts.console import progress_bar
+
+        with progress_bar("mesentery" if mesentery else "fixed", 3 + 1 + self.seeds, unit="parts") as advance:
+            exact = gradients.agreement(bank_of(40, mesentery=mesentery))
+            advance(1, f"derivatives within {max(each.error for each in exact):.1g}")
+            bank = bank_of(80, mesentery=mesentery)
+            cost = gradients.costs(bank, (1, 4, 8))
+            advance(2, f"{cost[-1].plain_steps:.1f} plain steps a step along 8 directions")
+            wide = stiffness_profile.Problem(bank, frictions=np.linspace(0.05, 0.12, 8), seconds=24.0)
+            far = stiffness_profile.horizons(wide, (8.0, 12.0, 16.0, 20.0, 24.0))
+            advance(3, f"{far[-1].off_mean:.2g} off after {far[-1].seconds:.0f} s")
+            searches = []
+            if self.seeds:
+                problem = stiffness_profile.Problem(bank)
+                searches.append(stiffness_profile.by_gradient(problem, seconds=self.seconds))
+                advance(4, f"{searches[0].best[-1]:.2f} N by gradient")
+                for seed in range(self.seeds):
+                    longer = self.seconds * self.patience
+                    searches.append(stiffness_profile.by_optuna(problem, seconds=longer, seed=seed))
+                    advance(5 + seed, f"{searches[-1].best[-1]:.2f} N by Optuna")
+        return {
+            "agreement": [vars(each) for each in exact],
+            "cost": [vars(each) for each in cost],
+            "horizon": [vars(each) for each in far],
+            "search": [vars(each) | {"profile": each.profile.tolist()} for each in searches],
+        }
