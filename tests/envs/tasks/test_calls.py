@@ -88,9 +88,9 @@ def test_many_worlds_are_called_alike() -> None:
     vector.reset(seed=0)
     with pytest.raises(InvalidOptionError, match="shape"):
         vector.step(np.zeros((2, 3)))
-    for own, message in (({"num_envs": 0}, "worlds is 0"), ({"num_envs": 2, "threads": 0}, "threads is 0")):
+    for worlds, threads, message in ((0, 1, "worlds is 0"), (2, 0, "threads is 0")):
         with pytest.raises(InvalidOptionError, match=message):
-            NavigationVectorEnv(**own, bank=short_bank())
+            NavigationVectorEnv(worlds, threads=threads, bank=short_bank())
     vector.close()
 
 
