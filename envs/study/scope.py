@@ -3,8 +3,10 @@
 import os
 import shutil
 from collections.abc import Callable, Mapping
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Literal, cast
 
@@ -221,19 +223,32 @@ def _table(folder: Path, name: str, radius: float, moves: bool) -> LumenTable:
 
 
 def prepare_colons(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
-    """Grow the study's colons that are missing; each appears at once.
+    """Grow the study's colons that are missing, on every core; each appears at once.
 
     Raises:
         HaustraError: when a colon cannot be grown.
     """
-    for name in map(str, study.conditions["colon"]):
-        place = colon_folder(folder, name)
-        if name.startswith("grown-") and not (place / METADATA).is_file():
+    named = {name: colon_folder(folder, name) for name in map(str, study.conditions["colon"])}
+    missing = {
+        name: place for name, place in named.items() if name.startswith("grown-") and not (place / METADATA).is_file()
+    }
+    processes = min(len(missing), os.cpu_count() or 1)
+    if processes < 2:
+        for name, place in missing.items():
             tell(f"growing {name}")
-            half = place.with_name(f".{name}.{os.getpid()}")
-            save_colon(grow_colon(seed=int(name.removeprefix("grown-"))), half)
-            shutil.rmtree(place, ignore_errors=True)
-            half.rename(place)
+            _grow(name, place)
+        return
+    tell(f"growing {len(missing)} colons")
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        for grown in [pool.submit(_grow, name, place) for name, place in missing.items()]:
+            grown.result()
+
+
+def _grow(name: str, place: Path) -> None:
+    half = place.with_name(f".{name}.{os.getpid()}")
+    save_colon(grow_colon(seed=int(name.removeprefix("grown-"))), half)
+    shutil.rmtree(place, ignore_errors=True)
+    half.rename(place)
 
 
 def prepare(study: Study, folder: Path, tell: Callable[[str], None]) -> None:

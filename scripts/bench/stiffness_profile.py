@@ -19,10 +19,11 @@ from haustra.envs.control.follower import FollowerSettings, Steering
 from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.linear.gradients import Direction, Gradients
-from haustra.envs.sim.scope_bank import ScopeBank
+from haustra.envs.sim.scope_bank import ScopeBank, build_bank
 from haustra.envs.sim.scope_reading import read_chain, read_scope, stack_scopes
 from haustra.envs.sim.scope_values import Scope
 from haustra.envs.sim.state import Controls, Readings
+from haustra.models.anatomy.grown import grow_colon
 
 ZONES = 8
 """Zones of the profile, each of one EI."""
@@ -36,10 +37,12 @@ FRICTIONS = 0.06, 0.1
 """Each colon is entered with each of these coefficients [1]."""
 SHORTFALL = 200.0
 """What a metre of reach less than that of the design that ships costs [N/m]: as much as 0.2 N of force a millimetre.
-Engineering choice: no profile that was found pays it."""
+Engineering choice."""
 
 _INTERVAL = 0.04
 """The hand changes its mind so often [s]."""
+_UNSEEN = 2, 3
+"""Seeds of the colons in which what was found is tried out."""
 _RATE, _DECAY = 0.2, 0.9
 """Step of Adam in logarithms of EI, and what is left of it after each step."""
 
@@ -160,6 +163,14 @@ class Problem:
             script.append(Controls(*(np.array(part) for part in asked)))
             backend.step(script[-1], self._count)
         return script, backend.read().tip_arc
+
+
+def elsewhere(bank: ScopeBank, searches: Sequence[Search]) -> list[float]:
+    """Objectives in colons that were not searched in [N]: of the design that ships, then of what each search found."""
+    colons = [grow_colon(seed=seed) for seed in _UNSEEN]
+    problem = Problem(build_bank(colons, bank.scene.design, bank.scene.options))
+    profiles = [np.ones(ZONES), *(each.profile for each in searches)]
+    return [problem.value(np.log(profile))[0] for profile in profiles]
 
 
 def held_back(

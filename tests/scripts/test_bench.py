@@ -60,3 +60,9 @@ def test_the_page_shows_every_figure(small_folder, capsys):
     page = cable_page([["a figure", "1.01", "1", "0.01", "0.02"]], rods, cost)
     assert "| a figure | 1.01 | 1 | 1.00% | 2.00% |" in page
     assert f"{100 * rods['rows'][0]['statics_mean_tip_error']:.3f} %" in page
+
+
+@pytest.mark.parametrize("option", ["--seconds=0", "--seeds=-1", "--patience=0.5"])
+def test_impossible_searches_by_gradient_are_refused(option, capsys):
+    assert main(["bench", "gradients", option, "--json"]) == BAD_INPUT
+    assert "--patience" in capsys.readouterr().err

@@ -8,6 +8,7 @@ from typing import Any
 from haustra.scripts.bench.stiffness_profile import BEHIND, ZONES
 
 _KINDS = {"fixed": "fixed colons", "mesentery": "colons on their mesentery"}
+_TICKS = 0.3, 0.5, 1.0, 2.0, 3.0
 _GRADIENT, _OTHERS = "#c9731b", "#2f5d8a"
 
 
@@ -27,10 +28,12 @@ def draw(found: dict[str, Any], path: Path) -> Path:
             label = "gradient" if first else "Optuna, each seed" if number == 1 else None
             search.step(each["seconds"], each["best"], where="post", label=label, **style)
             profile.stairs(each["profile"], edges * 1e3, baseline=None, **style)
-        search.set(xlabel="processor time, s", ylabel="best so far: mean wall force, N", title=title)
+        search.set(xlabel="processor time, s", ylabel="best objective so far, N", title=title)
         search.legend(frameon=False)
         profile.axhline(1.0, color="#888888", lw=0.8, ls="--")
         profile.set(xlabel="behind the tip, mm", ylabel="EI over the design's", yscale="log", title="best profiles")
+        profile.set_yticks(_TICKS, [f"{tick:g}" for tick in _TICKS], minor=False)
+        profile.minorticks_off()
         rows = found[kind]["horizon"]
         until = [row["seconds"] for row in rows]
         lines = {

@@ -47,7 +47,7 @@ class BenchGradients:
             wide = stiffness_profile.Problem(bank, frictions=np.linspace(0.05, 0.12, 8), seconds=24.0)
             far = stiffness_profile.horizons(wide, (8.0, 12.0, 16.0, 20.0, 24.0))
             advance(3, f"{far[-1].off_mean:.2g} off after {far[-1].seconds:.0f} s")
-            searches = []
+            searches, unseen = [], []
             if self.seeds:
                 problem = stiffness_profile.Problem(bank)
                 searches.append(stiffness_profile.by_gradient(problem, seconds=self.seconds))
@@ -56,9 +56,11 @@ class BenchGradients:
                     longer = self.seconds * self.patience
                     searches.append(stiffness_profile.by_optuna(problem, seconds=longer, seed=seed))
                     advance(5 + seed, f"{searches[-1].best[-1]:.2f} N by Optuna")
+                unseen = stiffness_profile.elsewhere(bank, searches)
         return {
             "agreement": [vars(each) for each in exact],
             "cost": [vars(each) for each in cost],
             "horizon": [vars(each) for each in far],
             "search": [vars(each) | {"profile": each.profile.tolist()} for each in searches],
+            "elsewhere": unseen,
         }

@@ -1,17 +1,23 @@
 """Many insertions at once: ends, scores and independence of worlds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.control.follower_worlds import WorldsFollower
-from haustra.envs.runs.insertions import Insertions, run_insertions
+from haustra.envs.runs.insertions import run_insertions
+from haustra.envs.runs.linear_insertion import run_linear_insertion
+from haustra.envs.runs.linear_insertions import LinearInsertions
 from haustra.envs.runs.outcome import Outcome
+from haustra.envs.runs.tally import Insertions
+from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.scope_bank import ScopeBank, build_bank
 from haustra.envs.sim.scope_worlds import JaxScopes
 from haustra.errors import InvalidOptionError
 from haustra.models.devices.scope.library import named_design
-from haustra.models.scene import SceneOptions
+from haustra.models.scene import SceneOptions, build_scene
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
 from tests.tube_colon import straight_tube
@@ -24,17 +30,71 @@ def bank() -> ScopeBank:
     return build_bank([straight_tube(0.3), bent], named_design("paediatric"), options)
 
 
+COLON = np.array([0, 1, 1, 1])
+PUSH_LIMIT = np.array([43.0, 43.0, 0.05, 43.0])
+STIFFNESS = np.array([1500.0, 1500.0, 1500.0, 0.5])
+"""The straight tube, the bend, the bend with a hand that hardly pushes, and with a wall that hardly holds."""
+
+
 @pytest.fixture(scope="module")
-def runs(bank: ScopeBank) -> Insertions:
-    """The straight tube, the bend, the bend with a hand that hardly pushes, and with a wall that hardly holds."""
-    return run_insertions(
-        bank,
-        worlds=4,
-        seconds=14,
-        colon=np.array([0, 1, 1, 1]),
-        push_limit=np.array([43.0, 43.0, 0.05, 43.0]),
-        stiffness=np.array([1500.0, 1500.0, 1500.0, 0.5]),
-    )
+def both(bank: ScopeBank) -> dict[str, Insertions]:
+    """The same worlds in JAX and in linear time."""
+    linear = LinearInsertions(bank.scene, bank.tables, bank.colons, worlds=4, settings=FollowerSettings())
+    one = np.ones(4)
+    linear.begin(COLON, Conditions(bank.scene.options.friction * one, STIFFNESS, one), {"push_limit": PUSH_LIMIT})
+    dense = run_insertions(bank, worlds=4, seconds=14, colon=COLON, push_limit=PUSH_LIMIT, stiffness=STIFFNESS)
+    return {"linear": linear.run(seconds=14), "jax": dense}
+
+
+@pytest.fixture(params=["linear", "jax"])
+def runs(both: dict[str, Insertions], request: pytest.FixtureRequest) -> Insertions:
+    """Those of one backend."""
+    return both[request.param]
+
+
+def test_linear_time_goes_the_same_way(both: dict[str, Insertions]) -> None:
+    """The same follower, step, endings and scores; single precision leaves the last digits."""
+    linear, dense = both["linear"], both["jax"]
+    assert linear.outcome == dense.outcome
+    for name in ("simulated", "tip_arc_max", "insertion", "push_force_peak", "torque_peak", "wall_force_peak",
+                 "wall_force_mean", "loop_excess_peak"):  # fmt: skip
+        np.testing.assert_allclose(getattr(linear, name), getattr(dense, name), rtol=2e-3, atol=1e-3, err_msg=name)
+
+
+def test_one_scope_leaves_the_rows_of_the_run_that_many_make(bank: ScopeBank) -> None:
+    """In double precision, alone: what is recorded at each decision adds up to the scores of the batch."""
+    colon = bank.colons[1]
+    options = replace(bank.scene.options, insertion_limit=0.4)
+    scene = build_scene(colon, None, bank.scene.design, options)
+    run = run_linear_insertion(scene, seconds=6.0)
+    tables = build_bank([colon], bank.scene.design, options).tables
+    many = LinearInsertions(scene, tables, [colon], worlds=1, settings=FollowerSettings(), real=np.float64)
+    one = np.ones(1)
+    many.begin(np.zeros(1, int), Conditions(options.friction * one, options.wall_stiffness * one, one))
+    scores, seen = many.run(seconds=6.0), run.trajectory
+    assert len(seen.time) == 300 and run.outcome is scores.outcome[0]
+    assert seen.tip_arc.max() == pytest.approx(scores.tip_arc_max[0], rel=1e-9)
+    assert np.abs(seen.push_force).max() == pytest.approx(scores.push_force_peak[0], rel=1e-9)
+    assert seen.wall_force.mean() == pytest.approx(scores.wall_force_mean[0], rel=1e-9)
+    assert seen.outside.max() < 0.03 and seen.contacts.max() > 0
+    np.testing.assert_allclose(run.shape[-1], seen.tip[-1], atol=1e-9)
+
+
+def test_followers_of_a_batch_have_settings_of_their_own(bank: ScopeBank) -> None:
+    settings = [FollowerSettings(), FollowerSettings(advance_rate=0.02)]
+    many = LinearInsertions(bank.scene, bank.tables, bank.colons, worlds=2, settings=settings)
+    one = np.ones(2)
+    many.begin(np.zeros(2, int), Conditions(0.1 * one, 1500.0 * one, one))
+    fast, slow = many.run(seconds=2.0).insertion - bank.scene.options.start_depth
+    assert slow == pytest.approx(fast / 2, rel=0.05)
+    with pytest.raises(InvalidOptionError, match="all straighten"):
+        LinearInsertions(
+            bank.scene,
+            bank.tables,
+            bank.colons,
+            worlds=2,
+            settings=[FollowerSettings(), FollowerSettings(straighten=True)],
+        )
 
 
 def test_short_tubes_are_passed_and_a_hand_without_force_is_not(runs: Insertions) -> None:
@@ -59,8 +119,11 @@ def test_scores_are_those_of_the_run_up_to_its_end(runs: Insertions) -> None:
 
 
 def test_many_worlds_cannot_be_steered_by_wheels(bank: ScopeBank) -> None:
+    wheels = FollowerSettings(steer="wheels")
     with pytest.raises(InvalidOptionError, match="wheels"):
-        WorldsFollower(FollowerSettings(steer="wheels"), bank.tip_links)
+        WorldsFollower(wheels, bank.tip_links)
+    with pytest.raises(InvalidOptionError, match="wheels"):
+        LinearInsertions(bank.scene, bank.tables, bank.colons, worlds=1, settings=wheels)
 
 
 def test_unknown_parameters_are_refused(bank: ScopeBank) -> None:

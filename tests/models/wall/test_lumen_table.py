@@ -7,7 +7,7 @@ from haustra.models.anatomy.colon import Centreline, Colon, ColonSegment, Surfac
 from haustra.models.anatomy.frames import centreline_through
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.tube import tube
-from haustra.models.wall.lumen_table import lumen_table, pick, query, stack
+from haustra.models.wall.lumen_table import lumen_table, pick, query, stack, table_between
 from haustra.provenance import Provenance
 
 _LUMEN, _DEVICE = 0.02, 0.006
@@ -86,3 +86,25 @@ def test_stacked_tables_are_those_of_each_colon() -> None:
         alone = query(np, fields[colon].tables, points, arcs)
         np.testing.assert_array_equal(together.depth[world], alone.depth)
         np.testing.assert_array_equal(together.inwards[world], alone.inwards)
+
+
+def test_a_table_between_two_radii_is_as_good_as_one_of_its_own() -> None:
+    """In the middle between tables 1 mm apart, places of first touch are 30 um off at most in 95 of 100 rays."""
+    colon, radius = grow_colon(seed=1), 0.00575
+    first, last, own = (lumen_table(colon, device_radius=radius + shift).tables for shift in (-5e-4, 5e-4, 0.0))
+    found = table_between(first, last, radius)
+    assert float(found.device_radius) == radius
+    off = np.abs(found.wall[..., 0] - own.wall[..., 0])
+    assert np.percentile(off, 50) < 2e-6 and np.percentile(off, 95) < 3e-5
+    assert table_between(own, own, radius).wall == pytest.approx(own.wall, abs=0)
+
+
+def test_a_table_is_read_from_the_cache_and_made_again_where_that_is_broken(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("HAUSTRA_CACHE", str(tmp_path))
+    colon = _bent_tube(0.06)
+    fresh = lumen_table(colon, device_radius=_DEVICE)
+    (kept,) = tmp_path.rglob("*.npz")
+    again = lumen_table(colon, device_radius=_DEVICE)
+    assert (again.tables.wall == fresh.tables.wall).all() and again.error == fresh.error
+    kept.write_bytes(b"PK, but no archive")
+    assert (lumen_table(colon, device_radius=_DEVICE).tables.wall == fresh.tables.wall).all()
