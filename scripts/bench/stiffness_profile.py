@@ -165,12 +165,20 @@ class Problem:
         return script, backend.read().tip_arc
 
 
-def elsewhere(bank: ScopeBank, searches: Sequence[Search]) -> list[float]:
+def searched(bank: ScopeBank, colons: int) -> ScopeBank:
+    """A bank of the first so many grown colons, without those of `_UNSEEN`."""
+    return _grown(bank, [seed for seed in range(colons + len(_UNSEEN)) if seed not in _UNSEEN][:colons])
+
+
+def elsewhere(bank: ScopeBank, searches: Sequence[Search], *, seconds: float = SECONDS) -> list[float]:
     """Objectives in colons that were not searched in [N]: of the design that ships, then of what each search found."""
-    colons = [grow_colon(seed=seed) for seed in _UNSEEN]
-    problem = Problem(build_bank(colons, bank.scene.design, bank.scene.options))
+    problem = Problem(_grown(bank, _UNSEEN), seconds=seconds)
     profiles = [np.ones(ZONES), *(each.profile for each in searches)]
     return [problem.value(np.log(profile))[0] for profile in profiles]
+
+
+def _grown(bank: ScopeBank, seeds: Iterable[int]) -> ScopeBank:
+    return build_bank([grow_colon(seed=seed) for seed in seeds], bank.scene.design, bank.scene.options)
 
 
 def held_back(

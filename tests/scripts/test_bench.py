@@ -62,7 +62,7 @@ def test_the_page_shows_every_figure(small_folder, capsys):
     assert f"{100 * rods['rows'][0]['statics_mean_tip_error']:.3f} %" in page
 
 
-@pytest.mark.parametrize("option", ["--seconds=0", "--seeds=-1", "--patience=0.5"])
+@pytest.mark.parametrize("option", ["--seconds=0", "--seeds=-1", "--patience=0.5", "--colons=0", "--until=-1"])
 def test_impossible_searches_by_gradient_are_refused(option, capsys):
     assert main(["bench", "gradients", option, "--json"]) == BAD_INPUT
     assert "--patience" in capsys.readouterr().err

@@ -17,6 +17,10 @@ class BenchGradients:
     """Searches by Optuna, each with a seed of its own; 0: no search at all."""
     patience: float = number("1", 1.0, 1000.0, default=2.0)
     """How many times as long Optuna may search."""
+    colons: int = whole(1, 100_000, default=2)
+    """Grown colons that are searched in."""
+    until: float = number("s", 0.02, 36_000.0, default=20.0)
+    """Length of their insertions [s]."""
     picture: Path | None = None
     """Draw the searches, their profiles and the horizons there."""
     json: bool = field(default=False)
@@ -49,14 +53,14 @@ class BenchGradients:
             advance(3, f"{far[-1].off_mean:.2g} off after {far[-1].seconds:.0f} s")
             searches, unseen = [], []
             if self.seeds:
-                problem = stiffness_profile.Problem(bank)
+                problem = stiffness_profile.Problem(stiffness_profile.searched(bank, self.colons), seconds=self.until)
                 searches.append(stiffness_profile.by_gradient(problem, seconds=self.seconds))
                 advance(4, f"{searches[0].best[-1]:.2f} N by gradient")
                 for seed in range(self.seeds):
                     longer = self.seconds * self.patience
                     searches.append(stiffness_profile.by_optuna(problem, seconds=longer, seed=seed))
                     advance(5 + seed, f"{searches[-1].best[-1]:.2f} N by Optuna")
-                unseen = stiffness_profile.elsewhere(bank, searches)
+                unseen = stiffness_profile.elsewhere(bank, searches, seconds=self.until)
         return {
             "agreement": [vars(each) for each in exact],
             "cost": [vars(each) for each in cost],
