@@ -1,11 +1,14 @@
 """A physical number with its unit, range and source."""
 
-import math
+import sys
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
 from haustra.errors import HaustraError
+
+LARGEST = sys.float_info.max
+"""Beyond it whole numbers cannot be compared with others as floats are."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,9 @@ class Quantity:
     def __post_init__(self) -> None:
         if not self.unit or not self.source:
             raise HaustraError(f"Quantity {self.value} needs a unit and a source: add both to its TOML entry.")
-        if not all(map(math.isfinite, (self.value, self.low, self.high))) or not self.low <= self.value <= self.high:
+        if not all(abs(number) <= LARGEST for number in (self.low, self.value, self.high)):
+            raise HaustraError(f"Quantity in {self.unit} has a number that is not finite: check its TOML entry.")
+        if not self.low <= self.value <= self.high:
             raise HaustraError(
                 f"Quantity {self.value} {self.unit} is not inside [{self.low}, {self.high}]: check its TOML entry."
             )

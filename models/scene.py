@@ -38,6 +38,9 @@ ENTRY_STRETCH = 0.03
 _SAMPLE_SPACING = 0.75
 """Spheres that meet tangent planes, over the scope's diameter: between two, its outline dips by a sixth of that."""
 
+_MOST_SAMPLES = 1000
+"""Spheres of a scope, five times the usual number: MuJoCo's memory for collisions does not hold 1,700."""
+
 _TOLERANCE = 1e-6
 """Of the solver: 30 s of insertion into grown seed 0 go as at MuJoCo's default of 1e-8, with peak forces 1e-4
 apart, in a tenth less time (docs/decisions/integrator.md)."""
@@ -203,6 +206,11 @@ def build_scene(
     for name in cable.geoms:
         spec.geom(name).conaffinity = 0
     samples = capsule_samples(bare, cable.geoms, spacing=options.sample_spacing or _SAMPLE_SPACING * design.diameter)
+    if len(samples) > _MOST_SAMPLES:
+        raise InvalidOptionError(
+            f"sample_spacing is {options.sample_spacing} m, which makes {len(samples)} spheres, more than "
+            f"{_MOST_SAMPLES}: raise it."
+        )
     if options.wall_law == "planes":
         add_planes(spec, bare, samples, options.contact, timestep=options.timestep)
     blocks, pieces, unreached = NO_BLOCKS, 0, 0

@@ -28,8 +28,7 @@ class GrowingEngine:
 
     Shaft outside the patient is held straight, so a scene without it does the same to 0.1 %
     (`haustra.models.devices.scope.outside`). When shaft is added, positions, speeds and hands go on as they were. The
-    whole scene, given the recorded controls, repeats such a run as closely as that, and to the bit only until shaft is
-    first added.
+    whole scene, given the recorded controls, repeats such a run as closely as that; until shaft is added, to rounding.
     """
 
     name = NativeEngine.name

@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from haustra.errors import InvalidStudyError
-from haustra.fields import declaration_of, read_fields, shown
+from haustra.fields import Text, declaration_of, read_fields, shown
+from haustra.quantity import LARGEST
 
 _ABSENT = object()
 
@@ -35,7 +36,7 @@ class TableReader:
     def text(self, key: str, default: Any = _ABSENT, *, options: Sequence[str] = ()) -> str:
         """A text, one of `options` when there are any."""
         value = self._take(key, default)
-        if not isinstance(value, str) or not value:
+        if value == "" or Text().wrong(value):
             raise self.wrong(key, f"expected text, found {shown(value)}")
         if options and value not in options:
             raise self.wrong(key, f"{shown(value)} is not known. Known: {', '.join(options)}")
@@ -88,10 +89,10 @@ class TableReader:
             entries = value if isinstance(value, list) else [value]
             for index, entry in enumerate(entries):
                 place = f"{key}.{name}[{index}]" if isinstance(value, list) else f"{key}.{name}"
-                if not isinstance(entry, int | float | str | bool):
+                if not isinstance(entry, int | float | bool) and Text().wrong(entry):
                     raise self.wrong(place, f"expected a number or text, found {shown(entry)}")
-                if isinstance(entry, float) and not math.isfinite(entry):
-                    raise self.wrong(place, f"is {entry}; give a finite number")
+                if isinstance(entry, int | float) and not abs(entry) <= LARGEST:
+                    raise self.wrong(place, f"is {shown(entry)}; give a finite number")
         return dict(table._table)
 
     def table(self, key: str, default: Any = _ABSENT) -> "TableReader":
@@ -116,7 +117,7 @@ class TableReader:
         return value
 
     def _number(self, key: str, value: Any, least: float) -> float:
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= LARGEST:
             raise self.wrong(key, f"expected a finite number, found {shown(value)}")
         if value < least:
             raise self.wrong(key, f"is {shown(value)}; give at least {least:g}")

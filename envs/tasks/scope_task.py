@@ -13,7 +13,7 @@ from haustra.envs.sim.load import backend_of, load_backend
 from haustra.envs.sim.state import Controls, Readings
 from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.bank import TASK_OPTIONS, ColonSet, grown_bank
-from haustra.envs.tasks.calls import checked_action, whole_steps
+from haustra.envs.tasks.calls import whole_steps
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.coverage import Coverage
 from haustra.envs.tasks.depth import DepthCameras, depth_cameras
@@ -173,11 +173,8 @@ class ScopeTask:
         """Apply one action in each world. Worlds whose episode is over go on regardless until they are reset.
 
         A world whose action is not finite is lost, as if it had diverged: no policy means that.
-
-        Raises:
-            InvalidOptionError: when there are not four numbers a world.
         """
-        action = checked_action(action, (self.worlds, len(ACTIONS)))
+        action = np.asarray(action, float)
         before, insertion, tip = self._moment, self.seen.insertion, self.seen.tip
         sound = np.all(np.isfinite(action), axis=1)
         action = np.clip(np.where(sound[:, None], action, 0.0), -1.0, 1.0)

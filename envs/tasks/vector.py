@@ -7,10 +7,10 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from haustra.envs.tasks.bank import ColonSet
-from haustra.envs.tasks.calls import require_no_options
+from haustra.envs.tasks.calls import checked_action, require_no_options
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.navigation import action_space, configured, observation_space
-from haustra.envs.tasks.scope_task import ScopeTask
+from haustra.envs.tasks.scope_task import ACTIONS, ScopeTask
 from haustra.errors import InvalidOptionError
 from haustra.fields import shown
 
@@ -87,7 +87,7 @@ class NavigationVectorEnv(VectorEnv):
         mode, begins = self.metadata["autoreset_mode"], self._over.copy()
         if mode is AutoresetMode.DISABLED and begins.any():
             raise InvalidOptionError("Episodes are over and autoreset is disabled: reset them with a reset_mask.")
-        done = self.task.step(actions)
+        done = self.task.step(checked_action(actions, (self.num_envs, len(ACTIONS))))
         reward, ended, late = done.reward.copy(), done.terminated.copy(), done.truncated.copy()
         seen, info = done.observation, _info(done.info)
         if mode is AutoresetMode.NEXT_STEP and begins.any():

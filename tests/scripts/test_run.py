@@ -1,6 +1,7 @@
 """`haustra run` as a user calls it."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -131,3 +132,50 @@ def test_tangent_planes_need_no_wall_and_stiffen_by_segment(tmp_path, capsys):
     assert chosen["wall_law"] == "planes" and dict(chosen["segment_stiffness"])["caecum"] == 900
     assert main([*arguments, "--segment-stiffness", "--wall-law", "table"]) == BAD_INPUT
     assert "planes" in capsys.readouterr().err
+
+
+def test_a_run_that_is_interrupted_leaves_the_one_before_and_nothing_else(colon_folder, tmp_path, monkeypatch, capsys):
+    from haustra.envs.view import run_folder
+
+    call = ["run", "--colon", str(colon_folder), "--preset", "fast", "-o", str(tmp_path / "old"), "--json"]
+    assert main([*call, "--seconds", "0.5"]) == SUCCESS
+    before = {path.name: path.read_bytes() for path in (tmp_path / "old").iterdir()}
+
+    def stopped(*_args, **_options):
+        raise KeyboardInterrupt
+
+    capsys.readouterr()
+    monkeypatch.setattr(run_folder, "time_figure", stopped)
+    assert main([*call, "--seconds", "0.6"]) == 130
+    assert {path.name: path.read_bytes() for path in (tmp_path / "old").iterdir()} == before
+    assert "what was finished is kept" in capsys.readouterr().err
+    assert main([*call[:-2], str(tmp_path / "made" / "new"), "--json", "--seconds", "0.5"]) == 130
+    assert "nothing was written" in capsys.readouterr().err
+    assert not (tmp_path / "made").exists()
+
+
+def test_warnings_of_a_colon_reach_scores_and_report(tmp_path, capsys):
+    colon = replace(straight_tube(), warnings=("The end is <b>blind</b>.",))
+    save_colon(colon, tmp_path / "colon")
+    for device in ("adult", "capsule"):
+        call = ["run", "--colon", str(tmp_path / "colon"), "--device", device, "-o", str(tmp_path / device), "--json"]
+        assert main([*call, "--seconds", "0.5"]) == SUCCESS
+        assert json.loads(capsys.readouterr().out)["warnings"] == ["The end is <b>blind</b>."]
+        assert "The end is &lt;b&gt;blind&lt;/b&gt;." in (tmp_path / device / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--gravity", "1e9", "0", "0"], "--gravity[0] is 1000000000.0; give -100 to 100 m/s^2."),
+        (["--seconds", "1e-9"], "--seconds is 1e-09; give 0.02 to 36000 s."),
+        (["--seconds", "nan"], "--seconds is nan; give 0.02 to 36000 s."),
+        (["--timestep", "1"], "--timestep is 1.0; give 1e-05 to 0.02 s (is it in ms?)."),
+        (["--push-limit", "inf"], "--push-limit is inf; give 0.01 to 1000 N."),
+    ],
+)
+def test_an_option_out_of_its_range_is_refused_and_leaves_nothing(words, said, tmp_path, capsys):
+    call = ["run", "--colon", str(tmp_path), "-o", str(tmp_path / "a" / "b"), *words]
+    assert main(call) == BAD_INPUT
+    assert capsys.readouterr().err == f"haustra: {said}\n"
+    assert not (tmp_path / "a").exists()

@@ -72,3 +72,29 @@ def test_bad_input_ends_in_one_line(arguments, complaint, tmp_path, monkeypatch,
     assert main([*arguments, "--json"]) == BAD_INPUT
     said = capsys.readouterr().err
     assert complaint in said.splitlines()[-1]
+
+
+def test_a_call_that_was_refused_does_not_stand_in_the_way(study, tmp_path, monkeypatch, capsys) -> None:
+    from haustra.envs.study import run
+    from haustra.errors import MissingDependencyError
+
+    def refused(*_args, **_options):
+        raise MissingDependencyError("Nothing is there.")
+
+    folder = tmp_path / "out"
+    with monkeypatch.context() as patch:
+        patch.setattr(run, "job_map", refused)
+        assert main(["sweep", study, "-o", str(folder), "--json"]) == BAD_INPUT
+    assert main(["sweep", study, "-o", str(folder), "--workers", "0"]) == BAD_INPUT
+    capsys.readouterr()
+    assert main(["sweep", study, "-o", str(folder), "--workers", "1", "--json"]) == SUCCESS
+    assert json.loads(capsys.readouterr().out)["finished"] == 6
+
+
+def test_a_title_is_no_markup(tmp_path, capsys) -> None:
+    path = tmp_path / "pads.toml"
+    path.write_text('title = "[/N] <b>\\u001b"\n' + STUDY.replace("levels = 3", "levels = 1"), encoding="utf-8")
+    assert main(["sweep", str(path), "-o", str(tmp_path / "out")]) == SUCCESS
+    printed = capsys.readouterr()
+    assert "[/N] <b>?" in printed.out and "\x1b]" not in printed.out
+    assert "&lt;b&gt;" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")

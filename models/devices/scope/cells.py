@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from haustra.errors import InvalidOptionError
 from haustra.models.devices.scope.design import ScopeDesign, ScopeSection
 
-MOST_CELLS = 1000
-"""Joints of a scope: a time step of as many takes some tenths of a second."""
+MOST_CELLS = 450
+"""Joints of a scope: MuJoCo's files hold bodies within bodies up to 500 deep."""
 CellSize = float | Callable[[float], float]
 """Largest cell length [m], or a function that gives it for a distance from the tip [m]."""
 

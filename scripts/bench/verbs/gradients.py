@@ -4,20 +4,22 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from haustra.fields import number, whole
+
 
 @dataclass(frozen=True)
 class BenchGradients:
     """Derivatives of scopes in linear time: how exact, at what cost, until when; a stiffness profile by gradient."""
 
-    seconds: float = 60.0
+    seconds: float = number("s", 0.02, 36_000.0, default=60.0)
     """Processor time of the search by gradient [s]."""
-    seeds: int = 4
+    seeds: int = whole(0, 100_000, default=4)
     """Searches by Optuna, each with a seed of its own; 0: no search at all."""
-    patience: float = 2.0
+    patience: float = number("1", 1.0, 1000.0, default=2.0)
     """How many times as long Optuna may search."""
-    colons: int = 2
+    colons: int = whole(1, 100_000, default=2)
     """Grown colons that are searched in."""
-    until: float = 20.0
+    until: float = number("s", 0.02, 36_000.0, default=20.0)
     """Length of their insertions [s]."""
     picture: Path | None = None
     """Draw the searches, their profiles and the horizons there."""
@@ -26,12 +28,6 @@ class BenchGradients:
 
     def __call__(self) -> dict[str, Any]:
         """Fixed colons, then colons on their mesentery."""
-        from haustra.errors import InvalidOptionError
-
-        if min(self.seconds, self.until) <= 0 or self.seeds < 0 or min(self.patience, self.colons) < 1:
-            raise InvalidOptionError(
-                "--seconds and --until must be positive, --seeds not negative, --patience and --colons at least 1."
-            )
         found = {"fixed": self._of(mesentery=False), "mesentery": self._of(mesentery=True)}
         if self.picture:
             from haustra.scripts.bench.pages.gradients_figure import draw

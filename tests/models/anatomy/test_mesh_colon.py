@@ -7,9 +7,10 @@ from bent_tube import bent_tube, hairpin
 
 from haustra.errors import InvalidMeshError, InvalidOptionError
 from haustra.models.anatomy.colon import Colon
-from haustra.models.anatomy.mesh_colon import check_length, import_colon
+from haustra.models.anatomy.mesh_colon import check_length, colon_from_surface, import_colon
 from haustra.models.anatomy.properties import Clearance, describe
 from haustra.models.anatomy.rays import LumenRays
+from haustra.provenance import Provenance
 
 RADIUS, LEG, APART = 0.02, 0.45, 0.0405
 
@@ -90,3 +91,24 @@ def test_wrong_units_are_named(length: float, units, advice: str):
 def test_options_that_do_not_fit(tmp_path: Path, options: dict, message: str):
     with pytest.raises(InvalidOptionError, match=message):
         import_colon(tmp_path / "none.stl", **options)
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.0, -200.0), (1e6, 0.0, 0.0), (0.0, 500.0, 200.0)])
+def test_a_landmark_that_is_nowhere_near_is_refused_with_its_distance(tmp_path: Path, place) -> None:
+    with pytest.raises(InvalidMeshError, match=r"anus is \S+ m from the surface, more than 0\.05 m: check"):
+        import_colon(write(tmp_path, 1e3), units="mm", anus=place)
+
+
+def test_a_landmark_in_another_unit_is_named() -> None:
+    """The colon stands 2 m from the origin, as in a scanner's coordinates."""
+    surface = bent_tube(hairpin(LEG, APART) + np.array([2.0, 0.0, 0.0]), RADIUS)
+    positions = {"anus": np.array([2e-3, 0.0, 0.0])}
+    with pytest.raises(InvalidMeshError, match=r"anus is 1\.98 m from the surface.*probably in m"):
+        colon_from_surface(surface, name="far", provenance=Provenance({}, {}), positions=positions, units="mm")
+
+
+def test_an_anus_that_is_not_at_an_end_is_told() -> None:
+    surface = bent_tube(hairpin(0.65, APART), RADIUS)
+    positions = {"anus": np.array([0.0, 0.0, 0.3])}
+    made = colon_from_surface(surface, name="cut", provenance=Provenance({}, {}), positions=positions, units="m")
+    assert any("not at an end of the lumen" in note and "are left out" in note for note in made.warnings)

@@ -15,6 +15,7 @@ from haustra.envs.view.report.run_report import report_run
 from haustra.envs.view.report.sections import Table, Text
 from haustra.envs.view.report.values import name_and_unit, score_table
 from haustra.errors import OutputError, UnreadableFileError
+from haustra.provenance import file_hash
 
 SCORES = {
     "outcome": "stuck",
@@ -119,3 +120,12 @@ def test_figure_over_time_is_a_png(tmp_path: Path) -> None:
     assert path.read_bytes().startswith(b"\x89PNG")
     with pytest.raises(OutputError, match="missing"):
         time_figure(tmp_path / "missing" / "forces.png", time, {"force [N]": {"a": time}})
+
+
+def test_parts_of_two_runs_are_refused(run: Path) -> None:
+    scores = SCORES | {"trajectory": file_hash(run / "trajectory.npz")}
+    (run / "scores.json").write_text(json.dumps(scores), encoding="utf-8")
+    report_run(run)
+    np.savez(run / "trajectory.npz", time=np.linspace(0, 1, 9))
+    with pytest.raises(UnreadableFileError, match="are of two runs"):
+        report_run(run)
