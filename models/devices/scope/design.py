@@ -14,9 +14,9 @@ class ScopeSection:
 
     length: float = number("m", 0.002, 10.0)
     """Length [m]."""
-    flexural_rigidity: float = number("N m^2", 1e-6, 10.0)
+    flexural_rigidity: float = number("N m^2", 1e-6, 1e3)
     """Bending stiffness EI at the softest setting and room temperature [N m^2]."""
-    torsional_rigidity: float = number("N m^2", 1e-6, 100.0)
+    torsional_rigidity: float = number("N m^2", 1e-6, 1e4)
     """Torsional stiffness GJ at room temperature [N m^2]; independent of EI, about 13 times it on real scopes."""
     stiffening: float = number("1", 0.1, 20.0, default=1.0)
     """EI at the stiffest setting over EI at the softest [1]; 1 where the setting has no effect."""
