@@ -259,7 +259,7 @@ def scope_of(rod: UniformRod, joints: int) -> ScopeDesign:
         )
         for length in (rod.length * (1 - 1 / joints), rod.length / joints)
     )
-    widest = 0.9 * math.degrees(bending.length / rod.radius)
+    widest = min(0.9 * math.degrees(bending.length / rod.radius), 1080.0)  # as far as a scope may bend
     return ScopeDesign(
         name="uniform rod",
         diameter=2 * rod.radius,
