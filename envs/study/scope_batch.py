@@ -64,7 +64,8 @@ def runner(
     answer: Answer,
     can_share: Callable[[World, World], bool],
     threads: int = 1,
-    together: bool = False,
+    side_by_side: int = 1,
+    largest: int | None = None,
     out_of_memory: Callable[[Exception], bool] = lambda error: isinstance(error, MemoryError),
 ) -> Runner:
     """Answer jobs of a study in batches.
@@ -76,7 +77,8 @@ def runner(
         answer: runs a batch.
         can_share: whether two worlds can be in one batch.
         threads: on which colons are tabulated.
-        together: whether batches run side by side.
+        side_by_side: how many batches run at a time.
+        largest: batch, in worlds; as many as can share one when None.
         out_of_memory: whether an exception says that a batch was too large.
     """
     colons = StudyColons(study, folder, threads=threads)
@@ -90,12 +92,12 @@ def runner(
                 worlds.append(_world(study, colons, job, backend, built))
             except HaustraError as error:
                 yield Result(job.id, "failed", reason=" ".join(str(error).split()))
-        groups = list(_groups(worlds, can_share))
+        groups = [part for group in _groups(worlds, can_share) for part in _parts(group, largest or len(group))]
 
         def answers(group: list[World]) -> list[Result]:
             return halved(lambda some: _answered(colons, some, seconds, answer), group, full=out_of_memory)
 
-        with ThreadPoolExecutor(max(1, len(groups)) if together else 1) as pool:
+        with ThreadPoolExecutor(side_by_side) as pool:
             for found in pool.map(answers, groups):
                 yield from found
 
@@ -156,6 +158,11 @@ def _groups(worlds: Sequence[World], can_share: Callable[[World, World], bool]) 
         yield same
         taken = {one.job.id for one in same}
         left = [one for one in left if one.job.id not in taken]
+
+
+def _parts(group: list[World], largest: int) -> list[list[World]]:
+    """A group in batches of that many worlds at most."""
+    return [group[first : first + largest] for first in range(0, len(group), largest)]
 
 
 def _answered(colons: StudyColons, worlds: Sequence[World], seconds: float, answer: Answer) -> list[Result]:

@@ -4,7 +4,7 @@ import os
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -17,20 +17,27 @@ from haustra.envs.study.scope_batch import World, options_of, prepare, runner
 from haustra.envs.study.scope_colons import StudyColons
 from haustra.envs.study.study import Study
 
-_FEW, _MANY = 32, 8192
-"""Jobs in one call: so many that a CPU's registers are full and progress shows; a GPU is full with thousands."""
+_JOBS = 512
+"""Jobs between two reports of progress on a CPU."""
+_MANY = 8192
+"""Jobs in one call on a GPU, which is full with thousands."""
+_PER_THREAD = 32
+"""Worlds that a thread steps: the lanes of a register, four times."""
+_BATCHES = 16
+"""Batches of a GPU at a time: each alone would wait for its memory."""
 
 
-def _start(study: Study, folder: Path, *, device: Literal["cpu", "cuda"]) -> Runner:
-    return runner(
-        study,
-        folder,
-        backend="linear",
-        answer=partial(_answer, device=device),
-        can_share=_can_share,
-        threads=1 if device == "cpu" else os.cpu_count() or 1,
-        together=device == "cuda",
-    )
+def _start(study: Study, folder: Path) -> Runner:
+    cores = os.cpu_count() or 1
+    answer = partial(_answer, device="cpu")
+    own: dict[str, Any] = {"answer": answer, "can_share": _can_share, "threads": cores, "side_by_side": cores}
+    return runner(study, folder, backend="linear", largest=_PER_THREAD, **own)
+
+
+def _start_gpu(study: Study, folder: Path) -> Runner:
+    answer = partial(_answer, device="cuda")
+    own: dict[str, Any] = {"answer": answer, "can_share": _can_share, "side_by_side": _BATCHES}
+    return runner(study, folder, backend="linear", threads=os.cpu_count() or 1, **own)
 
 
 def _can_share(one: World, first: World) -> bool:
@@ -57,6 +64,7 @@ def _answer(
     return batch.run(seconds=seconds)
 
 
-LINEAR = Backend(start=partial(_start, device="cpu"), batch=_FEW, prepare=prepare)
-LINEAR_GPU = Backend(start=partial(_start, device="cuda"), batch=_MANY, most_workers=1, prepare=prepare)
+LINEAR = Backend(start=_start, batch=_JOBS, most_workers=1, prepare=prepare)
+"""One process, whose threads share its colons, tables and program."""
+LINEAR_GPU = Backend(start=_start_gpu, batch=_MANY, most_workers=1, prepare=prepare)
 """One process: it fills the device by itself."""

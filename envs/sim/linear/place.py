@@ -60,6 +60,9 @@ class _Here:
     change = read
 
 
+_MAKING = Lock()
+
+
 class CpuPlace:
     """Threads of the CPU."""
 
@@ -75,7 +78,8 @@ class CpuPlace:
         """
         alone = worlds == 1 or program.get("directions", 0) > lanes_of(real)
         self._real, self.lanes = np.dtype(real), 1 if alone else lanes_of(real)
-        self._engine, self._function = compiled(write_program(lanes=self.lanes, real=real, **program))
+        with _MAKING:  # once, whichever threads ask for it
+            self._engine, self._function = compiled(write_program(lanes=self.lanes, real=real, **program))
         self._rooms = [_Here(aligned(np.zeros((room, self.lanes)), real)) for _ in range(threads)]
         self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
 
@@ -127,9 +131,6 @@ class _There:
             self.there.put(self._here)
         self._changed, self._here = False, None if written else self._here
         return self.there
-
-
-_MAKING = Lock()
 
 
 @cache
