@@ -41,7 +41,7 @@ def test_no_number_hides_outside_an_entry(path: Path) -> None:
         ('value = 1\nunit = "m"\nlow = 0\nhigh = 2', "source"),
         ('value = 1\nunit = "m"\nlow = 0\nhigh = 2\nsource = ""', "source"),
         ('value = 3\nunit = "m"\nlow = 0\nhigh = 2\nsource = "doi"', "not inside"),
-        ('value = nan\nunit = "m"\nlow = 0\nhigh = 2\nsource = "doi"', "not inside"),
+        ('value = nan\nunit = "m"\nlow = 0\nhigh = 2\nsource = "doi"', "not finite"),
     ],
 )
 def test_an_entry_that_cannot_answer_is_refused(tmp_path: Path, entry: str, complaint: str) -> None:
