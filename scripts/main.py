@@ -13,7 +13,7 @@ from haustra.errors import HaustraError
 from haustra.scripts.console import one_line, summary
 from haustra.scripts.registry import BENCHMARKS, GROUPS, VERBS, first_sentence, load_verb
 
-SUCCESS, BAD_INPUT, DIVERGED = 0, 2, 3
+SUCCESS, BAD_INPUT, DIVERGED, INTERRUPTED = 0, 2, 3, 130
 PROGRAM = "haustra"
 BENCH, LIST = "bench", "--list"
 ABOUT = ("Simulated colons for designing robotic colonoscopes, on MuJoCo.", "")
@@ -21,19 +21,27 @@ HINT = f"{PROGRAM} VERB --help says what each takes; {PROGRAM} {BENCH} {LIST} na
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one verb and return the exit code: 0 success, 2 bad input, 3 a simulation that diverged."""
+    """Run one verb and return the exit code: 0 success, 2 bad input, 3 diverged, 130 interrupted."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal that takes ASCII only gets question marks, no traceback
     name = verb_of(words)
     if name is None:
         return _overview(words)
+    try:
+        return _call(name, words[len(name.split()) :])
+    except KeyboardInterrupt:  # before the verb began
+        return _interrupted(None)
+
+
+def _call(name: str, words: list[str]) -> int:
+    """Run a verb with its arguments."""
     import tyro
 
     from haustra.fields import require_declared
 
     try:
-        verb: Any = tyro.cli(load_verb(name), prog=f"{PROGRAM} {name}", args=words[len(name.split()) :])
+        verb: Any = tyro.cli(load_verb(name), prog=f"{PROGRAM} {name}", args=words)
     except BrokenPipeError:  # of `--help | head`
         _stop_printing()
         return SUCCESS
@@ -48,8 +56,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return BAD_INPUT
     except KeyboardInterrupt:
         _remove_empty(made)
-        print(f"haustra: interrupted; {_kept(output)}.", file=sys.stderr)
-        return 130
+        return _interrupted(output)
+    except ImportError as error:
+        if not isinstance(error.__cause__, KeyboardInterrupt):
+            raise
+        _remove_empty(made)
+        return _interrupted(output)  # while a compiled module was loaded
     try:
         if verb.json:
             print(json.dumps(result, allow_nan=False))
@@ -59,6 +71,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         _stop_printing()
     return DIVERGED if result.get("outcome") == "diverged" else SUCCESS
+
+
+def _interrupted(output: Path | None) -> int:
+    print(f"haustra: interrupted; {_kept(output)}.", file=sys.stderr)
+    return INTERRUPTED
 
 
 def _missing_folders(output: Path | None) -> list[Path]:

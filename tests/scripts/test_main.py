@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from haustra.scripts.main import BAD_INPUT, SUCCESS, main
+from haustra.scripts.main import BAD_INPUT, INTERRUPTED, SUCCESS, main
 from haustra.scripts.registry import BENCHMARKS, VERBS, first_sentence, load_verb
 
 
@@ -52,3 +52,21 @@ def test_a_terminal_that_takes_ascii_only_gets_help() -> None:
     plain = {**os.environ, "PYTHONIOENCODING": "ascii"}
     finished = subprocess.run(command, capture_output=True, text=True, env=plain, check=True)
     assert finished.stderr == "" and "haustra VERB --help" in finished.stdout
+
+
+def test_an_interruption_is_one_line_before_a_verb_begins_and_while_modules_load(monkeypatch, capsys) -> None:
+    """Of a module that is interrupted while it initialises, Python says ImportError."""
+
+    def interrupted(name: str) -> None:
+        raise KeyboardInterrupt
+
+    def loading(self) -> None:
+        raise ImportError("initialization failed") from KeyboardInterrupt()
+
+    call = ["doctor"]
+    with monkeypatch.context() as patch:
+        patch.setattr("haustra.scripts.main.load_verb", interrupted)
+        assert main(call) == INTERRUPTED
+    monkeypatch.setattr(load_verb("doctor"), "__call__", loading)
+    assert main(call) == INTERRUPTED
+    assert capsys.readouterr().err == "haustra: interrupted; nothing was written.\n" * 2
