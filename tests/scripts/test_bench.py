@@ -65,4 +65,4 @@ def test_the_page_shows_every_figure(small_folder, capsys):
 @pytest.mark.parametrize("option", ["--seconds=0", "--seeds=-1", "--patience=0.5", "--colons=0", "--until=-1"])
 def test_impossible_searches_by_gradient_are_refused(option, capsys):
     assert main(["bench", "gradients", option, "--json"]) == BAD_INPUT
-    assert "--patience" in capsys.readouterr().err
+    assert option.partition("=")[0] in capsys.readouterr().err

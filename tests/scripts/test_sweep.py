@@ -93,8 +93,11 @@ def test_a_call_that_was_refused_does_not_stand_in_the_way(study, tmp_path, monk
 
 def test_a_title_is_no_markup(tmp_path, capsys) -> None:
     path = tmp_path / "pads.toml"
-    path.write_text('title = "[/N] <b>\\u001b"\n' + STUDY.replace("levels = 3", "levels = 1"), encoding="utf-8")
+    rest = STUDY.replace("levels = 3", "levels = 1")
+    path.write_text('title = "[/N] <b>\\u001b"\n' + rest, encoding="utf-8")
+    assert main(["sweep", str(path), "-o", str(tmp_path / "out")]) == BAD_INPUT
+    assert "\x1b" not in capsys.readouterr().err
+    path.write_text('title = "[/N] <b>"\n' + rest, encoding="utf-8")
     assert main(["sweep", str(path), "-o", str(tmp_path / "out")]) == SUCCESS
-    printed = capsys.readouterr()
-    assert "[/N] <b>?" in printed.out and "\x1b]" not in printed.out
+    assert "[/N] <b>" in capsys.readouterr().out
     assert "&lt;b&gt;" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")

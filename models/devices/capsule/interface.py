@@ -35,7 +35,7 @@ from haustra.models.wall.planes import Sample
 
 SPHERES = 6
 _GRAVITY = 9.81
-_LEAST_SHAFT = 1e-3
+_LEAST_SHAFT = 1e-4
 """Between the two round ends [m]: MuJoCo takes no shorter capsule, and spheres on one spot say nothing of turning."""
 _SLIP = 2e-3
 """Speed below which the tether's drag fades, so that it holds and does not chatter [m/s]; engineering choice."""

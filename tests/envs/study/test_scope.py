@@ -80,8 +80,8 @@ def test_variables_reach_the_design(tmp_path: Path) -> None:
         ({"conditions": {"colon": ["grown-x"], "friction": [0.1]}}, "base: Colon 'grown-x' is not known"),
         ({"conditions": {"friction": [0.1]}}, "conditions.colon: is missing"),
         ({"base": {"design": "adlut"}}, "base: Design 'adlut' is not known. Known: adult"),
-        ({"options": {"wall": "brick"}}, "base: options.wall is 'brick'"),
-        ({"options": {"seconds": -1.0}}, "base: options.seconds is -1"),
+        ({"options": {"wall": "brick"}}, "options: wall 'brick' is not known"),
+        ({"options": {"seconds": -1.0}}, "options: seconds is -1"),
         ({"base": {"values": {"design.shaft.7.length": 1}}}, "base: '7' is not one of 0 to 0"),
     ],
 )

@@ -27,7 +27,7 @@ def test_a_file_is_found_by_its_ending_and_a_shipped_design_by_name(tmp_path):
     [
         (("diameter = ", "diametre = "), "'diametre' is not known. Known: name, diameter"),
         (("relaxation_time = 0.03\n", ""), "'relaxation_time' is missing"),
-        (("relaxation_time = 0.03", "relaxation_time = '0.03'"), "relaxation_time is '0.03'; give 1e-05 to 10 s"),
+        (("relaxation_time = 0.03", "relaxation_time = '0.03'"), "relaxation_time is '0.03'; give 1e-12 to 10 s"),
         (("relaxation_time = 0.03", "relaxation_time = true"), "relaxation_time is True; give"),
         (("relaxation_time = 0.03", "relaxation_time = nan"), "relaxation_time is nan"),
         (("flexural_rigidity = 0.033", "flexural_rigidity = -1"), "shaft\\[0\\]\\.flexural_rigidity is -1"),
