@@ -23,15 +23,15 @@ HINT = f"{PROGRAM} VERB --help says what each takes; {PROGRAM} {BENCH} {LIST} na
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit code: 0 success, 2 bad input, 3 diverged, 130 interrupted."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="replace")  # a terminal that takes ASCII only gets question marks, no traceback
-    name = verb_of(words)
-    if name is None:
-        return _overview(words)
     try:
-        return _call(name, words[len(name.split()) :])
-    except KeyboardInterrupt:  # before the verb began
-        return _interrupted(None)
+        if isinstance(sys.stdout, io.TextIOWrapper):
+            sys.stdout.reconfigure(errors="replace")  # a terminal that takes ASCII only gets question marks
+        name = verb_of(words)
+        return _overview(words) if name is None else _call(name, words[len(name.split()) :])
+    except BaseException as error:
+        if not stems_from_interruption(error):
+            raise
+        return _interrupted(None)  # before the verb began, or after it ended
 
 
 def _call(name: str, words: list[str]) -> int:
@@ -54,14 +54,11 @@ def _call(name: str, words: list[str]) -> int:
         _remove_empty(made)
         print(f"haustra: {one_line(str(error))}", file=sys.stderr)
         return BAD_INPUT
-    except KeyboardInterrupt:
-        _remove_empty(made)
-        return _interrupted(output)
-    except ImportError as error:
-        if not isinstance(error.__cause__, KeyboardInterrupt):
+    except BaseException as error:
+        if not stems_from_interruption(error):
             raise
         _remove_empty(made)
-        return _interrupted(output)  # while a compiled module was loaded
+        return _interrupted(output)
     try:
         if verb.json:
             print(json.dumps(result, allow_nan=False))
@@ -71,6 +68,17 @@ def _call(name: str, words: list[str]) -> int:
     except BrokenPipeError:
         _stop_printing()
     return DIVERGED if result.get("outcome") == "diverged" else SUCCESS
+
+
+def stems_from_interruption(error: BaseException | None) -> bool:
+    """Whether an error is an interruption, or what others made of one: compiled modules raise an error of their own."""
+    seen: list[BaseException] = []
+    while error is not None and error not in seen:
+        if isinstance(error, KeyboardInterrupt):
+            return True
+        seen.append(error)
+        error = error.__cause__ or error.__context__
+    return False
 
 
 def _interrupted(output: Path | None) -> int:

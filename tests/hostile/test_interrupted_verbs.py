@@ -12,6 +12,11 @@ from haustra.models.anatomy.store import save_colon
 from haustra.scripts.main import INTERRUPTED, SUCCESS
 from tests.tube_colon import straight_tube
 
+_BEGIN = """import sys
+from haustra.scripts.main import main
+print("begun", flush=True)
+sys.exit(main(sys.argv[1:]))
+"""
 _STUDY = """question = "scope"
 title = "interrupted"
 [base]
@@ -47,10 +52,11 @@ def colon(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def _interrupted(words: list[str], after: float) -> tuple[int, str]:
-    """Exit code and what was printed of a call that is interrupted after so many seconds."""
-    command = [sys.executable, "-m", "haustra.scripts.main", *words]
+    """Exit code and what was printed of a call that is interrupted so many seconds after the program began."""
+    command = [sys.executable, "-c", _BEGIN, *words]
     quiet = {"env": dict(os.environ, OPENBLAS_NUM_THREADS="1"), "text": True}
     call = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, **quiet)
+    assert call.stdout is not None and call.stdout.readline() == "begun\n"
     try:
         said, _ = call.communicate(timeout=after)
     except subprocess.TimeoutExpired:
