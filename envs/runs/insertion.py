@@ -12,6 +12,7 @@ from haustra.envs.runs.measure.containment import Containment
 from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.runs.outcome import Outcome, ending, outcome_of
 from haustra.envs.sim.backend import SingleBackend
+from haustra.envs.sim.gas import GasRecord
 from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.state import Readings
 from haustra.models.anatomy.colon import Colon
@@ -94,6 +95,8 @@ class Insertion:
     """As it lay at the end."""
     backend: str = "native"
     """What stepped it, of `haustra.envs.sim.capabilities.BACKENDS`."""
+    gas: GasRecord | None = None
+    """Pressures and volumes of gas, where the scene had it."""
     shaft_added: tuple[float, ...] = ()
     """When shaft was added to the scene [s]: from then on stock MuJoCo repeats it closely, but not to the bit."""
 
@@ -175,6 +178,7 @@ def _drive(backend: SingleBackend, seconds: float, settings: FollowerSettings, p
         settings=settings,
         colon=backend.colon(),
         backend=backend.name,
+        gas=backend.gas and backend.gas.record(len(rows)),
         shaft_added=tuple(backend.added),
     )
 

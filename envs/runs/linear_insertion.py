@@ -71,6 +71,7 @@ def run_linear_insertion(
         settings=settings,
         colon=backend.colon(),
         backend=backend.name,
+        gas=backend.gas and backend.gas.record(len(rows)),
     )
 
 

@@ -22,11 +22,9 @@ from haustra.models.gas.compartments import (
     gas_volumes,
     step_gas,
 )
-from haustra.models.gas.law import open_share
+from haustra.models.gas.law import MMHG, open_share
 from haustra.models.gas.numbers import gas_numbers
 
-MMHG = 133.322
-"""Pascals in a millimetre of mercury."""
 LITRE_A_MINUTE = 1e-3 / 60
 """Cubic metres a second."""
 _STATIONS = 1e-3

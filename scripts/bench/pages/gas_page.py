@@ -8,9 +8,9 @@ import numpy as np
 
 from haustra.files import write_atomically
 from haustra.models.anatomy.landmarks import SEGMENTS
-from haustra.models.gas.law import open_share
+from haustra.models.gas.law import MMHG, open_share
 from haustra.models.gas.numbers import gas_numbers
-from haustra.scripts.bench.gas import MMHG, table
+from haustra.scripts.bench.gas import table
 
 _HEAD = """\
 # Validation: gas in the colon
