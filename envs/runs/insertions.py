@@ -11,6 +11,7 @@ from haustra.envs.control.follower import FollowerSettings, Memory
 from haustra.envs.control.follower_worlds import WorldsFollower
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.measure.containment import LumenWidths, outside, stack_widths
+from haustra.envs.runs.measure.load import largest_load
 from haustra.envs.runs.outcome import ending
 from haustra.envs.runs.tally import Insertions, Measured, Tally, counted
 from haustra.envs.sim.device_arrays import tree_where
@@ -51,7 +52,8 @@ class InsertionBatch:
         zero = jnp.zeros_like(parameters.friction)
         none = jnp.zeros(worlds, jnp.int32)
         start = zero + parameters.scope.start
-        tally = Tally(start, zero, zero, zero, zero, zero, none, none)
+        scores = dict.fromkeys(Tally._fields, zero) | {"tip_arc_max": start, "intervals": none, "ended": none}
+        tally = Tally(**scores)
         return self._backend.begin(parameters, self._tables), self._follower.begin(worlds, zero.dtype), tally
 
     def run(
@@ -85,9 +87,11 @@ class InsertionBatch:
             drive = tree_where(running, decided, drive)
             after = self._backend.read(parameters, self._tables, worlds)
             ended = self._ended(parameters, tables, widths, worlds, after)
-            measured = Measured(
-                after.tip_arc, after.insertion, after.push_force, after.torque, after.link_forces.max(axis=1)
+            load, arc = largest_load(
+                jnp, after, tip_links=len(self._backend.bend_dofs[0]), diameter=2 * parameters.scope.radius
             )
+            hand = after.push_force, after.torque
+            measured = Measured(after.tip_arc, after.insertion, *hand, after.link_forces.max(axis=1), load, arc)
             return worlds, drive, tree_where(running, counted(jnp, tally, measured, ended), tally)
 
         return jax.lax.fori_loop(0, count, one, (worlds, drive, tally))

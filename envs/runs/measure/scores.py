@@ -6,6 +6,7 @@ import sys
 import numpy as np
 
 from haustra.envs.runs.insertion import Insertion, Trajectory
+from haustra.envs.runs.measure.injury import Burden, injury_scores
 from haustra.envs.runs.measure.looping import looping
 from haustra.envs.runs.measure.progress import segment_at
 from haustra.models.accuracy import NumericalError, kind_of, stated_error
@@ -33,6 +34,7 @@ def score(
     to run from front to back. `pull_back_shortening_m` is the most scope that was pulled back while the tip stayed.
     `colon_moved_peak_mm` is how far a colon on its mesentery was moved at most.
     `wall_force_sum_mean_N` is the mean of all normal forces together, which does not depend on how long links are.
+    `p_perforation`, `bleeding_*` and `pain_*` are those of `haustra.envs.runs.measure.injury.injury_scores`.
     `numerical_error` holds ranges of relative errors of that mean and of the mean push, and of the tip's distance.
     `warnings` are the colon's.
 
@@ -72,6 +74,7 @@ def score(
         "wall_energy_peak_J": _peak(recorded.wall_energy),
         "wall_energy_mean_J": float(recorded.wall_energy.mean()) if simulated else 0.0,
         **_looping(scene, run),
+        **_injury(scene, run),
         "steering_gap_mean_deg": _steering_gap(recorded),
         "outside_max_mm": float(recorded.outside.max()) * 1e3 if simulated else 0.0,
         "colon_moved_peak_mm": _peak(recorded.colon_moved) * 1e3,
@@ -100,6 +103,18 @@ def _looping(scene: Scene, run: Insertion) -> dict[str, object]:
         "loops_at_end": ", ".join(f"{loop.kind.value} of {loop.size * 1e3:.0f} mm" for loop in found.at_end) or "none",
         "pull_back_shortening_m": found.shortening,
     }
+
+
+def _injury(scene: Scene, run: Insertion) -> dict[str, object]:
+    seen = run.trajectory
+    return injury_scores(
+        Burden(seen.load, seen.load_arc, seen.pressed, seen.pain),
+        run.outcome,
+        scene.colon,
+        friction=scene.options.friction,
+        diameter=2 * scene.cable.radius,
+        interval=float(seen.time[0]) if len(seen.time) else 0.0,
+    )
 
 
 def _steering_gap(recorded: Trajectory) -> float:
