@@ -123,6 +123,7 @@ def _trajectory(backend: LinearSingle, rows: Row) -> Trajectory:
         bend_left=seen.bend[:, 1],
         colon_moved=backend.colon_moved(rows),
         wall_force_sum=normals.sum(axis=1),
+        coils=seen.coils,
         **burden._asdict(),
         mocap_pos=places,
         mocap_quat=turns,

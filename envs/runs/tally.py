@@ -25,6 +25,10 @@ class Tally(NamedTuple):
     """Largest load of the wall over the median person's strength [1]."""
     load_arc: Array
     """Arc length there [m]."""
+    pain_peak: Array
+    """Largest tension of wall or mesentery over that which is assumed to hurt [1]."""
+    pain_arc: Array
+    """Arc length there [m]."""
     intervals: Array
     ended: Array
     """Row of `haustra.envs.runs.outcome.ENDINGS`; 0 while a run goes on."""
@@ -46,6 +50,10 @@ class Measured(NamedTuple):
     load: Array
     """Largest load of the wall under a link over the median person's strength [1]."""
     load_arc: Array
+    """Arc length there [m]."""
+    pain: Array
+    """Largest tension of wall or mesentery over that which is assumed to hurt [1]."""
+    pain_arc: Array
     """Arc length there [m]."""
 
 
@@ -69,6 +77,8 @@ def counted(xp: Any, tally: Tally, seen: Measured, ended: Array) -> Tally:
         loop_excess_peak=xp.maximum(tally.loop_excess_peak, seen.insertion - seen.tip_arc),
         load_peak=load,
         load_arc=arc,
+        pain_peak=xp.maximum(tally.pain_peak, seen.pain),
+        pain_arc=xp.where(seen.pain > tally.pain_peak, seen.pain_arc, tally.pain_arc),
         intervals=tally.intervals + 1,
         ended=ended,
     )
@@ -100,6 +110,10 @@ class Insertions:
     load_peak: Float[np.ndarray, " worlds"]
     """Largest load of the wall over the median person's strength [1]."""
     load_arc: Float[np.ndarray, " worlds"]
+    """Arc length there [m]."""
+    pain_peak: Float[np.ndarray, " worlds"]
+    """Largest tension of wall or mesentery over that which is assumed to hurt [1]."""
+    pain_arc: Float[np.ndarray, " worlds"]
     """Arc length there [m]."""
 
     @classmethod
@@ -136,4 +150,6 @@ class Insertions:
             p_perforation=perforation_probability(kept.load_peak),
             load_peak=kept.load_peak,
             load_arc=kept.load_arc,
+            pain_peak=kept.pain_peak,
+            pain_arc=kept.pain_arc,
         )

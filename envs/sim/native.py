@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from haustra.envs.sim.at_origin import without_pieces
 from haustra.envs.sim.capabilities import require_supported
+from haustra.envs.sim.coils import coil_samples
 from haustra.envs.sim.energy import EnergyMeter
 from haustra.envs.sim.link_places import link_arcs, middle_spheres
 from haustra.envs.sim.log import log_to_stderr_only
@@ -189,6 +190,7 @@ class NativeEngine:
         mujoco.mj_kinematics(self.model, self.data)
         scene, contact = self.scene, self.scene.options.contact
         spheres = [self.model.geom(f"wall/sphere_{number:04d}").id for number in range(len(scene.samples))]
+        self._coils = np.array(spheres)[coil_samples(self.model, scene.samples)]
         self._straight_arcs = (self.data.geom_xpos[spheres] - scene.entry) @ scene.entry_direction
         if self.table is not None:
             return TableWall(self.model, self.table, contact, arcs=self._straight_arcs)
@@ -250,6 +252,7 @@ class NativeEngine:
             way=self._moved.way(self._displacement) if self._moved else None,
             energies=self._energies.read(data),
             wall_force_sum=float(normal.sum()),
+            coils=data.geom_xpos[self._coils].copy(),
             displacement=self._displacement.copy() if self._moved else None,
         )
 

@@ -74,8 +74,8 @@ class Readings(NamedTuple):
     deepest: Real[Any, "*worlds"] = None
     """Largest depth of the scope in the wall [m]; None of one scope."""
     coils: Float[Any, "*worlds coils 3"] = None
-    """Places of the shaft `haustra.envs.sim.coils.COIL_DISTANCES` behind the tip, from the entry [m]; None of one
-    scope."""
+    """Places of the shaft `haustra.envs.sim.coils.COIL_DISTANCES` behind the tip [m]: of many scopes from the entry, of
+    one in the coordinates of its scene; those outside the anus are of no meaning while shaft there is left out."""
     displacement: Float[Any, "*worlds nodes 3"] = None
     """Where the colon's axis is, from where it was at rest [m]: of many scopes seen from the entry, of one in the
     coordinates of its scene; None of a colon that is fixed, and of the native backend of many scopes."""

@@ -188,6 +188,7 @@ def _result(job: Job, runs: Insertions, index: int, colon: Colon) -> Result:
         "wall_force_mean_N": float(runs.wall_force_mean[index]),
         "loop_excess_peak_m": float(runs.loop_excess_peak[index]),
         **perforation_scores(float(runs.load_peak[index]), float(runs.load_arc[index]), colon),
+        "pain_peak": float(runs.pain_peak[index]),
         "simulated_s": float(runs.simulated[index]),
     }
     # What these backends do not measure stays empty.

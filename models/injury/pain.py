@@ -2,7 +2,7 @@
 
 All tensions are forces per length of a sheet [N/m]:
 
-- wall under a link, F / (pi d): a force spread over the rim of the device's cross-section;
+- wall under a link, F / (pi d + 2 L): a force on the rim of the patch it lies on (`haustra.models.injury.patch`);
 - wall along the colon, its axis' tension over the lumen's circumference, where it is stretched;
 - wall under gas, p r (Laplace);
 - mesentery, the force with which it holds a node of the axis, over the length of colon that the node stands for.
@@ -15,19 +15,19 @@ mesentery it is assumed (`injury.painful_wall_tension`, `injury.painful_mesenter
 import math
 from typing import Any
 
-import numpy as np
 from jaxtyping import Float
 
 from haustra.models.injury.numbers import injury_number
+from haustra.models.injury.patch import patch_rim
 from haustra.models.wall import vectors
 from haustra.models.wall.mesentery import Mesentery
 from haustra.models.wall.moving_colon import edge_tension, hold_force
 from haustra.models.wall.vectors import norm
 
 
-def pressed_tension(force: Any, diameter: Any) -> Any:
-    """Tension of the wall under a link of that diameter [m] on which it presses with a force [N]: [N/m]."""
-    return force / (math.pi * diameter)
+def pressed_tension(force: Any, diameter: Any, length: Any) -> Any:
+    """Tension of the wall [N/m] under a link of that diameter and length [m] on which it presses with a force [N]."""
+    return force / patch_rim(diameter, length)
 
 
 def mesentery_tension(xp: Any, place: vectors.Vector, slack: Any, hold: Any, support: Any, spacing: Any) -> Any:
@@ -47,21 +47,22 @@ def pain(xp: Any, wall: Any, mesentery: Any) -> Any:
 
 
 def axis_tensions(
-    own: Mesentery, displacement: Float[np.ndarray, "records nodes 3"], radius: Float[np.ndarray, " nodes"]
-) -> tuple[Float[np.ndarray, "records nodes"], Float[np.ndarray, "records nodes"]]:
-    """Tensions of the wall along the colon and of the mesentery, at each node of one colon's axis [N/m].
+    xp: Any, own: Mesentery, displacement: Float[Any, "*worlds nodes 3"], radius: Float[Any, "*any nodes"]
+) -> tuple[Float[Any, "*worlds nodes"], Float[Any, "*worlds nodes"]]:
+    """Tensions of the wall along the colon behind each node of the axis, and of the mesentery at it [N/m].
 
     The anus is held by the pelvic floor and not by a mesentery: its node has none.
 
     Args:
-        own: the colon's axis.
+        xp: numpy or jax.numpy.
+        own: the axis of one colon, or of one a world.
         displacement: of its nodes from rest, in the coordinates of `own` [m].
         radius: of the lumen at the nodes [m].
     """
-    lengths = np.linalg.norm(np.diff(own.nodes + displacement, axis=1), axis=2)
-    along = (radius[1:] + radius[:-1]) / 2
-    edges = axial_tension(np, lengths, own.lengths, own.tension, own.pleating, along)
-    wall = np.maximum(np.pad(edges, ((0, 0), (1, 0))), np.pad(edges, ((0, 0), (0, 1))))
-    held = mesentery_tension(np, vectors.of(displacement), own.slack, own.hold, own.support, own.spacing)
-    held[:, 0] = 0.0
-    return wall, held
+    nodes = own.nodes + displacement
+    lengths = xp.sqrt(((nodes[..., 1:, :] - nodes[..., :-1, :]) ** 2).sum(axis=-1))
+    spacing, pleating = (xp.asarray(part)[..., None] for part in (own.spacing, own.pleating))
+    along = axial_tension(xp, lengths, own.lengths, own.tension, pleating, radius[..., :-1])
+    held = mesentery_tension(xp, vectors.of(displacement), own.slack, own.hold, own.support, spacing)
+    none = xp.zeros_like(held[..., :1])
+    return xp.concatenate([along, none], axis=-1), xp.concatenate([none, held[..., 1:]], axis=-1)

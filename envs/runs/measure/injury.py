@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.runs.measure.containment import lumen_widths
 from haustra.envs.runs.measure.load import largest_load
 from haustra.envs.runs.measure.progress import segment_at
 from haustra.envs.runs.outcome import Outcome
@@ -34,6 +35,8 @@ class Burden(NamedTuple):
     """Arc length there [m]."""
     pressed: Float[np.ndarray, "records stations"]
     """Largest resultant wall force on one link next to each station [N]."""
+    shear: Float[np.ndarray, "records stations"]
+    """Largest shear of the mucosa there [Pa]."""
     pain: Float[np.ndarray, "records stations"]
     """Pain at each station [1] (`haustra.models.injury.pain`)."""
 
@@ -43,16 +46,17 @@ class InjuryMeter:
 
     def __init__(self, scene: Scene) -> None:
         """For that scope in that colon."""
-        colon, line = scene.colon, scene.colon.centreline
+        colon = scene.colon
         self._diameter, self._tip_links = 2 * scene.cable.radius, scene.cable.tip_links
+        self._lengths, self._friction = -np.diff(scene.cable.node_distances), scene.options.friction
         self.stations = stations_of(colon)
-        width = np.median(colon.radius, axis=1)
-        self._radius = np.interp(self.stations, line.arc, width)
+        width = lumen_widths(colon)
+        self._radius = np.interp(self.stations, *width)
         self._bursting = np.array([bursting_pressure(segment_at(colon, arc)) for arc in self.stations])
         self._axis = axis_tables(colon).mesentery if scene.options.mesentery else None
         if self._axis is not None:
             self._node_arcs = float(self._axis.spacing) * np.arange(len(self._axis.nodes))
-            self._node_radius = np.interp(self._node_arcs, line.arc, width)
+            self._node_radius = np.interp(self._node_arcs, *width)
 
     def measure(self, seen: Readings, pressure: Float[np.ndarray, "records stations"] | None = None) -> Burden:
         """What the colon bears.
@@ -63,10 +67,12 @@ class InjuryMeter:
             pressure: of gas at each of `stations`, over that of the abdomen [Pa]; no gas when None.
         """
         load, arc = largest_load(np, seen, tip_links=self._tip_links, diameter=self._diameter)
-        pressed = self._at_stations(np.where(seen.link_arcs > 0, seen.link_forces, 0.0), seen.link_arcs)
-        wall, mesentery = pressed_tension(pressed, self._diameter), np.zeros_like(pressed)
+        forces, patch = np.where(seen.link_arcs > 0, seen.link_forces, 0.0), (self._diameter, self._lengths)
+        each = forces, mucosal_shear(forces, self._friction, *patch), pressed_tension(forces, *patch)
+        pressed, shear, wall = (self._at_stations(values, seen.link_arcs) for values in each)
+        mesentery = np.zeros_like(wall)
         if self._axis is not None:
-            along, held = axis_tensions(self._axis, seen.displacement, self._node_radius)
+            along, held = axis_tensions(np, self._axis, seen.displacement, self._node_radius)
             along, mesentery = (self._at_stations(part, self._node_arcs) for part in (along, held))
             wall = np.maximum(wall, along)
         if pressure is not None:
@@ -74,7 +80,7 @@ class InjuryMeter:
             most = gas.max(axis=1)
             load, arc = np.maximum(load, most), np.where(most > load, self.stations[gas.argmax(axis=1)], arc)
             wall = np.maximum(wall, pressure * self._radius)
-        return Burden(load, arc, pressed, pain(np, wall, mesentery))
+        return Burden(load, arc, pressed, shear, pain(np, wall, mesentery))
 
     def _at_stations(
         self, values: Float[np.ndarray, "records places"], arcs: Float[np.ndarray, "*records places"]
@@ -107,9 +113,7 @@ def perforation_scores(load: float, arc: float, colon: Colon) -> dict[str, objec
     }
 
 
-def injury_scores(
-    burden: Burden, outcome: Outcome, colon: Colon, *, friction: float, diameter: float, interval: float
-) -> dict[str, object]:
+def injury_scores(burden: Burden, outcome: Outcome, colon: Colon, *, interval: float) -> dict[str, object]:
     """Scores of what a colon bore in a run, as plain JSON values.
 
     `p_perforation` is the share of people whose colon would have been perforated, at `perforation_site`; a run that
@@ -122,11 +126,9 @@ def injury_scores(
         burden: what was recorded.
         outcome: how the run ended.
         colon: the colon.
-        friction: Coulomb's coefficient [1].
-        diameter: of the scope [m].
         interval: between records [s].
     """
-    shear = mucosal_shear(burden.pressed.max(axis=0, initial=0.0), friction, diameter)
+    shear = burden.shear.max(axis=0, initial=0.0)
     bleeding, peak = bleeds(shear), burden.pain.max(axis=0, initial=0.0)
     of = np.array([segment_at(colon, arc) for arc in stations_of(colon)])
     names = [segment.name for segment in colon.segments]

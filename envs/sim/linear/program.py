@@ -333,6 +333,10 @@ class ScopeProgram:
         first, last = self.spheres_of(body)
         return self.state.load(self.layout.arcs + (first + last).over(2))
 
+    def link_length(self, body: Value) -> Value:
+        """To the next link, or to the tip [m]."""
+        return self.program.xp.where(body < self.bodies - 1, self.link(body + 1, "offset"), self.scope("tip"))
+
     def of_tip(self, body: Value) -> Value:
         """Whether a link is of the bending section."""
         return self.structure.load(body * STRUCTURE + 4) > 0

@@ -113,6 +113,7 @@ class LinearSingle:
             contacts=int((normals > 0).sum()),
             wall_force_sum=float(normals.sum()),
             way=self._moved.way(moved[0]) if self._moved else None,
+            coils=seen.coils[0],
             displacement=seen.displacement[0] if self._moved else None,
             energies=Energies(
                 bending=float(self._energies.bending(qpos)[0]),
@@ -132,7 +133,8 @@ class LinearSingle:
         seen = self.many.readings(rows.state.astype(float), rows.seen.astype(float))
         tip, frame = seen.tip @ self._axes.T + self._origin, np.einsum("ij,rjk->rik", self._axes, seen.tip_frame)
         moved = self.displacements(rows) @ self._axes.T if self._moved else None
-        return seen._replace(tip=tip, tip_frame=frame, displacement=moved)
+        coils = seen.coils @ self._axes.T + self._origin
+        return seen._replace(tip=tip, tip_frame=frame, coils=coils, displacement=moved)
 
     def displacements(self, rows: Row) -> Float[np.ndarray, "rows nodes 3"]:
         """Displacements of the colon's axis, seen from its entry [m]; none where it is fixed."""

@@ -117,6 +117,7 @@ def test_who_perforates_follows_from_the_largest_load(runs: Insertions) -> None:
     """A hand that hardly pushes tears nobody; loads are where the scope was, and below what the shaft alone bears."""
     assert 0 < runs.load_peak[2] < runs.load_peak[1] < 1
     assert (np.diff(runs.p_perforation[[2, 1, 3]]) >= 0).all() and runs.p_perforation[2] < 1e-9
+    assert 0 < runs.pain_peak[2] < runs.pain_peak[1]
     assert (runs.load_arc >= 0).all() and (runs.load_arc <= runs.tip_arc_max + 0.01).all()
     assert runs.load_peak[1] <= runs.wall_force_peak[1] / (1.5 * 14.1 * 0.9)
 

@@ -8,14 +8,17 @@ import pytest
 from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.runs.insertion import Insertion, run_insertion
 from haustra.envs.runs.linear_insertion import run_linear_insertion
+from haustra.envs.runs.linear_insertions import LinearInsertions
 from haustra.envs.runs.measure.injury import InjuryMeter, stations_of
 from haustra.envs.runs.measure.scores import score
 from haustra.envs.runs.outcome import Outcome
+from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.native import NativeEngine
 from haustra.models.anatomy.colon import ColonSegment
 from haustra.models.devices.scope.library import named_design
 from haustra.models.injury.perforation import SIGMA
-from haustra.models.scene import Scene, SceneOptions, build_scene
+from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
+from haustra.models.wall.lumen_table import lumen_table, stack
 from haustra.provenance import Provenance
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
@@ -54,8 +57,25 @@ def test_native_and_linear_time_tell_the_same_injury(both: tuple[Scene, Insertio
     assert ran.load.mean() == pytest.approx(other.load.mean(), rel=0.1)
     assert ours["perforation_site"] == theirs["perforation_site"] == "sigmoid"
     assert ours["p_perforation"] < 1e-20 and theirs["p_perforation"] < 1e-20
-    assert ours["pain_peak"] == pytest.approx(theirs["pain_peak"], rel=0.02)
+    assert ours["pain_peak"] == pytest.approx(theirs["pain_peak"], rel=0.05)
     np.testing.assert_allclose(ran.pain.mean(axis=0), other.pain.mean(axis=0), atol=0.1 * ran.pain.mean(axis=0).max())
+
+
+def test_a_batch_keeps_what_the_rows_of_one_run_add_up_to(both: tuple[Scene, Insertion, Insertion]) -> None:
+    """In double precision, the same program: largest load and pain, and where they were."""
+    scene, _, linear = both
+    table = lumen_table(scene.colon, device_radius=scene.cable.radius, with_mesentery=scene.options.mesentery)
+    tables = stack([table.seen_from(*entry_of(scene.colon))])
+    many = LinearInsertions(scene, tables, [scene.colon], worlds=1, settings=UNSTEERED, real=np.float64)
+    one = np.ones(1)
+    options = scene.options
+    many.begin(np.zeros(1, int), Conditions(options.friction * one, options.wall_stiffness * one, one))
+    runs, seen = many.run(seconds=6.0), linear.trajectory
+    assert runs.load_peak[0] == pytest.approx(seen.load.max(), rel=1e-6)
+    assert runs.load_arc[0] == pytest.approx(seen.load_arc[seen.load.argmax()], rel=1e-6)
+    assert runs.pain_peak[0] == pytest.approx(seen.pain.max(), rel=1e-3)
+    place = stations_of(scene.colon)[seen.pain.max(axis=0).argmax()]
+    assert runs.pain_arc[0] == pytest.approx(place, abs=0.0101)
 
 
 def test_maps_add_up_to_what_is_recorded_beside_them(both: tuple[Scene, Insertion, Insertion]) -> None:
@@ -76,10 +96,10 @@ def test_a_mesentery_hurts_beside_the_wall_and_a_fixed_colon_by_its_wall_only(
 ) -> None:
     scene, native, _ = both
     seen = native.trajectory
-    only = seen.pressed / (np.pi * 2 * scene.cable.radius) / 100.0
-    more = seen.pain - only
-    assert more.min() > -1e-9
-    assert (more.max() > 1e-3) == scene.options.mesentery
+    under = seen.shear > 0
+    assert (seen.pain[under] > 0).all()
+    assert seen.pain[~under].max() == 0.0 or scene.options.mesentery
+    assert (seen.pain[~under].max() > 1e-3) == scene.options.mesentery
 
 
 def test_a_run_that_ends_as_escaped_has_torn_everybodys_colon() -> None:
