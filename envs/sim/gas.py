@@ -88,7 +88,7 @@ class RunGas:
 
     def _step(self, tip_arc: float) -> None:
         """Move the gas for the time that is due."""
-        self._tip = int(self._number[np.searchsorted(self._arcs[:-1], tip_arc)])
+        self._tip = int(self.segments_at(np.array([tip_arc]))[0])
         flow = self._flow * float(self._state.pressure[self._tip] < self._set_point)
         self._state = step_gas(np, self._person, self._state, flow=flow, place=self._tip, timestep=self._due)
         self._due, self._volume = 0.0, float(gas_volumes(np, self._person, self._state).sum())
@@ -101,6 +101,14 @@ class RunGas:
         radius = float(self._radius[self._tip] * self._shares[self._tip])
         tension = wall_tension(max(float(self._state.pressure[self._tip]), 0.0), radius)
         return self._soft + tension_stiffness(np, tension, radius, self._device)
+
+    def segments_at(self, arcs: Float[np.ndarray, " places"]) -> Int[np.ndarray, " places"]:
+        """Numbers of the segments at arc lengths [m], as columns of `GasRecord.pressure`."""
+        return self._number[np.searchsorted(self._arcs[:-1], arcs)]
+
+    def pressure_at(self, arcs: Float[np.ndarray, " places"]) -> Float[np.ndarray, " places"]:
+        """Pressure at arc lengths now [Pa]."""
+        return self._state.pressure[self.segments_at(arcs)]
 
     def place(self, wall: Float[np.ndarray, "stations angles 4"], *, anew: bool = False) -> None:
         """Put a table's wall where gas holds it; `anew` when the table is another one."""

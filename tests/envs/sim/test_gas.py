@@ -14,15 +14,16 @@ from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.linear.single import LinearSingle
 from haustra.envs.sim.native import NativeEngine
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
+from haustra.models.accuracy import NOT_MEASURED
 from haustra.models.anatomy.colon import Colon, ColonSegment
 from haustra.models.anatomy.repair import signed_volume
 from haustra.models.devices.scope.library import named_design
 from haustra.models.gas.law import MMHG
 from haustra.models.gas.numbers import gas_numbers
 from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
+from haustra.models.wall.lumen_table import axis_at, lumen_table, put_distended, query, stack
 from haustra.provenance import Provenance
 from haustra.scripts.run import Run
-from haustra.models.wall.lumen_table import axis_at, lumen_table, put_distended, query, stack
 from tests.bent_colon import bent_colon
 
 FULL = gas_numbers()["full_pressure"]
@@ -117,13 +118,14 @@ def test_shaft_that_is_added_meets_the_same_gas(colon: Colon):
 
 
 def test_scores_say_pressure_and_volume_and_null_without_gas(colon: Colon):
-    kinds = {"provenance": Provenance(inputs={}, configuration={}), "error": NO_ERROR}
+    kinds = {"provenance": Provenance(inputs={}, configuration={}), "error": NOT_MEASURED}
     found, usual = (
         score(scene_of(colon, **changed), driven(colon, LinearSingle, **changed), **kinds)
         for changed in ({}, {"gas": None})
     )
     assert found["gas_pressure_peak_mmHg"] == pytest.approx(12, abs=0.3)
     assert 50 < float(str(found["gas_volume_mL"])) < 400
+    assert float(str(found["pain_peak"])) > float(str(usual["pain_peak"])) > 0
     assert usual["gas_pressure_peak_mmHg"] is usual["gas_volume_mL"] is None
 
 
