@@ -66,6 +66,8 @@ class RunGas:
         self._radius = np.sqrt(volumes / (np.pi * np.maximum(lengths, self._arcs[1])))
         self._rest, self._placed = np.array(wall, float), np.zeros(len(wall))
         self._surface_arcs: Float[np.ndarray, " vertices"] | None = None
+        self.asked: float | None = None
+        """Flow that the hand asks for at standard pressure [m^3/s], negative to suck; the insufflator's when None."""
         self._due = 0.0
         self.widths: Float[np.ndarray, " stations"]
         """Width of the lumen at each station of the table, over that of the colon as it was given [1]."""
@@ -89,7 +91,9 @@ class RunGas:
     def _step(self, tip_arc: float) -> None:
         """Move the gas for the time that is due."""
         self._tip = int(self.segments_at(np.array([tip_arc]))[0])
-        flow = self._flow * float(self._state.pressure[self._tip] < self._set_point)
+        flow = self.asked
+        if flow is None:
+            flow = self._flow * float(self._state.pressure[self._tip] < self._set_point)
         self._state = step_gas(np, self._person, self._state, flow=flow, place=self._tip, timestep=self._due)
         self._due, self._volume = 0.0, float(gas_volumes(np, self._person, self._state).sum())
         share = np.sqrt(filling(np, self._person, self._state.pressure[:-1]))

@@ -94,6 +94,15 @@ def test_flow_fills_up_to_the_set_point_and_no_further(colon: Colon):
     assert (np.diff(seen.given) >= 0).all()
 
 
+def test_a_hand_that_sucks_narrows_the_lumen_at_the_tip(colon: Colon):
+    gas, _ = gas_of(colon, gas=20 * MMHG, gas_start=20 * MMHG)
+    before, gas.asked = gas.widths, -2e-5
+    for _ in range(1000):
+        gas.advance(0.2, 0.02)
+    assert gas.widths[60] < 0.8 * before[60]
+    assert gas.record(1000).given[-1] < -5e-5
+
+
 def driven(colon: Colon, backend, **changed) -> Insertion:
     return run_insertion(scene_of(colon, **changed), seconds=5.0, backend=backend)
 
