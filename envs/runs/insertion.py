@@ -14,6 +14,7 @@ from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.runs.outcome import Outcome, ending, outcome_of
 from haustra.envs.sim.backend import SingleBackend
 from haustra.envs.sim.coils import COIL_DISTANCES
+from haustra.envs.sim.gas import GasRecord, gas_pressures
 from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.state import Readings
 from haustra.models.anatomy.colon import Colon
@@ -111,6 +112,8 @@ class Insertion:
     """As it lay at the end."""
     backend: str = "native"
     """What stepped it, of `haustra.envs.sim.capabilities.BACKENDS`."""
+    gas: GasRecord | None = None
+    """Pressures and volumes of gas, where the scene had it."""
     shaft_added: tuple[float, ...] = ()
     """When shaft was added to the scene [s]: from then on stock MuJoCo repeats it closely, but not to the bit."""
 
@@ -194,6 +197,7 @@ def _drive(backend: SingleBackend, seconds: float, settings: FollowerSettings, p
         settings=settings,
         colon=backend.colon(),
         backend=backend.name,
+        gas=backend.gas and backend.gas.record(len(rows)),
         shaft_added=tuple(backend.added),
     )
 
@@ -231,5 +235,6 @@ def _trajectory(rows: list[tuple], felt: list[tuple], backend: SingleBackend) ->
     columns = (np.array(column, dtype=float) for column in zip(*rows, strict=True))
     parts = (None if column[0] is None else np.array(column, float) for column in zip(*felt, strict=True))
     seen = backend.read()._replace(**dict(zip(_FELT, parts, strict=True)))
-    burden = InjuryMeter(backend.scene).measure(seen)
+    injury = InjuryMeter(backend.scene)
+    burden = injury.measure(seen, gas_pressures(backend.gas, len(rows), injury.stations))
     return Trajectory(**dict(zip(names, columns, strict=True)), **burden._asdict())
