@@ -110,10 +110,6 @@ class RunGas:
         """Numbers of the segments at arc lengths [m], as columns of `GasRecord.pressure`."""
         return self._number[np.searchsorted(self._arcs[:-1], arcs)]
 
-    def pressure_at(self, arcs: Float[np.ndarray, " places"]) -> Float[np.ndarray, " places"]:
-        """Pressure at arc lengths now [Pa]."""
-        return self._state.pressure[self.segments_at(arcs)]
-
     def place(self, wall: Float[np.ndarray, "stations angles 4"], *, anew: bool = False) -> None:
         """Put a table's wall where gas holds it; `anew` when the table is another one."""
         widths = self.widths
@@ -139,6 +135,13 @@ class RunGas:
         if not rows:
             return GasRecord(np.zeros((0, len(SEGMENTS))), np.zeros(0), np.zeros(0))
         return GasRecord(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def gas_pressures(
+    gas: RunGas | None, count: int, arcs: Float[np.ndarray, " places"]
+) -> Float[np.ndarray, "records places"] | None:
+    """Pressures at arc lengths [m], of the first so many rows [Pa]; None of a run without gas."""
+    return gas and gas.record(count).pressure[:, gas.segments_at(arcs)]
 
 
 def _numbers(names: list[str]) -> Int[np.ndarray, " stations"]:
