@@ -70,7 +70,7 @@ class ScopeTask:
             config: the rules.
             worlds: how many.
             threads: for physics on the CPU.
-            backend: 'native', MuJoCo on threads; 'linear', linear time on them; 'jax' or 'warp', on JAX's device.
+            backend: 'native', MuJoCo on threads; 'linear', linear time on them, or 'linear-gpu'; 'warp', MuJoCo Warp.
             bank: colons; those of the configuration's seeds when None.
             progress: told how many colons are there.
 

@@ -27,7 +27,7 @@ _STILL = 1e-3
 """Where nothing is faster than this [m/s, rad/s], differences are relative to it: rounding of what hardly moves."""
 _DENSE_STEPS = 40
 """Time steps in which the dense engine is timed."""
-_INTERVAL = 0.125
+INTERVAL = 0.125
 """The hand changes its mind so often [s]."""
 
 
@@ -56,7 +56,7 @@ class Hands:
         self._pulls = np.zeros((worlds, 4))
 
     def next(self) -> Controls:
-        """What it does in the next `_INTERVAL`."""
+        """What it does in the next `INTERVAL`."""
         self._pulls = np.clip(self._pulls + 2 * self._random.normal(size=self._pulls.shape), 0, _PULL)
         return Controls(np.full(self._worlds, _PUSH), self._random.uniform(-0.5, 0.5, self._worlds), self._pulls)
 
@@ -93,8 +93,8 @@ def driven(
     all_worlds = np.arange(worlds)
     backend.reset(all_worlds, all_worlds % len(bank.colons), conditions(bank, worlds))
     hands = Hands(worlds)
-    for _ in range(round(seconds / _INTERVAL)):
-        backend.step(hands.next(), round(_INTERVAL / bank.scene.options.timestep))
+    for _ in range(round(seconds / INTERVAL)):
+        backend.step(hands.next(), round(INTERVAL / bank.scene.options.timestep))
     return backend, hands
 
 
@@ -156,11 +156,11 @@ def largest_difference(bank: ScopeBank, *, worlds: int = 20, instants: int = 10)
     States are those of scopes pushed in by random hands, from straight to deep inside.
     """
     dense = DenseStep(bank, np.arange(worlds) % len(bank.colons), conditions(bank, worlds))
-    backend, hands = driven(bank, worlds, seconds=_INTERVAL, real=np.float64)
+    backend, hands = driven(bank, worlds, seconds=INTERVAL, real=np.float64)
     worst = 0.0
     for _ in range(instants):
         for _ in range(6):
-            backend.step(hands.next(), round(_INTERVAL / bank.scene.options.timestep))
+            backend.step(hands.next(), round(INTERVAL / bank.scene.options.timestep))
         before, inputs = backend.state(), hands.next()
         backend.step(inputs, 1)
         want, after = dense.step(before, inputs), backend.state()

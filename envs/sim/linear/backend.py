@@ -23,6 +23,7 @@ from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.scene import Scene
 from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables, pick
+from haustra.models.wall.mesentery import Mesentery
 from haustra.models.wall.moving_colon import AxisDisplacement
 
 
@@ -244,6 +245,12 @@ class LinearBackend(AbstractBackend):
         for component, axis in enumerate("xyz"):
             self.give(f"gravity_{axis}", seen[:, component])
 
+    def rehang(self, mesentery: Mesentery) -> None:
+        """Give colons that move other mesenteries, of as many nodes; axes stay where they are."""
+        self._held["axis"].change()[:] = pack_axis(mesentery)
+        for name in ("spacing", "pleating"):
+            self.give(name, getattr(mesentery, name)[self._case])
+
     def tell_driver(self, slot: int, values: Float[np.ndarray, "worlds numbers"]) -> None:
         """Set numbers of the driver, from a slot on."""
         worlds = np.arange(self.worlds)
@@ -313,7 +320,7 @@ class LinearBackend(AbstractBackend):
         )
 
     def state(self) -> State:
-        """The whole state, as the backend 'jax' has it, in double precision."""
+        """The whole state, in double precision."""
         layout = self._layout
         ends = (0, layout.speeds, layout.arcs, layout.normals, layout.hand, layout.pulls, layout.time, layout.axis)
         parts = [self._of_worlds("state", *pair) for pair in pairwise(ends)]
