@@ -75,7 +75,7 @@ class Readings(NamedTuple):
     """Places of the shaft `haustra.envs.sim.coils.COIL_DISTANCES` behind the tip, from the entry [m]; None of one
     scope."""
     displacement: Float[Any, "*worlds nodes 3"] = None
-    """Where the colon's axis is, from where it was at rest [m]; None but of dynamics in JAX and colons that move."""
+    """Where the colon's axis is, from where it was at rest [m]; None where the colon is fixed."""
     pulls: Float[Any, "*worlds 4"] = None
     """Pull of each wire at the handle: up, left, down, right [N]; None of many scopes."""
     contacts: Real[Any, "*worlds"] = None

@@ -113,7 +113,7 @@ class WarpBackend(AbstractBackend):
         return np.asarray(self._state.qpos)
 
     def snapshot(self, world: int) -> Snapshot:
-        """Not kept on JAX's device.
+        """Not kept.
 
         Raises:
             UnsupportedSceneError: always.
@@ -123,7 +123,7 @@ class WarpBackend(AbstractBackend):
         )
 
     def restore(self, world: int, snapshot: Snapshot) -> None:
-        """Not kept on JAX's device.
+        """Not kept.
 
         Raises:
             UnsupportedSceneError: always.

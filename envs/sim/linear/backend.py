@@ -45,7 +45,6 @@ class LinearBackend(AbstractBackend):
     """Scopes as articulated bodies, by the laws of all backends, in single precision or double."""
 
     name = "linear"
-    on_device = False
     traces_pictures = False
 
     def __init__(
@@ -83,7 +82,7 @@ class LinearBackend(AbstractBackend):
             MissingDependencyError: when there is no such device.
             UnsupportedSceneError: when the scene has what this backend cannot honour.
         """
-        self.scene, self.tables, self.worlds = scene, tables, worlds
+        self.scene, self.tables, self.worlds, self.on_device = scene, tables, worlds, device == "cuda"
         self._chain, own = read_chain(scene, backend=self.name), read_scope(scene, backend=self.name)
         self._scope, self._one_each = (own, False) if scopes is None else (scopes, True)
         alike = all(a.shape[1:] == b.shape[1:] for a, b in zip(_arrays(self._scope), _arrays(own), strict=True))

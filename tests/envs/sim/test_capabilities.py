@@ -46,8 +46,8 @@ TOLERANCE, AT_THE_WALL_TOLERANCE = 0.1, 0.3
 LEAST = 3e-3
 """Size of the smallest effect that counts as one, in units of `SCALES`."""
 FLOOR, SINGLE_FLOOR = 2e-3, 1e-2
-"""By which effects may differ in any case, in units of `SCALES`: JAX computes in single precision, and reads the hand's
-force at the end of a step."""
+"""By which effects may differ in any case, in units of `SCALES`: linear time computes in single precision, and reads
+the hand's force at the end of a step."""
 SCALES = np.array([0.01, 0.01, 0.01, 0.3, 0.3, 3.0, 0.01, 3.0, 0.01])
 """Tip [m], bend [rad], push [N], torque [N m], wall [N], insertion [m]."""
 SECONDS, LOOK = 0.6, 0.04
