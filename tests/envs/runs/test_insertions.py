@@ -34,7 +34,7 @@ def bank() -> ScopeBank:
 NEEDS_WARP = pytest.mark.skipif(find_spec("warp") is None, reason="the extra warp is not installed")
 COLON = np.array([0, 1, 1, 1])
 PUSH_LIMIT = np.array([43.0, 43.0, 0.05, 43.0])
-STIFFNESS = np.array([1500.0, 1500.0, 1500.0, 0.5])
+STIFFNESS = np.array([1500.0, 1500.0, 1500.0, 5.0])
 """The straight tube, the bend, the bend with a hand that hardly pushes, and with a wall that hardly holds."""
 
 
