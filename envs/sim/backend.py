@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from haustra.envs.sim.conditions import Conditions, Snapshot
+from haustra.envs.sim.gas import RunGas
 from haustra.envs.sim.state import Controls, Readings
 from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import Scene
@@ -121,6 +122,11 @@ class SingleBackend(Protocol):
     @property
     def ctrl(self) -> Float[np.ndarray, " actuators"]:
         """Controls of the last step [m/s, rad/s, N, 1]."""
+        ...
+
+    @property
+    def gas(self) -> RunGas | None:
+        """What fills the colon, where the scene has gas."""
         ...
 
     def step(self, inputs: Controls, count: int) -> bool:

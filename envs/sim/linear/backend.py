@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, Int
 
 from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.conditions import Conditions, Snapshot
+from haustra.envs.sim.gas import RunGas
 from haustra.envs.sim.linear.compile import Driver
 from haustra.envs.sim.linear.dual import with_slopes
 from haustra.envs.sim.linear.layout import AXIS, NODE, SEEN, WORLD, seen_slot
@@ -96,6 +97,10 @@ class LinearBackend(AbstractBackend):
         self._layout, self._coils = replace(structure.layout, nodes=nodes), structure.coils
         self._places = int(structure.coils.max()) + 1
         self._first_link = seen_slot("coils") + 3 * self._places
+        if scene.options.gas is not None and (worlds > 1 or len(tables.count) > 1 or directions):
+            raise UnsupportedSceneError(
+                "The backend 'linear' honours scene.gas of one scope in one colon, without derivatives: leave gas out."
+            )
         if directions and device != "cpu":
             raise InvalidOptionError("Derivatives are carried on a CPU only: leave the device out.")
         self.directions = directions
@@ -125,6 +130,8 @@ class LinearBackend(AbstractBackend):
         values |= {name: with_slopes(each, directions) for name, each in values.items() if self._has_slopes(name)}
         self._held = {name: self._place.hold(each) for name, each in values.items()}
         self._case = np.zeros(worlds, int)
+        self.gas: RunGas | None = None
+        """What fills the colon of a scope that is alone, where the scene has gas."""
         one, options = np.ones(blocks * lanes), scene.options
         plain = Conditions(options.friction * one, options.wall_stiffness * one, one)
         self._reset(np.arange(blocks * lanes), np.zeros(blocks * lanes, int), plain)
@@ -161,6 +168,9 @@ class LinearBackend(AbstractBackend):
         if conditions.roll is not None:
             for slot in (1, layout.hand + 1):
                 self._put("state", worlds, slot, conditions.roll)
+        if options.gas is not None:
+            self.gas = RunGas(self.scene, self.tables.wall, device_radius=float(tables.device_radius[0]))
+            self._yield_to_gas(anew=True)
         self._run(0)
 
     def redesign(self, scopes: Scope) -> None:
@@ -234,7 +244,11 @@ class LinearBackend(AbstractBackend):
 
     def drive(self, count: int) -> None:
         """Let the program's own driver decide `count` times."""
-        self._run(count)
+        if self.gas is None:
+            self._run(count)
+            return
+        for _ in range(count):
+            self._run(1)
 
     def give(self, name: str, values: Float[np.ndarray, " worlds"] | float) -> None:
         """Set a number of all worlds, by its name in `haustra.envs.sim.linear.layout.WORLD`."""
@@ -265,7 +279,23 @@ class LinearBackend(AbstractBackend):
     def _run(self, count: int) -> None:
         layout = self._layout
         counts = layout.dofs, layout.bodies, layout.spheres, layout.nodes, self._places, count
+        if self.gas is None or not count:
+            self._place.run(self._held, counts, self.worlds)
+            return
+        begun = self._first(layout.time)
         self._place.run(self._held, counts, self.worlds)
+        if self.gas.advance(self._first(layout.arcs + layout.spheres), self._first(layout.time) - begun):
+            self._yield_to_gas()
+
+    def _yield_to_gas(self, *, anew: bool = False) -> None:
+        """Put the wall where gas holds it, as stiff as it makes it."""
+        assert self.gas is not None
+        self.gas.place(self._held["wall"].change(), anew=anew)
+        self.give("stiffness", self.gas.stiffness)
+
+    def _first(self, slot: int) -> float:
+        """A number of the first world's state."""
+        return float(self._of_worlds("state", slot, slot + 1)[0, 0])
 
     def read(self) -> Readings:
         """What can be read off at the end of the last step."""

@@ -319,7 +319,10 @@ REFUSALS = {
     "scene.wall_law": OPTIONS,
     "scene.mesentery": replace(OPTIONS, wall_law="table", mesentery=True, softening=False),
     "scene.softening": replace(OPTIONS, wall_law="table"),
+    "scene.gas": replace(OPTIONS, wall_law="table", softening=False, gas=3333.0),
 }
+WITH_GAS = {"scene.gas_flow", "scene.gas_start"}
+"""Fields that count with gas: `test_gas.py` beside this one."""
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -396,7 +399,13 @@ def test_no_field_is_missing_from_the_table_and_none_has_gone() -> None:
 
 
 def test_every_field_has_a_value_to_test_it_with() -> None:
-    tested = {*PATHS, *REFUSALS, *(entry.path for entry in CAMERA), *(f"design.{name}" for name in NO_EFFECT)}
+    tested = {
+        *PATHS,
+        *REFUSALS,
+        *WITH_GAS,
+        *(entry.path for entry in CAMERA),
+        *(f"design.{name}" for name in NO_EFFECT),
+    }
     assert {entry.path for entry in (*SCENE, *DESIGN_TABLE, *CAMERA)} == tested
 
 
