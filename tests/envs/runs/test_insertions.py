@@ -59,10 +59,13 @@ def runs(both: dict[str, Insertions], request: pytest.FixtureRequest) -> Inserti
 
 @NEEDS_WARP
 def test_mujoco_warp_goes_the_same_way(both: dict[str, Insertions]) -> None:
-    """The same follower, endings and scores; where nothing holds the scope, outside, ways part."""
+    """The same follower, endings and scores; outside, where nothing holds the scope, ways part.
+
+    The peak of a push is one instant of slip in the bend, where MuJoCo's friction is stiffer: within a fifth.
+    """
     linear, warp = both["linear"], both["warp"]
     assert linear.outcome == warp.outcome
-    for name, share in (("tip_arc_max", 0.01), ("insertion", 0.01), ("push_force_peak", 0.1), ("wall_force_mean", 0.1)):
+    for name, share in (("tip_arc_max", 0.01), ("insertion", 0.01), ("push_force_peak", 0.2), ("wall_force_mean", 0.1)):
         ours, theirs = (getattr(runs, name)[:3] for runs in (linear, warp))
         np.testing.assert_allclose(ours, theirs, rtol=share, atol=1e-3, err_msg=name)
 
