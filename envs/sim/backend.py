@@ -22,8 +22,8 @@ class AbstractBackend(ABC):
 
     name: ClassVar[str]
     """What it is called, of `haustra.envs.sim.capabilities.BACKENDS`."""
-    on_device: ClassVar[bool]
-    """Whether its state lies on JAX's device, where rays of sight are then followed too."""
+    on_device: bool
+    """Whether it computes where JAX does, or on a GPU: rays of sight are then followed by JAX, where that is."""
     traces_pictures: ClassVar[bool]
     """Whether depth pictures are traced to the lumen's triangles by MuJoCo Warp, instead of followed in its table."""
 

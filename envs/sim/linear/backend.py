@@ -25,6 +25,7 @@ from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.scene import Scene
 from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables, pick
+from haustra.models.wall.mesentery import Mesentery
 from haustra.models.wall.moving_colon import AxisDisplacement
 
 
@@ -46,7 +47,6 @@ class LinearBackend(AbstractBackend):
     """Scopes as articulated bodies, by the laws of all backends, in single precision or double."""
 
     name = "linear"
-    on_device = False
     traces_pictures = False
 
     def __init__(
@@ -84,7 +84,7 @@ class LinearBackend(AbstractBackend):
             MissingDependencyError: when there is no such device.
             UnsupportedSceneError: when the scene has what this backend cannot honour.
         """
-        self.scene, self.tables, self.worlds = scene, tables, worlds
+        self.scene, self.tables, self.worlds, self.on_device = scene, tables, worlds, device == "cuda"
         self._chain, own = read_chain(scene, backend=self.name), read_scope(scene, backend=self.name)
         self._scope, self._one_each = (own, False) if scopes is None else (scopes, True)
         alike = all(a.shape[1:] == b.shape[1:] for a, b in zip(_arrays(self._scope), _arrays(own), strict=True))
@@ -260,6 +260,12 @@ class LinearBackend(AbstractBackend):
         for component, axis in enumerate("xyz"):
             self.give(f"gravity_{axis}", seen[:, component])
 
+    def rehang(self, mesentery: Mesentery) -> None:
+        """Give colons that move other mesenteries, of as many nodes; axes stay where they are."""
+        self._held["axis"].change()[:] = pack_axis(mesentery)
+        for name in ("spacing", "pleating"):
+            self.give(name, getattr(mesentery, name)[self._case])
+
     def tell_driver(self, slot: int, values: Float[np.ndarray, "worlds numbers"]) -> None:
         """Set numbers of the driver, from a slot on."""
         worlds = np.arange(self.worlds)
@@ -346,7 +352,7 @@ class LinearBackend(AbstractBackend):
         )
 
     def state(self) -> State:
-        """The whole state, as the backend 'jax' has it, in double precision."""
+        """The whole state, in double precision."""
         layout = self._layout
         ends = (0, layout.speeds, layout.arcs, layout.normals, layout.hand, layout.pulls, layout.time, layout.axis)
         parts = [self._of_worlds("state", *pair) for pair in pairwise(ends)]

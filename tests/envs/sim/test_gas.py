@@ -147,7 +147,7 @@ def test_options_of_a_run_ask_for_gas(tmp_path):
         Run(colon=tmp_path, output=tmp_path, insufflate="14mm")._options()
 
 
-@pytest.mark.parametrize("backend", ["native-batch", "jax", "warp"])
+@pytest.mark.parametrize("backend", ["native-batch", "warp"])
 def test_other_backends_refuse_it_by_name(colon: Colon, backend: str):
     with pytest.raises(UnsupportedSceneError, match=r"scene\.gas"):
         require_supported(scene_of(colon), backend)
