@@ -41,7 +41,12 @@ _KEPT = (
     "cops3d_shaft_without_tip_m",
     "cops3d_looping_turns",
 )
-PUBLISHED_PAIN = {"sigmoid": "51 % (and 77 % of demands for drugs)"}
+PAINFUL = (*SEGMENTS, "splenic_flexure", "hepatic_flexure")
+PUBLISHED_PAIN = {
+    "sigmoid": "51 % (and 77 % of demands for drugs)",
+    "splenic_flexure": "25 %",
+    "hepatic_flexure": "33 %",
+}
 """Passages that hurt, in 58 patients (Scand J Gastroenterol 2018;53:345); demands: Shah 2002, 650 of 102 patients."""
 
 
@@ -97,10 +102,10 @@ def table(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
         line("largest pain, median", lambda own: f"{_median(own, 'pain_peak'):.1f}"),
         line("time with pain above 1, median", lambda own: f"{_median(own, 'pain_s'):.0f} s"),
     ]
-    for name in SEGMENTS:
+    for name in PAINFUL:
         lines.append(
             line(
-                f"pain above 1 in the {name}",
+                f"pain above 1 at the {name.replace('_', ' ')}",
                 lambda own, name=name: _share(own, lambda row: row["pain_by_site"].get(name, 0.0) > 1),
                 PUBLISHED_PAIN.get(name, ""),
             )

@@ -15,5 +15,6 @@ def test_page_pictures_and_table_of_few_runs(tmp_path, capsys):
     for name in ("injury.png", "injury-map.png"):
         assert (folder / name).read_bytes().startswith(b"\x89PNG")
     assert len(found["runs"]) == 4
+    assert {"splenic_flexure", "hepatic_flexure"} < found["runs"][0]["pain_by_site"].keys()
     for run in found["runs"]:
         assert 0 <= run["p_perforation"] <= 1 and run["pain_peak"] == max(run["pain_by_site"].values())
