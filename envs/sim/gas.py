@@ -12,6 +12,7 @@ from haustra.models.anatomy.colon import Colon, Surface
 from haustra.models.anatomy.landmarks import SEGMENTS, segment_names
 from haustra.models.gas.compartments import filled, filling, gas_volumes, segment_volumes, step_gas, typical_colon
 from haustra.models.gas.law import tension_stiffness, wall_tension
+from haustra.models.gas.numbers import gas_numbers
 from haustra.models.scene import Scene
 from haustra.models.wall.lumen_table import put_distended
 from haustra.models.wall.signed_distance import surface_arcs
@@ -56,7 +57,10 @@ class RunGas:
         self._set_point, self._flow, self._device = options.gas, options.gas_flow, device_radius
         self._soft = options.wall_stiffness
         volumes = segment_volumes(scene.colon)
-        self._person = typical_colon(volumes)
+        own = scene.colon.provenance.configuration.get("pressure")  # what it was grown at
+        given = own if isinstance(own, int | float) else gas_numbers()["full_pressure"]
+        self._person = typical_colon(volumes, pressure=given)
+        self._given = filling(np, self._person, np.full(len(SEGMENTS), float(given)))
         self._state = filled(np, self._person, options.gas_start)
         self._arcs = np.linspace(0.0, line.length, len(wall))
         self._number = _numbers(segment_names(scene.colon.segments, self._arcs))
@@ -96,7 +100,7 @@ class RunGas:
             flow = self._flow * float(self._state.pressure[self._tip] < self._set_point)
         self._state = step_gas(np, self._person, self._state, flow=flow, place=self._tip, timestep=self._due)
         self._due, self._volume = 0.0, float(gas_volumes(np, self._person, self._state).sum())
-        share = np.sqrt(filling(np, self._person, self._state.pressure[:-1]))
+        share = np.sqrt(filling(np, self._person, self._state.pressure[:-1]) / self._given)
         self._shares, self.widths = share, 1 + self._weights @ (share - 1)
 
     @property

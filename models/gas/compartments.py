@@ -58,15 +58,16 @@ class GasState(NamedTuple):
     """Into the blood."""
 
 
-def typical_colon(volumes: Float[np.ndarray, "*worlds segments"]) -> GasColon:
+def typical_colon(volumes: Float[np.ndarray, "*worlds segments"], *, pressure: float | None = None) -> GasColon:
     """A typical person's colon, with reflux.
 
     Args:
-        volumes: of the segments at the set point of CT colonography [m^3].
+        volumes: of the segments at that pressure [m^3].
+        pressure: of gas [Pa]; the set point of CT colonography when None.
     """
     known = gas_numbers()
     half = np.array([known[f"half_pressure.{name}"] for name in SEGMENTS])
-    full = open_share(np, known["full_pressure"], half=half, exponent=known["exponent"])
+    full = open_share(np, pressure or known["full_pressure"], half=half, exponent=known["exponent"])
     return GasColon(volumes / full, half + 0 * volumes, 0 * volumes, np.ones(volumes.shape[:-1]))
 
 

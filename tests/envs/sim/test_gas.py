@@ -84,6 +84,13 @@ def test_at_the_set_point_of_ct_colonography_the_lumen_is_as_given(colon: Colon)
     assert signed_volume(narrow.vertices, narrow.faces) < 0.75 * signed_volume(colon.lumen.vertices, colon.lumen.faces)
 
 
+def test_a_colon_that_was_grown_at_a_pressure_is_as_given_at_that_pressure(colon: Colon):
+    grown = replace(colon, provenance=Provenance(inputs={}, configuration={"pressure": 15 * MMHG}))
+    gas, _ = gas_of(grown, gas=15 * MMHG, gas_start=15 * MMHG)
+    np.testing.assert_allclose(gas.widths, 1.0, atol=1e-9)
+    assert gas_of(grown, gas_start=FULL)[0].widths[60] > 1.1
+
+
 def test_flow_fills_up_to_the_set_point_and_no_further(colon: Colon):
     gas, _ = gas_of(colon, gas=20 * MMHG, gas_flow=2e-5)
     for _ in range(3000):
