@@ -252,7 +252,7 @@ class NativeEngine:
         return self._moved.colon(self._displacement) if self._moved else self.scene.colon
 
     @property
-    def _displacement(self) -> Float[np.ndarray, "nodes 3"]:
+    def _displacement(self) -> Float[np.ndarray, "nodes 7"]:
         assert not isinstance(self._wall, PlaneWall) and self._wall.displacement is not None
         return self._wall.displacement
 

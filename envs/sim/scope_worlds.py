@@ -166,7 +166,7 @@ class JaxScopes(ScopeChain):
         )
         sound = sound_after(parameters, worlds, after)
         if displacement is not None:
-            sound &= jnp.isfinite(displacement.place).all(axis=(1, 2))
+            sound &= jnp.isfinite(displacement.pose).all(axis=(1, 2))
         return tree_where(sound, after._replace(time=worlds.time + h), worlds)._replace(healthy=sound)
 
     def steps(self, tables: Tables, parameters: Parameters, worlds: State, hands: Controls, count: Any) -> State:
@@ -200,7 +200,7 @@ class JaxScopes(ScopeChain):
             link_forces=jnp.linalg.norm(forces, axis=-1),
             deepest=found.depth.max(axis=1) + scope.radius - own.device_radius[:, 0],
             coils=spheres[:, self.coils],
-            displacement=worlds.displacement and worlds.displacement.place,
+            displacement=worlds.displacement and worlds.displacement.pose,
         )
 
     def _wall(self, tables: Tables, parameters: Parameters, worlds: State, where: links.Pose) -> Contact:

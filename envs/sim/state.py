@@ -74,7 +74,7 @@ class Readings(NamedTuple):
     coils: Float[Any, "*worlds coils 3"] = None
     """Places of the shaft `haustra.envs.sim.coils.COIL_DISTANCES` behind the tip, from the entry [m]; None of one
     scope."""
-    displacement: Float[Any, "*worlds nodes 3"] = None
+    displacement: Float[Any, "*worlds nodes 7"] = None
     """Where the colon's axis is, from where it was at rest [m]; None but of dynamics in JAX and colons that move."""
     pulls: Float[Any, "*worlds 4"] = None
     """Pull of each wire at the handle: up, left, down, right [N]; None of many scopes."""

@@ -40,6 +40,8 @@ LEAST_SLOPE = 0.2
 not known from it."""
 MOST_RADIUS = 0.06
 """No lumen is wider: rays that leave through the anus end here [m]."""
+_ALONG = 2.0
+"""Radii of more than this many times the median [1] are looks along the lumen, not across it."""
 _FORMAT = 1
 """Of tables in the cache; those of another format are made anew."""
 _MARCH = 24
@@ -256,8 +258,10 @@ def axis_tables(colon: Colon) -> Tables:
 def _hung(tables: Tables, colon: Colon) -> Tables:
     """With the colon's mesentery."""
     arcs = tables.step * np.arange(len(tables.points))
-    width = np.interp(arcs, colon.centreline.arc, np.median(colon.radius, axis=1))
-    return tables._replace(mesentery=mesentery.hang(tables.points, arcs, width, colon.segments))
+    line, middle = colon.centreline.arc, np.median(colon.radius, axis=1)
+    widest = np.minimum(colon.radius, _ALONG * middle[:, None]).max(axis=1)
+    width, widest = np.interp(arcs, line, middle), np.interp(arcs, line, widest)
+    return tables._replace(mesentery=mesentery.hang(tables.points, arcs, width, colon.segments, widest=widest))
 
 
 def query(xp: Any, tables: Tables, points: Float[Any, "*worlds points 3"], arcs: Float[Any, "..."]) -> WallQuery:

@@ -303,9 +303,7 @@ class ScopeProgram:
         depth = xp.where(arc > 0, depth + (radius - self.world("device_radius")), -1.0)
         if not self.axis:
             return depth, normal, _NONE, _NONE
-        surface = minus(rest, times(radius, normal))
-        normal, held, speed = self.axis.carried(arc, normal, surface)
-        return depth, normal, held, speed
+        return self.axis.touched(arc, rest, depth, normal, radius)
 
     def station(self, arc: Value) -> tuple[Vector, Value]:
         """Where the centreline is now at an arc length [m], and how wide the lumen is there [m]."""

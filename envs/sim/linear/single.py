@@ -23,6 +23,7 @@ from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene, entry_of
 from haustra.models.wall.lumen_table import TableAccuracy, Tables, lumen_table, stack
+from haustra.models.wall.moving_colon import POSE
 from haustra.models.wall.piece_wall import Blocks
 
 
@@ -131,9 +132,9 @@ class LinearSingle:
         tip, frame = seen.tip @ self._axes.T + self._origin, np.einsum("ij,rjk->rik", self._axes, seen.tip_frame)
         return seen._replace(tip=tip, tip_frame=frame)
 
-    def displacements(self, rows: Row) -> Float[np.ndarray, "rows nodes 3"]:
-        """Displacements of the colon's axis, seen from its entry [m]; none where it is fixed."""
-        return self.many.axes(rows.state)[..., :3] if self._moved else np.zeros((len(rows.state), 0, 3))
+    def displacements(self, rows: Row) -> Float[np.ndarray, "rows nodes 7"]:
+        """Poses of the colon's axis, seen from its entry; none where it is fixed."""
+        return self.many.axes(rows.state)[..., :POSE] if self._moved else np.zeros((len(rows.state), 0, POSE))
 
     def wall_energy(self, rows: Row) -> Float[np.ndarray, " rows"]:
         """E_b, stored in pressing the wall [J]."""
@@ -145,7 +146,7 @@ class LinearSingle:
 
     def colon_moved(self, rows: Row) -> Float[np.ndarray, " rows"]:
         """Farthest that a node of the colon's axis is from where it was at rest [m]."""
-        return np.sqrt((self.displacements(rows) ** 2).sum(-1).max(-1, initial=0.0))
+        return np.sqrt((self.displacements(rows)[..., :3] ** 2).sum(-1).max(-1, initial=0.0))
 
     def controls(self, rows: Row, begun: Float[np.ndarray, " rows"]) -> Float[np.ndarray, "rows actuators"]:
         """Controls that led there, as the native backend's [m/s, rad/s, N, 1].

@@ -126,7 +126,7 @@ class MovingRig:
                 finite &= sound
                 speeds.append(np.abs(np.asarray(now.qvel)).max(axis=1))
                 assert now.displacement is not None, "colons that are fixed in space"
-                place = np.linalg.norm(np.asarray(now.displacement.place), axis=-1).max(axis=1)
+                place = np.linalg.norm(np.asarray(now.displacement.pose)[..., :3], axis=-1).max(axis=1)
                 furthest = np.maximum(furthest, place)
         assert now is not None, "a run without stages"
         last = round(1 / (count * timestep))
