@@ -30,7 +30,7 @@ class Evaluate:
     friction: tuple[float, float] | None = span("1", 0.0, 2.0, default=None)
     """Range of Coulomb's coefficient."""
     mesentery: bool | None = None
-    """Let colons move on their mesentery (backends native and jax); as the first policy's when not given."""
+    """Let colons move on their mesentery; as the first policy's when not given."""
     seconds: float = number("s", 0.002, 3600.0, default=90.0)
     """Longest episode [s]."""
     backend: Literal["native", "linear", "jax", "warp"] = "native"

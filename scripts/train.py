@@ -31,7 +31,7 @@ class Train:
     difficulty: Literal["any", "easy", "moderate", "difficult", "hard"] | None = None
     """Band of tortuosity that colons are grown from."""
     mesentery: bool | None = None
-    """Let colons move on their mesentery; backends native and jax."""
+    """Let colons move on their mesentery."""
     colons: int | None = whole(1, 100_000, default=None)
     """Number of grown colons (seeds 0, 1, ...)."""
     backend: Literal["native", "linear", "jax", "warp"] | None = None

@@ -64,7 +64,7 @@ SCENE = (
     *_in("scene", "gravity", about="in each colon's own frame"),
     *_in("scene", "segment_stiffness", only=_only(())),
     *_in("scene", "wall_law", only=_only("table")),
-    *_in("scene", "mesentery", only=_only(False, backends=("warp",))),
+    *_in("scene", "mesentery"),
     *_in("scene", "softening", only=_only(False, backends=("native-batch", "jax", "warp"))),
 )
 """Fields of `SceneOptions`."""
@@ -100,8 +100,7 @@ RANDOMISATION = (
 _RULES = "a rule of the task, which every backend steps"
 TASK = (
     *_in("task", "task", only=_only("insertion", backends=("linear", "jax", "warp"))),
-    *_in("task", "mesentery", only=_only(False, backends=("warp",))),
-    *_in("task", "design", "difficulty", "seeds"),
+    *_in("task", "mesentery", "design", "difficulty", "seeds"),
     *_in("task", "observation", "privileged", "imager", "memory", "picture_size", "depth", "pictures", about=_RULES),
     *_in("task", "randomisation", about="its fields follow"),
     *_in("task.drive", "control_interval", "push_rate", "roll_rate", "wheel_rate", "hand_lead", about=_RULES),

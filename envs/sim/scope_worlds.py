@@ -181,7 +181,7 @@ class JaxScopes(ScopeChain):
         where = links.pose(self.chain, scope.links, worlds.qpos)
         own = pick(tables, parameters.colon)
         spheres = self._samples(scope, where)
-        found, _ = _look(own, worlds.displacement, spheres, worlds.arcs[:, :-1], scope.radius)
+        found, _ = look(own, worlds.displacement, spheres, worlds.arcs[:, :-1], scope.radius)
         forces = self._body_sums(worlds.normal[..., None] * found.inwards)
         hand = self._hand(parameters, worlds)
         up, left = (worlds.qpos[:, dofs].sum(axis=1) for dofs in self.bend_dofs)
@@ -207,7 +207,7 @@ class JaxScopes(ScopeChain):
         scope = parameters.scope
         centres = self._samples(scope, where)
         places = jnp.concatenate([centres, self._tip(scope, where)], axis=1)
-        found, grip = _look(tables, worlds.displacement, places, worlds.arcs, scope.radius)
+        found, grip = look(tables, worlds.displacement, places, worlds.arcs, scope.radius)
         # A thicker scope touches sooner, by as much as it is thicker: the table holds distances.
         depth = found.depth[:, :-1] + scope.radius[:, None] - tables.device_radius
         inwards = found.inwards[:, :-1]
@@ -299,7 +299,7 @@ class JaxScopes(ScopeChain):
         return jnp.zeros(shape, per_sample.dtype).at[:, self.sample_body].add(per_sample)
 
 
-def _look(
+def look(
     tables: Tables, displacement: AxisDisplacement | None, points: Array, arcs: Array, radius: Array
 ) -> tuple[WallQuery, AttachmentPoints | None]:
     """Look spheres up in one colon a world; and where their surfaces hold on to it, if it moves."""

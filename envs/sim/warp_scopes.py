@@ -6,6 +6,7 @@ this replaces by MuJoCo's. Without a GPU the same kernels run on the CPU, slowly
 """
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import jax
@@ -20,14 +21,16 @@ from haustra.envs.sim.device_arrays import tree_where
 from haustra.envs.sim.native_batch import batch_model
 from haustra.envs.sim.precision import precise
 from haustra.envs.sim.scope_values import Array, Parameters, Scope, State
-from haustra.envs.sim.scope_worlds import JaxScopes, entry_gravity, sound_after
+from haustra.envs.sim.scope_worlds import JaxScopes, entry_gravity, look, sound_after
 from haustra.envs.sim.state import Controls
 from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene
-from haustra.models.wall.law import normal_force, require_honoured, soft_contact
-from haustra.models.wall.lumen_table import Tables, pick, query
-from haustra.models.wall.plane_pose import plane_pose
+from haustra.models.wall import moving_colon
+from haustra.models.wall.law import SLIP_SPEED, normal_force, require_honoured, soft_contact
+from haustra.models.wall.lumen_table import Tables, pick
+from haustra.models.wall.moving_colon import AttachmentPoints
+from haustra.models.wall.plane_pose import moving_planes, plane_pose
 
 CONTACT_ROWS = 3
 """Constraint rows of a contact with friction."""
@@ -47,6 +50,10 @@ class WarpScopes(JaxScopes):
     """(points,) of each sphere's link, as MuJoCo's contacts see it [1/kg]."""
     locks: np.ndarray
     """(2 joints,) actuators that hold what is outside."""
+    planes: np.ndarray
+    """(points,) geoms of the planes."""
+    sphere_of: np.ndarray
+    """(geoms,) number of the sphere that each geom is; one more than the last for those that are none."""
     rows: int
     """Constraint rows kept for each world: as many as there can be, so that none is ever lost."""
 
@@ -60,6 +67,7 @@ class WarpScopes(JaxScopes):
         require_supported(scene, "warp")
         chain = JaxScopes.of(scene)
         host = for_warp(batch_model(scene))
+        host.flg_surfacevel = scene.options.mesentery  # walls that move drag by friction
         try:
             # Room is kept for all that can happen; its solver's limits would be told on stdout at every step.
             model = mjx.put_model(host, impl="warp").tree_replace({"opt._impl.warn_overflow": 0})
@@ -69,12 +77,16 @@ class WarpScopes(JaxScopes):
         assert [host.pair(name).id for name in planes] == list(range(host.npair)), "one pair a sphere, in their order"
         assert [host.body(name).mocapid[0] for name in planes] == list(range(host.nmocap)), "so are the planes"
         spheres = [host.geom(f"wall/sphere_{index:04d}").id for index in range(len(scene.samples))]
+        sphere_of = np.full(host.ngeom, len(spheres))
+        sphere_of[spheres] = np.arange(len(spheres))
         return cls(
             **vars(chain),
             host=host,
             model=model,
             inverse_inertia=host.body_invweight0[host.geom_bodyid[spheres], 0],
             locks=np.array([host.actuator(name).id for pair in scene.cable.locks for name in pair]),
+            planes=np.array([host.geom(name).id for name in planes]),
+            sphere_of=sphere_of,
             rows=CONTACT_ROWS * len(spheres) + int(host.jnt_limited.sum()),
         )
 
@@ -119,28 +131,35 @@ class WarpScopes(JaxScopes):
         own_tables = pick(tables, parameters.colon)
         model, axes = self._of_each(own_tables, parameters, *self._model_of(parameters))
         worlds = self.arrived(parameters, worlds, hands)
-        step = jax.vmap(mjx.step, in_axes=(axes, 0))
+        if worlds.displacement is not None:
+            axes = axes.tree_replace({"_impl.geom_surfacevel": 0})
+        step = jax.vmap(mjx.step, in_axes=(axes.replace(pair_margin=0), 0))
 
         def one(_: Any, now: tuple[State, Any]) -> tuple[State, Any]:
-            def advance(margin: Array, data: Any) -> Any:
-                return step(model.replace(pair_margin=margin), data)
-
-            return self._step(own_tables, parameters, *now, hands, advance)
+            return self._step(own_tables, parameters, *now, hands, partial(self._advance, model, step))
 
         return jax.lax.fori_loop(0, count, one, (worlds, self._data(len(worlds.time))))[0]
 
     def _step(
-        self, tables: Tables, parameters: Parameters, worlds: State, data: Any, hands: Controls, step: Any
+        self, tables: Tables, parameters: Parameters, worlds: State, data: Any, hands: Controls, advance: Any
     ) -> tuple[State, Any]:
         scope, h = parameters.scope, self.timestep
         where = links.pose(self.chain, scope.links, worlds.qpos)
         points = self._samples(scope, where)
-        found = query(jnp, tables, jnp.concatenate([points, self._tip(scope, where)], axis=1), worlds.arcs)
+        places = jnp.concatenate([points, self._tip(scope, where)], axis=1)
+        found, grip = look(tables, worlds.displacement, places, worlds.arcs, scope.radius)
         depth = found.depth[:, :-1] + scope.radius[:, None] - tables.device_radius
         inwards = found.inwards[:, :-1]
+        wall_speed = jnp.zeros_like(points)
+        if grip is not None and tables.mesentery is not None and worlds.displacement is not None:
+            grip = AttachmentPoints(grip.arcs[:, :-1], grip.lever[:, :-1])
+            wall_speed = moving_colon.wall_speeds(jnp, tables.mesentery, worlds.displacement, grip)
         planes = plane_pose(jnp, points, scope.radius[:, None], depth, inwards)
-        done = step(
-            planes.margin,
+        ahead = parameters.damping_time[:, None] + h
+        margin, surface = moving_planes(jnp, planes, depth, inwards, wall_speed, ahead)
+        done = advance(
+            margin,
+            surface if worlds.displacement is not None else None,
             data.replace(
                 qpos=worlds.qpos,
                 qvel=worlds.qvel,
@@ -151,21 +170,48 @@ class WarpScopes(JaxScopes):
                 mocap_quat=planes.turn,
             ),
         )
-        along = jnp.einsum("wpi,wpi->wp", inwards, self._speeds(where, points, done.qvel))
+        along = jnp.einsum("wpi,wpi->wp", inwards, self._speeds(where, points, done.qvel) - wall_speed)
         stiffness = parameters.stiffness[:, None]
-        damper = stiffness * (parameters.damping_time[:, None] + h)
+        displacement = worlds.displacement
+        if grip is not None and tables.mesentery is not None and displacement is not None:
+            pressed = self._on_wall(stiffness[:, 0] * ahead[:, 0], done._impl)
+            displacement = moving_colon.step_axis(jnp, tables.mesentery, displacement, grip, *pressed, h)
         after = worlds._replace(
             qpos=done.qpos,
             qvel=done.qvel,
             hand=done.act,
             arcs=found.arcs,
-            normal=normal_force(jnp, stiffness * depth, damper, along),
+            normal=normal_force(jnp, stiffness * depth, stiffness * ahead, along),
             warm=done.qacc_warmstart,
+            displacement=displacement,
             time=worlds.time + h,
         )
         # MuJoCo takes what is no number for no pull.
         sound = sound_after(parameters, worlds, after) & jnp.isfinite(hands.pulls).all(axis=1)
         return tree_where(sound, after, worlds)._replace(healthy=sound), done
+
+    def _advance(self, model: Any, step: Any, margin: Array, surface: Array | None, data: Any) -> Any:
+        """MuJoCo's own step, of planes with those margins [m] whose surfaces move at those speeds [m/s]."""
+        model = model.replace(pair_margin=margin)
+        if surface is not None:
+            speeds = jnp.zeros((len(surface), self.host.ngeom, 6), surface.dtype).at[:, self.planes, :3].set(surface)
+            model = model.tree_replace({"_impl.geom_surfacevel": speeds})
+        return step(model, data)
+
+    def _on_wall(self, damper: Array, done: Any) -> tuple[Array, Array]:
+        """What MuJoCo's contacts did to the wall at each sphere, and how they damp it: [N], [N s/m].
+
+        The same sums as `haustra.models.wall.compiled` makes of one world; all worlds' contacts stand in one list.
+        """
+        rows, world = done.contact__efc_address[:, : self.host.pair_dim.max()], done.contact__worldid
+        force, slip = (part[world[:, None], rows] for part in (done.efc__force, done.efc__vel))
+        there = (jnp.arange(len(world)) < done.nacon[0]) & (rows[:, 0] >= 0) & (force[:, 0] > 0)
+        where = world, jnp.where(there, jnp.asarray(self.sphere_of)[done.contact__geom[:, 1]], len(self.planes))
+        drag = jnp.linalg.norm(force[:, 1:], axis=1) / jnp.maximum(jnp.linalg.norm(slip[:, 1:], axis=1), SLIP_SPEED)
+        pressed = -jnp.einsum("ci,cij->cj", force, done.contact__frame[:, : rows.shape[1]])
+        shape = (len(damper), len(self.planes))
+        on_wall = jnp.zeros((*shape, 3), force.dtype).at[where].add(pressed, mode="drop")
+        return on_wall, jnp.zeros(shape, force.dtype).at[where].add(damper[world] + drag, mode="drop")
 
     def _model_of(self, parameters: Parameters) -> tuple[Any, Any]:
         """The model with each world's own numbers, and which of its arrays have one entry a world."""
@@ -182,7 +228,6 @@ class WarpScopes(JaxScopes):
             "pair_solref": soft.solref,
             "pair_solreffriction": soft.sliding,
             "pair_solimp": with_columns(model.pair_solimp, soft.impedance[..., None], 2),
-            "pair_margin": jnp.zeros_like(soft.impedance),
             "jnt_stiffness": scales * model.jnt_stiffness,
             "dof_damping": scales * model.dof_damping,
             "dof_armature": scales * model.dof_armature,

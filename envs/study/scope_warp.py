@@ -1,6 +1,6 @@
 """Studies of scopes by MuJoCo's own dynamics on MuJoCo Warp: each design has a batch of its own."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import jax
@@ -16,7 +16,6 @@ from haustra.envs.study.questions import Backend, Runner
 from haustra.envs.study.scope_batch import World, options_of, prepare, runner
 from haustra.envs.study.scope_colons import StudyColons
 from haustra.envs.study.study import Study
-from haustra.errors import UnsupportedSceneError
 
 BATCH = 4096
 """Jobs in one call; a GPU is full with 1,000 to 8,000 scopes."""
@@ -48,10 +47,4 @@ def _answer(colons: StudyColons, worlds: Sequence[World], seconds: float) -> Ins
     return InsertionBatch(dynamics, follower, on_device(tables), stack_widths(own)).run(parameters, seconds=seconds)
 
 
-def _prepare(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
-    if study.options["mesentery"]:
-        raise UnsupportedSceneError("Colons that move on their mesentery need the backend 'linear': name it.")
-    prepare(study, folder, tell)
-
-
-WARP = Backend(start=_start, batch=BATCH, most_workers=1, prepare=_prepare)
+WARP = Backend(start=_start, batch=BATCH, most_workers=1, prepare=prepare)

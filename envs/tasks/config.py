@@ -113,7 +113,7 @@ class TaskConfig:
     seeds: tuple[int, int] = span("1", 0, 10**9, default=(0, 16), whole=True)
     """Colons: from the first seed up to, not including, the last."""
     mesentery: bool = False
-    """Colons swing, stretch and pleat on their mesentery instead of standing fixed; backends 'native', 'jax'."""
+    """Colons swing, stretch and pleat on their mesentery instead of standing fixed."""
     observation: str = choice(*OBSERVATIONS, default="dict")
     """One of `OBSERVATIONS`."""
     privileged: bool = False

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from haustra.models.wall import contact_solver, lumen_table, moving_colon, planes, sections, vectors
+from haustra.models.wall import contact_solver, lumen_table, moving_colon, plane_pose, planes, sections, vectors
 from haustra.models.wall.lumen_table import axis_point, query_point
 from haustra.models.wall.moving_colon import (
     bend_gradient,
@@ -25,6 +25,7 @@ from haustra.models.wall.moving_colon import (
     node_resistance,
     node_turn_resistance,
 )
+from haustra.models.wall.plane_pose import as_plane_sees, counted_depth, plane_turn
 from haustra.models.wall.planes import AWAY
 from haustra.models.wall.sections import (
     brought_along,
@@ -265,28 +266,20 @@ def _place_planes(
     MuJoCo's contact acts half-way between both outlines, so the plane only touches a sphere that is in the wall, and
     how deep it is is the pair's margin, from which MuJoCo's spring counts.
 
-    MuJoCo takes a mocap plane for one that stands still. The wall's speed along its normal v changes the force of
-    spring and damper, K d + (c + h K) d', as if it were deeper by (c / K + h) v: `ahead` is c / K + h [s]. The speed
-    along the wall is what its friction sees.
+    The speed along the wall is what its friction sees; that along its normal is in the margin (`counted_depth`).
     """
     for world in worlds:
         for p in range(points.shape[1]):
             normal, speed, into = _node(inwards, world, p), _node(wall_speed, world, p), depth[world, p]
             away = radius + max(-into, 0.0) if into >= -ROOM else AWAY
-            margin[world, pairs[p]] = max(into + ahead[world] * dot(normal, speed), 0.0) if into > 0 else 0.0
+            margin[world, pairs[p]] = counted_depth(np, into, normal, speed, ahead[world])
             plane = mocap[p]
             _put(position, world, plane, minus(_node(points, world, p), times(away, normal)))
-            # The shortest turn from z to the normal; half a turn about x where they are opposite.
-            cosine, about = 1 + normal[2], (-normal[1], normal[0], 0.0)
-            if cosine < 1e-9:
-                cosine, about = 0.0, (1.0, 0.0, 0.0)
-            size = 1 / np.sqrt(cosine * cosine + dot(about, about))
-            cosine, about = cosine * size, times(size, about)
+            cosine, about = plane_turn(np, normal)
             turn[world, plane, 0] = cosine
             turn[world, plane, 1], turn[world, plane, 2], turn[world, plane, 3] = about
             if surface.shape[0] > 0:
-                side = cross(about, speed)
-                _put(surface, world, geoms[p], add(speed, times(2.0, minus(cross(about, side), times(cosine, side)))))
+                _put(surface, world, geoms[p], as_plane_sees(cosine, about, speed))
 
 
 def _carry_on(
@@ -549,7 +542,8 @@ def loops() -> Loops:
     own = (_node, _put, _put_more, _turn, _put_turn, _section, _cells, _rest_closing, _node_between, _edge_rate)
     own = (*own, _rates, _shape, _add_springs, _turn_sections)
     entries = (_query, _query_moved, _place_planes, _carry_on, _contacts, _step_axis, contact_solver.solve)
-    laws = (*vectors.PARTS, *lumen_table.PARTS, *sections.PARTS, *moving_colon.PARTS, *own, *entries[:-1])
+    laws = (*vectors.PARTS, *lumen_table.PARTS, *sections.PARTS, *moving_colon.PARTS, *plane_pose.PARTS)
+    laws = (*laws, *own, *entries[:-1])
     # Products may be added at once; sums keep their order, or code from the cache would round as no other does.
     options = {"error_model": "numpy", "fastmath": {"contract"}}
     solver = (*contact_solver.PARTS, contact_solver.solve)
@@ -557,9 +551,8 @@ def loops() -> Loops:
     for part, how in each:
         plain = unwrap(part)  # of what checks types at run time
         overload(part, strict=False, jit_options=how)(lambda *_, plain=plain: plain)
-    files = [
-        Path(str(module.__file__)) for module in (vectors, lumen_table, sections, moving_colon, planes, contact_solver)
-    ]
+    modules = vectors, lumen_table, sections, moving_colon, plane_pose, planes, contact_solver
+    files = [Path(str(module.__file__)) for module in modules]
     law = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
     def compiled(loop: Callable[..., Any]) -> Callable[..., Any]:

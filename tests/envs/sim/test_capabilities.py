@@ -451,7 +451,6 @@ def test_a_camera_that_tasks_cannot_show_is_refused_by_them(entry: Any, backend:
     [
         ("jax", {"task": "withdrawal"}),
         ("warp", {"task": "withdrawal"}),
-        ("warp", {"mesentery": True}),
         ("linear", {"task": "withdrawal"}),
     ],
 )

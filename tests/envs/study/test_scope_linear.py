@@ -115,3 +115,18 @@ def test_colons_of_a_study_move_when_asked(study: Study, tmp_path: Path) -> None
     native = next(iter(scope.NATIVE.start(moving, tmp_path)(jobs)))
     assert native.state == "finished"
     assert float(native.scores["push_force_peak_N"] or 0) == pytest.approx(pushes[1], rel=0.25)
+
+
+def test_mujoco_warp_answers_too(study: Study, tmp_path: Path) -> None:
+    """A scope in a colon that moves, by MuJoCo's own dynamics in batch: pushes and forces within a tenth."""
+    pytest.importorskip("warp", reason="MuJoCo Warp is not installed")
+    from haustra.envs.study.scope_warp import WARP
+
+    moving = replace(study, options={**study.options, "mesentery": True, "seconds": 8.0})
+    moving = replace(moving, changes={**_SHORT, "scene.insertion_limit": 0.3})
+    assert WARP.prepare
+    WARP.prepare(moving, tmp_path, lambda text: None)
+    mine, theirs = (next(iter(each.start(moving, tmp_path)(_jobs(study)[1:2]))) for each in (WARP, LINEAR))
+    assert mine.state == theirs.state == "finished", mine.reason
+    for name in ("push_force_peak_N", "wall_force_mean_N", "tip_arc_max_m"):
+        assert mine.scores[name] == pytest.approx(theirs.scores[name], rel=0.1), name

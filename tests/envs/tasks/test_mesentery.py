@@ -1,5 +1,7 @@
 """Episodes in colons that move on their mesentery."""
 
+from importlib.util import find_spec
+
 import numpy as np
 import pytest
 
@@ -19,6 +21,8 @@ from haustra.envs.tasks.device_sight import DeviceEyes
 from haustra.envs.tasks.drivers import FollowerDriver
 from haustra.envs.tasks.sight import Sight
 
+NEEDS_WARP = pytest.mark.skipif(find_spec("warp") is None, reason="the extra warp is not installed")
+
 
 def test_a_case_keeps_its_segments(tmp_path):
     case = hung_bank().cases[0]
@@ -29,12 +33,13 @@ def test_a_case_keeps_its_segments(tmp_path):
     assert own is not None and 0 < (own.slack > 0).mean() < 0.7
 
 
-def test_a_follower_drives_in_colons_that_move():
+@pytest.mark.parametrize("backend", ["jax", pytest.param("warp", marks=NEEDS_WARP)])
+def test_a_follower_drives_in_colons_that_move(backend):
     """The colon moves where it is hung, the way ahead and what is seen move along, and the tip gets on."""
     config = TaskConfig(
         design=DESIGN, observation="dict", privileged=True, mesentery=True, imager=True, weights=Weights(facing=1.0)
     )
-    task = ScopeTask(config, worlds=2, backend="jax", bank=hung_bank())
+    task = ScopeTask(config, worlds=2, backend=backend, bank=hung_bank())
     seen = task.reset(seeds=[1, 2], case=np.array([0, 1]))
     driver = FollowerDriver(task)
     driver.begin(np.ones(2, bool))
@@ -62,7 +67,7 @@ def test_a_camera_that_moves_with_the_colon_sees_the_same():
     bank = hung_bank()
     backend = JaxBackend(bank.scene, bank.tables, worlds=2)
     aside = np.array([0.03, -0.04, 0.0])
-    backend._seen = backend._seen._replace(displacement=jnp.zeros_like(backend.displacement) + aside)
+    backend._seen = backend._seen._replace(displacement=jnp.asarray(backend.displacement).at[..., :3].set(aside))
     case, arc = np.array([0, 1]), np.array([0.05, 0.12])
     rows = [round(s / bank.cases[0].step) for s in arc]
     eye = np.array([bank.cases[k].points[row] for k, row in zip(case, rows, strict=True)])
