@@ -141,9 +141,9 @@ class TablePlanes:
 
     @property
     def displacement(self) -> Float[np.ndarray, "worlds nodes 7"] | None:
-        """Displacements of the colons' axes [m]; None where they are fixed."""
+        """Poses of the colons' axes; None where they are fixed."""
         moved = self._groups[0].walls.displacement
-        return None if moved is None else moved.place.copy()
+        return None if moved is None else moved.pose.copy()
 
     def set_contact(
         self,

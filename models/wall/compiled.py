@@ -144,7 +144,7 @@ def _shape(own: Any, worlds: Any, pose: Any, shape: Any) -> None:
             turn = _turn(shape.turns, world, i, 0)
             at_rest = turned(turn[0], turn[1], _node(own.closings, world, i))
             flat, across = flattening(
-                np, node_closing(np, before, after, _node(shape.tangents, world, i)), at_rest, own.widths[world, i]
+                np, node_closing(before, after, _node(shape.tangents, world, i)), at_rest, own.widths[world, i]
             )
             shape.flats[world, i] = flat
             _put(shape.acrosses, world, i, across)
@@ -176,10 +176,10 @@ def _rates(own: Any, world: int, speed: Any, shape: Any, spins: Any, flats: Any,
         at_rest = turned(turn[0], turn[1], _node(own.closings, world, i))
         flat, across = flattening_rate(
             np,
-            node_closing(np, before, after, tangent),
+            node_closing(before, after, tangent),
             at_rest,
             own.widths[world, i],
-            node_closing_rate(np, before, after, tangent, rate_before, rate_after, _node(tangents, 0, i)),
+            node_closing_rate(before, after, tangent, rate_before, rate_after, _node(tangents, 0, i)),
             cross(_node(spins, 0, i), at_rest),
         )
         flats[0, i] = flat
@@ -486,6 +486,7 @@ def _turn_sections(
 def _add_springs(own: Any, world: int, shape: Any, couples: Any, pulled: Any, torque: Any) -> None:
     """Add the forces along and across the axis to those on its nodes; write the torques about it."""
     last = shape.lengths.shape[1]
+    still = 1.0, (0.0, 0.0, 0.0)
     shortening = np.empty(last)
     work, over_cells, over_units = np.zeros((1, last + 1, 3)), np.zeros((1, last, 3)), np.zeros((1, last, 3))
     for i in range(last + 1):
@@ -499,14 +500,14 @@ def _add_springs(own: Any, world: int, shape: Any, couples: Any, pulled: Any, to
         _put_more(over_cells, 0, min(i, last - 1), later)
         rest = _node(own.tangents, world, i)
         turn = section[0], section[1]
-        tilt, lean = twist(np, (1.0, (0.0, 0.0, 0.0)), turn, (rest, tangent), (rest, rest))
+        tilt, lean = twist(still, turn, (rest, tangent), still)
         righting = own.upright[world, i] * tilt
         torque[i] = twisting - righting
         _put_more(work, 0, i, minus(leaning, times(righting, lean)))
     for i in range(last):
         now = _node(shape.tangents, world, i), _node(shape.tangents, world, i + 1)
-        rest = _node(own.tangents, world, i), _node(own.tangents, world, i + 1)
-        wound, binormal = twist(np, _turn(shape.turns, world, i, 0), _turn(shape.turns, world, i + 1, 0), now, rest)
+        turns = _turn(shape.turns, world, i, 0), _turn(shape.turns, world, i + 1, 0)
+        wound, binormal = twist(turns[0], turns[1], now, _turn(own.ways, world, i, 0))
         moment = own.torsion[world, i] * wound
         torque[i] += moment
         torque[i + 1] -= moment

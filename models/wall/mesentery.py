@@ -35,6 +35,8 @@ class Mesentery(NamedTuple):
     """(nodes, 3) places at rest [m]."""
     tangents: Any
     """(nodes, 3) directions at rest."""
+    ways: Any
+    """(nodes - 1, 4) turns that bring the direction at each node to that at the next, as unit quaternions."""
     closings: Any
     """(nodes, 3) how far the bend closes at each node at rest [1/m] (`sections.node_closing`)."""
     widths: Any
@@ -124,6 +126,7 @@ def hang(
     return Mesentery(
         nodes=nodes,
         tangents=tangents,
+        ways=_ways(tangents),
         closings=_closings(tangents, lengths),
         widths=_widest_beside(own, arcs, radius if widest is None else widest),
         turns=turns,
@@ -143,11 +146,16 @@ def hang(
     )
 
 
+def _ways(tangents: np.ndarray) -> np.ndarray:
+    real, part = sections.shortest_turn(np, vectors.of(tangents[:-1]), vectors.of(tangents[1:]))
+    return np.stack([real, *part], axis=-1)
+
+
 def _closings(tangents: np.ndarray, lengths: np.ndarray) -> np.ndarray:
     cells = sections.cell_closing(np, vectors.of(tangents[:-1]), vectors.of(tangents[1:]), lengths)
     each = vectors.stacked(np, cells)
     before, after = np.concatenate([each[:1], each]), np.concatenate([each, each[-1:]])
-    return vectors.stacked(np, sections.node_closing(np, vectors.of(before), vectors.of(after), vectors.of(tangents)))
+    return vectors.stacked(np, sections.node_closing(vectors.of(before), vectors.of(after), vectors.of(tangents)))
 
 
 def _widest_beside(own: np.ndarray, arcs: np.ndarray, widest: np.ndarray) -> np.ndarray:
@@ -158,7 +166,13 @@ def _widest_beside(own: np.ndarray, arcs: np.ndarray, widest: np.ndarray) -> np.
 
 def seen_from(own: Mesentery, origin: Float[np.ndarray, "3"], axes: Float[np.ndarray, "3 3"]) -> Mesentery:
     """In coordinates that begin at `origin` [m], with the columns of `axes` as axes."""
-    return own._replace(nodes=(own.nodes - origin) @ axes, tangents=own.tangents @ axes, closings=own.closings @ axes)
+    return own._replace(
+        nodes=(own.nodes - origin) @ axes,
+        tangents=own.tangents @ axes,
+        ways=np.hstack([own.ways[:, :1], own.ways[:, 1:] @ axes]),
+        closings=own.closings @ axes,
+        load=own.load @ axes,
+    )
 
 
 def stack(colons: Sequence[Mesentery]) -> Mesentery:
@@ -180,6 +194,7 @@ def _filled(own: Mesentery, more: int) -> Mesentery:
     return own._replace(
         nodes=np.vstack([own.nodes, own.nodes[-1] + ahead]),
         tangents=np.vstack([own.tangents, np.tile(own.tangents[-1], (more, 1))]),
+        ways=np.vstack([own.ways, np.tile([1.0, 0.0, 0.0, 0.0], (more, 1))]),
         closings=grown(own.closings, 0.0),
         widths=grown(own.widths, float(own.widths[-1])),
         turns=grown(own.turns, 0.0),

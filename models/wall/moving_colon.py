@@ -21,6 +21,7 @@ from haustra.models.wall.lumen_table import Tables, WallQuery
 from haustra.models.wall.mesentery import Mesentery
 from haustra.models.wall.sections import (
     SHORTEST,
+    STILL,
     Section,
     Turn,
     brought_along,
@@ -200,7 +201,7 @@ def shape_of(xp: Any, own: Mesentery, pose: Array) -> AxisShape:
     turn = brought_along(xp, (pose[..., 3], vectors.of(pose[..., 4:])), rest, tangents)
     ends = stacked(xp, tangents)
     closings = stacked(xp, cell_closing(xp, *_at_ends(ends), lengths))
-    closing = node_closing(xp, *_beside(xp, closings), tangents)
+    closing = node_closing(*_beside(xp, closings), tangents)
     flat, across = flattening(xp, closing, turned(*turn, vectors.of(own.closings)), own.widths)
     return AxisShape(
         units=units,
@@ -310,10 +311,10 @@ def wall_speeds(xp: Any, own: Mesentery, displacement: AxisDisplacement, grip: A
     before = _turned(shape, own.closings)
     flat_rate, across_rate = flattening_rate(
         xp,
-        node_closing(xp, *cells, vectors.of(shape.tangents)),
+        node_closing(*cells, vectors.of(shape.tangents)),
         before,
         own.widths,
-        node_closing_rate(xp, *cells, vectors.of(shape.tangents), *cell_rates, tangents),
+        node_closing_rate(*cells, vectors.of(shape.tangents), *cell_rates, tangents),
         cross(spin, before),
     )
     spins, across_rates = stacked(xp, spin), stacked(xp, across_rate)
@@ -364,10 +365,19 @@ def step_axis(
     turning = (turning + gripped_turn * displacement.speed[..., 3])[..., None]
     diagonal = node_turn_resistance(own.upright, own.turn_drag, gripped_turn, h)
     spin = _solved(xp, diagonal, h * own.torsion, turning)
-    turn = twisted(_turn_of(shape), vectors.of(shape.tangents), h * spin[..., 0])
-    kept = xp.stack([turn[0], *turn[1]], axis=-1)
-    moved = xp.concatenate([displacement.pose[..., :3] + h * velocity, kept], axis=-1)
-    return AxisDisplacement(moved, xp.concatenate([velocity, spin], axis=-1))
+    speed = xp.concatenate([velocity, spin], axis=-1)
+    return AxisDisplacement(_after(xp, displacement.pose, speed, shape, h), speed)
+
+
+def carried_on(xp: Any, own: Mesentery, displacement: AxisDisplacement, time: Any) -> Array:
+    """Poses of the nodes (worlds, nodes, 7) after a short time at their speed [s]."""
+    return _after(xp, *displacement, shape_of(xp, own, displacement.pose), time)
+
+
+def _after(xp: Any, pose: Array, speed: Array, shape: AxisShape, time: Any) -> Array:
+    turn = twisted(_turn_of(shape), vectors.of(shape.tangents), time * speed[..., 3])
+    moved = pose[..., :3] + time * speed[..., :3]
+    return xp.concatenate([moved, xp.stack([turn[0], *turn[1]], axis=-1)], axis=-1)
 
 
 def spring_forces(xp: Any, own: Mesentery, pose: Array, couples: Array) -> tuple[Array, Array]:
@@ -395,9 +405,9 @@ def _forces(xp: Any, own: Mesentery, pose: Array, couples: Array) -> tuple[Array
     work, torque, first, last = section_gradient(xp, section, tangents, beside, rest, own.widths, rows)
     over_cells = vectors.of(_onto_cells(xp, stacked(xp, first), stacked(xp, last)))
     first, last, shortening = cell_closing_gradient(xp, *_at_ends(shape.tangents), shape.lengths, over_cells)
-    sine, binormal = _twists(xp, own, shape)
+    sine, binormal = _twists(own, shape)
     moment = own.torsion * sine
-    tilt, lean = _upright(xp, own, shape)
+    tilt, lean = _upright(own, shape)
     righting = own.upright * tilt
     turning = torque - righting + xp.pad(moment, ((0, 0), (0, 1))) - xp.pad(moment, ((0, 0), (1, 0)))
     twisting = times(moment, binormal)
@@ -424,18 +434,15 @@ def _solved(xp: Any, diagonal: Array, tie: Array, right: Array) -> Array:
     return solve_tridiagonal(xp, -below, diagonal + below + above, -above, right)
 
 
-def _twists(xp: Any, own: Mesentery, shape: AxisShape) -> tuple[Array, Vector]:
+def _twists(own: Mesentery, shape: AxisShape) -> tuple[Array, Vector]:
     """`haustra.models.wall.sections.twist` of each edge."""
     before, after = (_quaternion(shape.turns[:, part]) for part in (slice(-1), slice(1, None)))
-    now, rest = _at_ends(shape.tangents), _at_ends(own.tangents)
-    return twist(xp, before, after, now, rest)
+    return twist(before, after, _at_ends(shape.tangents), _quaternion(own.ways))
 
 
-def _upright(xp: Any, own: Mesentery, shape: AxisShape) -> tuple[Array, Vector]:
+def _upright(own: Mesentery, shape: AxisShape) -> tuple[Array, Vector]:
     """`haustra.models.wall.sections.twist` of each node against what holds it."""
-    rest = vectors.of(own.tangents)
-    still = 1.0, (0.0, 0.0, 0.0)
-    return twist(xp, still, _turn_of(shape), (rest, vectors.of(shape.tangents)), (rest, rest))
+    return twist(STILL, _turn_of(shape), (vectors.of(own.tangents), vectors.of(shape.tangents)), STILL)
 
 
 def solve_tridiagonal(xp: Any, below: Array, diagonal: Array, above: Array, right: Array) -> Array:
@@ -468,8 +475,8 @@ def energy(xp: Any, own: Mesentery, pose: Array) -> Array:
     bent = 0.5 * own.bending[:, 1:-1] * (change - own.turns[:, 1:-1]) ** 2
     moved = norm(xp, vectors.of(place))
     held = 0.5 * own.hold * xp.maximum(moved - own.slack, 0.0) ** 2 + 0.5 * own.support * moved**2
-    wound = own.torsion * _twist_energy(xp, _twists(xp, own, shape)[0])
-    held = held + own.upright * _twist_energy(xp, _upright(xp, own, shape)[0]) - (own.load * place).sum(-1)
+    wound = own.torsion * _twist_energy(xp, _twists(own, shape)[0])
+    held = held + own.upright * _twist_energy(xp, _upright(own, shape)[0]) - (own.load * place).sum(-1)
     return along.sum(axis=1) + bent.sum(axis=1) + held.sum(axis=1) + wound.sum(axis=1)
 
 

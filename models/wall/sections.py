@@ -11,7 +11,7 @@ Laws are written for one node or point with `haustra.models.wall.vectors`: array
 
 from typing import Any, TypeAlias
 
-from haustra.models.wall.vectors import Vector, add, between, cross, dot, minus, norm, times, unit_rate, where
+from haustra.models.wall.vectors import TINY, Vector, add, between, cross, dot, minus, norm, times, unit_rate, where
 
 SHORTEST = 0.35
 """Folds of wall lie against each other where a stretch is pleated to this share of its length at rest [1]; engineering
@@ -29,6 +29,10 @@ Turn: TypeAlias = tuple[Any, Vector]
 """A rotation, as a unit quaternion: its real part and its vector."""
 Section: TypeAlias = tuple[Any, Vector, Any, Vector]
 """How a cross-section is turned from rest (`Turn`), and then by which share it is flattened along which direction."""
+
+
+STILL: Turn = 1.0, (0.0, 0.0, 0.0)
+"""No turn."""
 
 
 def turned(real: Any, part: Vector, v: Vector) -> Vector:
@@ -73,28 +77,24 @@ def twisted(turn: Turn, tangent: Vector, angle: Any) -> Turn:
     return turn_after(turn, (1 - 0.125 * angle * angle, times(0.5 * angle, tangent)))
 
 
-def twist(
-    xp: Any, before: Turn, after: Turn, tangents: tuple[Vector, Vector], rest: tuple[Vector, Vector]
-) -> tuple[Any, Vector]:
-    """How much a tube is twisted between two sections: the angle's sine, and its gradient over either tangent.
+def twist(before: Turn, after: Turn, tangents: tuple[Vector, Vector], way: Turn) -> tuple[Any, Vector]:
+    """Sine of how much a tube is twisted between two sections, and the angle's gradient over either tangent.
 
     The twist is what turns the first section, brought along to the second's tangent without twisting, into the second.
-    Where a tangent turns, the twist changes by half the curvature's binormal, of both tangents alike (Bergou et al.
-    2008, eq. 8).
+    Of a quaternion (w, v) that brings along first and then turns by m about the tangent t, tan(m/2) = v . t / w. Where
+    a tangent turns, m changes by half the curvature's binormal, of both tangents alike (Bergou et al. 2008, eq. 8).
 
     Args:
-        xp: numpy or jax.numpy.
         before: turn of the first section.
         after: turn of the second.
         tangents: of both now.
-        rest: of both at rest.
+        way: the turn that brings the first tangent at rest to the second.
     """
-    brought = turn_after(before, shortest_turn(xp, tangents[0], tangents[1]))
-    there = turn_after(shortest_turn(xp, rest[0], rest[1]), after)
-    real, part = turn_after((brought[0], times(-1.0, brought[1])), there)
-    half = dot(part, tangents[1])
-    binormal = times(1 / xp.maximum(1 + dot(tangents[0], tangents[1]), _OPPOSED), cross(tangents[0], tangents[1]))
-    return 2 * real * half, binormal
+    real, part = turn_after((before[0], times(-1.0, before[1])), turn_after(way, after))
+    sine = dot(part, tangents[1])
+    angle = 2 * real * sine / (real * real + sine * sine)
+    facing = 1 / (1 + _OPPOSED + dot(tangents[0], tangents[1]))
+    return angle, times(facing, cross(tangents[0], tangents[1]))
 
 
 def cell_closing(xp: Any, before: Vector, after: Vector, length: Any) -> Vector:
@@ -140,48 +140,43 @@ def cell_closing_gradient(
     )
 
 
-def node_closing(xp: Any, before: Vector, after: Vector, tangent: Vector) -> Vector:
+def node_closing(before: Vector, after: Vector, tangent: Vector) -> Vector:
     """How far a bend closes at a node, of the cells on both sides [1/m], within its section; the sharper counts more.
 
-    The mean, weighted by how sharp each is: of one bent and one straight cell it is the bent one, with which the
-    cross-section must not collide.
+    The mean, weighted by the squares of how sharp each is: of one bent and one straight cell it is the bent one, with
+    which the cross-section must not collide.
     """
-    mean = _sharper(xp, before, after)
+    mean = _sharper(before, after)
     return minus(mean, times(dot(mean, tangent), tangent))
 
 
-def _sharper(xp: Any, before: Vector, after: Vector) -> Vector:
-    a, b = norm(xp, before), norm(xp, after)
-    return times(1 / (a + b), add(times(a, before), times(b, after)))
+def _sharper(before: Vector, after: Vector) -> Vector:
+    a, b = dot(before, before), dot(after, after)
+    return times(1 / (a + b + TINY), add(times(a, before), times(b, after)))
 
 
 def node_closing_gradient(
-    xp: Any, before: Vector, after: Vector, tangent: Vector, over: Vector
+    before: Vector, after: Vector, tangent: Vector, over: Vector
 ) -> tuple[Vector, Vector, Vector]:
     """Gradients over both cells and the tangent of what has the gradient `over` a node's closing."""
-    a, b, mean = norm(xp, before), norm(xp, after), _sharper(xp, before, after)
+    a, b, mean = dot(before, before), dot(after, after), _sharper(before, after)
     along = dot(over, tangent)
     turning = minus(times(-along, mean), times(dot(mean, tangent), over))
     over = minus(over, times(along, tangent))
-    first = add(times(dot(over, minus(before, mean)) / a, before), times(a, over))
-    last = add(times(dot(over, minus(after, mean)) / b, after), times(b, over))
-    return times(1 / (a + b), first), times(1 / (a + b), last), turning
+    first = add(times(2 * dot(over, minus(before, mean)), before), times(a, over))
+    last = add(times(2 * dot(over, minus(after, mean)), after), times(b, over))
+    share = 1 / (a + b + TINY)
+    return times(share, first), times(share, last), turning
 
 
 def node_closing_rate(
-    xp: Any,
-    before: Vector,
-    after: Vector,
-    tangent: Vector,
-    rate_before: Vector,
-    rate_after: Vector,
-    tangent_rate: Vector,
+    before: Vector, after: Vector, tangent: Vector, rate_before: Vector, rate_after: Vector, tangent_rate: Vector
 ) -> Vector:
     """Rate of `node_closing`, given those of the cells and the tangent."""
-    a, b, mean = norm(xp, before), norm(xp, after), _sharper(xp, before, after)
-    first = add(times(dot(before, rate_before) / a, minus(before, mean)), times(a, rate_before))
-    last = add(times(dot(after, rate_after) / b, minus(after, mean)), times(b, rate_after))
-    rate = times(1 / (a + b), add(first, last))
+    a, b, mean = dot(before, before), dot(after, after), _sharper(before, after)
+    first = add(times(2 * dot(before, rate_before), minus(before, mean)), times(a, rate_before))
+    last = add(times(2 * dot(after, rate_after), minus(after, mean)), times(b, rate_after))
+    rate = times(1 / (a + b + TINY), add(first, last))
     along = dot(rate, tangent) + dot(mean, tangent_rate)
     return minus(rate, add(times(along, tangent), times(dot(mean, tangent), tangent_rate)))
 
@@ -191,8 +186,9 @@ def flattened_share(xp: Any, now: Any, rest: Any) -> tuple[Any, Any, Any]:
 
     With u how far a bend closes times the lumen's half-width (at 1 the wall on the inside meets the next section) and
     u_0 the same at rest, a section that keeps q = 1 - s of its width there closes u q = u_0 + c h((u - u_0) / c), where
-    c = 1 - u_0 is the room that was left and h(x) = x / (1 + x^4)^(1/4): as much as the bend at first, never all. That
-    sections flatten at all is Brazier's (1927); that they do so only as far as they must is an engineering choice.
+    c = 1 - u_0 is the room that was left and h(x) = 1 - 1 / (1 + x + x^2 + x^3) = x - x^4 + ...: as much as the bend at
+    first, never all. That sections flatten at all is Brazier's (1927); that they do so only as far as they must is an
+    engineering choice.
 
     Args:
         xp: numpy or jax.numpy.
@@ -201,11 +197,12 @@ def flattened_share(xp: Any, now: Any, rest: Any) -> tuple[Any, Any, Any]:
     """
     room = xp.maximum(1 - rest, _LEAST_ROOM)
     x = (now - rest) / room
-    root = 1 / xp.sqrt(xp.sqrt(1 + x**4))
-    missing, slope = x * (1 - root), 1 - root / (1 + x**4)
-    share = room * missing / now
+    left = 1 / (1 + x + x * x + x * x * x)
+    missing, slope = x - 1 + left, 1 - (1 + 2 * x + 3 * x * x) * left * left
+    per = 1 / now
+    share = room * missing * per
     narrower = where(xp, 1 - rest > _LEAST_ROOM, -1.0, 0.0)
-    return share, (slope - share) / now, (narrower * missing - slope * (1 + x * narrower)) / now
+    return share, (slope - share) * per, (narrower * missing - slope * (1 + x * narrower)) * per
 
 
 def flattening(xp: Any, closing: Vector, rest: Vector, width: Any) -> tuple[Any, Vector]:
@@ -322,7 +319,7 @@ def section_gradient(
     """
     real, part, flat, across = section
     now = turned(real, part, couples[0]), turned(real, part, couples[1]), turned(real, part, couples[2])
-    closing, before = node_closing(xp, closings[0], closings[1], tangent), turned(real, part, closing_rest)
+    closing, before = node_closing(closings[0], closings[1], tangent), turned(real, part, closing_rest)
     over, over_rest = flattening_gradient(xp, closing, before, width, now)
     along = times(flat, add(add(times(across[0], now[0]), times(across[1], now[1])), times(across[2], now[2])))
     x, y, z = (
@@ -331,7 +328,7 @@ def section_gradient(
         minus(now[2], times(across[2], along)),
     )
     torque = add((z[1] - y[2], x[2] - z[0], y[0] - x[1]), cross(before, over_rest))
-    first, last, leaning = node_closing_gradient(xp, closings[0], closings[1], tangent, over)
+    first, last, leaning = node_closing_gradient(closings[0], closings[1], tangent, over)
     return add(cross(torque, tangent), leaning), dot(torque, tangent), first, last
 
 

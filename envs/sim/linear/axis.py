@@ -17,6 +17,7 @@ from haustra.models.wall.moving_colon import (
     node_turn_resistance,
 )
 from haustra.models.wall.sections import (
+    STILL,
     Section,
     Turn,
     brought_along,
@@ -43,7 +44,6 @@ _COUPLES, _PULLED, _GRIPPED, _DIAGONAL, _TIE, _OVER = 26, 35, 38, 40, 41, 42
 """What each node's room holds, and the edge behind it."""
 _WORK, _OVER_CELL, _TORQUE, _TURN_RESISTS = _SPIN, _FLAT_RATE, _ACROSS_RATE + 2, _FLAT
 """What a step puts in the place of what is not needed any more."""
-_STILL: Turn = 1.0, (0.0, 0.0, 0.0)
 
 
 class Cell(NamedTuple):
@@ -80,10 +80,14 @@ class Axis:
         self._rows = rows
         self._tables, self._stations = tables
 
-    def shape(self) -> None:
-        """Find how the axes lie and their sections go along, and let nothing press on them."""
+    def shape(self, reached: Value) -> None:
+        """Find how the axes lie and their sections go along, and let nothing press on them.
+
+        How sections flatten is found up to the arc length that is reached by what may touch them [m].
+        """
         program, xp, room = self.program, self.program.xp, self._room
         last = self.nodes - 1
+        beyond = program.most(self._cell(reached).at) + 2
         with program.loop(0, last) as i:
             edge = minus(self._now(i + 1), self._now(i))
             length = norm(xp, edge)
@@ -103,25 +107,27 @@ class Axis:
             room.put(self._node(i) + _TANGENT, (*tangent, size, real, *part))
             spin = cross(tangent, unit_rate(tangent, size, rate))
             room.put(self._node(i) + _SPIN, add(spin, times(self._state.load(state + POSE + 3), tangent)))
-        with program.loop(0, last) as i:
+        with program.loop(0, xp.where(beyond < last, beyond, last)) as i:
             own, longer = self._node(i), minus(self.speed(i + 1), self.speed(i))
             now, length = (self._tangent(i), self._tangent(i + 1)), room.load(own + _LENGTH)
-            rates = tuple(cross(room.vector(self._node(i + end) + _SPIN), now[end]) for end in range(2))
+            before, after = (cross(room.vector(self._node(i + end) + _SPIN), now[end]) for end in range(2))
             room.put(own + _CLOSING, cell_closing(xp, *now, length))
             longer = dot(room.vector(own + _UNIT), longer)
-            room.put(own + _OVER, cell_closing_rate(xp, *now, length, *rates, longer))
+            room.put(own + _OVER, cell_closing_rate(xp, *now, length, before, after, longer))
         with program.loop(0, self.nodes) as i:
+            room.put(self._node(i) + _COUPLES, [0.0] * 14)
+        with program.loop(0, beyond) as i:
             own, (_, here, before) = self._node(i), self._edges(i)
             tangent, spin = self._tangent(i), room.vector(own + _SPIN)
-            cells, rates = ([room.vector(at + slot) for at in (before, here)] for slot in (_CLOSING, _OVER))
-            closing = node_closing(xp, *cells, tangent)
+            cells = room.vector(before + _CLOSING), room.vector(here + _CLOSING)
+            rates = room.vector(before + _OVER), room.vector(here + _OVER)
+            closing = node_closing(*cells, tangent)
             rest, width = turned(*self._turn(own), self._vector(i, "closing")), self._number(i, "width")
             flat, across = flattening(xp, closing, rest, width)
             room.put(own + _FLAT, (flat, *across))
-            changing = node_closing_rate(xp, *cells, tangent, *rates, cross(spin, tangent))
+            changing = node_closing_rate(*cells, tangent, *rates, cross(spin, tangent))
             flat_rate, across_rate = flattening_rate(xp, closing, rest, width, changing, cross(spin, rest))
             room.put(own + _FLAT_RATE, (flat_rate, *across_rate))
-            room.put(own + _COUPLES, [0.0] * 14)
 
     def reference(self, place: Vector, arc: Value) -> Vector:
         """Where a place near an arc length stands in the colon at rest."""
@@ -139,6 +145,12 @@ class Axis:
         cell = self._cell(arc)
         before, after = (self._state.gather_vector(self._place(cell.at + i)) for i in range(2))
         return between(before, after, cell.share)
+
+    def most_depth(self, arc: Value, depth: Value, radius: Value) -> Value:
+        """A bound of the depth of a sphere in the wall as it is now, given that at rest [m], as `touched` finds it."""
+        xp, cell = self.program.xp, self._cell(arc)
+        flat = xp.maximum(*(self._room.gather(self._node(cell.at + end) + _FLAT) for end in range(2)))
+        return xp.maximum(depth, (1 - flat) * depth + flat * radius)
 
     def touched(
         self, arc: Value, rest: Vector, depth: Value, normal: Vector, radius: Value
@@ -172,8 +184,8 @@ class Axis:
         for later in range(2):
             slot, part = self._node(cell.at + later), cell.share if later else 1 - cell.share
             shared = times(part, force)
-            values = [*(shared[i] * held[j] for i in range(3) for j in range(3)), *shared, part * damping]
-            values.append(part * damping * dot(held, held))
+            values = [*(shared[i] * held[j] for i in range(3) for j in range(3)), *shared]
+            values += [part * damping, part * damping * dot(held, held)]
             for more, value in enumerate(values):
                 self._room.add_at(slot + (_COUPLES + more), value)
 
@@ -238,10 +250,10 @@ class Axis:
         xp, room, own = self.program.xp, self._room, self._node(i)
         unit, length, rest = room.vector(own + _UNIT), room.load(own + _LENGTH), self._number(i, "length")
         stiffness = self._number(i, "tension")
-        turning = [self._number(node, "bending") + self._number(node, "upright") for node in (i, i + 1)]
+        before, after = (self._number(node, "bending") + self._number(node, "upright") for node in (i, i + 1))
         tension = edge_tension(xp, length, rest, stiffness, self._of_world("pleating")) - room.load(own + _OVER_CELL)
         pull = minus(times(tension, unit), unit_rate(unit, length, room.vector(own + _OVER)))
-        return pull, edge_resistance(xp, stiffness, *turning, rest, h)
+        return pull, edge_resistance(xp, stiffness, before, after, rest, h)
 
     def _bend(self) -> None:
         """What bending, twisting and carried cross-sections do to the edges' directions and lengths."""
@@ -251,31 +263,24 @@ class Axis:
             room.put(self._node(i) + _OVER, [0.0] * 3)
             room.put(self._node(i) + _OVER_CELL, [0.0] * 3)
         with program.loop(0, self.nodes) as i:
-            own, (_, here, before) = self._node(i), self._edges(i)
-            first, tangent, rest = own + _COUPLES, self._tangent(i), self._vector(i, "tangent")
-            rows = room.vector(first), room.vector(first + 3), room.vector(first + 6)
-            cells = room.vector(before + _CLOSING), room.vector(here + _CLOSING)
-            closed = self._vector(i, "closing"), self._number(i, "width")
-            work, torque, over, over_next = section_gradient(xp, self._section(own), tangent, cells, *closed, rows)
-            for cell, more in ((before, over), (here, over_next)):
-                room.put(cell + _OVER_CELL, add(room.vector(cell + _OVER_CELL), more))
-            tilt, lean = twist(xp, _STILL, self._turn(own), (rest, tangent), (rest, rest))
+            own, tangent, rest = self._node(i), self._tangent(i), self._vector(i, "tangent")
+            tilt, lean = twist(STILL, self._turn(own), (rest, tangent), STILL)
             righting = self._number(i, "upright") * tilt
-            room.put(own + _WORK, minus(work, times(righting, lean)))
-            room.store(own + _TORQUE, torque - righting)
+            room.put(own + _WORK, times(-righting, lean))
+            room.store(own + _TORQUE, -righting)
             room.put(own + _PULLED, add(room.vector(own + _PULLED), self._vector(i, "load")))
+            with program.when(room.load(own + _GRIPPED) > 0):
+                self._press_section(i)
         with program.loop(0, last) as i:
             own, after = self._node(i), self._node(i + 1)
-            now, rest = ([each(i), each(i + 1)] for each in (self._tangent, lambda node: self._vector(node, "tangent")))
-            sine, binormal = twist(xp, self._turn(own), self._turn(after), (now[0], now[1]), (rest[0], rest[1]))
+            now, way = (self._tangent(i), self._tangent(i + 1)), self._way(i)
+            sine, binormal = twist(self._turn(own), self._turn(after), now, way)
             moment = self._number(i, "torsion") * sine
-            over, length = room.vector(own + _OVER_CELL), room.load(own + _LENGTH)
-            first, later, shortening = cell_closing_gradient(xp, now[0], now[1], length, over)
-            room.store(own + _OVER_CELL, shortening)
-            for node, more, sign in ((own, first, 1.0), (after, later, -1.0)):
-                more = minus(more, times(moment, binormal))
-                room.put(node + _WORK, add(room.vector(node + _WORK), more))
+            for node, sign in ((own, 1.0), (after, -1.0)):
+                room.put(node + _WORK, minus(room.vector(node + _WORK), times(moment, binormal)))
                 room.store(node + _TORQUE, room.load(node + _TORQUE) + sign * moment)
+            with program.when(room.load(own + _GRIPPED) + room.load(after + _GRIPPED) > 0):
+                self._press_cell(own, after)
         with program.loop(0, self.nodes) as i:
             own, (inner, here, before) = self._node(i), self._edges(i)
             work = unit_rate(self._tangent(i), room.load(own + _SUM), room.vector(own + _WORK))
@@ -284,6 +289,30 @@ class Axis:
             room.put(here + _OVER, add(room.vector(here + _OVER), minus(work, bend)))
             more = times(inner, add(work, bend))
             room.put(before + _OVER, add(room.vector(before + _OVER), more))
+
+    def _press_section(self, i: Value) -> None:
+        """What forces on the wall about a node do to its section."""
+        room, own, (_, here, before) = self._room, self._node(i), self._edges(i)
+        first, tangent = own + _COUPLES, self._tangent(i)
+        rows = room.vector(first), room.vector(first + 3), room.vector(first + 6)
+        cells = room.vector(before + _CLOSING), room.vector(here + _CLOSING)
+        closed = self._vector(i, "closing"), self._number(i, "width")
+        found = section_gradient(self.program.xp, self._section(own), tangent, cells, *closed, rows)
+        work, torque, over, over_next = found
+        for cell, more in ((before, over), (here, over_next)):
+            room.put(cell + _OVER_CELL, add(room.vector(cell + _OVER_CELL), more))
+        room.put(own + _WORK, add(room.vector(own + _WORK), work))
+        room.store(own + _TORQUE, room.load(own + _TORQUE) + torque)
+
+    def _press_cell(self, own: Value, after: Value) -> None:
+        """What they do to the bend between two nodes."""
+        xp, room = self.program.xp, self._room
+        now = room.vector(own + _TANGENT), room.vector(after + _TANGENT)
+        over, length = room.vector(own + _OVER_CELL), room.load(own + _LENGTH)
+        first, later, shortening = cell_closing_gradient(xp, *now, length, over)
+        room.store(own + _OVER_CELL, shortening)
+        for node, more in ((own, first), (after, later)):
+            room.put(node + _WORK, add(room.vector(node + _WORK), more))
 
     def speed(self, node: Value) -> Vector:
         """Velocity of a node [m/s]."""
@@ -307,6 +336,12 @@ class Axis:
 
     def _turn(self, own: Value) -> Turn:
         return self._room.load(own + _TURN), self._room.vector(own + _TURN + 1)
+
+    def _way(self, node: Value) -> Turn:
+        """Brings the direction at rest of a node to that of the next."""
+        first, column = self.program.xp.int32(self._of_world("first_node")), AXIS.index("way")
+        x, y, z = (self._rows.read(first + node, column + 1 + i) for i in range(3))
+        return self._rows.read(first + node, column), (x, y, z)
 
     def _section(self, own: Value) -> Section:
         return *self._turn(own), self._room.load(own + _FLAT), self._room.vector(own + _ACROSS)

@@ -22,7 +22,7 @@ WORLD = ("one", "bending", "tip_bending", "torsion", "stiffness", "damping_time"
 
 AXIS = ("place", "y", "z", "turn", "tangent", "tangent_y", "tangent_z", "length", "tension", "bending", "slack", "hold",
         "support", "drag", "width", "torsion", "upright", "turn_drag", "closing", "closing_y", "closing_z", "load",
-        "load_y", "load_z")  # fmt: skip
+        "load_y", "load_z", "way", "way_x", "way_y", "way_z")  # fmt: skip
 """Numbers of each node of the axis of a colon that moves: a row of `haustra.models.wall.mesentery.Mesentery`."""
 
 STATION = 16

@@ -110,5 +110,6 @@ def pack_axis(own: Mesentery) -> Float[np.ndarray, "nodes columns"]:
     for name in ("bending", "slack", "hold", "support", "drag", "upright", "turn_drag"):
         rows[..., AXIS.index(name)] = getattr(own, name)
     rows[..., AXIS.index("width")] = own.widths
+    rows[:, :-1, AXIS.index("way") :][..., :4] = own.ways
     rows[..., AXIS.index("turn")] = own.turns
     return np.vstack([rows.reshape(-1, len(AXIS)), np.ones((1, len(AXIS)))])  # one more, that is read behind the last
