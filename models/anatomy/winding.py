@@ -5,9 +5,6 @@ from jaxtyping import Float
 
 from haustra.models.anatomy.colon import Surface
 
-_AT_ONCE = 2_000_000
-"""Pairs of points and triangles that are looked at together: 200 MB."""
-
 
 def winding_numbers(surface: Surface, points: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, " points"]:
     """Solid angle under which points see a surface, over 4 pi: 1 within, 0 without, whatever else the surface does.
@@ -19,14 +16,14 @@ def winding_numbers(surface: Surface, points: Float[np.ndarray, "points 3"]) -> 
         points: [m].
     """
     corners = surface.vertices[surface.faces]
-    some = max(1, _AT_ONCE // len(corners))
-    parts = [_solid_angles(corners, points[row : row + some]) for row in range(0, len(points), some)]
-    return np.concatenate(parts) / (4 * np.pi) if parts else np.zeros(0)
-
-
-def _solid_angles(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
-    a, b, c = (corners[None, :, corner] - points[:, None] for corner in range(3))
-    x, y, z = (np.linalg.norm(side, axis=-1) for side in (a, b, c))
-    volume = np.einsum("pti,pti->pt", a, np.cross(b, c))
-    ab, bc, ca = (np.einsum("pti,pti->pt", *pair) for pair in ((a, b), (b, c), (c, a)))
-    return 2 * np.arctan2(volume, x * y * z + ab * z + bc * x + ca * y).sum(axis=1)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    heights = np.einsum("ti,ti->t", normals, corners[:, 0])
+    squares = ((corners - np.roll(corners, -1, axis=1)) ** 2).sum(axis=2)
+    found = []
+    for point in points:
+        away = np.sqrt(((surface.vertices - point) ** 2).sum(axis=1))
+        x, y, z = away[surface.faces].T
+        # Products of the corners' places come from the triangle's sides, their determinant from its normal.
+        xy, yz, zx = ((i * i + j * j - side) / 2 for i, j, side in zip((x, y, z), (y, z, x), squares.T, strict=True))
+        found.append(np.arctan2(heights - normals @ point, x * y * z + xy * z + yz * x + zx * y).sum())
+    return np.array(found) / (2 * np.pi)

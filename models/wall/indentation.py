@@ -12,6 +12,7 @@ from jaxtyping import Float
 from scipy.spatial import cKDTree
 
 from haustra.models.anatomy.colon import Colon, Surface
+from haustra.models.wall.signed_distance import ANUS
 
 APART = 0.001
 """Distance between the places of the device's axis that are looked at [m]."""
@@ -45,6 +46,7 @@ def indented(
     lengths = np.maximum(np.linalg.norm(rays, axis=1), 1e-9)
     rays /= lengths[:, None]
     wanted = np.maximum(_reached(places, at, centres, rays, arcs, radius + GAP) - lengths, 0.0)
+    wanted[arcs <= ANUS] = 0.0  # the lid there is no wall: the device comes in through it
     moved = _tent(vertices, colon.lumen.faces, wanted)
     return replace(colon, lumen=Surface(vertices + moved[:, None] * rays, colon.lumen.faces))
 

@@ -304,9 +304,9 @@ class ScopeProgram:
         return nearest_arc(self.program.xp, self.tables, *self._stations(), rest.now, arc), rest.now
 
     def wall(self, rest: Vector, arc: Value) -> tuple[Value, Vector, Vector, Vector]:
-        """Depth of a sphere in the wall, the inward normal, its lever on a colon that moves, and that wall's speed.
+        """Depth of a sphere in the wall, the inward normal, its lever on a colon that moves and that wall's speed.
 
-        Of a sphere that does not touch a colon that moves, a bound of its depth is found, and the rest is of no meaning.
+        Where a sphere does not touch a colon that moves, a bound of its depth is found, and the rest is of no meaning.
 
         Args:
             rest: the sphere's middle, in the colon at rest.
