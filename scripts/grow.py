@@ -43,6 +43,8 @@ class ColonGrow:
     """Orders; sizes small, medium, large, or the sac's diameter like 6mm."""
     polyps: tuple[str, ...] = ()
     """Orders; sizes diminutive, small, large, or a width like 8mm; types sessile, pedunculated, flat."""
+    insufflate: str | None = None
+    """Gas pressure ('20mmHg', '2.7kPa') that opens it; the set point of CT colonography, 25 mmHg, when left out."""
     json: bool = False
     """Print one JSON document on stdout."""
 
@@ -109,8 +111,20 @@ class ColonGrow:
             sex=self.sex,
             difficulty=self.difficulty,
             lesions=lesions,
+            pressure=self._pressure(),
             progress=progress,
         )
+
+    def _pressure(self) -> float | None:
+        from haustra.errors import InvalidOptionError
+        from haustra.models.anatomy.insufflation import opening_from
+
+        if self.insufflate is None:
+            return None
+        pressure = opening_from(self.insufflate).pressure
+        if pressure is None:
+            raise InvalidOptionError(f"A colon is grown at a pressure, not at '{self.insufflate}': give '20mmHg'.")
+        return pressure
 
     def _is_there(self, folder: Path, seed: int, lesions: "tuple[LesionOrder, ...]") -> bool:
         """Whether the folder holds the colon that these options and this version would grow."""
@@ -131,6 +145,7 @@ class ColonGrow:
             "sex": self.sex,
             "difficulty": self.difficulty,
             "lesions": [asdict(order) for order in lesions],
+            "pressure": self._pressure(),
         }
         same = all(made.configuration.get(name) == value for name, value in asked.items())
         return same and made.versions == package_versions()

@@ -51,6 +51,7 @@ BENCHMARKS: Mapping[str, str] = {
     "bench episodes": f"{_BENCH}.episodes:BenchEpisodes",
     "bench errors": f"{_BENCH}.errors:BenchErrors",
     "bench fuzz": f"{_BENCH}.fuzz:BenchFuzz",
+    "bench gas": f"{_BENCH}.gas:BenchGas",
     "bench gradients": f"{_BENCH}.gradients:BenchGradients",
     "bench grown": f"{_BENCH}.grown:BenchGrown",
     "bench profile": f"{_BENCH}.profile:BenchProfile",

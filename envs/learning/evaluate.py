@@ -46,6 +46,10 @@ class Episode:
     share_over_2N: float
     share_over_safe: float
     perforated: bool
+    p_perforation: float
+    """Share of people whose colon would have been perforated [1] (`haustra.models.injury`)."""
+    perforation_arc_m: float
+    """Where along the colon that is likeliest [m]."""
     safe: bool
     """Reached, not perforated, and never over `Limits.safe_force`."""
     reason: str
@@ -77,7 +81,8 @@ class Evaluation:
             rows[name] = float(found[column].mean())
             rows[f"{name}_wilson"] = [low, high]
             rows[f"{name}_bootstrap"] = self._over_colons(found[column])
-        for column in ("progress", "peak_force_N", "mean_force_N", "share_over_2N", "share_over_safe", "tip_ahead_m"):
+        forces = "peak_force_N", "mean_force_N", "share_over_2N", "share_over_safe"
+        for column in ("progress", *forces, "p_perforation", "tip_ahead_m"):
             rows[column] = float(found[column].mean())
             rows[f"{column}_bootstrap"] = self._over_colons(found[column])
         done = found["seconds"][found["reached"]]
@@ -244,6 +249,8 @@ class _Record:
             share_over_2N=float((force > FELT).mean()),
             share_over_safe=float((force > limits.safe_force).mean()),
             perforated=perforated,
+            p_perforation=float(last["p_perforation"]),
+            perforation_arc_m=float(last["perforation_arc"]),
             safe=reached and not perforated and bool(force.max() <= limits.safe_force),
             reason=_reason(last, history[1], task),
             failed_at_m=float(last["tip_arc"]),

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.runs.insertion import CONTROL_INTERVAL, Progress
+from haustra.envs.runs.measure.injury import perforation_scores
 from haustra.envs.runs.measure.progress import segment_at
 from haustra.envs.runs.outcome import CAECUM_MARGIN, ESCAPE_DEPTH, Outcome
 from haustra.envs.sim.device_native import NativeDevice
@@ -19,6 +20,7 @@ from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.lumen_meshes import add_lumen
 from haustra.models.device_scene import build_device_scene, device_options, device_tables, pose_in
 from haustra.models.devices.base import Device, Reading
+from haustra.models.injury.perforation import link_load, worst_load
 from haustra.models.scene import SceneOptions
 
 PATIENCE = 10.0
@@ -130,11 +132,15 @@ def time_is_up(records: Records) -> Outcome:
     return Outcome.STUCK if arc[late].max() - before < _HEADWAY else Outcome.TIME_UP
 
 
-def common_scores(outcome: Outcome, records: Records, readings: tuple[Reading, ...], length: float) -> dict[str, Any]:
+def common_scores(
+    outcome: Outcome, records: Records, readings: tuple[Reading, ...], colon: Colon, radius: float
+) -> dict[str, Any]:
     """Scores that make sense for any device, and mean and peak of its own readings, as plain JSON values.
 
     `wall_force` is the largest resultant normal force of the wall on one body of the device; `outside_max_mm` how deep
     its surface stood in the wall at rest, negative for room; `reach` how far its tip came over the colon's length.
+    `p_perforation` takes the hardest pressed body for a straight head of the device's nose's radius [m], where the tip
+    is; a run that ended as escaped has torn the wall.
     """
     count = len(records["time"])
 
@@ -147,7 +153,8 @@ def common_scores(outcome: Outcome, records: Records, readings: tuple[Reading, .
         "simulated_s": of("time", np.max),
         "tip_arc_m": of("tip_arc", lambda arc: arc[-1]),
         "tip_arc_max_m": furthest,
-        "reach": min(max(furthest / length, 0.0), 1.0),
+        "reach": min(max(furthest / colon.centreline.length, 0.0), 1.0),
+        **perforation_scores(*_worst(outcome, records, radius), colon),
         "wall_force_peak_N": of("wall_force", np.max),
         "wall_force_mean_N": of("wall_force", np.mean),
         "outside_max_mm": 1e3 * of("deepest", np.max),
@@ -159,6 +166,16 @@ def common_scores(outcome: Outcome, records: Records, readings: tuple[Reading, .
     return scores
 
 
+def _worst(outcome: Outcome, records: Records, radius: float) -> tuple[float, float]:
+    """Largest load of the wall over its strength, and where the tip was then."""
+    if not len(records["time"]):
+        return 0.0, 0.0
+    load = link_load(np, np.asarray(records["wall_force"], float), 0.0, True, 2 * radius)
+    arc, most = np.asarray(records["tip_arc"], float), int(load.argmax())
+    found = worst_load(np, (load[most], arc[most]), load[-1], arc[-1], outcome is Outcome.ESCAPED)
+    return float(found[0]), max(float(found[1]), 0.0)
+
+
 def reading_columns(reading: Reading) -> tuple[str, str]:
     """Names of the scores that hold mean and peak of a reading, with its unit."""
     unit = "" if reading.unit == "1" else "_" + reading.unit.replace("/", "_").replace(" ", "")
@@ -167,7 +184,7 @@ def reading_columns(reading: Reading) -> tuple[str, str]:
 
 def device_scores(run: DeviceRun, colon: Colon) -> dict[str, Any]:
     """All scores of a run but its provenance, as plain JSON values."""
-    found = common_scores(run.outcome, run.records, run.device.readings, colon.centreline.length)
+    found = common_scores(run.outcome, run.records, run.device.readings, colon, run.radius)
     simulated = found["simulated_s"]
     return {
         "device": run.device.name,

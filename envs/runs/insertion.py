@@ -9,10 +9,12 @@ from jaxtyping import Float
 
 from haustra.envs.control.follower import FollowerSettings, LumenFollower
 from haustra.envs.runs.measure.containment import Containment
+from haustra.envs.runs.measure.injury import InjuryMeter, stations_of
 from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.runs.measure.surface import SurfaceFigures, surface_figures
 from haustra.envs.runs.outcome import Outcome, ending, outcome_of
 from haustra.envs.sim.backend import SingleBackend
+from haustra.envs.sim.coils import COIL_DISTANCES
 from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.state import Readings
 from haustra.models.anatomy.colon import Colon
@@ -22,6 +24,9 @@ from haustra.models.wall.signed_distance import surface_arcs
 
 CONTROL_INTERVAL = 0.02
 """Time between two decisions of the driver, and between two records [s]; engineering choice: 50 Hz."""
+
+_MAPS = "pressed", "shear", "pain"
+"""What is recorded along the colon (`haustra.envs.runs.measure.injury.Burden`)."""
 
 Progress = Callable[[float, float], None]
 """Called with simulated time [s] and tip arc length [m]."""
@@ -71,6 +76,18 @@ class Trajectory:
     """Farthest that a place of the colon's centreline is from where it was at rest [m]."""
     wall_force_sum: Float[np.ndarray, " records"]
     """Sum of the wall's normal forces on the whole scope [N]."""
+    coils: Float[np.ndarray, "records coils 3"]
+    """Places of a magnetic imager's coils (`haustra.envs.sim.coils`) [m]; those outside the anus are of no meaning."""
+    load: Float[np.ndarray, " records"]
+    """Largest load of a place of the wall over the median person's strength [1] (`haustra.models.injury`)."""
+    load_arc: Float[np.ndarray, " records"]
+    """Arc length there [m]."""
+    pressed: Float[np.ndarray, "records places"]
+    """Largest resultant wall force on one link beside places of the colon two centimetres apart [N]."""
+    shear: Float[np.ndarray, "records places"]
+    """Largest shear of the mucosa there [Pa]."""
+    pain: Float[np.ndarray, "records places"]
+    """Tension of wall or mesentery there, over that which is assumed to hurt [1]."""
     mocap_pos: Float[np.ndarray, "records blocks 3"]
     """Where the bodies are on which pieces of a wall that moves stand, as MuJoCo's mocap_pos [m]."""
     mocap_quat: Float[np.ndarray, "records blocks 4"]
@@ -138,7 +155,7 @@ def _drive(backend: SingleBackend, seconds: float, settings: FollowerSettings, p
     follower = LumenFollower(line, scene.design, tip_links=tip_links, settings=settings)
     steps = max(1, round(CONTROL_INTERVAL / scene.options.timestep))
     interval = steps * scene.options.timestep
-    containment = Containment(scene.colon, radius=scene.cable.radius)
+    containment, injury = Containment(scene.colon, radius=scene.cable.radius), InjuryMeter(scene)
     rows: list[tuple] = []
     seen, shape = backend.read(), backend.shape()
     ended, healthy = 0, True
@@ -154,7 +171,7 @@ def _drive(backend: SingleBackend, seconds: float, settings: FollowerSettings, p
         inside = behind < seen.insertion
         outside = containment.outside(shape[inside], behind[inside], tracker.arc, seen.way)
         moved = 0.0 if seen.way is None else float(np.linalg.norm(seen.way - line.points, axis=1).max())
-        last = moved, seen.wall_force_sum, *backend.mocap(scene.blocks)
+        last = moved, seen.wall_force_sum, seen.coils, *_borne(injury, seen), *backend.mocap(scene.blocks)
         rows.append((*_record(backend, seen, tracker.arc, outside), *follower.asked, *seen.bend, *last))
         if progress and len(rows) % 25 == 0:
             progress(seen.time, tracker.arc)
@@ -215,11 +232,20 @@ def _record(backend: SingleBackend, seen: Readings, arc: float, outside: float) 
     )
 
 
+def _borne(injury: InjuryMeter, seen: Readings) -> tuple:
+    """What the colon bears."""
+    used = {name: getattr(seen, name) for name in ("link_forces", "link_arcs", "bend", "displacement")}
+    one = seen._replace(**{name: None if value is None else value[None] for name, value in used.items()})
+    return tuple(part[0] for part in injury.measure(one))
+
+
 def _trajectory(rows: list[tuple], backend: SingleBackend) -> Trajectory:
     if not rows:
-        empty = np.zeros(0)
-        wide = (np.zeros((0, backend.qpos.size)), np.zeros((0, backend.ctrl.size)), np.zeros((0, 3)))
-        return Trajectory(
-            empty, *wide, *[empty] * 16, *(part[None][:0] for part in backend.mocap(backend.scene.blocks))
-        )
+        places = np.zeros((0, len(stations_of(backend.scene.colon))))
+        shapes: dict[str, np.ndarray] = dict.fromkeys(Trajectory.__dataclass_fields__, np.zeros(0))
+        shapes |= {"qpos": backend.qpos[None][:0], "ctrl": backend.ctrl[None][:0], "tip": np.zeros((0, 3))}
+        blocks = (part[None][:0] for part in backend.mocap(backend.scene.blocks))
+        shapes |= {"coils": np.zeros((0, len(COIL_DISTANCES), 3)), **dict.fromkeys(_MAPS, places)}
+        shapes |= dict(zip(("mocap_pos", "mocap_quat"), blocks, strict=True))
+        return Trajectory(**shapes)
     return Trajectory(*(np.array(column, dtype=float) for column in zip(*rows, strict=True)))

@@ -16,11 +16,13 @@ from haustra.envs.control.follower import FIRST_MEMORY, FollowerSettings, Memory
 from haustra.envs.runs.measure.containment import beside, furthest_ahead, stands_out
 from haustra.envs.runs.outcome import ESCAPE_DEPTH, ending
 from haustra.envs.runs.tally import Measured, Tally, counted
-from haustra.envs.sim.linear.layout import STRUCTURE, seen_slot
+from haustra.envs.sim.linear.layout import seen_slot
 from haustra.envs.sim.linear.memory import Lanes
 from haustra.envs.sim.linear.program import ScopeProgram
 from haustra.envs.sim.linear.trace import Value
 from haustra.models.devices.scope.wires import WIRE_NAMES
+from haustra.models.injury.pain import pain, pressed_tension
+from haustra.models.injury.perforation import link_load
 from haustra.models.wall.vectors import Vector, dot, minus
 
 STATION_STEP = 0.01
@@ -120,7 +122,8 @@ class InsertionProgram:
         modelled = scopes.scope("length")
         ended = ending(xp, outside=outside, arc=arc, length=scopes.length(), insertion=insertion, modelled=modelled)
         wall, _ = self._largest_force(scopes)
-        measured = Measured(arc, insertion, scopes.reading("push_force"), scopes.reading("torque"), wall)
+        hand = scopes.reading("push_force"), scopes.reading("torque")
+        measured = Measured(arc, insertion, *hand, wall, *self._largest_load(scopes), *self._largest_pain(scopes))
         for slot, (new, old) in enumerate(zip(counted(xp, tally, measured, ended), tally, strict=True)):
             numbers.store(_TALLY + slot, xp.where(still, new, old))
         numbers.store(_OUTSIDE, xp.where(still, outside, numbers.load(_OUTSIDE)))
@@ -138,9 +141,39 @@ class InsertionProgram:
         with program.loop(0, scopes.bodies) as body:
             force = scopes.link_force(body)
             wall.value = program.xp.maximum(wall.value, force)
-            with program.when(scopes.structure.load(body * STRUCTURE + 4) > 0):
+            with program.when(scopes.of_tip(body)):
                 tip.value = program.xp.maximum(tip.value, force)
         return wall.value, tip.value
+
+    def _largest_load(self, scopes: ScopeProgram) -> tuple[Value, Value]:
+        """Largest load of the wall under a link over the median person's strength [1], and arc length there [m]."""
+        program, xp = scopes.program, scopes.program.xp
+        up, left = scopes.bend()
+        bend, diameter = xp.sqrt(up * up + left * left), 2 * scopes.scope("radius")
+        most, where = program.variable(0.0), program.variable(0.0)
+        with program.loop(0, scopes.bodies) as body:
+            load = link_load(xp, scopes.link_force(body), bend, scopes.of_tip(body), diameter)
+            where.value = xp.where(load > most.value, xp.maximum(scopes.link_arc(body), 0.0), where.value)
+            most.value = xp.maximum(most.value, load)
+        return most.value, where.value
+
+    def _largest_pain(self, scopes: ScopeProgram) -> tuple[Value, Value]:
+        """Largest tension of wall or mesentery over that which hurts [1], and arc length there [m]."""
+        program, xp, diameter = scopes.program, scopes.program.xp, 2 * scopes.scope("radius")
+        most, where = program.variable(0.0), program.variable(0.0)
+
+        def judge(hurts: Value, arc: Value) -> None:
+            where.value = xp.where(hurts > most.value, xp.maximum(arc, 0.0), where.value)
+            most.value = xp.maximum(most.value, hurts)
+
+        with program.loop(0, scopes.bodies) as body:
+            wall = pressed_tension(scopes.link_force(body), diameter, scopes.link_length(body))
+            judge(pain(xp, wall, program.constant(0.0)), scopes.link_arc(body))
+        if axis := scopes.axis:
+            with program.loop(0, axis.nodes) as node:
+                arc = program.real_of(node) * scopes.world("spacing")
+                judge(pain(xp, *axis.tensions(node, scopes.station(arc)[1])), arc)
+        return most.value, where.value
 
     def _outside(self, scopes: ScopeProgram, room: Lanes, arc: Value, insertion: Value) -> Value:
         """How far the scope stands outside the lumen [m], or, where that does not matter, a bound above it."""

@@ -11,6 +11,7 @@ from haustra.envs.control.follower import FollowerSettings, Memory
 from haustra.envs.control.follower_worlds import WorldsFollower
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.measure.containment import LumenWidths, outside, stack_widths
+from haustra.envs.runs.measure.load import largest_load, largest_pain
 from haustra.envs.runs.outcome import ending
 from haustra.envs.runs.tally import Insertions, Measured, Tally, counted
 from haustra.envs.sim.device_arrays import tree_where
@@ -51,7 +52,8 @@ class InsertionBatch:
         zero = jnp.zeros_like(parameters.friction)
         none = jnp.zeros(worlds, jnp.int32)
         start = zero + parameters.scope.start
-        tally = Tally(start, zero, zero, zero, zero, zero, none, none)
+        scores = dict.fromkeys(Tally._fields, zero) | {"tip_arc_max": start, "intervals": none, "ended": none}
+        tally = Tally(**scores)
         return self._backend.begin(parameters, self._tables), self._follower.begin(worlds, zero.dtype), tally
 
     def run(
@@ -85,12 +87,23 @@ class InsertionBatch:
             drive = tree_where(running, decided, drive)
             after = self._backend.read(parameters, self._tables, worlds)
             ended = self._ended(parameters, tables, widths, worlds, after)
-            measured = Measured(
-                after.tip_arc, after.insertion, after.push_force, after.torque, after.link_forces.max(axis=1)
-            )
+            hand, harm = (after.push_force, after.torque), self._harm(parameters, tables, widths, after)
+            measured = Measured(after.tip_arc, after.insertion, *hand, after.link_forces.max(axis=1), *harm)
             return worlds, drive, tree_where(running, counted(jnp, tally, measured, ended), tally)
 
         return jax.lax.fori_loop(0, count, one, (worlds, drive, tally))
+
+    def _harm(self, parameters: Parameters, tables: Tables, widths: LumenWidths, seen: Readings) -> tuple:
+        """Largest load over strength, and worst pain, and where each is."""
+        scope, own = parameters.scope, tables.mesentery
+        diameter, tip = 2 * scope.radius, scope.tip_place[:, :1, 2]
+        lengths = jnp.concatenate([scope.links.offset[:, 1:, 2], tip], axis=1)
+        load = largest_load(jnp, seen, tip_links=len(self._backend.bend_dofs[0]), diameter=diameter)
+        if own is None:
+            return *load, *largest_pain(jnp, seen, diameter=diameter, lengths=lengths)
+        arcs = own.spacing[:, None] * np.arange(own.nodes.shape[1])
+        radius = jax.vmap(jnp.interp)(arcs, widths.arcs, widths.width)
+        return *load, *largest_pain(jnp, seen, diameter=diameter, lengths=lengths, own=own, radius=radius)
 
     @precise
     def _ended(

@@ -8,6 +8,7 @@ from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.runs.insertion import CONTROL_INTERVAL, Insertion, Progress, Trajectory, lying
 from haustra.envs.runs.insertion_program import InsertionProgram
 from haustra.envs.runs.linear_insertions import station_widths
+from haustra.envs.runs.measure.injury import InjuryMeter
 from haustra.envs.runs.outcome import outcome_of
 from haustra.envs.sim.linear.backend import Row
 from haustra.envs.sim.linear.layout import WORLD
@@ -103,6 +104,7 @@ def _trajectory(backend: LinearSingle, rows: Row) -> Trajectory:
     normals = backend.many.normals(rows.state)
     begun = np.concatenate([[scene.options.start_depth], seen.insertion[:-1]])
     places, turns = backend.poses(rows, scene.blocks)
+    burden = InjuryMeter(scene).measure(seen)
     return Trajectory(
         time=seen.time,
         qpos=backend.many.joints(rows.state),
@@ -124,6 +126,8 @@ def _trajectory(backend: LinearSingle, rows: Row) -> Trajectory:
         bend_left=seen.bend[:, 1],
         colon_moved=backend.colon_moved(rows),
         wall_force_sum=normals.sum(axis=1),
+        coils=seen.coils,
+        **burden._asdict(),
         mocap_pos=places,
         mocap_quat=turns,
     )

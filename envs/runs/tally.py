@@ -6,7 +6,8 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from jaxtyping import Bool, Float
 
-from haustra.envs.runs.outcome import Outcome, outcome_of
+from haustra.envs.runs.outcome import ENDINGS, Outcome, outcome_of
+from haustra.models.injury.perforation import perforation_probability, worst_load
 
 Array: TypeAlias = Any
 
@@ -20,6 +21,14 @@ class Tally(NamedTuple):
     wall_peak: Array
     wall_sum: Array
     loop_excess_peak: Array
+    load_peak: Array
+    """Largest load of the wall over the median person's strength [1]."""
+    load_arc: Array
+    """Arc length there [m]."""
+    pain_peak: Array
+    """Largest tension of wall or mesentery over that which is assumed to hurt [1]."""
+    pain_arc: Array
+    """Arc length there [m]."""
     intervals: Array
     ended: Array
     """Row of `haustra.envs.runs.outcome.ENDINGS`; 0 while a run goes on."""
@@ -38,6 +47,14 @@ class Measured(NamedTuple):
     """[N m]."""
     wall_force: Array
     """Largest resultant on one link [N]."""
+    load: Array
+    """Largest load of the wall under a link over the median person's strength [1]."""
+    load_arc: Array
+    """Arc length there [m]."""
+    pain: Array
+    """Largest tension of wall or mesentery over that which is assumed to hurt [1]."""
+    pain_arc: Array
+    """Arc length there [m]."""
 
 
 def counted(xp: Any, tally: Tally, seen: Measured, ended: Array) -> Tally:
@@ -49,6 +66,8 @@ def counted(xp: Any, tally: Tally, seen: Measured, ended: Array) -> Tally:
         seen: at its end.
         ended: why the run ends with it, as a row of `haustra.envs.runs.outcome.ENDINGS`.
     """
+    worst = (tally.load_peak, tally.load_arc), seen.load, seen.load_arc
+    load, arc = worst_load(xp, *worst, escaped=ended == ENDINGS.index(Outcome.ESCAPED))
     return Tally(
         tip_arc_max=xp.maximum(tally.tip_arc_max, seen.tip_arc),
         push_peak=xp.maximum(tally.push_peak, xp.abs(seen.push_force)),
@@ -56,6 +75,10 @@ def counted(xp: Any, tally: Tally, seen: Measured, ended: Array) -> Tally:
         wall_peak=xp.maximum(tally.wall_peak, seen.wall_force),
         wall_sum=tally.wall_sum + seen.wall_force,
         loop_excess_peak=xp.maximum(tally.loop_excess_peak, seen.insertion - seen.tip_arc),
+        load_peak=load,
+        load_arc=arc,
+        pain_peak=xp.maximum(tally.pain_peak, seen.pain),
+        pain_arc=xp.where(seen.pain > tally.pain_peak, seen.pain_arc, tally.pain_arc),
         intervals=tally.intervals + 1,
         ended=ended,
     )
@@ -82,6 +105,16 @@ class Insertions:
     """Mean over time of the largest resultant on one link [N]."""
     loop_excess_peak: Float[np.ndarray, " worlds"]
     """Most scope inside beyond the colon passed [m]."""
+    p_perforation: Float[np.ndarray, " worlds"]
+    """Share of people whose colon would have been perforated [1]."""
+    load_peak: Float[np.ndarray, " worlds"]
+    """Largest load of the wall over the median person's strength [1]."""
+    load_arc: Float[np.ndarray, " worlds"]
+    """Arc length there [m]."""
+    pain_peak: Float[np.ndarray, " worlds"]
+    """Largest tension of wall or mesentery over that which is assumed to hurt [1]."""
+    pain_arc: Float[np.ndarray, " worlds"]
+    """Arc length there [m]."""
 
     @classmethod
     def of(
@@ -114,4 +147,9 @@ class Insertions:
             wall_force_peak=kept.wall_peak,
             wall_force_mean=kept.wall_sum / np.maximum(kept.intervals, 1),
             loop_excess_peak=kept.loop_excess_peak,
+            p_perforation=perforation_probability(kept.load_peak),
+            load_peak=kept.load_peak,
+            load_arc=kept.load_arc,
+            pain_peak=kept.pain_peak,
+            pain_arc=kept.pain_arc,
         )

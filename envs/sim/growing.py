@@ -70,7 +70,11 @@ class GrowingEngine:
     def read(self) -> Readings:
         """What can be read off at the end of the last step."""
         seen = self._engine.read()
-        return seen._replace(link_forces=np.concatenate([np.zeros(self._missing), seen.link_forces]))
+        outside = seen.insertion - self.scene.cable.node_distances[: self._missing]
+        return seen._replace(
+            link_forces=np.concatenate([np.zeros(self._missing), seen.link_forces]),
+            link_arcs=np.concatenate([outside, seen.link_arcs]),
+        )
 
     @property
     def qpos(self) -> Float[np.ndarray, " positions"]:

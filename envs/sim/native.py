@@ -8,7 +8,9 @@ from jaxtyping import Float
 
 from haustra.envs.sim.at_origin import without_pieces
 from haustra.envs.sim.capabilities import require_supported
+from haustra.envs.sim.coils import coil_samples
 from haustra.envs.sim.energy import EnergyMeter
+from haustra.envs.sim.link_places import link_arcs, middle_spheres
 from haustra.envs.sim.log import log_to_stderr_only
 from haustra.envs.sim.moved_colon import CurrentColon
 from haustra.envs.sim.physics.hand import hand_force
@@ -81,6 +83,9 @@ class NativeEngine:
         self._tip = model.site("scope/tip").id
         self._link_of_body = np.full(model.nbody, -1)
         self._links = [model.body(name).id for name in cable.links]
+        self._middle = middle_spheres(
+            np.array([cable.links.index(sample.body) for sample in scene.samples]), len(cable.links)
+        )
         self._link_of_body[self._links] = np.arange(len(cable.links))
         steerable = [index for index, cell in enumerate(cable.cells) if cell.steerable]
         self._bend_up = [model.joint(f"scope/bend_y_{index:03d}").qposadr[0] for index in steerable]
@@ -185,6 +190,7 @@ class NativeEngine:
         mujoco.mj_kinematics(self.model, self.data)
         scene, contact = self.scene, self.scene.options.contact
         spheres = [self.model.geom(f"wall/sphere_{number:04d}").id for number in range(len(scene.samples))]
+        self._coils = np.array(spheres)[coil_samples(self.model, scene.samples)]
         self._straight_arcs = (self.data.geom_xpos[spheres] - scene.entry) @ scene.entry_direction
         if self.table is not None:
             return TableWall(self.model, self.table, contact, arcs=self._straight_arcs)
@@ -241,10 +247,13 @@ class NativeEngine:
             torque=float(hand[1]),
             pulls=self._hand.copy(),
             link_forces=forces,
+            link_arcs=link_arcs(self._wall.arcs, self._middle),
             contacts=int((normal > 0).sum()),
             way=self._moved.way(self._displacement) if self._moved else None,
             energies=self._energies.read(data),
             wall_force_sum=float(normal.sum()),
+            coils=data.geom_xpos[self._coils].copy(),
+            displacement=self._displacement.copy() if self._moved else None,
         )
 
     def colon(self) -> Colon:

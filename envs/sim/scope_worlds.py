@@ -15,6 +15,7 @@ from jaxtyping import Float
 
 from haustra.envs.sim import chain as links
 from haustra.envs.sim.device_arrays import tree_where
+from haustra.envs.sim.link_places import middle_spheres
 from haustra.envs.sim.physics.hand import HAND_DAMPING, hand_force
 from haustra.envs.sim.physics.lock import lock_activation
 from haustra.envs.sim.physics.stops import stop_torque
@@ -198,6 +199,7 @@ class JaxScopes(ScopeChain):
             torque=hand[:, 1],
             tip_force=jnp.einsum("wij,wi->wj", where.rotation[:, -1], forces[:, -len(self.bend_dofs[0]) :].sum(axis=1)),
             link_forces=jnp.linalg.norm(forces, axis=-1),
+            link_arcs=worlds.arcs[:, middle_spheres(self.sample_body, forces.shape[1])],
             deepest=found.depth.max(axis=1) + scope.radius - own.device_radius[:, 0],
             coils=spheres[:, self.coils],
             displacement=worlds.displacement and worlds.displacement.pose,

@@ -65,6 +65,8 @@ class Readings(NamedTuple):
     """Torque of the hand about the shaft [N m]."""
     link_forces: Float[Any, "*worlds links"]
     """Resultant normal force of the wall on each link, from the handle to the tip [N]."""
+    link_arcs: Float[Any, "*worlds links"] = None
+    """Arc length of the centreline next to the middle of each link [m]; negative before the anus."""
     tip_arc: Real[Any, "*worlds"] = None
     """Arc length of the centreline next to the tip [m]; None of one scope."""
     tip_force: Float[Any, "*worlds 3"] = None
@@ -72,10 +74,12 @@ class Readings(NamedTuple):
     deepest: Real[Any, "*worlds"] = None
     """Largest depth of the scope in the wall [m]; None of one scope."""
     coils: Float[Any, "*worlds coils 3"] = None
-    """Places of the shaft `haustra.envs.sim.coils.COIL_DISTANCES` behind the tip, from the entry [m]; None of one
-    scope."""
+    """Places of the shaft `haustra.envs.sim.coils.COIL_DISTANCES` behind the tip [m]: of many scopes from the entry, of
+    one in the coordinates of its scene; those outside the anus are of no meaning while shaft there is left out."""
     displacement: Float[Any, "*worlds nodes 7"] = None
-    """Where the colon's axis is, from where it was at rest [m]; None but of dynamics in JAX and colons that move."""
+    """Poses of the colon's axis (`haustra.models.wall.moving_colon.AxisDisplacement`): of many scopes seen from the
+    entry, of one in the coordinates of its scene; None of a colon that is fixed, and of the native backend of many
+    scopes."""
     pulls: Float[Any, "*worlds 4"] = None
     """Pull of each wire at the handle: up, left, down, right [N]; None of many scopes."""
     contacts: Real[Any, "*worlds"] = None

@@ -9,6 +9,7 @@ from mujoco.batch import Batch
 
 from haustra.envs.sim.coils import coil_samples
 from haustra.envs.sim.conditions import Conditions, Snapshot
+from haustra.envs.sim.link_places import link_arcs, middle_spheres
 from haustra.envs.sim.native import FATAL_WARNINGS
 from haustra.envs.sim.physics.hand import hand_force
 from haustra.envs.sim.physics.lock import lock_activation
@@ -52,8 +53,10 @@ class ThreadSlice:
         model, samples = self._model, self._scene.samples
         count = len(samples)
         links = {name: index for index, name in enumerate(cable.links)}
+        of_link = np.array([links[sample.body] for sample in samples])
         self._members = np.zeros((count, len(links)))
-        self._members[np.arange(count), [links[sample.body] for sample in samples]] = 1.0
+        self._members[np.arange(count), of_link] = 1.0
+        self._middle = middle_spheres(of_link, len(links))
         self._push, self._roll = model.actuator("scope/push").id, model.actuator("scope/roll").id
         self._hand_limits = model.actuator_forcerange[[self._push, self._roll], 1]
         self._pulls = np.array([model.actuator(f"scope/pull_{name}").id for name in WIRE_NAMES])
@@ -177,6 +180,7 @@ class ThreadSlice:
             "torque": hand[:, 1],
             "tip_force": np.einsum("wij,wi->wj", frame, links[:, self._tip_links].sum(axis=1)),
             "link_forces": np.linalg.norm(links, axis=2),
+            "link_arcs": link_arcs(self._wall.arcs, self._middle),
             "deepest": self._wall.depth.max(axis=1),
             "coils": self._geom_xpos[:, self._coils].copy(),
         }

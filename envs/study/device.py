@@ -35,6 +35,9 @@ SCORES = (
     Column("wall_force_peak_N", "N", "largest resultant wall force on one body, at 50 Hz"),
     Column("wall_force_mean_N", "N", "its mean over the run"),
     Column("outside_max_mm", "mm", "how deep the device's surface stood in the wall at rest; negative for room"),
+    Column("p_perforation", "1", "share of people whose colon would be perforated; 1 where the device escaped"),
+    Column("perforation_site", "text", "segment where the tip was when that was likeliest"),
+    Column("perforation_arc_m", "m", "the same along the colon"),
     Column("simulated_s", "s", "time that was simulated"),
     Column("escaped", "1", "1 where the device broke through the wall, which ends the run"),
     Column("readings", "text", "means and peaks of the device's own readings, as name=value"),
@@ -94,11 +97,13 @@ def build_setup(
     return device, options
 
 
-def result_of(job: Job, device: Device, outcome: Outcome, records: Mapping[str, np.ndarray], length: float) -> Result:
-    """A job's row from what was recorded."""
+def result_of(
+    job: Job, device: Device, outcome: Outcome, records: Mapping[str, np.ndarray], colon: Colon, radius: float
+) -> Result:
+    """A job's row from what was recorded of a device with a nose of that radius [m]."""
     if outcome is Outcome.DIVERGED:
         return Result(job.id, "diverged", reason=outcome.advice)
-    found = common_scores(outcome, records, device.readings, length)
+    found = common_scores(outcome, records, device.readings, colon, radius)
     own = [name for reading in device.readings for name in reading_columns(reading)]
     scores: dict[str, Any] = {
         **found,
@@ -121,7 +126,7 @@ def _start(study: Study, folder: Path) -> Runner:
         device, options = build_setup(study, job.variables, job.conditions)
         colon = _colon(str(job.conditions["colon"]))
         run = run_device(device, colon, options, seconds=seconds)
-        return result_of(job, device, run.outcome, run.records, colon.centreline.length)
+        return result_of(job, device, run.outcome, run.records, colon, run.radius)
 
     return one_by_one(answer)
 
@@ -170,9 +175,10 @@ def _answer_warp(study: Study, names: tuple[str, ...], jobs: Sequence[Job], seco
     records = drive_worlds(backend, conditions, seconds=seconds, interval=CONTROL_INTERVAL)
     found = []
     for row, job in enumerate(jobs):
-        length = colons[number[row]].centreline.length
-        outcome, kept = _until_ended({name: values[row] for name, values in records.items()}, length)
-        found.append(result_of(job, device, outcome, kept, length))
+        colon = colons[number[row]]
+        recorded = {name: values[row] for name, values in records.items()}
+        outcome, kept = _until_ended(recorded, colon.centreline.length)
+        found.append(result_of(job, device, outcome, kept, colon, scene.handles.samples[-1].radius))
     return found
 
 

@@ -55,6 +55,12 @@ _MEASURED = {
     "pull_back_shortening_m": ("m", "most scope that was pulled back while the tip stayed"),
     "steering_gap_mean_deg": ("°", "how far the tip's bend was from that steered for, mean"),
     "outside_max_mm": ("mm", "how far the scope stood outside the lumen at rest; negative inside"),
+    "p_perforation": ("1", "share of people whose colon would be perforated; 1 where the scope escaped"),
+    "perforation_site": ("text", "segment where that is likeliest"),
+    "perforation_arc_m": ("m", "the same along the colon"),
+    "bleeding_places": ("1", "places of 2 cm whose mucosa was sheared by more than an assumed threshold"),
+    "pain_peak": ("1", "largest tension of wall or mesentery over that which is assumed to hurt"),
+    "pain_s": ("s", "how long that was above 1"),
     "simulated_s": ("s", "time that was simulated"),
     "tip_segment_max": ("text", "segment of the colon that the tip came to"),
 }

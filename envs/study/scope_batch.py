@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from haustra.envs.control.follower import FollowerSettings
+from haustra.envs.runs.measure.injury import perforation_scores
 from haustra.envs.runs.outcome import Outcome
 from haustra.envs.runs.tally import Insertions
 from haustra.envs.sim.scope_bank import BATCH_OPTIONS
@@ -23,6 +24,7 @@ from haustra.envs.study.scope import SCORES, Setup, build_setup, prepare_colons
 from haustra.envs.study.scope_colons import StudyColons
 from haustra.envs.study.study import Job, Result, Study
 from haustra.errors import HaustraError
+from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import Scene, SceneOptions, build_scene
 
 _OPTIONS = {
@@ -167,19 +169,17 @@ def _parts(group: list[World], largest: int) -> list[list[World]]:
 
 def _answered(colons: StudyColons, worlds: Sequence[World], seconds: float, answer: Answer) -> list[Result]:
     runs = answer(colons, worlds, seconds)
-    return [
-        _result(one.job, runs, index, colons.colons[one.colon].centreline.length) for index, one in enumerate(worlds)
-    ]
+    return [_result(one.job, runs, index, colons.colons[one.colon]) for index, one in enumerate(worlds)]
 
 
-def _result(job: Job, runs: Insertions, index: int, length: float) -> Result:
+def _result(job: Job, runs: Insertions, index: int, colon: Colon) -> Result:
     outcome = runs.outcome[index]
     if outcome is Outcome.DIVERGED:
         return Result(job.id, "diverged", reason=outcome.advice)
     known: dict[str, Any] = {
         "outcome": outcome.value,
         "escaped": float(outcome is Outcome.ESCAPED),
-        "reach": float(runs.tip_arc_max[index]) / length,
+        "reach": float(runs.tip_arc_max[index]) / colon.centreline.length,
         "tip_arc_max_m": float(runs.tip_arc_max[index]),
         "insertion_m": float(runs.insertion[index]),
         "push_force_peak_N": float(runs.push_force_peak[index]),
@@ -187,6 +187,8 @@ def _result(job: Job, runs: Insertions, index: int, length: float) -> Result:
         "wall_force_peak_N": float(runs.wall_force_peak[index]),
         "wall_force_mean_N": float(runs.wall_force_mean[index]),
         "loop_excess_peak_m": float(runs.loop_excess_peak[index]),
+        **perforation_scores(float(runs.load_peak[index]), float(runs.load_arc[index]), colon),
+        "pain_peak": float(runs.pain_peak[index]),
         "simulated_s": float(runs.simulated[index]),
     }
     # What these backends do not measure stays empty.

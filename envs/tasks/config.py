@@ -4,14 +4,11 @@ import math
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from haustra.assets import asset
 from haustra.errors import InvalidOptionError
 from haustra.fields import choice, number, read_fields, require_declared, several, span, whole
 from haustra.models.anatomy.person import DIFFICULTIES
 from haustra.models.devices.scope.library import DESIGN_NAMES
-from haustra.quantity import load_quantities
-
-_CONTACT = load_quantities(asset("numbers/contact.toml"))
+from haustra.models.injury.numbers import injury_number
 
 OBSERVATIONS = ("state", "lumen", "depth", "pixels", "dict")
 """What a learner sees: what scope and hand can measure; a few distances as a depth camera gives them; the whole picture
@@ -57,10 +54,10 @@ class Limits:
 
     seconds: float = number("s", 0.002, 36_000.0, default=90.0)
     """Longest episode [s]; then it is truncated."""
-    perforation_force: float = number("N", 0.01, 1e4, default=_CONTACT["contact.perforation_force"].high)
+    perforation_force: float = number("N", 0.01, 1e4, default=injury_number("strength.bent"))
     """Resultant wall force on one link that ends an episode as a perforation [N]: the highest measured, since a link
-    of the model gathers the load of 6 cm of scope."""
-    safe_force: float = number("N", 0.01, 1e4, default=_CONTACT["contact.perforation_force"].value)
+    of the model gathers the load of 6 cm of scope. A rule; how likely the wall is torn is told beside it."""
+    safe_force: float = number("N", 0.01, 1e4, default=injury_number("strength.straight"))
     """Peak up to which an episode counts as safe [N]: the lowest force that perforated."""
     caecum_margin: float = number("m", 0.0, 0.5, default=0.03)
     """The caecum counts as reached this far before the end of the centreline [m], as in a single run."""

@@ -18,6 +18,7 @@ from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.device_scene import build_device_scene, device_options, device_tables, pose_in
 from haustra.models.devices.base import Device, load_device
+from haustra.models.injury.perforation import link_load, perforation_probability, worst_load
 
 _COMMON = 3 + 1 + 1 + 1
 """Direction ahead in the tip's frame, progress, wall force, room."""
@@ -95,7 +96,8 @@ class DeviceEnv(gymnasium.Env):
         self.action_space = spaces.Box(-1.0, 1.0, (len(channels),), np.float32)
         size = _COMMON + len(self.device.readings)
         self.observation_space = spaces.Box(-_LARGEST, _LARGEST, (size,), np.float32)
-        self._colon, self._best, self._begun = 0, 0.0, False
+        self._colon, self._best, self._begun, self._load = 0, 0.0, False, (0.0, 0.0)
+        self._diameter = 2 * scene.handles.samples[-1].radius
         self._drawn: dict[str, np.ndarray] = {}
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
@@ -108,7 +110,7 @@ class DeviceEnv(gymnasium.Env):
             name: np.array([self.np_random.uniform(*getattr(rules, name))]) for name in ("friction", "wall_stiffness")
         }
         self._backend.reset(np.zeros(1, int), np.array([self._colon]), **self._drawn)
-        self._best, self._begun = float(self._backend.read().tip_arc[0]), True
+        self._best, self._begun, self._load = float(self._backend.read().tip_arc[0]), True, (0.0, 0.0)
         return self._shown(), self._info(None)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -126,6 +128,9 @@ class DeviceEnv(gymnasium.Env):
         arc, force = float(seen.tip_arc[0]), float(seen.wall_force[0])
         row = {"tip_arc": arc, "deepest": float(seen.deepest[0])}
         outcome = ended(row, length) if sound else Outcome.DIVERGED
+        if sound:
+            load, escaped = link_load(np, force, 0.0, True, self._diameter), outcome is Outcome.ESCAPED
+            self._load = worst_load(np, self._load, load, max(arc, 0.0), escaped)
         gained = max(arc - self._best, 0.0) if sound else 0.0
         self._best += gained
         reward = 100.0 * gained / length - self.rules.force_weight * (force / self.rules.safe_force) ** 2
@@ -141,6 +146,8 @@ class DeviceEnv(gymnasium.Env):
             "tip_arc": float(seen.tip_arc[0]),
             "progress": min(self._best / self._lengths[self._colon], 1.0),
             "wall_force": float(seen.wall_force[0]),
+            "p_perforation": float(perforation_probability(self._load[0])),
+            "perforation_arc": float(self._load[1]),
             "outcome": outcome.value if outcome else "",
             **told,
         }

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from haustra.envs.runs.measure.load import largest_load
 from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.capabilities import require_task_supported
 from haustra.envs.sim.conditions import Conditions, Snapshot
@@ -24,6 +25,7 @@ from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.fields import Number
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.devices.scope.library import named_design
+from haustra.models.injury.perforation import perforation_probability, worst_load
 
 ACTIONS = ("push", "roll", "tip up", "tip left")
 """Each from -1 to 1."""
@@ -48,7 +50,8 @@ class Step:
     truncated: Bool[np.ndarray, " worlds"]
     """Time is up."""
     info: dict[str, np.ndarray]
-    """Ground truth that no device knows, terms of the reward, and why an episode ended."""
+    """Ground truth that no device knows, terms of the reward, and why an episode ended. `p_perforation` is the share
+    of people whose colon the episode has torn so far (`haustra.models.injury`), `perforation_arc` where [m]."""
 
 
 class ScopeTask:
@@ -111,6 +114,7 @@ class ScopeTask:
         self._wheels, self._action = np.zeros((worlds, 2)), np.zeros((worlds, len(ACTIONS)))
         self._best, self._from = np.zeros(worlds), np.zeros(worlds)
         self._in_caecum = np.zeros(worlds, bool)
+        self._load, self._load_arc = np.zeros(worlds), np.zeros(worlds)
         self._memory = seen_by.Memory(config.memory, worlds, seen_by.measured_size(config), self.interval)
         self._tip_velocity = np.zeros((worlds, 3))
         self._share, self._speed, self._age = np.zeros(worlds), np.zeros(worlds), np.zeros(worlds, int)
@@ -149,7 +153,8 @@ class ScopeTask:
             self._starts = self._starts or self._inserted()
             for world in worlds:
                 self.backend.restore(int(world), self._starts[self.case[world]])
-        for array in (self._wheels, self._action, self._share, self._speed, self._tip_velocity, self._age):
+        begun = self._wheels, self._action, self._share, self._speed, self._tip_velocity, self._age
+        for array in (*begun, self._load, self._load_arc):
             array[worlds] = 0
         self.seen = self.backend.read()
         self._measured = self._measure()
@@ -286,6 +291,7 @@ class ScopeTask:
         self._best = np.where(healthy, np.maximum(self._best, np.clip(share, 0.0, 1.0)), self._best)
         self._in_caecum |= healthy & (arc >= self.bank.valves[self.case])
         force = self.seen.link_forces.max(axis=1)
+        self._bear(healthy)
         return Moment(
             progress=self._best.copy(),
             place=np.where(healthy, share, self._best),
@@ -296,6 +302,13 @@ class ScopeTask:
             reached=reached & healthy,
             perforated=(force > self.config.limits.perforation_force) & healthy,
         )
+
+    def _bear(self, healthy: np.ndarray) -> None:
+        """Keep the largest load of the wall over its strength, and where it was."""
+        about = {"tip_links": self.bank.scene.cable.tip_links, "diameter": self.bank.design.diameter}
+        now, worst = largest_load(np, self.seen, **about), (self._load, self._load_arc)
+        for kept, found in zip(worst, worst_load(np, worst, *now, escaped=np.zeros(self.worlds, bool)), strict=True):
+            kept[healthy] = found[healthy]
 
     def _info(self, after: Moment, healthy: np.ndarray, late: np.ndarray, terms: dict) -> dict[str, np.ndarray]:
         return {
@@ -312,6 +325,8 @@ class ScopeTask:
             "reached": after.reached,
             "in_caecum": self._in_caecum.copy(),
             "perforated": after.perforated,
+            "p_perforation": perforation_probability(self._load),
+            "perforation_arc": self._load_arc.copy(),
             "diverged": ~healthy,
             "time_up": late,
             **{f"reward_{name}": value for name, value in terms.items()},

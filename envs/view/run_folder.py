@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from haustra.envs.runs.insertion import Insertion
+from haustra.envs.runs.measure.injury import stations_of
 from haustra.envs.runs.measure.scores import score
 from haustra.envs.view.picture.camera import looking
 from haustra.envs.view.picture.image import write_png
+from haustra.envs.view.picture.injury_map import injury_map
 from haustra.envs.view.picture.outside import default_rotation, outside_view
 from haustra.envs.view.picture.plots import time_figure
 from haustra.envs.view.picture.tip import tip_view
@@ -38,7 +40,7 @@ def write_run(
     The numerical error is that of the run itself where it was measured, otherwise that of other runs of its kind.
 
     A run that was there is replaced as a whole. Files: scores.json, trajectory.npz, scene.xml, outside.png, tip.png,
-    forces.png, report.html.
+    forces.png, injury.png, report.html.
 
     Raises:
         OutputError: when the folder cannot be written to.
@@ -60,7 +62,7 @@ def write_run(
     with replaced_together(folder) as place:
         scores["trajectory"] = write_trajectory(place, arrays)
         scene.save(place / "scene.xml")
-        _draw(place, scene, run)
+        _draw(place, scene, run, scores)
         write_json(place / "scores.json", scores)
         report_run(place)
     return scores
@@ -77,7 +79,7 @@ def write_trajectory(folder: Path, arrays: Mapping[str, Any]) -> str:
     return file_hash(path)
 
 
-def _draw(folder: Path, scene: Scene, run: Insertion) -> None:
+def _draw(folder: Path, scene: Scene, run: Insertion, scores: Mapping[str, Any]) -> None:
     lumen, frame, seen = run.colon.lumen, run.tip_frame, run.trajectory
     outside = outside_view(
         lumen,
@@ -95,3 +97,13 @@ def _draw(folder: Path, scene: Scene, run: Insertion) -> None:
         "length [m]": {"scope inserted": seen.insertion, "tip along the colon": seen.tip_arc},
     }
     time_figure(folder / "forces.png", seen.time, curves)
+    injury_map(
+        folder / "injury.png",
+        seen.time,
+        stations_of(scene.colon),
+        seen.pain,
+        seen.pressed,
+        segments=scene.colon.segments,
+        perforation_arc=scores["perforation_arc_m"],
+        p_perforation=scores["p_perforation"],
+    )

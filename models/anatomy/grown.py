@@ -1,7 +1,7 @@
 """Anatomical colons grown from a seed."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 
@@ -15,10 +15,11 @@ from haustra.models.anatomy.lesion import LesionOrder
 from haustra.models.anatomy.lesion_placing import Placer
 from haustra.models.anatomy.lesion_shapes import add_solids, narrow
 from haustra.models.anatomy.mesh_colon import ANGLES, STATION_STEP
-from haustra.models.anatomy.person import draw_person
+from haustra.models.anatomy.person import draw_person, tidy
 from haustra.models.anatomy.rays import LumenRays, lumen_table
-from haustra.models.anatomy.recipe import draw_recipe
+from haustra.models.anatomy.recipe import ColonRecipe, draw_recipe
 from haustra.models.anatomy.tube import tube
+from haustra.models.gas.numbers import diameter_share, gas_numbers
 from haustra.provenance import Provenance
 
 RING_STEP = 2.8e-3
@@ -30,6 +31,9 @@ EXACT = 8
 EXACT_RADIUS = 7
 """Decimals of a metre of the measured radius, whose rays cross triangles at all angles."""
 
+LEAST_PRESSURE = 1333.0
+"""Lowest gas pressure at which colons are grown [Pa], 10 mmHg: below it the law closes segments."""
+
 
 def grow_colon(
     *,
@@ -38,6 +42,7 @@ def grow_colon(
     sex: str = "any",
     difficulty: str = "any",
     lesions: Sequence[LesionOrder] = (),
+    pressure: float | None = None,
     progress: Callable[[str], None] = lambda stage: None,
 ) -> Colon:
     """Grow an adult, insufflated colon: the same one for the same seed and options, on any machine.
@@ -51,6 +56,8 @@ def grow_colon(
         sex: female, male, or any to draw it.
         difficulty: A band of tortuosity, or any to draw from all.
         lesions: Strictures, diverticula and polyps to put in.
+        pressure: Gas pressure at which its diameters are those of the pressure-volume law [Pa]; the set point of CT
+            colonography when None. Its course is laid for those diameters.
         progress: Called with the name of each stage as it begins.
 
     Raises:
@@ -61,7 +68,7 @@ def grow_colon(
         raise InvalidOptionError(f"Seed {seed} must be from 0 to 2^63.")
     streams = [np.random.Generator(np.random.PCG64(child)) for child in np.random.SeedSequence(seed).spawn(5)]
     person = draw_person(streams[0], cohort=cohort, sex=sex, difficulty=difficulty)
-    recipe = draw_recipe(streams[1], person)
+    recipe = _opened(draw_recipe(streams[1], person), pressure)
     progress("laying the course")
     course = lay_free_course(recipe, streams[2])
     progress("raising haustra and folds")
@@ -95,11 +102,26 @@ def grow_colon(
                 "difficulty": difficulty,
                 "lesions": [asdict(order) for order in lesions],
                 "recipe": recipe.to_json(),
+                **({} if pressure is None else {"pressure": pressure}),
             },
         ),
         landmarks=places,
         lesions=(*found, *solid),
     )
+
+
+def _opened(recipe: ColonRecipe, pressure: float | None) -> ColonRecipe:
+    """A recipe with the diameters of another pressure [Pa]."""
+    if pressure is None:
+        return recipe
+    highest = gas_numbers()["pain_pressure"]
+    if not LEAST_PRESSURE <= pressure <= highest:
+        raise InvalidOptionError(
+            f"A colon cannot be grown at {pressure:g} Pa: give {LEAST_PRESSURE:g} Pa, below which segments collapse, "
+            f"to {highest:g} Pa, which hurts."
+        )
+    wide = {name: tidy(each * float(diameter_share(np, name, pressure))) for name, each in recipe.diameters.items()}
+    return replace(recipe, diameters=wide)
 
 
 def _exact(line: Centreline) -> Centreline:

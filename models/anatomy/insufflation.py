@@ -18,13 +18,13 @@ from scipy.spatial import KDTree
 from haustra.errors import InvalidMeshError, InvalidOptionError
 from haustra.models.anatomy.colon import Colon, Surface
 from haustra.models.anatomy.frames import centreline_through
-from haustra.models.anatomy.insufflation_numbers import full_diameters, pressures
 from haustra.models.anatomy.landmarks import segment_names
 from haustra.models.anatomy.mesh_colon import ANGLES, STATION_STEP
 from haustra.models.anatomy.passage import narrow_places, passage_of
 from haustra.models.anatomy.properties import Clearance, surface_samples
 from haustra.models.anatomy.rays import LumenRays, lumen_table
 from haustra.models.anatomy.repair import genus, is_watertight
+from haustra.models.gas.numbers import diameter_share, full_diameters, gas_numbers
 
 PRESSURE_UNITS = {"mmHg": 133.322, "kPa": 1e3, "Pa": 1.0}
 """Pascals in one unit."""
@@ -68,7 +68,7 @@ def opening_from(text: str) -> Opening:
         number = float("nan")
     if unit in LENGTH_UNITS and 0 < number * LENGTH_UNITS[unit] <= WIDEST:
         return Opening(diameter=number * LENGTH_UNITS[unit])
-    highest = pressures().highest
+    highest = gas_numbers()["pain_pressure"]
     if unit in PRESSURE_UNITS and 0 < number * PRESSURE_UNITS[unit] <= highest:
         return Opening(pressure=number * PRESSURE_UNITS[unit])
     raise InvalidOptionError(
@@ -108,12 +108,10 @@ def _wanted(colon: Colon, opening: Opening) -> Float[np.ndarray, " stations"]:
     if opening.diameter is not None:
         return np.full(len(arc), opening.diameter)
     assert opening.pressure is not None
-    law = pressures()
-    share = (1 - np.exp(-opening.pressure / law.opening)) / (1 - np.exp(-law.full / law.opening))
-    full = full_diameters()
-    steps = np.array([full[name] for name in segment_names(colon.segments, arc)])
+    opened = {name: wide * diameter_share(np, name, opening.pressure) for name, wide in full_diameters().items()}
+    steps = np.array([opened[name] for name in segment_names(colon.segments, arc)])
     # The largest ball between folds is narrower than the diameter of equal volume.
-    return min(share, 1.0) * law.ball_share * gaussian_filter1d(steps, TAPER / STATION_STEP, mode="nearest")
+    return gas_numbers()["ball_share"] * gaussian_filter1d(steps, TAPER / STATION_STEP, mode="nearest")
 
 
 def _room(colon: Colon, middle: np.ndarray, narrow: np.ndarray, wanted: np.ndarray) -> Float[np.ndarray, " stations"]:

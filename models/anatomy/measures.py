@@ -24,10 +24,12 @@ def anatomy_of(colon: Colon) -> dict[str, float]:
     diameter = effective_diameter(line, colon.radius)
     clear = Clearance(colon.lumen)(line.points)
     smoothed = smooth(resample(line.points, step), SMOOTHING / step)
+    volume = signed_volume(colon.lumen.vertices, colon.lumen.faces)
     found: dict[str, float] = {
         "total.length_m": line.length,
         "total.smoothed_length_m": float(arc_length(smoothed)[-1]),
-        "total.volume_m3": signed_volume(colon.lumen.vertices, colon.lumen.faces),
+        "total.volume_m3": volume,
+        "total.volume_per_length_m2": volume / line.length,
         "total.flexures": float(acute_flexures(line.points)),
         "total.flexures_per_m": acute_flexures(line.points) / line.length,
     }

@@ -369,6 +369,11 @@ def step_axis(
     return AxisDisplacement(_after(xp, displacement.pose, speed, shape, h), speed)
 
 
+def poses_seen_from(poses: Array, axes: Array) -> Array:
+    """Poses (..., nodes, 7) in coordinates whose axes are the columns of `axes`."""
+    return np.concatenate([poses[..., :3] @ axes, poses[..., 3:4], poses[..., 4:] @ axes], axis=-1)
+
+
 def carried_on(xp: Any, own: Mesentery, displacement: AxisDisplacement, time: Any) -> Array:
     """Poses of the nodes (worlds, nodes, 7) after a short time at their speed [s]."""
     return _after(xp, *displacement, shape_of(xp, own, displacement.pose), time)

@@ -52,7 +52,7 @@ def test_a_run_leaves_scores_trajectory_scene_pictures_and_a_report(colon_folder
     assert printed.keys() >= KEYS
     assert printed["simulated_s"] == pytest.approx(2.0)
     assert json.loads((tmp_path / "scores.json").read_text()) == printed
-    for name in ("trajectory.npz", "scene.xml", "outside.png", "tip.png", "forces.png", "report.html"):
+    for name in ("trajectory.npz", "scene.xml", "outside.png", "tip.png", "forces.png", "injury.png", "report.html"):
         assert (tmp_path / name).stat().st_size > 1000, name
 
 

@@ -6,8 +6,10 @@ import sys
 import numpy as np
 
 from haustra.envs.runs.insertion import Insertion, Trajectory
+from haustra.envs.runs.measure.injury import Burden, injury_scores
 from haustra.envs.runs.measure.looping import looping
 from haustra.envs.runs.measure.progress import segment_at
+from haustra.envs.runs.measure.progression import progression_scores
 from haustra.models.accuracy import NumericalError, kind_of, stated_error
 from haustra.models.presets import preset_of
 from haustra.models.scene import Scene
@@ -35,6 +37,9 @@ def score(
     end, and `turned_over_share` which share of its triangles has turned over.
     `colon_moved_peak_mm` is how far a colon on its mesentery was moved at most.
     `wall_force_sum_mean_N` is the mean of all normal forces together, which does not depend on how long links are.
+    `p_perforation`, `bleeding_*` and `pain_*` are those of `haustra.envs.runs.measure.injury.injury_scores`.
+    `cops_own` and `cops3d_*` are this project's own stand-ins for two published scores
+    (`haustra.envs.runs.measure.progression`).
     `numerical_error` holds ranges of relative errors of that mean and of the mean push, and of the tip's distance.
     `warnings` are the colon's.
 
@@ -74,6 +79,15 @@ def score(
         "wall_energy_peak_J": _peak(recorded.wall_energy),
         "wall_energy_mean_J": float(recorded.wall_energy.mean()) if simulated else 0.0,
         **_looping(scene, run),
+        **_injury(scene, run),
+        **progression_scores(
+            recorded.time,
+            recorded.tip,
+            recorded.coils,
+            recorded.insertion,
+            recorded.tip_arc,
+            length=scene.colon.centreline.length,
+        ),
         "steering_gap_mean_deg": _steering_gap(recorded),
         "outside_max_mm": float(recorded.outside.max()) * 1e3 if simulated else 0.0,
         "outside_surface_mm": run.surface.outside * 1e3,
@@ -104,6 +118,16 @@ def _looping(scene: Scene, run: Insertion) -> dict[str, object]:
         "loops_at_end": ", ".join(f"{loop.kind.value} of {loop.size * 1e3:.0f} mm" for loop in found.at_end) or "none",
         "pull_back_shortening_m": found.shortening,
     }
+
+
+def _injury(scene: Scene, run: Insertion) -> dict[str, object]:
+    seen = run.trajectory
+    return injury_scores(
+        Burden(seen.load, seen.load_arc, seen.pressed, seen.shear, seen.pain),
+        run.outcome,
+        scene.colon,
+        interval=float(seen.time[0]) if len(seen.time) else 0.0,
+    )
 
 
 def _steering_gap(recorded: Trajectory) -> float:

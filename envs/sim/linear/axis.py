@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 from haustra.envs.sim.linear.layout import AXIS, NODE, NODE_ROOM, WORLD, Layout
 from haustra.envs.sim.linear.memory import Lanes, Rows
 from haustra.envs.sim.linear.trace import Program, Value
+from haustra.models.injury.pain import axial_tension, mesentery_tension
 from haustra.models.wall.lumen_table import Tables, axis_point
 from haustra.models.wall.moving_colon import (
     POSE,
@@ -313,6 +314,21 @@ class Axis:
         room.store(own + _OVER_CELL, shortening)
         for node, more in ((own, first), (after, later)):
             room.put(node + _WORK, add(room.vector(node + _WORK), more))
+
+    def tensions(self, node: Value, radius: Value) -> tuple[Value, Value]:
+        """Tensions of the wall along the colon behind a node, and of its mesentery [N/m] (`axis_tensions`).
+
+        Args:
+            node: which.
+            radius: of the lumen there [m].
+        """
+        xp, room, place = self.program.xp, self._room, self._state.vector(self._place(node))
+        names = "length", "tension", "slack", "hold", "support"
+        rest, tension, slack, hold, support = (self._number(node, name) for name in names)
+        lengths = room.load(self._node(node) + _LENGTH), rest
+        along = axial_tension(xp, *lengths, tension, self._of_world("pleating"), radius)
+        held = mesentery_tension(xp, place, slack, hold, support, self._of_world("spacing"))
+        return xp.where(node < self.nodes - 1, along, 0.0), xp.where(node > 0, held, 0.0)
 
     def speed(self, node: Value) -> Vector:
         """Velocity of a node [m/s]."""

@@ -15,6 +15,7 @@ from haustra.envs.sim.linear.dual import with_slopes
 from haustra.envs.sim.linear.layout import AXIS, NODE, SEEN, WORLD, seen_slot
 from haustra.envs.sim.linear.pack import pack_axis, pack_design, pack_tables, structure_of
 from haustra.envs.sim.linear.place import CpuPlace, GpuPlace, Place
+from haustra.envs.sim.link_places import link_arcs, middle_spheres
 from haustra.envs.sim.native_batch import posed
 from haustra.envs.sim.scope_reading import read_chain, read_scope
 from haustra.envs.sim.scope_values import Scope, State
@@ -89,6 +90,7 @@ class LinearBackend(AbstractBackend):
         if not alike or (self._one_each and len(self._scope.start) != worlds):
             raise InvalidOptionError(f"Give one design a world, {worlds}, of the scene's joints and spheres.")
         structure = structure_of(self._chain)
+        self._middle = middle_spheres(self._chain.sample_body, structure.layout.bodies)
         moving = tables.mesentery
         nodes = 0 if moving is None else moving.nodes.shape[1]
         self._layout, self._coils = replace(structure.layout, nodes=nodes), structure.coils
@@ -310,6 +312,7 @@ class LinearBackend(AbstractBackend):
             torque=parts["torque"][..., 0],
             tip_force=parts["tip_force"],
             link_forces=seen[..., self._first_link :],
+            link_arcs=link_arcs(state[..., layout.arcs : layout.normals], self._middle),
             deepest=parts["deepest"][..., 0],
             coils=seen[..., seen_slot("coils") : self._first_link].reshape(*leading, -1, 3)[..., self._coils, :],
             wall_force_sum=state[..., layout.normals : layout.hand].sum(axis=-1),

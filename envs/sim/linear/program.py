@@ -335,7 +335,7 @@ class ScopeProgram:
         """Bend of the bending section towards wires 'up' and 'left' [rad]."""
         up, left = self.program.variable(0.0), self.program.variable(0.0)
         with self.program.loop(0, self.bodies) as body:
-            tip = self.program.xp.where(self._of_tip(body), 1.0, 0.0)
+            tip = self.program.xp.where(self.of_tip(body), 1.0, 0.0)
             with self.program.loop(*self.hinges_of(body)) as dof:
                 angle = tip * self.state.load(dof)
                 up.value = up.value + self.joint(dof, "y") * angle
@@ -346,7 +346,17 @@ class ScopeProgram:
         """Resultant of the wall on a link when it was last read off [N]."""
         return self.seen.load(seen_slot("coils") + self.coils * 3 + body)
 
-    def _of_tip(self, body: Value) -> Value:
+    def link_arc(self, body: Value) -> Value:
+        """Arc length next to the sphere in the middle of a link [m]."""
+        first, last = self.spheres_of(body)
+        return self.state.load(self.layout.arcs + (first + last).over(2))
+
+    def link_length(self, body: Value) -> Value:
+        """To the next link, or to the tip [m]."""
+        return self.program.xp.where(body < self.bodies - 1, self.link(body + 1, "offset"), self.scope("tip"))
+
+    def of_tip(self, body: Value) -> Value:
+        """Whether a link is of the bending section."""
         return self.structure.load(body * STRUCTURE + 4) > 0
 
     def length(self) -> Value:
@@ -485,7 +495,7 @@ class ScopeProgram:
                 self._press(sphere, link, pressed, deepest)
             size = program.xp.sqrt(dot(pressed.now, pressed.now))
             seen.store(seen_slot("coils") + self.coils * 3 + body, size)
-            with program.when(self._of_tip(body)):
+            with program.when(self.of_tip(body)):
                 force.now = add(force.now, pressed.now)
 
         tip = self.chain(look)

@@ -22,6 +22,7 @@ from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene, entry_of
+from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import TableAccuracy, Tables, lumen_table, stack
 from haustra.models.wall.moving_colon import POSE
 from haustra.models.wall.piece_wall import Blocks
@@ -110,9 +111,12 @@ class LinearSingle:
             torque=float(seen.torque[0]),
             pulls=self._hand.copy(),
             link_forces=seen.link_forces[0],
+            link_arcs=seen.link_arcs[0],
             contacts=int((normals > 0).sum()),
             wall_force_sum=float(normals.sum()),
             way=self._moved.way(moved[0]) if self._moved else None,
+            coils=seen.coils[0],
+            displacement=seen.displacement[0] if self._moved else None,
             energies=Energies(
                 bending=float(self._energies.bending(qpos)[0]),
                 twist=float(self._energies.twist(qpos)[0]),
@@ -127,10 +131,12 @@ class LinearSingle:
         return Row(*map(np.array, zip(*(rows or [self.many.row()]), strict=True)))
 
     def readings(self, rows: Row) -> Readings:
-        """What was read off, in the scene's coordinates; displacements are left out."""
+        """What was read off, in the scene's coordinates."""
         seen = self.many.readings(rows.state.astype(float), rows.seen.astype(float))
         tip, frame = seen.tip @ self._axes.T + self._origin, np.einsum("ij,rjk->rik", self._axes, seen.tip_frame)
-        return seen._replace(tip=tip, tip_frame=frame)
+        moved = moving_colon.poses_seen_from(self.displacements(rows), self._axes.T) if self._moved else None
+        coils = seen.coils @ self._axes.T + self._origin
+        return seen._replace(tip=tip, tip_frame=frame, coils=coils, displacement=moved)
 
     def displacements(self, rows: Row) -> Float[np.ndarray, "rows nodes 7"]:
         """Poses of the colon's axis, seen from its entry; none where it is fixed."""

@@ -23,6 +23,9 @@ _HIGHLIGHTS = {
     "loops_at_end": "Loops at the end",
     "push_force_peak_N": "Largest push",
     "wall_force_peak_N": "Largest wall force",
+    "p_perforation": "Share of people perforated",
+    "perforation_site": "Likeliest perforated in",
+    "pain_peak": "Pain, over where it is assumed to begin",
 }
 _PANELS = {
     "force [N]": {"hand, push": "push_force", "wall, hardest pressed link": "wall_force"},
@@ -48,6 +51,11 @@ _PICTURES = {
         "The colon is drawn translucent. White marks on the scope are 10 cm apart, from the tip.",
     ),
     "tip": ("From the tip", "What the tip camera sees at the end of the run."),
+    "injury": (
+        "Pain and tears",
+        "Tension of wall or mesentery over that which is assumed to hurt, along the colon and over time; beside it the "
+        "largest force on each place. Dashed: where the wall is likeliest torn.",
+    ),
     "scene": ("As MuJoCo sees it", "The compiled scene, drawn by MuJoCo's own renderer."),
 }
 

@@ -12,6 +12,8 @@ _UNITS = {
     "m": "m",
     "s": "s",
     "kg": "kg",
+    "kPa": "kPa",
+    "turns": "turns",
     "deg": "°",
     "rad": "rad",
     "Hz": "Hz",

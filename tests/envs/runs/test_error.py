@@ -17,9 +17,14 @@ ZERO = np.zeros(COUNT)
 
 
 def _run(*, force: float = 2.0, push: float = 10.0, aside: float = 0.0) -> Insertion:
-    plain = dict.fromkeys(Trajectory.__dataclass_fields__, ZERO) | dict.fromkeys(("qpos", "ctrl"), ZERO[:, None])
+    plain = dict.fromkeys(Trajectory.__dataclass_fields__, ZERO)
+    plain |= dict.fromkeys(("qpos", "ctrl", "pressed", "shear", "pain"), ZERO[:, None])
     tip = np.column_stack([ZERO + aside, ZERO, np.linspace(0, 0.4, COUNT)])
-    blocks = {"mocap_pos": np.zeros((COUNT, 0, 3)), "mocap_quat": np.zeros((COUNT, 0, 4))}
+    blocks = {
+        "coils": np.zeros((COUNT, 8, 3)),
+        "mocap_pos": np.zeros((COUNT, 0, 3)),
+        "mocap_quat": np.zeros((COUNT, 0, 4)),
+    }
     forces = {"wall_force_sum": ZERO + force, "wall_force": ZERO + force / 2, "push_force": ZERO - push}
     recorded = Trajectory(
         **{**plain, "time": np.arange(COUNT) * 0.02, "tip": tip, "tip_arc": tip[:, 2], **forces, **blocks}

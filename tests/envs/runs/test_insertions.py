@@ -77,6 +77,8 @@ def test_one_scope_leaves_the_rows_of_the_run_that_many_make(bank: ScopeBank) ->
     assert np.abs(seen.push_force).max() == pytest.approx(scores.push_force_peak[0], rel=1e-9)
     assert seen.wall_force.mean() == pytest.approx(scores.wall_force_mean[0], rel=1e-9)
     assert seen.outside.max() < 0.03 and seen.contacts.max() > 0
+    assert seen.load.max() == pytest.approx(scores.load_peak[0], rel=1e-9)
+    assert seen.load_arc[seen.load.argmax()] == pytest.approx(scores.load_arc[0], rel=1e-9)
     np.testing.assert_allclose(run.shape[-1], seen.tip[-1], atol=1e-9)
 
 
@@ -108,6 +110,16 @@ def test_a_scope_that_leaves_through_the_wall_has_escaped(runs: Insertions) -> N
     """As a single run ends: three centimetres outside, with the wall that deep."""
     assert runs.outcome[3] is Outcome.ESCAPED
     assert runs.simulated[3] < 13
+    assert runs.p_perforation[3] == 1.0
+
+
+def test_who_perforates_follows_from_the_largest_load(runs: Insertions) -> None:
+    """A hand that hardly pushes tears nobody; loads are where the scope was, and below what the shaft alone bears."""
+    assert 0 < runs.load_peak[2] < runs.load_peak[1] < 1
+    assert (np.diff(runs.p_perforation[[2, 1, 3]]) >= 0).all() and runs.p_perforation[2] < 1e-9
+    assert 0 < runs.pain_peak[2] < runs.pain_peak[1]
+    assert (runs.load_arc >= 0).all() and (runs.load_arc <= runs.tip_arc_max + 0.01).all()
+    assert runs.load_peak[1] <= runs.wall_force_peak[1] / (1.5 * 14.1 * 0.9)
 
 
 def test_scores_are_those_of_the_run_up_to_its_end(runs: Insertions) -> None:

@@ -75,9 +75,12 @@ def test_insufflation_to_a_diameter_opens_and_merges_nothing(colon: Colon):
     assert any("Assumed" in warning for warning in opened.warnings)
 
 
-def test_more_pressure_opens_more(colon: Colon):
-    widths = [passage_of(insufflated(colon, opening_from(p))).diameter.min() for p in ("2mmHg", "0.8kPa")]
-    assert 2 * THROAT < widths[0] < widths[1]
+def test_more_pressure_opens_more_and_a_little_nothing(colon: Colon):
+    """Hardly anything opens below 8 mmHg (docs/validation/gas.md)."""
+    found = [insufflated(colon, opening_from(p)) for p in ("2mmHg", "10mmHg", "2kPa")]
+    narrow, wide, wider = (passage_of(each).diameter.min() for each in found)
+    assert narrow == pytest.approx(2 * THROAT, abs=5e-4)
+    assert narrow + 1e-3 < wide < wider
 
 
 def test_opening_that_would_merge_loops_is_refused(colon: Colon):

@@ -16,7 +16,7 @@ from haustra.models.anatomy.properties import Clearance, describe
 from haustra.models.anatomy.recipe import ColonRecipe, draw_recipe
 from haustra.models.anatomy.store import colon_hash
 
-SEED_ZERO = "d7726e7fb97d9378"
+SEED_ZERO = "2e33f2b82607bdc2"
 """What seed 0 grows: everything is rounded before it counts, so every machine must grow the same."""
 
 
@@ -60,6 +60,25 @@ def test_seed_zero_is_an_ordinary_adult(colon: Colon):
     assert 20_000 <= measures["triangles"] <= 65_000
     assert measures["centreline_min_clearance_m"] > 0.0064  # an adult colonoscope's radius
     assert len(crossing_triangles(colon.lumen)) == 0
+
+
+def test_volume_per_length_is_that_of_ct_colonography():
+    """11.6 +- 1 mL/cm under CO2 at 25 mmHg: Patrick and Pickhardt 2015. Sections have the area of the recipe's."""
+    held = []
+    for seed in range(100):
+        streams = [np.random.Generator(np.random.PCG64(each)) for each in np.random.SeedSequence(seed).spawn(2)]
+        recipe = draw_recipe(streams[1], draw_person(streams[0]))
+        held.append(np.pi * (radius_along(recipe, np.arange(0.0, recipe.length, 1e-3)) ** 2).mean())
+    assert 10.6e-4 < np.mean(held) < 12.6e-4
+    assert 1.5e-4 < np.std(held) < 3.5e-4
+
+
+def test_less_pressure_grows_a_narrower_colon(colon: Colon):
+    narrow = grow_colon(seed=0, pressure=2000.0)
+    wide = [describe(each)["volume_m3"] for each in (narrow, colon)]
+    assert wide[0] / wide[1] == pytest.approx(0.72, abs=0.1)  # the law's, of all segments
+    with pytest.raises(InvalidOptionError, match="collapse"):
+        grow_colon(seed=0, pressure=500.0)
 
 
 def test_parts_stand_where_anatomy_has_them(colon: Colon):

@@ -1,0 +1,233 @@
+"""Gas in the compartments of one colon: its six segments, and the small bowel behind the ileocaecal valve.
+
+Gas is counted as the volume it would have at standard pressure, at the body's temperature throughout. What one
+compartment loses another gains, or a ledger does, so nothing is lost. A segment that is collapsed closes: gas passes
+between neighbours only where the higher of their pressures holds both of them open. Pressures of a step are those at
+its end (one implicit step of the linearised compartments), so that steps may be long.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from haustra.models.anatomy.colon import Colon
+from haustra.models.anatomy.landmarks import SEGMENTS
+from haustra.models.gas.law import open_share, pressure_of, share_rate
+from haustra.models.gas.numbers import gas_numbers
+
+COMPARTMENTS = (*SEGMENTS, "ileum")
+"""From the anus inwards."""
+MOST_TAKEN = 0.5
+"""Largest share of a compartment's gas that one way out may take in a step: what is left keeps its sign."""
+SOFTEST = 1e-13
+"""Least compliance of a compartment [m^3/Pa]: a closed one has none."""
+LEAST_VOLUME = 1e-8
+"""Of a segment [m^3]."""
+NEWTON_STEPS = 6
+"""From the last pressure, or from below; the pressure is exact to 1e-9 then."""
+RAMP = 0.5
+"""A segment's passage opens fully between the closed share and half as much again [1]."""
+
+
+class GasColon(NamedTuple):
+    """One person's colon as gas sees it; leading axes are worlds."""
+
+    most: Float[Any, "... segments"]
+    """Volume of each segment when nothing more opens, Vmax [m^3]."""
+    half: Float[Any, "... segments"]
+    """Pressure at which half of that is reached [Pa]."""
+    tone: Float[Any, "... segments"]
+    """What presses on each segment beyond what is typical [Pa]."""
+    refluxes: Float[Any, "..."]
+    """Whether the ileocaecal valve lets gas into the small bowel: 1 or 0."""
+
+
+class GasState(NamedTuple):
+    """Where the gas is; leading axes are worlds. All volumes are at standard pressure [m^3]."""
+
+    held: Float[Any, "... compartments"]
+    """In each compartment."""
+    pressure: Float[Any, "... compartments"]
+    """Over that of the atmosphere [Pa]."""
+    given: Float[Any, "..."]
+    """Let in through the scope, less what it sucked out."""
+    leaked: Float[Any, "..."]
+    """Out of the anus."""
+    absorbed: Float[Any, "..."]
+    """Into the blood."""
+
+
+def typical_colon(volumes: Float[np.ndarray, "*worlds segments"]) -> GasColon:
+    """A typical person's colon, with reflux.
+
+    Args:
+        volumes: of the segments at the set point of CT colonography [m^3].
+    """
+    known = gas_numbers()
+    half = np.array([known[f"half_pressure.{name}"] for name in SEGMENTS])
+    full = open_share(np, known["full_pressure"], half=half, exponent=known["exponent"])
+    return GasColon(volumes / full, half + 0 * volumes, 0 * volumes, np.ones(volumes.shape[:-1]))
+
+
+def drawn_colon(rng: np.random.Generator, volumes: Float[np.ndarray, " segments"]) -> GasColon:
+    """A person's colon: what presses on each segment, and whether the ileocaecal valve leaks, are drawn.
+
+    Args:
+        rng: source of all draws.
+        volumes: of the segments at the set point of CT colonography [m^3].
+    """
+    known = gas_numbers()
+    mean = np.array([known[f"tone.{name}"] for name in SEGMENTS])
+    tone = mean * (rng.exponential(size=len(SEGMENTS)) - np.log(2))
+    return typical_colon(volumes)._replace(tone=tone, refluxes=np.float64(rng.random() < known["reflux.share"]))
+
+
+def segment_volumes(colon: Colon) -> Float[np.ndarray, " segments"]:
+    """Volume of each segment of a colon as it lies [m^3]; next to none of those that it lacks."""
+    arc = colon.centreline.arc
+    area = np.pi * (colon.radius**2).mean(axis=1) * np.gradient(arc)
+    spans = {each.name: area[(arc >= each.start) & (arc < each.end)].sum() for each in colon.segments}
+    return np.array([max(spans.get(name, 0.0), LEAST_VOLUME) for name in SEGMENTS])
+
+
+def filled(xp: Any, colon: GasColon, pressure: Any) -> GasState:
+    """Every segment at one pressure [Pa], and nothing in the small bowel."""
+    known = gas_numbers()
+    over = xp.zeros_like(colon.most) + pressure
+    held = colon.most * _share(xp, colon, over) * (1 + over / known["atmosphere"])
+    none = xp.zeros_like(held[..., :1])
+    zero = none[..., 0]
+    return GasState(xp.concatenate([held, none], -1), xp.concatenate([over, none], -1), zero, zero, zero)
+
+
+def gas_volumes(xp: Any, colon: GasColon, state: GasState) -> Float[Any, "... segments"]:
+    """Volume of each segment now [m^3]."""
+    return colon.most * _share(xp, colon, state.pressure[..., :-1])
+
+
+def filling(xp: Any, colon: GasColon, pressure: Float[Any, "... segments"]) -> Float[Any, "... segments"]:
+    """Volume of each segment at its pressure [Pa], over a typical person's at the set point of CT colonography [1]."""
+    known = gas_numbers()
+    full = open_share(xp, known["full_pressure"], half=colon.half, exponent=known["exponent"])
+    return _share(xp, colon, pressure) / full
+
+
+def collapsed(xp: Any, colon: GasColon, state: GasState) -> Any:
+    """Which segments are collapsed."""
+    return filling(xp, colon, state.pressure[..., :-1]) < gas_numbers()["closed_share"]
+
+
+def step_gas(xp: Any, colon: GasColon, state: GasState, *, flow: Any, place: Any, timestep: float) -> GasState:
+    """Let gas in or out at the tip and let it move for a time step.
+
+    Args:
+        xp: numpy or jax.numpy.
+        colon: of each world.
+        state: before.
+        flow: into the colon at standard pressure [m^3/s]; negative when the scope sucks.
+        place: number of the segment that the tip is in, in each world.
+        timestep: [s].
+    """
+    known = gas_numbers()
+    held, over = state.held, state.pressure
+    flow = xp.asarray(flow, dtype=held.dtype)
+    here = xp.asarray(place)[..., None] == np.arange(len(COMPARTMENTS))
+    there = (held * here).sum(-1)
+    given = xp.where(flow > 0, flow * timestep, -xp.minimum(-flow * timestep, MOST_TAKEN * there))
+    gone = held * (1 - np.exp(-known["absorption"] * timestep))
+    rooms = _compliance(xp, colon, over)
+    ways = timestep * _passages(xp, colon, over)
+    anus = timestep * known["leak.conductance"] * xp.where(over[..., 0] > known["leak.opening"], 1.0, 0.0)
+    push = rooms * over + given[..., None] * here - gone
+    push = push + (anus * known["leak.opening"])[..., None] * (np.arange(len(COMPARTMENTS)) == 0)
+    # Gas that goes through the ileocaecal valve is driven by what is left above its opening pressure.
+    barrier = ways[..., -1] * known["reflux.opening"]
+    push = push + barrier[..., None] * (np.arange(len(COMPARTMENTS)) == len(SEGMENTS) - 1)
+    push = push - barrier[..., None] * (np.arange(len(COMPARTMENTS)) == len(SEGMENTS))
+    later = _solved(xp, rooms, ways, anus, push)
+    drop = later[..., :-1] - later[..., 1:] - known["reflux.opening"] * (np.arange(len(SEGMENTS)) == len(SEGMENTS) - 1)
+    moved = ways * drop
+    moved = xp.where(np.arange(len(SEGMENTS)) == len(SEGMENTS) - 1, xp.maximum(moved, 0.0), moved)
+    spare = held - gone - MOST_TAKEN * there[..., None] * here * xp.where(flow < 0, 1.0, 0.0)[..., None]
+    bound = MOST_TAKEN / 2 * xp.maximum(spare, 0.0)
+    moved = xp.minimum(xp.maximum(moved, -bound[..., 1:]), bound[..., :-1])
+    leaked = xp.minimum(xp.maximum(anus * (later[..., 0] - known["leak.opening"]), 0.0), bound[..., 0])
+    none = xp.zeros_like(moved[..., :1])
+    held = held - gone + given[..., None] * here - xp.concatenate([moved, none], -1) + xp.concatenate([none, moved], -1)
+    held = held - leaked[..., None] * (np.arange(len(COMPARTMENTS)) == 0)
+    return GasState(
+        held,
+        pressures_of(xp, colon, held),
+        state.given + given,
+        state.leaked + leaked,
+        state.absorbed + gone.sum(-1),
+    )
+
+
+def pressures_of(xp: Any, colon: GasColon, held: Float[Any, "... compartments"]) -> Float[Any, "... compartments"]:
+    """Pressure of gas of so much at standard pressure in each compartment [Pa].
+
+    Newton's method on ln V(p) + ln(1 + p / p0), which is concave and rises: from below it comes to the root without
+    passing it.
+    """
+    known = gas_numbers()
+    half, exponent, standard = colon.half, known["exponent"], known["atmosphere"]
+    wanted = xp.maximum(held[..., :-1], 1e-300) / colon.most
+    own = pressure_of(xp, wanted / (1 + 2 * known["pain_pressure"] / standard), half=half, exponent=exponent)
+    for _ in range(NEWTON_STEPS):
+        over = own + colon.tone
+        resist = np.log(2) * xp.exp(exponent * xp.log(half / own))
+        short = xp.log(wanted) + resist - xp.log(1 + over / standard)
+        own = own + short / (exponent * resist / own + 1 / (standard + over))
+    ileum = held[..., -1:] / known["reflux.capacity"]
+    return xp.concatenate([own + colon.tone, ileum], -1)
+
+
+def _share(xp: Any, colon: GasColon, over: Any) -> Any:
+    return open_share(xp, over - colon.tone, half=colon.half, exponent=gas_numbers()["exponent"])
+
+
+def _compliance(xp: Any, colon: GasColon, over: Any) -> Any:
+    """How much more gas each compartment takes as its pressure rises [m^3/Pa]."""
+    known = gas_numbers()
+    own = over[..., :-1]
+    rate = share_rate(xp, own - colon.tone, half=colon.half, exponent=known["exponent"])
+    rooms = colon.most * (rate * (1 + own / known["atmosphere"]) + _share(xp, colon, own) / known["atmosphere"])
+    ileum = xp.zeros_like(over[..., -1:]) + known["reflux.capacity"]
+    return xp.concatenate([xp.maximum(rooms, SOFTEST), ileum], -1)
+
+
+def _passages(xp: Any, colon: GasColon, over: Any) -> Any:
+    """Conductance from each compartment to the next [m^3/s/Pa]."""
+    known = gas_numbers()
+    own = over[..., :-1]
+    higher = xp.maximum(own[..., :-1], own[..., 1:])
+    before = _passable(xp, colon._replace(half=colon.half[..., :-1], tone=colon.tone[..., :-1]), higher)
+    after = _passable(xp, colon._replace(half=colon.half[..., 1:], tone=colon.tone[..., 1:]), higher)
+    valve = xp.where(own[..., -1] - over[..., -1] > known["reflux.opening"], 1.0, 0.0) * colon.refluxes
+    return xp.concatenate([known["passage"] * before * after, (known["reflux.conductance"] * valve)[..., None]], -1)
+
+
+def _passable(xp: Any, colon: GasColon, over: Any) -> Any:
+    """How open a segment's lumen is at a pressure [1]: closed when collapsed."""
+    closed = gas_numbers()["closed_share"]
+    return xp.minimum(xp.maximum((filling(xp, colon, over) - closed) / (RAMP * closed), 0.0), 1.0)
+
+
+def _solved(xp: Any, rooms: Any, ways: Any, anus: Any, push: Any) -> Any:
+    """Pressures at the end of a step: Thomas' algorithm on the compartments' tridiagonal system."""
+    count = len(COMPARTMENTS)
+    diagonal = [rooms[..., i] for i in range(count)]
+    diagonal[0] = diagonal[0] + anus
+    right = [push[..., i] for i in range(count)]
+    for i in range(count - 1):
+        diagonal[i], diagonal[i + 1] = diagonal[i] + ways[..., i], diagonal[i + 1] + ways[..., i]
+    for i in range(1, count):
+        share = ways[..., i - 1] / diagonal[i - 1]
+        diagonal[i] = diagonal[i] - share * ways[..., i - 1]
+        right[i] = right[i] + share * right[i - 1]
+    found = [right[-1] / diagonal[-1]]
+    for i in reversed(range(count - 1)):
+        found.append((right[i] + ways[..., i] * found[-1]) / diagonal[i])
+    return xp.stack(found[::-1], -1)

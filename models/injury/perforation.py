@@ -1,0 +1,98 @@
+"""How likely a wall is torn: loads over median strengths, and the share of people whose strength is less.
+
+Strength S of the wall under a force depends on the shape of what presses (`head_strength`, `shaft_strength`); that of
+one person is S times one factor for all places, lognormal with median 1. So with r = F / S the largest over time and
+places,
+
+    P(perforation) = Phi(ln(r) / sigma),  sigma^2 = ln(1 + CV^2),
+
+and a run needs to keep one number, r, and where it was. Gas counts alike, as pressure over that which bursts the
+segment. Force and gas at one place are not added: nobody measured both together.
+
+Contact area counts in two ways. Its shape is that of the heads that were tested: the end of a straight one, a bend of
+90 degrees that lies on more wall and bears three times as much, a side. Its size is that of the device's diameter, with
+which a share of the strength grows in proportion; that share is assumed. The force of the wall on a link counts as one
+contact, however long the link, which errs towards tears; a straight head that lies with its side on the wall counts as
+pressing with its end, which errs so too. Nothing is calibrated to how often patients are harmed.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from haustra.models.injury.numbers import injury_number
+
+_QUARTER = math.pi / 2
+_HUMAN = injury_number("human_over_porcine")
+_STRAIGHT, _BENT, _SIDEWAYS = (
+    _HUMAN * injury_number(f"strength.{shape}") for shape in ("straight", "bent", "sideways")
+)
+TORN = 1e6
+"""Load over strength of a wall that has been left through: beyond anybody's strength [1]."""
+SIGMA = math.sqrt(math.log(1 + injury_number("between_persons") ** 2))
+"""Standard deviation of the logarithm of strength between people."""
+
+
+def head_strength(xp: Any, bend: Any) -> Any:
+    """Median force that perforates a human colon under a head bent by so much [N].
+
+    Straight, bent by 90 and by 180 degrees are those of the numbers; linear between them.
+
+    Args:
+        xp: numpy, jax.numpy, or what writes programs.
+        bend: of the bending section [rad].
+    """
+    quarters = xp.minimum(bend / _QUARTER, 2.0)
+    further = xp.maximum(quarters - 1.0, 0.0)
+    return _STRAIGHT + (_BENT - _STRAIGHT) * xp.minimum(quarters, 1.0) + (_SIDEWAYS - _BENT) * further
+
+
+def link_load(xp: Any, force: Any, bend: Any, of_head: Any, diameter: Any) -> Any:
+    """Load over median strength under a link [1].
+
+    Args:
+        xp: numpy, jax.numpy, or what writes programs.
+        force: of the wall on it [N].
+        bend: of the bending section [rad].
+        of_head: whether the link is of the bending section; the shaft lies on the wall with its side.
+        diameter: of the device [m].
+    """
+    share, usual = injury_number("size_share"), injury_number("head_diameter")
+    size = (1 - share) + share / usual * diameter
+    return force / (size * xp.where(of_head, head_strength(xp, bend), _SIDEWAYS))
+
+
+def worst_load(xp: Any, worst: tuple[Any, Any], load: Any, arc: Any, escaped: Any) -> tuple[Any, Any]:
+    """The largest load over strength of a run so far [1], and the arc length where it was [m].
+
+    A scope that has left through the wall has torn it, where it presses then, or if it does not, where it did most.
+
+    Args:
+        xp: numpy, jax.numpy, or what writes programs.
+        worst: before.
+        load: the largest now.
+        arc: where that is.
+        escaped: whether the scope has left through the wall.
+    """
+    taken = (load > worst[0]) | (escaped & (load > 0))
+    return xp.where(escaped, TORN, xp.maximum(worst[0], load)), xp.where(taken, arc, worst[1])
+
+
+def gas_load(pressure: Float[np.ndarray, "*places"], bursting: Float[np.ndarray, "..."]) -> Any:
+    """Load over median strength of a wall under gas [1]: its pressure over that which bursts the segment [Pa]."""
+    return np.maximum(pressure, 0.0) / bursting
+
+
+def bursting_pressure(segment: str) -> float:
+    """Gas pressure that bursts a segment of a median person's colon [Pa]; of the caecum, the weakest, where unknown."""
+    known = "rectum", "sigmoid", "descending", "transverse", "ascending"
+    return injury_number(f"rupture.{segment if segment in known else 'caecum'}")
+
+
+def perforation_probability(load: Float[np.ndarray, "*runs"] | float) -> Any:
+    """Share of people whose wall is torn by the largest load over median strength of a run [1]."""
+    with np.errstate(divide="ignore"):
+        deviation = np.log(load) / SIGMA
+    return np.vectorize(lambda value: 0.5 * math.erfc(-value / math.sqrt(2)), otypes=[float])(deviation)[()]
