@@ -47,7 +47,7 @@ def pain(xp: Any, wall: Any, mesentery: Any) -> Any:
 
 
 def axis_tensions(
-    xp: Any, own: Mesentery, displacement: Float[Any, "*worlds nodes 7"], radius: Float[Any, "*any nodes"]
+    xp: Any, own: Mesentery, displacement: Float[Any, "*worlds nodes _"], radius: Float[Any, "*any nodes"]
 ) -> tuple[Float[Any, "*worlds nodes"], Float[Any, "*worlds nodes"]]:
     """Tensions of the wall along the colon behind each node of the axis, and of the mesentery at it [N/m].
 

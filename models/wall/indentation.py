@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from haustra.models.anatomy.colon import Colon, Surface
 from haustra.models.wall.signed_distance import ANUS
@@ -97,7 +97,7 @@ def _tent(vertices: np.ndarray, faces: np.ndarray, wanted: np.ndarray) -> np.nda
     edges = np.unique(np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
     falls = SLOPE * np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
     far = wanted.max() / SLOPE
-    near = cKDTree(vertices[poles]).query(vertices, distance_upper_bound=far)[0] < np.inf
+    near = KDTree(vertices[poles]).query(vertices, distance_upper_bound=far)[0] < np.inf
     edges, falls = edges[near[edges].any(axis=1)], falls[near[edges].any(axis=1)]
     moved = wanted.copy()
     for _ in range(int(np.ceil(far / APART))):

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from haustra.models.anatomy.colon import Colon, Surface
 from haustra.models.anatomy.winding import winding_numbers
@@ -56,4 +56,4 @@ def _outside(lumen: Surface, path: np.ndarray) -> float:
     own = np.linspace(0.0, behind[-1], int(np.ceil(behind[-1] / _APART)) + 1)
     places = np.column_stack([np.interp(own, behind, path[:, axis]) for axis in range(3)])
     out = places[winding_numbers(lumen, places) < _WITHIN]
-    return float(cKDTree(lumen.vertices).query(out)[0].max()) if len(out) else 0.0
+    return float(KDTree(lumen.vertices).query(out)[0].max()) if len(out) else 0.0
