@@ -235,7 +235,7 @@ def to_reference(xp: Any, tables: Tables, pose: Array, shape: AxisShape, points:
         vectors.of(points - axis - _between(pose[..., :3], at, share)),
         shape.lengths[world, at] / own.lengths[world, at],
         (vectors.of(own.tangents[world, at]), vectors.of(own.tangents[world, at + 1])),
-        (_rest_closing(own, at), vectors.of(shape.closings[world, at])),
+        (_rest_closing(xp, own, at), vectors.of(shape.closings[world, at])),
         _section(shape, at),
         _section(shape, at + 1),
         share,
@@ -528,11 +528,11 @@ def _section(shape: AxisShape, node: Array) -> Section:
     return *turn, shape.flats[world, node], vectors.of(shape.acrosses[world, node])
 
 
-def _rest_closing(own: Mesentery, at: Array) -> Vector:
+def _rest_closing(xp: Any, own: Mesentery, at: Array) -> Vector:
     """`cell_closing` at rest behind those nodes (worlds, points)."""
     world = _worlds(at)
     before, after = vectors.of(own.tangents[world, at]), vectors.of(own.tangents[world, at + 1])
-    return cell_closing(np, before, after, own.lengths[world, at])
+    return cell_closing(xp, before, after, own.lengths[world, at])
 
 
 def _beside(xp: Any, cells: Array) -> tuple[Vector, Vector]:
