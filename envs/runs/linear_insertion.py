@@ -39,7 +39,12 @@ def run_linear_insertion(
     settings = settings or FollowerSettings()
     if settings.steer != "pulls":
         raise InvalidOptionError("The backend 'linear' steers by pulls: use the native backend for wheels.")
-    table = lumen_table(scene.colon, device_radius=scene.cable.radius, with_mesentery=scene.options.mesentery)
+    table = lumen_table(
+        scene.colon,
+        device_radius=scene.cable.radius,
+        with_mesentery=scene.options.mesentery,
+        abdomen=scene.options.abdomen,
+    )
     tables = stack([table.seen_from(*entry_of(scene.colon))])
     backend = _backend(scene, tables, settings)
     interval = _program(scene, tables, settings).interval

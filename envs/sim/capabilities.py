@@ -64,7 +64,7 @@ SCENE = (
     *_in("scene", "gravity", about="in each colon's own frame"),
     *_in("scene", "segment_stiffness", only=_only(())),
     *_in("scene", "wall_law", only=_only("table")),
-    *_in("scene", "mesentery"),
+    *_in("scene", "mesentery", "abdomen"),
     *_in("scene", "softening", only=_only(False, backends=("native-batch", "jax", "warp"))),
 )
 """Fields of `SceneOptions`."""

@@ -500,14 +500,14 @@ def _add_springs(own: Any, world: int, shape: Any, couples: Any, pulled: Any, to
         _put_more(over_cells, 0, min(i, last - 1), later)
         rest = _node(own.tangents, world, i)
         turn = section[0], section[1]
-        tilt, lean = twist(still, turn, (rest, tangent), still)
+        tilt, lean = twist(np, still, turn, (rest, tangent), still)
         righting = own.upright[world, i] * tilt
         torque[i] = twisting - righting
         _put_more(work, 0, i, minus(leaning, times(righting, lean)))
     for i in range(last):
         now = _node(shape.tangents, world, i), _node(shape.tangents, world, i + 1)
         turns = _turn(shape.turns, world, i, 0), _turn(shape.turns, world, i + 1, 0)
-        wound, binormal = twist(turns[0], turns[1], now, _turn(own.ways, world, i, 0))
+        wound, binormal = twist(np, turns[0], turns[1], now, _turn(own.ways, world, i, 0))
         moment = own.torsion[world, i] * wound
         torque[i] += moment
         torque[i + 1] -= moment

@@ -15,6 +15,7 @@ from jaxtyping import Float
 from haustra.assets import asset
 from haustra.models.anatomy.colon import ColonSegment
 from haustra.models.wall import sections, vectors
+from haustra.models.wall.abdomen import DOWN, FALL, Abdomen, turned_weight
 from haustra.quantity import load_quantities
 
 NODE_SPACING = 0.01
@@ -80,6 +81,7 @@ def hang(
     segments: Sequence[ColonSegment],
     *,
     widest: Float[np.ndarray, " stations"] | None = None,
+    abdomen: Abdomen | None = None,
     changed: Mapping[str, float] | None = None,
 ) -> Mesentery:
     """Hang a colon on its mesentery, by the numbers of assets/numbers/mesentery.toml.
@@ -90,6 +92,7 @@ def hang(
         radius: mean radius of the lumen there [m].
         segments: what is mobile, and what is fixed; without any, all of it is fixed.
         widest: largest radius of the lumen there [m]; `radius` when None.
+        abdomen: what it lies in; as it was imaged when None.
         changed: numbers to take instead of those of the file, by their names there.
     """
     numbers = {name: each.value for name, each in load_quantities(asset("numbers/mesentery.toml")).items()}
@@ -105,19 +108,28 @@ def hang(
     tangents = np.vstack([edges[:1], middle / np.linalg.norm(middle, axis=1)[:, None], edges[-1:]])
     turns = np.zeros(count)
     turns[1:-1] = np.linalg.norm(edges[1:] - edges[:-1], axis=1)
+    around = abdomen or Abdomen()
     slack, thickness = np.zeros(count), np.full(count, numbers["mesentery.thickness.other"])
+    hand, freed = np.zeros(count), {"sigmoid", "transverse", *around.mobile}
     hold = np.full(count, numbers["mesentery.attachment"])
     for segment in segments:
         inside = (own >= segment.start) & (own < segment.end)
         share = (own[inside] - segment.start) / (segment.end - segment.start)
-        if height := numbers.get(f"mesentery.height.{segment.name}"):
+        height = numbers.get(f"mesentery.height.{segment.name}", 0.0)
+        if height and segment.name in freed:
             slack[inside] = height * np.minimum(1.0, _RISE * np.sin(np.pi * share))
             hold[inside] = numbers["mesentery.stiffness"]
+        middle = np.abs(own - (segment.start + segment.end) / 2) <= numbers["mesentery.grip"] / 2
+        if segment.name in around.adhesions:
+            slack[middle], hold[middle] = 0.0, numbers["mesentery.attachment"]
+        if segment.name == around.pressed:
+            hand[middle] = around.hand / max(int(middle.sum()), 1)
         thickness[inside] = numbers.get(f"mesentery.thickness.{segment.name}", thickness[0])
     tube_radius = np.interp(own, arcs, radius)
     stretch = numbers["mesentery.modulus"] * 2 * np.pi * tube_radius * thickness
     bending = numbers["mesentery.bending"] * stretch * tube_radius**2 / 2 / spacing
     bending[[0, -1]] = 0.0
+    weight = numbers["mesentery.density"] * 2 * np.pi * tube_radius * thickness * spacing * FALL
     each = np.full(count, spacing)
     hold, support, drag = hold * each, numbers["mesentery.support"] * each, numbers["mesentery.drag"] * each
     upright = (np.where(slack > 0, 0.0, hold) + support) * tube_radius**2
@@ -140,7 +152,7 @@ def hang(
         drag=drag,
         upright=upright,
         turn_drag=drag * tube_radius**2,
-        load=np.zeros((count, 3)),
+        load=turned_weight(around.posture, weight) + hand[:, None] * np.array(DOWN["supine"]),
         pleating=np.float64(numbers["mesentery.pleating"]),
         spacing=np.float64(spacing),
     )

@@ -410,9 +410,9 @@ def _forces(xp: Any, own: Mesentery, pose: Array, couples: Array) -> tuple[Array
     work, torque, first, last = section_gradient(xp, section, tangents, beside, rest, own.widths, rows)
     over_cells = vectors.of(_onto_cells(xp, stacked(xp, first), stacked(xp, last)))
     first, last, shortening = cell_closing_gradient(xp, *_at_ends(shape.tangents), shape.lengths, over_cells)
-    sine, binormal = _twists(own, shape)
+    sine, binormal = _twists(xp, own, shape)
     moment = own.torsion * sine
-    tilt, lean = _upright(own, shape)
+    tilt, lean = _upright(xp, own, shape)
     righting = own.upright * tilt
     turning = torque - righting + xp.pad(moment, ((0, 0), (0, 1))) - xp.pad(moment, ((0, 0), (1, 0)))
     twisting = times(moment, binormal)
@@ -439,15 +439,15 @@ def _solved(xp: Any, diagonal: Array, tie: Array, right: Array) -> Array:
     return solve_tridiagonal(xp, -below, diagonal + below + above, -above, right)
 
 
-def _twists(own: Mesentery, shape: AxisShape) -> tuple[Array, Vector]:
+def _twists(xp: Any, own: Mesentery, shape: AxisShape) -> tuple[Array, Vector]:
     """`haustra.models.wall.sections.twist` of each edge."""
     before, after = (_quaternion(shape.turns[:, part]) for part in (slice(-1), slice(1, None)))
-    return twist(before, after, _at_ends(shape.tangents), _quaternion(own.ways))
+    return twist(xp, before, after, _at_ends(shape.tangents), _quaternion(own.ways))
 
 
-def _upright(own: Mesentery, shape: AxisShape) -> tuple[Array, Vector]:
+def _upright(xp: Any, own: Mesentery, shape: AxisShape) -> tuple[Array, Vector]:
     """`haustra.models.wall.sections.twist` of each node against what holds it."""
-    return twist(STILL, _turn_of(shape), (vectors.of(own.tangents), vectors.of(shape.tangents)), STILL)
+    return twist(xp, STILL, _turn_of(shape), (vectors.of(own.tangents), vectors.of(shape.tangents)), STILL)
 
 
 def solve_tridiagonal(xp: Any, below: Array, diagonal: Array, above: Array, right: Array) -> Array:
@@ -480,8 +480,8 @@ def energy(xp: Any, own: Mesentery, pose: Array) -> Array:
     bent = 0.5 * own.bending[:, 1:-1] * (change - own.turns[:, 1:-1]) ** 2
     moved = norm(xp, vectors.of(place))
     held = 0.5 * own.hold * xp.maximum(moved - own.slack, 0.0) ** 2 + 0.5 * own.support * moved**2
-    wound = own.torsion * _twist_energy(xp, _twists(own, shape)[0])
-    held = held + own.upright * _twist_energy(xp, _upright(own, shape)[0]) - (own.load * place).sum(-1)
+    wound = own.torsion * _twist_energy(xp, _twists(xp, own, shape)[0])
+    held = held + own.upright * _twist_energy(xp, _upright(xp, own, shape)[0]) - (own.load * place).sum(-1)
     return along.sum(axis=1) + bent.sum(axis=1) + held.sum(axis=1) + wound.sum(axis=1)
 
 

@@ -77,7 +77,7 @@ def twisted(turn: Turn, tangent: Vector, angle: Any) -> Turn:
     return turn_after(turn, (1 - 0.125 * angle * angle, times(0.5 * angle, tangent)))
 
 
-def twist(before: Turn, after: Turn, tangents: tuple[Vector, Vector], way: Turn) -> tuple[Any, Vector]:
+def twist(xp: Any, before: Turn, after: Turn, tangents: tuple[Vector, Vector], way: Turn) -> tuple[Any, Vector]:
     """Sine of how much a tube is twisted between two sections, and the angle's gradient over either tangent.
 
     The twist is what turns the first section, brought along to the second's tangent without twisting, into the second.
@@ -85,6 +85,7 @@ def twist(before: Turn, after: Turn, tangents: tuple[Vector, Vector], way: Turn)
     a tangent turns, m changes by half the curvature's binormal, of both tangents alike (Bergou et al. 2008, eq. 8).
 
     Args:
+        xp: numpy or jax.numpy.
         before: turn of the first section.
         after: turn of the second.
         tangents: of both now.
@@ -93,7 +94,7 @@ def twist(before: Turn, after: Turn, tangents: tuple[Vector, Vector], way: Turn)
     real, part = turn_after((before[0], times(-1.0, before[1])), turn_after(way, after))
     sine = dot(part, tangents[1])
     angle = 2 * real * sine / (real * real + sine * sine)
-    facing = 1 / (1 + _OPPOSED + dot(tangents[0], tangents[1]))
+    facing = 1 / xp.maximum(1 + dot(tangents[0], tangents[1]), _OPPOSED)
     return angle, times(facing, cross(tangents[0], tangents[1]))
 
 
@@ -198,7 +199,9 @@ def flattened_share(xp: Any, now: Any, rest: Any) -> tuple[Any, Any, Any]:
     room = xp.maximum(1 - rest, _LEAST_ROOM)
     x = (now - rest) / room
     left = 1 / (1 + x + x * x + x * x * x)
-    missing, slope = x - 1 + left, 1 - (1 + 2 * x + 3 * x * x) * left * left
+    # x - h(x) and its slope, without differences of what is nearly the same.
+    cube = x * x * x
+    missing, slope = x * cube * left, cube * (4 + 3 * x + 2 * x * x + cube) * left * left
     per = 1 / now
     share = room * missing * per
     narrower = where(xp, 1 - rest > _LEAST_ROOM, -1.0, 0.0)

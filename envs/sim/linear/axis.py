@@ -265,7 +265,7 @@ class Axis:
             room.put(self._node(i) + _OVER_CELL, [0.0] * 3)
         with program.loop(0, self.nodes) as i:
             own, tangent, rest = self._node(i), self._tangent(i), self._vector(i, "tangent")
-            tilt, lean = twist(STILL, self._turn(own), (rest, tangent), STILL)
+            tilt, lean = twist(xp, STILL, self._turn(own), (rest, tangent), STILL)
             righting = self._number(i, "upright") * tilt
             room.put(own + _WORK, times(-righting, lean))
             room.store(own + _TORQUE, -righting)
@@ -275,7 +275,7 @@ class Axis:
         with program.loop(0, last) as i:
             own, after = self._node(i), self._node(i + 1)
             now, way = (self._tangent(i), self._tangent(i + 1)), self._way(i)
-            sine, binormal = twist(self._turn(own), self._turn(after), now, way)
+            sine, binormal = twist(xp, self._turn(own), self._turn(after), now, way)
             moment = self._number(i, "torsion") * sine
             for node, sign in ((own, 1.0), (after, -1.0)):
                 room.put(node + _WORK, minus(room.vector(node + _WORK), times(moment, binormal)))

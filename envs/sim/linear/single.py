@@ -54,7 +54,12 @@ class LinearSingle:
         self.model = scene.compile()
         self.data = mujoco.MjData(self.model)
         if tables is None:
-            table = lumen_table(scene.colon, device_radius=scene.cable.radius, with_mesentery=scene.options.mesentery)
+            table = lumen_table(
+                scene.colon,
+                device_radius=scene.cable.radius,
+                with_mesentery=scene.options.mesentery,
+                abdomen=scene.options.abdomen,
+            )
             self.table_error = table.error
             tables = stack([table.seen_from(*entry_of(scene.colon))])
         self._origin, self._axes = entry_of(scene.colon)

@@ -29,7 +29,7 @@ def test_a_case_keeps_its_segments(tmp_path):
     read = load_case(save_case(tmp_path / "case.npz", case))
     assert [each.name for each in read.segments] == list(SEGMENTS)
     assert read.segments[1].end == pytest.approx(0.6 * case.length)
-    own = read.mesentery_tables.mesentery
+    own = read.hung().mesentery
     assert own is not None and 0 < (own.slack > 0).mean() < 0.7
 
 
