@@ -18,7 +18,6 @@ _BACKENDS: Mapping[str, tuple[str, ...]] = {
     "native": (),
     "linear": ("llvmlite",),
     "linear-gpu": ("llvmlite",),
-    "jax": ("jax", "jaxlib"),
     "warp": ("jax", "jaxlib", "mujoco-mjx", "warp-lang"),
 }
 """What each backend computes with besides MuJoCo."""
@@ -78,10 +77,10 @@ def backend_record(name: str) -> dict[str, str]:
     """Name of a backend, the kind of device it computes on, and versions of what it computes with.
 
     Args:
-        name: native, jax or warp.
+        name: native, linear, linear-gpu or warp.
     """
-    device = _processor() if name == "native" else _jax_device()
-    return {"backend": name, "device": device, **_versions(("mujoco", *_BACKENDS[name]))}
+    devices = {"native": _processor, "linear": _processor, "linear-gpu": _nvidia_device, "warp": _jax_device}
+    return {"backend": name, "device": devices[name](), **_versions(("mujoco", *_BACKENDS[name]))}
 
 
 def _versions(packages: Iterable[str]) -> dict[str, str]:
@@ -96,6 +95,15 @@ def _versions(packages: Iterable[str]) -> dict[str, str]:
 
 def _processor() -> str:
     return f"cpu {platform.machine()}"
+
+
+def _nvidia_device() -> str:
+    """Kind of the first NVIDIA GPU, as its driver says."""
+    for file in sorted(Path("/proc/driver/nvidia/gpus").glob("*/information")):
+        for line in file.read_text(encoding="utf-8").splitlines():
+            if line.startswith("Model:"):
+                return f"gpu {line.removeprefix('Model:').strip()}"
+    return "gpu"
 
 
 @cache

@@ -92,6 +92,14 @@ class SceneOptions:
     softening: bool = True
     """Let hinges of the shaft soften as they bend (`haustra.models.devices.scope.cable.SOFTENING`), so that a bend in
     any direction is as stiff; backends of many worlds have linear springs only."""
+    gas: float | None = number("Pa", 500.0, 8000.0, default=None)
+    """Set point of insufflation through the scope, which lets gas in where its tip is while the pressure there is less
+    [Pa]; gas sets how wide the lumen is (`haustra.models.gas`). No gas when None: the lumen is as wide as it was given.
+    One scope against law 'table' only."""
+    gas_flow: float = number("m^3/s", 0.0, 1e-4, default=4.17e-6)
+    """Flow of insufflation [m^3/s]; 0.25 L/min by default, as in colonoscopy."""
+    gas_start: float = number("Pa", 300.0, 8000.0, default=2000.0)
+    """Pressure that the colon is filled to at the start [Pa]."""
     insertion_limit: float | None = number("m", 0.01, 10.0, default=None)
     """How much of the scope the scene models [m]; the whole scope, or as much as the colon can take, when None."""
     gravity: tuple[float, float, float] = vector(*[Number("m/s^2", -100.0, 100.0)] * 3, default=(0.0, 0.0, 0.0))
@@ -105,6 +113,8 @@ class SceneOptions:
             )
         if self.abdomen != Abdomen() and not self.mesentery:
             raise InvalidOptionError("Posture, mobile segments, adhesions and a hand need a colon that moves.")
+        if self.gas is not None and self.wall_law != "table":
+            raise InvalidOptionError(f"Gas moves the wall of law 'table' only, not that of '{self.wall_law}'.")
         if self.segment_stiffness and self.wall_law != "planes":
             raise InvalidOptionError(
                 "Stiffness by segment needs wall law 'planes': pieces and field have one stiffness."
@@ -264,6 +274,10 @@ def _left_out(
         left_out["mesentery"] = (
             "the colon gives way by its wall's stiffness only; sigmoid and transverse colon do not swing"
         )
+    if options.gas is None:
+        left_out["gas"] = "the lumen is as wide as the colon that was given; nothing fills, empties or collapses it"
+    else:
+        left_out["tone that comes and goes"] = "gas meets a typical person's wall, and a scope holds no segment open"
     if modelled < design.length - 1e-9:
         left_out["shaft outside"] = f"the last {design.length - modelled:.3f} m of shaft never enter this colon"
     if options.wall_law == "table":

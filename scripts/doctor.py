@@ -32,14 +32,13 @@ class Doctor:
 def _backends() -> dict[str, str]:
     """Each backend, and what of haustra it can run here."""
     needs = {
-        "jax": ("jax", "mjx", "scopes against the tabulated lumen, one or many: run, sweep, vector environments"),
         "warp": (
             "warp",
             "warp",
             "rigs: sweep; scopes: vector environments; bench; fast on NVIDIA GPUs only",
         ),
     }
-    verdicts = {"native": "works: everything"}
+    verdicts = {"native": "works: everything", "linear": "works: scopes by the lumen's table, one or many"}
     for backend, (module, extra, use) in needs.items():
         installed = find_spec("mujoco.mjx") is not None and find_spec(module) is not None
         verdicts[backend] = f"installed: {use}" if installed else f"not installed: pip install 'haustra[{extra}]'"

@@ -33,8 +33,8 @@ class Evaluate:
     """Let colons move on their mesentery; as the first policy's when not given."""
     seconds: float = number("s", 0.002, 3600.0, default=90.0)
     """Longest episode [s]."""
-    backend: Literal["native", "linear", "jax", "warp"] = "native"
-    """Of the physics: MuJoCo on threads, linear time on them, or JAX on its device, all episodes at once."""
+    backend: Literal["native", "linear", "linear-gpu", "warp"] = "native"
+    """Of the physics: MuJoCo on threads, linear time on them or on an NVIDIA GPU, or MuJoCo Warp."""
     threads: int = whole(1, 4096, default=2)
     """For physics on the CPU."""
     processes: int = whole(1, 4096, default=2)

@@ -116,15 +116,9 @@ class ColonGrow:
         )
 
     def _pressure(self) -> float | None:
-        from haustra.errors import InvalidOptionError
-        from haustra.models.anatomy.insufflation import opening_from
+        from haustra.models.anatomy.insufflation import pressure_from
 
-        if self.insufflate is None:
-            return None
-        pressure = opening_from(self.insufflate).pressure
-        if pressure is None:
-            raise InvalidOptionError(f"A colon is grown at a pressure, not at '{self.insufflate}': give '20mmHg'.")
-        return pressure
+        return None if self.insufflate is None else pressure_from(self.insufflate)
 
     def _is_there(self, folder: Path, seed: int, lesions: "tuple[LesionOrder, ...]") -> bool:
         """Whether the folder holds the colon that these options and this version would grow."""

@@ -61,6 +61,13 @@ class Run:
     """Largest bend of a shaft joint [degrees], from which joints are spaced for this colon; evenly when not given."""
     gravity: tuple[float, float, float] | None = vector(*[Number("m/s^2", -100.0, 100.0)] * 3, default=None)
     """Gravity in the colon's frame [m/s^2]; none when not given."""
+    insufflate: str | None = None
+    """Let gas in through the scope while the pressure at its tip is less than this ('25mmHg', '3.3kPa'); gas sets how
+    wide the lumen is and how taut its wall. Without it the lumen is as wide as the colon's folder has it."""
+    gas_flow: float | None = number("m^3/s", 0.0, 1e-4, default=None)
+    """Flow of that gas [m^3/s]; 0.25 L/min when not given."""
+    gas_start: float | None = number("Pa", 300.0, 8000.0, default=None)
+    """Pressure that the colon is filled to at the start [Pa]; 15 mmHg when not given."""
     whole_shaft: bool = False
     """Model all of the shaft from the start, as scene.xml does; otherwise shaft that is still outside is added when it
     is needed, which is faster and nearly the same until a scope jams."""
@@ -144,10 +151,18 @@ class Run:
         return self.backend or ("linear" if fast else "native")
 
     def _options(self) -> dict[str, Any]:
+        from haustra.errors import InvalidOptionError
         from haustra.models.wall.abdomen import Abdomen
 
         names = ("wall_law", "friction", "wall_stiffness", "push_limit", "timestep", "largest_bend_deg", "gravity")
+        names += ("gas_flow", "gas_start")
         chosen = {name: value for name in names if (value := getattr(self, name)) is not None}
+        if self.insufflate is not None:
+            from haustra.models.anatomy.insufflation import pressure_from
+
+            chosen["gas"] = pressure_from(self.insufflate)
+        elif self.gas_flow is not None or self.gas_start is not None:
+            raise InvalidOptionError("A flow or pressure of gas needs gas: give --insufflate 25mmHg too.")
         chosen.setdefault("wall_law", "planes" if self.segment_stiffness else "table")
         chosen["mesentery"] = chosen["wall_law"] != "planes" and not self.fixed
         around = Abdomen(self.posture, self.mobile, self.adhesions, self.pressed)

@@ -34,8 +34,8 @@ class Train:
     """Let colons move on their mesentery."""
     colons: int | None = whole(1, 100_000, default=None)
     """Number of grown colons (seeds 0, 1, ...)."""
-    backend: Literal["native", "linear", "jax", "warp"] | None = None
-    """Of the physics: MuJoCo on threads, linear time on them, or JAX on its device."""
+    backend: Literal["native", "linear", "linear-gpu", "warp"] | None = None
+    """Of the physics: MuJoCo on threads, linear time on them or on an NVIDIA GPU, or MuJoCo Warp."""
     device: Literal["cpu", "cuda"] | None = None
     """Of the networks."""
     threads: int = whole(1, 4096, default=2)

@@ -140,7 +140,7 @@ def evaluate(
         bank: the colons.
         episodes: in each.
         threads: for physics on the CPU.
-        backend: 'native', MuJoCo on threads; 'linear', linear time on them; 'jax' or 'warp', on JAX's device.
+        backend: 'native', MuJoCo on threads; 'linear', linear time on them, or 'linear-gpu'; 'warp', MuJoCo Warp.
         most_worlds: stepped at once; what suits the backend and its device when None.
         record: keep the states of the best episode.
         progress: told episodes done and their number.
@@ -198,8 +198,8 @@ def evaluate(
 
 def _platform(backend: str) -> str:
     """What a backend computes on."""
-    if backend == "native":
-        return "cpu"
+    if backend != "warp":
+        return "gpu" if backend == "linear-gpu" else "cpu"
     from haustra.envs.sim.jax_setup import use_jax
 
     return "cpu" if use_jax()[0].platform == "cpu" else "gpu"

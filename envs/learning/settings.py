@@ -5,14 +5,13 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from haustra.assets import asset
-from haustra.envs.sim.device_backends import DEVICE_BACKENDS
+from haustra.envs.sim.load import NAMES
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.observation import IN_BYTES, sizes
 from haustra.errors import InvalidOptionError
 from haustra.fields import Number, choice, number, read_fields, require_declared, several, vector, whole
 
 ALGORITHMS = ("ppo", "sac")
-BACKENDS = ("native", "linear", *DEVICE_BACKENDS)
 DEVICES = ("cpu", "cuda")
 SHIPPED = ("insertion-ppo", "insertion-gpu", "insertion-mesentery", "insertion-easy", "insertion-sac", "quick")
 """Configurations in assets/training."""
@@ -29,8 +28,8 @@ class Training:
     leg: int = whole(1, 10**12, default=200_000)
     """Steps between two checkpoints; episodes begin anew there, so that a resumed run is the same run."""
     worlds: int = whole(1, 1_000_000, default=32)
-    backend: str = choice(*BACKENDS, default="native")
-    """Of the physics: on threads, MuJoCo or 'linear', or thousands of worlds on JAX's device: 'jax', 'warp'."""
+    backend: str = choice(*NAMES, default="native")
+    """Of the physics: on threads, 'native' or 'linear', or thousands of worlds on a GPU: 'linear-gpu', 'warp'."""
     device: str = choice(*DEVICES, default="cpu")
     """Of the networks: 'cpu', or 'cuda', PyTorch's GPU."""
     seed: int = whole(0, 2**32 - 1, default=0)

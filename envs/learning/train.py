@@ -36,7 +36,7 @@ from haustra.provenance import Provenance, backend_record
 Progress = Callable[[int, str], None]
 """Told environment steps done, and a note."""
 _SAVE_EVERY = 120.0
-"""On 'jax', whose runs are not the same to the bit anyway, what is lost to an interruption at most [s]."""
+"""On other backends than 'native' what is lost to an interruption at most [s]."""
 
 
 def train(

@@ -9,12 +9,13 @@ from jaxtyping import Float
 
 from haustra.envs.control.follower import FollowerSettings, LumenFollower
 from haustra.envs.runs.measure.containment import Containment
-from haustra.envs.runs.measure.injury import InjuryMeter, stations_of
+from haustra.envs.runs.measure.injury import Burden, InjuryMeter, stations_of
 from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.runs.measure.surface import SurfaceFigures, surface_figures
 from haustra.envs.runs.outcome import Outcome, ending, outcome_of
 from haustra.envs.sim.backend import SingleBackend
 from haustra.envs.sim.coils import COIL_DISTANCES
+from haustra.envs.sim.gas import GasRecord, gas_pressures
 from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.state import Readings
 from haustra.models.anatomy.colon import Colon
@@ -25,8 +26,8 @@ from haustra.models.wall.signed_distance import surface_arcs
 CONTROL_INTERVAL = 0.02
 """Time between two decisions of the driver, and between two records [s]; engineering choice: 50 Hz."""
 
-_MAPS = "pressed", "shear", "pain"
-"""What is recorded along the colon (`haustra.envs.runs.measure.injury.Burden`)."""
+_FELT = "link_forces", "link_arcs", "bend", "displacement"
+"""Of readings, what tells what the colon bears."""
 
 Progress = Callable[[float, float], None]
 """Called with simulated time [s] and tip arc length [m]."""
@@ -116,6 +117,8 @@ class Insertion:
     """Of its surface."""
     backend: str = "native"
     """What stepped it, of `haustra.envs.sim.capabilities.BACKENDS`."""
+    gas: GasRecord | None = None
+    """Pressures and volumes of gas, where the scene had it."""
     shaft_added: tuple[float, ...] = ()
     """When shaft was added to the scene [s]: from then on stock MuJoCo repeats it closely, but not to the bit."""
 
@@ -155,8 +158,9 @@ def _drive(backend: SingleBackend, seconds: float, settings: FollowerSettings, p
     follower = LumenFollower(line, scene.design, tip_links=tip_links, settings=settings)
     steps = max(1, round(CONTROL_INTERVAL / scene.options.timestep))
     interval = steps * scene.options.timestep
-    containment, injury = Containment(scene.colon, radius=scene.cable.radius), InjuryMeter(scene)
+    containment = Containment(scene.colon, radius=scene.cable.radius)
     rows: list[tuple] = []
+    felt: list[tuple] = []
     seen, shape = backend.read(), backend.shape()
     ended, healthy = 0, True
     began = time.perf_counter()
@@ -171,7 +175,8 @@ def _drive(backend: SingleBackend, seconds: float, settings: FollowerSettings, p
         inside = behind < seen.insertion
         outside = containment.outside(shape[inside], behind[inside], tracker.arc, seen.way)
         moved = 0.0 if seen.way is None else float(np.linalg.norm(seen.way - line.points, axis=1).max())
-        last = moved, seen.wall_force_sum, seen.coils, *_borne(injury, seen), *backend.mocap(scene.blocks)
+        last = moved, seen.wall_force_sum, seen.coils, *backend.mocap(scene.blocks)
+        felt.append(tuple(getattr(seen, name) for name in _FELT))
         rows.append((*_record(backend, seen, tracker.arc, outside), *follower.asked, *seen.bend, *last))
         if progress and len(rows) % 25 == 0:
             progress(seen.time, tracker.arc)
@@ -190,7 +195,7 @@ def _drive(backend: SingleBackend, seconds: float, settings: FollowerSettings, p
     colon, surface = lying(backend, seen.insertion)
     return Insertion(
         outcome=outcome_of(ended, healthy=healthy, attempts=follower.attempts),
-        trajectory=_trajectory(rows, backend),
+        trajectory=_trajectory(rows, felt, backend),
         shape=shape,
         tip_frame=seen.tip_frame,
         wall_clock=time.perf_counter() - began,
@@ -199,6 +204,7 @@ def _drive(backend: SingleBackend, seconds: float, settings: FollowerSettings, p
         colon=colon,
         surface=surface,
         backend=backend.name,
+        gas=backend.gas and backend.gas.record(len(rows)),
         shaft_added=tuple(backend.added),
     )
 
@@ -232,20 +238,18 @@ def _record(backend: SingleBackend, seen: Readings, arc: float, outside: float) 
     )
 
 
-def _borne(injury: InjuryMeter, seen: Readings) -> tuple:
-    """What the colon bears."""
-    used = {name: getattr(seen, name) for name in ("link_forces", "link_arcs", "bend", "displacement")}
-    one = seen._replace(**{name: None if value is None else value[None] for name, value in used.items()})
-    return tuple(part[0] for part in injury.measure(one))
-
-
-def _trajectory(rows: list[tuple], backend: SingleBackend) -> Trajectory:
+def _trajectory(rows: list[tuple], felt: list[tuple], backend: SingleBackend) -> Trajectory:
+    names = [name for name in Trajectory.__dataclass_fields__ if name not in Burden._fields]
     if not rows:
         places = np.zeros((0, len(stations_of(backend.scene.colon))))
-        shapes: dict[str, np.ndarray] = dict.fromkeys(Trajectory.__dataclass_fields__, np.zeros(0))
-        shapes |= {"qpos": backend.qpos[None][:0], "ctrl": backend.ctrl[None][:0], "tip": np.zeros((0, 3))}
+        nothing: dict[str, np.ndarray] = dict.fromkeys(Trajectory.__dataclass_fields__, np.zeros(0))
+        nothing |= {"qpos": backend.qpos[None][:0], "ctrl": backend.ctrl[None][:0], "tip": np.zeros((0, 3))}
+        nothing |= {"coils": np.zeros((0, len(COIL_DISTANCES), 3)), "pressed": places, "shear": places, "pain": places}
         blocks = (part[None][:0] for part in backend.mocap(backend.scene.blocks))
-        shapes |= {"coils": np.zeros((0, len(COIL_DISTANCES), 3)), **dict.fromkeys(_MAPS, places)}
-        shapes |= dict(zip(("mocap_pos", "mocap_quat"), blocks, strict=True))
-        return Trajectory(**shapes)
-    return Trajectory(*(np.array(column, dtype=float) for column in zip(*rows, strict=True)))
+        return Trajectory(**nothing | dict(zip(names[-2:], blocks, strict=True)))
+    columns = (np.array(column, dtype=float) for column in zip(*rows, strict=True))
+    parts = (None if column[0] is None else np.array(column, float) for column in zip(*felt, strict=True))
+    seen = backend.read()._replace(**dict(zip(_FELT, parts, strict=True)))
+    injury = InjuryMeter(backend.scene)
+    burden = injury.measure(seen, gas_pressures(backend.gas, len(rows), injury.stations))
+    return Trajectory(**dict(zip(names, columns, strict=True)), **burden._asdict())

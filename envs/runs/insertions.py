@@ -1,7 +1,7 @@
-"""Many insertions at once: scopes driven into colons by the lumen follower, in JAX, scored as they go."""
+"""Many insertions at once on MuJoCo Warp: scopes driven into colons by the lumen follower, scored as they go."""
 
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -15,14 +15,16 @@ from haustra.envs.runs.measure.load import largest_load, largest_pain
 from haustra.envs.runs.outcome import ending
 from haustra.envs.runs.tally import Insertions, Measured, Tally, counted
 from haustra.envs.sim.device_arrays import tree_where
-from haustra.envs.sim.device_backends import device_backend
 from haustra.envs.sim.precision import precise
 from haustra.envs.sim.scope_bank import ScopeBank
 from haustra.envs.sim.scope_values import Parameters, State
-from haustra.envs.sim.scope_worlds import JaxScopes
 from haustra.envs.sim.state import Readings
+from haustra.envs.sim.warp_setup import use_warp
 from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables, pick
+
+if TYPE_CHECKING:
+    from haustra.envs.sim.warp_scopes import WarpScopes
 
 Array: TypeAlias = Any
 _CHUNK = 50
@@ -32,7 +34,7 @@ _CHUNK = 50
 class InsertionBatch:
     """One scope, stacked colons, many worlds: compiled once, run as often as wanted."""
 
-    def __init__(self, backend: JaxScopes, follower: WorldsFollower, tables: Tables, widths: LumenWidths) -> None:
+    def __init__(self, backend: "WarpScopes", follower: WorldsFollower, tables: Tables, widths: LumenWidths) -> None:
         """Prepare; nothing is compiled before the first run.
 
         Args:
@@ -146,7 +148,6 @@ def run_insertions(
     *,
     worlds: int,
     seconds: float,
-    backend: str = "jax",
     settings: FollowerSettings | None = None,
     progress: Callable[[float], None] = lambda time: None,
     **changed: Any,
@@ -157,16 +158,19 @@ def run_insertions(
         bank: a scope and colons.
         worlds: how many.
         seconds: [s].
-        backend: of `DEVICE_BACKENDS`.
         settings: of the follower.
         progress: told the simulated time [s].
         changed: what differs from the bank's scene: entries of `Parameters`, one number or one a world.
 
     Raises:
         InvalidOptionError: when something that cannot differ is to.
+        MissingDependencyError: when Warp is not installed.
         UnsupportedSceneError: when the scope has what this backend cannot honour.
     """
-    dynamics = device_backend(backend).of(bank.scene)
+    use_warp()  # first: without Warp, MJX says so on stdout
+    from haustra.envs.sim.warp_scopes import WarpScopes
+
+    dynamics = WarpScopes.of(bank.scene)
     follower = WorldsFollower(settings or FollowerSettings(), bank.tip_links)
     batch = InsertionBatch(dynamics, follower, bank.tables_on_device(), stack_widths(bank.colons))
     parameters = dynamics.parameters(bank.scene, worlds, **changed)

@@ -10,6 +10,7 @@ from haustra.envs.runs.insertion_program import InsertionProgram
 from haustra.envs.runs.linear_insertions import station_widths
 from haustra.envs.runs.measure.injury import InjuryMeter
 from haustra.envs.runs.outcome import outcome_of
+from haustra.envs.sim.gas import gas_pressures
 from haustra.envs.sim.linear.backend import Row
 from haustra.envs.sim.linear.layout import WORLD
 from haustra.envs.sim.linear.single import LinearSingle
@@ -80,6 +81,7 @@ def run_linear_insertion(
         colon=colon,
         surface=surface,
         backend=backend.name,
+        gas=backend.gas and backend.gas.record(len(rows)),
     )
 
 
@@ -109,7 +111,8 @@ def _trajectory(backend: LinearSingle, rows: Row) -> Trajectory:
     normals = backend.many.normals(rows.state)
     begun = np.concatenate([[scene.options.start_depth], seen.insertion[:-1]])
     places, turns = backend.poses(rows, scene.blocks)
-    burden = InjuryMeter(scene).measure(seen)
+    injury = InjuryMeter(scene)
+    burden = injury.measure(seen, gas_pressures(backend.gas, len(rows.state), injury.stations))
     return Trajectory(
         time=seen.time,
         qpos=backend.many.joints(rows.state),

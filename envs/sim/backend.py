@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from haustra.envs.sim.conditions import Conditions, Snapshot
+from haustra.envs.sim.gas import RunGas
 from haustra.envs.sim.state import Controls, Readings
 from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import Scene
@@ -21,8 +22,8 @@ class AbstractBackend(ABC):
 
     name: ClassVar[str]
     """What it is called, of `haustra.envs.sim.capabilities.BACKENDS`."""
-    on_device: ClassVar[bool]
-    """Whether its state lies on JAX's device, where rays of sight are then followed too."""
+    on_device: bool
+    """Whether it computes where JAX does, or on a GPU: rays of sight are then followed by JAX, where that is."""
     traces_pictures: ClassVar[bool]
     """Whether depth pictures are traced to the lumen's triangles by MuJoCo Warp, instead of followed in its table."""
 
@@ -121,6 +122,11 @@ class SingleBackend(Protocol):
     @property
     def ctrl(self) -> Float[np.ndarray, " actuators"]:
         """Controls of the last step [m/s, rad/s, N, 1]."""
+        ...
+
+    @property
+    def gas(self) -> RunGas | None:
+        """What fills the colon, where the scene has gas."""
         ...
 
     def step(self, inputs: Controls, count: int) -> bool:

@@ -17,11 +17,10 @@ BACKENDS: Mapping[str, str] = {
     "native": "one scene on MuJoCo's CPU engine",
     "native-batch": "many scopes on MuJoCo's CPU threads",
     "linear": "many scopes, or one, on CPU threads or a GPU, as a chain in linear time",
-    "jax": "many scopes, as a chain in JAX",
     "warp": "many scopes on MuJoCo Warp",
 }
 """What each backend is, by name."""
-MANY_WORLDS = ("native-batch", "linear", "jax", "warp")
+MANY_WORLDS = ("native-batch", "linear", "warp")
 """Backends that step many scopes at once, in tasks too."""
 
 
@@ -65,7 +64,9 @@ SCENE = (
     *_in("scene", "segment_stiffness", only=_only(())),
     *_in("scene", "wall_law", only=_only("table")),
     *_in("scene", "mesentery", "abdomen"),
-    *_in("scene", "softening", only=_only(False, backends=("native-batch", "jax", "warp"))),
+    *_in("scene", "gas", only=_only(None, backends=("native-batch", "warp")), about="of one scope, not of many"),
+    *_in("scene", "gas_flow", "gas_start", about="with gas"),
+    *_in("scene", "softening", only=_only(False, backends=("native-batch", "warp"))),
 )
 """Fields of `SceneOptions`."""
 
@@ -99,7 +100,7 @@ RANDOMISATION = (
 
 _RULES = "a rule of the task, which every backend steps"
 TASK = (
-    *_in("task", "task", only=_only("insertion", backends=("linear", "jax", "warp"))),
+    *_in("task", "task", only=_only("insertion", backends=("linear", "warp"))),
     *_in("task", "mesentery", "design", "difficulty", "seeds"),
     *_in("task", "observation", "privileged", "imager", "memory", "picture_size", "depth", "pictures", about=_RULES),
     *_in("task", "randomisation", about="its fields follow"),
@@ -133,7 +134,6 @@ TRACKED_ON: Mapping[str, str] = {
     "native": "yes",
     "native-batch": "no tracked robots",
     "linear": "no tracked robots",
-    "jax": "no tracked robots",
     "warp": "on rigs",
 }
 """Where each backend runs tracked robots: on Warp on the rigs of studies of propulsion, not in colons."""

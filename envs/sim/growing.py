@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.sim.gas import RunGas
 from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.state import Controls, Readings
 from haustra.models.anatomy.colon import Colon
@@ -75,6 +76,11 @@ class GrowingEngine:
             link_forces=np.concatenate([np.zeros(self._missing), seen.link_forces]),
             link_arcs=np.concatenate([outside, seen.link_arcs]),
         )
+
+    @property
+    def gas(self) -> RunGas | None:
+        """What fills the colon, where the scene has gas."""
+        return self._engine.gas
 
     @property
     def qpos(self) -> Float[np.ndarray, " positions"]:

@@ -21,7 +21,7 @@ def use_jax(*, devices: int = 1, cache: Path | None = None) -> list[Any]:
     try:
         import jax
     except ImportError as error:
-        raise MissingDependencyError("Many worlds at once need JAX: pip install 'haustra[mjx]'.") from error
+        raise MissingDependencyError("The backend 'warp' needs JAX: pip install 'haustra[warp]'.") from error
     if cache is not None:
         jax.config.update("jax_compilation_cache_dir", str(cache))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)
@@ -29,15 +29,6 @@ def use_jax(*, devices: int = 1, cache: Path | None = None) -> list[Any]:
     if len(found) < devices:
         raise UnsupportedSceneError(f"{devices} devices were asked for; JAX finds {len(found)} ({found[0].platform}).")
     return found[:devices]
-
-
-def compute_on_one_thread() -> None:
-    """Let JAX compute on one thread of the processor: what one scope asks for is too small to be shared among several.
-
-    Some 150 operations of microseconds a step cost an eighth to a sixth less processor time so. To be called before
-    JAX touches a device, for the whole process; what a user set in NPROC stands.
-    """
-    os.environ.setdefault("NPROC", "1")
 
 
 def share_memory() -> None:

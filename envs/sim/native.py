@@ -10,6 +10,7 @@ from haustra.envs.sim.at_origin import without_pieces
 from haustra.envs.sim.capabilities import require_supported
 from haustra.envs.sim.coils import coil_samples
 from haustra.envs.sim.energy import EnergyMeter
+from haustra.envs.sim.gas import RunGas
 from haustra.envs.sim.link_places import link_arcs, middle_spheres
 from haustra.envs.sim.log import log_to_stderr_only
 from haustra.envs.sim.moved_colon import CurrentColon
@@ -104,7 +105,14 @@ class NativeEngine:
         self._wall = self._placed_wall()
         self._law = self._segment_law()
         stiffness = self._law.by_geom if self._law else scene.options.wall_stiffness
+        self.gas: RunGas | None = None
+        """What fills the colon, where the scene has gas."""
+        if self.table is not None and scene.options.gas is not None:
+            assert isinstance(self._wall, TableWall)
+            self._stiffness = stiffness = np.zeros(model.ngeom)
+            self.gas = RunGas(scene, self._wall.table, device_radius=self.table.device_radius)
         self._energies = EnergyMeter(model, wall_stiffness=stiffness)
+        self._yield_to_gas(anew=True)
         mujoco.mj_forward(self.model, self.data)
         self.read().checked()  # the shapes stay
 
@@ -121,6 +129,8 @@ class NativeEngine:
         control[self._push] = inputs.push_rate
         control[self._roll] = inputs.roll_rate
         self._lock_outside(self.insertion)
+        if self.gas and self.gas.advance(float(self._wall.arcs[-1]), count * self.model.opt.timestep):
+            self._yield_to_gas()
         if inputs.wheels is None:
             control[self._pulls] = self._arrive(inputs.pulls)
             self._advance(count)
@@ -130,6 +140,14 @@ class NativeEngine:
             control[self._pulls] = self._arrive(self._wheels.pulls(self.data, inputs.wheels))
             self._advance(1)
         return self.healthy()
+
+    def _yield_to_gas(self, *, anew: bool = False) -> None:
+        """Put the wall where gas holds it, as stiff as it makes it."""
+        if self.gas:
+            assert isinstance(self._wall, TableWall)
+            self.gas.place(self._wall.table, anew=anew)
+            self._wall.set_stiffness(self.gas.stiffness)
+            self._stiffness[:] = self.gas.stiffness
 
     def put(self, qpos: Float[np.ndarray, " positions"]) -> None:
         """Lay the scope as those generalised positions say, at rest; the hand goes along [m, rad].
@@ -152,6 +170,8 @@ class NativeEngine:
             self._wall.resume(other._wall)
         if isinstance(self._wall, PieceWall) and isinstance(other._wall, PieceWall):
             self._wall.resume(other._wall)
+        self.gas = other.gas
+        self._yield_to_gas(anew=True)
         mujoco.mj_forward(self.model, self.data)
 
     def _advance(self, count: int) -> None:
@@ -258,7 +278,8 @@ class NativeEngine:
 
     def colon(self) -> Colon:
         """The colon as it lies now."""
-        return self._moved.colon(self._displacement) if self._moved else self.scene.colon
+        colon = self._moved.colon(self._displacement) if self._moved else self.scene.colon
+        return self.gas.colon(colon) if self.gas else colon
 
     @property
     def _displacement(self) -> Float[np.ndarray, "nodes 7"]:

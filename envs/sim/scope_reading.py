@@ -43,7 +43,7 @@ class ScopeChain:
         return all(np.array_equal(one, another) for one, another in pairs)
 
 
-def read_chain(scene: Scene, *, backend: str = "jax") -> ScopeChain:
+def read_chain(scene: Scene, *, backend: str = "linear") -> ScopeChain:
     """Read how a scene's scope hangs together.
 
     Raises:
@@ -76,7 +76,7 @@ def _scale_of(name: str, steerable: set[int]) -> int:
     return 3 if "twist_" in name else 0
 
 
-def read_scope(scene: Scene, *, backend: str = "jax") -> Scope:
+def read_scope(scene: Scene, *, backend: str = "linear") -> Scope:
     """Numbers of a scene's scope, in double precision.
 
     Raises:

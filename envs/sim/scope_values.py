@@ -1,10 +1,9 @@
-"""What many scopes in JAX are made of: designs, parameters, states, inputs, what is seen, and contact with the wall."""
+"""What many scopes are made of: designs, parameters and states."""
 
 from typing import Any, NamedTuple, TypeAlias
 
 from haustra.envs.sim.serial_chain import Links
-from haustra.models.wall.law import ImplicitContact
-from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
+from haustra.models.wall.moving_colon import AxisDisplacement
 
 Array: TypeAlias = Any
 
@@ -100,18 +99,3 @@ class State(NamedTuple):
     """(worlds, dofs) accelerations from which MuJoCo's solver begins; None where there is no such solver."""
     displacement: AxisDisplacement | None = None
     """Where the colons have moved to; None where they are fixed in space."""
-
-
-class Contact(NamedTuple):
-    """The scope's spheres against the wall at the beginning of a step; leading axes: worlds, points."""
-
-    points: Array
-    """(..., 3) of the scope's surface towards the wall, where contact acts [m]."""
-    arcs: Array
-    """(worlds, points + 1): arc length of each, and of the tip [m]."""
-    law: ImplicitContact
-    """What the wall does to the scope's surface there."""
-    wall_speed: Array
-    """(..., 3) of the wall itself [m/s]."""
-    grip: AttachmentPoints | None
-    """Where they hold on to a colon that moves."""

@@ -11,7 +11,7 @@ from haustra.envs.runs.insertions import InsertionBatch
 from haustra.envs.runs.measure.containment import stack_widths
 from haustra.envs.runs.tally import Insertions
 from haustra.envs.sim.device_arrays import on_device
-from haustra.envs.sim.device_backends import device_backend
+from haustra.envs.sim.warp_setup import use_warp
 from haustra.envs.study.questions import Backend, Runner
 from haustra.envs.study.scope_batch import World, options_of, prepare, runner
 from haustra.envs.study.scope_colons import StudyColons
@@ -41,7 +41,10 @@ def _answer(colons: StudyColons, worlds: Sequence[World], seconds: float) -> Ins
     count = 1 << (len(worlds) - 1).bit_length()
     filled = [*worlds, *[worlds[-1]] * (count - len(worlds))]
     tables, own, which = colons.stacked([(one.colon, one.scene.cable.radius) for one in filled])
-    dynamics = device_backend("warp").of(first.scene)
+    use_warp()
+    from haustra.envs.sim.warp_scopes import WarpScopes
+
+    dynamics = WarpScopes.of(first.scene)
     parameters = dynamics.parameters(first.scene, count, colon=which, **options_of(filled))
     follower = WorldsFollower(first.driver, first.scene.cable.tip_links)
     return InsertionBatch(dynamics, follower, on_device(tables), stack_widths(own)).run(parameters, seconds=seconds)

@@ -17,7 +17,7 @@ DepthCameras: TypeAlias = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarr
 def depth_cameras(
     backend: AbstractBackend, bank: ColonSet, sight: Sight, eyes: Eyes, *, field_of_view_deg: float, size: int
 ) -> DepthCameras:
-    """MuJoCo Warp traces rays to the lumen's triangles; other backends follow them in its table.
+    """MuJoCo Warp traces rays to the lumen's triangles where it stands still; else they are followed in its table.
 
     Args:
         backend: of the physics.
@@ -28,7 +28,7 @@ def depth_cameras(
         size: rows and columns of a picture.
     """
     lens = {"field_of_view_deg": field_of_view_deg, "size": size}
-    if not backend.traces_pictures:
+    if not backend.traces_pictures or bank.options.mesentery:
         return partial(eyes.depth, **lens)
     from haustra.envs.view.picture.warp_cameras import WarpCameras
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -10,6 +11,7 @@ from haustra.envs.runs.measure.load import largest_load
 from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.capabilities import require_task_supported
 from haustra.envs.sim.conditions import Conditions, Snapshot
+from haustra.envs.sim.jax_setup import share_memory
 from haustra.envs.sim.load import backend_of, load_backend
 from haustra.envs.sim.state import Controls, Readings
 from haustra.envs.tasks import observation as seen_by
@@ -73,7 +75,7 @@ class ScopeTask:
             config: the rules.
             worlds: how many.
             threads: for physics on the CPU.
-            backend: 'native', MuJoCo on threads; 'linear', linear time on them; 'jax' or 'warp', on JAX's device.
+            backend: 'native', MuJoCo on threads; 'linear', linear time on them, or 'linear-gpu'; 'warp', MuJoCo Warp.
             bank: colons; those of the configuration's seeds when None.
             progress: told how many colons are there.
 
@@ -406,9 +408,10 @@ def require_task(config: TaskConfig, backend: str, *, design: ScopeDesign | None
 
 
 def _eyes(backend: AbstractBackend, sight: Sight) -> Eyes:
-    """Rays are followed where the physics is."""
-    if not backend.on_device:
+    """Rays are followed on a GPU where the physics is there and JAX is installed; else by numpy."""
+    if not backend.on_device or find_spec("jax") is None:
         return HostEyes(sight, backend)
+    share_memory()
     from haustra.envs.tasks.device_sight import DeviceEyes
 
     return DeviceEyes(sight, backend)

@@ -37,7 +37,7 @@ class NavigationVectorEnv(VectorEnv):
         render_mode: str | None = None,
         **options: Any,
     ) -> None:
-        """Build the bank, or take one; `backend` is 'native' or 'linear' (on threads), 'jax' or 'warp' (on a GPU).
+        """Build the bank, or take one; `backend` is 'native' or 'linear' (on threads), 'linear-gpu' or 'warp'.
 
         Raises:
             InvalidOptionError: when an option is not known or out of its range.

@@ -59,6 +59,7 @@ def write_run(
     )
     scores = score(scene, run, provenance, wall=wall.method if wall else None, error=error)
     arrays = {**asdict(run.trajectory), "shape": run.shape, "tip_frame": run.tip_frame}
+    arrays |= {f"gas_{name}": values for name, values in (run.gas._asdict() if run.gas else {}).items()}
     with replaced_together(folder) as place:
         scores["trajectory"] = write_trajectory(place, arrays)
         scene.save(place / "scene.xml")

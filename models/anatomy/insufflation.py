@@ -24,9 +24,10 @@ from haustra.models.anatomy.passage import narrow_places, passage_of
 from haustra.models.anatomy.properties import Clearance, surface_samples
 from haustra.models.anatomy.rays import LumenRays, lumen_table
 from haustra.models.anatomy.repair import genus, is_watertight
+from haustra.models.gas.law import MMHG
 from haustra.models.gas.numbers import diameter_share, full_diameters, gas_numbers
 
-PRESSURE_UNITS = {"mmHg": 133.322, "kPa": 1e3, "Pa": 1.0}
+PRESSURE_UNITS = {"mmHg": MMHG, "kPa": 1e3, "Pa": 1.0}
 """Pascals in one unit."""
 LENGTH_UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 """Metres in one unit."""
@@ -75,6 +76,18 @@ def opening_from(text: str) -> Opening:
         f"'{text}' is no opening: give a diameter up to {WIDEST * 1e3:.0f} mm ('14mm') or a pressure up to "
         f"{highest / 1e3:.0f} kPa, which hurts ('20mmHg', '2.7kPa')."
     )
+
+
+def pressure_from(text: str) -> float:
+    """Read '20mmHg' or '2.7kPa' as a pressure [Pa].
+
+    Raises:
+        InvalidOptionError: when it is none.
+    """
+    pressure = opening_from(text).pressure
+    if pressure is None:
+        raise InvalidOptionError(f"'{text}' is no pressure: give '20mmHg' or '2.7kPa'.")
+    return pressure
 
 
 def insufflated(colon: Colon, opening: Opening) -> Colon:

@@ -22,10 +22,10 @@ MOST_TAKEN = 0.5
 """Largest share of a compartment's gas that one way out may take in a step: what is left keeps its sign."""
 SOFTEST = 1e-13
 """Least compliance of a compartment [m^3/Pa]: a closed one has none."""
-LEAST_VOLUME = 1e-8
-"""Of a segment [m^3]."""
+LEAST_VOLUME = 1e-5
+"""Of a segment that a colon lacks [m^3]: 10 mL, which gas passes through as fast as scopes let it in."""
 NEWTON_STEPS = 6
-"""From the last pressure, or from below; the pressure is exact to 1e-9 then."""
+"""From below; below 60 mmHg the pressure is exact to 1e-7 then."""
 RAMP = 0.5
 """A segment's passage opens fully between the closed share and half as much again [1]."""
 
@@ -58,15 +58,16 @@ class GasState(NamedTuple):
     """Into the blood."""
 
 
-def typical_colon(volumes: Float[np.ndarray, "*worlds segments"]) -> GasColon:
+def typical_colon(volumes: Float[np.ndarray, "*worlds segments"], *, pressure: float | None = None) -> GasColon:
     """A typical person's colon, with reflux.
 
     Args:
-        volumes: of the segments at the set point of CT colonography [m^3].
+        volumes: of the segments at that pressure [m^3].
+        pressure: of gas [Pa]; the set point of CT colonography when None.
     """
     known = gas_numbers()
     half = np.array([known[f"half_pressure.{name}"] for name in SEGMENTS])
-    full = open_share(np, known["full_pressure"], half=half, exponent=known["exponent"])
+    full = open_share(np, pressure or known["full_pressure"], half=half, exponent=known["exponent"])
     return GasColon(volumes / full, half + 0 * volumes, 0 * volumes, np.ones(volumes.shape[:-1]))
 
 
@@ -174,12 +175,13 @@ def pressures_of(xp: Any, colon: GasColon, held: Float[Any, "... compartments"])
     known = gas_numbers()
     half, exponent, standard = colon.half, known["exponent"], known["atmosphere"]
     wanted = xp.maximum(held[..., :-1], 1e-300) / colon.most
-    own = pressure_of(xp, wanted / (1 + 2 * known["pain_pressure"] / standard), half=half, exponent=exponent)
+    highest = 2 * known["pain_pressure"]
+    own = xp.minimum(pressure_of(xp, wanted / (1 + highest / standard), half=half, exponent=exponent), highest)
     for _ in range(NEWTON_STEPS):
         over = own + colon.tone
         resist = np.log(2) * xp.exp(exponent * xp.log(half / own))
         short = xp.log(wanted) + resist - xp.log(1 + over / standard)
-        own = own + short / (exponent * resist / own + 1 / (standard + over))
+        own = xp.maximum(own + short / (exponent * resist / own + 1 / (standard + over)), own / 2)
     ileum = held[..., -1:] / known["reflux.capacity"]
     return xp.concatenate([own + colon.tone, ileum], -1)
 

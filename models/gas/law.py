@@ -6,11 +6,13 @@ Almost nothing opens at low pressure, most of it about p50, and little more beyo
 law of volumes is one of cross-sections too, and diameters go with the root.
 """
 
-from math import log
+from math import e, log, pi
 from typing import Any
 
 from haustra.models.wall.vectors import where
 
+MMHG = 133.322
+"""Pascals in a millimetre of mercury."""
 LEAST_PRESSURE = 1.0
 """Below this [Pa] the law is not asked: it is level there, at 1e-100 of Vmax and less."""
 MOST_SHARE = 1 - 1e-9
@@ -48,6 +50,15 @@ def width_share(xp: Any, pressure: Any, *, full: Any, half: Any, exponent: Any) 
     return xp.sqrt(
         open_share(xp, pressure, half=half, exponent=exponent) / open_share(xp, full, half=half, exponent=exponent)
     )
+
+
+def tension_stiffness(xp: Any, tension: Any, radius: Any, contact: Any) -> Any:
+    """Force per depth with which a taut wall resists a device that presses on it [N/m].
+
+    A membrane of that tension held at distance R, pushed by a disc of radius a: k = 2 pi T / ln(R / a), here with R the
+    lumen's radius, and ln(R / a) no less than one, where the device fills the lumen.
+    """
+    return 2 * pi * tension / xp.log(xp.maximum(radius / contact, e))
 
 
 def wall_tension(pressure: Any, radius: Any) -> Any:

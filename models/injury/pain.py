@@ -5,7 +5,8 @@ All tensions are forces per length of a sheet [N/m]:
 - wall under a link, F / (pi d + 2 L): a force on the rim of the patch it lies on (`haustra.models.injury.patch`);
 - wall along the colon, its axis' tension over the lumen's circumference, where it is stretched;
 - wall under gas, p r (Laplace);
-- mesentery, the force with which it holds a node of the axis, over the length of colon that the node stands for.
+- mesentery, the force with which it holds a node of the axis, over the length of colon that the node stands for; what
+  fixed segments have grown to is no sheet, and does not count.
 
 Pain is the largest of them over its threshold [1]: 1 is where a colon is taken to hurt. A colon that is fixed in space
 has the first and third only. Where it is painful to be stretched follows from balloons in the sigmoid; for the
@@ -31,8 +32,11 @@ def pressed_tension(force: Any, diameter: Any, length: Any) -> Any:
 
 
 def mesentery_tension(xp: Any, place: vectors.Vector, slack: Any, hold: Any, support: Any, spacing: Any) -> Any:
-    """Tension of the mesentery at a node of the axis [N/m], by `haustra.models.wall.moving_colon.hold_force`."""
-    return norm(xp, hold_force(xp, place, slack, hold, support)) / spacing
+    """Tension of the mesentery at a node of the axis [N/m], by `haustra.models.wall.moving_colon.hold_force`.
+
+    A node without slack has no mesentery: it is fixed to the back wall, or to the pelvic floor.
+    """
+    return xp.where(slack > 0, norm(xp, hold_force(xp, place, slack, hold, support)) / spacing, 0.0)
 
 
 def axial_tension(xp: Any, length: Any, rest: Any, tension: Any, pleating: Any, radius: Any) -> Any:
@@ -51,8 +55,6 @@ def axis_tensions(
 ) -> tuple[Float[Any, "*worlds nodes"], Float[Any, "*worlds nodes"]]:
     """Tensions of the wall along the colon behind each node of the axis, and of the mesentery at it [N/m].
 
-    The anus is held by the pelvic floor and not by a mesentery: its node has none.
-
     Args:
         xp: numpy or jax.numpy.
         own: the axis of one colon, or of one a world.
@@ -64,5 +66,4 @@ def axis_tensions(
     spacing, pleating = (xp.asarray(part)[..., None] for part in (own.spacing, own.pleating))
     along = axial_tension(xp, lengths, own.lengths, own.tension, pleating, radius[..., :-1])
     held = mesentery_tension(xp, vectors.of(displacement), own.slack, own.hold, own.support, spacing)
-    none = xp.zeros_like(held[..., :1])
-    return xp.concatenate([along, none], axis=-1), xp.concatenate([none, held[..., 1:]], axis=-1)
+    return xp.concatenate([along, xp.zeros_like(held[..., :1])], axis=-1), held

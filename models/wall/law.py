@@ -237,7 +237,7 @@ def contact_parameters(
     """
     if contact.friction_rise:
         raise UnsupportedSceneError(
-            "Friction that rises with speed is not had by MuJoCo's contacts: use backend 'jax'."
+            "Friction that rises with speed is not had by MuJoCo's contacts: leave friction_rise at 0."
         )
     damper = contact.damping + timestep * contact.stiffness
     soft = soft_contact(np, np.asarray(inverse_inertia), contact.stiffness, damper, timestep=timestep)

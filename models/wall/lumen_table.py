@@ -238,6 +238,29 @@ def _tables(points: np.ndarray, frames: np.ndarray, wall: np.ndarray, step: floa
     )
 
 
+def put_distended(
+    wall: Float[np.ndarray, "stations angles 4"],
+    rest: Float[np.ndarray, "stations angles 4"],
+    widths: Float[np.ndarray, " stations"],
+    *,
+    device_radius: float,
+) -> None:
+    """Write a wall that is wider or narrower than a tabulated one, as `Tables.wall`.
+
+    A lumen that is narrower than the device gives way to it: nothing but tissue holds it closed.
+
+    Args:
+        wall: to write to.
+        rest: the tabulated one.
+        widths: of the lumen at each station, over those of the tabulated one [1].
+        device_radius: that both are for [m].
+    """
+    share = widths[:, None]
+    wide = np.clip((rest[..., 0] + device_radius) * share - device_radius, LEAST_RADIUS, MOST_RADIUS)
+    wall[..., 0] = np.where(rest[..., 0] > LEAST_RADIUS, wide, rest[..., 0])
+    wall[..., 3] = rest[..., 3] * share
+
+
 def table_between(first: Tables, last: Tables, device_radius: float) -> Tables:
     """A colon's table for spheres of a radius between those of two tables [m], by what is in proportion between them.
 

@@ -5,13 +5,15 @@ does the contact, implicitly and with the exact stiffness of `haustra.models.wal
 way to what presses on it after the step (`haustra.models.wall.moving_colon`).
 """
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 from jaxtyping import Float, Int
 
 from haustra.models.wall import contact_solver
 from haustra.models.wall.compiled import loops
-from haustra.models.wall.law import SLIP_SPEED, WallContact
+from haustra.models.wall.law import SLIP_SPEED, WallContact, contact_parameters
 from haustra.models.wall.lumen_table import LumenTable, Tables, pick, stack
 from haustra.models.wall.mesentery import Mesentery
 from haustra.models.wall.moving_colon import AT_REST, POSE, AxisDisplacement, AxisShape
@@ -51,6 +53,11 @@ class TableWalls:
         none = np.zeros(0, int)  # what is compiled is compiled before the first step
         self.look(none, self.inwards)
         self.give_way(none, self.inwards, self.depth, 0.0)
+
+    @property
+    def table(self) -> Float[np.ndarray, "stations angles 4"]:
+        """The wall that all worlds look up, to be written to (`Tables.wall`)."""
+        return self._tables.wall
 
     def begin(
         self,
@@ -142,6 +149,21 @@ class TableWall:
     def displacement(self) -> Float[np.ndarray, "nodes 7"] | None:
         """Poses of the nodes of the colon's axis (`AxisDisplacement`); None where it is fixed in space."""
         return None if self._walls.displacement is None else self._walls.displacement.pose[0]
+
+    @property
+    def table(self) -> Float[np.ndarray, "stations angles 4"]:
+        """The wall that spheres are looked up in, to be written to (`Tables.wall`)."""
+        return self._walls.table
+
+    def set_stiffness(self, stiffness: float) -> None:
+        """Give the wall another normal stiffness [N/m]; its damping keeps its ratio to it."""
+        ratio = self._contact.damping / self._contact.stiffness
+        self._contact = replace(self._contact, stiffness=stiffness, damping=ratio * stiffness)
+        model, pairs = self._model, self._pairs
+        inertia = model.body_invweight0[model.geom_bodyid[self.spheres], 0]
+        law = contact_parameters(inertia, self._contact, timestep=model.opt.timestep, where="the wall under gas")
+        model.pair_solref[pairs], model.pair_solreffriction[pairs] = law.solref, law.sliding
+        model.pair_solimp[pairs, :2] = law.impedance[:, None]
 
     def begin(self, arcs: Float[np.ndarray, " spheres"]) -> None:
         """Look for every sphere anew, near these arc lengths along the colon [m], which is at rest."""

@@ -1,18 +1,23 @@
 """Gas in grown colons against what is published: volume, collapse, pressures of colonoscopy; and none is lost."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.control.follower import FollowerSettings
+from haustra.envs.runs.linear_insertion import run_linear_insertion
+from haustra.envs.runs.measure.scores import score
+from haustra.models.accuracy import NOT_MEASURED
 from haustra.models.anatomy.course import radius_along
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.landmarks import SEGMENTS
 from haustra.models.anatomy.person import COHORTS, draw_person
 from haustra.models.anatomy.properties import describe
 from haustra.models.anatomy.recipe import ColonRecipe, draw_recipe
+from haustra.models.devices.scope.library import named_design
 from haustra.models.gas.compartments import (
     GasColon,
     GasState,
@@ -22,13 +27,15 @@ from haustra.models.gas.compartments import (
     gas_volumes,
     step_gas,
 )
-from haustra.models.gas.law import open_share
+from haustra.models.gas.law import MMHG, open_share
 from haustra.models.gas.numbers import gas_numbers
+from haustra.models.presets import find_preset
+from haustra.models.scene import build_scene
+from haustra.provenance import Provenance
 
-MMHG = 133.322
-"""Pascals in a millimetre of mercury."""
 LITRE_A_MINUTE = 1e-3 / 60
 """Cubic metres a second."""
+_SCORES = ("tip_arc_max_m", "push_force_mean_N", "wall_force_sum_mean_N", "loop_excess_peak_m", "pain_peak")
 _STATIONS = 1e-3
 _TIMESTEP = 0.5
 _EMPTY = 5 * MMHG
@@ -46,13 +53,14 @@ class Row:
 
 
 def bench_gas(
-    *, people: int, grown: int, progress: Callable[[float, str], None] = lambda done, note: None
+    *, people: int, grown: int, seconds: float, progress: Callable[[float, str], None] = lambda done, note: None
 ) -> dict[str, Any]:
     """Measure all of it.
 
     Args:
         people: whose recipes and gas are drawn, from seed 0 on.
         grown: of them whose surface is grown and measured.
+        seconds: simulated time of each run of a scope [s].
         progress: told how many of four parts are done.
     """
     recipes = {cohort: [recipe_of(seed, cohort) for seed in range(people)] for cohort in COHORTS}
@@ -137,7 +145,26 @@ def bench_gas(
         "collapsed": by_segment,
         "held": both,
         "tip": tip[free],
+        "runs": runs_under_gas(seconds),
     }
+
+
+def runs_under_gas(seconds: float) -> list[dict[str, str]]:
+    """An adult scope in grown seed 0 on its mesentery, driven by the follower, without gas and at set points."""
+    colon, design = grow_colon(seed=0), named_design("adult")
+    found = []
+    for set_point in (None, 10, 15, 25):
+        pressure = None if set_point is None else set_point * MMHG
+        asked: dict[str, Any] = {"wall_law": "table", "mesentery": True, "gas": pressure}
+        options = replace(find_preset("balanced").apply(), gas_start=pressure or 10 * MMHG, **asked)
+        scene = build_scene(colon, None, design, options, show_lumen=False)
+        run = run_linear_insertion(scene, seconds=seconds, settings=FollowerSettings(straighten=True))
+        scores = score(scene, run, Provenance(inputs={}, configuration={}), error=NOT_MEASURED)
+        words = {name: f"{scores[name]:.3g}" for name in _SCORES}
+        volume = scores["gas_volume_mL"]
+        words["gas_volume_mL"] = "" if volume is None else f"{volume:.0f}"
+        found.append({"set point [mmHg]": "no gas" if set_point is None else str(set_point)} | words)
+    return found
 
 
 def recipe_of(seed: int, cohort: str) -> ColonRecipe:

@@ -9,11 +9,14 @@ import numpy as np
 
 from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.linear.backend import LinearBackend
+from haustra.envs.sim.native_batch import NativeBackend
 from haustra.envs.sim.scope_bank import BATCH_OPTIONS, ScopeBank, build_bank
 from haustra.envs.sim.state import Controls
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions, build_scene
+from haustra.models.wall.moving_colon import AxisDisplacement
+from haustra.scripts.bench.dense_step import DenseStep
 
 SIZES = {40: (0.11, 0.03, 0.015), 80: (0.047, 0.0165, 0.015), 160: (0.0225, 0.009, 0.015), 400: (0.0086, 0.004, 0.015)}
 """Joints, about, and the cells of shaft and bending section and the spheres' spacing that give them [m]."""
@@ -22,7 +25,9 @@ _PUSH, _PULL, _WAY = 0.05, 20.0, 8.0
 """Speed of the hand [m/s], largest pull [N], and seconds that a scope is driven in before it is timed."""
 _STILL = 1e-3
 """Where nothing is faster than this [m/s, rad/s], differences are relative to it: rounding of what hardly moves."""
-_INTERVAL = 0.125
+_DENSE_STEPS = 40
+"""Time steps in which the dense engine is timed."""
+INTERVAL = 0.125
 """The hand changes its mind so often [s]."""
 
 
@@ -37,7 +42,7 @@ class Cost:
     us_per_step: float
     """Wall-clock time of a step over the worlds that share it [us]."""
     us_per_step_dense: float | None = None
-    """What the backend 'jax' takes on the same processor, in the same run [us]."""
+    """What MuJoCo's native batch, whose matrices are dense, takes on as many threads, in the same run [us]."""
     touching: float = 0.0
     """Share of the spheres that press."""
 
@@ -51,7 +56,7 @@ class Hands:
         self._pulls = np.zeros((worlds, 4))
 
     def next(self) -> Controls:
-        """What it does in the next `_INTERVAL`."""
+        """What it does in the next `INTERVAL`."""
         self._pulls = np.clip(self._pulls + 2 * self._random.normal(size=self._pulls.shape), 0, _PULL)
         return Controls(np.full(self._worlds, _PUSH), self._random.uniform(-0.5, 0.5, self._worlds), self._pulls)
 
@@ -88,8 +93,8 @@ def driven(
     all_worlds = np.arange(worlds)
     backend.reset(all_worlds, all_worlds % len(bank.colons), conditions(bank, worlds))
     hands = Hands(worlds)
-    for _ in range(round(seconds / _INTERVAL)):
-        backend.step(hands.next(), round(_INTERVAL / bank.scene.options.timestep))
+    for _ in range(round(seconds / INTERVAL)):
+        backend.step(hands.next(), round(INTERVAL / bank.scene.options.timestep))
     return backend, hands
 
 
@@ -131,53 +136,40 @@ def exponent(costs: Sequence[Cost]) -> float:
     return float(np.polyfit(np.log([row.dofs for row in costs]), np.log([row.us_per_step for row in costs]), 1)[0])
 
 
-def dense_cost(bank: ScopeBank, worlds: int) -> float:
-    """Time of a step of the backend 'jax' from where the same hands bring it, on JAX's device, single precision [s]."""
-    from haustra.envs.sim.jax_backends import JaxBackend
-
-    backend = JaxBackend(bank.scene, bank.tables, worlds=worlds)
+def dense_cost(bank: ScopeBank, worlds: int, *, threads: int = 1) -> float:
+    """Time of a step of MuJoCo's own dense engine, the native batch, from where the same hands bring it [s]."""
+    backend = NativeBackend(bank.scene, bank.tables, worlds=worlds, threads=threads)
     all_worlds = np.arange(worlds)
     backend.reset(all_worlds, all_worlds % len(bank.colons), conditions(bank, worlds))
     hands, best = Hands(worlds), np.inf
     for _ in range(4):
         began = time.perf_counter()
-        backend.step(hands.next(), 40)
-        backend.read()
+        backend.step(hands.next(), _DENSE_STEPS)
         best = min(best, time.perf_counter() - began)
-    return best / 40 / worlds
+    backend.close()
+    return best / _DENSE_STEPS / worlds
 
 
 def largest_difference(bank: ScopeBank, *, worlds: int = 20, instants: int = 10) -> float:
     """How far speeds lie from the dense step after one step, relative to each world's fastest, in double precision.
 
-    States are those of scopes pushed in by random hands, from straight to deep inside; JAX must have double precision.
+    States are those of scopes pushed in by random hands, from straight to deep inside.
     """
-    import jax
-    import jax.numpy as jnp
-
-    from haustra.envs.sim.device_arrays import on_device
-    from haustra.envs.sim.scope_worlds import JaxScopes
-
-    dense, tables = JaxScopes.of(bank.scene), on_device(bank.tables, jnp.float64)
-    own = conditions(bank, worlds)
-    colon = np.arange(worlds) % len(bank.colons)
-    parameters = dense.parameters(bank.scene, worlds, colon=colon, friction=own.friction, kind=jnp.float64)
-    step = jax.jit(lambda state, hands: dense.steps(tables, parameters, state, hands, 1))
-    backend, hands = driven(bank, worlds, seconds=_INTERVAL, real=np.float64)
+    dense = DenseStep(bank, np.arange(worlds) % len(bank.colons), conditions(bank, worlds))
+    backend, hands = driven(bank, worlds, seconds=INTERVAL, real=np.float64)
     worst = 0.0
     for _ in range(instants):
         for _ in range(6):
-            backend.step(hands.next(), round(_INTERVAL / bank.scene.options.timestep))
+            backend.step(hands.next(), round(INTERVAL / bank.scene.options.timestep))
         before, inputs = backend.state(), hands.next()
         backend.step(inputs, 1)
-        want = step(jax.tree.map(jnp.asarray, before), Controls(*map(jnp.asarray, inputs[:3])))
-        for found, known in zip(_speeds(backend.state()), _speeds(want), strict=True):
+        want, after = dense.step(before, inputs), backend.state()
+        for found, known in zip(_speeds(after.qvel, after.displacement), _speeds(*want), strict=True):
             apart = np.abs(found - known).max(axis=1) / np.maximum(np.abs(known).max(axis=1), _STILL)
             worst = max(worst, float(apart.max()))
     return worst
 
 
-def _speeds(state: Any) -> list[np.ndarray]:
+def _speeds(joints: np.ndarray, axis: AxisDisplacement | None) -> list[np.ndarray]:
     """Speeds of joints, and of the colon's axis where it moves: (worlds, numbers) each."""
-    moved = [] if state.displacement is None else [np.asarray(state.displacement.speed)]
-    return [each.reshape(len(each), -1) for each in (np.asarray(state.qvel), *moved)]
+    return [joints] if axis is None else [joints, axis.speed.reshape(len(joints), -1)]

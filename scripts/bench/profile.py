@@ -1,4 +1,4 @@
-"""Where the time of a step goes: MuJoCo's own timers, the work around it, and what XLA says of the JAX backend."""
+"""Where the time of a step goes: MuJoCo's own timers, and the work around it."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -6,7 +6,6 @@ from contextlib import contextmanager
 from typing import Any
 
 import mujoco
-import numpy as np
 
 from haustra.envs.control.follower import FollowerSettings, LumenFollower
 from haustra.envs.runs.insertion import CONTROL_INTERVAL, run_insertion
@@ -84,24 +83,19 @@ def bench_profile(
         rows.append({"scene": name} | _timed(model, data, lambda m=model, d=data: mujoco.mj_step(m, d, 2000)))
     progress("defaults")
     whole = _at_the_defaults(colon, design, before + seconds)
-    progress("JAX")
     return Bench(
         name="profile",
         title="Where the time goes",
         summary=(
             f"MuJoCo's own timers, over {seconds:g} s of an insertion into '{colon.name}' by the lumen follower after "
             f"{before:g} s, and over 2,000 steps of the tracked robot. Times are wall clock on one core, in "
-            "microseconds a step; 'timers' is what reading the clock costs, left in. The JAX backend is one program "
-            "for XLA, whose own count of operations and of memory traffic stands in place of stages.",
+            "microseconds a step; 'timers' is what reading the clock costs, left in.",
         ),
         tables=(
             Table("A step, by stage", tuple(rows)),
             Table("A control interval of a run, 20 ms", tuple(around), "What goes on around the steps, by part."),
             Table(
                 "A run at the defaults", (whole,), "On its mesentery, by the table, from the first step to the last."
-            ),
-            Table(
-                "The JAX backend by XLA's count", (_by_xla(colon, design),), "One step, one world, single precision."
             ),
         ),
         machine=machine(),
@@ -178,26 +172,3 @@ def _timed(model: mujoco.MjModel, data: mujoco.MjData, work: Callable[[], Any]) 
     row: dict[str, Value] = {"dofs": model.nv, "contacts": int(data.ncon), "step_us": of("STEP")}
     row |= {f"{stage.replace(', ', '_').replace(' ', '_')}_us": of(timer) for stage, timer in STAGES.items()}
     return row
-
-
-def _by_xla(colon: Colon, design: ScopeDesign) -> dict[str, Value]:
-    """Operations and bytes of one step, counted by XLA's compiler."""
-    import jax
-
-    from haustra.envs.sim.scope_bank import build_bank
-    from haustra.envs.sim.scope_worlds import JaxScopes
-    from haustra.envs.sim.state import Controls
-
-    bank = build_bank([colon], design)
-    engine = JaxScopes.of(bank.scene)
-    parameters, tables = engine.parameters(bank.scene, 1), bank.tables_on_device()
-    hands = Controls(*(jax.numpy.zeros(shape, np.float32) for shape in ((1,), (1,), (1, 4))))
-    step = jax.jit(lambda worlds, hands: engine.steps(tables, parameters, worlds, hands, 1))
-    counted = step.lower(engine.begin(parameters, tables), hands).compile().cost_analysis()
-    found: Any = counted[0] if isinstance(counted, list) else counted
-    return {
-        "dofs": int(bank.scene.compile().nv),
-        "device": jax.devices()[0].device_kind,
-        "operations": float(found.get("flops", np.nan)),
-        "bytes_accessed": float(found.get("bytes accessed", np.nan)),
-    }

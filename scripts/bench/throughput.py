@@ -1,51 +1,39 @@
-"""How fast many scopes step at once: worlds against rate, compile time, memory and devices."""
+"""How fast many scopes step at once on a backend: worlds against rate."""
 
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, TypeAlias
+from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from haustra.envs.control.follower import FollowerSettings
-from haustra.envs.control.follower_worlds import WorldsFollower
-from haustra.envs.runs.insertions import InsertionBatch, run_insertions
-from haustra.envs.runs.measure.containment import stack_widths
-from haustra.envs.sim.device_backends import device_backend
+from haustra.envs.runs.linear_insertions import LinearInsertions
+from haustra.envs.runs.tally import Insertions
+from haustra.envs.sim.conditions import Conditions
+from haustra.envs.sim.load import load_backend
 from haustra.envs.sim.scope_bank import ScopeBank
-from haustra.envs.sim.scope_values import Parameters
-from haustra.envs.sim.scope_worlds import JaxScopes
-from haustra.envs.sim.state import Controls
+from haustra.scripts.bench.linear import INTERVAL, Hands, conditions
 
-Array: TypeAlias = Any
 _REPEATS = 3
 _STEPS = 200
 """Time steps of one timed call."""
-_WARM_UP = 250
-"""Control intervals of driving before anything is timed: five seconds, after which scopes lie against the wall."""
+_WARM_UP = 5.0
+"""Time that scopes are driven in before anything is timed [s], after which they lie against the wall."""
 
 
 @dataclass(frozen=True)
 class Rate:
-    """One row: that many worlds on that many devices."""
+    """One row: that many worlds."""
 
     worlds: int
-    devices: int
     steps_per_s: float
     """Physics steps of all worlds in a second; median of three calls."""
     simulated_per_s: float
     """Simulated seconds of all worlds in a second of wall clock."""
-    driven_per_s: float
-    """The same with the follower's decisions, observations and scores at 50 Hz."""
-    compile_s: float
-    """Tracing and compiling the physics."""
-    first_call_s: float
-    """First call after compilation."""
-    memory_MB: float
-    """Peak of one device since the start; 0 where the device does not say."""
+    first_step_s: float
+    """Making the batch and its first step, what is compiled included."""
     healthy: float
     """Share of worlds that did not diverge."""
     in_contact: float
@@ -56,86 +44,59 @@ def measure_rates(
     bank: ScopeBank,
     worlds: Sequence[int],
     *,
-    backend: str = "jax",
-    devices: int = 1,
+    backend: str = "linear",
+    threads: int = 1,
     progress: Callable[[Rate], None] = lambda rate: None,
 ) -> list[Rate]:
-    """Time the scopes of a bank in its colons, in single precision.
+    """Time the scopes of a bank in its colons, in single precision, under hands that push, roll and pull at random.
 
     Args:
         bank: a scope and colons.
         worlds: numbers of worlds to try.
-        backend: of `DEVICE_BACKENDS`.
-        devices: number of devices that share them.
+        backend: as for `haustra.envs.sim.load.load_backend`.
+        threads: of the CPU.
         progress: called with each row.
     """
-    dynamics = device_backend(backend).of(bank.scene)
-    tables = bank.tables_on_device()
-    mesh = jax.sharding.Mesh(np.array(jax.devices()[:devices]), ("worlds",))
-    sharding = jax.sharding.NamedSharding(mesh, jax.sharding.PartitionSpec("worlds"))
     rates = []
     for count in worlds:
-        rates.append(_measure(bank, dynamics, tables, count, devices, sharding))
+        rates.append(_measure(bank, count, backend=backend, threads=threads))
         progress(rates[-1])
     return rates
 
 
-def _measure(bank: ScopeBank, backend: JaxScopes, tables: Any, count: int, devices: int, sharding: Any) -> Rate:
-    colons = np.arange(count) % len(bank.names)
-    parameters = _share(backend.parameters(bank.scene, count, colon=colons), count, sharding)
-    follower = WorldsFollower(FollowerSettings(), bank.tip_links)
-    batch = InsertionBatch(backend, follower, tables, stack_widths(bank.colons))
-    state = jax.device_put(batch.begin(parameters), sharding)
-    state = batch.advance(parameters, *state, count=_WARM_UP)
-    worlds = jax.block_until_ready(state)[0]
-    began = time.perf_counter()
-    jax.block_until_ready(batch.advance(parameters, *state, count=_WARM_UP))
-    driven = time.perf_counter() - began
-    steady = jnp.full(count, 0.01, worlds.qpos.dtype)
-    hands = jax.device_put(Controls(steady, 0 * steady, jnp.zeros((count, 4), worlds.qpos.dtype)), sharding)
-
-    def run(parameters: Parameters, worlds: Any, hands: Controls) -> Any:
-        return backend.steps(tables, parameters, worlds, hands, _STEPS)
-
-    began = time.perf_counter()
-    compiled = jax.jit(run).lower(parameters, worlds, hands).compile()
-    compiling = time.perf_counter() - began
-    seconds, after = [], worlds
-    for _ in range(_REPEATS + 1):
-        began = time.perf_counter()
-        after = jax.block_until_ready(compiled(parameters, worlds, hands))
+def _measure(bank: ScopeBank, count: int, *, backend: str, threads: int) -> Rate:
+    began, every, timestep = time.perf_counter(), np.arange(count), bank.scene.options.timestep
+    batch = load_backend(backend, bank.scene, bank.tables, worlds=count, threads=threads)
+    batch.reset(every, every % len(bank.colons), conditions(bank, count))
+    hands, seconds = Hands(count), []
+    healthy = batch.step(hands.next(), 1)
+    first = time.perf_counter() - began
+    for _ in range(round(_WARM_UP / INTERVAL)):
+        batch.step(hands.next(), round(INTERVAL / timestep))
+    for _ in range(_REPEATS):
+        inputs, began = hands.next(), time.perf_counter()
+        healthy = batch.step(inputs, _STEPS)
         seconds.append(time.perf_counter() - began)
-    taken = float(np.median(seconds[1:]))
-    memory = (jax.devices()[0].memory_stats() or {}).get("peak_bytes_in_use", 0)
-    simulated = backend.timestep * _STEPS * count
-    control = round(0.02 / backend.timestep) * backend.timestep
-    return Rate(
-        worlds=count,
-        devices=devices,
-        steps_per_s=_STEPS * count / taken,
-        simulated_per_s=simulated / taken,
-        driven_per_s=control * _WARM_UP * count / driven,
-        compile_s=compiling,
-        first_call_s=seconds[0],
-        memory_MB=memory / 1e6,
-        healthy=float(np.asarray(after.healthy).mean()),
-        in_contact=float((np.asarray(after.normal).max(axis=1) > 0).mean()),
-    )
+    touching = (batch.read().link_forces > 0).any(axis=1)
+    batch.close()
+    rate = _STEPS * count / float(np.median(seconds))
+    return Rate(count, rate, rate * timestep, first, float(np.mean(healthy)), float(touching.mean()))
 
 
-def measure_insertions(bank: ScopeBank, count: int, *, seconds: float, backend: str = "jax") -> dict[str, Any]:
+def measure_insertions(
+    bank: ScopeBank, count: int, *, seconds: float, backend: str = "linear", threads: int = 1
+) -> dict[str, Any]:
     """Time that many insertions from the first call to the last score, with friction from 0.03 to 0.1.
 
     Args:
         bank: a scope and colons, which the insertions share.
         count: how many.
         seconds: simulated time of each [s].
-        backend: of `DEVICE_BACKENDS`.
+        backend: 'linear', 'linear-gpu' or 'warp'.
+        threads: of the CPU.
     """
-    colons = np.arange(count) % len(bank.names)
-    began = time.perf_counter()
-    friction = np.linspace(0.03, 0.1, count)
-    runs = run_insertions(bank, worlds=count, seconds=seconds, backend=backend, colon=colons, friction=friction)
+    colons, began = np.arange(count) % len(bank.names), time.perf_counter()
+    runs = _inserted(bank, colons, np.linspace(0.03, 0.1, count), seconds=seconds, backend=backend, threads=threads)
     taken = time.perf_counter() - began
     reach = runs.tip_arc_max / np.array(bank.lengths)[colons]
     return {
@@ -150,25 +111,23 @@ def measure_insertions(bank: ScopeBank, count: int, *, seconds: float, backend: 
     }
 
 
-def _share(parameters: Parameters, count: int, sharding: Any) -> Parameters:
-    """Arrays of one entry a world go to the world's device, the one design of all worlds to every device."""
-    everywhere = jax.sharding.NamedSharding(sharding.mesh, jax.sharding.PartitionSpec())
-    return jax.tree.map(
-        lambda part: jax.device_put(part, sharding if part.ndim == 1 and len(part) == count > 1 else everywhere),
-        parameters,
+def _inserted(
+    bank: ScopeBank, colons: np.ndarray, friction: np.ndarray, *, seconds: float, backend: str, threads: int
+) -> Insertions:
+    count = len(colons)
+    if backend == "warp":
+        from haustra.envs.runs.insertions import run_insertions
+
+        return run_insertions(bank, worlds=count, seconds=seconds, colon=colons, friction=friction)
+    settings, device = FollowerSettings(straighten=bank.scene.options.mesentery), "cpu"
+    if backend == "linear-gpu":
+        device = "cuda"
+    batch = LinearInsertions(
+        bank.scene, bank.tables, bank.colons, worlds=count, settings=settings, threads=threads, device=device
     )
-
-
-def memory_per_world(rates: Sequence[Rate]) -> float | None:
-    """Device memory that a further world takes [MB]: the slope of peaks over worlds on one device.
-
-    None where the device does not say, or fewer than two numbers of worlds were tried.
-    """
-    known = [(rate.worlds, rate.memory_MB) for rate in rates if rate.devices == 1 and rate.memory_MB > 0]
-    worlds, memory = np.array(known, float).reshape(-1, 2).T
-    if len(set(worlds)) < 2:
-        return None
-    return float(np.polyfit(worlds, memory, 1)[0])
+    one = np.ones(count)
+    batch.begin(colons, Conditions(friction, bank.scene.options.wall_stiffness * one, one))
+    return batch.run(seconds=seconds)
 
 
 def rate_rows(rates: Sequence[Rate]) -> list[dict[str, float]]:

@@ -2,15 +2,13 @@
 
 from dataclasses import dataclass, replace
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.control.follower import LumenFollower
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.measure.progress import ArcTracker
-from haustra.envs.sim.device_backends import device_backend
+from haustra.envs.sim.load import load_backend
 from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.scope_bank import build_bank
 from haustra.envs.sim.state import Controls
@@ -49,7 +47,7 @@ class Apart:
 
 
 def compare_with_native(
-    colon: Colon, design: ScopeDesign, coarse: SceneOptions, *, cell: float, seconds: float, backend: str = "jax"
+    colon: Colon, design: ScopeDesign, coarse: SceneOptions, *, cell: float, seconds: float, backend: str = "linear"
 ) -> Apart:
     """Drive a fine scope in tangent planes by the lumen follower, and the coarse one by the same hand and pulls.
 
@@ -59,7 +57,7 @@ def compare_with_native(
         coarse: options of the backend of many worlds.
         cell: distance between the fine scope's joints [m]; 0.011 makes 140 of an adult scope.
         seconds: simulated time [s].
-        backend: of `DEVICE_BACKENDS`.
+        backend: as for `haustra.envs.sim.load.load_backend`.
     """
     bank = build_bank([colon], design, coarse)
     fine = replace(coarse, wall_law="planes", shaft_cell=cell, bending_cell=cell, sample_spacing=None)
@@ -67,12 +65,8 @@ def compare_with_native(
     links = native.scene.cable.tip_links
     follower = LumenFollower(colon.centreline, design, tip_links=links)
     tracker = ArcTracker(colon.centreline, start=fine.start_depth)
-    dynamics = device_backend(backend).of(bank.scene)
-    tables, parameters = bank.tables_on_device(), dynamics.parameters(bank.scene, 1)
+    batch = load_backend(backend, bank.scene, bank.tables, worlds=1)
     steps = round(CONTROL_INTERVAL / coarse.timestep)
-    go = jax.jit(lambda now, hands: dynamics.steps(tables, parameters, now, hands, steps))
-    look = jax.jit(lambda now: dynamics.read(parameters, tables, now))
-    worlds = dynamics.begin(parameters, tables)
     entry, axes = entry_of(colon)
     rows = []
     for _ in range(round(seconds / CONTROL_INTERVAL)):
@@ -80,10 +74,11 @@ def compare_with_native(
         inputs = follower.act(known, tracker.update(known.tip), CONTROL_INTERVAL)
         if not native.step(inputs, steps):
             break
-        hands = Controls(jnp.array([inputs.push_rate]), jnp.array([inputs.roll_rate]), jnp.asarray(inputs.pulls)[None])
-        worlds = go(worlds, jax.tree.map(lambda part: part.astype(jnp.float32), hands))
-        seen, known = look(worlds), native.read()
-        place = entry + axes @ np.asarray(seen.tip[0])
+        one = np.ones(1)
+        batch.step(Controls(inputs.push_rate * one, inputs.roll_rate * one, np.asarray(inputs.pulls)[None]), steps)
+        seen, known = batch.read(), native.read()
+        place = entry + axes @ seen.tip[0]
         rows.append((known.insertion, np.linalg.norm(place - known.tip), float(seen.push_force[0]), known.push_force))
+    batch.close()
     found = np.array(rows)
     return Apart(found[:, 0], found[:, 1], found[:, 2:], (len(bank.scene.cable.cells), len(native.scene.cable.cells)))

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from haustra.envs.runs.measure.containment import lumen_widths
 from haustra.envs.runs.measure.load import largest_load
@@ -24,6 +24,12 @@ from haustra.models.wall.lumen_table import axis_tables
 
 STATION_STEP = PATCH
 """Distance between the places along the colon at which it is recorded what it bears [m]."""
+
+
+_FLEXURES = {"transverse": "splenic_flexure", "ascending": "hepatic_flexure"}
+"""Where segments begin."""
+_FLEXURE = 0.05
+"""How far a flexure reaches to either side [m]; engineering choice."""
 
 
 class Burden(NamedTuple):
@@ -120,7 +126,7 @@ def injury_scores(burden: Burden, outcome: Outcome, colon: Colon, *, interval: f
     ended as escaped has torn everybody's. `bleeding_places` counts places of two centimetres whose mucosa was sheared
     by more than the assumed threshold, `bleeding_by_site` by segment. `pain_peak` is the largest tension of wall or
     mesentery over that which is assumed to hurt, `pain_s` how long any place was above it, `pain_by_site` the peak by
-    segment.
+    segment, and within five centimetres of the flexures.
 
     Args:
         burden: what was recorded.
@@ -139,8 +145,17 @@ def injury_scores(burden: Burden, outcome: Outcome, colon: Colon, *, interval: f
         "mucosal_shear_peak_kPa": float(shear.max()) / 1e3,
         "pain_peak": float(peak.max()),
         "pain_s": float((burden.pain.max(axis=1, initial=0.0) > 1).sum() * interval),
-        "pain_by_site": {name: float(peak[of == name].max(initial=0.0)) for name in names},
+        "pain_by_site": {name: float(peak[there].max(initial=0.0)) for name, there in _sites(colon).items()},
     }
+
+
+def _sites(colon: Colon) -> dict[str, Bool[np.ndarray, " stations"]]:
+    """Which stations belong to each segment, and to each flexure."""
+    arcs = stations_of(colon)
+    of = np.array([segment_at(colon, arc) for arc in arcs])
+    borders = {flexure: segment.start for segment in colon.segments if (flexure := _FLEXURES.get(segment.name))}
+    segments = {segment.name: of == segment.name for segment in colon.segments}
+    return segments | {name: np.abs(arcs - border) <= _FLEXURE for name, border in borders.items()}
 
 
 def _worst(burden: Burden, outcome: Outcome) -> tuple[float, float]:

@@ -11,6 +11,7 @@ from haustra.envs.runs.measure.looping import looping
 from haustra.envs.runs.measure.progress import segment_at
 from haustra.envs.runs.measure.progression import progression_scores
 from haustra.models.accuracy import NumericalError, kind_of, stated_error
+from haustra.models.gas.law import MMHG
 from haustra.models.presets import preset_of
 from haustra.models.scene import Scene
 from haustra.provenance import Provenance
@@ -41,6 +42,8 @@ def score(
     `cops_own` and `cops3d_*` are this project's own stand-ins for two published scores
     (`haustra.envs.runs.measure.progression`).
     `numerical_error` holds ranges of relative errors of that mean and of the mean push, and of the tip's distance.
+    `gas_pressure_peak_mmHg` is the highest of any segment over the run, `gas_volume_mL` what the colon holds at its
+    end; null without gas. `outside_max_mm` is against the colon at rest, as it was given, with gas too.
     `warnings` are the colon's.
 
     Args:
@@ -93,6 +96,7 @@ def score(
         "outside_surface_mm": run.surface.outside * 1e3,
         "turned_over_share": run.surface.turned_over,
         "colon_moved_peak_mm": _peak(recorded.colon_moved) * 1e3,
+        **_gas(run),
         "contacts_mean": float(recorded.contacts.mean()) if simulated else 0.0,
         "dofs": recorded.qpos.shape[1],
         "joints": len(scene.cable.cells),
@@ -105,6 +109,16 @@ def score(
         "numerical_error": error.to_json(),
         "peak_memory_MB": peak_memory() / 1e6,
         "provenance": provenance.to_json(),
+    }
+
+
+def _gas(run: Insertion) -> dict[str, object]:
+    """Of the whole colon; null in a run without gas."""
+    if run.gas is None or not len(run.gas.volume):
+        return {"gas_pressure_peak_mmHg": None, "gas_volume_mL": None}
+    return {
+        "gas_pressure_peak_mmHg": float(run.gas.pressure.max()) / MMHG,
+        "gas_volume_mL": float(run.gas.volume[-1]) * 1e6,
     }
 
 

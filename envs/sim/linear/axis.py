@@ -328,7 +328,7 @@ class Axis:
         lengths = room.load(self._node(node) + _LENGTH), rest
         along = axial_tension(xp, *lengths, tension, self._of_world("pleating"), radius)
         held = mesentery_tension(xp, place, slack, hold, support, self._of_world("spacing"))
-        return xp.where(node < self.nodes - 1, along, 0.0), xp.where(node > 0, held, 0.0)
+        return xp.where(node < self.nodes - 1, along, 0.0), held
 
     def speed(self, node: Value) -> Vector:
         """Velocity of a node [m/s]."""

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, Int
 
 from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.conditions import Conditions, Snapshot
+from haustra.envs.sim.gas import RunGas
 from haustra.envs.sim.linear.compile import Driver
 from haustra.envs.sim.linear.dual import with_slopes
 from haustra.envs.sim.linear.layout import AXIS, NODE, SEEN, WORLD, seen_slot
@@ -24,6 +25,7 @@ from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.scene import Scene
 from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables, pick
+from haustra.models.wall.mesentery import Mesentery
 from haustra.models.wall.moving_colon import AT_REST, POSE, AxisDisplacement
 
 
@@ -45,7 +47,6 @@ class LinearBackend(AbstractBackend):
     """Scopes as articulated bodies, by the laws of all backends, in single precision or double."""
 
     name = "linear"
-    on_device = False
     traces_pictures = False
 
     def __init__(
@@ -83,7 +84,7 @@ class LinearBackend(AbstractBackend):
             MissingDependencyError: when there is no such device.
             UnsupportedSceneError: when the scene has what this backend cannot honour.
         """
-        self.scene, self.tables, self.worlds = scene, tables, worlds
+        self.scene, self.tables, self.worlds, self.on_device = scene, tables, worlds, device == "cuda"
         self._chain, own = read_chain(scene, backend=self.name), read_scope(scene, backend=self.name)
         self._scope, self._one_each = (own, False) if scopes is None else (scopes, True)
         alike = all(a.shape[1:] == b.shape[1:] for a, b in zip(_arrays(self._scope), _arrays(own), strict=True))
@@ -96,6 +97,10 @@ class LinearBackend(AbstractBackend):
         self._layout, self._coils = replace(structure.layout, nodes=nodes), structure.coils
         self._places = int(structure.coils.max()) + 1
         self._first_link = seen_slot("coils") + 3 * self._places
+        if scene.options.gas is not None and (worlds > 1 or len(tables.count) > 1 or directions):
+            raise UnsupportedSceneError(
+                "The backend 'linear' honours scene.gas of one scope in one colon, without derivatives: leave gas out."
+            )
         if directions and device != "cpu":
             raise InvalidOptionError("Derivatives are carried on a CPU only: leave the device out.")
         self.directions = directions
@@ -125,6 +130,8 @@ class LinearBackend(AbstractBackend):
         values |= {name: with_slopes(each, directions) for name, each in values.items() if self._has_slopes(name)}
         self._held = {name: self._place.hold(each) for name, each in values.items()}
         self._case = np.zeros(worlds, int)
+        self.gas: RunGas | None = None
+        """What fills the colon of a scope that is alone, where the scene has gas."""
         one, options = np.ones(blocks * lanes), scene.options
         plain = Conditions(options.friction * one, options.wall_stiffness * one, one)
         self._reset(np.arange(blocks * lanes), np.zeros(blocks * lanes, int), plain)
@@ -164,6 +171,9 @@ class LinearBackend(AbstractBackend):
         if conditions.roll is not None:
             for slot in (1, layout.hand + 1):
                 self._put("state", worlds, slot, conditions.roll)
+        if options.gas is not None:
+            self.gas = RunGas(self.scene, self.tables.wall, device_radius=float(tables.device_radius[0]))
+            self._yield_to_gas(anew=True)
         self._run(0)
 
     def redesign(self, scopes: Scope) -> None:
@@ -237,7 +247,11 @@ class LinearBackend(AbstractBackend):
 
     def drive(self, count: int) -> None:
         """Let the program's own driver decide `count` times."""
-        self._run(count)
+        if self.gas is None:
+            self._run(count)
+            return
+        for _ in range(count):
+            self._run(1)
 
     def give(self, name: str, values: Float[np.ndarray, " worlds"] | float) -> None:
         """Set a number of all worlds, by its name in `haustra.envs.sim.linear.layout.WORLD`."""
@@ -248,6 +262,12 @@ class LinearBackend(AbstractBackend):
         seen = np.einsum("wij,wi->wj", self.tables.axes[self._case], gravity)
         for component, axis in enumerate("xyz"):
             self.give(f"gravity_{axis}", seen[:, component])
+
+    def rehang(self, mesentery: Mesentery) -> None:
+        """Give colons that move other mesenteries, of as many nodes; axes stay where they are."""
+        self._held["axis"].change()[:] = pack_axis(mesentery)
+        for name in ("spacing", "pleating"):
+            self.give(name, getattr(mesentery, name)[self._case])
 
     def tell_driver(self, slot: int, values: Float[np.ndarray, "worlds numbers"]) -> None:
         """Set numbers of the driver, from a slot on."""
@@ -262,7 +282,23 @@ class LinearBackend(AbstractBackend):
     def _run(self, count: int) -> None:
         layout = self._layout
         counts = layout.dofs, layout.bodies, layout.spheres, layout.nodes, self._places, count
+        if self.gas is None or not count:
+            self._place.run(self._held, counts, self.worlds)
+            return
+        begun = self._first(layout.time)
         self._place.run(self._held, counts, self.worlds)
+        if self.gas.advance(self._first(layout.arcs + layout.spheres), self._first(layout.time) - begun):
+            self._yield_to_gas()
+
+    def _yield_to_gas(self, *, anew: bool = False) -> None:
+        """Put the wall where gas holds it, as stiff as it makes it."""
+        assert self.gas is not None
+        self.gas.place(self._held["wall"].change(), anew=anew)
+        self.give("stiffness", self.gas.stiffness)
+
+    def _first(self, slot: int) -> float:
+        """A number of the first world's state."""
+        return float(self._of_worlds("state", slot, slot + 1)[0, 0])
 
     def read(self) -> Readings:
         """What can be read off at the end of the last step."""
@@ -319,7 +355,7 @@ class LinearBackend(AbstractBackend):
         )
 
     def state(self) -> State:
-        """The whole state, as the backend 'jax' has it, in double precision."""
+        """The whole state, in double precision."""
         layout = self._layout
         ends = (0, layout.speeds, layout.arcs, layout.normals, layout.hand, layout.pulls, layout.time, layout.axis)
         parts = [self._of_worlds("state", *pair) for pair in pairwise(ends)]

@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 from haustra.envs.sim.linear.layout import AXIS, BODY, DOF, SCOPE, STATION, STRUCTURE, Layout
 from haustra.envs.sim.scope_reading import ScopeChain
 from haustra.envs.sim.scope_values import Scope
-from haustra.errors import UnsupportedSceneError
+from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.wall.lumen_table import Tables
 from haustra.models.wall.mesentery import Mesentery
@@ -98,7 +98,13 @@ def pack_tables(tables: Tables, width: Any = 0.0) -> tuple[np.ndarray, np.ndarra
 
 
 def pack_axis(own: Mesentery) -> Float[np.ndarray, "nodes columns"]:
-    """Rows of the nodes of stacked colons that move, one colon after the other."""
+    """Rows of the nodes of stacked colons that move, one colon after the other.
+
+    Raises:
+        InvalidOptionError: when a mesentery holds NaN, which laws that take the larger of two numbers would pass over.
+    """
+    if any(np.isnan(part).any() for part in own):
+        raise InvalidOptionError("A colon's mesentery holds what is no number: give it numbers.")
     colons, nodes = own.turns.shape
     rows = np.zeros((colons, nodes, len(AXIS)))
     rows[..., 0:3], rows[..., 4:7] = own.nodes, own.tangents

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.sim.energy import Energies, EnergyMeter
+from haustra.envs.sim.gas import RunGas
 from haustra.envs.sim.linear.backend import LinearBackend, Row
 from haustra.envs.sim.linear.compile import Driver
 from haustra.envs.sim.linear.layout import WORLD
@@ -74,6 +75,11 @@ class LinearSingle:
         self._locks = np.array([[self.model.actuator(name).id for name in pair] for pair in scene.cable.locks])
         self._hand = np.zeros(len(WIRE_NAMES))
         self._begun = scene.options.start_depth
+
+    @property
+    def gas(self) -> RunGas | None:
+        """What fills the colon, where the scene has gas."""
+        return self.many.gas
 
     def step(self, inputs: Controls, count: int) -> bool:
         """Advance by `count` time steps; False when the simulation has diverged.
@@ -149,7 +155,7 @@ class LinearSingle:
 
     def wall_energy(self, rows: Row) -> Float[np.ndarray, " rows"]:
         """E_b, stored in pressing the wall [J]."""
-        return 0.5 * (self.many.normals(rows.state) ** 2).sum(axis=1) / self.scene.options.wall_stiffness
+        return 0.5 * (self.many.normals(rows.state) ** 2).sum(axis=1) / rows.worlds[:, WORLD.index("stiffness")]
 
     def bending_energy(self, rows: Row) -> Float[np.ndarray, " rows"]:
         """E_c, stored in bending the scope [J]."""
@@ -201,7 +207,8 @@ class LinearSingle:
 
     def colon(self) -> Colon:
         """The colon as it lies now."""
-        return self._moved.colon(self.displacements(self.rows())[0]) if self._moved else self.scene.colon
+        colon = self._moved.colon(self.displacements(self.rows())[0]) if self._moved else self.scene.colon
+        return self.gas.colon(colon) if self.gas else colon
 
     def mocap(self, blocks: Blocks) -> tuple[Float[np.ndarray, "blocks 3"], Float[np.ndarray, "blocks 4"]]:
         """Where these blocks of the wall are [m], and how they are turned, as quaternions; none in a fixed colon."""

@@ -1,4 +1,4 @@
-"""Question: does a scope in JAX, against a table of the lumen, do what it does in MuJoCo against convex pieces?
+"""Question: does a scope in linear time, against a table of the lumen, do what it does in MuJoCo against convex pieces?
 
 Asked in ten grown colons, twice. Under one script of hand and wires, step by step: what the tables' wall changes. And
 with the lumen follower at the wheels of each backend, where small differences grow: whether the scores of an insertion
@@ -17,7 +17,6 @@ from haustra.envs.sim.linear.single import LinearSingle
 from haustra.models.devices.scope.files import find_design
 from haustra.models.scene import SceneOptions, build_scene
 from haustra.scripts.bench.accuracy.drive import Errors, compare, record_script, replay
-from haustra.scripts.bench.accuracy.drive_worlds import replay_in_field
 from haustra.scripts.bench.accuracy.places import Place, grown
 from haustra.scripts.bench.accuracy.question import Answer, Effort
 from haustra.scripts.bench.result import Criterion, Table, Value, equivalence, mean_interval
@@ -53,8 +52,8 @@ def answer(effort: Effort) -> Answer:
         Table(
             "One script, ten colons" if not effort.quick else "One script, two colons",
             tuple(paths),
-            "Field: the same joints against the table of the lumen, in JAX. Pieces: prisms to 0.8 mm, in MuJoCo. "
-            "Planes: exact, in MuJoCo.",
+            "Field: the same joints against the table of the lumen, in linear time. Pieces: prisms to 0.8 mm, in "
+            "MuJoCo. Planes: exact, in MuJoCo.",
         ),
         Table(f"The follower drives each backend for {driven:g} s", tuple(scores)),
         Table("Differences of scores, field less pieces", tuple(_difference(scores, name) for name in _SCORES)),
@@ -74,7 +73,7 @@ def _one_script(place: Place, seconds: float) -> dict[str, Value]:
     script = record_script(colon, design, exact, seconds=seconds)
     planes = replay(script, colon, None, design, exact)
     pieces = replay(script, colon, place.wall("prism"), design, options)
-    field = replay_in_field(script, colon, design, replace(options, wall_law="table", softening=False))
+    field = replay(script, colon, None, design, replace(options, wall_law="table", softening=False))
     found: dict[str, Value] = {"inserted_m": float(planes.insertion[-1])}
     for name, errors in (
         ("field_against_pieces", compare(field, pieces)),

@@ -47,7 +47,6 @@ class Model:
     wall: str = ""
     """Key of its wall of pieces; none for the other laws."""
     tweak: Tweak = unchanged
-    double: bool = False
 
 
 def refined(shaft: int, bending: int, timestep: float) -> SceneOptions:
@@ -85,9 +84,7 @@ def models(main: str, *, quick: bool) -> Iterator[Model]:
     for step in (0.0025, 0.01, 0.02):
         yield Model(f"timestep={step}", "timestep", replace(base, timestep=step), main)
     yield Model("wall=planes", "wall", planes)
-    yield Model(
-        "wall=field, float32", "backend", replace(base, wall_law="table", softening=False, sample_spacing=SAMPLES)
-    )
+    yield Model("wall=table", "backend", replace(base, wall_law="table", softening=False, sample_spacing=SAMPLES))
     if quick:
         return
     yield from _combined(main)
@@ -105,13 +102,7 @@ def models(main: str, *, quick: bool) -> Iterator[Model]:
         yield Model(knob.setting, knob.group, base, main, knob.turn)
     for other in ("prism, 0.8 mm", "prism, 1.5 mm"):
         yield Model(f"wall={other}", "wall", base, other)
-    yield Model(
-        "wall=field, float64",
-        "backend",
-        replace(base, wall_law="table", softening=False, sample_spacing=SAMPLES),
-        double=True,
-    )
-    yield Model("wall=field, as in batches of worlds, float32", "backend", BATCH_OPTIONS)
+    yield Model("wall=table, as in batches of worlds", "backend", BATCH_OPTIONS)
 
 
 def _combined(main: str) -> Iterator[Model]:
@@ -164,10 +155,6 @@ def _answer_in(name: str, place: Place, effort: Effort, *, every: bool) -> Answe
     floor = compare(coarser, reference)
 
     def run(model: Model) -> Track:
-        if model.options.wall_law == "table":
-            from haustra.scripts.bench.accuracy.drive_worlds import replay_in_field
-
-            return replay_in_field(script, colon, design, model.options, double=model.double)
         return replay(script, colon, walls.get(model.wall), design, model.options, tweak=model.tweak)
 
     tracks = {}

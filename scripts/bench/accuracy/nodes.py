@@ -3,29 +3,29 @@
 Bars: a tenth of the collision-response time that the colonoscopy simulator's authors print for their scene, and an
 exponent of 1.3 at most. Every node is modelled, wherever it is; beside it stands what the same push costs where shaft
 and wall that it cannot reach are left out, as a run does by default. Two backends: MuJoCo's against the wall's pieces,
-and the chain in JAX against the tabulated lumen.
+and the chain in linear time against the tabulated lumen.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from importlib.util import find_spec
+from typing import TypeVar
 
 import numpy as np
 
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
+from haustra.envs.sim.backend import SingleBackend
+from haustra.envs.sim.linear.single import LinearSingle
 from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.state import Controls
-from haustra.models.anatomy.colon import Colon
-from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.devices.scope.files import find_design
 from haustra.models.presets import PRESETS
 from haustra.models.scene import Scene, SceneOptions, build_scene
 from haustra.models.wall.pieces.build import build_wall
-from haustra.scripts.bench.accuracy.drive import Script, steady_push
+from haustra.scripts.bench.accuracy.drive import steady_push
 from haustra.scripts.bench.accuracy.places import grown
 from haustra.scripts.bench.accuracy.question import Answer, Effort
 from haustra.scripts.bench.accuracy.refined_mesh import with_triangles
-from haustra.scripts.bench.accuracy.timing import Block, in_turns, stepping
+from haustra.scripts.bench.accuracy.timing import Block, in_turns, processor_seconds, stepping
 from haustra.scripts.bench.cost import options_for
 from haustra.scripts.bench.result import Criterion, Table, Value
 
@@ -35,6 +35,9 @@ RESPONSE_MS: Mapping[int, float] = {40: 1.3, 60: 3.8, 80: 5.9, 100: 10.1, 120: 1
 """Published time of collision response against nodes [ms]."""
 SHARE, EXPONENT = 0.1, 1.3
 """Largest part of that time for a whole physics step, and largest exponent of cost against nodes."""
+_STEPS = 50
+"""Of one timed block."""
+Engine = TypeVar("Engine", bound=SingleBackend)
 SECONDS, RATE = 7.5, 0.04
 """The shaft is pushed in for so long [s], at that speed [m/s]."""
 
@@ -61,7 +64,9 @@ def answer(effort: Effort) -> Answer:
         engines.append(_pushed(build_scene(colon, wall, design, each, show_lumen=False, deepest=most)))
     costs = {"pieces": in_turns([_milliseconds(engine) for engine in engines])}
     effort.tell("nodes: field")
-    costs["field"] = _field_milliseconds(colon, design, asked, script)
+    tables = [(replace(each, wall_law="table", softening=False), most) for each, most in asked]
+    scenes = [build_scene(colon, None, design, each, show_lumen=False, deepest=most) for each, most in tables]
+    costs["field"] = in_turns([_field_block(scene) for scene in scenes])
     rows: list[dict[str, Value]] = []
     for number, count in enumerate(counts):
         engine, less = engines[number], engines[number + len(counts)]
@@ -96,19 +101,15 @@ def _bars(engine: str, costs: Mapping[int, float], triangles: int) -> list[Crite
     return [*bars, Criterion(f"exponent of cost against nodes up to 140, {engine}", exponent, EXPONENT, "1", "at most")]
 
 
-def _field_milliseconds(
-    colon: Colon, design: ScopeDesign, asked: Sequence[tuple[SceneOptions, float | None]], script: Script
-) -> list[float]:
-    """At the end of the push; infinite where JAX is not installed or the world diverged."""
-    if find_spec("jax") is None:
-        return [float("inf")] * len(asked)
-    from haustra.scripts.bench.accuracy.nodes_field import field_costs
-
-    return field_costs(colon, design, asked, script)
+def _field_block(scene: Scene) -> Block:
+    """Steps of the scope in linear time from the end of the push on, with a still hand."""
+    engine = _pushed(scene, LinearSingle)
+    still = Controls(0.0, 0.0)
+    return lambda: processor_seconds(lambda: engine.step(still, _STEPS)) / _STEPS * 1e3
 
 
-def _pushed(scene: Scene) -> NativeEngine:
-    engine, inputs = NativeEngine(scene), Controls(RATE, 0.0)
+def _pushed(scene: Scene, kind: Callable[[Scene], Engine] = NativeEngine) -> Engine:
+    engine, inputs = kind(scene), Controls(RATE, 0.0)
     steps = round(CONTROL_INTERVAL / scene.options.timestep)
     for _ in range(round(SECONDS / CONTROL_INTERVAL)):
         engine.step(inputs, steps)

@@ -27,7 +27,7 @@ QUESTIONS: Mapping[str, str] = {
     "buckling": "onset of snaking and winding up in a tube",
     "propulsion": "force and ripple of the tracked robot",
     "insertion": "a scripted insertion against a converged one",
-    "field": "a table of the lumen in JAX against pieces in MuJoCo, in ten colons",
+    "field": "a table of the lumen in linear time against pieces in MuJoCo, in ten colons",
     "nodes": "a physics step against nodes, in a colon of 623,805 triangles",
     "growth": "cost against length, pieces, contacts and worlds",
     "plain": "balanced against the scene that a competent user would write",

@@ -94,26 +94,6 @@ def by_linear(trial: Trial) -> Motion:
     return np.array(seen)
 
 
-def by_jax(trial: Trial) -> Motion:
-    """The chain in JAX, on its device in single precision, with a wall as soft as air."""
-    import jax
-    import jax.numpy as jnp
-
-    from haustra.envs.sim.device_arrays import on_device
-    from haustra.envs.sim.scope_worlds import JaxScopes
-    from haustra.envs.sim.state import Controls
-
-    backend = JaxScopes.of(trial.scene)
-    tables, parameters = on_device(_open_space(trial.scene)), backend.parameters(trial.scene, 1, stiffness=1e-9)
-    go = jax.jit(lambda now, hands: backend.steps(tables, parameters, now, hands, _EVERY))
-    worlds, seen = backend.begin(parameters, tables), []
-    for look in range(_LOOKS):
-        pulls = jnp.array([[trial.pulled(look), 0.0, 0.0, 0.0]], jnp.float32)
-        worlds = go(worlds, Controls(jnp.zeros(1), jnp.zeros(1), pulls))
-        seen.append(np.asarray(worlds.qpos[0], float))
-    return np.array(seen)
-
-
 def by_warp(trial: Trial, *, device: str | None = None) -> Motion:
     """MuJoCo Warp, on its device in single precision."""
     import warp as wp

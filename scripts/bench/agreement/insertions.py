@@ -84,7 +84,7 @@ def insertions(
 
     Args:
         bank: the colons.
-        backend: 'native', or one of `haustra.envs.sim.device_backends`.
+        backend: 'native', or another of `haustra.envs.sim.load.NAMES`.
         mesentery: whether the colons move.
         seeds: how many, from 0 on.
         seconds: of each run, unless it reaches the caecum or perforates the wall [s].
@@ -152,7 +152,7 @@ def run_seeds(
 
     Args:
         bank: the colons.
-        backend: 'native', or one of `haustra.envs.sim.device_backends`.
+        backend: 'native', or another of `haustra.envs.sim.load.NAMES`.
         seeds: of each world's draws: colon, friction, stiffness of wall and shaft, wires, angle at the start.
         seconds: of each run, unless it reaches the caecum or perforates the wall [s].
         mesentery: whether the colons move.

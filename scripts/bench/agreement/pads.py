@@ -10,7 +10,7 @@ _QUESTIONS = {
     "ripple": ("ripple_apart", 1e-3, "a small difference of large forces: a tenth of their accuracy"),
 }
 """Which entry of a comparison answers, the tolerance and its reason."""
-NO_SURFACE_SPEED = "MJX on JAX ignores surface velocities, which treads are made of"
+NO_TREADS = "steps scopes only"
 
 
 def compare_pads(absent: Mapping[str, str], *, device: str | None = None) -> list[Agreement]:

@@ -6,22 +6,20 @@ from pathlib import Path
 from typing import Any
 
 from haustra.envs.tasks.bank import ColonSet
-from haustra.scripts.bench.agreement.free import Mover, by_jax, by_linear, by_warp, compare_free, trials
+from haustra.scripts.bench.agreement.free import Mover, by_linear, by_warp, compare_free, trials
 from haustra.scripts.bench.agreement.insertions import Runs, compare_insertions, insertions
-from haustra.scripts.bench.agreement.pads import NO_SURFACE_SPEED, compare_pads
+from haustra.scripts.bench.agreement.pads import NO_TREADS, compare_pads
 from haustra.scripts.bench.agreement.row import Agreement
 from haustra.scripts.bench.machine import machine
 
-BACKENDS = ("linear", "jax", "warp")
+BACKENDS = ("linear", "warp")
 """What is held against the native backend."""
 PARTS = ("free", "pads", "insertions")
-_MISSING = "not installed here: pip install 'haustra[{}]'"
 
 
 def absent_backends() -> dict[str, str]:
     """Backends that are not installed, and what to do."""
-    needs = {"jax": ("jax", "mjx"), "warp": ("warp", "warp")}
-    return {backend: _MISSING.format(extra) for backend, (module, extra) in needs.items() if find_spec(module) is None}
+    return {} if find_spec("warp") else {"warp": "not installed here: pip install 'haustra[warp]'"}
 
 
 def compare_backends(
@@ -58,14 +56,13 @@ def compare_backends(
         if part == "free":
             movers: dict[str, Mover | str] = {
                 "linear": by_linear,
-                "jax": by_jax,
                 "warp": lambda trial: by_warp(trial, device=device),
                 **absent,
             }
             for trial in trials(bank.cases[0].colon(), bank.design):
                 rows += compare_free(trial, movers)
         elif part == "pads":
-            rows += compare_pads({"linear": NO_SURFACE_SPEED, "jax": NO_SURFACE_SPEED, **absent}, device=device)
+            rows += compare_pads({"linear": NO_TREADS, **absent}, device=device)
         else:
             for hung in mesentery:
                 rows += _insertions(
@@ -100,13 +97,10 @@ def _insertions(bank: ColonSet, absent: dict[str, str], *, mesentery: bool, **as
 def devices() -> dict[str, Any]:
     """Date, versions, processor, and the devices that the backends compute on."""
     told: dict[str, Any] = dict(machine())
-    missing = absent_backends()
-    if "jax" not in missing:
+    if not absent_backends():
         import jax
-
-        told["jax_device"] = jax.devices()[0].device_kind
-    if "warp" not in missing:
         import warp as wp
 
+        told["jax_device"] = jax.devices()[0].device_kind
         told["warp"], told["warp_device"] = wp.__version__, wp.get_device().name
     return told

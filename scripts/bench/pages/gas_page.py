@@ -1,6 +1,6 @@
 """The page and the picture of gas in grown colons, from what `haustra bench gas` measured."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,9 +8,9 @@ import numpy as np
 
 from haustra.files import write_atomically
 from haustra.models.anatomy.landmarks import SEGMENTS
-from haustra.models.gas.law import open_share
+from haustra.models.gas.law import MMHG, open_share
 from haustra.models.gas.numbers import gas_numbers
-from haustra.scripts.bench.gas import MMHG, table
+from haustra.scripts.bench.gas import table
 
 _HEAD = """\
 # Validation: gas in the colon
@@ -46,14 +46,31 @@ McLaughlin 2013 (38 of 108), pressures of colonoscopies a study of 34, volumes s
   segment open or stops its valve.
 """
 
+_RUNS = """
+## In runs
+
+`haustra run --insufflate 25mmHg` (`gas` of a scene's options) lets gas in at the tip, 0.25 L/min, while the pressure
+there is less than that, from a colon filled to `gas_start` on. The pressure of each segment sets the radius of the
+wall's table (`haustra.models.wall.lumen_table.put_distended`); the tension of the wall adds 2π p r / ln(r / a) to its
+stiffness, by the tip's segment for the whole scope. Backends `linear`, with one scope, and `native`, with a table,
+honour it; the others refuse it. Pressures count in P(perforation) and pain; the highest is `gas_pressure_peak_mmHg`,
+the colon's gas at the end `gas_volume_mL`. A lumen narrower than the device gives way: only tissue holds it closed.
+
+An adult scope in grown seed 0 on its mesentery, driven by the follower, filled to the set point at the start:
+
+"""
+
 
 def gas_page(found: Mapping[str, Any]) -> str:
     """The page as Markdown."""
-    rows = table(found["rows"])
-    lines = [f"| {' | '.join(row)} |" for row in ([*rows[0]], ["---"] * len(rows[0]))]
-    lines += [f"| {' | '.join(row.values())} |" for row in rows]
     people = f"\n{found['people']} people of each cohort; gas is that of the Japanese ones.\n"
-    return _HEAD + "\n".join(lines) + "\n" + people + _TAIL
+    return _HEAD + _lines(table(found["rows"])) + people + _TAIL + _RUNS + _lines(found["runs"])
+
+
+def _lines(rows: Sequence[Mapping[str, str]]) -> str:
+    """A table as Markdown."""
+    head = [[*rows[0]], ["---"] * len(rows[0])]
+    return "".join(f"| {' | '.join(row)} |\n" for row in (*head, *(row.values() for row in rows)))
 
 
 def draw_gas(path: Path, found: Mapping[str, Any]) -> Path:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from importlib.util import find_spec
 
 from haustra.errors import InvalidOptionError
 from haustra.scripts.bench.machine import machine
@@ -10,21 +9,12 @@ from haustra.scripts.bench.result import Bench, Criterion
 from haustra.scripts.bench.stability.conservation import conservation
 from haustra.scripts.bench.stability.escapes import escapes
 from haustra.scripts.bench.stability.long import long_run
+from haustra.scripts.bench.stability.moving import moving
 from haustra.scripts.bench.stability.part import Part, Progress, RunOptions
 from haustra.scripts.bench.stability.poison import poison
 from haustra.scripts.bench.stability.random_runs import random_runs
 from haustra.scripts.bench.stability.shocks import shocks
 from haustra.scripts.bench.stability.step import largest_steps
-
-
-def moving_colons(order: RunOptions, progress: Progress) -> Part:
-    """Colons on their mesentery, where JAX is installed, which is what moves them."""
-    if find_spec("jax") is None:
-        return Part((), summary="Colons that move were not tried: JAX is not installed.")
-    from haustra.scripts.bench.stability.moving import moving
-
-    return moving(order, progress)
-
 
 PARTS: dict[str, Callable[[RunOptions, Progress], Part]] = {
     "conservation": conservation,
@@ -34,7 +24,7 @@ PARTS: dict[str, Callable[[RunOptions, Progress], Part]] = {
     "escapes": escapes,
     "ranges": random_runs,
     "long": long_run,
-    "moving": moving_colons,
+    "moving": moving,
 }
 
 

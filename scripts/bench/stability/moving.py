@@ -1,19 +1,19 @@
-"""Colons that move on their mesentery: random numbers, shocks, time steps and numbers that are none, in JAX."""
+"""Colons that move on their mesentery: random numbers, shocks, time steps and numbers that are none."""
 
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from haustra.assets import asset
 from haustra.envs.sim.state import Controls
+from haustra.errors import HaustraError
 from haustra.models.anatomy.store import load_colon
 from haustra.models.devices.scope.cable import PULL_OUT_LIMIT
 from haustra.models.devices.scope.library import named_design
+from haustra.models.wall.lumen_table import Tables
 from haustra.quantity import load_quantities
 from haustra.scripts.bench.result import Criterion, Table, Value
-from haustra.scripts.bench.stability.moving_rig import OPTIONS, Act, Found, MovingRig, Numbers
+from haustra.scripts.bench.stability.moving_rig import OPTIONS, Act, Found, Given, MovingRig, Numbers, all_finite, load
 from haustra.scripts.bench.stability.part import Part, Progress, RunOptions
 from haustra.scripts.bench.stability.poison import BAD, BLOCK, Injection
 from haustra.scripts.bench.stability.poison import judge as judge_cases
@@ -38,7 +38,7 @@ WARM_UP = 100
 HUNG = ("hold", "support", "tension", "bending", "slack", "drag", "pleating")
 """Arrays of a mesentery that get them."""
 KNOWN = ("stiffness", "damping_time", "friction", "bending", "tip_bending", "torsion", "push_limit")
-"""Parameters that get them."""
+"""Numbers of worlds that get them."""
 _DRIVEN = (0.05, 0.0, (20.0, 8.0, 0.0, 0.0))
 
 
@@ -85,13 +85,13 @@ def _drawn(rig: MovingRig, seed: int) -> list[dict[str, float]]:
     return [{name: max(value, 0.0) for name, value in row.items()} for row in (*inside, *beyond)]
 
 
-def _set(rig: MovingRig, drawn: list[dict[str, float]], timestep: float) -> tuple[Any, Any]:
-    """Colons and parameters of all worlds."""
+def _set(rig: MovingRig, drawn: list[dict[str, float]]) -> tuple[Tables, Given]:
+    """Colons and numbers of all worlds."""
     of_mesentery: list[Numbers] = [
         {name: value for name, value in row.items() if name.startswith("mesentery.")} for row in drawn
     ]
     own = {name: np.array([row[f"world.{name}"] for row in drawn]) for name in ("friction", "stiffness")}
-    return rig.tables(of_mesentery), rig.parameters(timestep, **own)
+    return rig.tables(of_mesentery), own
 
 
 def _random_hands(rig: MovingRig, rng: np.random.Generator, seconds: float) -> Act:
@@ -105,7 +105,7 @@ def _random_hands(rig: MovingRig, rng: np.random.Generator, seconds: float) -> A
 
     def act(time: float) -> Controls:
         now = int(time / HOLD + 1e-6)
-        return Controls(*(jnp.asarray(part[now], jnp.float32) for part in (push, roll, pulls)))
+        return Controls(push[now], roll[now], pulls[now])
 
     return act
 
@@ -113,9 +113,9 @@ def _random_hands(rig: MovingRig, rng: np.random.Generator, seconds: float) -> A
 def random_batch(rig: MovingRig, seed: int, number: int, *, seconds: float) -> list[dict[str, Value]]:
     """Random mesenteries, walls and hands; a row a world."""
     drawn = _drawn(rig, seed + 2 * number)
-    tables, parameters = _set(rig, drawn, OPTIONS.timestep)
+    tables, given = _set(rig, drawn)
     hands = _random_hands(rig, np.random.default_rng([seed, number]), seconds)
-    found = rig.run([(tables, parameters, hands, seconds)], timestep=OPTIONS.timestep)
+    found = rig.run([(tables, given, hands, seconds)], timestep=OPTIONS.timestep)
     return [
         {
             "ranges": "inside" if world < rig.worlds // 2 else "beyond",
@@ -133,9 +133,9 @@ def largest_step(rig: MovingRig, seed: int, *, quick: bool) -> float:
     seconds, best = QUICK_SECONDS if quick else SECONDS, 0.0
     inside = draw(mesentery_ranges(), rig.worlds, seed=seed + 7, beyond=0.0)
     for step in STEPS:
-        tables, parameters = _set(rig, inside, step)
+        tables, given = _set(rig, inside)
         hands = _random_hands(rig, np.random.default_rng([seed, 7]), seconds)
-        if not rig.run([(tables, parameters, hands, seconds)], timestep=step).healthy.all():
+        if not rig.run([(tables, given, hands, seconds)], timestep=step).healthy.all():
             break
         best = step
     return best
@@ -171,12 +171,10 @@ def shocks(rig: MovingRig, *, quick: bool) -> list[dict[str, Value]]:
     slippery[1], sticky[1], wall[2:4] = 0.0, 1 / OPTIONS.friction, (100.0, 0.01)
     out[7] = -PULL_OUT_LIMIT / _DRIVEN[0]
     still, driven = _hands(rig, 0 * one), _hands(rig, one)
-    as_it_is = rig.tables(usual), rig.parameters(step)
+    own = {"friction": OPTIONS.friction * one, "stiffness": OPTIONS.wall_stiffness * one}
+    as_it_is = rig.tables(usual), own
     shaken = [
-        (
-            rig.tables(changed),
-            rig.parameters(step, friction=OPTIONS.friction * slip, stiffness=OPTIONS.wall_stiffness * wall),
-        )
+        (rig.tables(changed), {"friction": own["friction"] * slip, "stiffness": own["stiffness"] * wall})
         for slip in (slippery, sticky)
     ]
     full = named_design("adult").wires.pull_limit
@@ -199,7 +197,7 @@ def shocks(rig: MovingRig, *, quick: bool) -> list[dict[str, Value]]:
 def _hands(rig: MovingRig, share: np.ndarray, *, pulls: Any = None) -> Act:
     """The same throughout: that share of the usual push, and the usual pulls unless others are given."""
     asked = np.where(share[:, None] != 0, _DRIVEN[2], 0.0) if pulls is None else pulls
-    hands = Controls(*(jnp.asarray(part, jnp.float32) for part in (_DRIVEN[0] * share, 0 * share, asked)))
+    hands = Controls(_DRIVEN[0] * share, 0 * share, asked)
     return lambda time: hands
 
 
@@ -217,31 +215,60 @@ def _shock_rows(found: Found) -> list[dict[str, Value]]:
 
 
 _HANDLED = tuple(name for name in Controls._fields if name != "wheels")
-"""What hands do in JAX, which refuses wheels."""
+"""What hands do but turn wheels, which is refused."""
 
 
 def poison(rig: MovingRig) -> list[Injection]:
     """NaN and infinities in what hands do, NaN in parameters and in a mesentery, of one world among others."""
-    step, poisoned = OPTIONS.timestep, 1
-    tables, parameters, hands = rig.tables(), rig.parameters(step), _hands(rig, np.ones(rig.worlds))(0.0)
-    warm, _ = rig.step(tables, parameters, rig.begin(tables, parameters), hands, timestep=step, count=WARM_UP)
-    clean, _ = rig.step(tables, parameters, warm, hands, timestep=step, count=BLOCK)
+    poisoned, tables = 1, rig.tables()
+    hung, hands = tables.mesentery, _hands(rig, np.ones(rig.worlds))(0.0)
+    assert hung is not None, "a rig of colons that move"
+    options = {"stiffness": OPTIONS.wall_stiffness, "damping_time": OPTIONS.wall_damping_time}
+    options |= {"friction": OPTIONS.friction, "push_limit": OPTIONS.push_limit}
+    usual = {name: options.get(name, 1.0) for name in KNOWN}
     others = np.arange(rig.worlds) != poisoned
 
+    def run(where: str = "", name: str = "", value: float = 0.0) -> tuple[list[np.ndarray], bool, bool]:
+        """State of all worlds, whether the one was lost, and whether all that can be read is finite."""
+
+        def bad(values: np.ndarray | float) -> np.ndarray:
+            shape = np.shape(values) or (rig.worlds,)
+            changed = np.array(np.broadcast_to(values, shape), float)
+            changed[poisoned] = value
+            return changed
+
+        backend = rig.begin(OPTIONS.timestep)
+        load(backend, tables, usual)
+        backend.step(hands, WARM_UP)
+        if where == "worlds":
+            backend.give(name, bad(usual[name]))
+        own = hung._replace(**{name: bad(getattr(hung, name))}) if where == "mesentery" else hung
+        backend.rehang(own)
+        asked = hands._replace(**{name: bad(getattr(hands, name))}) if where == "hands" else hands
+        alive = backend.step(asked, BLOCK)
+        state = backend.state()
+        axis = state.displacement
+        parts = [*state[:5], state.pulls, *(axis or ())]
+        return parts, not alive[poisoned], all_finite(backend) if where in ("", "hands") else _finite(parts)
+
+    clean = run()[0]
+
     def case(where: str, name: str, value: float) -> Injection:
-        bad = {"hands": hands, "parameters": parameters, "mesentery": tables.mesentery}
-        bad[where] = bad[where]._replace(**{name: getattr(bad[where], name).at[poisoned].set(value)})
-        own = tables._replace(mesentery=bad["mesentery"])
-        found, finite = rig.step(own, bad["parameters"], warm, bad["hands"], timestep=step, count=BLOCK)
-        same = jax.tree.map(lambda a, b: bool((a[others] == b[others]).all()), found, clean)
-        caught = "" if bool(found.healthy[poisoned]) else "diverged"
-        # What is read of the poisoned world after bad parameters is not asked for: a reset takes it out.
-        sound = finite if where == "hands" else all(bool(jnp.isfinite(part).all()) for part in jax.tree.leaves(found))
-        return Injection("JAX, moving colon", f"{where}: {name}", value, caught, all(jax.tree.leaves(same)), sound)
+        try:
+            found, lost, finite = run(where, name, value)
+        except HaustraError:
+            return Injection("linear, moving colon", f"{where}: {name}", value, "refused", True, True)
+        same = all(np.array_equal(a[others], b[others]) for a, b in zip(found, clean, strict=True))
+        # What is read of the poisoned world after bad numbers is not asked for: a reset takes it out.
+        return Injection("linear, moving colon", f"{where}: {name}", value, "diverged" if lost else "", same, finite)
 
     cases = [case("hands", name, value) for name in _HANDLED for value in BAD]
-    cases += [case("parameters", name, np.nan) for name in KNOWN]
+    cases += [case("worlds", name, np.nan) for name in KNOWN]
     return cases + [case("mesentery", name, np.nan) for name in HUNG]
+
+
+def _finite(parts: list[np.ndarray]) -> bool:
+    return all(np.isfinite(part).all() for part in parts)
 
 
 def judge(rows: list[dict[str, Value]], shocked: list[dict[str, Value]], limit: float, cases: list[Injection]) -> Part:
@@ -290,7 +317,7 @@ def judge(rows: list[dict[str, Value]], shocked: list[dict[str, Value]], limit: 
 
 _TRIED = ", ".join(f"{1e3 * step:g}" for step in STEPS)
 _SUMMARY = (
-    "Colons that move: an adult scope in grown colon 0 on its mesentery, stepped by JAX. All numbers of the mesentery, "
+    "Colons that move: an adult scope in grown colon 0 on its mesentery, in linear time. All numbers of the mesentery, "
     "friction and the wall's stiffness by Sobol's sequence, half of the runs inside their ranges and half a tenth "
     "beyond (of the logarithm, none negative); hands change what they do every 0.4 s, to 0.2 m/s. The largest time "
     f"step is that of {_TRIED} ms up to which no such run inside the ranges diverges."

@@ -2,20 +2,21 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
 
 from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.conditions import Conditions
-from haustra.envs.sim.load import backend_of, load_backend
+from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.native_batch import NativeBackend
 from haustra.envs.sim.state import Controls, Readings
 from haustra.envs.tasks.bank import TASK_OPTIONS, ColonSet, make_bank
 from haustra.envs.tasks.case import case_of
 from haustra.envs.tasks.vector import NavigationVectorEnv
-from haustra.errors import HaustraError, MissingDependencyError
+from haustra.errors import HaustraError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.devices.scope.library import named_design
@@ -54,7 +55,7 @@ class Injection:
 
 
 def poison(order: RunOptions, progress: Progress) -> Part:
-    """Every input of every backend, with every bad number; JAX's backend too where it is installed."""
+    """Every input of every backend, with every bad number; linear time too."""
     bank = small_bank(grow_colon(seed=0))
     parts: list[Callable[[], list[Injection]]] = [
         lambda: single_cases(bank),
@@ -65,8 +66,9 @@ def poison(order: RunOptions, progress: Progress) -> Part:
         lambda: vector_cases(bank),
         design_cases,
     ]
-    if not order.quick and (make := jax_backend(bank)):
-        parts.append(lambda: batch_cases("JAX batch", make, bank))
+    if not order.quick:
+        make = partial(LinearBackend, bank.scene, bank.tables, worlds=WORLDS)
+        parts.append(lambda: batch_cases("linear batch", make, bank))
     found: list[Injection] = []
     for number, part in enumerate(parts):
         found += part()
@@ -79,15 +81,6 @@ def small_bank(colon: Colon) -> ColonSet:
     design = named_design("paediatric")
     case = case_of(colon, device_radius=design.diameter / 2)
     return make_bank([case], design, replace(TASK_OPTIONS, insertion_limit=0.3))
-
-
-def jax_backend(bank: ColonSet) -> Callable[[], AbstractBackend] | None:
-    """What makes many worlds on JAX's device; None without JAX."""
-    try:
-        backend_of("jax")
-    except MissingDependencyError:
-        return None
-    return lambda: load_backend("jax", bank.scene, bank.tables, worlds=WORLDS)
 
 
 def batch_cases(name: str, make: Callable[[], AbstractBackend], bank: ColonSet) -> list[Injection]:

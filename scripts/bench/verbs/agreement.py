@@ -20,7 +20,7 @@ class BenchAgreement:
 
     parts: str = "free,pads,insertions"
     """What to compare, separated by commas: free (a scope without a wall), pads (of a track), insertions."""
-    backends: str = "linear,jax,warp"
+    backends: str = "linear,warp"
     """That are held against the native one, of those that are installed, separated by commas."""
     seeds: int = whole(3, 1_000_000, default=256)
     """Insertions on each backend; each draws its own colon, friction, stiffness and start."""

@@ -14,8 +14,8 @@ class BenchEpisodes:
     """Scopes stepped at once."""
     threads: int = whole(1, 4096, default=2)
     """For physics."""
-    backend: Literal["native", "linear", "jax", "warp"] = "native"
-    """What computes: MuJoCo on threads, linear time on them, or JAX or MuJoCo Warp on a GPU."""
+    backend: Literal["native", "linear", "linear-gpu", "warp"] = "native"
+    """What computes: MuJoCo on threads, linear time on them or on an NVIDIA GPU, or MuJoCo Warp."""
     seconds: float = number("s", 0.02, 36_000.0, default=20.0)
     """Simulated time of each world [s]."""
     colons: int = whole(1, 100_000, default=4)

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from haustra.fields import whole
+from haustra.fields import number, whole
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,8 @@ class BenchGas:
     """Number of people of each cohort, from seed 0 on."""
     grown: int = whole(2, 10_000, default=20)
     """Number of them whose surface is grown and measured."""
+    seconds: float = number("s", 0.1, 600.0, default=60.0)
+    """Simulated time of each of four runs of a scope [s]."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 
@@ -38,11 +40,16 @@ class BenchGas:
 
         folder = prepare_folder(self.output)
         with progress_bar("gas", 4, unit="parts") as advance:
-            found = bench_gas(people=self.people, grown=self.grown, progress=advance)
+            found = bench_gas(people=self.people, grown=self.grown, seconds=self.seconds, progress=advance)
         page = gas_page(found)
         write_atomically(folder / "gas.md", lambda temporary: temporary.write_text(page, encoding="utf-8"))
         picture = draw_gas(folder / "gas.png", found)
-        result = {"rows": table(found["rows"]), "collapsed": found["collapsed"], "picture": str(picture)}
+        result = {
+            "rows": table(found["rows"]),
+            "collapsed": found["collapsed"],
+            "runs": found["runs"],
+            "picture": str(picture),
+        }
         write_json(folder / "gas.json", result)
         return (
             result if self.json else {row["figure"]: f"{row['grown']} ({row['published']})" for row in result["rows"]}

@@ -8,7 +8,7 @@ from haustra.fields import whole
 
 @dataclass(frozen=True)
 class BenchLinear:
-    """Time steps in linear time by joints and worlds, beside the dense backend; compare both in double precision."""
+    """Time steps in linear time by joints and worlds, and compare with the dense step in double precision."""
 
     worlds: str = "1,128"
     """Numbers of worlds, separated by commas."""
@@ -21,7 +21,7 @@ class BenchLinear:
     mesentery: bool = False
     """Let the colons move on their mesentery."""
     dense: bool = True
-    """Time the dense backend with 80 joints too, and compare both; needs the extra mjx."""
+    """Time MuJoCo's native batch with 80 joints too, and compare with a dense step by MuJoCo's matrices."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 
@@ -50,16 +50,12 @@ class BenchLinear:
                 advance(done, f"{rows[-1].us_per_step:.3g} us a step")
         found: dict[str, Any] = {}
         if self.dense:
-            from haustra.envs.sim.jax_setup import describe_device, use_jax
-
-            found["dense_device"] = describe_device(use_jax())
-            import jax
-
             rows = [
-                replace(row, us_per_step_dense=linear.dense_cost(bank, row.worlds) * 1e6) if _is_80(row) else row
+                replace(row, us_per_step_dense=linear.dense_cost(bank, row.worlds, threads=self.threads) * 1e6)
+                if _is_80(row)
+                else row
                 for row in rows
             ]
-            jax.config.update("jax_enable_x64", True)
             found["largest_difference"] = linear.largest_difference(bank)
         most = [row for row in rows if row.worlds == max(counts)]
         found["exponent"] = linear.exponent(most) if len(most) > 1 else None

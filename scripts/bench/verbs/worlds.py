@@ -1,7 +1,6 @@
-"""`haustra bench worlds`: how fast many scopes step at once on this machine's devices."""
+"""`haustra bench worlds`: how fast many scopes step at once on this machine."""
 
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any, Literal
 
 from haustra.fields import number, whole
@@ -12,52 +11,44 @@ _FINE_CELL = 0.0112
 
 @dataclass(frozen=True)
 class BenchWorlds:
-    """Step many scopes at once in grown colons, on whatever device JAX finds, and say how fast."""
+    """Step many scopes at once in grown colons, and say how fast."""
 
     worlds: str = "1,32,128"
     """Numbers of worlds, separated by commas."""
-    backend: Literal["jax", "warp"] = "jax"
-    """A chain and a wall in JAX, or MuJoCo's own by MuJoCo Warp."""
+    backend: Literal["linear", "linear-gpu", "native", "warp"] = "linear"
+    """Linear time on threads or on an NVIDIA GPU, MuJoCo's engine on threads, or MuJoCo Warp on an NVIDIA GPU."""
+    threads: int = whole(1, 4096, default=1)
+    """Threads of the CPU that share the worlds."""
     colons: int = whole(1, 1000, default=2)
     """Grown colons (seeds 0, 1, ...) that the worlds share."""
     design: str = "adult"
     """Name of a scope design, or a file that ends in .toml."""
-    devices: str = "1"
-    """Numbers of devices that share the worlds, separated by commas."""
     insertions: int = whole(0, 1_000_000, default=0)
-    """Insertions of 30 s by the lumen follower that are timed as a whole, compilation included."""
+    """Insertions of 30 s by the lumen follower that are timed as a whole, compilation included; not on 'native'."""
     timestep: float = number("s", 1e-5, 0.02, default=0.005)
     """Integration step [s]."""
     compare: float = number("s", 0.0, 36_000.0, default=0.0)
     """Simulated time over which one scope in each colon is compared with a native one of 140 joints under the same
     inputs [s]."""
-    cache: Path | None = None
-    """Folder in which compiled programs are kept for the next time."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 
     def __call__(self) -> dict[str, Any]:
         """Build, warm up, time."""
-        from haustra.envs.sim.jax_setup import describe_device, use_jax
+        from haustra.envs.sim.load import backend_of
         from haustra.errors import InvalidOptionError
         from haustra.scripts.bench.verbs.rods import joint_counts
         from haustra.scripts.console import progress_bar
 
         counts = joint_counts(self.worlds, option="--worlds", low=1, high=1_000_000)
-        shares = joint_counts(self.devices, option="--devices", low=1, high=4096)
-        if self.backend == "warp" and max(shares) > 1:
-            raise InvalidOptionError("MuJoCo Warp's worlds are not shared among devices: give --devices 1.")
-        device = use_jax(devices=max(shares), cache=self.cache)
+        if self.backend == "native" and self.insertions:
+            raise InvalidOptionError("--insertions needs one of the backends linear, linear-gpu, warp.")
+        backend_of(self.backend)  # installed?
         from haustra.envs.sim.scope_bank import BATCH_OPTIONS, build_bank
         from haustra.models.anatomy.grown import grow_colon
         from haustra.models.devices.scope.files import find_design
-        from haustra.scripts.bench.throughput import (
-            Rate,
-            measure_insertions,
-            measure_rates,
-            memory_per_world,
-            rate_rows,
-        )
+        from haustra.scripts.bench.machine import machine
+        from haustra.scripts.bench.throughput import Rate, measure_insertions, measure_rates, rate_rows
         from haustra.scripts.bench.worlds_accuracy import compare_with_native
 
         with progress_bar("grow", self.colons, unit="colons") as advance:
@@ -66,23 +57,18 @@ class BenchWorlds:
                 colons.append(grow_colon(seed=seed))
                 advance(seed + 1, "")
         bank = build_bank(colons, find_design(self.design), replace(BATCH_OPTIONS, timestep=self.timestep))
-        with progress_bar("time", len(counts) * len(shares), unit="sizes") as advance:
+        where: dict[str, Any] = {"backend": self.backend, "threads": self.threads}
+        with progress_bar("time", len(counts), unit="sizes") as advance:
             done: list[float] = []
 
             def report(rate: Rate) -> None:
                 done.append(rate.steps_per_s)
                 advance(len(done), f"{rate.steps_per_s:.3g} steps/s")
 
-            rates = [
-                rate
-                for share in shares
-                for rate in measure_rates(
-                    bank, [n for n in counts if n >= share], backend=self.backend, devices=share, progress=report
-                )
-            ]
+            rates = measure_rates(bank, counts, **where, progress=report)
         further: dict[str, Any] = {}
         if self.insertions > 0:
-            further["insertions"] = measure_insertions(bank, self.insertions, seconds=30.0, backend=self.backend)
+            further["insertions"] = measure_insertions(bank, self.insertions, seconds=30.0, **where)
         if self.compare > 0:
             scope = (bank.scene.design, bank.scene.options)
             further["accuracy"] = {
@@ -92,14 +78,13 @@ class BenchWorlds:
                 for colon in colons
             }
         return {
-            "device": describe_device(device),
-            "backend": self.backend,
+            "machine": machine(),
+            **where,
             "dofs": int(bank.scene.compile().nv),
             "joints": len(bank.scene.cable.cells),
             "spheres": len(bank.scene.samples),
             "timestep_s": self.timestep,
             "field_error_p95_mm": max(error.depth_p95 for error in bank.errors) * 1e3,
             "rates": rate_rows(rates),
-            "memory_MB_per_world": memory_per_world(rates),
             **further,
         }

@@ -46,9 +46,9 @@ TOLERANCE, AT_THE_WALL_TOLERANCE = 0.1, 0.3
 """Of the size of an effect; spheres against two planes each, and against a table, touch a little differently."""
 LEAST = 3e-3
 """Size of the smallest effect that counts as one, in units of `SCALES`."""
-FLOOR, JAX_FLOOR = 2e-3, 1e-2
-"""By which effects may differ in any case, in units of `SCALES`: JAX computes in single precision, and reads the hand's
-force at the end of a step."""
+FLOOR, SINGLE_FLOOR = 2e-3, 1e-2
+"""By which effects may differ in any case, in units of `SCALES`: linear time computes in single precision, and reads
+the hand's force at the end of a step."""
 SCALES = np.array([0.01, 0.01, 0.01, 0.3, 0.3, 3.0, 0.01, 3.0, 0.01])
 """Tip [m], bend [rad], push [N], torque [N m], wall [N], insertion [m]."""
 SECONDS, LOOK = 0.6, 0.04
@@ -291,99 +291,7 @@ def test_the_native_batch_does_the_same(path: str) -> None:
 @pytest.mark.parametrize("path", [path for path in PATHS if not _refused(path, "linear")])
 def test_linear_time_does_the_same(path: str) -> None:
     # Half the step takes half the error from either integrator, MuJoCo's and the chain's: 0.03 of the tip's scale.
-    _require_same(path, _effect(_linear, path), 2 * JAX_FLOOR if path == "scene.timestep" else JAX_FLOOR)
-
-
-class _Jax:
-    """All designs and scenes that can share a batch, run at once, so that one program is compiled."""
-
-    def __init__(self) -> None:
-        import jax
-        import jax.numpy as jnp
-
-        from haustra.envs.sim.device_arrays import on_device
-        from haustra.envs.sim.scope_reading import read_scope, stack_scopes
-        from haustra.envs.sim.scope_worlds import JaxScopes
-        from haustra.envs.sim.state import Controls
-
-        asked = [path for path in PATHS if not _refused(path, "jax")]
-        bases = {"wall": "scene.friction", "up": "design.limits.up", "down": "design.limits.down"}
-        cases = {name: (DESIGN, _options(path), path) for name, path in bases.items()}
-        cases |= {path: (*_case(path), path) for path in asked}
-        scenes = {name: _scene(*case, many=True) for name, case in cases.items()}
-        kinds = {name: JaxScopes.of(scene) for name, scene in scenes.items()}
-        self.alone = {
-            name: kind
-            for name, kind in kinds.items()
-            if kind.timestep != kinds["up"].timestep or not kind.same_structure(kinds["up"])
-        }
-        """Of other joints or time steps."""
-        self.scenes, self.names = scenes, [name for name in kinds if name not in self.alone]
-        own = [(cases[name], scenes[name]) for name in self.names]
-        keys = [(_at_the_wall(path), scene.cable.radius) for (_, _, path), scene in own]
-        rows = sorted(set(keys))
-        tables = on_device(stack([_unstacked(*row) for row in rows]))
-        named = {"stiffness": "wall_stiffness", "damping_time": "wall_damping_time"}
-        named |= {name: name for name in ("friction", "push_limit", "torque_limit", "gravity")}
-        each = {name: np.array([getattr(one.options, field) for _, one in own]) for name, field in named.items()}
-        backend, worlds = kinds["up"], len(own)
-        parameters = backend.parameters(
-            scenes["up"],
-            worlds,
-            scope=stack_scopes([read_scope(scene) for _, scene in own]),
-            colon=np.array([rows.index(key) for key in keys]),
-            **each,
-        )
-
-        @jax.jit
-        def go(state: Any, pulls: Any) -> Any:
-            hands = Controls(jnp.full(worlds, PUSH), jnp.full(worlds, ROLL), pulls)
-            state = backend.steps(tables, parameters, state, hands, round(LOOK / OPTIONS.timestep))
-            return state, backend.read(parameters, tables, state)
-
-        state, looks = backend.begin(parameters, tables), []
-        for look in range(round(2 * SECONDS / LOOK)):
-            pulls = np.array([_pulls(look * LOOK, path) for (_, _, path), _ in own], np.float32)
-            state, seen = go(state, pulls)
-            looks.append(_row(seen))
-        lasting = [round(_seconds(path) / LOOK) for (_, _, path), _ in own]
-        self._means = {
-            name: np.mean(looks, axis=0)[row] / SCALES
-            if lasting[row] == len(looks)
-            else np.mean(looks[: lasting[row]], axis=0)[row] / SCALES
-            for row, name in enumerate(self.names)
-        }
-
-    def effect(self, path: str) -> np.ndarray:
-        """How what is read off changes with a field."""
-        side = "down" if path.endswith(("down", "right")) else "up"
-        return self._means[path] - self._means["wall" if _at_the_wall(path) else side]
-
-
-def _unstacked(at_the_wall: bool, radius: float) -> Tables:
-    """The one colon of `_tables`."""
-    one = _tables(at_the_wall, radius)
-    single = {name: getattr(one, name)[0] for name in ("step", "first", "count", "axes", "device_radius")}
-    return one._replace(**single)
-
-
-@pytest.fixture(scope="module")
-def by_jax() -> _Jax:
-    pytest.importorskip("jax")
-    return _Jax()
-
-
-@pytest.mark.parametrize("path", [path for path in PATHS if not _refused(path, "jax")])
-def test_jax_does_the_same(path: str, by_jax: _Jax) -> None:
-    if path not in by_jax.alone:
-        _require_same(path, by_jax.effect(path), JAX_FLOOR)
-        return
-    # Other joints, spheres or time steps: a program of its own, of the numbers that MuJoCo has.
-    kind, base, model = by_jax.alone[path], by_jax.scenes["up"], by_jax.scenes[path].compile()
-    assert (len(kind.chain.axis), kind.timestep) == (model.nv, model.opt.timestep)
-    assert len(kind.sample_body) == len(by_jax.scenes[path].samples)
-    before = (base.compile().nv, base.options.timestep, len(base.samples))
-    assert (model.nv, model.opt.timestep, len(kind.sample_body)) != before
+    _require_same(path, _effect(_linear, path), 2 * SINGLE_FLOOR if path == "scene.timestep" else SINGLE_FLOOR)
 
 
 @pytest.mark.parametrize("path", [path for path in PATHS if not _refused(path, "warp")])
@@ -415,7 +323,10 @@ REFUSALS = {
         OPTIONS, wall_law="table", mesentery=True, softening=False, abdomen=Abdomen(posture="left")
     ),
     "scene.softening": replace(OPTIONS, wall_law="table"),
+    "scene.gas": replace(OPTIONS, wall_law="table", softening=False, gas=3333.0),
 }
+WITH_GAS = {"scene.gas_flow", "scene.gas_start"}
+"""Fields that count with gas: `test_gas.py` beside this one."""
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -453,7 +364,6 @@ def test_a_camera_that_tasks_cannot_show_is_refused_by_them(entry: Any, backend:
 @pytest.mark.parametrize(
     ("backend", "changed"),
     [
-        ("jax", {"task": "withdrawal"}),
         ("warp", {"task": "withdrawal"}),
         ("linear", {"task": "withdrawal"}),
     ],
@@ -493,7 +403,13 @@ def test_no_field_is_missing_from_the_table_and_none_has_gone() -> None:
 
 
 def test_every_field_has_a_value_to_test_it_with() -> None:
-    tested = {*PATHS, *REFUSALS, *(entry.path for entry in CAMERA), *(f"design.{name}" for name in NO_EFFECT)}
+    tested = {
+        *PATHS,
+        *REFUSALS,
+        *WITH_GAS,
+        *(entry.path for entry in CAMERA),
+        *(f"design.{name}" for name in NO_EFFECT),
+    }
     assert {entry.path for entry in (*SCENE, *DESIGN_TABLE, *CAMERA)} == tested
 
 

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from haustra.envs.runs.device_run import device_scores, run_device
+from haustra.envs.runs.device_run import common_scores, device_scores, run_device
 from haustra.envs.runs.outcome import Outcome
 from haustra.envs.sim.device_native import NativeDevice
 from haustra.errors import UnsupportedSceneError
@@ -138,3 +138,15 @@ def test_a_capsule_drives_through_a_colon_that_moves_and_the_run_says_so():
         assert np.array_equal(run.colon.lumen.vertices, bend.lumen.vertices) is not moves
         runs[moves] = scores["wall_force_peak_N"], run.records["tip_arc"][-1]
     assert runs[True] != runs[False] and runs[True][1] > 0.05
+
+
+@pytest.mark.parametrize(("outcome", "torn"), [(Outcome.TIME_UP, False), (Outcome.ESCAPED, True)])
+def test_any_device_tells_how_likely_it_tears_the_wall(outcome: Outcome, torn: bool):
+    """A straight head of 13.2 mm tears half of people at 14.1 N times human over porcine; an escape tears all."""
+    colon = replace(bent_colon(bend=0.05, leg=0.06, length=0.25), segments=(ColonSegment("sigmoid", 0.0, 0.25),))
+    forces = np.array([1.0, 1.5 * 14.1, 3.0])
+    records = {"time": np.arange(3.0), "tip_arc": np.array([0.05, 0.1, 0.15]), "wall_force": forces, "deepest": forces}
+    found = common_scores(outcome, records, (), colon, 0.0066)
+    assert found["p_perforation"] == pytest.approx(1.0 if torn else 0.5)
+    assert found["perforation_arc_m"] == pytest.approx(0.15 if torn else 0.1)
+    assert found["perforation_site"] == "sigmoid"

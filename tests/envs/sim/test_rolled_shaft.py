@@ -99,7 +99,7 @@ BACKENDS: dict[str, Callable[[], tuple[float, float]]] = {
     "native, pieces": lambda: _native("pieces"),
     "native, planes": lambda: _native("planes"),
     "native batch, table": lambda: _batch(lambda scene, tables: NativeBackend(scene, tables, worlds=2)),
-    "jax, table": lambda: _device("jax"),
+    "linear, table": lambda: _device("linear"),
     "warp, table": _warp,
 }
 

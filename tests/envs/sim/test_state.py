@@ -1,5 +1,7 @@
 """Records that all backends share: shapes said once, checked at run time, with and without an axis of worlds."""
 
+from importlib.util import find_spec
+
 import numpy as np
 import pytest
 
@@ -37,8 +39,8 @@ def test_controls_are_refused_whose_worlds_disagree() -> None:
 
 
 def test_backends_of_many_worlds_are_final_and_inherit_from_none_of_each_other() -> None:
-    kinds = {backend_of(name) for name in ("native", "jax", "warp")}
-    assert len(kinds) == 3
+    kinds = {backend_of(name) for name in ("native", "linear", *(["warp"] if find_spec("warp") else []))}
+    assert len(kinds) > 1
     for kind in kinds:
         assert issubclass(kind, AbstractBackend) and getattr(kind, "__final__", False)
         assert not any(issubclass(kind, other) for other in kinds - {kind})

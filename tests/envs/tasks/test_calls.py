@@ -106,8 +106,8 @@ def test_the_tracked_robot_begins_in_every_episode_of_its_usual_colon() -> None:
     for seed in range(40):
         seen, _ = environment.reset(seed=seed)
         assert environment.observation_space.contains(seen)
-    with pytest.raises(InvalidOptionError, match=r"fits nowhere in colon 'grown-0' from start\[0\] = 0.31 m"):
-        TrackedNavigationEnv(environment._colon, environment._wall, rules={"start": [0.31, 0.314]})
+    with pytest.raises(InvalidOptionError, match=r"fits nowhere in colon 'grown-0' from start\[0\] = 0.561 m"):
+        TrackedNavigationEnv(environment._colon, environment._wall, rules={"start": [0.561, 0.567]})
 
 
 OWN: dict[str, dict[str, Any]] = {

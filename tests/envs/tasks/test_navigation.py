@@ -92,6 +92,8 @@ def test_time_truncates_and_a_wall_that_breaks_terminates():
         if terminated:
             break
     assert info["perforated"] and not info["reached"]
+    # 0.2 N ends the episode by the rule that was given; nobody's colon is torn by it.
+    assert 0 < info["perforation_arc"] <= info["tip_arc"] + 0.02 and info["p_perforation"] < 1e-6
     assert reward < -15
 
 

@@ -19,12 +19,13 @@ from haustra.models.gas.compartments import (
     step_gas,
     typical_colon,
 )
+from haustra.models.gas.law import MMHG
 from haustra.models.gas.numbers import full_diameters, gas_numbers
 from tests.models.wall.conftest import swept_colon
 
 LENGTHS = np.array([0.15, 0.41, 0.268, 0.44, 0.17, 0.07])
 VOLUMES = np.pi / 4 * np.array(list(full_diameters().values())) ** 2 * LENGTHS
-MMHG, LITRE_A_MINUTE = 133.322, 1e-3 / 60
+LITRE_A_MINUTE = 1e-3 / 60
 FULL = gas_numbers()["full_pressure"]
 
 
@@ -54,6 +55,14 @@ def test_pressure_is_the_inverse_of_what_is_held(pressure: float):
     sound = state.pressure[:, :-1] - colon.tone > 3 * MMHG  # below, a segment holds nothing that could tell
     found = pressures_of(np, colon, state.held)[:, :-1]
     np.testing.assert_allclose(found[sound], state.pressure[:, :-1][sound], rtol=1e-7)
+
+
+def test_overfilled_segments_have_a_high_pressure_and_no_segment_has_none():
+    """More gas than fits at atmospheric pressure is compressed, as Boyle says."""
+    colon = typical_colon(VOLUMES)
+    twice = pressures_of(np, colon, np.append(2 * colon.most, 0.0))[:-1]
+    np.testing.assert_allclose(twice, gas_numbers()["atmosphere"], rtol=0.02)
+    assert np.isfinite(pressures_of(np, colon, np.zeros(7))).all()
 
 
 def test_no_gas_is_lost_by_insufflation_suction_leaks_and_valves():
@@ -136,9 +145,9 @@ def test_jax_steps_the_same_gas():
         np.testing.assert_allclose(mine, theirs, rtol=1e-7, atol=1e-15)
 
 
-def test_volumes_of_segments_add_up_to_the_lumens():
+def test_volume_of_a_segment_is_its_lumens():
     path = np.column_stack([np.linspace(0, 0.6, 301), np.zeros(301), np.zeros(301)])
     colon = swept_colon(path, name="tube")
-    held = segment_volumes(colon).sum()
+    held = segment_volumes(colon)[0]  # it is all rectum
     inside = signed_volume(colon.lumen.vertices, colon.lumen.faces)
     assert held == pytest.approx(inside, rel=0.02)

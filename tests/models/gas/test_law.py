@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 
 from haustra.models.anatomy.landmarks import SEGMENTS
-from haustra.models.gas.law import open_share, pressure_of, share_rate, wall_tension, width_share
+from haustra.models.gas.law import MMHG, open_share, pressure_of, share_rate, wall_tension, width_share
 from haustra.models.gas.numbers import diameter_share, full_diameters, gas_numbers
 
 HALF, EXPONENT = 2000.0, 1.9
-MMHG = 133.322
 PRESSURES = np.linspace(300.0, 9000.0, 200)
 
 

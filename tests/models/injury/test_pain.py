@@ -38,7 +38,7 @@ def test_a_taut_mesentery_pulls_by_its_stiffness_and_a_slack_one_hardly(own) -> 
     stiffness, support = 7000.0, 100.0
     expected = stiffness * (aside - own.slack[middle]) + support * aside
     assert held[0, middle] == pytest.approx(expected, rel=1e-6)
-    assert held[0, 0] == 0.0
+    assert (held[0, own.slack == 0] == 0.0).all()
     assert np.abs(wall).max() < 1e-6
     moved[..., 0] = 0.02
     assert axis_tensions(np, own, moved, np.full(len(own.nodes), RADIUS))[1][0, middle] == pytest.approx(2.0, rel=1e-4)

@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from haustra.envs.sim.conditions import Conditions
+from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.scope_bank import ScopeBank, build_bank
-from haustra.envs.sim.scope_worlds import JaxScopes
-from haustra.envs.sim.state import Controls
+from haustra.envs.sim.state import Controls, Readings
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions
 from haustra.models.wall import mesentery, moving_colon
-from haustra.models.wall.lumen_table import axis_at, lumen_table, pick, query, stack
+from haustra.models.wall.lumen_table import Tables, axis_at, lumen_table, pick, query, stack
 from haustra.models.wall.mesentery import Mesentery, hang
 from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
 from haustra.models.wall.sections import carried, twisted
@@ -333,70 +334,50 @@ def _bent_bank(**changed: Any) -> ScopeBank:
     return build_bank([colon], named_design("adult"), replace(_OPTIONS, **changed))
 
 
-def _pushed(bank: ScopeBank, tables: Any, steps: int = 1200) -> tuple[Any, Any, Any, JaxScopes]:
-    engine = JaxScopes.of(bank.scene)
-    parameters = engine.parameters(bank.scene, 1, friction=0.0)
-    go = jax.jit(
-        lambda now, push: engine.steps(tables, parameters, now, Controls(push, jnp.zeros(1), jnp.zeros((1, 4))), steps)
-    )
-    worlds = go(engine.begin(parameters, tables), jnp.full(1, 0.03))
-    worlds = go(worlds, jnp.zeros(1))
-    return worlds, engine.read(parameters, tables, worlds), parameters, engine
+def _pushed(bank: ScopeBank, tables: Tables, steps: int = 1200) -> LinearBackend:
+    """A scope pushed in without friction, and then held."""
+    backend, one = LinearBackend(bank.scene, tables, worlds=1, real=np.float64), np.ones(1)
+    backend.reset(np.zeros(1, int), np.zeros(1, int), Conditions(0 * one, bank.scene.options.wall_stiffness * one, one))
+    for rate in (0.03, 0.0):
+        assert backend.step(Controls(rate * one, 0 * one, np.zeros((1, 4))), steps).all()
+    return backend
 
 
 @cache
-def _pushed_in_a_fixed_colon() -> Any:
+def _pushed_in_a_fixed_colon() -> Readings:
     fixed = _bent_bank(mesentery=False)
-    return _pushed(fixed, fixed.tables_on_device())[1]
+    return _pushed(fixed, fixed.tables).read()
 
 
 def test_a_colon_that_is_held_firmly_is_one_that_is_fixed() -> None:
     """Held by 1 N/um a node: tip within 0.2 mm and forces within 1 % of those in a colon fixed in space."""
-    with jax.enable_x64(False):
-        still = _pushed_in_a_fixed_colon()
-        bank = _bent_bank()
-        tables = bank.tables_on_device()
-        assert tables.mesentery is not None
-        firm = tables._replace(mesentery=tables.mesentery._replace(hold=tables.mesentery.hold * 0 + 1e6))
-        _, seen, _, _ = _pushed(bank, firm)
-        assert np.linalg.norm(np.asarray(seen.tip - still.tip)) < 2e-4
-        assert np.asarray(seen.link_forces).sum() == pytest.approx(np.asarray(still.link_forces).sum(), rel=0.01)
+    still, bank = _pushed_in_a_fixed_colon(), _bent_bank()
+    own = bank.tables.mesentery
+    assert own is not None
+    seen = _pushed(bank, bank.tables._replace(mesentery=own._replace(hold=own.hold * 0 + 1e6))).read()
+    assert np.linalg.norm(seen.tip - still.tip) < 2e-4
+    assert seen.link_forces.sum() == pytest.approx(still.link_forces.sum(), rel=0.01)
 
 
 def test_a_colon_at_rest_holds_what_the_scope_presses() -> None:
     """In balance, the mesentery's pull is the wall's force on the scope; a colon that gives way presses less."""
-    with jax.enable_x64(False):
-        bank = _bent_bank()
-        tables = bank.tables_on_device()
-        found = tables.mesentery
-        assert found is not None
-        worlds, seen, parameters, engine = _pushed(bank, tables)
-        own = Mesentery(*(part[:1] for part in found))
-        place = worlds.displacement.pose[..., :3]
-        over = jnp.maximum(jnp.linalg.norm(place, axis=-1) - own.slack, 0.0)
-        pull = (own.hold * over / jnp.maximum(jnp.linalg.norm(place, axis=-1), 1e-9) + own.support)[..., None] * place
-        # The handle and the anus hold the scope: its own balance is the wall's force on it.
-        found, _ = moving_colon.query(
-            jnp,
-            pick(tables, parameters.colon),
-            worlds.displacement,
-            engine._samples(parameters.scope, _pose(engine, parameters, worlds)),
-            worlds.arcs[:, :-1],
-            parameters.scope.radius,
-        )
-        on_scope = np.asarray((worlds.normal[..., None] * found.inwards).sum(axis=1)[0])
-        held = np.asarray(pull.sum(axis=1)[0])
-        assert np.linalg.norm(on_scope) > 1.0
-        assert held == pytest.approx(-on_scope, abs=0.05 * float(np.linalg.norm(on_scope)))
-        still = _pushed_in_a_fixed_colon()
-        assert 0.001 < float(jnp.linalg.norm(place, axis=-1).max()) < 0.05
-        assert float(seen.link_forces.max()) < float(still.link_forces.max())
-
-
-def _pose(engine: JaxScopes, parameters: Any, worlds: Any) -> Any:
-    from haustra.envs.sim import chain
-
-    return chain.pose(engine.chain, parameters.scope.links, worlds.qpos)
+    bank = _bent_bank()
+    backend = _pushed(bank, bank.tables)
+    state, own = backend.state(), bank.tables.mesentery
+    assert own is not None and state.displacement is not None
+    place = state.displacement.pose[..., :3]
+    moved = np.linalg.norm(place, axis=-1)
+    pull = (own.hold * np.maximum(moved - own.slack, 0.0) / np.maximum(moved, 1e-9) + own.support)[..., None] * place
+    # The handle and the anus hold the scope: its own balance is the wall's force on it.
+    model, data = backend.world_data(0)
+    spheres = data.geom_xpos[[model.geom(f"wall/sphere_{i:04d}").id for i in range(len(bank.scene.samples))]]
+    tables, radius = pick(bank.tables, np.zeros(1, int)), np.full(1, bank.scene.cable.radius)
+    found, _ = moving_colon.query(np, tables, state.displacement, spheres[None], state.arcs[:, :-1], radius)
+    on_scope = (state.normal[..., None] * found.inwards).sum(axis=1)[0]
+    assert np.linalg.norm(on_scope) > 1.0
+    assert pull.sum(axis=1)[0] == pytest.approx(-on_scope, abs=0.05 * float(np.linalg.norm(on_scope)))
+    assert 0.001 < moved.max() < 0.05
+    assert backend.read().link_forces.max() < _pushed_in_a_fixed_colon().link_forces.max()
 
 
 def test_what_cannot_move_a_colon_says_so() -> None:

@@ -7,7 +7,10 @@ from haustra.scripts.main import SUCCESS, main
 
 def test_page_picture_and_table_of_few_people(tmp_path, capsys):
     folder = tmp_path / "gas"
-    assert main(["bench", "gas", "-o", str(folder), "--people", "60", "--grown", "2", "--json"]) == SUCCESS
+    assert (
+        main(["bench", "gas", "-o", str(folder), "--people", "60", "--grown", "2", "--seconds", "1", "--json"])
+        == SUCCESS
+    )
     found = json.loads(capsys.readouterr().out)
     page = (folder / "gas.md").read_text(encoding="utf-8")
     assert all(row["grown"] in page for row in found["rows"])

@@ -1,21 +1,23 @@
-"""What throughput says of memory."""
+"""Rates of many worlds, and insertions timed as a whole."""
 
 import pytest
 
-pytest.importorskip("jax")
-
-from haustra.scripts.bench.throughput import Rate, memory_per_world
-
-
-def _rate(worlds: int, memory: float, devices: int = 1) -> Rate:
-    return Rate(worlds, devices, 1.0, 1.0, 1.0, 1.0, 1.0, memory, 1.0, 1.0)
+from haustra.envs.sim.scope_bank import BATCH_OPTIONS, build_bank
+from haustra.models.devices.scope.library import named_design
+from haustra.scripts.bench.throughput import measure_insertions, measure_rates, rate_rows
+from haustra.scripts.bench.worlds_accuracy import compare_with_native
+from tests.bent_colon import bent_colon
 
 
-def test_a_world_takes_the_slope_of_memory_over_worlds() -> None:
-    rates = [_rate(1, 150.09), _rate(1024, 242.16), _rate(8192, 887.28), _rate(8192, 5.0, devices=2)]
-    assert memory_per_world(rates) == pytest.approx(0.09)
-
-
-def test_a_device_that_does_not_say_has_no_slope() -> None:
-    assert memory_per_world([_rate(1, 0.0), _rate(32, 0.0)]) is None
-    assert memory_per_world([_rate(32, 100.0)]) is None
+def test_scopes_are_timed_against_the_wall_and_stay_near_a_fine_one() -> None:
+    colon, design = bent_colon([(0.1, 0.0), (0.1, 0.8), (0.1, 0.0)])[0], named_design("adult")
+    bank = build_bank([colon], design, BATCH_OPTIONS)
+    rates = measure_rates(bank, [1, 8])
+    assert [row["worlds"] for row in rate_rows(rates)] == [1, 8]
+    for rate in rates:
+        assert rate.healthy == rate.in_contact == 1.0
+        assert rate.simulated_per_s == pytest.approx(rate.steps_per_s * BATCH_OPTIONS.timestep)
+    found = measure_insertions(bank, 4, seconds=2.0)
+    assert sum(found["outcomes"].values()) == 4 and 0 < found["reach_mean"] < 1
+    apart = compare_with_native(colon, design, BATCH_OPTIONS, cell=0.02, seconds=2.0).summary()
+    assert apart["tip_error_median_share"] < 0.05

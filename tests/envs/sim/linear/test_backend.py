@@ -27,14 +27,7 @@ def bank():
 @pytest.mark.parametrize("mesentery", [False, True])
 def test_a_step_is_the_dense_step(mesentery):
     """The bar of 1e-9 is for any step; rounding leaves 1e-12."""
-    bank = _bank(mesentery)
-    jax = pytest.importorskip("jax")
-    before = jax.config.jax_enable_x64
-    jax.config.update("jax_enable_x64", True)
-    try:
-        assert largest_difference(bank, worlds=20, instants=10) < 1e-10
-    finally:
-        jax.config.update("jax_enable_x64", before)
+    assert largest_difference(_bank(mesentery), worlds=20, instants=10) < 1e-10
 
 
 def test_single_precision_stays_with_double(bank):

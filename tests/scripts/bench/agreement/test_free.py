@@ -16,10 +16,9 @@ def both() -> tuple[Trial, Trial]:
     return trials(straight_tube(), named_design("adult"))
 
 
-def test_jax_bends_falls_and_is_let_go_as_mujoco_does(both) -> None:
-    pytest.importorskip("jax")
+def test_linear_time_bends_falls_and_is_let_go_as_mujoco_does(both) -> None:
     for trial in both:
-        rows = compare_free(trial, {"jax": free.by_jax, "warp": "switched off"})
+        rows = compare_free(trial, {"linear": free.by_linear, "warp": "switched off"})
         assert [row.agrees for row in rows] == [True, True, None, None]
         assert "switched off" in rows[-1].absent
 

@@ -5,8 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-pytest.importorskip("jax")
-
 from haustra.errors import InvalidOptionError
 from haustra.scripts.bench.agreement import insertions as insertions_module
 from haustra.scripts.bench.agreement.insertions import Runs, compare_insertions, insertions, run_seeds
@@ -22,8 +20,8 @@ def native() -> Runs:
 
 
 def test_insertions_into_short_bends_agree(native) -> None:
-    found = run_seeds(short_bank(), backend="jax", seeds=range(SEEDS), seconds=6.0)
-    rows = compare_insertions(native, {"jax": found, "warp": "not built"})
+    found = run_seeds(short_bank(), backend="linear", seeds=range(SEEDS), seconds=6.0)
+    rows = compare_insertions(native, {"linear": found, "warp": "not built"})
     assert native.diverged == found.diverged == 0
     for row in rows[:2]:  # reach and push; short runs have little wall force and looping
         assert row.difference is not None and abs(row.difference) < 0.1, row
@@ -32,34 +30,34 @@ def test_insertions_into_short_bends_agree(native) -> None:
 
 def test_other_runs_are_told_apart(native) -> None:
     harder = replace(native, push=1.15 * native.push)
-    rows = {row.quantity: row for row in compare_insertions(native, {"jax": harder})}
+    rows = {row.quantity: row for row in compare_insertions(native, {"linear": harder})}
     push = rows["insertion, colons fixed, mean over seeds: mean push"]
     assert push.agrees is False
-    assert "DIFFERS" in table([push])[f"{push.quantity}, jax"]
+    assert "DIFFERS" in table([push])[f"{push.quantity}, linear"]
     assert rows["insertion, colons fixed, mean over seeds: reach"].difference == 0.0
 
 
 def test_an_uncertain_mean_does_not_agree(native) -> None:
     """The whole interval counts: few seeds that scatter prove nothing."""
     scattered = replace(native, reach=native.reach * (1 + 0.3 * (-1.0) ** np.arange(SEEDS)))
-    row = compare_insertions(native, {"jax": scattered})[0]
+    row = compare_insertions(native, {"linear": scattered})[0]
     assert row.interval is not None
     assert row.interval[1] > 0.05
     assert row.agrees is False
-    assert "take more seeds" in table([row])[f"{row.quantity}, jax"]
+    assert "take more seeds" in table([row])[f"{row.quantity}, linear"]
 
 
 def test_lost_worlds_are_left_out_and_too_few_are_refused(native) -> None:
     lost = replace(native, reach=np.where(np.arange(SEEDS) < SEEDS - 2, np.nan, native.reach))
     with pytest.raises(InvalidOptionError, match="2 seeds"):
-        compare_insertions(native, {"jax": lost})
+        compare_insertions(native, {"linear": lost})
 
 
 def test_few_seeds_show_nothing_however_little_they_scatter(native) -> None:
     few = Runs(*(getattr(native, name)[:9] for name in Runs.__dataclass_fields__))
-    assert not any(row.agrees for row in compare_insertions(few, {"jax": few}))
-    assert all(row.agrees for row in compare_insertions(native, {"jax": native}))
-    (reach, *_) = compare_insertions(native, {"jax": native})
+    assert not any(row.agrees for row in compare_insertions(few, {"linear": few}))
+    assert all(row.agrees for row in compare_insertions(native, {"linear": native}))
+    (reach, *_) = compare_insertions(native, {"linear": native})
     assert reach.to_json()["half_width"] == 0.0 and reach.to_json()["cases"] == SEEDS
 
 
@@ -81,5 +79,5 @@ def test_finished_insertions_are_kept_and_processes_change_nothing(native, tmp_p
 
 
 def test_a_backend_that_refuses_is_absent_with_its_reason() -> None:
-    (row,) = compare_insertions(None, {"jax": "no such colon"}, mesentery=True)
+    (row,) = compare_insertions(None, {"linear": "no such colon"}, mesentery=True)
     assert row.absent == "no such colon" and "on the mesentery" in row.quantity

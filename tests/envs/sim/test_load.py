@@ -1,4 +1,4 @@
-"""Batches on JAX's device against the batch on CPU threads: same inputs, same scopes, same observations."""
+"""Backends of many worlds against MuJoCo on CPU threads: same inputs, same scopes, same observations."""
 
 from importlib.util import find_spec
 
@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 
 from haustra.envs.sim.conditions import Conditions
-from haustra.envs.sim.device_backends import device_backend
 from haustra.envs.sim.load import load_backend
-from haustra.envs.sim.scope_reading import read_scope
 from haustra.envs.sim.state import Controls
 from haustra.envs.tasks.vector import NavigationVectorEnv
-from haustra.errors import InvalidOptionError, MissingDependencyError, UnsupportedSceneError
+from haustra.errors import InvalidOptionError, MissingDependencyError
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions, build_scene, entry_of
 from haustra.models.wall.lumen_table import lumen_table, stack
@@ -32,7 +30,7 @@ _OPTIONS = SceneOptions(
 
 
 NEEDS_WARP = pytest.mark.skipif(find_spec("warp") is None, reason="the extra warp is not installed")
-BACKENDS = ["linear", "jax", pytest.param("warp", marks=NEEDS_WARP)]
+BACKENDS = ["linear", pytest.param("warp", marks=NEEDS_WARP)]
 
 
 @pytest.mark.parametrize("name", BACKENDS)
@@ -103,23 +101,15 @@ def test_without_warp_it_says_what_to_install(capfd: pytest.CaptureFixture[str])
 
 
 @NEEDS_WARP
-def test_warp_refuses_what_it_cannot_do() -> None:
-    backend = device_backend("warp")
-    scene = short_bank().scene
-    with pytest.raises(UnsupportedSceneError, match="several designs"):
-        backend.of(scene).parameters(scene, 2, scope=read_scope(scene))
-
-
-@NEEDS_WARP
 def test_warp_takes_a_worlds_own_stiffness_and_push() -> None:
     """Twice as stiff in one world is twice as stiff in it alone: the same scope bends half as far."""
     import jax.numpy as jnp
 
     from haustra.envs.sim.device_arrays import on_device
-    from haustra.envs.sim.state import Controls
+    from haustra.envs.sim.warp_scopes import WarpScopes
 
     scene, tables = short_bank().scene, on_device(short_bank().tables)
-    backend = device_backend("warp").of(scene)
+    backend = WarpScopes.of(scene)
     bending, push = np.array([1.0, 2.0, 1.0]), np.array([20.0, 20.0, 0.0])
     parameters = backend.parameters(scene, 3, stiffness=10.0, tip_bending=bending, push_limit=push)
     hands = Controls(jnp.full(3, 0.02), jnp.zeros(3), jnp.tile(jnp.array([1.0, 0.0, 0.0, 0.0]), (3, 1)))

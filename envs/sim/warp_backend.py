@@ -1,4 +1,4 @@
-"""Many scopes at once on JAX's device: a chain and a wall in JAX, or MuJoCo's own dynamics by MuJoCo Warp."""
+"""Many scopes at once by MuJoCo's own dynamics and contacts on MuJoCo Warp, through MJX; a GPU makes it fast."""
 
 from typing import Any, final
 
@@ -11,19 +11,22 @@ from jaxtyping import Bool, Float, Int
 from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.conditions import Conditions, Snapshot
 from haustra.envs.sim.device_arrays import on_device, tree_where
-from haustra.envs.sim.device_backends import device_backend
 from haustra.envs.sim.scope_values import Parameters, State
 from haustra.envs.sim.state import Controls, Readings, refuse_others
+from haustra.envs.sim.warp_scopes import WarpScopes
 from haustra.errors import UnsupportedSceneError
 from haustra.models.scene import Scene
 from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables, pick
 
 
-class _OnDevice(AbstractBackend):
-    """What both backends do alike. Only controls and readings travel between device and host."""
+@final
+class WarpBackend(AbstractBackend):
+    """Scopes on MuJoCo Warp. Only controls and readings travel between device and host."""
 
+    name = "warp"
     on_device = True
+    traces_pictures = True
 
     def __init__(self, scene: Scene, tables: Tables, *, worlds: int) -> None:
         """Read the scope; compilation comes with the first step.
@@ -34,11 +37,10 @@ class _OnDevice(AbstractBackend):
             worlds: how many.
 
         Raises:
-            MissingDependencyError: when what the backend computes with is not installed.
             UnsupportedSceneError: when the scene has what this backend cannot honour.
         """
         self.scene, self.tables, self.worlds = scene, tables, worlds
-        self._dynamics = dynamics = device_backend(self.name).of(scene)
+        self._dynamics = dynamics = WarpScopes.of(scene)
         own = on_device(tables)
         self._parameters = self._dynamics.parameters(scene, worlds, colon=np.zeros(worlds, np.int32))
         self._state = self._dynamics.begin(self._parameters, own)
@@ -111,17 +113,17 @@ class _OnDevice(AbstractBackend):
         return np.asarray(self._state.qpos)
 
     def snapshot(self, world: int) -> Snapshot:
-        """Not kept on JAX's device.
+        """Not kept.
 
         Raises:
             UnsupportedSceneError: always.
         """
         raise UnsupportedSceneError(
-            "Withdrawal begins where scopes stood, which backends on JAX's device do not keep: use 'native'."
+            "Withdrawal begins where scopes stood, which the backend 'warp' does not keep: use 'native'."
         )
 
     def restore(self, world: int, snapshot: Snapshot) -> None:
-        """Not kept on JAX's device.
+        """Not kept.
 
         Raises:
             UnsupportedSceneError: always.
@@ -136,19 +138,3 @@ class _OnDevice(AbstractBackend):
 
     def close(self) -> None:
         """Nothing is held open."""
-
-
-@final
-class JaxBackend(_OnDevice):
-    """A chain of links and a wall in JAX."""
-
-    name = "jax"
-    traces_pictures = False
-
-
-@final
-class WarpBackend(_OnDevice):
-    """MuJoCo's own dynamics and contacts by MuJoCo Warp, through MJX; an NVIDIA GPU makes it fast."""
-
-    name = "warp"
-    traces_pictures = True
