@@ -12,6 +12,7 @@ from haustra.envs.tasks.config import TaskConfig, Weights
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.landmarks import SEGMENTS
+from haustra.models.wall import moving_colon
 from tests.task_bank import DESIGN, hung_bank
 
 pytest.importorskip("jax")
@@ -70,7 +71,8 @@ def test_a_camera_that_moves_with_the_colon_sees_the_same():
     aside = np.array([0.03, -0.04, 0.0])
 
     backend = Mock(spec=AbstractBackend, tables=bank.tables)
-    backend.displacement = moving_colon.at_rest(np, mesentery, 2, float).pose + [*aside, 0.0, 0.0, 0.0, 0.0]
+    backend.displacement = moving_colon.at_rest(np, mesentery, 2, float).pose
+    backend.displacement[..., :3] = aside
     case, arc = np.array([0, 1]), np.array([0.05, 0.12])
     rows = [round(s / bank.cases[0].step) for s in arc]
     eye = np.array([bank.cases[k].points[row] for k, row in zip(case, rows, strict=True)])
