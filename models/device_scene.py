@@ -24,6 +24,7 @@ HONOURED = (
     "friction",
     "start_depth",
     "gravity",
+    "abdomen",
 )
 """Scene options that scenes of any device take; the others are refused by name where they are not the usual ones."""
 
@@ -140,7 +141,9 @@ def device_tables(scene: DeviceScene, colons: list[Colon], poses: list[Pose] | N
     found = []
     for number, colon in enumerate(colons):
         for radius in scene.radii:
-            table = lumen_table(colon, device_radius=radius, with_mesentery=scene.options.mesentery)
+            table = lumen_table(
+                colon, device_radius=radius, with_mesentery=scene.options.mesentery, abdomen=scene.options.abdomen
+            )
             pose = poses[number] if poses else None
             found.append(table.seen_from(pose.position, pose.frame) if pose else table.tables)
     return stack(found)

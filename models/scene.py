@@ -22,6 +22,7 @@ from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.devices.scope.outside import Outside, leave_out
 from haustra.models.devices.scope.spacing import adaptive_spacing
 from haustra.models.devices.scope.stops import apply_stops
+from haustra.models.wall.abdomen import Abdomen
 from haustra.models.wall.law import WallContact
 from haustra.models.wall.piece_wall import BLOCK, NO_BLOCKS, Blocks, add_piece_spheres
 from haustra.models.wall.pieces.reach import within_reach
@@ -76,6 +77,8 @@ class SceneOptions:
     mesentery: bool = False
     """Let the colon swing, stretch and pleat on its mesentery (`haustra.models.wall.mesentery`); otherwise it is fixed
     in space and gives way by its wall's stiffness only. Laws 'pieces' and 'table'."""
+    abdomen: Abdomen = field(default_factory=Abdomen)
+    """What a colon that moves lies in: the patient's posture, mobile segments, adhesions, a hand on the belly."""
     sample_spacing: float | None = number("m", 0.001, 0.1, default=None)
     """Distance between the spheres that meet planes or field [m]; three quarters of the scope's diameter when None."""
     friction: float = number("1", 0.0, 10.0, default=_CONTACT["contact.friction"].value)
@@ -108,6 +111,8 @@ class SceneOptions:
             raise InvalidOptionError(
                 "A colon that moves on its mesentery needs wall law 'table' or 'pieces': 'planes' is fixed in space."
             )
+        if self.abdomen != Abdomen() and not self.mesentery:
+            raise InvalidOptionError("Posture, mobile segments, adhesions and a hand need a colon that moves.")
         if self.gas is not None and self.wall_law != "table":
             raise InvalidOptionError(f"Gas moves the wall of law 'table' only, not that of '{self.wall_law}'.")
         if self.segment_stiffness and self.wall_law != "planes":

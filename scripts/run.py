@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from haustra.fields import Number, number, vector
+from haustra.fields import Number, number, texts, vector
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,14 @@ class Run:
     """Simulated time [s]."""
     fixed: bool = False
     """Let the colon stand fixed in space instead of swinging, stretching and pleating on its mesentery."""
+    posture: Literal["supine", "prone", "left", "right"] = "supine"
+    """How the patient lies; colons were imaged supine, so that on another side they sag."""
+    mobile: tuple[str, ...] = texts(most=2, default=())
+    """Segments that hang on a mesentery of their own in this patient: descending, ascending."""
+    adhesions: tuple[str, ...] = texts(most=2, default=())
+    """Segments that have grown to what is beside them: sigmoid, transverse."""
+    pressed: Literal["none", "sigmoid", "transverse"] = "none"
+    """Segment on which an assistant's hand presses through the belly."""
     backend: Literal["native", "linear"] | None = None
     """What steps the scene: MuJoCo's CPU engine, or, many times as fast, a chain in linear time, which knows pulls and
     the table of the lumen only. Linear time where that honours what is asked, when not given."""
@@ -144,6 +152,7 @@ class Run:
 
     def _options(self) -> dict[str, Any]:
         from haustra.errors import InvalidOptionError
+        from haustra.models.wall.abdomen import Abdomen
 
         names = ("wall_law", "friction", "wall_stiffness", "push_limit", "timestep", "largest_bend_deg", "gravity")
         names += ("gas_flow", "gas_start")
@@ -156,6 +165,9 @@ class Run:
             raise InvalidOptionError("A flow or pressure of gas needs gas: give --insufflate 25mmHg too.")
         chosen.setdefault("wall_law", "planes" if self.segment_stiffness else "table")
         chosen["mesentery"] = chosen["wall_law"] != "planes" and not self.fixed
+        around = Abdomen(self.posture, self.mobile, self.adhesions, self.pressed)
+        if around != Abdomen():
+            chosen["abdomen"] = around
         if self.segment_stiffness:
             from haustra.models.scene import usual_segment_stiffness
 

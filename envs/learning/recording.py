@@ -33,7 +33,7 @@ class Recording:
     """Of the hand [N]."""
     wall_force: Float[np.ndarray, " frames"]
     """Largest on a link at any step since the state before [N]."""
-    displacement: Float[np.ndarray, "frames nodes 3"] | None = None
+    displacement: Float[np.ndarray, "frames nodes 7"] | None = None
     """Displacements of the colon's axis [m], to a tenth of a millimetre; None in a colon that is fixed in space."""
 
 

@@ -17,7 +17,7 @@ _ALONG = 0.05
 
 
 def stage_of(
-    case: TabulatedColon, displacement: Float[np.ndarray, "frames nodes 3"] | None, size: tuple[int, int]
+    case: TabulatedColon, displacement: Float[np.ndarray, "frames nodes 7"] | None, size: tuple[int, int]
 ) -> "StillColon | MovingColon":
     """A colon to draw an episode in.
 
@@ -47,10 +47,10 @@ class MovingColon:
     """A colon on its mesentery: drawn anew in every frame, by a camera that stands still."""
 
     def __init__(
-        self, case: TabulatedColon, displacement: Float[np.ndarray, "frames nodes 3"], size: tuple[int, int]
+        self, case: TabulatedColon, displacement: Float[np.ndarray, "frames nodes 7"], size: tuple[int, int]
     ) -> None:
         """Find a camera that sees all of it at the beginning, in the middle and at the end."""
-        tables = stack([case.mesentery_tables])
+        tables = stack([case.hung()])
         assert tables.mesentery is not None
         # Among longer colons an axis has nodes added at its end.
         self._displacement = at = displacement[:, : tables.mesentery.nodes.shape[1]]

@@ -5,7 +5,7 @@ import time
 import numpy as np
 
 from haustra.envs.control.follower import FollowerSettings
-from haustra.envs.runs.insertion import CONTROL_INTERVAL, Insertion, Progress, Trajectory
+from haustra.envs.runs.insertion import CONTROL_INTERVAL, Insertion, Progress, Trajectory, lying
 from haustra.envs.runs.insertion_program import InsertionProgram
 from haustra.envs.runs.linear_insertions import station_widths
 from haustra.envs.runs.measure.injury import InjuryMeter
@@ -40,7 +40,12 @@ def run_linear_insertion(
     settings = settings or FollowerSettings()
     if settings.steer != "pulls":
         raise InvalidOptionError("The backend 'linear' steers by pulls: use the native backend for wheels.")
-    table = lumen_table(scene.colon, device_radius=scene.cable.radius, with_mesentery=scene.options.mesentery)
+    table = lumen_table(
+        scene.colon,
+        device_radius=scene.cable.radius,
+        with_mesentery=scene.options.mesentery,
+        abdomen=scene.options.abdomen,
+    )
     tables = stack([table.seen_from(*entry_of(scene.colon))])
     backend = _backend(scene, tables, settings)
     interval = _program(scene, tables, settings).interval
@@ -63,15 +68,18 @@ def run_linear_insertion(
     recorded = _trajectory(backend, backend.rows(rows)) if rows else _nothing(backend)
     now = backend.rows()
     attempts = int(InsertionProgram.memory_of(now.driver).attempts[0])
+    wall_clock = time.perf_counter() - began
+    colon, surface = lying(backend, backend.insertion)
     return Insertion(
         outcome=outcome_of(ended, healthy=bool(healthy), attempts=attempts),
         trajectory=recorded,
         shape=backend.shape(),
         tip_frame=backend.readings(now).tip_frame[0],
-        wall_clock=time.perf_counter() - began,
+        wall_clock=wall_clock,
         attempts=attempts,
         settings=settings,
-        colon=backend.colon(),
+        colon=colon,
+        surface=surface,
         backend=backend.name,
         gas=backend.gas and backend.gas.record(len(rows)),
     )

@@ -59,7 +59,7 @@ class AbstractBackend(ABC):
 
     @property
     @abstractmethod
-    def displacement(self) -> Float[Any, "worlds nodes 3"] | None:
+    def displacement(self) -> Float[Any, "worlds nodes 7"] | None:
         """Of the colons' axes from rest [m], where the backend has them; None where the colons are fixed in space."""
 
     @abstractmethod

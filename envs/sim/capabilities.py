@@ -63,7 +63,7 @@ SCENE = (
     *_in("scene", "gravity", about="in each colon's own frame"),
     *_in("scene", "segment_stiffness", only=_only(())),
     *_in("scene", "wall_law", only=_only("table")),
-    *_in("scene", "mesentery"),
+    *_in("scene", "mesentery", "abdomen"),
     *_in("scene", "gas", only=_only(None, backends=("native-batch", "warp")), about="of one scope, not of many"),
     *_in("scene", "gas_flow", "gas_start", about="with gas"),
     *_in("scene", "softening", only=_only(False, backends=("native-batch", "warp"))),

@@ -135,7 +135,7 @@ class NativeDevice:
         return self.scene.device.read(np, self.model, self.scene.handles, self._state())
 
     @property
-    def displacement(self) -> Float[np.ndarray, "worlds nodes 3"] | None:
+    def displacement(self) -> Float[np.ndarray, "worlds nodes 7"] | None:
         """Displacements of the colons' axes [m]; None where they are fixed."""
         return self._wall.displacement
 

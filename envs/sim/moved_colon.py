@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
 from haustra.models.anatomy.colon import Centreline, Colon, Surface
 from haustra.models.wall import moving_colon
@@ -27,19 +28,19 @@ class CurrentColon:
         self._station_share = share[:, None]
         self._surface_arcs: np.ndarray | None = None
 
-    def way(self, displacement: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "stations 3"]:
-        """Where the stations of the centreline are [m], given displacements in the tables' coordinates [m]."""
+    def way(self, displacement: Float[np.ndarray, "nodes 7"]) -> Float[np.ndarray, "stations 3"]:
+        """Where the stations of the centreline are [m], given poses of the nodes in the tables' coordinates."""
         at, share = self._station_nodes, self._station_share
-        moved = (1 - share) * displacement[at] + share * displacement[at + 1]
+        moved = (1 - share) * displacement[at, :3] + share * displacement[at + 1, :3]
         return self._colon.centreline.points + moved @ self._axes.T
 
-    def colon(self, displacement: Float[np.ndarray, "nodes 3"]) -> Colon:
+    def colon(self, displacement: Float[np.ndarray, "nodes 7"]) -> Colon:
         """The colon with its surface and centreline where they are; frames and radii turn with it."""
         colon, line = self._colon, self._colon.centreline
         if self._surface_arcs is None:
             self._surface_arcs = surface_arcs(colon)
         vertices = self._carried(displacement, colon.lumen.vertices, self._surface_arcs)
-        frames = np.stack([self._turned(displacement, line.frames[:, :, axis], line.arc) for axis in range(3)], axis=-1)
+        frames = np.einsum("sij,sjk->sik", self._turns(displacement, line.arc), line.frames)
         return replace(
             colon,
             lumen=Surface(vertices, colon.lumen.faces),
@@ -47,13 +48,13 @@ class CurrentColon:
         )
 
     def to_current(
-        self, displacement: Float[np.ndarray, "nodes 3"], place: Float[np.ndarray, "3"], arc: float
+        self, displacement: Float[np.ndarray, "nodes 7"], place: Float[np.ndarray, "3"], arc: float
     ) -> np.ndarray:
         """Where a place of the colon at rest, at that arc length, is now [m]."""
         return self._carried(displacement, place[None], np.array([arc]))[0]
 
     def to_reference(
-        self, displacement: Float[np.ndarray, "nodes 3"], place: Float[np.ndarray, "3"], arc: float
+        self, displacement: Float[np.ndarray, "nodes 7"], place: Float[np.ndarray, "3"], arc: float
     ) -> np.ndarray:
         """Where a place at that arc length would be, had the colon not moved [m]."""
         seen, moved = ((place - self._origin) @ self._axes)[None, None], np.asarray(displacement, float)[None]
@@ -62,16 +63,16 @@ class CurrentColon:
         return rest[0, 0] @ self._axes.T + self._origin
 
     def poses(
-        self, displacement: Float[np.ndarray, "nodes 3"], blocks: Blocks
+        self, displacement: Float[np.ndarray, "nodes 7"], blocks: Blocks
     ) -> tuple[Float[np.ndarray, "blocks 3"], Float[np.ndarray, "blocks 4"]]:
         """Where blocks of the wall are [m], and how they are turned, as quaternions."""
         places, turns = self.many_poses(np.asarray(displacement, float)[None], blocks)
         return places[0], turns[0]
 
     def many_poses(
-        self, displacements: Float[np.ndarray, "records nodes 3"], blocks: Blocks
+        self, displacements: Float[np.ndarray, "records nodes 7"], blocks: Blocks
     ) -> tuple[Float[np.ndarray, "records blocks 3"], Float[np.ndarray, "records blocks 4"]]:
-        """`poses` for several displacements."""
+        """`poses` for several instants."""
         count = len(displacements)
         tables = pick(self._tables, np.zeros(count, int))
         places = np.broadcast_to((blocks.places - self._origin) @ self._axes, (count, len(blocks.arcs), 3))
@@ -87,8 +88,9 @@ class CurrentColon:
         moved = moving_colon.to_current(np, self._tables, np.asarray(displacement, float)[None], seen[None], arcs[None])
         return moved[0] @ self._axes.T + self._origin
 
-    def _turned(self, displacement: np.ndarray, vectors: np.ndarray, arcs: np.ndarray) -> np.ndarray:
-        own, seen = self._mesentery, (vectors @ self._axes)[None]
-        return (
-            moving_colon.directions(np, own, np.asarray(displacement, float)[None], arcs[None], seen)[0] @ self._axes.T
-        )
+    def _turns(self, displacement: np.ndarray, arcs: np.ndarray) -> Float[np.ndarray, "stations 3 3"]:
+        """How cross-sections are turned at arc lengths, as matrices."""
+        pose, still = np.asarray(displacement, float)[None], np.zeros((1, len(arcs), 3))
+        shape = moving_colon.shape_of(np, self._mesentery, pose)
+        _, turns = moving_colon.section_poses(np, self._tables, pose, shape, still, arcs[None])
+        return self._axes @ Rotation.from_quat(turns[0], scalar_first=True).as_matrix() @ self._axes.T

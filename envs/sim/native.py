@@ -193,7 +193,7 @@ class NativeEngine:
         if options.wall_law != "table":
             return scene.compile()
         self.table = self.table or lumen_table(
-            scene.colon, device_radius=scene.cable.radius, with_mesentery=options.mesentery
+            scene.colon, device_radius=scene.cable.radius, with_mesentery=options.mesentery, abdomen=options.abdomen
         )
         spec = without_pieces(scene)
         add_planes(spec, spec.compile(), scene.samples, options.contact, timestep=options.timestep, planes=1)
@@ -203,7 +203,7 @@ class NativeEngine:
         """Of a colon that moves."""
         if not self.scene.options.mesentery:
             return None
-        return stack([self.table.tables if self.table else axis_tables(self.scene.colon)])
+        return stack([self.table.tables if self.table else axis_tables(self.scene.colon, self.scene.options.abdomen)])
 
     def _placed_wall(self) -> TableWall | PlaneWall | PieceWall:
         """The wall of a scope that lies straight at the anus."""
@@ -282,7 +282,7 @@ class NativeEngine:
         return self.gas.colon(colon) if self.gas else colon
 
     @property
-    def _displacement(self) -> Float[np.ndarray, "nodes 3"]:
+    def _displacement(self) -> Float[np.ndarray, "nodes 7"]:
         assert not isinstance(self._wall, PlaneWall) and self._wall.displacement is not None
         return self._wall.displacement
 

@@ -90,7 +90,7 @@ class NativeBackend(AbstractBackend):
         return Readings(**{name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
 
     @property
-    def displacement(self) -> Float[np.ndarray, "worlds nodes 3"] | None:
+    def displacement(self) -> Float[np.ndarray, "worlds nodes 7"] | None:
         """Displacements of the colons' axes at the beginning of the last time step [m]; None where they are fixed."""
         found = [shard.displacement for shard in self._shards]
         return np.concatenate([part for part in found if part is not None]) if found[0] is not None else None

@@ -74,7 +74,9 @@ def build_bank(
     tables, errors = [], []
     for colon in colons:
         progress(colon.name)
-        field = lumen_table(colon, device_radius=scene.cable.radius, with_mesentery=options.mesentery)
+        field = lumen_table(
+            colon, device_radius=scene.cable.radius, with_mesentery=options.mesentery, abdomen=options.abdomen
+        )
         tables.append(field.seen_from(*entry_of(colon)))
         errors.append(field.error)
     return ScopeBank(

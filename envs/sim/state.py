@@ -76,9 +76,10 @@ class Readings(NamedTuple):
     coils: Float[Any, "*worlds coils 3"] = None
     """Places of the shaft `haustra.envs.sim.coils.COIL_DISTANCES` behind the tip [m]: of many scopes from the entry, of
     one in the coordinates of its scene; those outside the anus are of no meaning while shaft there is left out."""
-    displacement: Float[Any, "*worlds nodes 3"] = None
-    """Where the colon's axis is, from where it was at rest [m]: of many scopes seen from the entry, of one in the
-    coordinates of its scene; None of a colon that is fixed, and of the native backend of many scopes."""
+    displacement: Float[Any, "*worlds nodes 7"] = None
+    """Poses of the colon's axis (`haustra.models.wall.moving_colon.AxisDisplacement`): of many scopes seen from the
+    entry, of one in the coordinates of its scene; None of a colon that is fixed, and of the native backend of many
+    scopes."""
     pulls: Float[Any, "*worlds 4"] = None
     """Pull of each wire at the handle: up, left, down, right [N]; None of many scopes."""
     contacts: Real[Any, "*worlds"] = None

@@ -140,10 +140,10 @@ class TablePlanes:
         return self._gathered("depth")
 
     @property
-    def displacement(self) -> Float[np.ndarray, "worlds nodes 3"] | None:
-        """Displacements of the colons' axes [m]; None where they are fixed."""
+    def displacement(self) -> Float[np.ndarray, "worlds nodes 7"] | None:
+        """Poses of the colons' axes; None where they are fixed."""
         moved = self._groups[0].walls.displacement
-        return None if moved is None else moved.place.copy()
+        return None if moved is None else moved.pose.copy()
 
     def set_contact(
         self,

@@ -186,7 +186,7 @@ class ThreadSlice:
         }
 
     @property
-    def displacement(self) -> Float[np.ndarray, "worlds nodes 3"] | None:
+    def displacement(self) -> Float[np.ndarray, "worlds nodes 7"] | None:
         """Displacements of the colons' axes [m]; None where they are fixed."""
         return self._wall.displacement
 

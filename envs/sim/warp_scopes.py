@@ -221,7 +221,7 @@ class WarpScopes(ScopeChain):
             link_arcs=worlds.arcs[:, middle_spheres(self.sample_body, forces.shape[1])],
             deepest=found.depth.max(axis=1) + scope.radius - own.device_radius[:, 0],
             coils=spheres[:, self.coils],
-            displacement=worlds.displacement and worlds.displacement.place,
+            displacement=worlds.displacement and worlds.displacement.pose,
         )
 
     def _step(

@@ -57,7 +57,9 @@ class ColonSet:
     @cached_property
     def tables(self) -> Tables:
         """Of all cases, one after the other."""
-        return stack([case.mesentery_tables if self.options.mesentery else case.tables for case in self.cases])
+        return stack(
+            [case.hung(self.options.abdomen) if self.options.mesentery else case.tables for case in self.cases]
+        )
 
     @cached_property
     def lengths(self) -> np.ndarray:

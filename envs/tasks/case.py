@@ -13,6 +13,7 @@ from haustra.files import write_atomically
 from haustra.models.anatomy.colon import Centreline, Colon, ColonSegment, Surface
 from haustra.models.anatomy.landmarks import SEGMENTS
 from haustra.models.scene import entry_of
+from haustra.models.wall.abdomen import Abdomen
 from haustra.models.wall.lumen_table import Tables, lumen_table
 from haustra.models.wall.mesentery import hang
 from haustra.provenance import Provenance
@@ -74,11 +75,11 @@ class TabulatedColon:
         places = zip(SEGMENTS, pairwise(self.borders.tolist()), strict=False)
         return tuple(ColonSegment(name, start, end) for name, (start, end) in places)
 
-    @property
-    def mesentery_tables(self) -> Tables:
-        """The same of a colon that moves on its mesentery."""
-        width = np.median(self.sight, axis=1)
-        return self.tables._replace(mesentery=hang(self.points, self.line.arc, width, self.segments))
+    def hung(self, abdomen: Abdomen | None = None) -> Tables:
+        """The tables of a colon that moves on its mesentery; in a patient as imaged when `abdomen` is None."""
+        width, widest = np.median(self.sight, axis=1), self.sight.max(axis=1)
+        own = hang(self.points, self.line.arc, width, self.segments, widest=widest, abdomen=abdomen)
+        return self.tables._replace(mesentery=own._replace(load=own.load @ self.axes))
 
     def colon(self) -> Colon:
         """The case as a colon: the surface that a camera sees, ring by ring, without landmarks."""

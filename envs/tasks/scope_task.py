@@ -232,7 +232,7 @@ class ScopeTask:
         return self.backend.way_ahead(distances)
 
     @property
-    def displacement(self) -> Float[np.ndarray, "worlds nodes 3"] | None:
+    def displacement(self) -> Float[np.ndarray, "worlds nodes 7"] | None:
         """Displacements of the colons' axes [m]; None where they are fixed in space."""
         found = self.backend.displacement
         return None if found is None else np.asarray(found)

@@ -51,17 +51,17 @@ def pain(xp: Any, wall: Any, mesentery: Any) -> Any:
 
 
 def axis_tensions(
-    xp: Any, own: Mesentery, displacement: Float[Any, "*worlds nodes 3"], radius: Float[Any, "*any nodes"]
+    xp: Any, own: Mesentery, displacement: Float[Any, "*worlds nodes _"], radius: Float[Any, "*any nodes"]
 ) -> tuple[Float[Any, "*worlds nodes"], Float[Any, "*worlds nodes"]]:
     """Tensions of the wall along the colon behind each node of the axis, and of the mesentery at it [N/m].
 
     Args:
         xp: numpy or jax.numpy.
         own: the axis of one colon, or of one a world.
-        displacement: of its nodes from rest, in the coordinates of `own` [m].
+        displacement: poses of its nodes (`moving_colon.AxisDisplacement`), in the coordinates of `own`.
         radius: of the lumen at the nodes [m].
     """
-    nodes = own.nodes + displacement
+    nodes = own.nodes + displacement[..., :3]
     lengths = xp.sqrt(((nodes[..., 1:, :] - nodes[..., :-1, :]) ** 2).sum(axis=-1))
     spacing, pleating = (xp.asarray(part)[..., None] for part in (own.spacing, own.pleating))
     along = axial_tension(xp, lengths, own.lengths, own.tension, pleating, radius[..., :-1])

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from haustra.models.wall import contact_solver, lumen_table, moving_colon, plane_pose, planes, vectors
+from haustra.models.wall import contact_solver, lumen_table, moving_colon, plane_pose, planes, sections, vectors
 from haustra.models.wall.lumen_table import axis_point, query_point
 from haustra.models.wall.moving_colon import (
     bend_gradient,
@@ -23,13 +23,27 @@ from haustra.models.wall.moving_colon import (
     hold_force,
     node_cell,
     node_resistance,
-    taken_back,
-    turn_gradient,
-    turn_rate,
-    turned,
+    node_turn_resistance,
 )
 from haustra.models.wall.plane_pose import as_plane_sees, counted_depth, plane_turn
 from haustra.models.wall.planes import AWAY
+from haustra.models.wall.sections import (
+    brought_along,
+    carried_rate,
+    cell_closing,
+    cell_closing_gradient,
+    cell_closing_rate,
+    flattening,
+    flattening_rate,
+    node_closing,
+    node_closing_rate,
+    section_gradient,
+    taken_back,
+    touched,
+    turned,
+    twist,
+    twisted,
+)
 from haustra.models.wall.vectors import add, between, cross, dot, minus, norm, times, unit_rate
 
 ROOM = 0.01
@@ -62,6 +76,31 @@ def _put_more(values: Any, world: int, node: int, v: Any) -> None:
     values[world, node, 2] += v[2]
 
 
+def _turn(values: Any, world: int, node: int, first: int) -> Any:
+    part = values[world, node, first + 1], values[world, node, first + 2], values[world, node, first + 3]
+    return values[world, node, first], part
+
+
+def _put_turn(values: Any, world: int, node: int, first: int, turn: Any) -> None:
+    values[world, node, first] = turn[0]
+    values[world, node, first + 1], values[world, node, first + 2], values[world, node, first + 3] = turn[1]
+
+
+def _section(shape: Any, world: int, node: int) -> Any:
+    turn = _turn(shape.turns, world, node, 0)
+    return turn[0], turn[1], shape.flats[world, node], _node(shape.acrosses, world, node)
+
+
+def _cells(values: Any, world: int, node: int) -> Any:
+    """Vectors of the cells before and after a node; at the ends the one there is, twice."""
+    return _node(values, world, max(node - 1, 0)), _node(values, world, min(node, values.shape[1] - 1))
+
+
+def _rest_closing(own: Any, world: int, at: int) -> Any:
+    before, after = _node(own.tangents, world, at), _node(own.tangents, world, at + 1)
+    return cell_closing(np, before, after, own.lengths[world, at])
+
+
 def _node_between(values: Any, world: int, at: int, share: float) -> Any:
     return between(_node(values, world, at), _node(values, world, at + 1), share)
 
@@ -77,13 +116,13 @@ def _query(tables: Any, worlds: Any, points: Any, arcs: Any, depth: Any, inwards
             _put(inwards, world, p, normal)
 
 
-def _shape(own: Any, worlds: Any, place: Any, shape: Any) -> None:
+def _shape(own: Any, worlds: Any, pose: Any, shape: Any) -> None:
     """How the axes of these worlds lie, into `shape`."""
-    last = place.shape[1] - 1
+    last = pose.shape[1] - 1
     for world in worlds:
         for i in range(last):
             nodes = minus(_node(own.nodes, world, i + 1), _node(own.nodes, world, i))
-            edge = add(nodes, minus(_node(place, world, i + 1), _node(place, world, i)))
+            edge = add(nodes, minus(_node(pose, world, i + 1), _node(pose, world, i)))
             length = norm(np, edge)
             shape.lengths[world, i] = length
             _put(shape.units, world, i, times(1 / length, edge))
@@ -92,17 +131,66 @@ def _shape(own: Any, worlds: Any, place: Any, shape: Any) -> None:
             if 0 < i < last:
                 total = add(total, _node(shape.units, world, i - 1))
             length = norm(np, total)
-            tangent, rest = times(1 / length, total), _node(own.tangents, world, i)
-            shape.sums[world, i], shape.cosines[world, i] = length, dot(rest, tangent)
+            tangent = times(1 / length, total)
+            shape.sums[world, i] = length
             _put(shape.tangents, world, i, tangent)
-            _put(shape.axes, world, i, cross(rest, tangent))
+            turn = brought_along(np, _turn(pose, world, i, 3), _node(own.tangents, world, i), tangent)
+            _put_turn(shape.turns, world, i, 0, turn)
+        for i in range(last):
+            before, after = _node(shape.tangents, world, i), _node(shape.tangents, world, i + 1)
+            _put(shape.closings, world, i, cell_closing(np, before, after, shape.lengths[world, i]))
+        for i in range(last + 1):
+            before, after = _cells(shape.closings, world, i)
+            turn = _turn(shape.turns, world, i, 0)
+            at_rest = turned(turn[0], turn[1], _node(own.closings, world, i))
+            flat, across = flattening(
+                np, node_closing(before, after, _node(shape.tangents, world, i)), at_rest, own.widths[world, i]
+            )
+            shape.flats[world, i] = flat
+            _put(shape.acrosses, world, i, across)
+
+
+def _rates(own: Any, world: int, speed: Any, shape: Any, spins: Any, flats: Any, acrosses: Any) -> None:
+    """How fast the sections of a world turn and flatten; what is written has worlds first, of which there is one."""
+    nodes = speed.shape[1]
+    tangents, closings = np.empty((1, nodes, 3)), np.empty((1, nodes - 1, 3))
+    for i in range(nodes):
+        total = _edge_rate(shape, speed, world, min(i, nodes - 2))
+        if 0 < i < nodes - 1:
+            total = add(total, _edge_rate(shape, speed, world, i - 1))
+        tangent = _node(shape.tangents, world, i)
+        rate = unit_rate(tangent, shape.sums[world, i], total)
+        _put(tangents, 0, i, rate)
+        _put(spins, 0, i, add(cross(tangent, rate), times(speed[world, i, 3], tangent)))
+    for i in range(nodes - 1):
+        length = shape.lengths[world, i]
+        longer = dot(_node(shape.units, world, i), minus(_node(speed, world, i + 1), _node(speed, world, i)))
+        now = _node(shape.tangents, world, i), _node(shape.tangents, world, i + 1)
+        rates = _node(tangents, 0, i), _node(tangents, 0, i + 1)
+        _put(closings, 0, i, cell_closing_rate(np, now[0], now[1], length, rates[0], rates[1], longer))
+    for i in range(nodes):
+        before, after = _cells(shape.closings, world, i)
+        rate_before, rate_after = _cells(closings, 0, i)
+        tangent = _node(shape.tangents, world, i)
+        turn = _turn(shape.turns, world, i, 0)
+        at_rest = turned(turn[0], turn[1], _node(own.closings, world, i))
+        flat, across = flattening_rate(
+            np,
+            node_closing(before, after, tangent),
+            at_rest,
+            own.widths[world, i],
+            node_closing_rate(before, after, tangent, rate_before, rate_after, _node(tangents, 0, i)),
+            cross(_node(spins, 0, i), at_rest),
+        )
+        flats[0, i] = flat
+        _put(acrosses, 0, i, across)
 
 
 def _query_moved(
     tables: Any,
     own: Any,
     worlds: Any,
-    place: Any,
+    pose: Any,
     speed: Any,
     shape: Any,
     radius: float,
@@ -114,50 +202,45 @@ def _query_moved(
     wall_speed: Any,
 ) -> None:
     """`_query` where the axes have moved; and where spheres of that radius hold on to the wall, and its speed there."""
-    _shape(own, worlds, place, shape)
+    _shape(own, worlds, pose, shape)
     step, first, count = tables.step, tables.first, tables.count
-    nodes = place.shape[1]
-    turning = np.empty((nodes, 4))
+    nodes = pose.shape[1]
+    spins, flats, acrosses = np.empty((1, nodes, 3)), np.empty((1, nodes)), np.empty((1, nodes, 3))
     for world in worlds:
-        for i in range(nodes):
-            total = _edge_rate(shape, speed, world, min(i, nodes - 2))
-            if 0 < i < nodes - 1:
-                total = add(total, _edge_rate(shape, speed, world, i - 1))
-            rate = unit_rate(_node(shape.tangents, world, i), shape.sums[world, i], total)
-            rest = _node(own.tangents, world, i)
-            turning[i, 0] = dot(rest, rate)
-            turning[i, 1], turning[i, 2], turning[i, 3] = cross(rest, rate)
+        _rates(own, world, speed, shape, spins, flats, acrosses)
         one, begin, end = step[world, 0], first[world, 0], count[world, 0]
         for p in range(points.shape[1]):
             arc = arcs[world, p]
             axis = axis_point(np, tables, one, begin, end, arc)
             at, share = node_cell(np, own.spacing[world], nodes, arc)
-            offset = minus(minus(_node(points, world, p), axis), _node_between(place, world, at, share))
+            offset = minus(minus(_node(points, world, p), axis), _node_between(pose, world, at, share))
             back = taken_back(
                 np,
                 offset,
                 shape.lengths[world, at] / own.lengths[world, at],
-                _node_between(own.tangents, world, at, share),
-                (shape.cosines[world, at], _node(shape.axes, world, at)),
-                (shape.cosines[world, at + 1], _node(shape.axes, world, at + 1)),
+                (_node(own.tangents, world, at), _node(own.tangents, world, at + 1)),
+                (_rest_closing(own, world, at), _node(shape.closings, world, at)),
+                _section(shape, world, at),
+                _section(shape, world, at + 1),
                 share,
             )
             rest = add(axis, back)
-            arc, depth[world, p], normal = query_point(np, tables, one, begin, end, rest, arc)
+            arc, deep, normal = query_point(np, tables, one, begin, end, rest, arc)
             arcs[world, p] = arc
-            held = minus(minus(rest, times(radius, normal)), axis_point(np, tables, one, begin, end, arc))
-            _put(lever, world, p, held)
             at, share = node_cell(np, own.spacing[world], nodes, arc)
-            c0, a0 = shape.cosines[world, at], _node(shape.axes, world, at)
-            c1, a1 = shape.cosines[world, at + 1], _node(shape.axes, world, at + 1)
-            normal = between(turned(np, c0, a0, normal), turned(np, c1, a1, normal), share)
-            _put(inwards, world, p, times(1 / norm(np, normal), normal))
+            before, after = _section(shape, world, at), _section(shape, world, at + 1)
+            deep, normal, surface = touched(np, deep, normal, radius, before, after, share)
+            depth[world, p] = deep
+            _put(inwards, world, p, normal)
+            held = minus(add(rest, surface), axis_point(np, tables, one, begin, end, arc))
+            _put(lever, world, p, held)
             if arc > 0:
-                r0, r1 = turning[at], turning[at + 1]
-                before = turn_rate(np, c0, a0, r0[0], (r0[1], r0[2], r0[3]), held)
-                after = turn_rate(np, c1, a1, r1[0], (r1[1], r1[2], r1[3]), held)
-                moved = add(_node_between(speed, world, at, share), between(before, after, share))
-                _put(wall_speed, world, p, moved)
+                moved = between(
+                    carried_rate(before, (_node(spins, 0, at), flats[0, at], _node(acrosses, 0, at)), held),
+                    carried_rate(after, (_node(spins, 0, at + 1), flats[0, at + 1], _node(acrosses, 0, at + 1)), held),
+                    share,
+                )
+                _put(wall_speed, world, p, add(_node_between(speed, world, at, share), moved))
             else:
                 _put(wall_speed, world, p, (0.0, 0.0, 0.0))
 
@@ -309,7 +392,7 @@ def _edge_rate(shape: Any, speed: Any, world: int, edge: int) -> Any:
 def _step_axis(
     own: Any,
     worlds: Any,
-    place: Any,
+    pose: Any,
     speed: Any,
     shape: Any,
     arcs: Any,
@@ -319,27 +402,29 @@ def _step_axis(
     h: float,
 ) -> None:
     """One time step of the axes of these worlds, in place."""
-    _shape(own, worlds, place, shape)
-    count = place.shape[1]
-    pulled, couples = np.empty((1, count, 3)), np.empty((count, 3, 3))
-    gripped, diagonal, tie = np.empty(count), np.empty(count), np.empty(count)
+    _shape(own, worlds, pose, shape)
+    count = pose.shape[1]
+    pulled, couples, torque = np.empty((1, count, 3)), np.empty((count, 3, 3)), np.empty(count)
+    gripped, gripped_turn, diagonal, tie = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
     for world in worlds:
-        pulled[:], couples[:], gripped[:] = 0.0, 0.0, 0.0
+        pulled[:], couples[:], gripped[:], gripped_turn[:] = 0.0, 0.0, 0.0, 0.0
         for p in range(arcs.shape[1]):
             f = _node(force, world, p)
             if arcs[world, p] <= 0 or (f[0] == 0 and f[1] == 0 and f[2] == 0 and damping[world, p] == 0):
                 continue
             at, share = node_cell(np, own.spacing[world], count, arcs[world, p])
+            held = _node(lever, world, p)
             for later in range(2):
                 node, part = at + later, share if later else 1 - share
                 gripped[node] += part * damping[world, p]
+                gripped_turn[node] += part * damping[world, p] * dot(held, held)
                 _put_more(pulled, 0, node, times(part, f))
                 for i in range(3):
                     for j in range(3):
-                        couples[node, i, j] += part * f[i] * lever[world, p, j]
-        _add_springs(own, world, place, shape, couples, pulled)
+                        couples[node, i, j] += part * f[i] * held[j]
+        _add_springs(own, world, shape, couples, pulled, torque)
         for i in range(count):
-            at = _node(place, world, i)
+            at = _node(pose, world, i)
             _put_more(pulled, 0, i, times(gripped[i], _node(speed, world, i)))
             _put_more(pulled, 0, i, hold_force(np, at, own.slack[world, i], own.hold[world, i], own.support[world, i]))
             diagonal[i] = node_resistance(
@@ -353,8 +438,9 @@ def _step_axis(
                 h,
             )
         for i in range(count - 1):
-            bending = own.bending[world, i], own.bending[world, i + 1]
-            tie[i] = edge_resistance(np, own.tension[world, i], bending[0], bending[1], own.lengths[world, i], h)
+            before = own.bending[world, i] + own.upright[world, i]
+            after = own.bending[world, i + 1] + own.upright[world, i + 1]
+            tie[i] = edge_resistance(np, own.tension[world, i], before, after, own.lengths[world, i], h)
             diagonal[i] += tie[i]
             diagonal[i + 1] += tie[i]
         # Thomas's algorithm; off the diagonal stands -tie.
@@ -368,29 +454,81 @@ def _step_axis(
                 right = add(right, times(tie[i], _node(speed, world, i + 1)))
             moving = times(1 / diagonal[i], right)
             _put(speed, world, i, moving)
-            _put_more(place, world, i, times(h, moving))
+            _put_more(pose, world, i, times(h, moving))
+        _turn_sections(own, world, pose, speed, shape, torque, gripped_turn, h)
 
 
-def _add_springs(own: Any, world: int, place: Any, shape: Any, couples: Any, pulled: Any) -> None:
-    """Add the forces along and across the axis to those on its nodes."""
-    last = place.shape[1] - 1
-    over_units = np.zeros((1, last, 3))
+def _turn_sections(
+    own: Any, world: int, pose: Any, speed: Any, shape: Any, torque: Any, gripped: Any, h: float
+) -> None:
+    """Turn the sections of a world about the axis for a time step."""
+    count = pose.shape[1]
+    diagonal = np.empty(count)
+    for i in range(count):
+        diagonal[i] = node_turn_resistance(own.upright[world, i], own.turn_drag[world, i], gripped[i], h)
+        torque[i] += gripped[i] * speed[world, i, 3]
+    for i in range(count - 1):
+        diagonal[i] += h * own.torsion[world, i]
+        diagonal[i + 1] += h * own.torsion[world, i]
+    for i in range(1, count):
+        share = h * own.torsion[world, i - 1] / diagonal[i - 1]
+        diagonal[i] -= share * h * own.torsion[world, i - 1]
+        torque[i] += share * torque[i - 1]
+    for i in range(count - 1, -1, -1):
+        right = torque[i]
+        if i + 1 < count:
+            right += h * own.torsion[world, i] * speed[world, i + 1, 3]
+        speed[world, i, 3] = right / diagonal[i]
+        turn = twisted(_turn(shape.turns, world, i, 0), _node(shape.tangents, world, i), h * speed[world, i, 3])
+        _put_turn(pose, world, i, 3, turn)
+
+
+def _add_springs(own: Any, world: int, shape: Any, couples: Any, pulled: Any, torque: Any) -> None:
+    """Add the forces along and across the axis to those on its nodes; write the torques about it."""
+    last = shape.lengths.shape[1]
+    still = 1.0, (0.0, 0.0, 0.0)
+    shortening = np.empty(last)
+    work, over_cells, over_units = np.zeros((1, last + 1, 3)), np.zeros((1, last, 3)), np.zeros((1, last, 3))
     for i in range(last + 1):
-        axis, cosine = _node(shape.axes, world, i), shape.cosines[world, i]
         rows = _node(couples, i, 0), _node(couples, i, 1), _node(couples, i, 2)
-        work = turn_gradient(np, _node(own.tangents, world, i), cosine, axis, rows)
-        work = unit_rate(_node(shape.tangents, world, i), shape.sums[world, i], work)
+        section, tangent = _section(shape, world, i), _node(shape.tangents, world, i)
+        cells = _cells(shape.closings, world, i)
+        leaning, twisting, first, later = section_gradient(
+            np, section, tangent, cells, _node(own.closings, world, i), own.widths[world, i], rows
+        )
+        _put_more(over_cells, 0, max(i - 1, 0), first)
+        _put_more(over_cells, 0, min(i, last - 1), later)
+        rest = _node(own.tangents, world, i)
+        turn = section[0], section[1]
+        tilt, lean = twist(np, still, turn, (rest, tangent), still)
+        righting = own.upright[world, i] * tilt
+        torque[i] = twisting - righting
+        _put_more(work, 0, i, minus(leaning, times(righting, lean)))
+    for i in range(last):
+        now = _node(shape.tangents, world, i), _node(shape.tangents, world, i + 1)
+        turns = _turn(shape.turns, world, i, 0), _turn(shape.turns, world, i + 1, 0)
+        wound, binormal = twist(np, turns[0], turns[1], now, _turn(own.ways, world, i, 0))
+        moment = own.torsion[world, i] * wound
+        torque[i] += moment
+        torque[i + 1] -= moment
+        length, over = shape.lengths[world, i], _node(over_cells, 0, i)
+        first, later, shortening[i] = cell_closing_gradient(np, now[0], now[1], length, over)
+        _put_more(work, 0, i, minus(first, times(moment, binormal)))
+        _put_more(work, 0, i + 1, minus(later, times(moment, binormal)))
+    for i in range(last + 1):
+        over = unit_rate(_node(shape.tangents, world, i), shape.sums[world, i], _node(work, 0, i))
         if 0 < i < last:
             change = minus(_node(shape.units, world, i), _node(shape.units, world, i - 1))
             bend = bend_gradient(np, change, own.turns[world, i], own.bending[world, i])
-            _put_more(over_units, 0, i, minus(work, bend))
-            _put_more(over_units, 0, i - 1, add(work, bend))
+            _put_more(over_units, 0, i, minus(over, bend))
+            _put_more(over_units, 0, i - 1, add(over, bend))
         else:
-            _put_more(over_units, 0, min(i, last - 1), work)
+            _put_more(over_units, 0, min(i, last - 1), over)
+        _put_more(pulled, 0, i, _node(own.load, world, i))
     for i in range(last):
         unit, length = _node(shape.units, world, i), shape.lengths[world, i]
         tension = edge_tension(np, length, own.lengths[world, i], own.tension[world, i], own.pleating[world])
-        pull = minus(times(tension, unit), unit_rate(unit, length, _node(over_units, 0, i)))
+        pull = minus(times(tension - shortening[i], unit), unit_rate(unit, length, _node(over_units, 0, i)))
         _put_more(pulled, 0, i, pull)
         _put_more(pulled, 0, i + 1, times(-1.0, pull))
 
@@ -402,9 +540,11 @@ def loops() -> Loops:
     from numba.extending import overload
 
     overload(vectors.where)(lambda xp, condition, yes, no: lambda xp, condition, yes, no: yes if condition else no)
-    own = (_node, _put, _put_more, _node_between, _edge_rate, _shape, _add_springs)
+    own = (_node, _put, _put_more, _turn, _put_turn, _section, _cells, _rest_closing, _node_between, _edge_rate)
+    own = (*own, _rates, _shape, _add_springs, _turn_sections)
     entries = (_query, _query_moved, _place_planes, _carry_on, _contacts, _step_axis, contact_solver.solve)
-    laws = (*vectors.PARTS, *lumen_table.PARTS, *moving_colon.PARTS, *plane_pose.PARTS, *own, *entries[:-1])
+    laws = (*vectors.PARTS, *lumen_table.PARTS, *sections.PARTS, *moving_colon.PARTS, *plane_pose.PARTS)
+    laws = (*laws, *own, *entries[:-1])
     # Products may be added at once; sums keep their order, or code from the cache would round as no other does.
     options = {"error_model": "numpy", "fastmath": {"contract"}}
     solver = (*contact_solver.PARTS, contact_solver.solve)
@@ -412,10 +552,8 @@ def loops() -> Loops:
     for part, how in each:
         plain = unwrap(part)  # of what checks types at run time
         overload(part, strict=False, jit_options=how)(lambda *_, plain=plain: plain)
-    files = [
-        Path(str(module.__file__))
-        for module in (vectors, lumen_table, moving_colon, plane_pose, planes, contact_solver)
-    ]
+    modules = vectors, lumen_table, sections, moving_colon, plane_pose, planes, contact_solver
+    files = [Path(str(module.__file__)) for module in modules]
     law = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
     def compiled(loop: Callable[..., Any]) -> Callable[..., Any]:

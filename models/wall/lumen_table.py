@@ -20,6 +20,7 @@ from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.store import colon_hash
 from haustra.models.wall import mesentery, vectors
+from haustra.models.wall.abdomen import Abdomen
 from haustra.models.wall.cache import cache_folder, keep, read
 from haustra.models.wall.mesentery import Mesentery
 from haustra.models.wall.signed_distance import LumenDistance
@@ -40,6 +41,8 @@ LEAST_SLOPE = 0.2
 not known from it."""
 MOST_RADIUS = 0.06
 """No lumen is wider: rays that leave through the anus end here [m]."""
+_ALONG = 2.0
+"""Radii of more than this many times the median [1] are looks along the lumen, not across it."""
 _FORMAT = 1
 """Of tables in the cache; those of another format are made anew."""
 _MARCH = 24
@@ -162,6 +165,7 @@ def lumen_table(
     device_radius: float,
     surface: Callable[[], LumenDistance] | None = None,
     with_mesentery: bool = False,
+    abdomen: Abdomen | None = None,
 ) -> LumenTable:
     """Tabulate a colon's wall for spheres of one radius; what was tabulated before is read from the cache.
 
@@ -170,6 +174,7 @@ def lumen_table(
         device_radius: radius of the spheres [m].
         surface: gives the colon's exact surface, for callers who need several tables of it.
         with_mesentery: let the colon move on its mesentery; otherwise it is fixed in space.
+        abdomen: what a colon that moves lies in; as it was imaged when None.
     """
     key = content_hash(colon_hash(colon).encode(), repr((_FORMAT, STATION_STEP, ANGLES, device_radius)).encode())
     path = cache_folder() / "tables" / f"{key}.npz"
@@ -182,7 +187,7 @@ def lumen_table(
         keep(path, buffer.getvalue())
     tables = _tables(points, frames, kept["wall"].astype(float), step, device_radius)
     if with_mesentery:
-        tables = _hung(tables, colon)
+        tables = _hung(tables, colon, abdomen)
     p50, p95, mean, normal, probes = kept["error"].tolist()
     error = TableAccuracy(p50, p95, mean, normal, int(probes))
     return LumenTable(tables, device_radius, error, tuple(kept["narrow"].tolist()))
@@ -270,17 +275,20 @@ def table_between(first: Tables, last: Tables, device_radius: float) -> Tables:
     return first._replace(wall=wall, device_radius=np.float64(device_radius if apart else first.device_radius))
 
 
-def axis_tables(colon: Colon) -> Tables:
+def axis_tables(colon: Colon, abdomen: Abdomen | None = None) -> Tables:
     """Tables of a colon that moves, of its axis only: no wall is tabulated, to be looked up in."""
     points, frames, step = _stations(colon)
-    return _hung(_tables(points, frames, np.zeros((0, 1, 4)), step, 0.0), colon)
+    return _hung(_tables(points, frames, np.zeros((0, 1, 4)), step, 0.0), colon, abdomen)
 
 
-def _hung(tables: Tables, colon: Colon) -> Tables:
+def _hung(tables: Tables, colon: Colon, abdomen: Abdomen | None) -> Tables:
     """With the colon's mesentery."""
     arcs = tables.step * np.arange(len(tables.points))
-    width = np.interp(arcs, colon.centreline.arc, np.median(colon.radius, axis=1))
-    return tables._replace(mesentery=mesentery.hang(tables.points, arcs, width, colon.segments))
+    line, middle = colon.centreline.arc, np.median(colon.radius, axis=1)
+    widest = np.minimum(colon.radius, _ALONG * middle[:, None]).max(axis=1)
+    width, widest = np.interp(arcs, line, middle), np.interp(arcs, line, widest)
+    hung = mesentery.hang(tables.points, arcs, width, colon.segments, widest=widest, abdomen=abdomen)
+    return tables._replace(mesentery=hung)
 
 
 def query(xp: Any, tables: Tables, points: Float[Any, "*worlds points 3"], arcs: Float[Any, "..."]) -> WallQuery:

@@ -3,7 +3,7 @@
 The axis is a row of nodes. Between neighbours the wall's tube resists stretching and, less, pleating; bending is that
 of a tube that is free to turn about itself. Nodes of sigmoid and transverse colon hang on a mesentery that is slack up
 to its height and then taut; rectum, descending and ascending colon and caecum have grown to the back wall, and the
-anus is held. Cross-sections move and turn with the axis and keep their shape.
+anus is held. Cross-sections go along with the axis (`haustra.models.wall.sections`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,10 +14,14 @@ from jaxtyping import Float
 
 from haustra.assets import asset
 from haustra.models.anatomy.colon import ColonSegment
+from haustra.models.wall import sections, vectors
+from haustra.models.wall.abdomen import DOWN, FALL, Abdomen, turned_weight
 from haustra.quantity import load_quantities
 
 NODE_SPACING = 0.01
 """Distance between nodes [m], about: half the radius of a sigmoid's lumen; engineering choice."""
+INDENTED = 0.005
+"""Sections flatten as if the lumen were wider by this [m]: a device stands in its wall; engineering choice."""
 _RISE = 1.5
 """The mesentery reaches its full height over the middle of a segment, from sin(pi share) times this: it is shortest
 where it ends; engineering choice."""
@@ -32,6 +36,12 @@ class Mesentery(NamedTuple):
     """(nodes, 3) places at rest [m]."""
     tangents: Any
     """(nodes, 3) directions at rest."""
+    ways: Any
+    """(nodes - 1, 4) turns that bring the direction at each node to that at the next, as unit quaternions."""
+    closings: Any
+    """(nodes, 3) how far the bend closes at each node at rest [1/m] (`sections.node_closing`)."""
+    widths: Any
+    """(nodes,) from the axis to where no wall is further [m]."""
     turns: Any
     """(nodes,) how far the direction changes from the edge before each node to the one after, at rest [1]: the length
     of the difference of their unit vectors; 0 at the ends."""
@@ -41,6 +51,8 @@ class Mesentery(NamedTuple):
     """(nodes - 1,) EA of the tube when stretched [N]."""
     bending: Any
     """(nodes,) EI of the tube over the spacing [N m]; 0 at the ends."""
+    torsion: Any
+    """(nodes - 1,) GJ of the tube over the spacing [N m]."""
     slack: Any
     """(nodes,) how far a node moves before its mesentery is taut [m]."""
     hold: Any
@@ -49,6 +61,13 @@ class Mesentery(NamedTuple):
     """(nodes,) stiffness of what lies around [N/m]."""
     drag: Any
     """(nodes,) damping [N s/m]."""
+    upright: Any
+    """(nodes,) how stiffly what the wall has grown to, and what lies around, keep a section from turning about the axis
+    [N m]."""
+    turn_drag: Any
+    """(nodes,) damping of that turning [N m s]."""
+    load: Any
+    """(nodes, 3) constant forces: weight, and what presses on the belly [N]."""
     pleating: Any
     """Stiffness in compression over that in tension [1]: one number, or one a colon."""
     spacing: Any
@@ -61,6 +80,8 @@ def hang(
     radius: Float[np.ndarray, " stations"],
     segments: Sequence[ColonSegment],
     *,
+    widest: Float[np.ndarray, " stations"] | None = None,
+    abdomen: Abdomen | None = None,
     changed: Mapping[str, float] | None = None,
 ) -> Mesentery:
     """Hang a colon on its mesentery, by the numbers of assets/numbers/mesentery.toml.
@@ -70,6 +91,8 @@ def hang(
         arcs: its arc lengths [m].
         radius: mean radius of the lumen there [m].
         segments: what is mobile, and what is fixed; without any, all of it is fixed.
+        widest: largest radius of the lumen there [m]; `radius` when None.
+        abdomen: what it lies in; as it was imaged when None.
         changed: numbers to take instead of those of the file, by their names there.
     """
     numbers = {name: each.value for name, each in load_quantities(asset("numbers/mesentery.toml")).items()}
@@ -85,41 +108,83 @@ def hang(
     tangents = np.vstack([edges[:1], middle / np.linalg.norm(middle, axis=1)[:, None], edges[-1:]])
     turns = np.zeros(count)
     turns[1:-1] = np.linalg.norm(edges[1:] - edges[:-1], axis=1)
+    around = abdomen or Abdomen()
     slack, thickness = np.zeros(count), np.full(count, numbers["mesentery.thickness.other"])
+    hand, freed = np.zeros(count), {"sigmoid", "transverse", *around.mobile}
     hold = np.full(count, numbers["mesentery.attachment"])
     for segment in segments:
         inside = (own >= segment.start) & (own < segment.end)
         share = (own[inside] - segment.start) / (segment.end - segment.start)
-        if height := numbers.get(f"mesentery.height.{segment.name}"):
+        height = numbers.get(f"mesentery.height.{segment.name}", 0.0)
+        if height and segment.name in freed:
             slack[inside] = height * np.minimum(1.0, _RISE * np.sin(np.pi * share))
             hold[inside] = numbers["mesentery.stiffness"]
+        middle = np.abs(own - (segment.start + segment.end) / 2) <= numbers["mesentery.grip"] / 2
+        if segment.name in around.adhesions:
+            slack[middle], hold[middle] = 0.0, numbers["mesentery.attachment"]
+        if segment.name == around.pressed:
+            hand[middle] = around.hand / max(int(middle.sum()), 1)
         thickness[inside] = numbers.get(f"mesentery.thickness.{segment.name}", thickness[0])
     tube_radius = np.interp(own, arcs, radius)
     stretch = numbers["mesentery.modulus"] * 2 * np.pi * tube_radius * thickness
     bending = numbers["mesentery.bending"] * stretch * tube_radius**2 / 2 / spacing
     bending[[0, -1]] = 0.0
+    weight = numbers["mesentery.density"] * 2 * np.pi * tube_radius * thickness * spacing * FALL
     each = np.full(count, spacing)
-    hold = hold * each
+    hold, support, drag = hold * each, numbers["mesentery.support"] * each, numbers["mesentery.drag"] * each
+    upright = (np.where(slack > 0, 0.0, hold) + support) * tube_radius**2
+    torsion = numbers["mesentery.torsion"] * 2 / 3 * stretch * tube_radius**2 / 2 / spacing
     hold[0] += numbers["mesentery.anus"]
     return Mesentery(
         nodes=nodes,
         tangents=tangents,
+        ways=_ways(tangents),
+        closings=_closings(tangents, lengths),
+        widths=_widest_beside(own, arcs, radius if widest is None else widest),
         turns=turns,
         lengths=lengths,
         tension=(stretch[1:] + stretch[:-1]) / 2,
         bending=bending,
+        torsion=(torsion[1:] + torsion[:-1]) / 2,
         slack=slack,
         hold=hold,
-        support=numbers["mesentery.support"] * each,
-        drag=numbers["mesentery.drag"] * each,
+        support=support,
+        drag=drag,
+        upright=upright,
+        turn_drag=drag * tube_radius**2,
+        load=turned_weight(around.posture, weight) + hand[:, None] * np.array(DOWN["supine"]),
         pleating=np.float64(numbers["mesentery.pleating"]),
         spacing=np.float64(spacing),
     )
 
 
+def _ways(tangents: np.ndarray) -> np.ndarray:
+    real, part = sections.shortest_turn(np, vectors.of(tangents[:-1]), vectors.of(tangents[1:]))
+    return np.stack([real, *part], axis=-1)
+
+
+def _closings(tangents: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    cells = sections.cell_closing(np, vectors.of(tangents[:-1]), vectors.of(tangents[1:]), lengths)
+    each = vectors.stacked(np, cells)
+    before, after = np.concatenate([each[:1], each]), np.concatenate([each, each[-1:]])
+    return vectors.stacked(np, sections.node_closing(vectors.of(before), vectors.of(after), vectors.of(tangents)))
+
+
+def _widest_beside(own: np.ndarray, arcs: np.ndarray, widest: np.ndarray) -> np.ndarray:
+    """Largest radius of the lumen from the node before each to the one after, and what the wall gives way [m]."""
+    near = np.abs(arcs[None] - own[:, None]) <= 1.01 * own[1]
+    return np.where(near, widest[None], 0.0).max(axis=1) + INDENTED
+
+
 def seen_from(own: Mesentery, origin: Float[np.ndarray, "3"], axes: Float[np.ndarray, "3 3"]) -> Mesentery:
     """In coordinates that begin at `origin` [m], with the columns of `axes` as axes."""
-    return own._replace(nodes=(own.nodes - origin) @ axes, tangents=own.tangents @ axes)
+    return own._replace(
+        nodes=(own.nodes - origin) @ axes,
+        tangents=own.tangents @ axes,
+        ways=np.hstack([own.ways[:, :1], own.ways[:, 1:] @ axes]),
+        closings=own.closings @ axes,
+        load=own.load @ axes,
+    )
 
 
 def stack(colons: Sequence[Mesentery]) -> Mesentery:
@@ -141,12 +206,19 @@ def _filled(own: Mesentery, more: int) -> Mesentery:
     return own._replace(
         nodes=np.vstack([own.nodes, own.nodes[-1] + ahead]),
         tangents=np.vstack([own.tangents, np.tile(own.tangents[-1], (more, 1))]),
+        ways=np.vstack([own.ways, np.tile([1.0, 0.0, 0.0, 0.0], (more, 1))]),
+        closings=grown(own.closings, 0.0),
+        widths=grown(own.widths, float(own.widths[-1])),
         turns=grown(own.turns, 0.0),
         lengths=grown(own.lengths, _APART),
         tension=grown(own.tension, 0.0),
         bending=grown(own.bending, 0.0),
+        torsion=grown(own.torsion, 0.0),
         slack=grown(own.slack, 0.0),
         hold=grown(own.hold, float(own.hold[-1])),
         support=grown(own.support, float(own.support[0])),
         drag=grown(own.drag, float(own.drag[0])),
+        upright=grown(own.upright, float(own.upright[-1])),
+        turn_drag=grown(own.turn_drag, float(own.turn_drag[0])),
+        load=grown(own.load, 0.0),
     )

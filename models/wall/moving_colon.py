@@ -5,8 +5,9 @@ Forces on the device come back on the axis by the same map (its transpose), so t
 mass: it creeps against its damping under springs and contact, by backward Euler with a bound of the springs' stiffness
 that is the same in all directions, one tridiagonal system a world. Contact damping and friction are in it too.
 
-Laws are written for one node, edge or point with `haustra.models.wall.vectors`: arrays of them are stepped here, in
-numpy and JAX, and in compiled loops by `haustra.models.wall.compiled`.
+How cross-sections go along with the axis stands in `haustra.models.wall.sections`. Laws are written for one node, edge
+or point with `haustra.models.wall.vectors`: arrays of them are stepped here, in numpy and JAX, and in compiled loops by
+`haustra.models.wall.compiled`.
 """
 
 from collections.abc import Callable
@@ -18,28 +19,57 @@ from haustra.models.wall import lumen_table as table
 from haustra.models.wall import vectors
 from haustra.models.wall.lumen_table import Tables, WallQuery
 from haustra.models.wall.mesentery import Mesentery
+from haustra.models.wall.sections import (
+    SHORTEST,
+    STILL,
+    Section,
+    Turn,
+    brought_along,
+    carried,
+    carried_rate,
+    cell_closing,
+    cell_closing_gradient,
+    cell_closing_rate,
+    flattening,
+    flattening_rate,
+    node_closing,
+    node_closing_rate,
+    section_gradient,
+    taken_back,
+    touched,
+    turned,
+    twist,
+    twisted,
+)
 from haustra.models.wall.vectors import Vector, add, between, cross, dot, minus, norm, stacked, times, unit_rate, where
 
 Array: TypeAlias = Any
 
-SHORTEST, SHORTEST_STIFFNESS = 0.35, 2000.0
-"""A stretch that is pleated to less than this share of its length at rest [1] resists by this more [N]: folds of wall
-lie against each other; engineering choice."""
-_LEAST_COSINE = 0.01
-"""A cross-section that is turned all the way round knows no shortest way back [1]; a colon does not do that."""
+SHORTEST_STIFFNESS = 2000.0
+"""A stretch that is pleated to less than `SHORTEST` of its length at rest resists by this more [N]: folds of wall lie
+against each other; engineering choice."""
+
+
+POSE = 7
+"""Numbers of a node's pose: displacement from rest [m], and the unit quaternion that has turned its cross-section."""
+
+
+AT_REST = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+"""Pose of a node that has not moved."""
 
 
 class AxisDisplacement(NamedTuple):
     """Where the axes are; leading axis: worlds."""
 
-    place: Array
-    """(worlds, nodes, 3) displacement from rest [m]."""
+    pose: Array
+    """(worlds, nodes, 7): displacement from rest [m], and turn from rest as a unit quaternion. A turn counts as brought
+    along to where the axis goes now (`haustra.models.wall.sections.brought_along`)."""
     speed: Array
-    """(worlds, nodes, 3) [m/s]."""
+    """(worlds, nodes, 4): velocity [m/s], and angular velocity about the axis' own direction [rad/s]."""
 
 
 class AxisShape(NamedTuple):
-    """How axes lie, and how their cross-sections are turned from rest; leading axis: worlds."""
+    """How axes lie, and how their cross-sections go along; leading axis: worlds."""
 
     units: Array
     """(worlds, nodes - 1, 3) directions of the edges."""
@@ -49,10 +79,14 @@ class AxisShape(NamedTuple):
     """(worlds, nodes, 3) directions of the axis."""
     sums: Array
     """(worlds, nodes) lengths of the sums of neighbouring edges' directions."""
-    cosines: Array
-    """(worlds, nodes) cosine of the turn."""
-    axes: Array
-    """(worlds, nodes, 3) axis of the turn, as long as its sine."""
+    turns: Array
+    """(worlds, nodes, 4) turns of the sections from rest, as unit quaternions."""
+    closings: Array
+    """(worlds, nodes - 1, 3) `haustra.models.wall.sections.cell_closing` between nodes [1/m]."""
+    flats: Array
+    """(worlds, nodes) share by which cross-sections are flattened."""
+    acrosses: Array
+    """(worlds, nodes, 3) direction in which they are."""
 
 
 class AttachmentPoints(NamedTuple):
@@ -65,73 +99,6 @@ class AttachmentPoints(NamedTuple):
 
 
 # Laws of one node, edge or point.
-
-
-def turned(xp: Any, cosine: Any, axis: Vector, v: Vector) -> Vector:
-    """A vector of a cross-section at rest, turned the shortest way that brings its tangent where it is now."""
-    share = dot(axis, v) / xp.maximum(1 + cosine, _LEAST_COSINE)
-    return add(add(times(cosine, v), cross(axis, v)), times(share, axis))
-
-
-def turned_back(xp: Any, cosine: Any, axis: Vector, v: Vector) -> Vector:
-    """The transpose of `turned`."""
-    return turned(xp, cosine, times(-1.0, axis), v)
-
-
-def turn_rate(xp: Any, cosine: Any, axis: Vector, cosine_rate: Any, axis_rate: Vector, v: Vector) -> Vector:
-    """Rate of `turned` of a vector that itself does not change."""
-    along, most = dot(axis, v), xp.maximum(1 + cosine, _LEAST_COSINE)
-    rate = where(xp, 1 + cosine > _LEAST_COSINE, cosine_rate, 0.0)
-    share = (dot(axis_rate, v) - along * rate / most) / most
-    moved = add(times(cosine_rate, v), cross(axis_rate, v))
-    return add(moved, add(times(along / most, axis_rate), times(share, axis)))
-
-
-def turn_gradient(xp: Any, rest: Vector, cosine: Any, axis: Vector, couples: tuple[Vector, Vector, Vector]) -> Vector:
-    """Gradient over the tangent of the work of forces f on vectors v of a cross-section: the transpose of `turn_rate`.
-
-    Args:
-        xp: numpy or jax.numpy.
-        rest: tangent at rest.
-        cosine: of the turn.
-        axis: of the turn.
-        couples: rows of the sum of f v^T [N m].
-    """
-    most = xp.maximum(1 + cosine, _LEAST_COSINE)
-    first, second, third = couples
-    onto = dot(first, axis), dot(second, axis), dot(third, axis)
-    from_axis = add(add(times(axis[0], first), times(axis[1], second)), times(axis[2], third))
-    diagonal = first[0] + second[1] + third[2]
-    over_cosine = diagonal - where(xp, 1 + cosine > _LEAST_COSINE, dot(axis, onto), 0.0) / most**2
-    about = third[1] - second[2], first[2] - third[0], second[0] - first[1]
-    over_axis = add(about, times(1 / most, add(onto, from_axis)))
-    return add(times(over_cosine, rest), cross(over_axis, rest))
-
-
-def taken_back(
-    xp: Any,
-    offset: Vector,
-    stretch: Any,
-    along: Vector,
-    before: tuple[Any, Vector],
-    after: tuple[Any, Vector],
-    share: Any,
-) -> Vector:
-    """Where a point stands from its place on the axis at rest, given where it stands from the axis now [m].
-
-    Args:
-        xp: numpy or jax.numpy.
-        offset: from the axis now [m].
-        stretch: length of the edge there over that at rest [1].
-        along: direction of the axis there at rest, of any length.
-        before: cosine and axis of the turn of the node before.
-        after: of the node after.
-        share: of the way between the nodes [1].
-    """
-    back = between(turned_back(xp, *before, offset), turned_back(xp, *after, offset), share)
-    shortened = 1 / xp.maximum(stretch, SHORTEST) - 1
-    along = times(1 / norm(xp, along), along)
-    return add(back, times(shortened * dot(back, along), along))
 
 
 def edge_tension(xp: Any, length: Any, rest: Any, tension: Any, pleating: Any) -> Any:
@@ -163,6 +130,11 @@ def node_resistance(
     return drag + gripped + h * (support + where(xp, dot(place, place) > slack**2, hold, 0.0))
 
 
+def node_turn_resistance(upright: Any, drag: Any, gripped: Any, h: Any) -> Any:
+    """What a step's angular velocity meets at a node by itself: damping, and h times a bound of its springs [N m s]."""
+    return drag + gripped + h * upright
+
+
 def edge_resistance(xp: Any, tension: Any, before: Any, after: Any, length: Any, h: Any) -> Any:
     """What a step's speed difference meets between nodes [N s/m]: h times a bound of the springs along and across.
 
@@ -179,15 +151,11 @@ def node_cell(xp: Any, spacing: Any, nodes: Any, arc: Any) -> tuple[Any, Any]:
 
 
 PARTS = (
-    turned,
-    turned_back,
-    turn_rate,
-    turn_gradient,
-    taken_back,
     edge_tension,
     bend_gradient,
     hold_force,
     node_resistance,
+    node_turn_resistance,
     edge_resistance,
     node_cell,
 )
@@ -199,8 +167,9 @@ PARTS = (
 
 def at_rest(xp: Any, own: Mesentery, worlds: int, kind: Any) -> AxisDisplacement:
     """Nothing has moved."""
-    zero = xp.zeros((worlds, own.nodes.shape[-2], 3), kind)
-    return AxisDisplacement(zero, zero)
+    nodes = own.nodes.shape[-2]
+    pose = xp.zeros((worlds, nodes, POSE), kind) + xp.asarray(AT_REST, kind)
+    return AxisDisplacement(pose, xp.zeros((worlds, nodes, 4), kind))
 
 
 def query(
@@ -211,39 +180,48 @@ def query(
     Spheres of that radius a world [m] hold on to the wall with their surfaces.
     """
     own = _hung(tables)
-    shape = shape_of(xp, own, displacement.place)
-    rest = to_reference(xp, tables, displacement.place, shape, points, arcs)
+    shape = shape_of(xp, own, displacement.pose)
+    rest = to_reference(xp, tables, displacement.pose, shape, points, arcs)
     found = table.query(xp, tables, rest, arcs)
-    surface = rest - radius[:, None, None] * found.inwards
-    grip = AttachmentPoints(found.arcs, surface - table.axis_at(xp, tables, found.arcs))
-    return found._replace(inwards=_unit(xp, _turned(xp, own, shape, found.arcs, found.inwards))), grip
+    at, share = _cell(xp, own, found.arcs)
+    both = _section(shape, at), _section(shape, at + 1)
+    depth, normal, lever = touched(xp, found.depth, vectors.of(found.inwards), radius[:, None], *both, share)
+    grip = AttachmentPoints(found.arcs, rest + stacked(xp, lever) - table.axis_at(xp, tables, found.arcs))
+    return found._replace(depth=depth, inwards=stacked(xp, normal)), grip
 
 
-def shape_of(xp: Any, own: Mesentery, place: Array) -> AxisShape:
-    """How axes lie that are displaced by so much (worlds, nodes, 3) [m]."""
-    nodes = own.nodes + place
+def shape_of(xp: Any, own: Mesentery, pose: Array) -> AxisShape:
+    """How axes lie whose nodes have such poses (worlds, nodes, 7)."""
+    nodes = own.nodes + pose[..., :3]
     edges = vectors.of(nodes[:, 1:] - nodes[:, :-1])
     lengths = norm(xp, edges)
     units = stacked(xp, times(1 / lengths, edges))
     sums = vectors.of(_at_nodes(xp, units))
     tangents, rest = times(1 / norm(xp, sums), sums), vectors.of(own.tangents)
+    turn = brought_along(xp, (pose[..., 3], vectors.of(pose[..., 4:])), rest, tangents)
+    ends = stacked(xp, tangents)
+    closings = stacked(xp, cell_closing(xp, *_at_ends(ends), lengths))
+    closing = node_closing(*_beside(xp, closings), tangents)
+    flat, across = flattening(xp, closing, turned(*turn, vectors.of(own.closings)), own.widths)
     return AxisShape(
         units=units,
         lengths=lengths,
-        tangents=stacked(xp, tangents),
+        tangents=ends,
         sums=norm(xp, sums),
-        cosines=dot(rest, tangents),
-        axes=stacked(xp, cross(rest, tangents)),
+        turns=xp.stack([turn[0], *turn[1]], axis=-1),
+        closings=closings,
+        flats=flat,
+        acrosses=stacked(xp, across),
     )
 
 
-def to_reference(xp: Any, tables: Tables, place: Array, shape: AxisShape, points: Array, arcs: Array) -> Array:
+def to_reference(xp: Any, tables: Tables, pose: Array, shape: AxisShape, points: Array, arcs: Array) -> Array:
     """Points near those arc lengths, as if the colon around them had not moved (worlds, points, 3) [m].
 
     Args:
         xp: numpy or jax.numpy.
         tables: of each world.
-        place: displacement of the nodes [m].
+        pose: of the nodes (worlds, nodes, 7).
         shape: `shape_of` them.
         points: [m].
         arcs: [m].
@@ -254,42 +232,43 @@ def to_reference(xp: Any, tables: Tables, place: Array, shape: AxisShape, points
     world = _worlds(at)
     back = taken_back(
         xp,
-        vectors.of(points - axis - _between(place, at, share)),
+        vectors.of(points - axis - _between(pose[..., :3], at, share)),
         shape.lengths[world, at] / own.lengths[world, at],
-        vectors.of(_between(own.tangents, at, share)),
-        (shape.cosines[world, at], vectors.of(shape.axes[world, at])),
-        (shape.cosines[world, at + 1], vectors.of(shape.axes[world, at + 1])),
+        (vectors.of(own.tangents[world, at]), vectors.of(own.tangents[world, at + 1])),
+        (_rest_closing(xp, own, at), vectors.of(shape.closings[world, at])),
+        _section(shape, at),
+        _section(shape, at + 1),
         share,
     )
     return axis + stacked(xp, back)
 
 
-def back_to_reference(xp: Any, tables: Tables, place: Array) -> Callable[[Array, Array], Array]:
-    """`to_reference` with displacements of the nodes [m], of points and arc lengths."""
-    shape = shape_of(xp, _hung(tables), place)
-    return lambda points, arcs: to_reference(xp, tables, place, shape, points, arcs)
+def back_to_reference(xp: Any, tables: Tables, pose: Array) -> Callable[[Array, Array], Array]:
+    """`to_reference` with such poses of the nodes, of points and arc lengths."""
+    shape = shape_of(xp, _hung(tables), pose)
+    return lambda points, arcs: to_reference(xp, tables, pose, shape, points, arcs)
 
 
-def to_current(xp: Any, tables: Tables, place: Array, points: Array, arcs: Array) -> Array:
+def to_current(xp: Any, tables: Tables, pose: Array, points: Array, arcs: Array) -> Array:
     """Points of the colon at rest at those arc lengths (worlds, points, 3), where they are now [m]."""
-    return _current(xp, tables, place, shape_of(xp, _hung(tables), place), points, arcs)
+    return _current(xp, tables, pose, shape_of(xp, _hung(tables), pose), points, arcs)
 
 
-def directions(xp: Any, own: Mesentery, place: Array, arcs: Array, v: Array) -> Array:
-    """Directions in the colon at rest (worlds, points, 3), as they stand where it is now."""
-    return _turned(xp, own, shape_of(xp, own, place), arcs, v)
+def directions(xp: Any, own: Mesentery, pose: Array, arcs: Array, v: Array) -> Array:
+    """Vectors from the axis in the colon at rest (worlds, points, 3), as they stand where it is now."""
+    return _carried(xp, own, shape_of(xp, own, pose), arcs, v)
 
 
 def section_poses(
-    xp: Any, tables: Tables, place: Array, shape: AxisShape, points: Array, arcs: Array
+    xp: Any, tables: Tables, pose: Array, shape: AxisShape, points: Array, arcs: Array
 ) -> tuple[Array, Array]:
     """Where bodies are that go along with cross-sections at arc lengths, and how they are turned from rest.
 
     Args:
         xp: numpy or jax.numpy.
         tables: of each world.
-        place: displacement of the nodes [m].
-        shape: `shape_of` them.
+        pose: of the nodes (worlds, nodes, 7).
+        shape: `shape_of` them; bodies are rigid, so that flattened sections place them but do not flatten them.
         points: where the bodies are at rest (worlds, points, 3) [m].
         arcs: [m].
 
@@ -297,35 +276,57 @@ def section_poses(
         Points [m], and quaternions (worlds, points, 4).
     """
     own = _hung(tables)
-    half = xp.concatenate([1 + shape.cosines[..., None], shape.axes], axis=-1)
-    turn = _between(half / xp.linalg.norm(half, axis=-1, keepdims=True), *_cell(xp, own, arcs))
+    at, share = _cell(xp, own, arcs)
+    before, after = shape.turns[_worlds(at), at], shape.turns[_worlds(at), at + 1]
+    alike = xp.sign((before * after).sum(-1, keepdims=True))
+    turn = before + share[..., None] * (alike * after - before)
     turn = turn / xp.linalg.norm(turn, axis=-1, keepdims=True)
-    return _current(xp, tables, place, shape, points, arcs), turn
+    return _current(xp, tables, pose, shape, points, arcs), turn
 
 
-def axis_at(xp: Any, tables: Tables, place: Array | None, arcs: Array) -> Array:
+def axis_at(xp: Any, tables: Tables, pose: Array | None, arcs: Array) -> Array:
     """Points of the centreline at arc lengths, where it is now [m]; without displacements, where it is fixed."""
     still = table.axis_at(xp, tables, arcs)
-    return still if place is None else still + _between(place, *_cell(xp, _hung(tables), arcs))
+    return still if pose is None else still + _between(pose[..., :3], *_cell(xp, _hung(tables), arcs))
+
+
+def axis_places(xp: Any, own: Mesentery, pose: Array, arcs: Array) -> Array:
+    """Points of the axis between its nodes at arc lengths (worlds, points), where it is now [m]."""
+    return _between(own.nodes + pose[..., :3], *_cell(xp, own, arcs))
 
 
 def wall_speeds(xp: Any, own: Mesentery, displacement: AxisDisplacement, grip: AttachmentPoints) -> Array:
     """Speeds of the wall where points hold on to it (worlds, points, 3) [m/s]; none before the anus."""
-    shape = shape_of(xp, own, displacement.place)
-    rates = vectors.of(displacement.speed[:, 1:] - displacement.speed[:, :-1])
+    shape = shape_of(xp, own, displacement.pose)
+    rates = vectors.of(displacement.speed[:, 1:, :3] - displacement.speed[:, :-1, :3])
     edges = stacked(xp, unit_rate(vectors.of(shape.units), shape.lengths, rates))
     tangents = unit_rate(vectors.of(shape.tangents), shape.sums, vectors.of(_at_nodes(xp, edges)))
-    rest = vectors.of(own.tangents)
-    cosines, axes = dot(rest, tangents), stacked(xp, cross(rest, tangents))
+    spin = add(
+        cross(vectors.of(shape.tangents), tangents), times(displacement.speed[..., 3], vectors.of(shape.tangents))
+    )
+    moving, stretching = stacked(xp, tangents), dot(vectors.of(shape.units), rates)
+    changing = cell_closing_rate(xp, *_at_ends(shape.tangents), shape.lengths, *_at_ends(moving), stretching)
+    changing = stacked(xp, changing)
+    cells, cell_rates = _beside(xp, shape.closings), _beside(xp, changing)
+    before = _turned(shape, own.closings)
+    flat_rate, across_rate = flattening_rate(
+        xp,
+        node_closing(*cells, vectors.of(shape.tangents)),
+        before,
+        own.widths,
+        node_closing_rate(*cells, vectors.of(shape.tangents), *cell_rates, tangents),
+        cross(spin, before),
+    )
+    spins, across_rates = stacked(xp, spin), stacked(xp, across_rate)
     at, share = _cell(xp, own, grip.arcs)
     world, lever = _worlds(at), vectors.of(grip.lever)
 
     def rate(node: Array) -> Vector:
-        turn = shape.cosines[world, node], vectors.of(shape.axes[world, node])
-        return turn_rate(xp, *turn, cosines[world, node], vectors.of(axes[world, node]), lever)
+        rates = vectors.of(spins[world, node]), flat_rate[world, node], vectors.of(across_rates[world, node])
+        return carried_rate(_section(shape, node), rates, lever)
 
     turning = stacked(xp, between(rate(at), rate(at + 1), share))
-    return xp.where((grip.arcs > 0)[..., None], _between(displacement.speed, at, share) + turning, 0.0)
+    return xp.where((grip.arcs > 0)[..., None], _between(displacement.speed[..., :3], at, share) + turning, 0.0)
 
 
 def step_axis(
@@ -353,38 +354,100 @@ def step_axis(
     cell = _cell(xp, own, grip.arcs)
     couples = _onto_nodes(xp, own, cell, force[..., :, None] * grip.lever[..., None, :])
     gripped = _onto_nodes(xp, own, cell, damping)
-    springs = spring_forces(xp, own, displacement.place, couples)
-    pulled = _onto_nodes(xp, own, cell, force) + springs + gripped[..., None] * displacement.speed
-    place = vectors.of(displacement.place)
+    gripped_turn = _onto_nodes(xp, own, cell, damping * (grip.lever**2).sum(-1))
+    springs, turning, shape = _forces(xp, own, displacement.pose, couples)
+    pulled = _onto_nodes(xp, own, cell, force) + springs + gripped[..., None] * displacement.speed[..., :3]
+    place = vectors.of(displacement.pose)
     diagonal = node_resistance(xp, place, own.slack, own.hold, own.support, own.drag, gripped, h)
-    tie = edge_resistance(xp, own.tension, own.bending[:, :-1], own.bending[:, 1:], own.lengths, h)
-    below, above = xp.pad(tie, ((0, 0), (1, 0))), xp.pad(tie, ((0, 0), (0, 1)))
-    speed = solve_tridiagonal(xp, -below, diagonal + below + above, -above, pulled)
-    return AxisDisplacement(displacement.place + h * speed, speed)
+    stiff = own.bending + own.upright
+    tie = edge_resistance(xp, own.tension, stiff[:, :-1], stiff[:, 1:], own.lengths, h)
+    velocity = _solved(xp, diagonal, tie, pulled)
+    turning = (turning + gripped_turn * displacement.speed[..., 3])[..., None]
+    diagonal = node_turn_resistance(own.upright, own.turn_drag, gripped_turn, h)
+    spin = _solved(xp, diagonal, h * own.torsion, turning)
+    speed = xp.concatenate([velocity, spin], axis=-1)
+    return AxisDisplacement(_after(xp, displacement.pose, speed, shape, h), speed)
 
 
-def spring_forces(xp: Any, own: Mesentery, place: Array, couples: Array) -> Array:
-    """Forces of the axis, its mesentery and what turns cross-sections on the nodes (worlds, nodes, 3) [N].
+def poses_seen_from(poses: Array, axes: Array) -> Array:
+    """Poses (..., nodes, 7) in coordinates whose axes are the columns of `axes`."""
+    return np.concatenate([poses[..., :3] @ axes, poses[..., 3:4], poses[..., 4:] @ axes], axis=-1)
+
+
+def carried_on(xp: Any, own: Mesentery, displacement: AxisDisplacement, time: Any) -> Array:
+    """Poses of the nodes (worlds, nodes, 7) after a short time at their speed [s]."""
+    return _after(xp, *displacement, shape_of(xp, own, displacement.pose), time)
+
+
+def _after(xp: Any, pose: Array, speed: Array, shape: AxisShape, time: Any) -> Array:
+    turn = twisted(_turn_of(shape), vectors.of(shape.tangents), time * speed[..., 3])
+    moved = pose[..., :3] + time * speed[..., :3]
+    return xp.concatenate([moved, xp.stack([turn[0], *turn[1]], axis=-1)], axis=-1)
+
+
+def spring_forces(xp: Any, own: Mesentery, pose: Array, couples: Array) -> tuple[Array, Array]:
+    """Forces of the axis, its mesentery, its load and what turns cross-sections on the nodes, and torques about it.
 
     Args:
         xp: numpy or jax.numpy.
         own: of each world.
-        place: displacement of the nodes [m].
+        pose: of the nodes (worlds, nodes, 7).
         couples: sums of f v^T of forces on vectors from each node's axis to the wall (worlds, nodes, 3, 3) [N m].
+
+    Returns:
+        Forces (worlds, nodes, 3) [N], and torques about the tangents (worlds, nodes) [N m].
     """
-    shape = shape_of(xp, own, place)
+    return _forces(xp, own, pose, couples)[:2]
+
+
+def _forces(xp: Any, own: Mesentery, pose: Array, couples: Array) -> tuple[Array, Array, AxisShape]:
+    shape = shape_of(xp, own, pose)
+    tangents = vectors.of(shape.tangents)
     rows = vectors.of(couples[..., 0, :]), vectors.of(couples[..., 1, :]), vectors.of(couples[..., 2, :])
-    work = turn_gradient(xp, vectors.of(own.tangents), shape.cosines, vectors.of(shape.axes), rows)
-    work = stacked(xp, unit_rate(vectors.of(shape.tangents), shape.sums, work))
+    section = *_turn_of(shape), shape.flats, vectors.of(shape.acrosses)
+    beside = _beside(xp, shape.closings)
+    rest = vectors.of(own.closings)
+    work, torque, first, last = section_gradient(xp, section, tangents, beside, rest, own.widths, rows)
+    over_cells = vectors.of(_onto_cells(xp, stacked(xp, first), stacked(xp, last)))
+    first, last, shortening = cell_closing_gradient(xp, *_at_ends(shape.tangents), shape.lengths, over_cells)
+    sine, binormal = _twists(xp, own, shape)
+    moment = own.torsion * sine
+    tilt, lean = _upright(xp, own, shape)
+    righting = own.upright * tilt
+    turning = torque - righting + xp.pad(moment, ((0, 0), (0, 1))) - xp.pad(moment, ((0, 0), (1, 0)))
+    twisting = times(moment, binormal)
+    work = stacked(xp, minus(work, times(righting, lean)))
+    work = work + xp.pad(stacked(xp, minus(first, twisting)), ((0, 0), (0, 1), (0, 0)))
+    work = work + xp.pad(stacked(xp, minus(last, twisting)), ((0, 0), (1, 0), (0, 0)))
+    work = stacked(xp, unit_rate(tangents, shape.sums, vectors.of(work)))
     change = vectors.of(shape.units[:, 1:] - shape.units[:, :-1])
     bend = stacked(xp, bend_gradient(xp, change, own.turns[:, 1:-1], own.bending[:, 1:-1]))
     bend = xp.pad(bend, ((0, 0), (1, 1), (0, 0)))
     over_units = vectors.of(work[:, 1:] + work[:, :-1] + bend[:, 1:] - bend[:, :-1])
     units = vectors.of(shape.units)
     tension = edge_tension(xp, shape.lengths, own.lengths, own.tension, own.pleating[:, None])
+    tension = tension - shortening
     pull = stacked(xp, minus(times(tension, units), unit_rate(units, shape.lengths, over_units)))
-    held = stacked(xp, hold_force(xp, vectors.of(place), own.slack, own.hold, own.support))
-    return held + xp.pad(pull, ((0, 0), (0, 1), (0, 0))) - xp.pad(pull, ((0, 0), (1, 0), (0, 0)))
+    held = stacked(xp, hold_force(xp, vectors.of(pose), own.slack, own.hold, own.support))
+    force = held + own.load + xp.pad(pull, ((0, 0), (0, 1), (0, 0))) - xp.pad(pull, ((0, 0), (1, 0), (0, 0)))
+    return force, turning, shape
+
+
+def _solved(xp: Any, diagonal: Array, tie: Array, right: Array) -> Array:
+    """Solve for what nodes that resist by themselves and are tied to their neighbours do."""
+    below, above = xp.pad(tie, ((0, 0), (1, 0))), xp.pad(tie, ((0, 0), (0, 1)))
+    return solve_tridiagonal(xp, -below, diagonal + below + above, -above, right)
+
+
+def _twists(xp: Any, own: Mesentery, shape: AxisShape) -> tuple[Array, Vector]:
+    """`haustra.models.wall.sections.twist` of each edge."""
+    before, after = (_quaternion(shape.turns[:, part]) for part in (slice(-1), slice(1, None)))
+    return twist(xp, before, after, _at_ends(shape.tangents), _quaternion(own.ways))
+
+
+def _upright(xp: Any, own: Mesentery, shape: AxisShape) -> tuple[Array, Vector]:
+    """`haustra.models.wall.sections.twist` of each node against what holds it."""
+    return twist(xp, STILL, _turn_of(shape), (vectors.of(own.tangents), vectors.of(shape.tangents)), STILL)
 
 
 def solve_tridiagonal(xp: Any, below: Array, diagonal: Array, above: Array, right: Array) -> Array:
@@ -406,9 +469,9 @@ def solve_tridiagonal(xp: Any, below: Array, diagonal: Array, above: Array, righ
     return right / diagonal[..., None]
 
 
-def energy(xp: Any, own: Mesentery, place: Array) -> Array:
-    """Stored in the axis and its mesentery (worlds,) [J]."""
-    shape = shape_of(xp, own, place)
+def energy(xp: Any, own: Mesentery, pose: Array) -> Array:
+    """Stored in the axis, its mesentery and its load (worlds,) [J]."""
+    shape, place = shape_of(xp, own, pose), pose[..., :3]
     strain = shape.lengths / own.lengths - 1
     tension = xp.where(strain > 0, own.tension, own.tension * own.pleating[:, None])
     along = 0.5 * tension * own.lengths * strain**2
@@ -417,13 +480,20 @@ def energy(xp: Any, own: Mesentery, place: Array) -> Array:
     bent = 0.5 * own.bending[:, 1:-1] * (change - own.turns[:, 1:-1]) ** 2
     moved = norm(xp, vectors.of(place))
     held = 0.5 * own.hold * xp.maximum(moved - own.slack, 0.0) ** 2 + 0.5 * own.support * moved**2
-    return along.sum(axis=1) + bent.sum(axis=1) + held.sum(axis=1)
+    wound = own.torsion * _twist_energy(xp, _twists(xp, own, shape)[0])
+    held = held + own.upright * _twist_energy(xp, _upright(xp, own, shape)[0]) - (own.load * place).sum(-1)
+    return along.sum(axis=1) + bent.sum(axis=1) + held.sum(axis=1) + wound.sum(axis=1)
 
 
-def _current(xp: Any, tables: Tables, place: Array, shape: AxisShape, points: Array, arcs: Array) -> Array:
+def _twist_energy(xp: Any, sine: Array) -> Array:
+    """1 - cos of a twist of less than a right angle, of which this is the sine."""
+    return sine**2 / (1 + xp.sqrt(xp.maximum(1 - sine**2, 0.0)))
+
+
+def _current(xp: Any, tables: Tables, pose: Array, shape: AxisShape, points: Array, arcs: Array) -> Array:
     own, axis = _hung(tables), table.axis_at(xp, tables, arcs)
-    moved = _between(place, *_cell(xp, own, arcs))
-    return axis + moved + _turned(xp, own, shape, arcs, points - axis)
+    moved = _between(pose[..., :3], *_cell(xp, own, arcs))
+    return axis + moved + _carried(xp, own, shape, arcs, points - axis)
 
 
 def _hung(tables: Tables) -> Mesentery:
@@ -431,14 +501,57 @@ def _hung(tables: Tables) -> Mesentery:
     return tables.mesentery
 
 
-def _turned(xp: Any, own: Mesentery, shape: AxisShape, arcs: Array, v: Array) -> Array:
-    """Vectors of the colon at rest at those arc lengths (worlds, points, 3), turned."""
+def _carried(xp: Any, own: Mesentery, shape: AxisShape, arcs: Array, v: Array) -> Array:
+    """Vectors from the axis of the colon at rest at those arc lengths (worlds, points, 3), as they stand now."""
     at, share = _cell(xp, own, arcs)
-    world, parts = _worlds(at), vectors.of(v)
-    before, after = (
-        turned(xp, shape.cosines[world, node], vectors.of(shape.axes[world, node]), parts) for node in (at, at + 1)
-    )
+    before, after = (carried(_section(shape, node), vectors.of(v)) for node in (at, at + 1))
     return stacked(xp, between(before, after, share))
+
+
+def _quaternion(turns: Array) -> Turn:
+    return turns[..., 0], vectors.of(turns[..., 1:])
+
+
+def _turn_of(shape: AxisShape) -> Turn:
+    return _quaternion(shape.turns)
+
+
+def _turned(shape: AxisShape, v: Array) -> Vector:
+    """Vectors of the nodes at rest (worlds, nodes, 3), turned."""
+    return turned(*_turn_of(shape), vectors.of(v))
+
+
+def _section(shape: AxisShape, node: Array) -> Section:
+    """Sections of nodes (worlds, points)."""
+    world = _worlds(node)
+    turn = _quaternion(shape.turns[world, node])
+    return *turn, shape.flats[world, node], vectors.of(shape.acrosses[world, node])
+
+
+def _rest_closing(xp: Any, own: Mesentery, at: Array) -> Vector:
+    """`cell_closing` at rest behind those nodes (worlds, points)."""
+    world = _worlds(at)
+    before, after = vectors.of(own.tangents[world, at]), vectors.of(own.tangents[world, at + 1])
+    return cell_closing(xp, before, after, own.lengths[world, at])
+
+
+def _beside(xp: Any, cells: Array) -> tuple[Vector, Vector]:
+    """Vectors of the cells (worlds, nodes - 1, 3) before and after each node; at the ends the one there is, twice."""
+    return (
+        vectors.of(xp.concatenate([cells[:, :1], cells], axis=1)),
+        vectors.of(xp.concatenate([cells, cells[:, -1:]], axis=1)),
+    )
+
+
+def _at_ends(values: Array) -> tuple[Vector, Vector]:
+    """Vectors of the nodes (worlds, nodes, 3) before and after each edge."""
+    return vectors.of(values[:, :-1]), vectors.of(values[:, 1:])
+
+
+def _onto_cells(xp: Any, first: Array, last: Array) -> Array:
+    """Gradients over the cells (worlds, nodes - 1, 3), of those of nodes over the cells before and after them."""
+    ends = ((0, 0), (0, first.shape[1] - 2), (0, 0)), ((0, 0), (first.shape[1] - 2, 0), (0, 0))
+    return first[:, 1:] + last[:, :-1] + xp.pad(first[:, :1], ends[0]) + xp.pad(last[:, -1:], ends[1])
 
 
 def _cell(xp: Any, own: Mesentery, arcs: Array) -> tuple[Array, Array]:
@@ -473,11 +586,6 @@ def _onto_nodes(xp: Any, own: Mesentery, cell: tuple[Array, Array], values: Arra
 def _at_nodes(xp: Any, edges: Array) -> Array:
     """Sums of the vectors of neighbouring edges (worlds, nodes - 1, 3) at the nodes; at the ends, that of one edge."""
     return xp.concatenate([edges[:, :1], edges[:, 1:] + edges[:, :-1], edges[:, -1:]], axis=1)
-
-
-def _unit(xp: Any, v: Array) -> Array:
-    parts = vectors.of(v)
-    return stacked(xp, times(1 / norm(xp, parts), parts))
 
 
 def _shifted(xp: Any, values: Array, by: int, fill: float = 0.0) -> Array:

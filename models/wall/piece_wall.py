@@ -16,7 +16,7 @@ from haustra.models.wall import lumen_table, moving_colon
 from haustra.models.wall.compiled import loops
 from haustra.models.wall.law import WallContact, apply_contact
 from haustra.models.wall.lumen_table import Tables
-from haustra.models.wall.moving_colon import AxisDisplacement, AxisShape
+from haustra.models.wall.moving_colon import AT_REST, AxisDisplacement, AxisShape
 from haustra.models.wall.pieces.wall import Wall
 from haustra.models.wall.planes import Sample, add_sphere
 from haustra.models.wall.table_wall import SLIP_SPEED
@@ -134,24 +134,24 @@ class PieceWall:
         self._blocks = blocks
         if axis is not None and axis.mesentery is not None:
             self._axis, self._own = axis, axis.mesentery
-            self._moved = AxisDisplacement(*(np.zeros_like(axis.mesentery.nodes) for _ in range(2)))
+            self._moved = moving_colon.at_rest(np, axis.mesentery, 1, float)
             self._find_blocks()
 
     @property
-    def displacement(self) -> Float[np.ndarray, "nodes 3"] | None:
-        """Displacement of the colon's axis from rest [m]; None where it is fixed in space."""
-        return None if self._moved is None else self._moved.place[0]
+    def displacement(self) -> Float[np.ndarray, "nodes 7"] | None:
+        """Poses of the nodes of the colon's axis; None where it is fixed in space."""
+        return None if self._moved is None else self._moved.pose[0]
 
     def begin(self, arcs: Float[np.ndarray, " spheres"]) -> None:
         """Begin with the colon at rest."""
         self.arcs = arcs
         if self._moved is not None:
-            self._moved.place[:], self._moved.speed[:] = 0.0, 0.0
+            self._moved.pose[:], self._moved.speed[:] = AT_REST, 0.0
 
     def resume(self, other: "PieceWall") -> None:
         """Take over where the same colon has moved to in another scene."""
         if self._moved is not None and other._moved is not None:
-            self._moved.place[:], self._moved.speed[:] = other._moved.place, other._moved.speed
+            self._moved.pose[:], self._moved.speed[:] = other._moved.pose, other._moved.speed
 
     def update(self, data: mujoco.MjData) -> None:
         """Put the blocks where the colon is now; to be called before every step.
@@ -162,8 +162,8 @@ class PieceWall:
         """
         if self._moved is None:
             return
-        place, speed = self._moved
-        both = np.concatenate([place, place + self._ahead * speed])
+        ahead = moving_colon.carried_on(np, self._own, self._moved, self._ahead)
+        both = np.concatenate([self._moved.pose, ahead])
         shape = moving_colon.shape_of(np, self._own, both)
         self._shape = AxisShape(*(part[:1] for part in shape))
         points, arcs = (np.repeat(part[None], 2, axis=0) for part in (self._blocks.places, self._blocks.arcs))

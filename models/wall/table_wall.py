@@ -16,7 +16,7 @@ from haustra.models.wall.compiled import loops
 from haustra.models.wall.law import SLIP_SPEED, WallContact, contact_parameters
 from haustra.models.wall.lumen_table import LumenTable, Tables, pick, stack
 from haustra.models.wall.mesentery import Mesentery
-from haustra.models.wall.moving_colon import AxisDisplacement, AxisShape
+from haustra.models.wall.moving_colon import AT_REST, POSE, AxisDisplacement, AxisShape
 
 _FIXED = np.zeros((0, 0, 0))
 
@@ -46,9 +46,9 @@ class TableWalls:
             def zeros(*shape: int) -> np.ndarray:
                 return np.zeros((worlds, *shape))
 
-            self.displacement = AxisDisplacement(zeros(nodes, 3), zeros(nodes, 3))
-            edges = zeros(nodes - 1, 3), zeros(nodes - 1)
-            self._shape = AxisShape(*edges, zeros(nodes, 3), zeros(nodes), zeros(nodes), zeros(nodes, 3))
+            self.displacement = AxisDisplacement(zeros(nodes, POSE), zeros(nodes, 4))
+            edges, flat = (zeros(nodes - 1, 3), zeros(nodes - 1)), (zeros(nodes), zeros(nodes, 3))
+            self._shape = AxisShape(*edges, zeros(nodes, 3), zeros(nodes), zeros(nodes, 4), zeros(nodes - 1, 3), *flat)
         self.begin(np.arange(worlds), self.colon, self.arcs)
         none = np.zeros(0, int)  # what is compiled is compiled before the first step
         self.look(none, self.inwards)
@@ -72,7 +72,7 @@ class TableWalls:
         self._own: Mesentery | None = picked.mesentery
         self._tables = picked._replace(mesentery=None)
         if self.displacement is not None:
-            self.displacement.place[worlds], self.displacement.speed[worlds] = 0.0, 0.0
+            self.displacement.pose[worlds], self.displacement.speed[worlds] = AT_REST, 0.0
 
     def look(self, worlds: Int[np.ndarray, " some"], points: Float[np.ndarray, "worlds spheres 3"]) -> None:
         """Find the wall next to the spheres of these worlds [m]."""
@@ -146,9 +146,9 @@ class TableWall:
         return self._walls.arcs[0]
 
     @property
-    def displacement(self) -> Float[np.ndarray, "nodes 3"] | None:
-        """Displacement of the colon's axis from rest [m]; None where it is fixed in space."""
-        return None if self._walls.displacement is None else self._walls.displacement.place[0]
+    def displacement(self) -> Float[np.ndarray, "nodes 7"] | None:
+        """Poses of the nodes of the colon's axis (`AxisDisplacement`); None where it is fixed in space."""
+        return None if self._walls.displacement is None else self._walls.displacement.pose[0]
 
     @property
     def table(self) -> Float[np.ndarray, "stations angles 4"]:
@@ -173,7 +173,7 @@ class TableWall:
         """Take over where the same colon has moved to in another scene."""
         mine, theirs = self._walls.displacement, other._walls.displacement
         if mine is not None and theirs is not None:
-            mine.place[:], mine.speed[:] = theirs.place, theirs.speed
+            mine.pose[:], mine.speed[:] = theirs.pose, theirs.speed
 
     def update(self, data: mujoco.MjData) -> None:
         """Put the planes where the wall is now next to their spheres; to be called before every step."""

@@ -59,7 +59,7 @@ class InjuryMeter:
         width = lumen_widths(colon)
         self._radius = np.interp(self.stations, *width)
         self._bursting = np.array([bursting_pressure(segment_at(colon, arc)) for arc in self.stations])
-        self._axis = axis_tables(colon).mesentery if scene.options.mesentery else None
+        self._axis = axis_tables(colon, scene.options.abdomen).mesentery if scene.options.mesentery else None
         if self._axis is not None:
             self._node_arcs = float(self._axis.spacing) * np.arange(len(self._axis.nodes))
             self._node_radius = np.interp(self._node_arcs, *width)

@@ -8,23 +8,43 @@ from haustra.envs.sim.linear.trace import Program, Value
 from haustra.models.injury.pain import axial_tension, mesentery_tension
 from haustra.models.wall.lumen_table import Tables, axis_point
 from haustra.models.wall.moving_colon import (
+    POSE,
     bend_gradient,
     edge_resistance,
     edge_tension,
     hold_force,
     node_cell,
     node_resistance,
+    node_turn_resistance,
+)
+from haustra.models.wall.sections import (
+    STILL,
+    Section,
+    Turn,
+    brought_along,
+    carried_rate,
+    cell_closing,
+    cell_closing_gradient,
+    cell_closing_rate,
+    flattening,
+    flattening_rate,
+    node_closing,
+    node_closing_rate,
+    section_gradient,
     taken_back,
-    turn_gradient,
-    turn_rate,
+    touched,
     turned,
+    twist,
+    twisted,
 )
 from haustra.models.wall.vectors import Vector, add, between, cross, dot, minus, norm, times, unit_rate
 
-_UNIT, _LENGTH, _TANGENT, _SUM, _COSINE, _TURN = 0, 3, 4, 7, 8, 9
-_COSINE_RATE, _TURN_RATE, _COUPLES, _PULLED, _GRIPPED = 12, 13, 16, 25, 28
-_DIAGONAL, _TIE, _OVER = 29, 30, 31
-"""What each node's room holds."""
+_UNIT, _LENGTH, _TANGENT, _SUM, _TURN, _CLOSING, _FLAT, _ACROSS = 0, 3, 4, 7, 8, 12, 15, 16
+_SPIN, _FLAT_RATE, _ACROSS_RATE = 19, 22, 23
+_COUPLES, _PULLED, _GRIPPED, _DIAGONAL, _TIE, _OVER = 26, 35, 38, 40, 41, 42
+"""What each node's room holds, and the edge behind it."""
+_WORK, _OVER_CELL, _TORQUE, _TURN_RESISTS = _SPIN, _FLAT_RATE, _ACROSS_RATE + 2, _FLAT
+"""What a step puts in the place of what is not needed any more."""
 
 
 class Cell(NamedTuple):
@@ -61,10 +81,14 @@ class Axis:
         self._rows = rows
         self._tables, self._stations = tables
 
-    def shape(self) -> None:
-        """Find how the axes lie, and let nothing press on them."""
+    def shape(self, reached: Value) -> None:
+        """Find how the axes lie and their sections go along, and let nothing press on them.
+
+        How sections flatten is found up to the arc length that is reached by what may touch them [m].
+        """
         program, xp, room = self.program, self.program.xp, self._room
         last = self.nodes - 1
+        beyond = program.most(self._cell(reached).at) + 2
         with program.loop(0, last) as i:
             edge = minus(self._now(i + 1), self._now(i))
             length = norm(xp, edge)
@@ -73,25 +97,49 @@ class Axis:
             room.put(self._node(i) + _UNIT, (*unit, length))
             room.put(self._node(i) + _OVER, rate)
         with program.loop(0, self.nodes) as i:
-            own, (inner, here, before) = self._node(i), self._edges(i)
+            inner, here, before = self._edges(i)
             total, rate = (
                 add(room.vector(here + slot), times(inner, room.vector(before + slot))) for slot in (_UNIT, _OVER)
             )
-            size, rest = norm(xp, total), self._vector(i, "tangent")
+            size, state = norm(xp, total), self._place(i)
             tangent = times(1 / size, total)
-            rate = unit_rate(tangent, size, rate)
-            room.put(own + _TANGENT, (*tangent, size, dot(rest, tangent), *cross(rest, tangent)))
-            room.put(own + _COSINE_RATE, (dot(rest, rate), *cross(rest, rate)))
-            room.put(own + _COUPLES, [0.0] * 13)
+            kept = self._state.load(state + 3), self._state.vector(state + 4)
+            real, part = brought_along(xp, kept, self._vector(i, "tangent"), tangent)
+            room.put(self._node(i) + _TANGENT, (*tangent, size, real, *part))
+            spin = cross(tangent, unit_rate(tangent, size, rate))
+            room.put(self._node(i) + _SPIN, add(spin, times(self._state.load(state + POSE + 3), tangent)))
+        with program.loop(0, xp.where(beyond < last, beyond, last)) as i:
+            own, longer = self._node(i), minus(self.speed(i + 1), self.speed(i))
+            now, length = (self._tangent(i), self._tangent(i + 1)), room.load(own + _LENGTH)
+            before, after = (cross(room.vector(self._node(i + end) + _SPIN), now[end]) for end in range(2))
+            room.put(own + _CLOSING, cell_closing(xp, *now, length))
+            longer = dot(room.vector(own + _UNIT), longer)
+            room.put(own + _OVER, cell_closing_rate(xp, *now, length, before, after, longer))
+        with program.loop(0, self.nodes) as i:
+            room.put(self._node(i) + _COUPLES, [0.0] * 14)
+        with program.loop(0, beyond) as i:
+            own, (_, here, before) = self._node(i), self._edges(i)
+            tangent, spin = self._tangent(i), room.vector(own + _SPIN)
+            cells = room.vector(before + _CLOSING), room.vector(here + _CLOSING)
+            rates = room.vector(before + _OVER), room.vector(here + _OVER)
+            closing = node_closing(*cells, tangent)
+            rest, width = turned(*self._turn(own), self._vector(i, "closing")), self._number(i, "width")
+            flat, across = flattening(xp, closing, rest, width)
+            room.put(own + _FLAT, (flat, *across))
+            changing = node_closing_rate(*cells, tangent, *rates, cross(spin, tangent))
+            flat_rate, across_rate = flattening_rate(xp, closing, rest, width, changing, cross(spin, rest))
+            room.put(own + _FLAT_RATE, (flat_rate, *across_rate))
 
     def reference(self, place: Vector, arc: Value) -> Vector:
         """Where a place near an arc length stands in the colon at rest."""
         xp, cell = self.program.xp, self._cell(arc)
         axis, moved = self._axis(arc), self.moved(arc)
-        stretch = self._room.gather(self._node(cell.at) + _LENGTH) / self._number(cell.at, "length")
-        along = between(self._vector(cell.at, "tangent"), self._vector(cell.at + 1, "tangent"), cell.share)
+        along, rest = (self._vector(cell.at, "tangent"), self._vector(cell.at + 1, "tangent")), cell.at
+        length, own = self._number(rest, "length"), self._node(cell.at)
+        closings = cell_closing(xp, *along, length), self._room.gather_vector(own + _CLOSING)
+        stretch = self._room.gather(own + _LENGTH) / length
         offset = minus(minus(place, axis), moved)
-        return add(axis, taken_back(xp, offset, stretch, along, *self._turns(cell), cell.share))
+        return add(axis, taken_back(xp, offset, stretch, along, closings, *self._sections(cell), cell.share))
 
     def moved(self, arc: Value) -> Vector:
         """How far the axis has moved from rest at an arc length [m]."""
@@ -99,27 +147,37 @@ class Axis:
         before, after = (self._state.gather_vector(self._place(cell.at + i)) for i in range(2))
         return between(before, after, cell.share)
 
-    def carried(self, arc: Value, normal: Vector, surface: Vector) -> tuple[Vector, Vector, Vector]:
-        """Normal as it stands now, lever of a place on the wall at rest, and the wall's speed there.
+    def most_depth(self, arc: Value, depth: Value, radius: Value) -> Value:
+        """A bound of the depth of a sphere in the wall as it is now, given that at rest [m], as `touched` finds it."""
+        xp, cell = self.program.xp, self._cell(arc)
+        flat = xp.maximum(*(self._room.gather(self._node(cell.at + end) + _FLAT) for end in range(2)))
+        return xp.maximum(depth, (1 - flat) * depth + flat * radius)
+
+    def touched(
+        self, arc: Value, rest: Vector, depth: Value, normal: Vector, radius: Value
+    ) -> tuple[Value, Vector, Vector, Vector]:
+        """Depth of a sphere in the wall as it is now [m], normal, lever of its surface at rest, and the wall's speed.
 
         Args:
-            arc: of the place.
-            normal: at rest.
-            surface: the place in the colon at rest.
+            arc: of the sphere.
+            rest: its middle in the colon at rest.
+            depth: there.
+            normal: of the wall there.
+            radius: of the sphere.
         """
         xp, cell = self.program.xp, self._cell(arc)
-        before, after = self._turns(cell)
-        now = between(turned(xp, *before, normal), turned(xp, *after, normal), cell.share)
-        held = minus(surface, self._axis(arc))
+        before, after = self._sections(cell)
+        depth, normal, surface = touched(xp, depth, normal, radius, before, after, cell.share)
+        held = minus(add(rest, surface), self._axis(arc))
 
-        def speed(node: Value, turn: tuple[Value, Vector]) -> Vector:
+        def speed(node: Value, section: Section) -> Vector:
             slot = self._node(node)
-            rate = self._room.gather(slot + _COSINE_RATE), self._room.gather_vector(slot + _TURN_RATE)
-            moving = self._state.gather_vector(self._place(node) + 3)
-            return add(moving, turn_rate(xp, *turn, *rate, held))
+            rates = self._room.gather_vector(slot + _SPIN), self._room.gather(slot + _FLAT_RATE)
+            moving = self._state.gather_vector(self._place(node) + POSE)
+            rates = *rates, self._room.gather_vector(slot + _ACROSS_RATE)
+            return add(moving, carried_rate(section, rates, held))
 
-        moving = between(speed(cell.at, before), speed(cell.at + 1, after), cell.share)
-        return times(1 / norm(xp, now), now), held, moving
+        return depth, normal, held, between(speed(cell.at, before), speed(cell.at + 1, after), cell.share)
 
     def press(self, arc: Value, held: Vector, force: Vector, damping: Value) -> None:
         """Let a force on the wall [N] act, damped by so much [N s/m], where its lever is held."""
@@ -127,7 +185,8 @@ class Axis:
         for later in range(2):
             slot, part = self._node(cell.at + later), cell.share if later else 1 - cell.share
             shared = times(part, force)
-            values = [*(shared[i] * held[j] for i in range(3) for j in range(3)), *shared, part * damping]
+            values = [*(shared[i] * held[j] for i in range(3) for j in range(3)), *shared]
+            values += [part * damping, part * damping * dot(held, held)]
             for more, value in enumerate(values):
                 self._room.add_at(slot + (_COUPLES + more), value)
 
@@ -137,13 +196,15 @@ class Axis:
         self._bend()
         last = self.nodes - 1
         pulls, right = ([program.variable(0.0) for _ in range(3)] for _ in range(2))
-        tied, resisted = program.variable(0.0), program.variable(1.0)
+        tied, resisted, turn_tied, turn_resisted, torque = (
+            program.variable(start) for start in (0.0, 1.0, 0.0, 1.0, 0.0)
+        )
 
         def now(parts: list[Any]) -> Vector:
             return parts[0].value, parts[1].value, parts[2].value
 
         # Outwards: forces and resistances of node after node, of which Thomas's algorithm takes away those before;
-        # off the diagonal stands -tie.
+        # off the diagonal stands -tie. Beside it the same for turns about the axis.
         with program.loop(0, self.nodes) as i:
             own, place, speed = self._node(i), self._state.vector(self._place(i)), self.speed(i)
             springs = self._number(i, "slack"), self._number(i, "hold"), self._number(i, "support")
@@ -162,42 +223,97 @@ class Axis:
             for parts, values in ((pulls, pull), (right, total), ([tied, resisted], (tie, resists))):
                 for part, value in zip(parts, values, strict=True):
                     part.value = value
-        beyond = [program.variable(0.0) for _ in range(3)]
+            gripped, before = room.load(own + _GRIPPED + 1), turn_tied.value
+            turns = self._number(i, "upright"), self._number(i, "turn_drag")
+            share, tie = before / turn_resisted.value, xp.where(inside, h * self._number(i, "torsion"), 0.0)
+            spin = self._state.load(self._place(i) + POSE + 3)
+            torque.value = room.load(own + _TORQUE) + gripped * spin + share * torque.value
+            turn_resisted.value = node_turn_resistance(*turns, gripped, h) + tie + before - share * before
+            turn_tied.value = tie
+            room.store(own + _TORQUE, torque.value)
+            room.store(own + _TURN_RESISTS, turn_resisted.value)
+        beyond, spun = [program.variable(0.0) for _ in range(3)], program.variable(0.0)
         with program.loop(0, self.nodes, backwards=True) as i:
             own, slot = self._node(i), self._place(i)
             total = add(room.vector(own + _PULLED), times(room.load(own + _TIE), now(beyond)))
             moving = times(1 / room.load(own + _DIAGONAL), total)
-            for part, value in zip(beyond, moving, strict=True):
+            tie = xp.where(i < last, h * self._number(i, "torsion"), 0.0)
+            spun.value = (room.load(own + _TORQUE) + tie * spun.value) / room.load(own + _TURN_RESISTS)
+            for part, value in zip([*beyond, spun], (*moving, spun.value), strict=True):
                 part.value = value
                 fastest.value = xp.where(xp.abs(value) < limit, fastest.value, xp.abs(value))
-            self._state.put(slot, (*add(self._state.vector(slot), times(h, moving)), *moving))
+            real, part = twisted(self._turn(own), room.vector(own + _TANGENT), h * spun.value)
+            place = add(self._state.vector(slot), times(h, moving))
+            self._state.put(slot, (*place, real, *part, *moving, spun.value))
 
     def _edge(self, i: Value, h: float) -> tuple[Vector, Value]:
         """Force with which an edge pulls the node before it, and what ties both; of no meaning behind the last node."""
         xp, room, own = self.program.xp, self._room, self._node(i)
         unit, length, rest = room.vector(own + _UNIT), room.load(own + _LENGTH), self._number(i, "length")
-        stiffness, bending = self._number(i, "tension"), (self._number(i, "bending"), self._number(i + 1, "bending"))
-        tension = edge_tension(xp, length, rest, stiffness, self._of_world("pleating"))
+        stiffness = self._number(i, "tension")
+        before, after = (self._number(node, "bending") + self._number(node, "upright") for node in (i, i + 1))
+        tension = edge_tension(xp, length, rest, stiffness, self._of_world("pleating")) - room.load(own + _OVER_CELL)
         pull = minus(times(tension, unit), unit_rate(unit, length, room.vector(own + _OVER)))
-        return pull, edge_resistance(xp, stiffness, bending[0], bending[1], rest, h)
+        return pull, edge_resistance(xp, stiffness, before, after, rest, h)
 
     def _bend(self) -> None:
-        """What bending and turned cross-sections do to the edges' directions."""
+        """What bending, twisting and carried cross-sections do to the edges' directions and lengths."""
         program, xp, room = self.program, self.program.xp, self._room
+        last = self.nodes - 1
         with program.loop(0, self.nodes) as i:
             room.put(self._node(i) + _OVER, [0.0] * 3)
+            room.put(self._node(i) + _OVER_CELL, [0.0] * 3)
+        with program.loop(0, self.nodes) as i:
+            own, tangent, rest = self._node(i), self._tangent(i), self._vector(i, "tangent")
+            tilt, lean = twist(xp, STILL, self._turn(own), (rest, tangent), STILL)
+            righting = self._number(i, "upright") * tilt
+            room.put(own + _WORK, times(-righting, lean))
+            room.store(own + _TORQUE, -righting)
+            room.put(own + _PULLED, add(room.vector(own + _PULLED), self._vector(i, "load")))
+            with program.when(room.load(own + _GRIPPED) > 0):
+                self._press_section(i)
+        with program.loop(0, last) as i:
+            own, after = self._node(i), self._node(i + 1)
+            now, way = (self._tangent(i), self._tangent(i + 1)), self._way(i)
+            sine, binormal = twist(xp, self._turn(own), self._turn(after), now, way)
+            moment = self._number(i, "torsion") * sine
+            for node, sign in ((own, 1.0), (after, -1.0)):
+                room.put(node + _WORK, minus(room.vector(node + _WORK), times(moment, binormal)))
+                room.store(node + _TORQUE, room.load(node + _TORQUE) + sign * moment)
+            with program.when(room.load(own + _GRIPPED) + room.load(after + _GRIPPED) > 0):
+                self._press_cell(own, after)
         with program.loop(0, self.nodes) as i:
             own, (inner, here, before) = self._node(i), self._edges(i)
-            first = own + _COUPLES
-            rows = room.vector(first), room.vector(first + 3), room.vector(first + 6)
-            turn = room.load(own + _COSINE), room.vector(own + _TURN)
-            work = turn_gradient(xp, self._vector(i, "tangent"), *turn, rows)
-            work = unit_rate(room.vector(own + _TANGENT), room.load(own + _SUM), work)
+            work = unit_rate(self._tangent(i), room.load(own + _SUM), room.vector(own + _WORK))
             change = minus(room.vector(here + _UNIT), room.vector(before + _UNIT))
             bend = times(inner, bend_gradient(xp, change, self._number(i, "turn"), self._number(i, "bending")))
             room.put(here + _OVER, add(room.vector(here + _OVER), minus(work, bend)))
             more = times(inner, add(work, bend))
             room.put(before + _OVER, add(room.vector(before + _OVER), more))
+
+    def _press_section(self, i: Value) -> None:
+        """What forces on the wall about a node do to its section."""
+        room, own, (_, here, before) = self._room, self._node(i), self._edges(i)
+        first, tangent = own + _COUPLES, self._tangent(i)
+        rows = room.vector(first), room.vector(first + 3), room.vector(first + 6)
+        cells = room.vector(before + _CLOSING), room.vector(here + _CLOSING)
+        closed = self._vector(i, "closing"), self._number(i, "width")
+        found = section_gradient(self.program.xp, self._section(own), tangent, cells, *closed, rows)
+        work, torque, over, over_next = found
+        for cell, more in ((before, over), (here, over_next)):
+            room.put(cell + _OVER_CELL, add(room.vector(cell + _OVER_CELL), more))
+        room.put(own + _WORK, add(room.vector(own + _WORK), work))
+        room.store(own + _TORQUE, room.load(own + _TORQUE) + torque)
+
+    def _press_cell(self, own: Value, after: Value) -> None:
+        """What they do to the bend between two nodes."""
+        xp, room = self.program.xp, self._room
+        now = room.vector(own + _TANGENT), room.vector(after + _TANGENT)
+        over, length = room.vector(own + _OVER_CELL), room.load(own + _LENGTH)
+        first, later, shortening = cell_closing_gradient(xp, *now, length, over)
+        room.store(own + _OVER_CELL, shortening)
+        for node, more in ((own, first), (after, later)):
+            room.put(node + _WORK, add(room.vector(node + _WORK), more))
 
     def tensions(self, node: Value, radius: Value) -> tuple[Value, Value]:
         """Tensions of the wall along the colon behind a node, and of its mesentery [N/m] (`axis_tensions`).
@@ -216,7 +332,7 @@ class Axis:
 
     def speed(self, node: Value) -> Vector:
         """Velocity of a node [m/s]."""
-        return self._state.vector(self._place(node) + 3)
+        return self._state.vector(self._place(node) + POSE)
 
     def _now(self, node: Value) -> Vector:
         return add(self._vector(node, "place"), self._state.vector(self._place(node)))
@@ -231,13 +347,30 @@ class Axis:
     def _cell(self, arc: Value) -> Cell:
         return Cell(*node_cell(self.program.xp, self._of_world("spacing"), self.nodes, arc))
 
-    def _turns(self, cell: Cell) -> tuple[tuple[Value, Vector], tuple[Value, Vector]]:
-        first, second = (self._node(cell.at + i) for i in range(2))
-        room = self._room
+    def _tangent(self, node: Value) -> Vector:
+        return self._room.vector(self._node(node) + _TANGENT)
+
+    def _turn(self, own: Value) -> Turn:
+        return self._room.load(own + _TURN), self._room.vector(own + _TURN + 1)
+
+    def _way(self, node: Value) -> Turn:
+        """Brings the direction at rest of a node to that of the next."""
+        first, column = self.program.xp.int32(self._of_world("first_node")), AXIS.index("way")
+        x, y, z = (self._rows.read(first + node, column + 1 + i) for i in range(3))
+        return self._rows.read(first + node, column), (x, y, z)
+
+    def _section(self, own: Value) -> Section:
+        return *self._turn(own), self._room.load(own + _FLAT), self._room.vector(own + _ACROSS)
+
+    def _sections(self, cell: Cell) -> tuple[Section, Section]:
+        """Of the nodes before and after; lanes may be in different cells."""
+        room, (first, second) = self._room, (self._node(cell.at + i) for i in range(2))
         return (
-            (room.gather(first + _COSINE), room.gather_vector(first + _TURN)),
-            (room.gather(second + _COSINE), room.gather_vector(second + _TURN)),
-        )
+            (room.gather(first + _TURN), room.gather_vector(first + _TURN + 1), room.gather(first + _FLAT),
+             room.gather_vector(first + _ACROSS)),
+            (room.gather(second + _TURN), room.gather_vector(second + _TURN + 1), room.gather(second + _FLAT),
+             room.gather_vector(second + _ACROSS)),
+        )  # fmt: skip
 
     def _axis(self, arc: Value) -> Vector:
         return axis_point(self.program.xp, self._tables, *self._stations, arc)

@@ -26,7 +26,7 @@ from haustra.models.scene import Scene
 from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables, pick
 from haustra.models.wall.mesentery import Mesentery
-from haustra.models.wall.moving_colon import AxisDisplacement
+from haustra.models.wall.moving_colon import AT_REST, POSE, AxisDisplacement
 
 
 class Row(NamedTuple):
@@ -165,6 +165,9 @@ class LinearBackend(AbstractBackend):
         state = self._held["state"].change()
         state[block, :, lane] = 0.0
         state[block, layout.arcs : layout.normals, lane] = places
+        if layout.nodes:
+            axes = layout.axis + NODE * np.arange(layout.nodes) + AT_REST.index(1.0)
+            state[block[:, None], axes, lane[:, None]] = 1.0
         if conditions.roll is not None:
             for slot in (1, layout.hand + 1):
                 self._put("state", worlds, slot, conditions.roll)
@@ -312,7 +315,7 @@ class LinearBackend(AbstractBackend):
         if not layout.nodes:
             return read
         axes = state[..., layout.axis :].reshape(*state.shape[:2], layout.nodes, NODE)
-        return read._replace(displacement=axes[..., :3])
+        return read._replace(displacement=axes[..., :POSE])
 
     def row(self) -> "Row":
         """All numbers of the first world, as they lie in memory."""
@@ -360,13 +363,13 @@ class LinearBackend(AbstractBackend):
         axis = AxisDisplacement(*self._axes()) if layout.nodes else None
         return State(qpos, qvel, hand, arcs, normal, self.alive, time[:, 0], pulls, displacement=axis)
 
-    def _axes(self) -> tuple[Float[np.ndarray, "worlds nodes 3"], Float[np.ndarray, "worlds nodes 3"]]:
-        """Displacements of the colons' axes [m], and their speeds [m/s]."""
+    def _axes(self) -> tuple[Float[np.ndarray, "worlds nodes 7"], Float[np.ndarray, "worlds nodes 4"]]:
+        """Poses and speeds of the colons' axes (`haustra.models.wall.moving_colon.AxisDisplacement`)."""
         both = self.axes(self._of_worlds("state", 0, self._layout.state))
-        return both[..., :3], both[..., 3:]
+        return both[..., :POSE], both[..., POSE:]
 
-    def axes(self, state: Float[np.ndarray, "rows slots"]) -> Float[np.ndarray, "rows nodes 6"]:
-        """Displacements of the colons' axes [m], and their speeds [m/s], in rows of states."""
+    def axes(self, state: Float[np.ndarray, "rows slots"]) -> Float[np.ndarray, "rows nodes 11"]:
+        """Poses and speeds of the colons' axes, in rows of states."""
         return state[:, self._layout.axis :].reshape(len(state), self._layout.nodes, NODE)
 
     def normals(self, state: Float[np.ndarray, "rows slots"]) -> Float[np.ndarray, "rows spheres"]:
@@ -382,7 +385,7 @@ class LinearBackend(AbstractBackend):
         return state[:, : self._layout.dofs]
 
     @property
-    def displacement(self) -> Float[np.ndarray, "worlds nodes 3"] | None:
+    def displacement(self) -> Float[np.ndarray, "worlds nodes 7"] | None:
         """Displacement of the colons' axes from rest [m]; None where the colons are fixed in space."""
         return self._axes()[0] if self._layout.nodes else None
 

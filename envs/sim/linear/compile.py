@@ -12,7 +12,7 @@ import numpy as np
 from llvmlite import ir
 
 from haustra.envs.sim.linear.dual import DualLanes, DualProgram
-from haustra.envs.sim.linear.layout import WORLD, Layout, design_slots, seen_slot
+from haustra.envs.sim.linear.layout import AXIS, WORLD, Layout, design_slots, seen_slot
 from haustra.envs.sim.linear.memory import Lanes, Rows, Shared
 from haustra.envs.sim.linear.program import ARGUMENTS, COUNTS, ScopeProgram
 from haustra.envs.sim.linear.trace import INDEX, Program, Value
@@ -161,7 +161,7 @@ class _Worlds:
         own["design"] = Shared(program, given["design"]) if one_design else self._lanes("design")
         own["structure"] = Shared(program, given["structure"], whole=True)
         tables = {"stations": Rows(program, given["stations"], 4), "wall": (Rows(program, given["wall"], 1), angles)}
-        return own | tables | {"axis": Rows(program, given["axis"], 4) if moving else None}
+        return own | tables | {"axis": Rows(program, given["axis"], len(AXIS) // 4) if moving else None}
 
     def _lanes(self, name: str) -> Lanes:
         program, builder = self._program, self._program.builder

@@ -21,7 +21,8 @@ WORLD = ("one", "bending", "tip_bending", "torsion", "stiffness", "damping_time"
 """Numbers of a world: what scales joints, its wall, hand and colon, what hands ask, whether it is stepped."""
 
 AXIS = ("place", "y", "z", "turn", "tangent", "tangent_y", "tangent_z", "length", "tension", "bending", "slack", "hold",
-        "support", "drag", "", "")  # fmt: skip
+        "support", "drag", "width", "torsion", "upright", "turn_drag", "closing", "closing_y", "closing_z", "load",
+        "load_y", "load_z", "way", "way_x", "way_y", "way_z")  # fmt: skip
 """Numbers of each node of the axis of a colon that moves: a row of `haustra.models.wall.mesentery.Mesentery`."""
 
 STATION = 16
@@ -112,9 +113,9 @@ BODY_ROOM = 30
 """Inertia (21), wrench (6), offset from its parent (3)."""
 SPHERE_ROOM = 14
 """Normal, lever, speed against the wall (9), spring, drag, lever at which a colon that moves is held (3)."""
-NODE = 6
-"""Displacement and speed."""
-NODE_ROOM = 34
+NODE = 11
+"""Pose and speed (`haustra.models.wall.moving_colon.AxisDisplacement`)."""
+NODE_ROOM = 45
 """`haustra.envs.sim.linear.axis`."""
 
 

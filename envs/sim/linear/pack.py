@@ -108,8 +108,14 @@ def pack_axis(own: Mesentery) -> Float[np.ndarray, "nodes columns"]:
     colons, nodes = own.turns.shape
     rows = np.zeros((colons, nodes, len(AXIS)))
     rows[..., 0:3], rows[..., 4:7] = own.nodes, own.tangents
-    rows[:, :-1, AXIS.index("length")], rows[:, :-1, AXIS.index("tension")] = own.lengths, own.tension
-    for name in ("bending", "slack", "hold", "support", "drag"):
+    for name, values in (("closing", own.closings), ("load", own.load)):
+        first = AXIS.index(name)
+        rows[..., first : first + 3] = values
+    for name, values in (("length", own.lengths), ("tension", own.tension), ("torsion", own.torsion)):
+        rows[:, :-1, AXIS.index(name)] = values
+    for name in ("bending", "slack", "hold", "support", "drag", "upright", "turn_drag"):
         rows[..., AXIS.index(name)] = getattr(own, name)
+    rows[..., AXIS.index("width")] = own.widths
+    rows[:, :-1, AXIS.index("way") :][..., :4] = own.ways
     rows[..., AXIS.index("turn")] = own.turns
     return np.vstack([rows.reshape(-1, len(AXIS)), np.ones((1, len(AXIS)))])  # one more, that is read behind the last

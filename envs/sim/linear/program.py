@@ -43,7 +43,7 @@ from haustra.envs.sim.physics.wires import borne_pulls, joint_angle
 from haustra.envs.sim.state import SPEED_LIMIT
 from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.wall.law import normal_force, place_contact, place_force
-from haustra.models.wall.lumen_table import Tables, axis_point, nearest_arc, station_width, wall_beside
+from haustra.models.wall.lumen_table import WINDOW, Tables, axis_point, nearest_arc, station_width, wall_beside
 from haustra.models.wall.vectors import Vector, add, cross, dot, minus, times
 
 ARGUMENTS = ("state", "worlds", "seen", "room", "design", "structure", "stations", "wall", "axis", "driver")
@@ -57,6 +57,8 @@ _lock_activation, _stop_torque = unwrap(lock_activation), unwrap(stop_torque)
 
 _HAND_LIMITS = ("push_limit", "torque_limit")
 _NONE: Vector = (0.0, 0.0, 0.0)
+_BEFORE = 0.02
+"""So far before the anus, nothing of a colon that moves is near [m]: twice as far as a sphere may move in a step."""
 
 
 class _Changing:
@@ -230,9 +232,16 @@ class ScopeProgram:
             each(body, link)
         return link
 
+    def _reached(self) -> Value:
+        """No sphere will be looked up further in [m]."""
+        furthest = self.program.variable(0.0)
+        with self.program.loop(0, self.spheres) as sphere:
+            furthest.value = self.program.xp.maximum(furthest.value, self.state.load(self.layout.arcs + sphere))
+        return furthest.value + WINDOW
+
     def _outwards(self) -> None:
         if self.axis:
-            self.axis.shape()
+            self.axis.shape(self._reached())
         tip = self.chain(self._meet)
         slot = self.layout.arcs + self.spheres
         place = add(tip.place, times(self.scope("tip"), tip.axis))
@@ -288,11 +297,16 @@ class ScopeProgram:
 
     def nearest(self, place: Vector, arc: Value) -> tuple[Value, Vector]:
         """Arc length next to a place that was near `arc`, and where the place stands in the colon at rest."""
-        rest = self.axis.reference(place, arc) if self.axis else place
-        return nearest_arc(self.program.xp, self.tables, *self._stations(), rest, arc), rest
+        rest = _Changing(self.program, place)
+        if self.axis:
+            with self.program.when(arc > -_BEFORE):
+                rest.now = self.axis.reference(place, arc)
+        return nearest_arc(self.program.xp, self.tables, *self._stations(), rest.now, arc), rest.now
 
     def wall(self, rest: Vector, arc: Value) -> tuple[Value, Vector, Vector, Vector]:
-        """Depth of a sphere in the wall, the inward normal, its lever on a colon that moves, and that wall's speed.
+        """Depth of a sphere in the wall, the inward normal, its lever on a colon that moves and that wall's speed.
+
+        Where a sphere does not touch a colon that moves, a bound of its depth is found, and the rest is of no meaning.
 
         Args:
             rest: the sphere's middle, in the colon at rest.
@@ -303,9 +317,13 @@ class ScopeProgram:
         depth = xp.where(arc > 0, depth + (radius - self.world("device_radius")), -1.0)
         if not self.axis:
             return depth, normal, _NONE, _NONE
-        surface = minus(rest, times(radius, normal))
-        normal, held, speed = self.axis.carried(arc, normal, surface)
-        return depth, normal, held, speed
+        most = self.axis.most_depth(arc, depth, radius)
+        found = _Changing(self.program, (most, *normal, *_NONE, *_NONE))
+        with self.program.when(most > 0):
+            depth, normal, held, leaving = self.axis.touched(arc, rest, depth, normal, radius)
+            found.now = depth, *normal, *held, *leaving
+        now = found.now
+        return now[0], now[1:4], now[4:7], now[7:]
 
     def station(self, arc: Value) -> tuple[Vector, Value]:
         """Where the centreline is now at an arc length [m], and how wide the lumen is there [m]."""
@@ -468,7 +486,7 @@ class ScopeProgram:
         program, state, seen = self.program, self.state, self.seen
         force, deepest = _Changing(program, _NONE), program.variable(-1.0)
         if self.axis:
-            self.axis.shape()
+            self.axis.shape(self._reached())
 
         def look(body: Value, link: Link) -> None:
             self.room.put(self.origin_slot(body), link.place)

@@ -23,7 +23,9 @@ from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene, entry_of
+from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import TableAccuracy, Tables, lumen_table, stack
+from haustra.models.wall.moving_colon import POSE
 from haustra.models.wall.piece_wall import Blocks
 
 
@@ -53,7 +55,12 @@ class LinearSingle:
         self.model = scene.compile()
         self.data = mujoco.MjData(self.model)
         if tables is None:
-            table = lumen_table(scene.colon, device_radius=scene.cable.radius, with_mesentery=scene.options.mesentery)
+            table = lumen_table(
+                scene.colon,
+                device_radius=scene.cable.radius,
+                with_mesentery=scene.options.mesentery,
+                abdomen=scene.options.abdomen,
+            )
             self.table_error = table.error
             tables = stack([table.seen_from(*entry_of(scene.colon))])
         self._origin, self._axes = entry_of(scene.colon)
@@ -138,13 +145,13 @@ class LinearSingle:
         """What was read off, in the scene's coordinates."""
         seen = self.many.readings(rows.state.astype(float), rows.seen.astype(float))
         tip, frame = seen.tip @ self._axes.T + self._origin, np.einsum("ij,rjk->rik", self._axes, seen.tip_frame)
-        moved = self.displacements(rows) @ self._axes.T if self._moved else None
+        moved = moving_colon.poses_seen_from(self.displacements(rows), self._axes.T) if self._moved else None
         coils = seen.coils @ self._axes.T + self._origin
         return seen._replace(tip=tip, tip_frame=frame, coils=coils, displacement=moved)
 
-    def displacements(self, rows: Row) -> Float[np.ndarray, "rows nodes 3"]:
-        """Displacements of the colon's axis, seen from its entry [m]; none where it is fixed."""
-        return self.many.axes(rows.state)[..., :3] if self._moved else np.zeros((len(rows.state), 0, 3))
+    def displacements(self, rows: Row) -> Float[np.ndarray, "rows nodes 7"]:
+        """Poses of the colon's axis, seen from its entry; none where it is fixed."""
+        return self.many.axes(rows.state)[..., :POSE] if self._moved else np.zeros((len(rows.state), 0, POSE))
 
     def wall_energy(self, rows: Row) -> Float[np.ndarray, " rows"]:
         """E_b, stored in pressing the wall [J]."""
@@ -156,7 +163,7 @@ class LinearSingle:
 
     def colon_moved(self, rows: Row) -> Float[np.ndarray, " rows"]:
         """Farthest that a node of the colon's axis is from where it was at rest [m]."""
-        return np.sqrt((self.displacements(rows) ** 2).sum(-1).max(-1, initial=0.0))
+        return np.sqrt((self.displacements(rows)[..., :3] ** 2).sum(-1).max(-1, initial=0.0))
 
     def controls(self, rows: Row, begun: Float[np.ndarray, " rows"]) -> Float[np.ndarray, "rows actuators"]:
         """Controls that led there, as the native backend's [m/s, rad/s, N, 1].

@@ -98,7 +98,7 @@ class MovingRig:
                 state = backend.state()
                 speeds.append(np.abs(state.qvel).max(axis=1))
                 assert state.displacement is not None, "colons that are fixed in space"
-                furthest = np.maximum(furthest, np.linalg.norm(state.displacement.place, axis=-1).max(axis=1))
+                furthest = np.maximum(furthest, np.linalg.norm(state.displacement.pose[..., :3], axis=-1).max(axis=1))
         last = round(1 / (count * timestep))
         return Found(backend.alive, finite, np.max(speeds, axis=0), furthest, np.max(speeds[-last:], axis=0))
 

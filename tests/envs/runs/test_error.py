@@ -8,6 +8,7 @@ import pytest
 from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.runs.error import own_error, refinements
 from haustra.envs.runs.insertion import Insertion, Trajectory
+from haustra.envs.runs.measure.surface import SurfaceFigures
 from haustra.envs.runs.outcome import Outcome
 from haustra.models.scene import SceneOptions
 from tests.tube_colon import straight_tube
@@ -30,7 +31,15 @@ def _run(*, force: float = 2.0, push: float = 10.0, aside: float = 0.0) -> Inser
         **{**plain, "time": np.arange(COUNT) * 0.02, "tip": tip, "tip_arc": tip[:, 2], **forces, **blocks}
     )
     return Insertion(
-        Outcome.TIME_UP, recorded, np.zeros((2, 3)), np.eye(3), 1.0, 0, FollowerSettings(), straight_tube()
+        Outcome.TIME_UP,
+        recorded,
+        np.zeros((2, 3)),
+        np.eye(3),
+        1.0,
+        0,
+        FollowerSettings(),
+        straight_tube(),
+        SurfaceFigures(0.0, 0.0),
     )
 
 

@@ -36,6 +36,7 @@ from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.devices.scope.library import named_design
 from haustra.models.devices.tracked.design import TrackedDesign
 from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
+from haustra.models.wall.abdomen import Abdomen
 from haustra.models.wall.lumen_table import ANGLES, Tables, lumen_table, stack
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
@@ -104,7 +105,7 @@ SCENE_CHANGES: Mapping[str, Any] = {
     "insertion_limit": 0.2,
     "gravity": (5.0, -6.0, 2.0),
 }
-"""A value of each field that has an effect; 'wall_law', 'mesentery' and 'softening' have tests of their own."""
+"""A value of each field that has an effect; 'wall_law', 'mesentery', 'abdomen', 'softening' have their own tests."""
 DESIGN_CHANGES: Mapping[str, Callable[[ScopeDesign], ScopeDesign]] = {
     "diameter": lambda d: replace(d, diameter=0.0145),
     "mass_per_length": lambda d: replace(d, mass_per_length=10 * d.mass_per_length),
@@ -318,6 +319,9 @@ REFUSALS = {
     "scene.segment_stiffness": replace(OPTIONS, segment_stiffness=(("sigmoid", 300.0),)),
     "scene.wall_law": OPTIONS,
     "scene.mesentery": replace(OPTIONS, wall_law="table", mesentery=True, softening=False),
+    "scene.abdomen": replace(
+        OPTIONS, wall_law="table", mesentery=True, softening=False, abdomen=Abdomen(posture="left")
+    ),
     "scene.softening": replace(OPTIONS, wall_law="table"),
     "scene.gas": replace(OPTIONS, wall_law="table", softening=False, gas=3333.0),
 }

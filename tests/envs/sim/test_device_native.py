@@ -99,7 +99,7 @@ def pressed_sphere(colon: Colon, *, radius: float, arc: float, force: float, opt
         wall.update(data)
         wall.step(data)
     assert wall.displacement is not None
-    return wall.displacement.copy()
+    return wall.displacement[:, :3].copy()
 
 
 @pytest.mark.parametrize("force", [0.3, 0.9])
@@ -119,7 +119,7 @@ def test_a_pressed_capsule_displaces_the_colon_as_a_scopes_sphere_with_that_forc
     for _ in range(round(SETTLING / 0.02)):
         assert one.step(np.array([[force, 0, 0, 0, 0, 0]]), 4).all()
     assert one.displacement is not None
-    found = one.displacement[0]
+    found = one.displacement[0, :, :3]
     assert one.read().wall_force[0] == pytest.approx(force, rel=0.005)
     expected = pressed_sphere(tube, radius=0.006, arc=0.2, force=force, options=options)
     largest = np.linalg.norm(expected, axis=1).max()

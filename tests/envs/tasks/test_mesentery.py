@@ -12,6 +12,7 @@ from haustra.envs.tasks.config import TaskConfig, Weights
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.landmarks import SEGMENTS
+from haustra.models.wall import moving_colon
 from tests.task_bank import DESIGN, hung_bank
 
 pytest.importorskip("jax")
@@ -29,7 +30,7 @@ def test_a_case_keeps_its_segments(tmp_path):
     read = load_case(save_case(tmp_path / "case.npz", case))
     assert [each.name for each in read.segments] == list(SEGMENTS)
     assert read.segments[1].end == pytest.approx(0.6 * case.length)
-    own = read.mesentery_tables.mesentery
+    own = read.hung().mesentery
     assert own is not None and 0 < (own.slack > 0).mean() < 0.7
 
 
@@ -51,13 +52,13 @@ def test_a_follower_drives_in_colons_that_move(backend):
     assert (np.abs(done.info["reward_facing"]) < 0.5).all()
     for _ in range(60):  # pushed on without steering, it leans on the bend
         done = task.step(np.tile([0.67, 0.0, 0.0, 0.0], (2, 1)))
-    moved = np.linalg.norm(np.asarray(task.backend.displacement), axis=2)
+    moved = np.linalg.norm(np.asarray(task.backend.displacement)[..., :3], axis=2)
     assert not done.info["diverged"].any()
     assert (moved.max(axis=1) > 1e-4).all() and moved[:, 0].max() < 1e-4
     assert all(np.isfinite(part).all() for part in done.observation.values())
     assert np.linalg.norm(task.way_ahead(np.array([0.03])) - rest, axis=-1).min() > 0.01
     task.reset(np.array([1]))
-    displacement = np.asarray(task.backend.displacement)
+    displacement = np.asarray(task.backend.displacement)[..., :3]
     assert not displacement[1].any() and displacement[0].any()
     task.close()
 
@@ -70,7 +71,8 @@ def test_a_camera_that_moves_with_the_colon_sees_the_same():
     aside = np.array([0.03, -0.04, 0.0])
 
     backend = Mock(spec=AbstractBackend, tables=bank.tables)
-    backend.displacement = np.zeros((2, *mesentery.nodes.shape[1:])) + aside
+    backend.displacement = moving_colon.at_rest(np, mesentery, 2, float).pose
+    backend.displacement[..., :3] = aside
     case, arc = np.array([0, 1]), np.array([0.05, 0.12])
     rows = [round(s / bank.cases[0].step) for s in arc]
     eye = np.array([bank.cases[k].points[row] for k, row in zip(case, rows, strict=True)])

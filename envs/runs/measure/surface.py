@@ -1,0 +1,59 @@
+"""Whether the surface that is saved with a run is sound: the scope inside it, and no triangle of it turned over."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.spatial import KDTree
+
+from haustra.models.anatomy.colon import Colon, Surface
+from haustra.models.anatomy.winding import winding_numbers
+
+_WITHIN = 0.5
+"""Points that a surface winds around at least so often are within it [1]."""
+_APART = 0.005
+"""Distance between places of the scope that are looked at [m]."""
+
+
+@dataclass(frozen=True)
+class SurfaceFigures:
+    """What is wrong with a surface."""
+
+    outside: float
+    """How far the place of the scope's axis that is furthest outside is from the surface [m]; 0 when all are within."""
+    turned_over: float
+    """Share of triangles that face their own axis and did not at rest [1]."""
+
+
+def surface_figures(
+    rest: Colon, now: Colon, arcs: Float[np.ndarray, " vertices"], path: Float[np.ndarray, "nodes 3"]
+) -> SurfaceFigures:
+    """Of the surface of a colon that was moved and indented.
+
+    Args:
+        rest: the colon at rest.
+        now: the same colon now.
+        arcs: arc length of each vertex [m].
+        path: the scope's axis past the anus [m].
+    """
+    over = facing_out(rest, arcs) & ~facing_out(now, arcs)
+    return SurfaceFigures(_outside(now.lumen, path), float(over.mean()))
+
+
+def facing_out(colon: Colon, arcs: Float[np.ndarray, " vertices"]) -> Bool[np.ndarray, " triangles"]:
+    """Which triangles face away from the centreline beside them."""
+    line, corners = colon.centreline, colon.lumen.vertices[colon.lumen.faces]
+    at = arcs[colon.lumen.faces].mean(axis=1)
+    axis = np.column_stack([np.interp(at, line.arc, line.points[:, part]) for part in range(3)])
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.einsum("ti,ti->t", normals, corners.mean(axis=1) - axis) > 0
+
+
+def _outside(lumen: Surface, path: np.ndarray) -> float:
+    if len(path) < 2:
+        return 0.0
+    behind = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    own = np.linspace(0.0, behind[-1], int(np.ceil(behind[-1] / _APART)) + 1)
+    places = np.column_stack([np.interp(own, behind, path[:, axis]) for axis in range(3)])
+    out = places[winding_numbers(lumen, places) < _WITHIN]
+    return float(KDTree(lumen.vertices).query(out)[0].max()) if len(out) else 0.0

@@ -1,0 +1,54 @@
+"""What a colon lies in: how the patient lies, what has grown to what, and a hand on the belly.
+
+A colon that was imaged was in balance on the patient's back: its shape at rest is that of the posture `SCANNED`. In
+another one what weighs is the same, and pulls another way: the load of the axis is its weight times the change of
+gravity's direction. Coordinates are as in CT: x to the patient's left, y to the back, z to the head (LPS).
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from haustra.errors import InvalidOptionError
+from haustra.fields import number, require_declared, texts
+
+DOWN = {"supine": (0.0, 1.0, 0.0), "prone": (0.0, -1.0, 0.0), "left": (1.0, 0.0, 0.0), "right": (-1.0, 0.0, 0.0)}
+"""Direction of gravity for a patient who lies on the back, on the front, on the left and on the right side."""
+SCANNED = "supine"
+"""Posture in which colons were imaged; grown ones are like those."""
+FALL = 9.81
+"""Gravity [m/s^2]."""
+MOBILE = ("descending", "ascending")
+"""Segments that hang on a mesentery of their own in some people: a third and two thirds (Phillips 2015)."""
+ADHERENT = ("sigmoid", "transverse")
+"""Segments whose mesentery may have grown to what is beside it: the sigmoid's in a sixth (Saunders 1995)."""
+
+
+@dataclass(frozen=True)
+class Abdomen:
+    """The patient around a colon that moves; by default nothing of it differs from when the colon was imaged."""
+
+    posture: Literal["supine", "prone", "left", "right"] = "supine"
+    """On the back, on the front, on the left or on the right side."""
+    mobile: tuple[str, ...] = texts(most=2, default=())
+    """Which of the descending and ascending colon hang on a mesentery of their own; otherwise they have grown to the
+    back wall."""
+    adhesions: tuple[str, ...] = texts(most=2, default=())
+    """Which of the sigmoid and transverse colon have grown to what is beside them, half-way."""
+    pressed: Literal["none", "sigmoid", "transverse"] = "none"
+    """Segment on which an assistant's hand presses through the belly, half-way."""
+    hand: float = number("N", 0.0, 100.0, default=20.0)
+    """Force of that hand towards the back [N]; engineering choice, a firm press that a forearm holds for minutes."""
+
+    def __post_init__(self) -> None:
+        require_declared(self)
+        for name, known in (("mobile", MOBILE), ("adhesions", ADHERENT)):
+            if wrong := set(getattr(self, name)) - set(known):
+                raise InvalidOptionError(f"{name} names {min(wrong)}; give some of {', '.join(known)}.")
+
+
+def turned_weight(posture: str, weight: Float[np.ndarray, " nodes"]) -> Float[np.ndarray, "nodes 3"]:
+    """Load of weights [N] that were in balance when the colon was imaged, in a posture [N]."""
+    return weight[:, None] * (np.array(DOWN[posture]) - np.array(DOWN[SCANNED]))

@@ -1,0 +1,40 @@
+"""The surface that is saved has the device inside, however deep it stands in the wall."""
+
+import numpy as np
+import pytest
+
+from haustra.envs.runs.measure.surface import surface_figures
+from haustra.models.wall.indentation import SLOPE, indented
+from haustra.models.wall.signed_distance import surface_arcs
+from tests.bent_colon import winding
+from tests.models.wall.conftest import swept_colon
+
+_RADIUS = 0.0065
+
+
+@pytest.mark.parametrize("deep", [0.0, 0.004, 0.012, 0.03])
+def test_a_device_that_leans_on_the_wall_is_inside_what_is_saved(deep: float) -> None:
+    """Even where all of it stands outside the wall that nobody touches; and no triangle turns over."""
+    tube = swept_colon(winding([(0.4, 0.0)]), name="straight")
+    arcs, line = surface_arcs(tube), tube.centreline
+    wide = float(np.median(tube.radius))
+    across = line.frames[0][:, 0]
+    bump = np.exp(-(((line.arc - 0.2) / 0.05) ** 2))
+    path = (line.points + (wide - _RADIUS + deep) * bump[:, None] * across)[line.arc < 0.3]
+    assert surface_figures(tube, tube, arcs, path).outside == pytest.approx(max(deep - _RADIUS, 0.0), abs=0.006)
+    now = indented(tube, arcs, path, radius=_RADIUS)
+    found = surface_figures(tube, now, arcs, path)
+    assert found.outside == 0.0 and found.turned_over == 0.0
+    moved = np.linalg.norm(now.lumen.vertices - tube.lumen.vertices, axis=1)
+    assert deep - 0.001 < moved.max() < deep + 0.0045  # folds are 4 mm high
+    edges = np.concatenate([tube.lumen.faces[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
+    lengths = np.linalg.norm(tube.lumen.vertices[edges[:, 0]] - tube.lumen.vertices[edges[:, 1]], axis=1)
+    free = moved[edges].min(axis=1) > 0
+    tent = np.abs(np.diff(moved[edges], axis=1))[:, 0]
+    assert (tent[~free] <= SLOPE * lengths[~free] + deep).all()
+
+
+def test_what_touches_nothing_changes_nothing() -> None:
+    tube = swept_colon(winding([(0.4, 0.0)]), name="straight")
+    now = indented(tube, surface_arcs(tube), tube.centreline.points[:100], radius=_RADIUS)
+    assert np.array_equal(now.lumen.vertices, tube.lumen.vertices)
