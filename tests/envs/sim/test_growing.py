@@ -41,7 +41,8 @@ def _drive(engine) -> tuple[np.ndarray, ...]:
 def test_it_moves_as_the_whole_scope_does(tube, law, path, peak) -> None:
     """The tip within 0.4 to 0.6 % of the length inside, peaks within 2 %; shaft is added twice.
 
-    Friction lets go a moment earlier or later (against planes 0.2 to 0.34 %, as the last digits of a step fall), and against pieces another piece is the deepest.
+    Friction lets go a moment earlier or later (against planes 0.2 to 0.34 %, as the last digits of a step fall), and
+    against pieces another piece is the deepest.
     """
     whole = _scene(tube, law)
     engine = GrowingEngine(whole, build=lambda deepest: _scene(tube, law, deepest=deepest), stride=0.12)
