@@ -55,6 +55,7 @@ BENCHMARKS: Mapping[str, str] = {
     "bench gradients": f"{_BENCH}.gradients:BenchGradients",
     "bench grown": f"{_BENCH}.grown:BenchGrown",
     "bench injury": f"{_BENCH}.injury:BenchInjury",
+    "bench motion": f"{_BENCH}.motion:BenchMotion",
     "bench profile": f"{_BENCH}.profile:BenchProfile",
     "bench linear": f"{_BENCH}.linear:BenchLinear",
     "bench pushes": f"{_BENCH}.pushes:BenchPushes",

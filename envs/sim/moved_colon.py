@@ -74,6 +74,8 @@ class CurrentColon:
     ) -> tuple[Float[np.ndarray, "records blocks 3"], Float[np.ndarray, "records blocks 4"]]:
         """`poses` for several instants."""
         count = len(displacements)
+        if not len(blocks.arcs):
+            return np.zeros((count, 0, 3)), np.zeros((count, 0, 4))
         tables = pick(self._tables, np.zeros(count, int))
         places = np.broadcast_to((blocks.places - self._origin) @ self._axes, (count, len(blocks.arcs), 3))
         arcs = np.broadcast_to(blocks.arcs, places.shape[:2])
