@@ -14,6 +14,7 @@ from haustra.envs.sim.state import Controls
 from haustra.models.anatomy.colon import Colon, ColonSegment
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
+from haustra.models.wall.abdomen import Abdomen
 from haustra.models.wall.lumen_table import lumen_table, stack
 from tests.bent_colon import bent_colon
 
@@ -74,6 +75,35 @@ def test_one_scene_goes_as_in_linear_time(colon) -> None:
     assert np.mean(mine) == pytest.approx(np.mean(theirs), rel=0.08)
     assert _moved(colon, one[-1].way) == pytest.approx(_moved(colon, other[-1].way), rel=0.08)
     assert _moved(colon, one[-1].way) > 0.005
+
+
+@pytest.mark.parametrize(
+    "around",
+    [
+        Abdomen(posture="left"),
+        Abdomen(pressed="sigmoid", hand=10.0),
+        Abdomen(posture="prone", mobile=("descending",)),
+        Abdomen(posture="right", adhesions=("sigmoid",)),
+    ],
+    ids=["posture", "hand", "mobile", "adhesions"],
+)
+def test_what_the_colon_lies_in_moves_it_alike_on_all_backends(colon, around) -> None:
+    """The scope at rest: the axis sags or gives way to the hand, within 0.1 mm alike natively and in linear time."""
+    from haustra.envs.sim.linear.single import LinearSingle
+
+    scene, still = _scene(colon, abdomen=around), Controls(0.0, 0.0, np.zeros(4))
+    table = lumen_table(colon, device_radius=scene.cable.radius, with_mesentery=True, abdomen=around)
+    batch = NativeBackend(scene, stack([table.seen_from(*entry_of(colon))]), worlds=1)
+    one, other = NativeEngine(scene), LinearSingle(scene)
+    for _ in range(60):
+        assert one.step(still, 4) and other.step(still, 4)
+        assert batch.step(Controls(np.zeros(1), np.zeros(1), np.zeros((1, 4))), 4).all()
+    mine, theirs = one.read().displacement, other.read().displacement
+    assert np.linalg.norm(mine[:, :3], axis=1).max() > 0.001 and batch.displacement is not None
+    assert mine[:, :3] == pytest.approx(theirs[:, :3], abs=1e-4)
+    assert np.linalg.norm(batch.displacement[0, :, :3], axis=1) == pytest.approx(
+        np.linalg.norm(mine[:, :3], axis=1), abs=1e-4
+    )
 
 
 @pytest.mark.parametrize("stiffness", [1500.0, 2400.0])

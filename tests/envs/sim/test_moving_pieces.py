@@ -104,8 +104,10 @@ def test_shaft_is_added_while_pieces_go_on_moving(place) -> None:
     one, other = growing.read(), at_once.read()
     assert growing.added
     assert np.linalg.norm(one.tip - other.tip) < 0.01 * other.insertion
-    for mine, theirs in zip(growing.mocap(whole.blocks), at_once.mocap(whole.blocks), strict=True):
-        assert mine == pytest.approx(theirs, abs=1e-3)
+    (place, turn), (other_place, other_turn) = growing.mocap(whole.blocks), at_once.mocap(whole.blocks)
+    assert place == pytest.approx(other_place, abs=1e-3)
+    # A shaft that is rolled twists the colon by friction, which lets go a moment earlier or later: half a degree.
+    assert turn == pytest.approx(other_turn, abs=4e-3)
 
 
 def test_beside_a_table_pieces_go_where_the_colon_goes(place) -> None:
