@@ -69,6 +69,7 @@ def injury_map(
     for segment in segments:
         field.text(extent[1] * 0.01, (segment.start + segment.end) / 2, segment.name, color=_INK, va="center")
     field.set(xlabel="time [s]", ylabel="along the colon [m]", ylim=extent[2:])
-    forces.set(xlabel="largest force [N]", title=f"torn in {100 * p_perforation:.2g} % of people")
-    forces.title.set_color(_MARK)
+    forces.set(xlabel="largest force [N]")
+    said = f"torn in {100 * p_perforation:.2g} % of people"
+    forces.set_title(said, color=_MARK, loc="right", fontsize="medium")
     return write_atomically(path, lambda temporary: figure.savefig(temporary, format="png"))
