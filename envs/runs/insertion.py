@@ -11,7 +11,6 @@ from haustra.envs.control.follower import FollowerSettings, LumenFollower
 from haustra.envs.runs.measure.containment import Containment
 from haustra.envs.runs.measure.injury import Burden, InjuryMeter, stations_of
 from haustra.envs.runs.measure.progress import ArcTracker
-from haustra.envs.runs.measure.surface import SurfaceFigures, surface_figures
 from haustra.envs.runs.outcome import Outcome, ending, outcome_of
 from haustra.envs.sim.backend import SingleBackend
 from haustra.envs.sim.coils import COIL_DISTANCES
@@ -20,8 +19,6 @@ from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.state import Readings
 from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import Scene
-from haustra.models.wall.indentation import indented
-from haustra.models.wall.signed_distance import surface_arcs
 
 CONTROL_INTERVAL = 0.02
 """Time between two decisions of the driver, and between two records [s]; engineering choice: 50 Hz."""
@@ -112,9 +109,7 @@ class Insertion:
     settings: FollowerSettings
     """How it was driven."""
     colon: Colon
-    """As it lay at the end, and as the scope indented it."""
-    surface: SurfaceFigures
-    """Of its surface."""
+    """As it lay at the end, as if nothing stood in its wall (`haustra.envs.runs.measure.surface.left_behind`)."""
     backend: str = "native"
     """What stepped it, of `haustra.envs.sim.capabilities.BACKENDS`."""
     gas: GasRecord | None = None
@@ -192,7 +187,6 @@ def _drive(backend: SingleBackend, seconds: float, settings: FollowerSettings, p
         )
         if ended:
             break
-    colon, surface = lying(backend, seen.insertion)
     return Insertion(
         outcome=outcome_of(ended, healthy=healthy, attempts=follower.attempts),
         trajectory=_trajectory(rows, felt, backend),
@@ -201,20 +195,11 @@ def _drive(backend: SingleBackend, seconds: float, settings: FollowerSettings, p
         wall_clock=time.perf_counter() - began,
         attempts=follower.attempts,
         settings=settings,
-        colon=colon,
-        surface=surface,
+        colon=backend.colon(),
         backend=backend.name,
         gas=backend.gas and backend.gas.record(len(rows)),
         shaft_added=tuple(backend.added),
     )
-
-
-def lying(backend: SingleBackend, insertion: float) -> tuple[Colon, SurfaceFigures]:
-    """The colon as a backend's scope has left it that is so far in [m], and how sound its surface is."""
-    scene, arcs = backend.scene, surface_arcs(backend.scene.colon)
-    path = backend.shape()[scene.cable.node_distances < insertion]
-    now = indented(backend.colon(), arcs, path, radius=scene.cable.radius)
-    return now, surface_figures(scene.colon, now, arcs, path)
 
 
 def _record(backend: SingleBackend, seen: Readings, arc: float, outside: float) -> tuple:

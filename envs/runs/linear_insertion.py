@@ -5,7 +5,7 @@ import time
 import numpy as np
 
 from haustra.envs.control.follower import FollowerSettings
-from haustra.envs.runs.insertion import CONTROL_INTERVAL, Insertion, Progress, Trajectory, lying
+from haustra.envs.runs.insertion import CONTROL_INTERVAL, Insertion, Progress, Trajectory
 from haustra.envs.runs.insertion_program import InsertionProgram
 from haustra.envs.runs.linear_insertions import station_widths
 from haustra.envs.runs.measure.injury import InjuryMeter
@@ -68,18 +68,15 @@ def run_linear_insertion(
     recorded = _trajectory(backend, backend.rows(rows)) if rows else _nothing(backend)
     now = backend.rows()
     attempts = int(InsertionProgram.memory_of(now.driver).attempts[0])
-    wall_clock = time.perf_counter() - began
-    colon, surface = lying(backend, backend.insertion)
     return Insertion(
         outcome=outcome_of(ended, healthy=bool(healthy), attempts=attempts),
         trajectory=recorded,
         shape=backend.shape(),
         tip_frame=backend.readings(now).tip_frame[0],
-        wall_clock=wall_clock,
+        wall_clock=time.perf_counter() - began,
         attempts=attempts,
         settings=settings,
-        colon=colon,
-        surface=surface,
+        colon=backend.colon(),
         backend=backend.name,
         gas=backend.gas and backend.gas.record(len(rows)),
     )

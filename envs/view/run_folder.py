@@ -10,6 +10,7 @@ import numpy as np
 from haustra.envs.runs.insertion import Insertion
 from haustra.envs.runs.measure.injury import stations_of
 from haustra.envs.runs.measure.scores import score
+from haustra.envs.runs.measure.surface import left_behind
 from haustra.envs.view.picture.camera import looking
 from haustra.envs.view.picture.image import write_png
 from haustra.envs.view.picture.injury_map import injury_map
@@ -19,6 +20,7 @@ from haustra.envs.view.picture.tip import tip_view
 from haustra.envs.view.report.run_report import TRAJECTORY, report_run
 from haustra.files import replaced_together, write_atomically, write_json
 from haustra.models.accuracy import NumericalError
+from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.store import colon_hash
 from haustra.models.presets import preset_of
 from haustra.models.scene import Scene
@@ -57,13 +59,14 @@ def write_run(
         },
         backend=backend_record(run.backend),
     )
-    scores = score(scene, run, provenance, wall=wall.method if wall else None, error=error)
+    left = left_behind(scene, run)
+    scores = score(scene, run, provenance, wall=wall.method if wall else None, error=error, left=left)
     arrays = {**asdict(run.trajectory), "shape": run.shape, "tip_frame": run.tip_frame}
     arrays |= {f"gas_{name}": values for name, values in (run.gas._asdict() if run.gas else {}).items()}
     with replaced_together(folder) as place:
         scores["trajectory"] = write_trajectory(place, arrays)
         scene.save(place / "scene.xml")
-        _draw(place, scene, run, scores)
+        _draw(place, scene, run, left.colon, scores)
         write_json(place / "scores.json", scores)
         report_run(place)
     return scores
@@ -80,14 +83,14 @@ def write_trajectory(folder: Path, arrays: Mapping[str, Any]) -> str:
     return file_hash(path)
 
 
-def _draw(folder: Path, scene: Scene, run: Insertion, scores: Mapping[str, Any]) -> None:
-    lumen, frame, seen = run.colon.lumen, run.tip_frame, run.trajectory
+def _draw(folder: Path, scene: Scene, run: Insertion, colon: Colon, scores: Mapping[str, Any]) -> None:
+    lumen, frame, seen = colon.lumen, run.tip_frame, run.trajectory
     outside = outside_view(
         lumen,
         run.shape,
         scene.cable.radius,
         bending_length=scene.design.bending.length,
-        rotation=default_rotation(lumen, run.colon.centreline.points),
+        rotation=default_rotation(lumen, colon.centreline.points),
     )
     write_png(folder / "outside.png", outside)
     # A camera looks along its own -z, with up along y.

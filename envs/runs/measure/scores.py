@@ -10,6 +10,7 @@ from haustra.envs.runs.measure.injury import Burden, injury_scores
 from haustra.envs.runs.measure.looping import looping
 from haustra.envs.runs.measure.progress import segment_at
 from haustra.envs.runs.measure.progression import progression_scores
+from haustra.envs.runs.measure.surface import LeftBehind, left_behind
 from haustra.models.accuracy import NumericalError, kind_of, stated_error
 from haustra.models.gas.law import MMHG
 from haustra.models.presets import preset_of
@@ -24,6 +25,7 @@ def score(
     *,
     wall: str | None = None,
     error: NumericalError | None = None,
+    left: LeftBehind | None = None,
 ) -> dict[str, object]:
     """Scores of a run as plain JSON values, units in the names.
 
@@ -52,8 +54,10 @@ def score(
         provenance: where the numbers come from.
         wall: how the pieces of the wall were made, if there are any.
         error: measured on this run; what was measured on others for this wall law, preset and kind of colon when None.
+        left: the colon as the scope has left it, where it is known already.
     """
     error = error or stated_error(scene.options, kind_of(scene.colon), wall=wall)
+    surface = (left or left_behind(scene, run)).figures
     recorded = run.trajectory
     simulated = float(recorded.time[-1]) if len(recorded.time) else 0.0
     arc = float(recorded.tip_arc[-1]) if simulated else scene.options.start_depth
@@ -93,8 +97,8 @@ def score(
         ),
         "steering_gap_mean_deg": _steering_gap(recorded),
         "outside_max_mm": float(recorded.outside.max()) * 1e3 if simulated else 0.0,
-        "outside_surface_mm": run.surface.outside * 1e3,
-        "turned_over_share": run.surface.turned_over,
+        "outside_surface_mm": surface.outside * 1e3,
+        "turned_over_share": surface.turned_over,
         "colon_moved_peak_mm": _peak(recorded.colon_moved) * 1e3,
         **_gas(run),
         "contacts_mean": float(recorded.contacts.mean()) if simulated else 0.0,

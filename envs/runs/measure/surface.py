@@ -6,13 +6,27 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial import KDTree
 
+from haustra.envs.runs.insertion import Insertion
 from haustra.models.anatomy.colon import Colon, Surface
 from haustra.models.anatomy.winding import winding_numbers
+from haustra.models.scene import Scene
+from haustra.models.wall.indentation import indented
+from haustra.models.wall.signed_distance import surface_arcs
 
 _WITHIN = 0.5
 """Points that a surface winds around at least so often are within it [1]."""
 _APART = 0.005
 """Distance between places of the scope that are looked at [m]."""
+
+
+@dataclass(frozen=True)
+class LeftBehind:
+    """A colon as a scope has left it."""
+
+    colon: Colon
+    """The colon as it lay, and as the scope indented it."""
+    figures: "SurfaceFigures"
+    """What is wrong with its surface."""
 
 
 @dataclass(frozen=True)
@@ -25,10 +39,24 @@ class SurfaceFigures:
     """Share of triangles that face their own axis and did not at rest [1]."""
 
 
+def left_behind(scene: Scene, run: Insertion) -> LeftBehind:
+    """Lay the colon as a run has left it, indented by its scope, and judge its surface: a second of work.
+
+    Args:
+        scene: what was run.
+        run: how it ended.
+    """
+    arcs, depths = surface_arcs(scene.colon), run.trajectory.insertion
+    inside = depths[-1] if len(depths) else scene.options.start_depth
+    path = run.shape[scene.cable.node_distances < inside]
+    now = indented(run.colon, arcs, path, radius=scene.cable.radius)
+    return LeftBehind(now, surface_figures(scene.colon, now, arcs, path))
+
+
 def surface_figures(
     rest: Colon, now: Colon, arcs: Float[np.ndarray, " vertices"], path: Float[np.ndarray, "nodes 3"]
 ) -> SurfaceFigures:
-    """Of the surface of a colon that was moved and indented.
+    """Judge the surface of a colon that was moved and indented.
 
     Args:
         rest: the colon at rest.

@@ -8,7 +8,6 @@ import pytest
 from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.runs.error import own_error, refinements
 from haustra.envs.runs.insertion import Insertion, Trajectory
-from haustra.envs.runs.measure.surface import SurfaceFigures
 from haustra.envs.runs.outcome import Outcome
 from haustra.models.scene import SceneOptions
 from tests.tube_colon import straight_tube
@@ -39,7 +38,6 @@ def _run(*, force: float = 2.0, push: float = 10.0, aside: float = 0.0) -> Inser
         0,
         FollowerSettings(),
         straight_tube(),
-        SurfaceFigures(0.0, 0.0),
     )
 
 
