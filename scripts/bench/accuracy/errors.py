@@ -1,9 +1,9 @@
 """How far every wall law and preset is off in grown colons and others, fixed and on their mesentery, as ranges.
 
 One script of hand and wires a colon, recorded from the lumen follower, drives every model and a converged one: four
-times the joints of bending section and shaft, half the time step. Fixed colons are judged by tangent planes, which have
-the lumen's exact surface and the wall's exact stiffness; colons that move by the table of the lumen. Every track is
-kept as it is finished, so that a measurement that was stopped goes on.
+times the joints of the preset `fast`, a quarter of the default time step. Fixed colons are judged by tangent planes,
+which have the lumen's exact surface and the wall's exact stiffness; colons that move by the table of the lumen. Every
+track is kept as it is finished, so that a measurement that was stopped goes on.
 """
 
 import json
@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from haustra.errors import HaustraError
+from haustra.errors import HaustraError, InvalidOptionError
 from haustra.files import prepare_folder, write_atomically
 from haustra.models.accuracy import LEAST_COLONS, QUANTITIES, kind_of
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.store import METADATA, load_colon, save_colon
 from haustra.models.devices.scope.files import find_design
-from haustra.models.presets import find_preset
+from haustra.models.presets import PRESETS, find_preset
 from haustra.models.scene import SceneOptions
 from haustra.models.wall.pieces.folder import wall_folder, wall_of
 from haustra.models.wall.pieces.store import load_wall
@@ -33,9 +33,9 @@ from haustra.scripts.bench.accuracy.insertion import SAMPLES, refined
 from haustra.scripts.bench.accuracy.knobs import unchanged
 from haustra.scripts.bench.accuracy.run import code_state, silent_engine
 
-_REFERENCE, _COARSER = (4, 4, 2), (2, 2, 1)
-"""Times as many joints of shaft and bending section, and parts of the time step, of the reference and of the model that
-says how converged it is."""
+_REFERENCE, _COARSER = (4, 4, 4), (3, 3, 2)
+"""Times as many joints of shaft and bending section as `fast` has, and parts of the default time step, of the reference
+and of the model that says how converged it is."""
 _SCRIPT, _CONVERGED, _NEARLY = "script", "reference", "coarser reference"
 
 Progress = Callable[[float, str, float], None]
@@ -55,6 +55,7 @@ class Asked:
     walls: tuple[str, ...] = ("prism",)
     """How pieces are made."""
     presets: tuple[str, ...] = ("fast", "balanced", "accurate")
+    """Names, or numbers of the scene's options that are changed, as 'shaft_cell=0.03 bending_cell=0.01'."""
     mesentery: tuple[bool, ...] = (False, True)
     seconds: float = 10.0
     """Length of the script [s]."""
@@ -82,7 +83,7 @@ class Model:
         """
         levels = {_SCRIPT: (1, 1, 1), _CONVERGED: _REFERENCE, _NEARLY: _COARSER}
         if self.preset not in levels:
-            return replace(find_preset(self.preset).apply(), wall_law=self.wall_law, mesentery=self.mesentery)  # pyright: ignore[reportArgumentType]
+            return replace(modelled(self.preset), wall_law=self.wall_law, mesentery=self.mesentery)  # pyright: ignore[reportArgumentType]
         shaft, bending, parts = levels[self.preset]
         fine = refined(shaft, bending, SceneOptions.timestep / parts)
         return replace(fine, wall_law=self.wall_law, mesentery=self.mesentery, sample_spacing=SAMPLES)  # pyright: ignore[reportArgumentType]
@@ -92,6 +93,26 @@ class Model:
         """Words that tell it apart within its colon."""
         hung = "mesentery" if self.mesentery else "fixed"
         return " ".join(part for part in (self.design, hung, self.wall_law, self.wall, self.preset) if part)
+
+
+def modelled(preset: str) -> SceneOptions:
+    """Options of a preset by its name, or the defaults with some changed, as 'shaft_cell=0.03 bending_cell=0.01'.
+
+    Raises:
+        InvalidOptionError: when there is no such preset or option, or a number is not one.
+    """
+    if "=" not in preset:
+        return find_preset(preset).apply()
+    changes = {name: value for name, _, value in (part.partition("=") for part in preset.split())}
+    if unknown := set(changes) - _CHANGED:
+        raise InvalidOptionError(f"No way of modelling changes '{min(unknown)}'. Known: {', '.join(sorted(_CHANGED))}.")
+    try:
+        return replace(SceneOptions(), **{name: float(value) for name, value in changes.items()})  # pyright: ignore[reportArgumentType]
+    except ValueError as error:
+        raise InvalidOptionError(f"'{preset}' holds what is no number: {error}.") from error
+
+
+_CHANGED = {"timestep", "shaft_cell", "bending_cell", "sample_spacing"}
 
 
 def measure_errors(
@@ -270,6 +291,20 @@ def ranges_of(rows: Sequence[Mapping[str, Any]]) -> list[Ranges]:
     return found
 
 
+def front_of(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Medians over colons and scopes of each way's errors and cost, in processor seconds a simulated second."""
+    groups: dict[tuple, list[Mapping[str, Any]]] = {}
+    for row in rows:
+        if "refused" not in row and row["push"] is not None:
+            groups.setdefault(tuple(row[name] for name in _WAY), []).append(row)
+    middle = {key: {name: float(np.median([row[name] for row in group])) for name in ("cost", *QUANTITIES)}
+              for key, group in groups.items()}  # fmt: skip
+    return [dict(zip(_WAY, key, strict=True)) | found for key, found in middle.items()]
+
+
+_WAY = ("wall_law", "wall", "mesentery", "preset")
+
+
 def accuracy_toml(ranges: Sequence[Ranges], asked: Asked, where: Mapping[str, Any]) -> str:
     """Text of assets/accuracy.toml: what spans enough colons and did not fall over in any."""
     lines = [
@@ -278,7 +313,7 @@ def accuracy_toml(ranges: Sequence[Ranges], asked: Asked, where: Mapping[str, An
     ]
     nearly = {(each.mesentery, each.colon): each for each in ranges if each.preset == _NEARLY}
     for each in ranges:
-        if each.preset == _NEARLY or each.fallen or each.colons < LEAST_COLONS:
+        if each.preset not in PRESETS or each.fallen or each.colons < LEAST_COLONS:
             continue
         floor = nearly.get((each.mesentery, each.colon))
         lines += ["", "[[measured]]", *(f"{name} = {_toml(getattr(each, name))}" for name in _NAMES)]
@@ -300,11 +335,12 @@ def _source(each: Ranges, floor: Ranges | None, asked: Asked, where: Mapping[str
     text = (
         f"measured by `haustra bench errors` on {where['date']}: {each.colons} {_SPANNED[each.colon]} colons, scopes "
         f"{' and '.join(asked.designs)}, {asked.seconds:g} s of one script, against {judge} with {_REFERENCE[0]} times "
-        "the joints and half the step"
+        f"the joints of `fast` and a step of {1e3 * SceneOptions.timestep / _REFERENCE[2]:g} ms"
     )
     if floor:
         text += (
-            f", from which {_COARSER[0]} times the joints are at most {100 * floor.wall_force[1]:.1f} % of wall force, "
+            f", from which {_COARSER[0]} times the joints and twice that step are at most "
+            f"{100 * floor.wall_force[1]:.1f} % of wall force, "
             f"{100 * floor.push[1]:.1f} % of push and {floor.tip_mm[1]:.2g} mm away"
         )
     return text

@@ -30,7 +30,7 @@ class BenchErrors:
     walls: str = "prism"
     """How pieces are made, separated by commas: prism, coacd."""
     presets: str = "fast,balanced,accurate"
-    """Presets, separated by commas."""
+    """Presets, separated by commas; or changes to the defaults, as 'shaft_cell=0.03 bending_cell=0.01'."""
     colon: Literal["fixed", "mesentery", "both"] = "both"
     """Fixed in space, on its mesentery, or both."""
     seconds: float = number("s", 0.02, 600.0, default=10.0)
@@ -48,8 +48,15 @@ class BenchErrors:
 
         from haustra.assets import asset
         from haustra.files import write_atomically, write_json
-        from haustra.models.presets import find_preset
-        from haustra.scripts.bench.accuracy.errors import Asked, accuracy_toml, measure_errors, ranges_of, refusals
+        from haustra.scripts.bench.accuracy.errors import (
+            Asked,
+            accuracy_toml,
+            front_of,
+            measure_errors,
+            modelled,
+            ranges_of,
+            refusals,
+        )
         from haustra.scripts.bench.machine import machine
         from haustra.scripts.console import progress_bar
 
@@ -59,10 +66,12 @@ class BenchErrors:
             designs=_words(self.designs),
             laws=_known(self.laws, ("pieces", "planes", "table")),
             walls=_known(self.walls, ("prism", "coacd")),
-            presets=tuple(find_preset(name).name for name in _words(self.presets)),
+            presets=_words(self.presets),
             mesentery={"fixed": (False,), "mesentery": (True,), "both": (False, True)}[self.colon],
             seconds=self.seconds,
         )
+        for preset in asked.presets:
+            modelled(preset)
         processes = self.processes or os.cpu_count() or 1
         with progress_bar("errors", 1, unit="tracks") as advance:
             rows = measure_errors(asked, self.output, processes=processes, progress=advance)
@@ -70,7 +79,12 @@ class BenchErrors:
         text = accuracy_toml(ranges, asked, where)
         for path in (self.output / "accuracy.toml", *((asset("accuracy.toml"),) if self.ship else ())):
             write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
-        result = {"ranges": [asdict(each) for each in ranges], "refused": refusals(rows), "machine": where}
+        result = {
+            "ranges": [asdict(each) for each in ranges],
+            "front": front_of(rows),
+            "refused": refusals(rows),
+            "machine": where,
+        }
         write_json(self.output / "errors.json", {**result, "rows": rows})
         return result if self.json else {**{_title(each): _said(each) for each in ranges}, "refused": result["refused"]}
 
