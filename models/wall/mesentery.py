@@ -22,6 +22,9 @@ NODE_SPACING = 0.01
 """Distance between nodes [m], about: half the radius of a sigmoid's lumen; engineering choice."""
 INDENTED = 0.005
 """Sections flatten as if the lumen were wider by this [m]: a device stands in its wall; engineering choice."""
+_CLOSED = 0.9
+"""Of the way to a bend's middle the wall on its inside stands at most at rest [1]: beyond it, it is the wall of another
+stretch that is seen from the axis; engineering choice."""
 _RISE = 1.5
 """The mesentery reaches its full height over the middle of a segment, from sin(pi share) times this: it is shortest
 where it ends; engineering choice."""
@@ -135,12 +138,13 @@ def hang(
     upright = (np.where(slack > 0, 0.0, hold) + support) * tube_radius**2
     torsion = numbers["mesentery.torsion"] * 2 / 3 * stretch * tube_radius**2 / 2 / spacing
     hold[0] += numbers["mesentery.anus"]
+    closings = _closings(tangents, lengths)
     return Mesentery(
         nodes=nodes,
         tangents=tangents,
         ways=_ways(tangents),
-        closings=_closings(tangents, lengths),
-        widths=_widest_beside(own, arcs, radius if widest is None else widest),
+        closings=closings,
+        widths=_widths(closings, _widest_beside(own, arcs, radius if widest is None else widest)),
         turns=turns,
         lengths=lengths,
         tension=(stretch[1:] + stretch[:-1]) / 2,
@@ -174,6 +178,11 @@ def _widest_beside(own: np.ndarray, arcs: np.ndarray, widest: np.ndarray) -> np.
     """Largest radius of the lumen from the node before each to the one after, and what the wall gives way [m]."""
     near = np.abs(arcs[None] - own[:, None]) <= 1.01 * own[1]
     return np.where(near, widest[None], 0.0).max(axis=1) + INDENTED
+
+
+def _widths(closings: np.ndarray, widest: np.ndarray) -> np.ndarray:
+    """Widths of the wall [m], which ends before the middle of a bend at rest, however far rays from the axis see."""
+    return np.minimum(widest, _CLOSED / np.maximum(np.linalg.norm(closings, axis=1), 1e-9))
 
 
 def seen_from(own: Mesentery, origin: Float[np.ndarray, "3"], axes: Float[np.ndarray, "3 3"]) -> Mesentery:

@@ -6,7 +6,7 @@ import pytest
 from haustra.assets import asset
 from haustra.models.anatomy.colon import ColonSegment
 from haustra.models.anatomy.landmarks import SEGMENTS
-from haustra.models.wall.mesentery import NODE_SPACING, Mesentery, hang, seen_from, stack
+from haustra.models.wall.mesentery import INDENTED, NODE_SPACING, Mesentery, hang, seen_from, stack
 from haustra.quantity import load_quantities
 
 _NUMBERS = {name: each.value for name, each in load_quantities(asset("numbers/mesentery.toml")).items()}
@@ -50,6 +50,17 @@ def test_the_tube_is_that_of_its_modulus_thickness_and_radius() -> None:
     assert rigidity == pytest.approx(_NUMBERS["mesentery.bending"] * expected * _RADIUS**2 / 2)
     assert own.spacing == pytest.approx(NODE_SPACING, rel=0.05)
     assert own.turns[0] == pytest.approx(0) and own.turns[5] == pytest.approx(own.spacing / 0.3, rel=0.01)
+
+
+def test_no_bend_has_closed_on_the_wall_at_rest() -> None:
+    """Where rays from the axis see past the middle of a bend, they see the wall of another stretch."""
+    arcs = np.linspace(0.0, 0.3, 301)
+    turn = np.clip((arcs - 0.1) / 0.02, 0.0, np.pi)
+    points = np.cumsum(np.column_stack([np.cos(turn), np.sin(turn), 0 * turn]) * arcs[1], axis=0)
+    own = hang(points, arcs, np.full(len(arcs), _RADIUS), (), widest=np.full(len(arcs), 0.09))
+    closed = own.widths * np.linalg.norm(own.closings, axis=1)
+    assert closed.max() == pytest.approx(0.9)
+    assert own.widths[0] == pytest.approx(0.09 + INDENTED)
 
 
 def test_without_segments_nothing_is_mobile() -> None:
