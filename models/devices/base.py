@@ -52,7 +52,7 @@ class Pose:
     """Where a device begins: at the anus, or where it stands."""
 
     position: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
-    """Of that place [m]."""
+    """Place where the device begins [m]."""
     frame: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
     """Columns: two normals and the direction into the patient."""
     arc: float = 0.0
@@ -142,6 +142,7 @@ class Device(ABC):
     """Its surface runs (`treads`): it is controlled at every time step and told what the wall does to its spheres."""
 
     name: str
+    """Name of the device, for people."""
 
     def __post_init__(self) -> None:
         require_declared(self, f"Device {shown(self.name)}", error=InvalidDesignError)
