@@ -30,7 +30,7 @@ class BenchErrors:
     walls: str = "prism"
     """Ways to make a wall's pieces, separated by commas: prism, coacd."""
     presets: str = "fast,balanced,accurate"
-    """Ways of modelling, separated by commas: presets, or changes to the defaults as 'shaft_cell=0.03 bending_cell=0.01'."""
+    """Ways of modelling, separated by commas: presets, or changes as 'shaft_cell=0.03 bending_cell=0.01'."""
     colon: Literal["fixed", "mesentery", "both"] = "both"
     """How colons stand: fixed in space, on their mesentery, or both."""
     seconds: float = number("s", 0.02, 600.0, default=10.0)
