@@ -49,14 +49,14 @@ PRESETS: Mapping[str, Preset] = {
     for preset in (
         Preset(
             "fast",
-            "half the joints in the shaft, for searches",
-            {"shaft_cell": 0.05},
+            "three quarters as many joints in the shaft and half in the bending section, for searches",
+            {"shaft_cell": 0.0625, "bending_cell": 0.034},
         ),
         Preset("balanced", "the defaults"),
         Preset(
             "accurate",
-            "twice the joints in the bending section and half the time step, against the wall's exact surface",
-            {"wall_law": "planes", "bending_cell": 0.0085, "timestep": 0.0025, "sample_spacing": 0.0084},
+            "twice the joints against the wall's exact surface and stiffness",
+            {"wall_law": "planes", "shaft_cell": 0.025, "bending_cell": 0.0085, "sample_spacing": 0.0084},
         ),
     )
 }

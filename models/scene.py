@@ -56,7 +56,7 @@ class SceneOptions:
 
     timestep: float = number("s", 1e-5, 0.02, default=0.005)
     """Integration step [s]."""
-    shaft_cell: float = number("m", 0.002, 1.0, default=0.025)
+    shaft_cell: float = number("m", 0.002, 1.0, default=0.05)
     """Largest distance between joints of the shaft [m]."""
     largest_bend_deg: float | None = number("degrees", 0.5, 180.0, default=None)
     """Largest bend of a shaft joint, from which spacing is adapted to the colon, `shaft_cell` being its mean

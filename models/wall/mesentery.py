@@ -23,8 +23,8 @@ NODE_SPACING = 0.01
 INDENTED = 0.005
 """Sections flatten as if the lumen were wider by this [m]: a device stands in its wall; engineering choice."""
 _CLOSED = 0.9
-"""Of the way to a bend's middle the wall on its inside stands at most at rest [1]: beyond it, it is the wall of another
-stretch that is seen from the axis; engineering choice."""
+"""Furthest that the wall on the inside of a bend stands at rest, over the way to the bend's middle [1]: what is seen
+beyond from the axis is the wall of another stretch; engineering choice."""
 _RISE = 1.5
 """The mesentery reaches its full height over the middle of a segment, from sin(pi share) times this: it is shortest
 where it ends; engineering choice."""

@@ -1,9 +1,9 @@
 """How far every wall law and preset is off in grown colons and others, fixed and on their mesentery, as ranges.
 
 One script of hand and wires a colon, recorded from the lumen follower, drives every model and a converged one: four
-times the joints of the preset `fast`, a quarter of the default time step. Fixed colons are judged by tangent planes,
-which have the lumen's exact surface and the wall's exact stiffness; colons that move by the table of the lumen. Every
-track is kept as it is finished, so that a measurement that was stopped goes on.
+times the joints of bending section and shaft, half the time step. Fixed colons are judged by tangent planes, which have
+the lumen's exact surface and the wall's exact stiffness; colons that move by the table of the lumen. Every track is
+kept as it is finished, so that a measurement that was stopped goes on.
 """
 
 import json
@@ -33,9 +33,9 @@ from haustra.scripts.bench.accuracy.insertion import SAMPLES, refined
 from haustra.scripts.bench.accuracy.knobs import unchanged
 from haustra.scripts.bench.accuracy.run import code_state, silent_engine
 
-_REFERENCE, _COARSER = (4, 4, 4), (3, 3, 2)
-"""Times as many joints of shaft and bending section as `fast` has, and parts of the default time step, of the reference
-and of the model that says how converged it is."""
+_REFERENCE, _COARSER = (4, 4, 2), (2, 2, 1)
+"""Times as many joints of shaft and bending section, and parts of the time step, of the reference and of the model that
+says how converged it is."""
 _SCRIPT, _CONVERGED, _NEARLY = "script", "reference", "coarser reference"
 
 Progress = Callable[[float, str, float], None]
@@ -335,13 +335,13 @@ def _source(each: Ranges, floor: Ranges | None, asked: Asked, where: Mapping[str
     text = (
         f"measured by `haustra bench errors` on {where['date']}: {each.colons} {_SPANNED[each.colon]} colons, scopes "
         f"{' and '.join(asked.designs)}, {asked.seconds:g} s of one script, against {judge} with {_REFERENCE[0]} times "
-        f"the joints of `fast` and a step of {1e3 * SceneOptions.timestep / _REFERENCE[2]:g} ms"
+        "the joints and half the step"
     )
     if floor:
         text += (
-            f", from which {_COARSER[0]} times the joints and twice that step are at most "
-            f"{100 * floor.wall_force[1]:.1f} % of wall force, "
-            f"{100 * floor.push[1]:.1f} % of push and {floor.tip_mm[1]:.2g} mm away"
+            f", from which {_COARSER[0]} times the joints are at most "
+            f"{100 * floor.wall_force[1]:.1f} % of wall force, {100 * floor.push[1]:.1f} % of push and "
+            f"{floor.tip_mm[1]:.2g} mm away"
         )
     return text
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from haustra.envs.sim.scope_bank import BATCH_OPTIONS
 from haustra.models.devices.scope.files import find_design
-from haustra.models.presets import PRESETS, find_preset
+from haustra.models.presets import PRESETS
 from haustra.models.scene import SceneOptions
 from haustra.models.wall.pieces.wall import Wall
 from haustra.scripts.bench.accuracy.drive import Errors, Track, compare, record_script, replay, set_tolerance
@@ -50,8 +50,8 @@ class Model:
 
 
 def refined(shaft: int, bending: int, timestep: float) -> SceneOptions:
-    """Tangent planes with that many times the joints of the preset `fast`."""
-    base = find_preset("fast").apply()
+    """Tangent planes with that many times the joints."""
+    base = SceneOptions()
     return replace(
         base,
         wall_law="planes",
@@ -76,7 +76,7 @@ def models(main: str, *, quick: bool) -> Iterator[Model]:
     base = SceneOptions()
     planes = replace(base, wall_law="planes", sample_spacing=SAMPLES)
     yield from presets(main)
-    for shaft, bending in ((0.1, 0.034), (0.05, 0.017), (0.025, 0.0085)):
+    for shaft, bending in ((0.1, 0.034), (0.025, 0.0085)):
         options = replace(base, shaft_cell=shaft, bending_cell=bending)
         yield Model(f"shaft_cell={shaft}, bending_cell={bending}", "joints", options, main)
     for angle in (20.0, 40.0):
@@ -164,8 +164,8 @@ def _answer_in(name: str, place: Place, effort: Effort, *, every: bool) -> Answe
     fronts = _fronts(name, tracks, reference, floor, run, repeats=1)
     note = (
         f"Insertion into {name}: {seconds:g} s of the lumen follower's inputs, {reference.insertion[-1]:.3f} m in. "
-        f"The reference has {levels[1][0]} and {levels[1][1]} times the joints of `fast` in shaft and bending section; "
-        f"with {levels[0][0]} and {levels[0][1]} its median tip distance is {floor.tip * 1e3:.2f} mm, mean push "
+        f"The reference has {levels[1][0]} and {levels[1][1]} times the joints of shaft and bending section; with "
+        f"{levels[0][0]} and {levels[0][1]} its median tip distance is {floor.tip * 1e3:.2f} mm, mean push "
         f"{floor.push:.1%} and mean wall force {floor.wall:.1%} off. Mean push {reference.push.mean():.2f} N, mean "
         f"sum of wall forces {reference.wall.mean():.1f} N. The default's wall is {main}."
     )

@@ -21,11 +21,11 @@ far the physics is from a patient.
     haustra bench errors --walls prism,coacd --folders EdinGCA_3D_00020,HuBMAPVHM_3D_00070 --ship -o DIR
 
 One script of hand and wires a colon and scope, recorded from the lumen follower, drives every model, and a converged
-one with four times the joints of `fast` and a quarter of the default time step: tangent planes where colons are
-fixed, the table of the lumen where they move. A model with three times the joints and half the step says how
-converged that is; where a range is not above that, the reference itself is the limit. Forces are means over the
-script, tips the median distance from the reference's path. Two real colons are public, so their rows span the ten
-grown ones too. This page is generated from assets/accuracy.toml by `make docs`.
+one with four times the joints and half the time step: tangent planes where colons are fixed, the table of the lumen
+where they move. A model with twice the joints says how converged that is; where a range is not above that, the
+reference itself is the limit. Forces are means over the script, tips the median distance from the reference's path.
+Two real colons are public, so their rows span the ten grown ones too. This page is generated from
+assets/accuracy.toml by `make docs`.
 """
 _KINDS = {"grown": "Grown colons", "real": "Real and grown colons"}
 
