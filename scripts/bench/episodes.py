@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.tasks.actions import ACTIONS
 from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.drivers import FollowerDriver
-from haustra.envs.tasks.scope_task import ACTIONS, ScopeTask
+from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import UnsupportedSceneError
 
 _WARM_UP = 20

@@ -1,6 +1,7 @@
 """NVIDIA's driver, as far as programs need it: memory, kernels and launches, through ctypes."""
 
 import ctypes
+import math
 from collections.abc import Sequence
 from functools import cache
 from typing import Any
@@ -74,16 +75,17 @@ class DeviceArray:
         """Version 3 of the interface by which libraries share arrays."""
         return {"shape": self.shape, "typestr": self.dtype.str, "data": (self.pointer, False), "version": 3}
 
-    def put(self, values: np.ndarray) -> None:
-        """Copy values of the same shape there."""
+    def put(self, values: np.ndarray, *, first: int = 0) -> None:
+        """Copy values of the same shape there, or of some rows, from the first of them on."""
         own = np.ascontiguousarray(values, self.dtype)
         size = ctypes.c_size_t(own.nbytes)
-        _call("cuMemcpyHtoDAsync_v2", self._pointer, ctypes.c_void_p(own.ctypes.data), size, _STREAM)
+        there = ctypes.c_uint64(self.pointer + first * self.dtype.itemsize * math.prod(self.shape[1:]))
+        _call("cuMemcpyHtoDAsync_v2", there, ctypes.c_void_p(own.ctypes.data), size, _STREAM)
         _wait()
 
-    def get(self) -> np.ndarray:
-        """Copy them here."""
-        own = np.empty(self.shape, self.dtype)
+    def get(self, rows: int | None = None) -> np.ndarray:
+        """Copy them here, or their first rows."""
+        own = np.empty(self.shape if rows is None else (rows, *self.shape[1:]), self.dtype)
         size = ctypes.c_size_t(own.nbytes)
         _call("cuMemcpyDtoHAsync_v2", ctypes.c_void_p(own.ctypes.data), self._pointer, size, _STREAM)
         _wait()

@@ -19,7 +19,7 @@ class Slots(Protocol):
 class Lanes:
     """Numbers that each world has of its own: worlds side by side, slot after slot."""
 
-    def __init__(self, program: Program, base: Any, stride: int) -> None:
+    def __init__(self, program: Program, base: Any, stride: int | Value) -> None:
         """`base` points at slot 0 of the program's lanes; slots are `stride` numbers apart."""
         self._program, self._base, self._stride = program, base, stride
 
