@@ -1,10 +1,10 @@
 """Episodes of many worlds: who steps them, and works out what is seen, what is paid and what is over."""
 
 from abc import ABC, abstractmethod
-from typing import NamedTuple, final
+from typing import Any, NamedTuple, final
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from haustra.envs.runs.measure.load import largest_load
 from haustra.envs.sim.backend import AbstractBackend
@@ -16,6 +16,7 @@ from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.coverage import Coverage
 from haustra.envs.tasks.episode import EpisodeRules, concluded
 from haustra.envs.tasks.moment import Dealt, Kept, Sensed, begun
+from haustra.errors import UnsupportedSceneError
 from haustra.models.wall import vectors
 
 _LOOK_EVERY = 5
@@ -37,13 +38,39 @@ class Drawn(NamedTuple):
     """Share of a wheel's travel that does nothing [1]."""
 
 
+class InPlace(NamedTuple):
+    """Arrays of the program, single precision, worlds first: numpy's on a CPU; on a GPU what JAX, torch and CuPy take.
+
+    They stay where they are: every control step writes into the same ones. Numbers of one kind lie side by side.
+    """
+
+    action: Any
+    """(worlds, 4), to be written to."""
+    observation: dict[str, Any]
+    """Parts that the program makes, each (worlds, entries)."""
+    reward: Any
+    """(worlds, 1)."""
+    terminated: Any
+    """(worlds, 1): 1 or 0."""
+    truncated: Any
+    """(worlds, 1): 1 or 0."""
+
+
 class Episodes(ABC):
     """Episodes of many worlds on one backend. The caller says which worlds begin anew; nothing resets by itself."""
 
-    told: dict[str, np.ndarray]
-    """What is known of all worlds now, by the names of `haustra.envs.tasks.episode.concluded`, tip and push force."""
-    parts: seen_by.Observation
-    """Observation, but for what cameras and rays see."""
+    backend: AbstractBackend
+    """Of the physics."""
+
+    @property
+    @abstractmethod
+    def told(self) -> dict[str, np.ndarray]:
+        """What is known of all worlds now: by the names of `haustra.envs.tasks.episode.concluded`, tip, push force."""
+
+    @property
+    @abstractmethod
+    def parts(self) -> seen_by.Observation:
+        """Observation, but for what cameras and rays see."""
 
     @property
     @abstractmethod
@@ -62,6 +89,23 @@ class Episodes(ABC):
         starts: tuple[Snapshot, ...] | None = None,
     ) -> None:
         """Apply one action in each world but those of `drawn`, which begin anew instead, as in `begin`."""
+
+    @property
+    @abstractmethod
+    def in_place(self) -> InPlace:
+        """Actions, observations, rewards and endings where the backend's program has them.
+
+        Raises:
+            UnsupportedSceneError: when it has none.
+        """
+
+    @abstractmethod
+    def advance(self, drawn: Drawn | None = None) -> Bool[np.ndarray, " worlds"]:
+        """`step` under the actions that are in place; only which episodes are over then comes back.
+
+        Raises:
+            UnsupportedSceneError: as `in_place`.
+        """
 
     @abstractmethod
     def grow_older(self, age: Int[np.ndarray, " worlds"]) -> None:
@@ -85,7 +129,7 @@ class HostEpisodes(Episodes):
             coverage: looks for what has been seen of the wall, where that counts.
         """
         worlds, config = backend.worlds, rules.config
-        self._rules, self._backend, self._bank, self._steps = rules, backend, bank, steps
+        self._rules, self.backend, self._bank, self._steps = rules, backend, bank, steps
         self._coverage, self._sizes = coverage, seen_by.sizes(config)
         self._kept = Kept(*np.zeros((len(Kept._fields), worlds)))
         self._dealt = Dealt(*np.ones((len(Dealt._fields), worlds)))
@@ -93,8 +137,18 @@ class HostEpisodes(Episodes):
         self._speed, self._tip_velocity = np.zeros(worlds), np.zeros((worlds, 3))
         self._memory = seen_by.Memory(config.memory, worlds, seen_by.measured_size(config), rules.interval)
         self._share, self._seen = np.zeros(worlds), backend.read()
-        self._measured, self.told = self._measure(), {}
+        self._measured, self._told = self._measure(), {}
         self._conclude(np.ones(worlds, bool))
+
+    @property
+    def told(self) -> dict[str, np.ndarray]:
+        """As `Episodes.told`."""
+        return self._told
+
+    @property
+    def parts(self) -> seen_by.Observation:
+        """As `Episodes.parts`."""
+        return self._parts
 
     @property
     def seen(self) -> Readings:
@@ -108,14 +162,14 @@ class HostEpisodes(Episodes):
         dealt = drawn.gain, drawn.slack, drawn.conditions.friction, bank.lengths[case], bank.valves[case]
         for array, values in zip(self._dealt, dealt, strict=True):
             array[worlds] = values
-        self._backend.reset(worlds, case, drawn.conditions)
+        self.backend.reset(worlds, case, drawn.conditions)
         if starts:
             for world in worlds:
-                self._backend.restore(int(world), starts[self._case[world]])
+                self.backend.restore(int(world), starts[self._case[world]])
         for array in (self._action, self._speed, self._tip_velocity):
             array[worlds] = 0
         begins = np.isin(np.arange(len(self._case)), worlds)
-        self._seen = self._backend.read()
+        self._seen = self.backend.read()
         self._kept = begun(np, begins, self._kept, self._seen.tip_arc)
         self._measured = self._measure()
         if self._coverage:
@@ -141,11 +195,11 @@ class HostEpisodes(Episodes):
         drive = rules.config.drive
         inputs = asked(np, drive, rules.interval, within_limits, sound, wheels, wires, **hand)
         pulls = np.stack(inputs.pulls, axis=1)
-        healthy = self._backend.step(Controls(inputs.push_rate, inputs.roll_rate, pulls), self._steps)
+        healthy = self.backend.step(Controls(inputs.push_rate, inputs.roll_rate, pulls), self._steps)
         self._action = np.column_stack(within_limits)
         up, left = inputs.wheels
         self._kept = self._kept._replace(age=self._kept.age + 1, wheel_up=up, wheel_left=left)
-        self._seen = self._backend.read()
+        self._seen = self.backend.read()
         self._speed = (self._seen.insertion - insertion) / rules.interval
         self._tip_velocity = (self._seen.tip - tip) / rules.interval
         self._measured = self._measure()
@@ -158,6 +212,18 @@ class HostEpisodes(Episodes):
         if drawn is not None:
             self.begin(drawn, starts)
 
+    @property
+    def in_place(self) -> InPlace:
+        """As `Episodes.in_place`: there are none."""
+        raise UnsupportedSceneError(
+            "Observations and rewards are left in place by the program of 'linear' and 'linear-gpu' alone, where no "
+            "coverage is looked for and `on_host` is left out: use `step`."
+        )
+
+    def advance(self, drawn: Drawn | None = None) -> Bool[np.ndarray, " worlds"]:
+        """As `Episodes.advance`: there is nothing in place."""
+        return self.in_place.action
+
     def grow_older(self, age: Int[np.ndarray, " worlds"]) -> None:
         """As `Episodes.grow_older`."""
         self._kept = self._kept._replace(age=age.astype(float))
@@ -168,15 +234,15 @@ class HostEpisodes(Episodes):
         told |= {"tip": self._seen.tip, "push_force": self._seen.push_force}
         if begun is not None:
             told |= {name: np.zeros_like(told[name]) for name in self._rules.paid}
-            told = {name: _renewed(self.told[name], values, begun) for name, values in told.items()}
+            told = {name: _renewed(self._told[name], values, begun) for name, values in told.items()}
             kept = Kept(*(_renewed(old, new, begun) for old, new in zip(self._kept, kept, strict=True)))
-        self._kept, self.told = kept, told
+        self._kept, self._told = kept, told
         made = {
             "recent": lambda: self._memory.recent(self._remembered()),
             "privileged": self._privileged,
             **{name: lambda own=part: own for name, part in self._measured.items()},
         }
-        self.parts = {name: made[name]() for name in self._sizes if name in made}
+        self._parts: seen_by.Observation = {name: made[name]() for name in self._sizes if name in made}
 
     def _sense(self) -> Sensed:
         seen, bank = self._seen, self._bank
@@ -187,7 +253,7 @@ class HostEpisodes(Episodes):
         return Sensed(seen.tip_arc, seen.insertion, force, *load, facing=facing, coverage=self._share.copy())
 
     def _facing(self) -> np.ndarray:
-        behind, ahead = map(vectors.of, self._backend.way_ahead(np.array(seen_by.BESIDE)).swapaxes(0, 1))
+        behind, ahead = map(vectors.of, self.backend.way_ahead(np.array(seen_by.BESIDE)).swapaxes(0, 1))
         return seen_by.facing(np, vectors.of(self._seen.tip_frame[:, :, 2]), behind, ahead)
 
     def _measure(self) -> dict[str, np.ndarray]:
@@ -202,8 +268,8 @@ class HostEpisodes(Episodes):
         return np.concatenate(list(self._measured.values()), axis=1)
 
     def _privileged(self) -> np.ndarray:
-        placed, told = seen_by.Placed.of(self._seen), self.told
-        places = self._backend.way_ahead(np.array(seen_by.AHEAD)).swapaxes(0, 1)
+        placed, told = seen_by.Placed.of(self._seen), self._told
+        places = self.backend.way_ahead(np.array(seen_by.AHEAD)).swapaxes(0, 1)
         ahead = [placed.in_frame(vectors.minus(vectors.of(place), placed.tip)) for place in places]
         return seen_by.arrayed(seen_by.privileged(told["progress"], told["wall_force"], self._dealt.friction, ahead))
 

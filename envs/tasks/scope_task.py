@@ -11,16 +11,16 @@ from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.capabilities import require_task_supported
 from haustra.envs.sim.conditions import Conditions, Snapshot
 from haustra.envs.sim.jax_setup import share_memory
-from haustra.envs.sim.load import backend_of, load_backend
+from haustra.envs.sim.load import backend_of
 from haustra.envs.sim.state import Readings
 from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.bank import TASK_OPTIONS, ColonSet, grown_bank
 from haustra.envs.tasks.calls import whole_steps
 from haustra.envs.tasks.config import TaskConfig
-from haustra.envs.tasks.coverage import Coverage
 from haustra.envs.tasks.depth import DepthCameras, depth_cameras
 from haustra.envs.tasks.episode import EpisodeRules
-from haustra.envs.tasks.episodes import Drawn, Episodes, HostEpisodes
+from haustra.envs.tasks.episodes import Drawn, InPlace
+from haustra.envs.tasks.load_episodes import load_episodes
 from haustra.envs.tasks.pictures import Pictures
 from haustra.envs.tasks.sight import Eyes, HostEyes, Sight
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
@@ -93,17 +93,10 @@ class ScopeTask:
         bank = bank or grown_bank(range(*config.seeds), design, difficulty=config.difficulty, progress=progress)
         self.bank = bank.with_mesentery(config.mesentery)
         self._require_way()
-        self.rules = rules = EpisodeRules(config, self.interval)
-        self._covers = config.task == "withdrawal" or config.weights.coverage != 0
-        program = None
-        if backend.startswith("linear") and not (on_host or self._covers):
-            from haustra.envs.tasks.linear_episodes import LinearEpisodes
-
-            program = LinearEpisodes.program(rules, self.bank.scene, self.steps)
-        self.backend = load_backend(
-            backend, self.bank.scene, self.bank.tables, worlds=worlds, threads=threads, driver=program
-        )
-        self.sight = Sight(self.bank.cases)
+        self.rules, self.sight = EpisodeRules(config, self.interval), Sight(self.bank.cases)
+        about = {"worlds": worlds, "threads": threads, "steps": self.steps, "on_host": on_host}
+        self._episodes = load_episodes(self.rules, self.bank, self.sight, backend, **about)
+        self.backend = self._episodes.backend
         self._eyes = _eyes(self.backend, self.sight)
         self.pictures = Pictures(self.bank, self.sight, design.tip.field_of_view_deg)
         self._depths: DepthCameras | None = None
@@ -114,13 +107,6 @@ class ScopeTask:
         self._starts: tuple[Snapshot, ...] | None = None
         self._random = [np.random.default_rng() for _ in range(worlds)]
         self.case, self.friction = np.zeros(worlds, int), np.zeros(worlds)
-        self._episodes: Episodes
-        if program is not None:
-            self._episodes = LinearEpisodes(program, self.backend, self.bank)
-            return
-        view = self.bank.design.tip.field_of_view_deg
-        covered = Coverage(self.bank, self.sight, worlds, field_of_view_deg=view) if self._covers else None
-        self._episodes = HostEpisodes(rules, self.backend, self.bank, steps=self.steps, coverage=covered)
 
     @property
     def seen(self) -> Readings:
@@ -161,8 +147,7 @@ class ScopeTask:
             action: of each world.
             begins: worlds that begin anew instead of acting: nothing is paid there, and nothing ends.
         """
-        drawn = None if begins is None or not begins.any() else self._dealt(np.flatnonzero(begins))
-        self._episodes.step(np.asarray(action, float), drawn, self._starts)
+        self._episodes.step(np.asarray(action, float), self._beginning(begins), self._starts)
         told = self._episodes.told
         return Step(
             observation=self.observe(),
@@ -171,6 +156,29 @@ class ScopeTask:
             truncated=told["truncated"],
             info=self._info(told),
         )
+
+    @property
+    def in_place(self) -> InPlace:
+        """Actions, observations, rewards and endings where the program of the backends in linear time has them.
+
+        On a GPU, torch, JAX and CuPy take them as they are; `advance` steps by the actions that are written there. What
+        libraries do in CUDA's default stream is waited for.
+
+        Raises:
+            UnsupportedSceneError: when the backend has no such program, or coverage counts.
+        """
+        return self._episodes.in_place
+
+    def advance(self, begins: Bool[np.ndarray, " worlds"] | None = None) -> Bool[np.ndarray, " worlds"]:
+        """`step` under the actions that are `in_place`, leaving there what it leads to; which episodes are over then.
+
+        Args:
+            begins: as of `step`.
+
+        Raises:
+            UnsupportedSceneError: as `in_place`.
+        """
+        return self._episodes.advance(self._beginning(begins))
 
     def info(self) -> dict[str, np.ndarray]:
         """What `Step.info` says of where all worlds are now, before any action."""
@@ -219,6 +227,9 @@ class ScopeTask:
                 f"limits.caecum_margin is {margin} m; give less than {shortest - start:.3f} m: the shortest colon is "
                 f"{shortest:.3f} m long, and the scope begins {start:g} m inside."
             )
+
+    def _beginning(self, begins: np.ndarray | None) -> Drawn | None:
+        return None if begins is None or not begins.any() else self._dealt(np.flatnonzero(begins))
 
     def _dealt(self, worlds: np.ndarray, seeds: list[int] | None = None, case: int | np.ndarray | None = None) -> Drawn:
         """What the next episodes of some worlds are dealt."""

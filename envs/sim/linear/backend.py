@@ -277,19 +277,20 @@ class LinearBackend(AbstractBackend):
         return self._of_worlds("driver", 0, self.numbers("driver").shape[1])
 
     def ask_driver(self, first: int = 0, last: int | None = None) -> Float[np.ndarray, "rows row"]:
-        """What the driver is asked: rows of a number of each world; those from the first to before the last may change."""
+        """What the driver is asked, a row a number; rows from the first to before the last are to be written to."""
         return self._held["asked"].change(first, last)
 
     def told(self, rows: int) -> Float[np.ndarray, "rows row"]:
         """The first rows of what the driver told last, each with a number of each world."""
         return self._held["told"].head(rows)
 
-    def shared(self, name: Literal["asked", "told"]) -> Any:
-        """Rows of what the driver is asked or tells where they lie, on the CPU or the GPU."""
-        return self._held[name].shared()
+    def columns(self, name: Literal["asked", "told"], rows: slice) -> Any:
+        """Rows of what the driver is asked or tells, as columns (worlds, rows), where they lie."""
+        return self._held[name].columns(rows, self.worlds)
 
     def _run(self, count: int) -> None:
-        layout, row = self._layout, self._held["told"].shared().shape[1]
+        layout, lanes = self._layout, self._place.lanes
+        row = -(-self.worlds // lanes) * lanes
         counts = layout.dofs, layout.bodies, layout.spheres, layout.nodes, self._places, count, row
         if self.gas is None or not count:
             self._place.run(self._held, counts, self.worlds)

@@ -96,6 +96,22 @@ class DeviceArray:
             _driver()[0].cuMemFree_v2(self._pointer)
 
 
+class DeviceColumns:
+    """Rows of an array as columns, where they lie; JAX, torch and CuPy take them as they are."""
+
+    def __init__(self, of: DeviceArray, rows: slice, count: int) -> None:
+        """The first `count` numbers of some rows of an array of rows."""
+        self._of = of
+        self.shape, self._first = (count, rows.stop - rows.start), rows.start
+
+    @property
+    def __cuda_array_interface__(self) -> dict[str, Any]:
+        """Version 3 of the interface by which libraries share arrays; as of `DeviceArray`."""
+        size, row = self._of.dtype.itemsize, self._of.shape[1]
+        there = {"data": (self._of.pointer + self._first * row * size, False), "strides": (size, row * size)}
+        return self._of.__cuda_array_interface__ | {"shape": self.shape} | there
+
+
 class Kernel:
     """A kernel on the first device."""
 

@@ -21,7 +21,8 @@ class Lanes:
 
     def __init__(self, program: Program, base: Any, stride: int | Value) -> None:
         """`base` points at slot 0 of the program's lanes; slots are `stride` numbers apart."""
-        self._program, self._base, self._stride = program, base, stride
+        self._program, self._base = program, base
+        self._stride: Any = stride
 
     def load(self, slot: Number) -> Value:
         """The number there."""

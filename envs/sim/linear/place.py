@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from haustra.envs.sim.linear.compile import WARP, assembled, compiled, lanes_of, write_kernel, write_program
-from haustra.envs.sim.linear.cuda import DeviceArray, Kernel
+from haustra.envs.sim.linear.cuda import DeviceArray, DeviceColumns, Kernel
 from haustra.envs.sim.linear.program import ARGUMENTS
 
 _WRITTEN = ("state", "worlds", "seen", "room", "driver", "told")
@@ -31,8 +31,8 @@ class Held(Protocol):
         """The first `rows` of them now."""
         ...
 
-    def shared(self) -> Any:
-        """Where they lie, for others to read and to write without a copy."""
+    def columns(self, rows: slice, count: int) -> Any:
+        """Some rows as columns (count, rows), where they lie: whoever takes them reads and writes without a copy."""
         ...
 
 
@@ -71,7 +71,8 @@ class _Here:
     def head(self, rows: int) -> np.ndarray:
         return self._values[:rows]
 
-    shared = read
+    def columns(self, rows: slice, count: int) -> np.ndarray:
+        return self._values[rows, :count].T
 
 
 _MAKING = Lock()
@@ -137,15 +138,15 @@ class _There:
 
     def change(self, first: int = 0, last: int | None = None) -> np.ndarray:
         low, high = self._changed
-        last = self.there.shape[0] if last is None else last
-        self._changed = (min(first, low), max(last, high)) if high else (first, last)
+        end = self.there.shape[0] if last is None else last
+        self._changed = (min(first, low), max(end, high)) if high else (first, end)
         return self.read()
 
     def head(self, rows: int) -> np.ndarray:
         return self.there.get(rows)
 
-    def shared(self) -> DeviceArray:
-        return self.there
+    def columns(self, rows: slice, count: int) -> DeviceColumns:
+        return DeviceColumns(self.there, rows, count)
 
     def run(self, *, written: bool) -> DeviceArray:
         """Give it to a program, which may write to it."""
