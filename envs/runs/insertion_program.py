@@ -7,7 +7,7 @@ Every rule is the function that other backends call: `haustra.envs.control.follo
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from types import SimpleNamespace
-from typing import Any, ClassVar, final
+from typing import Any, final
 
 import numpy as np
 from jaxtyping import Float
@@ -54,9 +54,20 @@ class InsertionProgram:
     """Whether how far a scope stands outside the lumen is measured after every decision; otherwise it is bounded, and
     measured only where the bound does not rule out that the scope has left the colon."""
 
-    slots: ClassVar[int] = _OUTSIDE + 1
-    asks: ClassVar[int] = 0
-    tells: ClassVar[int] = 0
+    @property
+    def slots(self) -> int:
+        """Settings, memory, scores, and how far it is outside."""
+        return _OUTSIDE + 1
+
+    @property
+    def asks(self) -> int:
+        """Nothing comes from outside."""
+        return 0
+
+    @property
+    def tells(self) -> int:
+        """Nothing goes out beside what is kept."""
+        return 0
 
     @property
     def room(self) -> int:

@@ -7,7 +7,7 @@ launch in which the others act.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, final
+from typing import Any, final
 
 from haustra.envs.sim.linear.layout import BEGUN, seen_slot
 from haustra.envs.sim.linear.memory import Lanes
@@ -43,8 +43,15 @@ class EpisodeProgram:
     coils: tuple[int, ...]
     """Which of the places that are read off each of the imager's coils has."""
 
-    asks: ClassVar[int] = TURN + 1 + len(DEALT)
-    room: ClassVar[int] = 0
+    @property
+    def asks(self) -> int:
+        """An action, what to do, and what was dealt."""
+        return TURN + 1 + len(DEALT)
+
+    @property
+    def room(self) -> int:
+        """It needs none."""
+        return 0
 
     @property
     def slots(self) -> int:

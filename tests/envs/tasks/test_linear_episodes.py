@@ -129,8 +129,9 @@ def test_actions_and_observations_can_stay_in_place():
 
 
 def test_what_has_no_program_says_so():
-    for own in ({"backend": "native"}, {"on_host": True}, {"config": TaskConfig(weights=Weights(coverage=1.0))}):
-        task = make(**({"config": TaskConfig(observation="state")} | own))
+    plain, covering = TaskConfig(observation="state"), TaskConfig(weights=Weights(coverage=1.0))
+    for config, own in ((plain, {"backend": "native"}), (plain, {"on_host": True}), (covering, {})):
+        task = make(config, **own)
         task.reset(seeds=list(range(WORLDS)))
         for call in (lambda task=task: task.in_place, task.advance):
             with pytest.raises(UnsupportedSceneError, match="use `step`"):
