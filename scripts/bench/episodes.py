@@ -40,6 +40,8 @@ class StepRate:
     on_host_per_second: float | None
     """As `per_second`, where numpy works out what is seen and paid instead of the backend's program, turn by turn with
     it [1/s]; None where nobody asked."""
+    on_host_cpu_per_step: float | None
+    """As `cpu_per_step`, likewise [s]."""
     in_place_per_second: float | None
     """As `per_second`, where actions and all that they lead to stay in the program's arrays [1/s]; None where it has
     none."""
@@ -90,9 +92,18 @@ def step_rate(
     in_place = _in_place_per_second(task) if linear else None
     for turn in turns:
         turn.task.close()
-    rates = [count / turn.wall for turn in turns]
-    on_host = rates[1] if compare else None
-    return StepRate(worlds, rates[0], rates[0] * task.interval, turns[0].cpu / count, looks, on_host, in_place, depth)
+    rate, other = count / turns[0].wall, turns[1] if compare else None
+    return StepRate(
+        worlds,
+        per_second=rate,
+        simulated_per_second=rate * task.interval,
+        cpu_per_step=turns[0].cpu / count,
+        looks_per_second=looks,
+        on_host_per_second=other and count / other.wall,
+        on_host_cpu_per_step=other and other.cpu / count,
+        in_place_per_second=in_place,
+        depth=depth,
+    )
 
 
 class _Timed:
