@@ -117,7 +117,7 @@ class LinearEpisodes(Episodes):
 
     def grow_older(self, age: Int[np.ndarray, " worlds"]) -> None:
         """As `Episodes.grow_older`."""
-        self._linear.tell_driver(Kept._fields.index("age"), age[:, None])
+        self._linear.tell_driver(Kept._fields.index("age"), age[:, None].astype(float))
 
     def _deal(self, drawn: Drawn | None, others: float) -> None:
         """Say which worlds begin, with what, and what the others are to do."""

@@ -162,6 +162,17 @@ def test_a_vector_environment_begins_anew_at_the_next_step_and_repeats():
         np.testing.assert_array_equal(one, other)
 
 
+def test_episodes_can_be_staggered():
+    task = make(TaskConfig(design=DESIGN, observation="state", limits=Limits(seconds=0.4)))
+    task.reset(seeds=list(range(WORLDS)))
+    task.stagger(0)
+    ages = np.random.default_rng(0).integers(0, 10, WORLDS)
+    for number in range(1, 11):
+        done = task.step(np.zeros((WORLDS, 4)))
+        np.testing.assert_array_equal(done.truncated, ages + number >= 10)
+    task.close()
+
+
 def test_at_once_too():
     vector = NavigationVectorEnv(
         2, bank=short_bank(), observation="state", backend="linear", limits={"seconds": 0.2}, autoreset_mode="SameStep"
