@@ -39,9 +39,7 @@ def backend_of(name: str) -> type[AbstractBackend]:
     return WarpBackend
 
 
-def load_backend(
-    name: str, scene: Scene, tables: Tables, *, worlds: int, threads: int = 1, driver: Any = None
-) -> AbstractBackend:
+def load_backend(name: str, scene: Scene, tables: Tables, *, worlds: int, threads: int = 1) -> AbstractBackend:
     """Many worlds of a backend.
 
     Args:
@@ -50,7 +48,6 @@ def load_backend(
         tables: the colons, seen from their entries (`LumenTable.seen_from`) and stacked.
         worlds: how many.
         threads: of the CPU; a GPU has its own.
-        driver: who drives within the program of linear time (`haustra.envs.sim.linear.compile.Driver`); None: nobody.
 
     Raises:
         InvalidOptionError: when there is no backend of that name.
@@ -59,4 +56,4 @@ def load_backend(
     """
     kind: Any = backend_of(name)
     own = {"linear-gpu": {"device": "cuda"}, "warp": {}}.get(name, {"threads": threads})
-    return kind(scene, tables, worlds=worlds, **own, **({} if driver is None else {"driver": driver}))
+    return kind(scene, tables, worlds=worlds, **own)

@@ -18,6 +18,7 @@ from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.actions import ACTIONS, Wires, asked, within
 from haustra.envs.tasks.episode import EpisodeRules, concluded
 from haustra.envs.tasks.moment import Dealt, Kept, Sensed, begun
+from haustra.envs.tasks.ray_program import look
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.wall.vectors import Vector, minus, times
 
@@ -27,7 +28,7 @@ TURN = len(ACTIONS)
 """Row of what drivers are asked that says so; actions come before it."""
 DEALT = ("gain", "slack", "valve", *BEGUN)
 """Rows behind it: what the episode was dealt, and numbers of its world."""
-IN_PROGRAM = ("state", "imager", "recent", "privileged")
+IN_PROGRAM = ("state", "lumen", "imager", "recent", "privileged")
 """Parts of an observation that the program makes."""
 _OVER = "over"
 
@@ -128,10 +129,13 @@ class EpisodeProgram:
             ahead = [placed.in_frame(minus(scopes.station(arc + way)[0], placed.tip)) for way in seen_by.AHEAD]
             known = seen_by.privileged(told["progress"], told["wall_force"], dealt.friction, ahead)
             told["privileged"] = [seen_by.clipped(xp, entry) for entry in known]
-        assert set(told) == set(self.rows)
+        if "lumen" in self.rows:
+            first = self.rows["lumen"].start
+            look(scopes, placed, lambda entry, value: own.tell(first + entry, seen_by.clipped(xp, value)))
+        assert {*told, "lumen"} >= set(self.rows)
         for slot, value in enumerate(kept):
             own.keep(slot, value)
-        for name, rows in self.rows.items():
+        for name, rows in ((name, rows) for name, rows in self.rows.items() if name in told):
             values = told[name] if isinstance(told[name], (tuple, list)) else (told[name],)
             for row, value in zip(range(rows.start, rows.stop), values, strict=True):
                 own.tell(row, value)
@@ -201,11 +205,11 @@ class _Worlds:
         """Keep a number."""
         self._put(self.numbers, slot, value)
 
-    def tell(self, row: int, value: Value) -> None:
+    def tell(self, row: Any, value: Value) -> None:
         """Tell a number, or 1 for true and 0 for false."""
         self._put(self.scopes.told, row, self.scopes.program.xp.where(value, 1.0, 0.0) if value.whole else value)
 
-    def _put(self, lanes: Lanes, slot: int, value: Value) -> None:
+    def _put(self, lanes: Lanes, slot: Any, value: Value) -> None:
         lanes.store(slot, self.scopes.program.xp.where(self.begins | self.acts, value, lanes.load(slot)))
 
 

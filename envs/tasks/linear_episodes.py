@@ -1,6 +1,6 @@
 """Episodes in linear time: a whole control step of all worlds in one launch of one program, on a CPU or a GPU."""
 
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -8,7 +8,6 @@ from jaxtyping import Bool, Float, Int
 from haustra.envs.sim.conditions import Snapshot
 from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.linear.pack import structure_of
-from haustra.envs.sim.load import load_backend
 from haustra.envs.sim.scope_reading import read_chain
 from haustra.envs.sim.state import Readings
 from haustra.envs.tasks import observation as seen_by
@@ -17,6 +16,8 @@ from haustra.envs.tasks.episode import EpisodeRules
 from haustra.envs.tasks.episode_program import ACT, BEGIN, DEALT, IN_PROGRAM, REST, TURN, EpisodeProgram
 from haustra.envs.tasks.episodes import Drawn, Episodes, InPlace
 from haustra.envs.tasks.moment import Kept
+from haustra.envs.tasks.ray_program import lookup_of
+from haustra.envs.tasks.sight import Sight
 
 _TRUTHS = ("terminated", "truncated", "diverged", "reached", "perforated")
 
@@ -26,13 +27,14 @@ class LinearEpisodes(Episodes):
     """Episodes that the backend's program works out itself; what is drawn for those that begin comes from here."""
 
     def __init__(
-        self, rules: EpisodeRules, bank: ColonSet, backend: str, *, worlds: int, threads: int, steps: int
+        self, rules: EpisodeRules, bank: ColonSet, sight: Sight, backend: str, *, worlds: int, threads: int, steps: int
     ) -> None:
         """Compile, or read what was compiled before; no world has begun.
 
         Args:
             rules: of all episodes.
             bank: the colons.
+            sight: rays into them.
             backend: 'linear' or 'linear-gpu'.
             worlds: how many.
             threads: of the CPU.
@@ -45,9 +47,16 @@ class LinearEpisodes(Episodes):
         chain = read_chain(bank.scene, backend=LinearBackend.name)
         coils = tuple(structure_of(chain).coils.tolist()) if rules.config.imager else ()
         self._program = EpisodeProgram(rules=rules, steps=steps, coils=coils)
-        own: Any = load_backend(backend, bank.scene, bank.tables, worlds=worlds, threads=threads, driver=self._program)
-        self._linear: LinearBackend = own
-        self.backend, self._bank, self._rows = own, bank, self._program.rows
+        self._rows, self._bank = self._program.rows, bank
+        self.backend = self._linear = LinearBackend(
+            bank.scene,
+            bank.tables,
+            worlds=worlds,
+            threads=threads,
+            device="cuda" if backend == "linear-gpu" else "cpu",
+            driver=self._program,
+            lookup=lookup_of(sight) if "lumen" in self._rows else None,
+        )
         self._seen: Readings | None = None
         self._told: dict[str, np.ndarray] | None = None
 

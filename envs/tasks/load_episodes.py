@@ -41,7 +41,7 @@ def load_episodes(
     if backend.startswith("linear") and not (on_host or covers):
         from haustra.envs.tasks.linear_episodes import LinearEpisodes
 
-        return LinearEpisodes(rules, bank, backend, worlds=worlds, threads=threads, steps=steps)
+        return LinearEpisodes(rules, bank, sight, backend, worlds=worlds, threads=threads, steps=steps)
     own = load_backend(backend, bank.scene, bank.tables, worlds=worlds, threads=threads)
     view = bank.design.tip.field_of_view_deg
     coverage = Coverage(bank, sight, worlds, field_of_view_deg=view) if covers else None

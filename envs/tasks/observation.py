@@ -13,7 +13,7 @@ from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.sight import RANGE, RAYS, RINGS_DEG, ray_directions
 from haustra.errors import InvalidOptionError
 from haustra.models.wall import vectors
-from haustra.models.wall.vectors import Vector, dot, minus
+from haustra.models.wall.vectors import Vector, add, dot, minus, times
 
 STATE = (
     *("bend up [2 rad]", "bend left [2 rad]", "wheel up", "wheel left"),
@@ -129,6 +129,11 @@ class Placed(NamedTuple):
         up, left, ahead = self.frame
         return dot(up, away), dot(left, away), dot(ahead, away)
 
+    def from_frame(self, own: Vector) -> Vector:
+        """A vector given in the tip's own axes."""
+        up, left, ahead = self.frame
+        return add(add(times(own[0], up), times(own[1], left)), times(own[2], ahead))
+
 
 def state(xp: Any, felt: Felt, wheels: tuple[Any, Any], action: tuple[Any, ...], speed: Any) -> tuple[Any, ...]:
     """What scope and hand can measure (`STATE`), entry by entry.
@@ -204,10 +209,15 @@ class Memory:
         return bounded(np.concatenate(list(measured - self._means), axis=1))
 
 
+def depth_weight(near: Any) -> Any:
+    """How much a ray counts for where the lumen is deep, by its distance to the wall over `RANGE`."""
+    return near**3 + 1e-6
+
+
 def lumen(distances: Float[np.ndarray, "worlds rays"]) -> Float[np.ndarray, "worlds lumen"]:
     """Distances along rays, and where the lumen is deep: the rays' mean direction, weighted by the cube of distance."""
     near = distances / RANGE
-    weight = near**3 + 1e-6
+    weight = depth_weight(near)
     towards = (weight @ ray_directions()[:, :2]) / weight.sum(axis=1, keepdims=True)
     return arrayed([near, towards])
 

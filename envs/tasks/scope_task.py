@@ -2,12 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from importlib.util import find_spec
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.capabilities import require_task_supported
 from haustra.envs.sim.conditions import Conditions, Snapshot
 from haustra.envs.sim.jax_setup import share_memory
@@ -97,7 +97,6 @@ class ScopeTask:
         about = {"worlds": worlds, "threads": threads, "steps": self.steps, "on_host": on_host}
         self._episodes = load_episodes(self.rules, self.bank, self.sight, backend, **about)
         self.backend = self._episodes.backend
-        self._eyes = _eyes(self.backend, self.sight)
         self.pictures = Pictures(self.bank, self.sight, design.tip.field_of_view_deg)
         self._depths: DepthCameras | None = None
         if "depth" in self.parts:
@@ -265,6 +264,16 @@ class ScopeTask:
             **{name: told[name] for name in self.rules.terms},
         }
 
+    @cached_property
+    def _eyes(self) -> Eyes:
+        """Rays are followed on a GPU where the physics is there and JAX is installed; else by numpy."""
+        if not self.backend.on_device or find_spec("jax") is None:
+            return HostEyes(self.sight, self.backend)
+        share_memory()
+        from haustra.envs.tasks.device_sight import DeviceEyes
+
+        return DeviceEyes(self.sight, self.backend)
+
     def _lumen(self) -> np.ndarray:
         seen = self.seen
         return seen_by.lumen(self._eyes.tip_distances(self.case, seen.tip, seen.tip_frame, seen.tip_arc))
@@ -309,13 +318,3 @@ def require_task(config: TaskConfig, backend: str, *, design: ScopeDesign | None
             "Colons that move on their mesentery are not drawn in colour, nor withdrawn from: leave mesentery out."
         )
     require_task_supported(config, design or named_design(config.design), backend_of(backend).name)
-
-
-def _eyes(backend: AbstractBackend, sight: Sight) -> Eyes:
-    """Rays are followed on a GPU where the physics is there and JAX is installed; else by numpy."""
-    if not backend.on_device or find_spec("jax") is None:
-        return HostEyes(sight, backend)
-    share_memory()
-    from haustra.envs.tasks.device_sight import DeviceEyes
-
-    return DeviceEyes(sight, backend)

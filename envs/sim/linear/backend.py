@@ -61,6 +61,7 @@ class LinearBackend(AbstractBackend):
         scopes: Scope | None = None,
         driver: Driver | None = None,
         width: Float[np.ndarray, " rows"] | None = None,
+        lookup: Float[np.ndarray, " numbers"] | None = None,
         directions: int = 0,
     ) -> None:
         """Compile, or read what was compiled before.
@@ -76,6 +77,7 @@ class LinearBackend(AbstractBackend):
                 the scene's; that of the scene when None.
             driver: who drives within the program (`drive`); hands outside it when None (`step`).
             width: of the lumen at each row of the tables [m], for drivers that ask for it.
+            lookup: what else drivers look up.
             directions: along how many the derivatives of all numbers are carried (`gradients.Gradients`).
 
         Raises:
@@ -123,6 +125,7 @@ class LinearBackend(AbstractBackend):
             "asked": np.zeros((max(driver.asks if driver else 0, 1), blocks * lanes)),
             "told": np.zeros((max(driver.tells if driver else 0, 1), blocks * lanes)),
             "seen": np.zeros((blocks, self._first_link + self._layout.bodies, lanes)),
+            "lookup": np.zeros(1) if lookup is None else lookup,
             "design": self._designs(blocks),
             "structure": structure.numbers,
             "stations": stations,

@@ -177,6 +177,7 @@ class _Worlds:
         own["design"] = Shared(program, given["design"]) if one_design else self._lanes("design")
         own["structure"] = Shared(program, given["structure"], whole=True)
         own |= {name: self._of_rows(name) for name in ("asked", "told")}
+        own["lookup"] = Shared(program, given["lookup"])
         tables = {"stations": Rows(program, given["stations"], 4), "wall": (Rows(program, given["wall"], 1), angles)}
         return own | tables | {"axis": Rows(program, given["axis"], len(AXIS) // 4) if moving else None}
 

@@ -103,6 +103,17 @@ class Shared:
         place = program.builder.gep(self._base, [program.index(slot).written], source_etype=self._kind)
         return Value(program, program.builder.load(place, typ=self._kind))
 
+    def gather(self, slot: Value) -> Value:
+        """The number there, where each lane has a slot of its own."""
+        program, builder = self._program, self._program.builder
+        if slot.lanes == 1:
+            return self.load(slot)
+        found: Any = ir.Constant(ir.VectorType(self._kind, slot.lanes), ir.Undefined)
+        for lane in range(slot.lanes):
+            number = self.load(Value(program, builder.extract_element(slot.written, ir.Constant(INDEX, lane))))
+            found = builder.insert_element(found, number.written, ir.Constant(INDEX, lane))
+        return Value(program, found)
+
 
 class Rows:
     """A table with rows of four numbers or a multiple: what a world looks up of a row, it reads by fours."""

@@ -48,7 +48,7 @@ from haustra.models.wall.moving_colon import AT_REST
 from haustra.models.wall.vectors import Vector, add, cross, dot, minus, times
 
 ARGUMENTS = ("state", "worlds", "seen", "room", "design", "structure", "stations", "wall", "axis", "driver",
-             "asked", "told")  # fmt: skip
+             "asked", "told", "lookup")  # fmt: skip
 """Arrays of a program, in this order; then whole numbers: `COUNTS`."""
 COUNTS = ("dofs", "bodies", "spheres", "nodes", "coils", "steps", "row", "first", "last")
 """`row`: numbers in a row of what drivers are asked and tell; the last two are blocks of worlds."""
@@ -101,6 +101,7 @@ class ScopeProgram:
         self.structure: Shared = arrays["structure"]
         self.asked: Lanes = arrays["asked"]
         self.told: Lanes = arrays["told"]
+        self.lookup: Shared = arrays["lookup"]
         self._world: Lanes = arrays["worlds"]
         stations, wall = arrays["stations"], arrays["wall"]
         parts = _Points(stations), _Frames(stations), _Wall(wall)

@@ -371,6 +371,10 @@ class Mathematics:
         """As numpy's."""
         return self._program.call("floor", value)
 
+    def rint(self, value: Value) -> Value:
+        """As numpy's."""
+        return self._program.call("rint", value)
+
     def int32(self, value: Value) -> Value:
         """The whole part; 0 of what is no number."""
         return self._program.whole(value)
