@@ -84,6 +84,6 @@ def asked(
 
 
 def _pull(xp: Any, wheel: Any, wires: Wires) -> Any:
-    """Of a wire and its opposite, which is negative [N]."""
+    """Pull of a wire, or if negative, of its opposite [N]."""
     taken = xp.maximum(xp.abs(wheel) - wires.slack, 0.0)
     return xp.where(wheel < 0, -taken, taken) / (1 - wires.slack) * wires.gain * wires.limit

@@ -214,5 +214,5 @@ class _Worlds:
 
 
 def _row(name: str) -> int:
-    """Of what drivers are asked, by its name in `DEALT`."""
+    """Row of what drivers are asked, by its name in `DEALT`."""
     return TURN + 1 + DEALT.index(name)

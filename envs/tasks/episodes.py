@@ -60,7 +60,7 @@ class Episodes(ABC):
     """Episodes of many worlds on one backend. The caller says which worlds begin anew; nothing resets by itself."""
 
     backend: AbstractBackend
-    """Of the physics."""
+    """What steps the physics."""
 
     @property
     @abstractmethod

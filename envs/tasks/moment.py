@@ -19,7 +19,7 @@ class Dealt(NamedTuple):
     friction: Any
     """Coulomb coefficient [1]."""
     length: Any
-    """Of the colon's centreline [m]."""
+    """Length of the colon's centreline [m]."""
     valve: Any
     """Arc length at which the caecum begins [m]; not a number where not known."""
 

@@ -97,7 +97,7 @@ class Felt(NamedTuple):
     insertion: Any
     """Length of scope past the anus [m]."""
     tip_force: Vector
-    """Of the wall on the bending section and tip, in the tip's frame [N]."""
+    """Force of the wall on the bending section and tip, in the tip's frame [N]."""
 
     @classmethod
     def of(cls, seen: Readings) -> "Felt":

@@ -302,7 +302,7 @@ AtRest: TypeAlias = Callable[[Vector, Any], Vector]
 
 
 def of_vectors(xp: ModuleType, at_rest: Callable[[Any, Any], Any] | None) -> AtRest | None:
-    """The same of vectors, given that of arrays with an axis of components; None of a colon that does not move."""
+    """What takes vectors, given what takes arrays with an axis of components; None of a colon that does not move."""
     return at_rest and (lambda place, arcs: vectors.of(at_rest(vectors.stacked(xp, place), arcs)))
 
 

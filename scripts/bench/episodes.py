@@ -11,6 +11,7 @@ from haustra.envs.tasks.actions import ACTIONS
 from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.drivers import FollowerDriver
+from haustra.envs.tasks.episode_program import IN_PROGRAM
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 
@@ -87,7 +88,8 @@ def step_rate(
         for turn in turns:
             turn.step()
     task, count = turns[0].task, steps * worlds
-    looks = None if config.observation == "state" else _looks_per_second(task)
+    in_program = linear and not compare and set(task.parts) <= set(IN_PROGRAM)
+    looks = None if config.observation == "state" or in_program else _looks_per_second(turns[-1].task)
     depth = float(task.seen.tip_arc.mean())
     in_place = _in_place_per_second(task) if linear else None
     for turn in turns:
