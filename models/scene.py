@@ -80,7 +80,8 @@ class SceneOptions:
     abdomen: Abdomen = field(default_factory=Abdomen)
     """What a colon that moves lies in: the patient's posture, mobile segments, adhesions, a hand on the belly."""
     sample_spacing: float | None = number("m", 0.001, 0.1, default=None)
-    """Distance between the spheres that meet planes or field [m]; three quarters of the scope's diameter when None."""
+    """Distance between the spheres that meet tangent planes or the table [m]; three quarters of the scope's diameter
+    when None."""
     friction: float = number("1", 0.0, 10.0, default=_CONTACT["contact.friction"].value)
     """Coulomb coefficient between scope and wall [1]."""
     push_limit: float = number("N", 0.01, 1e3, default=_CONTACT["contact.push_force_peak"].value)
@@ -88,20 +89,20 @@ class SceneOptions:
     torque_limit: float = number("N m", 1e-4, 100.0, default=_CONTACT["contact.torque_peak"].value)
     """Largest torque that the hand applies [N m]."""
     start_depth: float = number("m", 0.001, 5.0, default=0.03)
-    """How far the tip is past the anus at the start [m]."""
+    """Distance of the tip past the anus at the start [m]."""
     softening: bool = True
     """Let hinges of the shaft soften as they bend (`haustra.models.devices.scope.cable.SOFTENING`), so that a bend in
     any direction is as stiff; backends of many worlds have linear springs only."""
     gas: float | None = number("Pa", 500.0, 8000.0, default=None)
-    """Set point of insufflation through the scope, which lets gas in where its tip is while the pressure there is less
-    [Pa]; gas sets how wide the lumen is (`haustra.models.gas`). No gas when None: the lumen is as wide as it was given.
-    One scope against law 'table' only."""
+    """Set point of insufflation [Pa]: the scope lets gas in while the pressure at its tip is less, and gas sets how
+    wide the lumen is (`haustra.models.gas`). No gas when None: the lumen is as wide as it was given. One scope against
+    law 'table' only."""
     gas_flow: float = number("m^3/s", 0.0, 1e-4, default=4.17e-6)
-    """Flow of insufflation [m^3/s]; 0.25 L/min by default, as in colonoscopy."""
+    """Flow of the gas that insufflation lets in [m^3/s]; 0.25 L/min by default, as in colonoscopy."""
     gas_start: float = number("Pa", 300.0, 8000.0, default=2000.0)
-    """Pressure that the colon is filled to at the start [Pa]."""
+    """Gas pressure that the colon is filled to at the start [Pa]."""
     insertion_limit: float | None = number("m", 0.01, 10.0, default=None)
-    """How much of the scope the scene models [m]; the whole scope, or as much as the colon can take, when None."""
+    """Length of scope that the scene models [m]; the whole scope, or as much as the colon can take, when None."""
     gravity: tuple[float, float, float] = vector(*[Number("m/s^2", -100.0, 100.0)] * 3, default=(0.0, 0.0, 0.0))
     """Gravity in the colon's frame [m/s^2]; none by default, since a mesh does not say how the patient lies."""
 

@@ -26,23 +26,23 @@ class ColonImport:
     units: Literal["mm", "cm", "m", "voxel"] | None = None
     """Units of the coordinates; required for meshes and points, while label maps say theirs."""
     anus: tuple[float, float, float] | None = vector(*[Number("file's units", -1e6, 1e6)] * 3, default=None)
-    """Position of the anus in the file's units (label maps: mm, left-posterior-superior); found when left out."""
+    """Position of the anus in the file's units (label maps: mm, left-posterior-superior); found when not given."""
     landmark: Annotated[tuple[tuple[str, float, float, float], ...], tyro.conf.arg(aliases=["--landmarks"])] = named(
         "file's units", -1e6, 1e6, default=(), count=3
     )
-    """NAME X Y Z, any number of times over: positions that override what is found; also ileocaecal_valve."""
+    """Landmark as NAME X Y Z, any number of times over: overrides what is found; also ileocaecal_valve."""
     spacing_mm: tuple[float, float, float] | None = vector(*[Number("mm", 1e-3, 100.0)] * 3, default=None)
     """Size of a voxel along x, y and z [mm]; needed with units voxel."""
     label: int | None = whole(-(2**31), 2**31, default=None)
-    """Value of the colon's voxels in a label map with several."""
+    """Value of the colon's voxels, in a label map that holds several values."""
     points: bool = False
-    """The files hold points on the wall (XYZ, CSV, PLY, VTK), not triangles."""
+    """Read the files as points on the wall (XYZ, CSV, PLY, VTK), not as triangles."""
     insufflate: str | None = None
-    """Open the lumen: a diameter ('14mm') or a pressure ('20mmHg', '2.7kPa')."""
+    """Open the lumen to a diameter ('14mm') or by a pressure ('20mmHg', '2.7kPa')."""
     remesh: bool = False
-    """Fit the size of triangles to curvature and radius."""
+    """Make the surface's triangles anew, their size fitted to curvature and radius."""
     name: str | None = None
-    """What to call the colon; the file's name when left out."""
+    """Name of the colon; the file's name when not given."""
     json: bool = False
     """Print one JSON document on stdout."""
 

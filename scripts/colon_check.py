@@ -17,7 +17,7 @@ class ColonCheck:
     device_mm: float = number("mm", 0.1, 100.0, default=12.8)
     """Diameter of the device that is to pass [mm]; an adult colonoscope's when not given."""
     picture: Path | None = None
-    """PNG to write; check.png in the colon's folder when not given."""
+    """PNG file to draw the colon in; check.png in the colon's folder when not given."""
     json: bool = False
     """Print one JSON document on stdout."""
 

@@ -14,30 +14,30 @@ class Evaluate:
     """Let drivers insert a scope into held-out grown colons, or yours; the same episodes for all; compare them."""
 
     drivers: Annotated[tuple[str, ...], tyro.conf.Positional] = texts(least=1, most=100)
-    """Folders of policies, insertion-easy or insertion-mesentery (trained, ship), or random, push, follower."""
+    """Folders of policies, or names: insertion-easy and insertion-mesentery, which ship, random, push, follower."""
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
-    """Folder for table, episodes and pictures."""
+    """Folder for the table, the episodes and pictures."""
     colons: int = whole(1, 1_000_000, default=80)
-    """Held-out colons: grown from seeds 100000, 100001, ..."""
+    """Number of held-out colons, grown from seed 100000 on."""
     colon_folders: tuple[Path, ...] = ()
-    """Folders of `haustra colon import` to drive in, instead of grown colons."""
+    """Folders that `haustra colon import` wrote, to drive in instead of grown colons."""
     episodes: int = whole(1, 1_000_000, default=5)
-    """In each colon."""
+    """Number of episodes in each colon."""
     design: str | None = None
-    """Scope; that of the first policy, or adult, when not given."""
+    """Name of a scope design; that of the first policy, or adult, when not given."""
     difficulty: Literal["any", "easy", "moderate", "difficult", "hard"] | None = None
-    """Band of tortuosity; that of the first policy, or any, when not given."""
+    """Band of tortuosity of the colons; that of the first policy, or any, when not given."""
     friction: tuple[float, float] | None = span("1", 0.0, 2.0, default=None)
-    """Range of Coulomb's coefficient."""
+    """Range of Coulomb's coefficient that episodes draw from [1]; that of the first policy's task when not given."""
     mesentery: bool | None = None
     """Let colons move on their mesentery; as the first policy's when not given."""
     seconds: float = number("s", 0.002, 3600.0, default=90.0)
-    """Longest episode [s]."""
+    """Longest episode, in simulated time [s]."""
     backend: Literal["native", "linear", "linear-gpu", "warp"] = "native"
     """What computes the physics: MuJoCo on threads (native), the linear-time model on threads (linear) or on an NVIDIA
     GPU (linear-gpu), or MuJoCo Warp on one (warp)."""
     threads: int = whole(1, 4096, default=2)
-    """For physics on the CPU."""
+    """Number of threads for physics on the CPU."""
     processes: int = whole(1, 4096, default=2)
     """Number of processes that grow those colons which are not in the cache."""
     sampled: bool = False
@@ -47,8 +47,8 @@ class Evaluate:
     trust: bool = False
     """Load Stable-Baselines3's .zip files, which run code that they contain."""
     video: bool = True
-    """Draw the best episode of each driver as animated WebP: about a minute for each minute driven, and several where
-    the colon moves."""
+    """Draw the best episode of each driver as animated WebP.
+    Drawing takes about a minute for each minute driven, and several where the colon moves."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 

@@ -26,25 +26,25 @@ class ColonGrow:
     """
 
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
-    """Folder for the colon; with several cases, for a folder each."""
+    """Folder for the colon; with several cases, one folder for each is made in it."""
     seed: int = whole(0, 2**63 - 1, default=0)
-    """Same seed and options, same colon, on any machine."""
+    """Seed of all random draws; the same seed and options grow the same colon on any machine."""
     cases: int = whole(1, 1_000_000, default=1)
-    """How many colons, from this seed on; those already there are kept."""
+    """Number of colons to grow, from this seed on; those already there are kept."""
     cohort: Literal["japan-ctc", "us-ctc"] = "japan-ctc"
-    """Whose lengths: 1.50 m on average (Utano 2021) or 1.90 m (Khashab 2009)."""
+    """People whose lengths are taken: 1.50 m on average (japan-ctc, Utano 2021) or 1.90 m (us-ctc, Khashab 2009)."""
     sex: Literal["any", "female", "male"] = "any"
-    """Drawn by the cohort's share when any."""
+    """Sex of the person; drawn by the cohort's share when any."""
     difficulty: Literal["any", "easy", "moderate", "difficult", "hard"] = "any"
-    """Band of tortuosity and redundancy; any draws from all people."""
+    """Band of tortuosity and redundancy of the colon; any draws from all people."""
     strictures: tuple[str, ...] = ()
-    """Orders; sizes mild, moderate, severe, or the throat's diameter like 11mm."""
+    """Strictures to add; sizes mild, moderate, severe, or the throat's diameter like 11mm."""
     diverticula: tuple[str, ...] = ()
-    """Orders; sizes small, medium, large, or the sac's diameter like 6mm."""
+    """Diverticula to add; sizes small, medium, large, or the sac's diameter like 6mm."""
     polyps: tuple[str, ...] = ()
-    """Orders; sizes diminutive, small, large, or a width like 8mm; types sessile, pedunculated, flat."""
+    """Polyps to add; sizes diminutive, small, large, or a width like 8mm; types sessile, pedunculated, flat."""
     insufflate: str | None = None
-    """Gas pressure ('20mmHg', '2.7kPa') that opens it; the set point of CT colonography, 25 mmHg, when left out."""
+    """Gas pressure that opens the colon ('20mmHg', '2.7kPa'); that of CT colonography, 25 mmHg, when not given."""
     json: bool = False
     """Print one JSON document on stdout."""
 

@@ -17,11 +17,11 @@ class Propulsion:
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
     """Folder for pictures; none are drawn without it."""
     page: Path | None = None
-    """Write the validation page here (Markdown)."""
+    """Markdown file for the validation page; none is written when not given."""
     starts: int = whole(1, 16, default=2)
-    """Worm starts; the pitch is the lead of 13 mm over it."""
+    """Number of the worm's starts; the pitch is the lead of 13 mm over it."""
     spacing: float = number("pitches", 0.5, 20.0, default=3.0)
-    """Strut tip spacing [pitches]."""
+    """Distance between the two tips of a strut [pitches]."""
     full_range: bool = True
     """Also run the whole device in a round tube, with losses."""
     redesign: bool = True

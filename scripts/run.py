@@ -16,26 +16,26 @@ class Run:
     colon: Path
     """Folder of a colon, from `haustra colon import` or `haustra colon grow`."""
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
-    """Folder for the run."""
+    """Folder for the run's results."""
     device: str = "adult"
-    """Name of a device (adult, paediatric, adult-worn, adult-variable, and what assets/devices holds), or a file that
-    ends in .toml; options that a device does not honour are refused by name."""
+    """Name of a shipped device (adult, paediatric, adult-worn, adult-variable, those in assets/devices) or a TOML file.
+    Options that a device does not honour are refused by name."""
     start: float | None = number("m", 1e-3, 5.0, default=None)
-    """Where a device that stands in the colon stands at first, as its tip's distance from the anus [m]."""
+    """Distance of the tip from the anus at the start, for a device that begins inside the colon [m]."""
     wall: Literal["coacd", "prism"] = "coacd"
-    """Which wall to use; it is built first if the colon's folder does not have it."""
+    """Convex pieces to use, by CoACD or by direct cuts; made first if the colon's folder does not have them."""
     preset: Literal["fast", "balanced", "accurate"] = "balanced"
-    """How finely the scene is modelled; errors and speed: docs/validation/accuracy.md."""
+    """How finely the scene is modelled; docs/validation/accuracy.md has the errors and the speed of each."""
     wall_law: Literal["pieces", "planes", "table"] | None = None
-    """A table of the lumen (the default), fast and within 2 % of the surface's forces; convex pieces, which are
-    in scene.xml for any MuJoCo; or tangent planes of the surface itself, at several times the cost a step, which stand
-    fixed in space."""
+    """How the wall is modelled: by a table of the lumen (the default), fast and within 2 % of the surface's forces;
+    by convex pieces, which are in scene.xml for any MuJoCo;
+    or by tangent planes of the surface itself, fixed in space, at several times the cost of a step."""
     seconds: float = number("s", 0.02, 36_000.0, default=60.0)
-    """Simulated time [s]."""
+    """Longest run, in simulated time [s]."""
     fixed: bool = False
     """Let the colon stand fixed in space instead of swinging, stretching and pleating on its mesentery."""
     posture: Literal["supine", "prone", "left", "right"] = "supine"
-    """How the patient lies; colons were imaged supine, so that on another side they sag."""
+    """How the patient lies; colons were imaged supine, and sag when the patient lies otherwise."""
     mobile: tuple[str, ...] = texts(most=2, default=())
     """Segments that hang on a mesentery of their own in this patient: descending, ascending."""
     adhesions: tuple[str, ...] = texts(most=2, default=())
@@ -43,16 +43,16 @@ class Run:
     pressed: Literal["none", "sigmoid", "transverse"] = "none"
     """Segment on which an assistant's hand presses through the belly."""
     backend: Literal["native", "linear"] | None = None
-    """What steps the scene: MuJoCo's CPU engine, or, many times as fast, a chain in linear time, which knows pulls and
-    the table of the lumen only. Linear time where that honours what is asked, when not given."""
+    """What steps the scene: MuJoCo's CPU engine (native), or a chain in linear time (linear), many times as fast,
+    which knows pulls and the table of the lumen only. Linear where that honours what is asked, when not given."""
     friction: float | None = number("1", 0.0, 10.0, default=None)
-    """Coulomb coefficient between scope and wall; the sourced default when not given."""
+    """Coulomb's coefficient between device and wall [1]; the sourced default when not given."""
     wall_stiffness: float | None = number("N/m", 1.0, 1e6, default=None)
     """Normal stiffness of a contact with the wall [N/m]; the sourced default when not given."""
     segment_stiffness: bool = False
     """Let the wall's stiffness depend on the segment, by assumed numbers (docs/numbers.md); tangent planes only."""
     push_limit: float | None = number("N", 0.01, 1e3, default=None)
-    """Largest push of the hand [N]."""
+    """Largest force that the hand pushes with [N]; the sourced default when not given."""
     timestep: float | None = number("s", 1e-5, 0.02, default=None)
     """Integration step [s]; that of the preset when not given."""
     steer: Literal["pulls", "wheels"] = "pulls"
@@ -62,18 +62,18 @@ class Run:
     gravity: tuple[float, float, float] | None = vector(*[Number("m/s^2", -100.0, 100.0)] * 3, default=None)
     """Gravity in the colon's frame [m/s^2]; none when not given."""
     insufflate: str | None = None
-    """Let gas in through the scope while the pressure at its tip is less than this ('25mmHg', '3.3kPa'); gas sets how
-    wide the lumen is and how taut its wall. Without it the lumen is as wide as the colon's folder has it."""
+    """Let gas in through the scope while the pressure at its tip is less than this ('25mmHg', '3.3kPa').
+    Gas sets how wide the lumen is and how taut its wall; without it the lumen is as wide as in the colon's folder."""
     gas_flow: float | None = number("m^3/s", 0.0, 1e-4, default=None)
-    """Flow of that gas [m^3/s]; 0.25 L/min when not given."""
+    """Flow of the gas that insufflation lets in [m^3/s]; 0.25 L/min when not given."""
     gas_start: float | None = number("Pa", 300.0, 8000.0, default=None)
-    """Pressure that the colon is filled to at the start [Pa]; 15 mmHg when not given."""
+    """Gas pressure that the colon is filled to at the start [Pa]; 15 mmHg when not given."""
     whole_shaft: bool = False
-    """Model all of the shaft from the start, as scene.xml does; otherwise shaft that is still outside is added when it
-    is needed, which is faster and nearly the same until a scope jams."""
+    """Model all of the shaft from the start, as scene.xml does.
+    Otherwise shaft outside the patient is added when needed: faster, and nearly the same until a scope jams."""
     error: bool = False
-    """Repeat the run at half the time step and with finer joints, and state how far the scores differ: some six times
-    the time. Without it scores state what was measured on other colons."""
+    """Repeat the run at half the time step and with finer joints, some six times as long, to say how far scores differ.
+    Without it scores state what was measured on other colons."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 

@@ -17,15 +17,15 @@ class _StudyVerb:
     study: Annotated[str, tyro.conf.Positional]
     """Name of a shipped study (propulsion, scope, scope-mesentery), or a file that ends in .toml or .yaml."""
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
-    """Folder for jobs and results."""
+    """Folder for the study's jobs and results."""
     resume: bool = False
-    """Go on with what the folder holds."""
+    """Go on with the jobs and results that the folder holds."""
     workers: int | None = whole(1, 100_000, default=None)
-    """Processes (tasks on Ray, jobs on Slurm) at a time; as many as there are cores when not given."""
+    """Number of processes (tasks on Ray, jobs on Slurm) at a time; as many as there are cores when not given."""
     backend: str = "native"
-    """What computes."""
+    """What computes: native, or, where the study's question has them, linear, linear-gpu or warp."""
     on: Literal["here", "ray", "slurm"] = "here"
-    """Where: this machine, a Ray cluster, or Slurm."""
+    """Where jobs are computed: on this machine, on a Ray cluster, or by Slurm."""
     address: str | None = None
     """Address of a Ray cluster that runs already; when not given, Ray is started on this machine."""
     partition: str | None = None
@@ -66,8 +66,8 @@ class Sweep(_StudyVerb):
     """Run a study: designs × conditions, on every core or on many machines; nothing is lost when it is stopped."""
 
     tables: bool = True
-    """Write results.csv, results.parquet and the report at the end, which needs polars. Without, a machine that has it
-    writes them from the folder later: the same command with --resume."""
+    """Write results.csv, results.parquet and the report at the end, which needs polars.
+    Otherwise a machine that has polars writes them from the folder later: the same command with --resume."""
 
     def _tabled(self) -> bool:
         return self.tables

@@ -11,44 +11,47 @@ from haustra.fields import number, whole
 
 @dataclass(frozen=True)
 class Train:
-    """Train a policy with Stable-Baselines3; leave checkpoints, the learning curve and the policy in a folder."""
+    """Train a policy with Stable-Baselines3; leave checkpoints, the learning curve and the policy in a folder.
+
+    Options that are not given are as the training in --config has them.
+    """
 
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
-    """Folder for the run."""
+    """Folder for checkpoints, learning curve and policy."""
     config: str = "insertion-ppo"
-    """A shipped training: insertion-ppo, insertion-gpu, insertion-mesentery,
-    insertion-easy, insertion-sac, quick; or a JSON file like a training.json."""
+    """A shipped training (insertion-ppo, insertion-gpu, insertion-mesentery, insertion-easy, insertion-sac, quick),
+    or a JSON file like the training.json that a training leaves."""
     steps: int | None = whole(1, 10**12, default=None)
-    """Environment steps over all worlds."""
+    """Length of the training in environment steps, counted over all worlds."""
     worlds: int | None = whole(1, 1_000_000, default=None)
-    """Scopes stepped at once."""
+    """Number of scopes that are stepped at once."""
     seed: int | None = whole(0, 2**32 - 1, default=None)
     """Seed of all random draws."""
     imitate: int | None = whole(0, 10**12, default=None)
-    """Steps in which the policy first learns from the lumen follower; 0 for none."""
+    """Number of steps in which the policy first learns from the lumen follower; 0 for none."""
     design: str | None = None
-    """Scope design."""
+    """Name of a scope design."""
     difficulty: Literal["any", "easy", "moderate", "difficult", "hard"] | None = None
     """Band of tortuosity that colons are grown from."""
     mesentery: bool | None = None
     """Let colons move on their mesentery."""
     colons: int | None = whole(1, 100_000, default=None)
-    """Number of grown colons (seeds 0, 1, ...)."""
+    """Number of grown colons to train in, from seed 0 on."""
     backend: Literal["native", "linear", "linear-gpu", "warp"] | None = None
     """What computes the physics: MuJoCo on threads (native), the linear-time model on threads (linear) or on an NVIDIA
     GPU (linear-gpu), or MuJoCo Warp on one (warp)."""
     device: Literal["cpu", "cuda"] | None = None
     """Where the networks are computed: processor, or PyTorch's GPU."""
     threads: int = whole(1, 4096, default=2)
-    """For physics on the CPU."""
+    """Number of threads for physics on the CPU."""
     processes: int = whole(1, 4096, default=2)
     """Number of processes that grow those colons which are not in the cache."""
     minutes: float | None = number("min", 0.01, 1e6, default=None)
-    """Stop cleanly after this time; --resume goes on."""
+    """Time after which training stops cleanly [min]; --resume goes on."""
     resume: bool = False
     """Go on from the folder's last checkpoint, up to --steps."""
     tensorboard: bool = False
-    """Write TensorBoard's logs into the folder."""
+    """Write logs for TensorBoard into the folder."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 

@@ -12,9 +12,9 @@ class TrainCurves:
     """Draw the learning curves of runs of one training with different seeds: each run, their mean and their range."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Folders of `haustra train`."""
+    """Folders that `haustra train` wrote, one for each seed."""
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
-    """PNG file."""
+    """PNG file to draw the curves in."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 

@@ -25,19 +25,19 @@ class TreadFem:
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("tread-fem")
     """Folder for CSV tables and figures."""
     parts: tuple[Part, ...] = ("table", "two-tips", "passage", "convergence")
-    """What to solve."""
+    """What to solve: the table of forces, two tips, a tooth's passage, the convergence of the mesh."""
     starts: int = whole(1, 16, default=2)
-    """Worm starts; the pitch is the lead of 13 mm over it, the tooth half a pitch."""
+    """Number of the worm's starts; the pitch is the lead of 13 mm over it, the tooth half a pitch."""
     spacing: tuple[float, ...] = several("pitches", 0.5, 20.0, default=(3.0, 3.5), least=1)
     """Tip spacings of 'two-tips' [pitches]; 'passage' takes the first."""
     indentation_mm: float = number("mm", 1e-3, 5.0, default=0.465)
     """Indentation of the tips in 'two-tips', 'passage' and 'convergence' [mm]; calibrated to 1.875 N a track."""
     table_mm: tuple[float, ...] = several("mm", 1e-3, 5.0, default=(0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8), least=1)
-    """Indentations of 'table'."""
+    """Indentations of 'table' [mm]."""
     phases: int = whole(1, 1000, default=8)
-    """Tooth phases within a pitch."""
+    """Number of tooth phases within a pitch."""
     passage_steps: int = whole(1, 1000, default=4)
-    """Positions of 'passage' a pitch; the shipped table has 8."""
+    """Number of positions of 'passage' within a pitch; the shipped table has 8."""
     friction: float = number("1", 0.0, 2.0, default=0.4)
     """Coulomb's coefficient between teeth and tissue."""
     fresh: bool = False

@@ -18,17 +18,17 @@ class WallBuild:
     colon: tyro.conf.Positional[Path]
     """Folder of a colon; the wall is written to its folder wall-METHOD."""
     method: Literal["coacd", "prism"] = "coacd"
-    """CoACD's search, or direct cuts (faster)."""
+    """How the wall is cut into convex pieces: by CoACD's search (coacd), or directly, which is faster (prism)."""
     tolerance_mm: float | None = number("mm", 1e-3, 100.0, default=None)
-    """Depth of a piece in the lumen that is aimed at [mm]; 1.5 for coacd and 0.8 for prism when left out."""
+    """Aim for how deep a piece may stand in the lumen [mm]; 1.5 for coacd and 0.8 for prism when not given."""
     max_error_mm: float | None = number("mm", 1e-3, 100.0, default=None)
     """Refuse a wall whose intrusion (95th percentile) or depth in a neighbouring loop's lumen exceeds this [mm]."""
     thickness_mm: float = number("mm", 0.1, 1000.0, default=30.0)
-    """How far pieces reach beyond the lumen [mm]."""
+    """Thickness of the wall: how far pieces reach outwards from the lumen [mm]."""
     workers: int | None = whole(1, 4096, default=None)
-    """Child processes; as many as there are cores when left out."""
+    """Number of child processes; as many as there are cores when not given."""
     rays: int = whole(1, 10**8, default=20_000)
-    """Rays that measure the error."""
+    """Number of rays that measure the wall's error."""
     json: bool = False
     """Print one JSON document on stdout."""
 

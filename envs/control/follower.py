@@ -39,40 +39,41 @@ class FollowerSettings:
     """How the follower drives. Engineering choices, tuned on grown colons."""
 
     look_ahead: float = number("m", 0.005, 0.5, default=0.045)
-    """It steers towards the centreline this far ahead of the tip [m]."""
+    """Distance ahead of the tip of the place on the centreline that it is steered towards [m]."""
     advance_rate: float = number("m/s", 1e-4, 1.0, default=0.04)
     """Insertion speed in free lumen [m/s]."""
     retreat_rate: float = number("m/s", 1e-4, 1.0, default=0.06)
     """Withdrawal speed when backing off [m/s]."""
     retreat_distance: float = number("m", 0.001, 2.0, default=0.05)
-    """How far it backs off [m]; each further attempt at the same place goes back further."""
+    """Distance that the scope is backed off [m]; each further attempt at the same place goes back further."""
     steer_gain: float = number("1/s", 0.0, 100.0, default=3.0)
     """Bending rate per angle off the lumen's axis [1/s]."""
     steer_limit_deg: float = number("degrees", 1.0, 360.0, default=110.0)
-    """Largest angle that it bends the tip to while pushing [degrees]: a tip bent further is pushed sideways, not on."""
+    """Largest angle that the tip is bent to while pushing [degrees]: a tip bent further is pushed sideways, not on."""
     steer_lead: float = number("rad", 0.01, 10.0, default=0.6)
     """Largest lead of the wires over the angle that the bending section has reached [rad]."""
     tip_force_limit: float = number("N", 0.01, 1e4, default=12.0)
-    """Wall force on the bending section at which it backs off [N]."""
+    """Wall force on the bending section at which the follower backs off [N]."""
     wall_force_limit: float = number("N", 0.01, 1e4, default=25.0)
-    """Wall force on any link at which it backs off [N]."""
+    """Wall force on any link at which the follower backs off [N]."""
     push_force_limit: float = number("N", 0.01, 1e4, default=35.0)
-    """Push force at which it backs off [N]."""
+    """Push force at which the follower backs off [N]."""
     roll_step: float = number("rad", 0.0, 2 * math.pi, default=math.radians(60))
-    """How far it turns the shaft after backing off [rad]."""
+    """Angle that the shaft is turned through after backing off [rad]."""
     roll_rate: float = number("rad/s", 0.01, 50.0, default=math.radians(90))
-    """How fast it turns the shaft [rad/s]."""
+    """Rate at which the shaft is turned [rad/s]."""
     hand_lead_limit: float = number("m", 1e-4, 0.1, default=0.01)
-    """How far the hand aims beyond where the shaft is [m]."""
+    """Largest distance that the hand aims ahead of where the shaft is [m]."""
     steer: Literal["pulls", "wheels"] = "pulls"
-    """What it steers by: pulls of wires that it knows to be right, or wheels, which the wires follow as they can."""
+    """What the tip is steered by: pulls of wires that are known to be right, or wheels, which the wires follow as they
+    can."""
     patience: float = number("s", 0.01, 600.0, default=4.0)
-    """Time without progress after which it backs off [s]."""
+    """Time without progress after which the follower backs off [s]."""
     straighten: bool = False
     """Back off as endoscopists do: go on pulling while the hooked tip holds, so that a colon that may move is gathered
     on the shaft and straightened, and stop when the tip slips. For colons on their mesentery."""
     straighten_distance: float = number("m", 0.001, 2.0, default=0.35)
-    """How far it then backs off at most [m]."""
+    """Largest distance that the scope is backed off to straighten the colon [m]."""
     slip: float = number("m", 1e-4, 1.0, default=0.02)
     """Loss of arc length after which the tip counts as slipping [m]."""
 

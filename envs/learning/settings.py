@@ -22,46 +22,53 @@ class Training:
     """One training run."""
 
     algorithm: str = choice(*ALGORITHMS, default="ppo")
-    """One of `ALGORITHMS`."""
+    """Learning algorithm: proximal policy optimisation ('ppo') or soft actor-critic ('sac')."""
     steps: int = whole(1, 10**12, default=2_000_000)
-    """Environment steps over all worlds."""
+    """Length of the training in environment steps, counted over all worlds."""
     leg: int = whole(1, 10**12, default=200_000)
-    """Steps between two checkpoints; episodes begin anew there, so that a resumed run is the same run."""
+    """Environment steps between two checkpoints; episodes begin anew there, so that a resumed run is the same run."""
     worlds: int = whole(1, 1_000_000, default=32)
+    """Number of scopes that are stepped at once."""
     backend: str = choice(*NAMES, default="native")
     """What computes the physics: 'native' or 'linear' on threads, or thousands of worlds on a GPU by 'linear-gpu' or
     'warp'."""
     device: str = choice(*DEVICES, default="cpu")
     """Where the networks are computed: 'cpu', or 'cuda', PyTorch's GPU."""
     seed: int = whole(0, 2**32 - 1, default=0)
+    """Seed of all random draws."""
     imitate: int = whole(0, 10**12, default=60_000)
-    """Steps in which the policy first learns from the lumen follower, driving itself (DAgger); 0 for none."""
+    """Number of steps in which the policy first learns from the lumen follower, driving itself (DAgger); 0 for none."""
     layers: tuple[int, ...] = several("1", 1, 8192, default=(128, 128), least=1, most=16, whole=True)
+    """Widths of the networks' hidden layers."""
     learning_rate: float = number("1", 1e-9, 1.0, default=3e-4)
+    """Learning rate of the optimiser; where it is annealed, at the start [1]."""
     anneal: bool = False
-    """The learning rate falls evenly to a tenth over all steps."""
+    """Let the learning rate fall evenly to a tenth over all steps."""
     gamma: float = number("1", 0.0, 1.0, default=0.99)
+    """Discount of a reward for each control step that it comes later [1]."""
     rollout: int = whole(1, 1_000_000, default=128)
-    """PPO: steps of each world between two updates."""
+    """PPO: number of steps of each world between two updates."""
     batch: int = whole(1, 10**8, default=512)
+    """Number of samples in one step of the optimiser."""
     epochs: int = whole(1, 10_000, default=6)
-    """PPO: passes over a rollout."""
+    """PPO: number of passes over a rollout."""
     entropy: float = number("1", 0.0, 100.0, default=0.0)
     """PPO: weight of the entropy bonus."""
     log_std: float = number("1", -20.0, 2.0, default=-2.0)
-    """PPO: logarithm of the exploration at the start; at -1 a policy that imitates pushes its tip through walls."""
+    """PPO: logarithm of the actions' standard deviation at the start; at -1 a policy that imitates pushes its tip
+    through walls."""
     target_kl: float = number("1", 1e-6, 1e3, default=0.03)
-    """PPO: an update stops when the policy has changed by more than this."""
+    """PPO: Kullback-Leibler divergence from the old policy at which an update stops [1]."""
     normalise: bool = False
     """PPO: observations and rewards are divided by their running deviation; the saved policy has it in its layers."""
     first_push: float = number("1", -1.0, 1.0, default=0.0)
     """PPO: push action that the untrained policy's mean begins with [1]."""
     stagger: bool = False
-    """The first episodes of a leg are cut at even chances, so that worlds do not all stand at the same depth."""
+    """Cut the first episodes of a leg at even chances, so that worlds do not all stand at the same depth."""
     ease: tuple[float, float] | None = vector(Number("N", 0.01, 1e4), Number("1", 0.001, 1.0), default=None)
     """Perforation limit at the start [N], and share of the steps over which it falls evenly to the task's."""
     buffer: int = whole(1, 10**9, default=300_000)
-    """SAC: transitions remembered."""
+    """SAC: number of transitions remembered."""
     task: TaskConfig = field(default_factory=TaskConfig)
 
     def __post_init__(self) -> None:

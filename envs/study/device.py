@@ -53,7 +53,7 @@ class DeviceStudyOptions:
     timestep: float = number("s", 1e-5, 0.02, default=SceneOptions.timestep)
     """Integration step [s]."""
     mesentery: bool = False
-    """Colons move on their mesentery."""
+    """Let colons move on their mesentery."""
 
 
 def build_setup(

@@ -83,9 +83,9 @@ class PropulsionStudyOptions:
     """How the tracked robot is pulled."""
 
     rig: Literal["flat", "tube"] = "flat"
-    """One track on flat tissue, or the whole device in its tube."""
+    """What is pulled: one track on flat tissue, or the whole device in its tube."""
     losses: bool = False
-    """Friction falls with speed, and the shaft loses some of the drive."""
+    """Let friction depend on speed, and the shaft lose some of the drive."""
     timestep: float = number("s", 0.0, 0.02, default=0.0)
     """Integration step [s]; that of the rig when 0."""
 

@@ -88,9 +88,9 @@ class ScopeStudyOptions:
     timestep: float = number("s", 1e-5, 0.02, default=SceneOptions.timestep)
     """Integration step [s]."""
     preset: str = choice(*PRESETS, default="balanced")
-    """How finely a scene is modelled."""
+    """How finely a scene is modelled, which costs time."""
     mesentery: bool = False
-    """Colons move on their mesentery."""
+    """Let colons move on their mesentery."""
 
 
 @dataclass(frozen=True)

@@ -22,20 +22,24 @@ class Variable:
     """A number of the design that a study varies."""
 
     name: str
-    """Stem of its column."""
+    """Name of the variable, and stem of its column."""
     path: str
-    """Where it is applied, `design.bellows.pressure`; `*` stands for every section of a scope's shaft."""
+    """Path of the number that it changes, like `design.bellows.pressure`; `*` stands for every section of a scope's
+    shaft."""
     unit: str
     """Unit of all the variable's numbers, '1' when dimensionless."""
     nominal: float
+    """Value of designs that do not say otherwise."""
     low: float
+    """Lowest value."""
     high: float
+    """Highest value."""
     distribution: Distribution = "uniform"
-    """'normal' is cut off at the bounds; 'choice' takes one of `values`."""
+    """How values spread between the bounds: 'normal' is cut off at them; 'choice' takes one of `values`."""
     deviation: float | None = None
     """Standard deviation of 'normal'; a quarter of the bounds' distance when None."""
     values: tuple[float, ...] = ()
-    """For a choice, and the levels of a grid when given."""
+    """Values of a choice, and the levels of a grid when given."""
     levels: int = whole(1, 100_000, default=5)
     """Number of a grid's values when `values` is not given: evenly spaced in probability, bounds included."""
 
@@ -72,9 +76,11 @@ class Sampler:
     """Which designs are tried."""
 
     kind: SamplerKind = "grid"
+    """How designs are chosen: on a grid, by Sobol's sequence, by a Latin hypercube, or from a list."""
     count: int = whole(1, 10_000_000, default=64)
-    """Designs of 'sobol' (a power of two balances it) and 'latin-hypercube'."""
+    """Number of designs of 'sobol' (a power of two balances it) and 'latin-hypercube'."""
     seed: int = whole(0, 2**32 - 1, default=0)
+    """Seed of all random draws."""
     designs: tuple[Mapping[str, Value], ...] = ()
     """Designs of sampler 'list': for each a `name`, and a value for every variable that is not nominal."""
 
@@ -84,7 +90,9 @@ class Objective:
     """A score and which way is better."""
 
     score: str
+    """Name of the score."""
     goal: Goal
+    """Whether more or less of it is better."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +104,7 @@ class Budget:
     job_seconds: float | None = number("s", 1e-3, 1e7, default=None)
     """Longest time for one job [s]; a job that takes longer fails. No limit when None."""
     trials: int = whole(1, 10_000_000, default=64)
-    """Designs that `haustra optimise` tries."""
+    """Number of designs that `haustra optimise` tries."""
 
 
 @dataclass(frozen=True)
@@ -109,11 +117,11 @@ class Study:
     """Name or file of the design that is varied."""
     variables: tuple[Variable, ...]
     conditions: Mapping[str, tuple[Value, ...]]
-    """Every design is tried under every combination of these."""
+    """Values of each condition; every design is tried under every combination of them."""
     objectives: tuple[Objective, ...]
     sampler: Sampler = field(default_factory=Sampler)
     scores: tuple[str, ...] = ()
-    """Wanted columns; all that the question has when empty."""
+    """Columns that are wanted; all that the question has when empty."""
     changes: Mapping[str, float] = field(default_factory=dict)
     """Path to value: what the base differs in from the design it names."""
     options: Mapping[str, Value] = field(default_factory=dict)

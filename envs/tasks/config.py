@@ -29,23 +29,23 @@ class Weights:
     """Weights of the reward's terms (`haustra.envs.tasks.rewards`)."""
 
     progress: float = number("1", 0.0, MOST_PAID, default=100.0)
-    """For the whole colon, in proportion [1]."""
+    """Reward for the whole colon, paid in proportion to the share newly reached [1]."""
     advance: float = number("1", 0.0, MOST_PAID, default=0.0)
-    """For the whole colon, in proportion, and taken back for what is lost [1]."""
+    """Reward for the whole colon, in proportion to where the tip is, and taken back for what is lost [1]."""
     facing: float = number("1", 0.0, MOST_PAID, default=0.0)
-    """A control step that the tip looks back along the way [1]; half of it when it looks aside."""
+    """Cost of each control step in which the tip looks back along the way [1]; half of it when it looks aside."""
     reached: float = number("1", 0.0, MOST_PAID, default=20.0)
-    """Once, in the caecum; withdrawn, at the anus [1]."""
+    """Reward paid once, in the caecum, or at the anus in withdrawal [1]."""
     time: float = number("1", 0.0, MOST_PAID, default=0.01)
-    """A control step [1]."""
+    """Cost of each control step [1]."""
     wall_force: float = number("1", 0.0, MOST_PAID, default=0.02)
-    """A control step, times the square of the largest wall force over `Limits.safe_force` [1]."""
+    """Cost of a control step, times the square of the largest wall force over `Limits.safe_force` [1]."""
     looping: float = number("1/m", 0.0, MOST_PAID, default=0.0)
-    """A control step, a metre of scope beyond the colon passed [1/m]."""
+    """Cost of a control step for each metre of scope inside beyond the colon passed [1/m]."""
     perforation: float = number("1", 0.0, MOST_PAID, default=20.0)
-    """Once [1]."""
+    """Cost of a perforation, paid once [1]."""
     coverage: float = number("1", 0.0, MOST_PAID, default=0.0)
-    """For the whole surface, in proportion [1]; 100 in withdrawal."""
+    """Reward for seeing the whole surface, in proportion to the share newly seen [1]; 100 in withdrawal."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Limits:
     """Resultant wall force on one link that ends an episode as a perforation [N]: the highest measured, since a link
     of the model gathers the load of 6 cm of scope. A rule; how likely the wall is torn is told beside it."""
     safe_force: float = number("N", 0.01, 1e4, default=injury_number("strength.straight"))
-    """Peak up to which an episode counts as safe [N]: the lowest force that perforated."""
+    """Peak wall force up to which an episode counts as safe [N]: the lowest force that perforated."""
     caecum_margin: float = number("m", 0.0, 0.5, default=0.03)
     """The caecum counts as reached this far before the end of the centreline [m], as in a single run."""
 
@@ -68,17 +68,17 @@ class Randomisation:
     """Ranges that each episode draws from, evenly."""
 
     friction: tuple[float, float] = span("1", 0.0, 2.0, default=(0.03, 0.1))
-    """Coulomb coefficient [1]."""
+    """Range of Coulomb's coefficient between scope and wall [1]."""
     wall_stiffness: tuple[float, float] = span("N/m", 50.0, 1e5, default=(700.0, 2400.0))
-    """Stiffness of a contact with the wall [N/m]: the measured range."""
+    """Range of the stiffness of a contact with the wall [N/m]: as measured."""
     shaft_stiffness: tuple[float, float] = span("1", 0.05, 20.0, default=(0.85, 1.15))
-    """Over the design's [1]; engineering choice."""
+    """Range of the shaft's stiffness over the design's [1]; engineering choice."""
     wire_gain: tuple[float, float] = span("1", 0.05, 1.0, default=(0.85, 1.0))
-    """Pull that arrives over pull asked for [1]; engineering choice."""
+    """Range of the pull that arrives over the pull asked for [1]; engineering choice."""
     wire_slack: tuple[float, float] = span("1", 0.0, 0.9, default=(0.0, 0.05))
-    """Share of a wheel's travel that does nothing [1]; engineering choice."""
+    """Range of the share of a wheel's travel that does nothing [1]; engineering choice."""
     start_roll: tuple[float, float] = span("rad", -2 * math.pi, 2 * math.pi, default=(-3.14159, 3.14159))
-    """Angle of the colon about its entry, as the scope sees it at the start [rad]."""
+    """Range of the angle of the colon about its entry, as the scope sees it at the start [rad]."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class Drive:
     """How actions, each from -1 to 1, become motion."""
 
     control_interval: float = number("s", 0.002, 1.0, default=0.04)
-    """Between two actions [s]: 25 Hz. A whole number of the steps that physics takes, `SceneOptions.timestep`."""
+    """Time between two actions [s]: 25 Hz. A whole number of the steps that physics takes, `SceneOptions.timestep`."""
     push_rate: float = number("m/s", 0.001, 0.5, default=0.06)
     """Speed of the hand along the scope at full action [m/s]; engineering choice."""
     roll_rate: float = number("rad/s", 0.01, 20.0, default=1.57)
@@ -94,7 +94,7 @@ class Drive:
     wheel_rate: float = number("1/s", 0.05, 100.0, default=4.0)
     """Largest change of a tip action in a second [1/s]: a wheel goes from neutral to full in a quarter second."""
     hand_lead: float = number("m", 1e-4, 0.1, default=0.01)
-    """The hand aims at most this far beyond where the shaft is [m]: it then presses with 40 N."""
+    """Largest distance that the hand aims ahead of where the shaft is [m]: it then presses with 40 N."""
 
 
 @dataclass(frozen=True)
@@ -102,17 +102,18 @@ class TaskConfig:
     """An episode's rules. Everything here is a plain value: JSON in, JSON out."""
 
     task: str = choice(*TASKS, default="insertion")
-    """One of `TASKS`."""
+    """What is to be done: insertion as far as the caecum, or withdrawal from there to the anus."""
     design: str = choice(*DESIGN_NAMES, default="paediatric")
-    """A shipped scope design."""
+    """Name of a shipped scope design."""
     difficulty: str = choice(*DIFFICULTIES, default="any")
     """Band of tortuosity that colons are drawn from."""
     seeds: tuple[int, int] = span("1", 0, 10**9, default=(0, 16), whole=True)
-    """Colons: from the first seed up to, not including, the last."""
+    """Seeds of the grown colons: from the first up to, not including, the last."""
     mesentery: bool = False
-    """Colons swing, stretch and pleat on their mesentery instead of standing fixed."""
+    """Let colons swing, stretch and pleat on their mesentery instead of standing fixed."""
     observation: str = choice(*OBSERVATIONS, default="dict")
-    """One of `OBSERVATIONS`."""
+    """What the learner sees: readings of scope and hand (state), a few distances (lumen), a depth camera's picture
+    (depth), one in colour (pixels), or state and lumen under names (dict)."""
     privileged: bool = False
     """Add what no device knows: arc length, the way ahead, the wall's place. For teachers and baselines."""
     imager: bool = False
@@ -122,11 +123,11 @@ class TaskConfig:
     """Also show how all that is measured differs from its running means over these times [s]. A policy without
     memory of its own cannot tell else that it has stood still for a while."""
     picture_size: int = whole(8, 512, default=64)
-    """Rows and columns of pictures."""
+    """Rows and columns of pictures [pixels]."""
     depth: bool = False
-    """In mode dict: the tip camera's depth too."""
+    """Add the tip camera's depth to the observation 'dict'."""
     pictures: bool = False
-    """In mode dict: pictures too."""
+    """Add the tip camera's pictures in colour to the observation 'dict'."""
     drive: Drive = field(default_factory=Drive)
     limits: Limits = field(default_factory=Limits)
     randomisation: Randomisation = field(default_factory=Randomisation)

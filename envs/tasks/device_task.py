@@ -31,21 +31,21 @@ class DeviceRules:
     """An episode of any device."""
 
     seeds: tuple[int, int] = span("1", 0, 10**9, default=(0, 1), whole=True)
-    """Grown colons: from the first seed up to, not including, the last; one is drawn for each episode."""
+    """Seeds of the grown colons: from the first up to, not including, the last; one is drawn for each episode."""
     friction: tuple[float, float] = span("1", 0.0, 2.0, default=(0.03, 0.1))
-    """Between device and wall, drawn evenly [1]."""
+    """Range of Coulomb's coefficient between device and wall, drawn evenly [1]."""
     wall_stiffness: tuple[float, float] = span("N/m", 50.0, 1e5, default=(700.0, 2400.0))
-    """Stiffness of a contact with the wall, drawn evenly: the measured range [N/m]."""
+    """Range of the stiffness of a contact with the wall, drawn evenly: as measured [N/m]."""
     mesentery: bool = False
-    """Colons move on their mesentery."""
+    """Let colons move on their mesentery."""
     seconds: float = number("s", 0.002, 36_000.0, default=90.0)
-    """Then the episode is truncated [s]."""
+    """Longest episode [s]; then it is truncated."""
     control_interval: float = number("s", 0.001, 1.0, default=0.04)
-    """Between two actions [s]."""
+    """Time between two actions [s]."""
     force_weight: float = number("1", 0.0, 1e4, default=0.02)
-    """What a control step costs, times the wall force over `safe_force`, squared [1]."""
+    """Cost of a control step, times the square of the wall force over `safe_force` [1]."""
     safe_force: float = number("N", 0.01, 1e4, default=5.0)
-    """[N]; engineering choice."""
+    """Wall force at which a control step costs `force_weight` [N]; engineering choice."""
 
     def __post_init__(self) -> None:
         require_declared(self)

@@ -37,15 +37,15 @@ class TrackedRules:
     """An episode of the robot."""
 
     distance: float = number("m", 0.001, 5.0, default=0.1)
-    """Way to go [m]."""
+    """Distance that the robot has to go along the colon [m]."""
     start: tuple[float, float] = span("m", 0.0, 10.0, default=(0.25, 0.35))
-    """Arc length of the core's centre at the start, drawn evenly from the places where it fits [m]."""
+    """Range of the arc length of the core's centre at the start, drawn evenly from the places where it fits [m]."""
     friction: tuple[float, float] = span("1", 0.0, 2.0, default=(0.3, 0.5))
-    """Between treads and wall, drawn evenly [1]."""
+    """Range of Coulomb's coefficient between treads and wall, drawn evenly [1]."""
     seconds: float = number("s", 0.002, 36_000.0, default=30.0)
-    """Then the episode is truncated [s]."""
+    """Longest episode [s]; then it is truncated."""
     force_weight: float = number("1/N", 0.0, 1e4, default=0.01)
-    """A control step, times the largest normal force of a track [1/N]."""
+    """Cost of a control step per newton of the largest normal force of a track [1/N]."""
 
     def __post_init__(self) -> None:
         require_declared(self)

@@ -142,6 +142,7 @@ class Device(ABC):
     """Its surface runs (`treads`): it is controlled at every time step and told what the wall does to its spheres."""
 
     name: str
+    """Name of the device, for people."""
 
     def __post_init__(self) -> None:
         require_declared(self, f"Device {shown(self.name)}", error=InvalidDesignError)

@@ -31,16 +31,17 @@ class Abdomen:
     """The patient around a colon that moves; by default nothing of it differs from when the colon was imaged."""
 
     posture: Literal["supine", "prone", "left", "right"] = "supine"
-    """On the back, on the front, on the left or on the right side."""
+    """How the patient lies: on the back (supine), on the front (prone), on the left or on the right side."""
     mobile: tuple[str, ...] = texts(most=2, default=())
     """Which of the descending and ascending colon hang on a mesentery of their own; otherwise they have grown to the
     back wall."""
     adhesions: tuple[str, ...] = texts(most=2, default=())
     """Which of the sigmoid and transverse colon have grown to what is beside them, half-way."""
     pressed: Literal["none", "sigmoid", "transverse"] = "none"
-    """Segment on which an assistant's hand presses through the belly, half-way."""
+    """Segment on which an assistant's hand presses through the belly, at half of its length."""
     hand: float = number("N", 0.0, 100.0, default=20.0)
-    """Force of that hand towards the back [N]; engineering choice, a firm press that a forearm holds for minutes."""
+    """Force of the assistant's hand towards the back [N]; engineering choice, a firm press that a forearm holds for
+    minutes."""
 
     def __post_init__(self) -> None:
         require_declared(self)

@@ -54,22 +54,25 @@ class Capsule(Device):
     }
 
     length: float = number("m", 0.006, 0.06)
-    """Over both round ends."""
+    """Length over both round ends [m]."""
     diameter: float = number("m", 0.004, 0.03)
+    """Diameter of the body [m]."""
     mass: float = number("kg", 1e-3, 0.1)
+    """Mass of the body, without its tether [kg]."""
     drag: float = number("N s/m", 0.1, 200.0)
-    """Force over speed in the lumen's mucus."""
+    """Drag of the lumen's mucus: force over speed [N s/m]."""
     turning_drag: float = number("N m s/rad", 1e-5, 0.1)
-    """Torque over turning rate there."""
+    """Drag of the mucus on turning: torque over turning rate [N m s/rad]."""
     force_limit: float = number("N", 0.0, 10.0)
-    """Along each axis."""
+    """Largest force along each axis [N]."""
     torque_limit: float = number("N m", 0.0, 0.5)
-    """About each axis."""
+    """Largest torque about each axis [N m]."""
     tether_mass_per_length: float = number("kg/m", 0.0, 0.1)
+    """Mass per length of the tether [kg/m]."""
     tether_friction: float = number("1", 0.0, 2.0)
-    """Coulomb's coefficient between tether and wall."""
+    """Coulomb's coefficient between tether and wall [1]."""
     safe_force: float = number("N", 0.05, 20.0)
-    """Wall force beyond which the driver backs off."""
+    """Wall force beyond which the driver backs off [N]."""
     frame: str = choice("patient", "own", default="patient")
     """Axes of force and torque: the patient's, as a magnet outside has them, or the body's own."""
 

@@ -13,7 +13,7 @@ class ScopeSection:
     """A stretch of the insertion tube with uniform stiffness."""
 
     length: float = number("m", 0.002, 10.0)
-    """Length [m]."""
+    """Length of the section [m]."""
     flexural_rigidity: float = number("N m^2", 1e-6, 1e3)
     """Bending stiffness EI at the softest setting and room temperature [N m^2]."""
     torsional_rigidity: float = number("N m^2", 1e-6, 1e4)
@@ -21,7 +21,7 @@ class ScopeSection:
     stiffening: float = number("1", 0.1, 20.0, default=1.0)
     """EI at the stiffest setting over EI at the softest [1]; 1 where the setting has no effect."""
     minimum_bend_radius: float | None = number("m", 0.001, 5.0, default=None)
-    """The section cannot bend tighter than this [m]; None for no stop."""
+    """Least radius that the section can be bent to [m]; None for no stop."""
     bias_up_deg: float = number("degrees", -720.0, 720.0, default=0.0)
     """Angle that the unloaded section bends through towards wire 'up' [degrees]: a pre-curved scope."""
     bias_left_deg: float = number("degrees", -720.0, 720.0, default=0.0)
@@ -33,9 +33,13 @@ class BendingLimits:
     """Largest angle over the whole bending section in each direction [degrees]."""
 
     up: float = number("degrees", 0.1, 1080.0)
+    """Largest bend of the whole bending section towards wire 'up' [degrees]."""
     left: float = number("degrees", 0.1, 1080.0)
+    """Largest bend of the whole bending section towards wire 'left' [degrees]."""
     down: float = number("degrees", 0.1, 1080.0)
+    """Largest bend of the whole bending section towards wire 'down' [degrees]."""
     right: float = number("degrees", 0.1, 1080.0)
+    """Largest bend of the whole bending section towards wire 'right' [degrees]."""
 
     @property
     def largest(self) -> float:
@@ -53,7 +57,7 @@ class ScopeTip:
     """The rigid distal end with its camera and light."""
 
     length: float = number("m", 1e-9, 0.2)
-    """Rigid length [m]."""
+    """Length of the rigid tip [m]."""
     field_of_view_deg: float = number("degrees", 1.0, 360.0)
     """Full viewing angle of the camera [degrees]."""
     camera_offset_up: float = number("m", -0.03, 0.03, default=0.0)
@@ -75,15 +79,15 @@ class ScopeDesign:
     """
 
     name: str
-    """What a person calls it."""
+    """Name of the design, for people."""
     diameter: float = number("m", 0.001, 0.05)
     """Outer diameter, the same along the scope [m]."""
     mass_per_length: float = number("kg/m", 0.001, 5.0)
-    """Mass per length [kg/m]."""
+    """Mass per length of the scope [kg/m]."""
     relaxation_time: float = number("s", 1e-12, 10.0)
     """Relaxation time of bending and twist: viscous torque per rate over elastic torque per angle [s]."""
     shaft: tuple[ScopeSection, ...]
-    """From the handle to the bending section."""
+    """Sections of the insertion tube, from the handle to the bending section."""
     bending: ScopeSection
     """The section that the wires bend."""
     limits: BendingLimits
@@ -96,7 +100,7 @@ class ScopeDesign:
     variable_stiffness: float = number("1", 0.0, 1.0, default=0.0)
     """Setting of the stiffening ring, from 0 (soft) to 1 (stiff)."""
     working_length: float | None = number("m", 0.05, 20.0, default=None)
-    """What the parts should add up to [m]; checked when given."""
+    """Length that shaft, bending section and tip should add up to [m]; checked when given."""
 
     def __post_init__(self) -> None:
         require_declared(self, f"Scope {shown(self.name)}", error=InvalidDesignError)

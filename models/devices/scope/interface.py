@@ -52,8 +52,9 @@ class Scope(Device):
     bending_cell: float = number("m", 0.001, 0.5, default=0.017)
     """Largest distance between joints of the bending section [m]."""
     twist_hinges: int = whole(0, 200, default=4)
+    """Number of hinges that carry the torsional compliance of the whole scope; 0 for stiff in torsion."""
     inserted: float | None = number("m", 0.01, 10.0, default=None)
-    """Length that is modelled [m]; the whole scope when None."""
+    """Length of scope that is modelled [m]; the whole scope when None."""
 
     @classmethod
     def from_toml(cls, table: Mapping[str, Any], where: str) -> "Scope":

@@ -23,13 +23,13 @@ class Worm:
     """The worm in the core that drives all four treads."""
 
     starts: int = whole(1, 16, default=2)
-    """Threads. Assumed: lead / pitch."""
+    """Number of the worm's threads. Assumed: lead / pitch."""
     lead: float = number("m", 1e-4, 0.2, default=NUMBERS["tracked.worm.lead"].value)
-    """Track a turn [m]. Published."""
+    """Length of track that one turn of the worm moves [m]. Published."""
     efficiency: float = number("1", 0.01, 1.0, default=NUMBERS["tracked.worm.efficiency"].value)
     """Efficiency of a self-locking polymer worm [1]. Assumed."""
     torque_limit: float = number("N m", 1e-6, 100.0, default=NUMBERS["tracked.worm.torque_limit"].value)
-    """What the flexible shaft may transmit [N m]. Assumed."""
+    """Largest torque that the flexible shaft may transmit [N m]. Assumed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,12 +37,14 @@ class FlexibleShaft:
     """The shaft between the motor outside and the worm."""
 
     onset_speed: float = number("rad/s", 0.01, 1e4, default=NUMBERS["tracked.shaft.onset_speed"].value)
-    """Where its losses begin to rise [rad/s]. Published: "above this value the transmission efficiency declines"."""
+    """Speed at which the shaft's losses begin to rise [rad/s]. Published: "above this value the transmission efficiency
+    declines"."""
     efficiency: float = number("1", 0.01, 1.0, default=NUMBERS["tracked.shaft.efficiency"].value)
     """Share of the drive that reaches the treads up to the onset [1]. Fitted: the paper's RMSE at the peak."""
     stall_excess: float = number("rad/s", 0.01, 1e5, default=NUMBERS["tracked.shaft.stall_excess"].value)
-    """Excess over the onset at which viscous loss would take all of it [rad/s]. Fitted with `SpeedFriction.exponent`:
-    the paper's statements identify only both together, and we let both ends of the range lose alike."""
+    """Excess over the onset at which viscous loss would take all of the drive [rad/s]. Fitted with
+    `SpeedFriction.exponent`: the paper's statements identify only both together, and we let both ends of the range lose
+    alike."""
 
     def transmission(self, speed: Any) -> Any:
         """Share of the traction force that still reaches the treads at a worm speed [rad/s], or at several.
@@ -62,13 +64,13 @@ class Bellows:
     """
 
     stiffness: float = number("N/m", 0.01, 1e6, default=NUMBERS["tracked.bellows.stiffness"].value)
-    """Radial [N/m]. Assumed."""
+    """Radial stiffness of one bellows through its strut [N/m]. Assumed."""
     preload: float = number("N", 1e-4, 1e3, default=NUMBERS["tracked.bellows.preload"].value)
     """Outward force at the nominal diameter and atmospheric pressure [N]. Derived from the paper: 0.75 N / 0.4."""
     pressure: float = number("Pa", 0.0, 1e6, default=NUMBERS["tracked.bellows.pressure"].value)
-    """Above atmosphere [Pa]. Published: closed off at atmospheric pressure."""
+    """Pressure in the bellows above that of the atmosphere [Pa]. Published: closed off at atmospheric pressure."""
     area: float = number("m^2", 1e-8, 0.1, default=NUMBERS["tracked.bellows.area"].value)
-    """Effective area over the strut's gearing [m^2]. Assumed."""
+    """Effective area of the bellows over the strut's gearing [m^2]. Assumed."""
 
     def force(self, extension: float) -> float:
         """Outward force at a radial extension from the nominal radius [N]."""
@@ -84,9 +86,9 @@ class SpeedFriction:
     """
 
     peak_speed: float = number("m/s", 1e-6, 10.0, default=NUMBERS["tracked.speed_friction.peak_speed"].value)
-    """[m/s]. Published: the optimum, 150 rpm."""
+    """Sliding speed from which on friction no longer rises [m/s]. Published: the optimum, 150 rpm."""
     exponent: float = number("1", 0.0, 10.0, default=NUMBERS["tracked.speed_friction.exponent"].value)
-    """[1]. Fitted: the paper's mean and RMSE over the range."""
+    """Exponent of friction over sliding speed below the peak [1]. Fitted: the paper's mean and RMSE over the range."""
 
     def factor(self, speed: float) -> float:
         """Coefficient at a sliding speed [m/s] over its nominal value."""
@@ -104,23 +106,24 @@ class TrackedDesign:
     """
 
     name: str = "tracked prototype 4:1"
+    """Name of the design, for people."""
     scale: float = number(SCALE.of, SCALE.low, SCALE.high, default=NUMBERS["tracked.device.scale"].value)
-    """Size over the device in practice [1]. Published: 4."""
+    """Size of the device over that in practice [1]. Published: 4."""
     tread: TreadGeometry = field(default_factory=TreadGeometry)
     worm: Worm = field(default_factory=Worm)
     shaft: FlexibleShaft = field(default_factory=FlexibleShaft)
     bellows: Bellows = field(default_factory=Bellows)
     speed_friction: SpeedFriction = field(default_factory=SpeedFriction)
     nominal_diameter: float = number("m", 0.001, 1.0, default=NUMBERS["tracked.device.nominal_diameter"].value)
-    """Track to track [m]. Published."""
+    """Diameter from track to track at which the bellows press with their preload [m]. Published."""
     smallest_diameter: float = number("m", 0.001, 1.0, default=NUMBERS["tracked.device.smallest_diameter"].value)
-    """[m]. Published."""
+    """Diameter from track to track when the device is folded [m]. Published."""
     largest_diameter: float = number("m", 0.001, 1.0, default=NUMBERS["tracked.device.largest_diameter"].value)
-    """[m]. Published."""
+    """Diameter from track to track when the device is spread [m]. Published."""
     core_length: float = number("m", 0.001, 1.0, default=NUMBERS["tracked.device.core_length"].value)
-    """[m]. Assumed."""
+    """Length of the core [m]. Assumed."""
     core_diameter: float = number("m", 0.001, 1.0, default=NUMBERS["tracked.device.core_diameter"].value)
-    """[m]. Assumed."""
+    """Diameter of the core [m]. Assumed."""
     mass: float = number("kg", 1e-6, 100.0, default=NUMBERS["tracked.device.mass"].value)
     """Mass of the whole device [kg]. Assumed; weight is left out, as in the paper."""
 

@@ -69,11 +69,12 @@ class TrackedRobot(Device):
 
     design: TrackedDesign
     rpm: float = number("1/min", 0.0, _LARGEST_RPM)
-    """Worm speed."""
+    """Speed of the worm [1/min]."""
     friction: float = number("1", 0.0, 2.0)
-    """Coulomb's coefficient between treads and wall, where a run does not say otherwise."""
+    """Coulomb's coefficient between treads and wall, where a run does not say otherwise [1]."""
     steering: str = choice("none", "each tread", default="none")
-    """The paper's device has one worm for all treads; each at its own speed needs four motors."""
+    """Whether treads have speeds of their own: the paper's device has one worm for all, each its own takes four
+    motors."""
 
     def __post_init__(self) -> None:
         """Refuse what a robot in a colon does not honour."""

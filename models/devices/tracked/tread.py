@@ -26,17 +26,17 @@ class TreadGeometry:
     tooth_width: float = number("m", 1e-5, 0.2, default=NUMBERS["tracked.tread.tooth_width"].value)
     """Length of a tooth's face along the track [m]. Assumed: half the pitch."""
     tooth_height: float = number("m", 1e-5, 0.2, default=NUMBERS["tracked.tread.tooth_height"].value)
-    """From the belt's outer face to the tooth's face [m]. Assumed."""
+    """Height of a tooth, from the belt's outer face to the tooth's face [m]. Assumed."""
     belt_thickness: float = number("m", 1e-5, 0.2, default=NUMBERS["tracked.tread.belt_thickness"].value)
-    """[m]. Assumed."""
+    """Thickness of the belt between its teeth [m]. Assumed."""
     tip_radius: float = number("m", 1e-5, 0.2, default=NUMBERS["tracked.tread.tip_radius"].value)
     """Radius of a strut tip's circular contact [m]. Assumed."""
     tip_spacing: float = number("m", 1e-5, 0.2, default=NUMBERS["tracked.tread.tip_spacing"].value)
-    """Between the two tips of a strut set, along the track [m]. Assumed: 3.0 pitches."""
+    """Distance between the two tips of a strut set, along the track [m]. Assumed: 3.0 pitches."""
     width: float = number("m", 1e-5, 0.2, default=NUMBERS["tracked.tread.width"].value)
     """Width of tread and tissue strip, out of the plane [m]. Published."""
     tissue_thickness: float = number("m", 1e-5, 0.2, default=NUMBERS["tracked.tread.tissue_thickness"].value)
-    """[m]. Published."""
+    """Thickness of the tissue under the tread [m]. Published."""
     clearance: float = number("m", 1e-5, 0.2, default=NUMBERS["tracked.tread.clearance"].value)
     """Gap between teeth and tissue where the tread's ends are held [m]. Assumed: the paper holds the ends so that
     the tread touches only near the tips."""

@@ -16,11 +16,11 @@ class BenchAccuracy:
     """Names of questions, separated by commas: elastica, motion, release, wires, press, capstan, buckling, propulsion,
     insertion, field, plain, nodes, growth."""
     quick: bool = False
-    """A few minutes instead of an hour: coarser references, fewer settings."""
+    """Take a few minutes instead of an hour, with coarser references and fewer settings."""
     colons: str = ""
     """Folders of further colons for insertions, separated by commas."""
     rods: Path | None = None
-    """Folder of measured rods, for tip releases."""
+    """Folder of measured rods, whose tip releases are compared."""
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
     """Folder for accuracy.json; finished questions are kept there, and the next call goes on after them."""
     json: bool = field(default=False)

@@ -23,15 +23,15 @@ class BenchAgreement:
     backends: str = "linear,warp"
     """Backends held against the native one, separated by commas; those that are not installed are skipped."""
     seeds: int = whole(3, 1_000_000, default=256)
-    """Insertions on each backend; each draws its own colon, friction, stiffness and start."""
+    """Number of insertions on each backend; each draws its own colon, friction, stiffness and start."""
     seconds: float = number("s", 0.02, 600.0, default=30.0)
-    """Longest insertion [s]."""
+    """Longest insertion, in simulated time [s]."""
     colons: int = whole(1, 100_000, default=8)
-    """Grown colons."""
+    """Number of grown colons."""
     mesentery: Literal["fixed", "mesentery", "both"] = "both"
-    """Colons of insertions: fixed in space, on their mesentery, or both."""
+    """How the colons of insertions stand: fixed in space, on their mesentery, or both."""
     design: str = "adult"
-    """Scope design."""
+    """Name of a scope design."""
     processes: int = whole(0, 4096, default=0)
     """Number of processes for the native backend and for growing colons; as many as there are cores when 0."""
     device: str | None = None

@@ -15,7 +15,7 @@ class BenchAll:
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for report.html, bench.json and what each benchmark leaves."""
     quick: bool = False
-    """Some ten minutes on two cores instead of hours."""
+    """Take some ten minutes on two cores instead of hours."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 

@@ -11,9 +11,9 @@ class BenchContracts:
     """Check every environment in every mode of observation, over many seeds, and count what breaks its contract."""
 
     seeds: int = whole(1, 100_000, default=40)
-    """Episodes of each environment in each checker."""
+    """Number of episodes of each environment in each checker."""
     only: str = ""
-    """Names that hold this text; all when empty."""
+    """Check only environments whose names hold this text; all when empty."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 

@@ -11,17 +11,17 @@ class BenchCores:
     """Step scopes in grown colons on one core and on several, beside MuJoCo alone in processes and on threads."""
 
     cores: int = whole(1, 4096, default=2)
-    """Threads, and processes beside them."""
+    """Number of threads, and of the processes beside them."""
     worlds: int = whole(1, 1_000_000, default=32)
-    """Scopes stepped at once."""
+    """Number of scopes that are stepped at once."""
     colons: int = whole(1, 100_000, default=4)
-    """Grown colons."""
+    """Number of grown colons."""
     design: str = "adult"
-    """Scope design."""
+    """Name of a scope design."""
     before: float = number("s", 0.02, 1000.0, default=10.0)
     """Time that the follower drives the scopes in first [s]."""
     repeats: int = whole(1, 10_000, default=7)
-    """Pairs of timings of each kind; their median is the result."""
+    """Number of pairs of timings of each kind; their median is the result."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 

@@ -13,7 +13,7 @@ class BenchCost:
     """Steps per second of the cable, the plugin cable, a 1D flex and a plain chain, alone and in a colon."""
 
     colon: Path | None = None
-    """Folder of a colon; only rods alone when not given."""
+    """Folder of a colon to run scopes in; only rods alone are timed when not given."""
     design: str = "adult"
     """Name of a scope design, or a file that ends in .toml."""
     joints: str = "20,40,60,100,140"

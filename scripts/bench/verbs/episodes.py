@@ -11,27 +11,28 @@ class BenchEpisodes:
     """Time environment steps at 25 Hz control in grown colons, the follower driving, and watch memory."""
 
     worlds: int = whole(1, 1_000_000, default=32)
-    """Scopes stepped at once."""
+    """Number of scopes that are stepped at once."""
     threads: int = whole(1, 4096, default=2)
-    """For physics."""
+    """Number of threads for physics on the CPU."""
     backend: Literal["native", "linear", "linear-gpu", "warp"] = "native"
-    """What computes: MuJoCo on threads, linear time on them or on an NVIDIA GPU, or MuJoCo Warp."""
+    """What computes the physics: MuJoCo on threads (native), the linear-time model on threads (linear) or on an NVIDIA
+    GPU (linear-gpu), or MuJoCo Warp on one (warp)."""
     seconds: float = number("s", 0.02, 36_000.0, default=20.0)
     """Simulated time of each world [s]."""
     colons: int = whole(1, 100_000, default=4)
-    """Grown colons."""
+    """Number of grown colons."""
     design: str = "adult"
-    """Scope design."""
+    """Name of a scope design."""
     observation: Literal["state", "lumen", "depth", "dict"] = "state"
-    """What is observed."""
+    """What environments show: readings of scope and hand, a few distances, a depth picture, or all under names."""
     picture_size: int = whole(8, 512, default=64)
-    """Rows and columns of depth pictures."""
+    """Rows and columns of depth pictures [pixels]."""
     memory_steps: int = whole(0, 10**9, default=0)
-    """Environment steps over which memory is watched; 0 for none."""
+    """Number of environment steps over which memory is watched; 0 for none."""
     memory_resets: int = whole(0, 10**9, default=0)
-    """Resets over which memory is watched."""
+    """Number of resets over which memory is watched; 0 for none."""
     compare: bool = field(default=False)
-    """Time the same episodes with numpy in place of the program of 'linear' or 'linear-gpu', too."""
+    """Whether to time the same episodes with numpy in place of the program of 'linear' or 'linear-gpu', too."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 

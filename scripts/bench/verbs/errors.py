@@ -20,23 +20,23 @@ class BenchErrors:
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for colons, tracks, errors.json and accuracy.toml."""
     colons: int = whole(0, 100_000, default=10)
-    """Colons grown from seeds 0, 1, 2, ...; a range over fewer than ten is not stated."""
+    """Number of colons grown from seed 0 on; a range over fewer than ten is not stated."""
     folders: str = ""
     """Folders of further colons, separated by commas."""
     designs: str = "adult,paediatric"
-    """Scope designs, separated by commas."""
+    """Names of scope designs, separated by commas."""
     laws: str = "pieces,planes,table"
-    """Wall laws, separated by commas."""
+    """Wall laws, separated by commas: pieces, planes, table."""
     walls: str = "prism"
-    """How pieces are made, separated by commas: prism, coacd."""
+    """Ways to make a wall's pieces, separated by commas: prism, coacd."""
     presets: str = "fast,balanced,accurate"
-    """Presets, separated by commas."""
+    """Presets of how finely a scene is modelled, separated by commas: fast, balanced, accurate."""
     colon: Literal["fixed", "mesentery", "both"] = "both"
-    """Fixed in space, on its mesentery, or both."""
+    """How colons stand: fixed in space, on their mesentery, or both."""
     seconds: float = number("s", 0.02, 600.0, default=10.0)
-    """Length of the script [s]."""
+    """Duration of the script, in simulated time [s]."""
     processes: int = whole(0, 4096, default=0)
-    """At a time; as many as there are cores when 0."""
+    """Number of processes at a time; as many as there are cores when 0."""
     ship: bool = False
     """Write assets/accuracy.toml too, which runs state their errors from."""
     json: bool = field(default=False)

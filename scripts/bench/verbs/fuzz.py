@@ -11,13 +11,13 @@ class BenchFuzz:
     """Read damaged meshes, label maps and configurations in child processes; count crashes, hangs and tracebacks."""
 
     meshes: int = whole(0, 10**9, default=20_000)
-    """Surface meshes in six formats."""
+    """Number of damaged surface meshes, in six formats."""
     maps: int = whole(0, 10**9, default=2_000)
-    """Label maps in three formats (needs the extra 'ct')."""
+    """Number of damaged label maps, in three formats (needs the extra 'ct')."""
     documents: int = whole(0, 10**9, default=4_000)
-    """Devices, designs and studies in TOML, trainings and tasks in JSON."""
+    """Number of damaged devices, designs and studies in TOML, and trainings and tasks in JSON."""
     seed: int = whole(0, 2**63 - 1, default=0)
-    """Seed of all files."""
+    """Seed of all random damage."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 

@@ -14,15 +14,15 @@ class BenchGradients:
     seconds: float = number("s", 0.02, 36_000.0, default=60.0)
     """Processor time of the search by gradient [s]."""
     seeds: int = whole(0, 100_000, default=4)
-    """Searches by Optuna, each with a seed of its own; 0: no search at all."""
+    """Number of searches by Optuna, each with a seed of its own; 0: no search at all."""
     patience: float = number("1", 1.0, 1000.0, default=2.0)
-    """How many times as long Optuna may search."""
+    """Time that Optuna may search, over that of the search by gradient [1]."""
     colons: int = whole(1, 100_000, default=2)
-    """Grown colons that are searched in."""
+    """Number of grown colons that are searched in."""
     until: float = number("s", 0.02, 36_000.0, default=20.0)
-    """Length of their insertions [s]."""
+    """Duration of the insertions that are searched, in simulated time [s]."""
     picture: Path | None = None
-    """Draw the searches, their profiles and the horizons there."""
+    """PNG file to draw the searches, their profiles and the horizons in."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 

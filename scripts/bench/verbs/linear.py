@@ -13,11 +13,11 @@ class BenchLinear:
     worlds: str = "1,128"
     """Numbers of worlds, separated by commas."""
     dofs: str = "40,80,160,400"
-    """Numbers of joints, about: of 40, 80, 160, 400."""
+    """Approximate numbers of joints of the scopes, separated by commas: some of 40, 80, 160, 400."""
     threads: int = whole(1, 4096, default=1)
-    """Threads of the CPU that share the worlds."""
+    """Number of threads of the CPU that share the worlds."""
     device: Literal["cpu", "cuda"] = "cpu"
-    """Threads of the CPU, or the first NVIDIA GPU."""
+    """Where steps are computed: on threads of the CPU, or on the first NVIDIA GPU."""
     mesentery: bool = False
     """Let the colons move on their mesentery."""
     dense: bool = True

@@ -21,7 +21,7 @@ class BenchMotion:
     colons: int = whole(2, 10_000, default=10)
     """Number of grown colons, from seed 300000 on."""
     seconds: float = number("s", 1.0, 3600.0, default=120.0)
-    """Longest run [s]."""
+    """Longest run, in simulated time [s]."""
     others: tuple[Path, ...] = ()
     """Folders of other colons, run as they were imaged."""
     json: bool = field(default=False)

@@ -15,7 +15,7 @@ class BenchProfile:
     colon: Path | None = None
     """Folder of a colon; grown seed 0 with a wall of prisms when not given."""
     quick: bool = False
-    """2 s of simulated time after 5 s instead of 5 s after 15 s."""
+    """Time 2 s of simulated time after 5 s instead of 5 s after 15 s."""
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
     """Folder for profile.json."""
     json: bool = field(default=False)

@@ -14,7 +14,7 @@ class BenchPushes:
     colon: Path
     """Folder of a colon."""
     wall: Literal["planes", "coacd", "prism"] = "planes"
-    """What holds it: tangent planes, or convex pieces."""
+    """What holds the tip: tangent planes, or convex pieces by CoACD or by direct cuts."""
     count: int = whole(1, 10**9, default=1000)
     """Number of pushes."""
     seed: int = whole(0, 2**63 - 1, default=0)

@@ -16,11 +16,11 @@ class BenchRigs:
     worlds: str = "1,64,1024,8192,32768"
     """Numbers of worlds, separated by commas."""
     rigs: str = "track,device"
-    """Which rigs: track, device."""
+    """Names of rigs, separated by commas: track, device."""
     study: int = whole(0, 10**9, default=0)
-    """Jobs of the propulsion study that ships, spread over all of it, that are answered and timed; 10000 is all."""
+    """Number of jobs of the shipped propulsion study, spread over all of it, that are timed; 10000 is all, 0 none."""
     device: str | None = None
-    """As Warp names it: cuda:0, cpu; its own choice when not given."""
+    """Device that Warp uses: cuda:0, cpu; its own choice when not given."""
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
     """Folder for rigs.json."""
     json: bool = field(default=False)

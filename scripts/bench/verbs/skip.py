@@ -19,9 +19,9 @@ class BenchSkip:
     seconds: float = number("s", 1.0, 60.0, default=10.0)
     """Simulated time of each replay [s]."""
     repeats: int = whole(1, 10_000, default=5)
-    """How often each pair is timed."""
+    """Number of timings of each pair."""
     quick: bool = False
-    """5 s of simulated time and 3 repeats."""
+    """Take 5 s of simulated time and 3 repeats."""
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
     """Folder for skip.json."""
     json: bool = field(default=False)

@@ -13,7 +13,7 @@ class BenchTracked:
     """Step one track, the whole device and an empty scene on one core, and time the five-by-two study."""
 
     seconds: float = number("s", 0.02, 36_000.0, default=1.0)
-    """CPU time spent on each."""
+    """Processor time spent on each [s]."""
     json: bool = False
     """Print one JSON document instead of a table."""
 

@@ -14,11 +14,11 @@ class BenchView:
     joints: str = "40,60,80,100,120,140"
     """Numbers of joints, separated by commas."""
     triangles: int = whole(1000, 10**8, default=623_805)
-    """The lumen's; the published scene has so many."""
+    """Number of the lumen's triangles; by default that of the published scene."""
     width: int = whole(16, 8192, default=640)
-    """Columns of a picture."""
+    """Columns of a picture [pixels]."""
     height: int = whole(16, 8192, default=480)
-    """Rows of a picture."""
+    """Rows of a picture [pixels]."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 

@@ -16,20 +16,21 @@ class BenchWorlds:
     worlds: str = "1,32,128"
     """Numbers of worlds, separated by commas."""
     backend: Literal["linear", "linear-gpu", "native", "warp"] = "linear"
-    """Linear time on threads or on an NVIDIA GPU, MuJoCo's engine on threads, or MuJoCo Warp on an NVIDIA GPU."""
+    """What computes: linear time on threads (linear) or on an NVIDIA GPU (linear-gpu), MuJoCo's engine on threads
+    (native), or MuJoCo Warp on an NVIDIA GPU (warp)."""
     threads: int = whole(1, 4096, default=1)
-    """Threads of the CPU that share the worlds."""
+    """Number of threads of the CPU that share the worlds."""
     colons: int = whole(1, 1000, default=2)
-    """Grown colons (seeds 0, 1, ...) that the worlds share."""
+    """Number of grown colons, from seed 0 on, that the worlds share."""
     design: str = "adult"
     """Name of a scope design, or a file that ends in .toml."""
     insertions: int = whole(0, 1_000_000, default=0)
-    """Insertions of 30 s by the lumen follower that are timed as a whole, compilation included; not on 'native'."""
+    """Number of insertions of 30 s by the lumen follower, timed as a whole with compilation; not on 'native'."""
     timestep: float = number("s", 1e-5, 0.02, default=0.005)
     """Integration step [s]."""
     compare: float = number("s", 0.0, 36_000.0, default=0.0)
-    """Simulated time over which one scope in each colon is compared with a native one of 140 joints under the same
-    inputs [s]."""
+    """Simulated time over which a scope in each colon is compared with a native one of 140 joints under the same
+    inputs [s]; 0 for no comparison."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 
