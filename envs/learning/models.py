@@ -12,7 +12,8 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 from haustra.envs.learning.imitate import imitate
 from haustra.envs.learning.policy import MlpPolicy
 from haustra.envs.learning.settings import Training
-from haustra.envs.tasks.scope_task import ACTIONS, ScopeTask
+from haustra.envs.tasks.actions import ACTIONS
+from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import UnsupportedSceneError
 
 _LEAST_DEVIATION = 0.1

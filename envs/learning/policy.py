@@ -9,8 +9,8 @@ from jaxtyping import Float
 
 from haustra.assets import asset
 from haustra.envs.tasks import observation as seen_by
+from haustra.envs.tasks.actions import ACTIONS
 from haustra.envs.tasks.config import TaskConfig
-from haustra.envs.tasks.scope_task import ACTIONS
 from haustra.errors import HaustraError, InvalidOptionError, UnreadableFileError
 from haustra.files import prepare_folder, write_atomically, write_json
 from haustra.reading import read_document

@@ -7,7 +7,7 @@ Every rule is the function that other backends call: `haustra.envs.control.follo
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from types import SimpleNamespace
-from typing import Any, ClassVar, final
+from typing import Any, final
 
 import numpy as np
 from jaxtyping import Float
@@ -19,10 +19,10 @@ from haustra.envs.runs.tally import Measured, Tally, counted
 from haustra.envs.sim.linear.layout import seen_slot
 from haustra.envs.sim.linear.memory import Lanes
 from haustra.envs.sim.linear.program import ScopeProgram
+from haustra.envs.sim.linear.sensing import hand_lead, inserted_length, largest_force, largest_load, tip_arc
 from haustra.envs.sim.linear.trace import Value
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.injury.pain import pain, pressed_tension
-from haustra.models.injury.perforation import link_load
 from haustra.models.wall.vectors import Vector, dot, minus
 
 STATION_STEP = 0.01
@@ -54,7 +54,20 @@ class InsertionProgram:
     """Whether how far a scope stands outside the lumen is measured after every decision; otherwise it is bounded, and
     measured only where the bound does not rule out that the scope has left the colon."""
 
-    slots: ClassVar[int] = _OUTSIDE + 1
+    @property
+    def slots(self) -> int:
+        """Settings, memory, scores, and how far it is outside."""
+        return _OUTSIDE + 1
+
+    @property
+    def asks(self) -> int:
+        """Nothing comes from outside."""
+        return 0
+
+    @property
+    def tells(self) -> int:
+        """Nothing goes out beside what is kept."""
+        return 0
 
     @property
     def room(self) -> int:
@@ -97,17 +110,17 @@ class InsertionProgram:
 
     def _sense(self, scopes: ScopeProgram, look_ahead: Value) -> Sensed:
         state, layout, seen = scopes.state, scopes.layout, scopes.seen
-        arc, (up, left) = self._tip_arc(scopes), scopes.bend()
+        arc, (up, left) = tip_arc(scopes), scopes.bend()
         away = minus(scopes.station(arc + look_ahead)[0], seen.vector(seen_slot("tip")))
         frame = [seen.vector(seen_slot("tip_frame") + 3 * row) for row in range(3)]
         ahead: Any = tuple(dot((frame[0][axis], frame[1][axis], frame[2][axis]), away) for axis in range(3))
-        wall, tip = self._largest_force(scopes)
+        wall, tip = largest_force(scopes)
         return Sensed(
             time=state.load(layout.time),
             arc=arc,
-            insertion=self._insertion(scopes),
+            insertion=inserted_length(scopes),
             roll=state.load(1),
-            hand_lead=state.load(layout.hand) - state.load(0),
+            hand_lead=hand_lead(scopes),
             push_force=scopes.reading("push_force"),
             wall_force=wall,
             tip_force=tip,
@@ -116,46 +129,17 @@ class InsertionProgram:
         )
 
     def _score(self, scopes: ScopeProgram, numbers: Lanes, room: Lanes, still: Value) -> None:
-        xp, arc, insertion = scopes.program.xp, self._tip_arc(scopes), self._insertion(scopes)
+        xp, arc, insertion = scopes.program.xp, tip_arc(scopes), inserted_length(scopes)
         tally = Tally(*(numbers.load(_TALLY + slot) for slot in range(len(Tally._fields))))
         outside = self._outside(scopes, room, arc, insertion)
         modelled = scopes.scope("length")
         ended = ending(xp, outside=outside, arc=arc, length=scopes.length(), insertion=insertion, modelled=modelled)
-        wall, _ = self._largest_force(scopes)
+        wall, _ = largest_force(scopes)
         hand = scopes.reading("push_force"), scopes.reading("torque")
-        measured = Measured(arc, insertion, *hand, wall, *self._largest_load(scopes), *self._largest_pain(scopes))
+        measured = Measured(arc, insertion, *hand, wall, *largest_load(scopes), *self._largest_pain(scopes))
         for slot, (new, old) in enumerate(zip(counted(xp, tally, measured, ended), tally, strict=True)):
             numbers.store(_TALLY + slot, xp.where(still, new, old))
         numbers.store(_OUTSIDE, xp.where(still, outside, numbers.load(_OUTSIDE)))
-
-    def _tip_arc(self, scopes: ScopeProgram) -> Value:
-        return scopes.state.load(scopes.layout.arcs + scopes.spheres)
-
-    def _insertion(self, scopes: ScopeProgram) -> Value:
-        return scopes.scope("start") + scopes.state.load(0)
-
-    def _largest_force(self, scopes: ScopeProgram) -> tuple[Value, Value]:
-        """Largest resultant of the wall on one link, and on one of the bending section [N]."""
-        program = scopes.program
-        wall, tip = program.variable(0.0), program.variable(0.0)
-        with program.loop(0, scopes.bodies) as body:
-            force = scopes.link_force(body)
-            wall.value = program.xp.maximum(wall.value, force)
-            with program.when(scopes.of_tip(body)):
-                tip.value = program.xp.maximum(tip.value, force)
-        return wall.value, tip.value
-
-    def _largest_load(self, scopes: ScopeProgram) -> tuple[Value, Value]:
-        """Largest load of the wall under a link over the median person's strength [1], and arc length there [m]."""
-        program, xp = scopes.program, scopes.program.xp
-        up, left = scopes.bend()
-        bend, diameter = xp.sqrt(up * up + left * left), 2 * scopes.scope("radius")
-        most, where = program.variable(0.0), program.variable(0.0)
-        with program.loop(0, scopes.bodies) as body:
-            load = link_load(xp, scopes.link_force(body), bend, scopes.of_tip(body), diameter)
-            where.value = xp.where(load > most.value, xp.maximum(scopes.link_arc(body), 0.0), where.value)
-            most.value = xp.maximum(most.value, load)
-        return most.value, where.value
 
     def _largest_pain(self, scopes: ScopeProgram) -> tuple[Value, Value]:
         """Largest tension of wall or mesentery over that which hurts [1], and arc length there [m]."""

@@ -10,9 +10,20 @@ from jaxtyping import Float, Int, UInt8
 from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.device_arrays import on_device
 from haustra.envs.sim.precision import precise
-from haustra.envs.tasks.sight import DEPTH_STEPS, STEPS, Eyes, Lumens, March, Sight, begin_march, march, ray_directions
+from haustra.envs.tasks.sight import (
+    DEPTH_STEPS,
+    STEPS,
+    Eyes,
+    Lumens,
+    March,
+    Sight,
+    begin_march,
+    march,
+    of_vectors,
+    ray_directions,
+)
 from haustra.envs.view.picture.lens import lens_rays
-from haustra.models.wall import moving_colon
+from haustra.models.wall import moving_colon, vectors
 from haustra.models.wall.lumen_table import pick
 
 
@@ -29,12 +40,13 @@ class DeviceEyes(Eyes):
         def cast(rays, steps, case, eye, frame, arc, displacement):
             directions = jnp.einsum("wij,rj->wri", frame, rays)
             now = begin_march(jnp, arc, len(rays), steps[-1])
+            stations, eyes, along = lumens.stations(case), vectors.of(eye[:, None]), vectors.of(directions)
             at_rest = None
             if tables is not None and displacement is not None:
                 at_rest = moving_colon.back_to_reference(jnp, pick(tables, case), displacement)
 
             def further(now: March, distance: Any) -> tuple[March, None]:
-                return march(jnp, lumens, case, eye, directions, now, distance, at_rest), None
+                return march(jnp, lumens, stations, eyes, along, now, distance, of_vectors(jnp, at_rest)), None
 
             return jax.lax.scan(further, now, steps)[0].found
 

@@ -7,8 +7,9 @@ from jaxtyping import Bool, Float
 
 from haustra.envs.control import follower
 from haustra.envs.control.follower import FollowerSettings, Memory, Steering
+from haustra.envs.tasks.actions import ACTIONS
 from haustra.envs.tasks.observation import Observation as Parts
-from haustra.envs.tasks.scope_task import ACTIONS, ScopeTask
+from haustra.envs.tasks.scope_task import ScopeTask
 
 
 class Driver(Protocol):

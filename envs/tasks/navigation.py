@@ -7,10 +7,11 @@ import numpy as np
 from gymnasium import spaces
 
 from haustra.envs.tasks import observation as seen_by
+from haustra.envs.tasks.actions import ACTIONS
 from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.calls import checked_action, require_no_options
 from haustra.envs.tasks.config import TaskConfig
-from haustra.envs.tasks.scope_task import ACTIONS, ScopeTask
+from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import InvalidOptionError
 from haustra.fields import Number, shown
 

@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from functools import cache
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
@@ -17,8 +17,10 @@ from jaxtyping import Bool, Float, Int, UInt8
 from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.tasks.case import TabulatedColon
 from haustra.envs.view.picture.lens import lens_rays
+from haustra.models.wall import vectors
 from haustra.models.wall.lumen_table import pick, stack
 from haustra.models.wall.moving_colon import back_to_reference
+from haustra.models.wall.vectors import Vector, add, dot, minus, times
 
 RANGE = 0.12
 """Farthest distance that is measured [m]: the lamps show little beyond; engineering choice."""
@@ -60,6 +62,22 @@ class Lumens(NamedTuple):
     """(colons,): its stations."""
     step: Any
     """(colons,): distance between its stations [m]."""
+
+    def stations(self, case: Any) -> "Stations":
+        """Those of each world's colon, with an axis for rays."""
+        count = self.count[case][:, None].astype(np.float32)
+        return Stations(self.step[case][:, None], self.first[case][:, None], count)
+
+
+class Stations(NamedTuple):
+    """Where in the tables each world's colon is."""
+
+    step: Any
+    """Distance between its stations [m]."""
+    first: Any
+    """Index of the first."""
+    count: Any
+    """How many there are: a real number."""
 
 
 class Sight:
@@ -105,13 +123,14 @@ class Sight:
             directions: unit vectors.
             arc: arc length of the eye [m].
             steps: distances at which the wall is looked for [m].
-            at_rest: as in `march`.
+            at_rest: takes points near arc lengths to where they would be, had the colon not moved.
         """
         steps = (STEPS if steps is None else steps).astype(np.float32)
         eye, directions = eye.astype(np.float32), directions.astype(np.float32)
         now = begin_march(np, arc, directions.shape[1], float(steps[-1]))
+        stations, eyes, rays = self.lumens.stations(case), vectors.of(eye[:, None]), vectors.of(directions)
         for distance in steps:
-            now = march(np, self.lumens, case, eye, directions, now, distance, at_rest)
+            now = march(np, self.lumens, stations, eyes, rays, now, distance, of_vectors(np, at_rest))
             if not now.open.any():
                 break
         return now.found.astype(float)
@@ -129,7 +148,7 @@ class Sight:
     ) -> Float[np.ndarray, "worlds size size"]:
         """Distance to the wall in each pixel of a fisheye picture [m]; zero outside the lens's circle.
 
-        Colons that have moved are drawn with `at_rest`, as `march` takes it.
+        Colons that have moved are drawn with `at_rest`, as `distances` takes it.
         """
         rays, within = lens_rays(field_of_view_deg, size)
         directions = rays.reshape(-1, 3) @ frame.swapaxes(-1, -2)
@@ -143,7 +162,8 @@ class Sight:
         arcs: Float[np.ndarray, "worlds points"],
     ) -> Bool[np.ndarray, "worlds points"]:
         """Whether points near those arc lengths [m] lie in the lumen."""
-        return _room(np, self.lumens, case, points.astype(np.float32), arcs.astype(np.float32))[1] > 0
+        places = vectors.of(points.astype(np.float32))
+        return room(np, self.lumens, self.lumens.stations(case), places, arcs.astype(np.float32))[1] > 0
 
     def beyond(
         self,
@@ -152,12 +172,12 @@ class Sight:
         arc: Float[np.ndarray, " worlds"],
     ) -> Float[np.ndarray, "worlds 3"]:
         """Unit vectors outwards, away from the centreline, of eyes that are beyond the wall; zero in the lumen."""
-        lumens, places = self.lumens, eye.astype(np.float32)[:, None]
-        arcs, room = _room(np, lumens, case, places, arc.astype(np.float32)[:, None])
+        lumens, places = self.lumens, vectors.of(eye.astype(np.float32)[:, None])
+        arcs, left = room(np, lumens, lumens.stations(case), places, arc.astype(np.float32)[:, None])
         station = np.clip(np.rint(arcs[:, 0] / lumens.step[case]), 0, lumens.count[case] - 1).astype(int)
         away = eye - lumens.points[lumens.first[case] + station]
         length = np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
-        return np.where(room > 0, 0.0, away / length)
+        return np.where(left > 0, 0.0, away / length)
 
     def surface(
         self, case: int, rows: Int[np.ndarray, " cells"], columns: Int[np.ndarray, " cells"]
@@ -229,7 +249,7 @@ class HostEyes(Eyes):
         return in_bytes(self._sight.depth(case, eye, frame, arc, **lens, at_rest=self._at_rest(case)))
 
     def _at_rest(self, case: Int[np.ndarray, " worlds"]) -> Callable[[Any, Any], Any] | None:
-        """As `march` takes it; None where colons are fixed."""
+        """As `Sight.distances` takes it; None where colons are fixed."""
         displacement = self._backend.displacement
         return None if displacement is None else back_to_reference(np, pick(self._backend.tables, case), displacement)
 
@@ -254,6 +274,10 @@ class March(NamedTuple):
     """Whether a ray is still in the lumen."""
 
 
+FIRST_ROOM, LEAST_ROOM = 1e-3, 1e-6
+"""Distance from an eye to the wall before it was looked for, and the least that counts where it is on the way [m]."""
+
+
 def begin_march(xp: ModuleType, arc: Float[Any, " worlds"], rays: int, farthest: Any) -> March:
     """Rays at their eyes, at arc length `arc` [m].
 
@@ -266,56 +290,80 @@ def begin_march(xp: ModuleType, arc: Float[Any, " worlds"], rays: int, farthest:
     shape = (arc.shape[0], rays)
     return March(
         arcs=xp.broadcast_to(arc[:, None], shape).astype(np.float32),
-        room=xp.full(shape, 1e-3, np.float32),
+        room=xp.full(shape, FIRST_ROOM, np.float32),
         distance=xp.zeros((), np.float32),
         found=xp.full(shape, farthest, np.float32),
         open=xp.ones(shape, bool),
     )
 
 
+AtRest: TypeAlias = Callable[[Vector, Any], Vector]
+"""From places near arc lengths to where they would be, had the colon not moved."""
+
+
+def of_vectors(xp: ModuleType, at_rest: Callable[[Any, Any], Any] | None) -> AtRest | None:
+    """What takes vectors, given what takes arrays with an axis of components; None of a colon that does not move."""
+    return at_rest and (lambda place, arcs: vectors.of(at_rest(vectors.stacked(xp, place), arcs)))
+
+
 def march(
-    xp: ModuleType,
-    lumens: Lumens,
-    case: Int[Any, " worlds"],
-    eye: Float[Any, "worlds 3"],
-    directions: Float[Any, "worlds rays 3"],
+    xp: Any,
+    lumens: Any,
+    stations: Stations,
+    eye: Vector,
+    direction: Vector,
     now: March,
     distance: Any,
-    at_rest: Callable[[Any, Any], Any] | None = None,
+    at_rest: AtRest | None = None,
 ) -> March:
     """Take all rays on to one more distance from their eyes.
 
     Args:
-        xp: numpy or jax.numpy.
-        lumens: the colons.
-        case: which colon each world is in.
+        xp: numpy, jax.numpy, or what writes programs.
+        lumens: the colons: `points`, `frames` and `sight` of stations are read.
+        stations: of each world's colon.
         eye: where the rays begin [m].
-        directions: unit vectors.
+        direction: unit vectors.
         now: how far they are.
         distance: where to look next [m].
-        at_rest: takes points near arc lengths to where they would be, had the colon not moved.
+        at_rest: of colons that move.
     """
-    places = eye[:, None] + distance * directions
-    arcs, room = _room(xp, lumens, case, at_rest(places, now.arcs) if at_rest else places, now.arcs)
-    hit = now.open & (room <= 0)
-    share = now.room / xp.maximum(now.room - room, 1e-9)
-    found = xp.where(hit, now.distance + xp.clip(share, 0, 1) * (distance - now.distance), now.found)
-    return March(arcs, xp.maximum(room, 1e-6), distance, found, now.open & ~hit)
+    place = add(eye, times(distance, direction))
+    arcs, left = room(xp, lumens, stations, at_rest(place, now.arcs) if at_rest else place, now.arcs)
+    hit = now.open & (left <= 0)
+    share = now.room / xp.maximum(now.room - left, 1e-9)
+    found = xp.where(hit, now.distance + xp.clip(share, 0.0, 1.0) * (distance - now.distance), now.found)
+    return March(arcs, xp.maximum(left, LEAST_ROOM), distance, found, now.open & ~hit)
 
 
-def _room(xp: ModuleType, lumens: Lumens, case: Any, points: Any, arcs: Any) -> tuple[Any, Any]:
-    """Arc length of points that were near `arcs`, and the distance from there to the wall along the radius."""
-    first, last, step = lumens.first[case][:, None], lumens.count[case][:, None] - 1, lumens.step[case][:, None]
-    row = first + xp.clip(xp.rint(arcs / step), 0, last).astype(np.int32)
-    ahead = xp.einsum("wpi,wpi->wp", points - lumens.points[row], lumens.frames[row, :, 2])
-    arcs = (row - first) * step + xp.clip(ahead, -_WINDOW, _WINDOW)
-    arcs = arcs.astype(np.float32)
-    row = first + xp.clip(xp.rint(arcs / step), 0, last).astype(np.int32)
-    offset = points - lumens.points[row]
-    x = xp.einsum("wpi,wpi->wp", offset, lumens.frames[row, :, 0])
-    y = xp.einsum("wpi,wpi->wp", offset, lumens.frames[row, :, 1])
+def room(xp: Any, lumens: Any, stations: Stations, point: Vector, arcs: Any) -> tuple[Any, Any]:
+    """Arc length of points that were near `arcs`, and the distance from there to the wall along the radius [m].
+
+    Args:
+        xp: numpy, jax.numpy, or what writes programs.
+        lumens: as for `march`.
+        stations: of each world's colon.
+        point: places [m].
+        arcs: near them [m].
+    """
+    step, first, last = stations.step, stations.first, stations.count - 1
+    station = xp.clip(xp.rint(arcs / step), 0.0, last)
+    row = first + xp.int32(station)
+    ahead = dot(minus(point, _middle(lumens, row)), _axis(lumens, row, 2))
+    arcs = station * step + xp.clip(ahead, -_WINDOW, _WINDOW)
+    row = first + xp.int32(xp.clip(xp.rint(arcs / step), 0.0, last))
+    offset = minus(point, _middle(lumens, row))
+    x, y = dot(offset, _axis(lumens, row, 0)), dot(offset, _axis(lumens, row, 1))
     angles = lumens.sight.shape[1]
-    column = xp.rint(xp.arctan2(y, x) * (angles / (2 * np.pi))).astype(np.int32) % angles
-    room = lumens.sight[row, column] - xp.sqrt(x * x + y * y)
+    column = xp.int32(xp.rint(xp.arctan2(y, x) * (angles / (2 * np.pi)))) % angles
+    left = lumens.sight[row, column] - xp.sqrt(x * x + y * y)
     # The caecum's end is a wall too; before the anus it is open.
-    return arcs, xp.minimum(room, (last + 0.5) * step - arcs).astype(np.float32)
+    return arcs, xp.minimum(left, (last + 0.5) * step - arcs)
+
+
+def _middle(lumens: Any, row: Any) -> Vector:
+    return lumens.points[row, 0], lumens.points[row, 1], lumens.points[row, 2]
+
+
+def _axis(lumens: Any, row: Any, axis: int) -> Vector:
+    return lumens.frames[row, 0, axis], lumens.frames[row, 1, axis], lumens.frames[row, 2, axis]

@@ -6,11 +6,12 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from haustra.envs.tasks.actions import ACTIONS
 from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.calls import checked_action, require_no_options
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.navigation import action_space, configured, observation_space
-from haustra.envs.tasks.scope_task import ACTIONS, ScopeTask
+from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import InvalidOptionError
 from haustra.fields import shown
 
@@ -87,14 +88,11 @@ class NavigationVectorEnv(VectorEnv):
         mode, begins = self.metadata["autoreset_mode"], self._over.copy()
         if mode is AutoresetMode.DISABLED and begins.any():
             raise InvalidOptionError("Episodes are over and autoreset is disabled: reset them with a reset_mask.")
-        done = self.task.step(checked_action(actions, (self.num_envs, len(ACTIONS))))
-        reward, ended, late = done.reward.copy(), done.terminated.copy(), done.truncated.copy()
+        done = self.task.step(checked_action(actions, (self.num_envs, len(ACTIONS))), begins)
+        reward, ended, late = done.reward, done.terminated, done.truncated
         seen, info = done.observation, _info(done.info)
-        if mode is AutoresetMode.NEXT_STEP and begins.any():
-            seen = self.task.reset(np.flatnonzero(begins))
-            reward[begins], ended[begins], late[begins] = 0.0, False, False
-            for name in done.info:
-                info[f"_{name}"] = info[f"_{name}"] & ~begins
+        if begins.any():
+            info |= {f"_{name}": ~begins for name in done.info}
         over = ended | late
         if mode is AutoresetMode.SAME_STEP and over.any():
             info = _info({}) | self._final(seen, info, over)

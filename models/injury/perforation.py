@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from scipy.special import ndtr
 
 from haustra.models.injury.numbers import injury_number
 
@@ -64,7 +65,7 @@ def link_load(xp: Any, force: Any, bend: Any, of_head: Any, diameter: Any) -> An
     return force / (size * xp.where(of_head, head_strength(xp, bend), _SIDEWAYS))
 
 
-def worst_load(xp: Any, worst: tuple[Any, Any], load: Any, arc: Any, escaped: Any) -> tuple[Any, Any]:
+def worst_load(xp: Any, worst: tuple[Any, Any], load: Any, arc: Any, escaped: Any = None) -> tuple[Any, Any]:
     """The largest load over strength of a run so far [1], and the arc length where it was [m].
 
     A scope that has left through the wall has torn it, where it presses then, or if it does not, where it did most.
@@ -74,10 +75,12 @@ def worst_load(xp: Any, worst: tuple[Any, Any], load: Any, arc: Any, escaped: An
         worst: before.
         load: the largest now.
         arc: where that is.
-        escaped: whether the scope has left through the wall.
+        escaped: whether the scope has left through the wall; None where nobody looks.
     """
-    taken = (load > worst[0]) | (escaped & (load > 0))
-    return xp.where(escaped, TORN, xp.maximum(worst[0], load)), xp.where(taken, arc, worst[1])
+    most, taken = xp.maximum(worst[0], load), load > worst[0]
+    if escaped is not None:
+        most, taken = xp.where(escaped, TORN, most), taken | (escaped & (load > 0))
+    return most, xp.where(taken, arc, worst[1])
 
 
 def gas_load(pressure: Float[np.ndarray, "*places"], bursting: Float[np.ndarray, "..."]) -> Any:
@@ -95,4 +98,4 @@ def perforation_probability(load: Float[np.ndarray, "*runs"] | float) -> Any:
     """Share of people whose wall is torn by the largest load over median strength of a run [1]."""
     with np.errstate(divide="ignore"):
         deviation = np.log(load) / SIGMA
-    return np.vectorize(lambda value: 0.5 * math.erfc(-value / math.sqrt(2)), otypes=[float])(deviation)[()]
+    return ndtr(deviation)

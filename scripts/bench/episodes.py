@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.tasks.actions import ACTIONS
 from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.drivers import FollowerDriver
-from haustra.envs.tasks.scope_task import ACTIONS, ScopeTask
-from haustra.errors import UnsupportedSceneError
+from haustra.envs.tasks.episode_program import IN_PROGRAM
+from haustra.envs.tasks.scope_task import ScopeTask
+from haustra.errors import InvalidOptionError, UnsupportedSceneError
 
 _WARM_UP = 20
 """Steps and resets before memory is first read: caches fill, threads start."""
@@ -19,6 +21,8 @@ _WARM_UP = 20
 
 _LOOKS = 10
 """Observations that are timed."""
+_IN_PLACE = 50
+"""Control steps that are timed without fetching what they lead to."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,14 @@ class StepRate:
     """Processor time of one environment step of one world [s]: it does not depend on what else runs."""
     looks_per_second: float | None
     """Observations over all worlds per second, where no step is taken [1/s]; None where they are measured anyway."""
+    on_host_per_second: float | None
+    """As `per_second`, where numpy works out what is seen and paid instead of the backend's program, turn by turn with
+    it [1/s]; None where nobody asked."""
+    on_host_cpu_per_step: float | None
+    """As `cpu_per_step`, likewise [s]."""
+    in_place_per_second: float | None
+    """As `per_second`, where actions and all that they lead to stay in the program's arrays [1/s]; None where it has
+    none."""
     depth: float
     """Mean arc length of the tips at the end [m]: contacts, and with them the cost, grow with it."""
 
@@ -46,29 +58,84 @@ def step_rate(
     threads: int,
     seconds: float,
     backend: str = "native",
+    compare: bool = False,
 ) -> StepRate:
-    """Let the follower insert scopes for `seconds` of simulated time, and time the environment's own part."""
-    task = ScopeTask(config, worlds=worlds, threads=threads, backend=backend, bank=bank)
-    seen = task.reset(seeds=list(range(worlds)))
-    driver = FollowerDriver(task)
-    driver.begin(np.ones(worlds, bool))
-    wall = cpu = 0.0
-    task.step(np.zeros((worlds, len(ACTIONS))))  # compilation, where there is one, is not the rate
-    steps = max(1, round(seconds / task.interval))
+    """Let the follower insert scopes for `seconds` of simulated time, and time the environment's own part.
+
+    Args:
+        config: the rules.
+        bank: the colons.
+        worlds: stepped together.
+        threads: of the CPU.
+        seconds: simulated time of each world [s].
+        backend: as for `ScopeTask`.
+        compare: time the same episodes with numpy in place of the backend's program, too.
+
+    Raises:
+        InvalidOptionError: when they are to be compared and the backend has no such program.
+    """
+    linear = backend.startswith("linear")
+    if compare and not linear:
+        raise InvalidOptionError(
+            "Only the backends 'linear' and 'linear-gpu' have episodes in their program: leave compare out."
+        )
+    about = {"worlds": worlds, "threads": threads, "backend": backend, "bank": bank}
+    turns = [
+        _Timed(ScopeTask(config, **about, on_host=on_host)) for on_host in ((False, True) if compare else (False,))
+    ]
+    steps = max(1, round(seconds / turns[0].task.interval))
     for _ in range(steps):
-        action = driver.act(seen)
+        for turn in turns:
+            turn.step()
+    task, count = turns[0].task, steps * worlds
+    in_program = linear and not compare and set(task.parts) <= set(IN_PROGRAM)
+    looks = None if config.observation == "state" or in_program else _looks_per_second(turns[-1].task)
+    depth = float(task.seen.tip_arc.mean())
+    in_place = _in_place_per_second(task) if linear else None
+    for turn in turns:
+        turn.task.close()
+    rate, other = count / turns[0].wall, turns[1] if compare else None
+    return StepRate(
+        worlds,
+        per_second=rate,
+        simulated_per_second=rate * task.interval,
+        cpu_per_step=turns[0].cpu / count,
+        looks_per_second=looks,
+        on_host_per_second=other and count / other.wall,
+        on_host_cpu_per_step=other and other.cpu / count,
+        in_place_per_second=in_place,
+        depth=depth,
+    )
+
+
+class _Timed:
+    """A task that the follower drives, timed."""
+
+    def __init__(self, task: ScopeTask) -> None:
+        self.task, self.wall, self.cpu = task, 0.0, 0.0
+        self._seen, self._driver = task.reset(seeds=list(range(task.worlds))), FollowerDriver(task)
+        self._over = np.ones(task.worlds, bool)
+        self._driver.begin(self._over)
+        task.step(np.zeros((task.worlds, len(ACTIONS))))  # compilation, where there is one, is not the rate
+        self._over[:] = False
+
+    def step(self) -> None:
+        """One control step, as vector environments take it: episodes that were over begin anew."""
+        action = self._driver.act(self._seen)
         began, used = time.perf_counter(), time.process_time()
-        done = task.step(action)
-        wall += time.perf_counter() - began
-        cpu += time.process_time() - used
-        seen, over = done.observation, done.terminated | done.truncated
-        if over.any():
-            seen = task.reset(np.flatnonzero(over))
-            driver.begin(over)
-    looks = None if config.observation == "state" else _looks_per_second(task)
-    task.close()
-    count, depth = steps * worlds, float(task.seen.tip_arc.mean())
-    return StepRate(worlds, count / wall, count * task.interval / wall, cpu / count, looks, depth)
+        done = self.task.step(action, self._over)
+        self.wall += time.perf_counter() - began
+        self.cpu += time.process_time() - used
+        self._driver.begin(self._over)
+        self._seen, self._over = done.observation, done.terminated | done.truncated
+
+
+def _in_place_per_second(task: ScopeTask) -> float:
+    over = task.advance()
+    began = time.perf_counter()
+    for _ in range(_IN_PLACE):
+        over = task.advance(over)
+    return _IN_PLACE * task.worlds / (time.perf_counter() - began)
 
 
 def _looks_per_second(task: ScopeTask) -> float:

@@ -26,7 +26,7 @@ from haustra.models.scene import Scene
 from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables, pick
 from haustra.models.wall.mesentery import Mesentery
-from haustra.models.wall.moving_colon import AT_REST, POSE, AxisDisplacement
+from haustra.models.wall.moving_colon import POSE, AxisDisplacement
 
 
 class Row(NamedTuple):
@@ -61,6 +61,7 @@ class LinearBackend(AbstractBackend):
         scopes: Scope | None = None,
         driver: Driver | None = None,
         width: Float[np.ndarray, " rows"] | None = None,
+        lookup: Float[np.ndarray, " numbers"] | None = None,
         directions: int = 0,
     ) -> None:
         """Compile, or read what was compiled before.
@@ -76,6 +77,7 @@ class LinearBackend(AbstractBackend):
                 the scene's; that of the scene when None.
             driver: who drives within the program (`drive`); hands outside it when None (`step`).
             width: of the lumen at each row of the tables [m], for drivers that ask for it.
+            lookup: what else drivers look up.
             directions: along how many the derivatives of all numbers are carried (`gradients.Gradients`).
 
         Raises:
@@ -120,7 +122,10 @@ class LinearBackend(AbstractBackend):
             "state": np.zeros((blocks, self._layout.state, lanes)),
             "worlds": np.ones((blocks, len(WORLD), lanes)),
             "driver": np.zeros((blocks, driver.slots if driver else 1, lanes)),
+            "asked": np.zeros((max(driver.asks if driver else 0, 1), blocks * lanes)),
+            "told": np.zeros((max(driver.tells if driver else 0, 1), blocks * lanes)),
             "seen": np.zeros((blocks, self._first_link + self._layout.bodies, lanes)),
+            "lookup": np.zeros(1) if lookup is None else lookup,
             "design": self._designs(blocks),
             "structure": structure.numbers,
             "stations": stations,
@@ -143,38 +148,33 @@ class LinearBackend(AbstractBackend):
         self._reset(worlds, case, conditions)
 
     def _reset(self, worlds: np.ndarray, case: np.ndarray, conditions: Conditions) -> None:
-        options, tables, layout, scope = self.scene.options, self.tables, self._layout, self._scope
-        gravity = np.einsum("wij,i->wj", tables.axes[case], np.asarray(options.gravity))
-        values: dict[str, Any] = {name: getattr(tables, name)[case] for name in ("step", "first", "count")}
-        values |= {"device_radius": tables.device_radius[case], "bending": conditions.shaft_stiffness, "alive": 1.0}
-        values |= {f"gravity_{axis}": gravity[:, i] for i, axis in enumerate("xyz")}
-        if tables.mesentery is not None:
-            moving = tables.mesentery
-            values |= {"first_node": case * layout.nodes}
-            values |= {"spacing": moving.spacing[case], "pleating": moving.pleating[case]}
-        values |= {"stiffness": conditions.wall_stiffness, "friction": conditions.friction}
-        values |= {"damping_time": options.wall_damping_time}
+        options = self.scene.options
+        values = self._begun(case, conditions) | {"damping_time": options.wall_damping_time}
         values |= {"push_limit": options.push_limit, "torque_limit": options.torque_limit}
         for name, value in values.items():
             self._put("worlds", worlds, WORLD.index(name), value)
-        own = np.minimum(worlds, len(scope.start) - 1)
-        start = np.cumsum(scope.links.offset[..., 2], axis=1)
-        spheres, tip = start[:, self._chain.sample_body] + scope.sample_place[..., 2], start[:, -1:]
-        places = np.concatenate([spheres, tip + scope.tip_place[..., 2]], axis=1)[own]
-        block, lane = np.divmod(worlds, self._place.lanes)
-        state = self._held["state"].change()
-        state[block, :, lane] = 0.0
-        state[block, layout.arcs : layout.normals, lane] = places
-        if layout.nodes:
-            axes = layout.axis + NODE * np.arange(layout.nodes) + AT_REST.index(1.0)
-            state[block[:, None], axes, lane[:, None]] = 1.0
-        if conditions.roll is not None:
-            for slot in (1, layout.hand + 1):
-                self._put("state", worlds, slot, conditions.roll)
         if options.gas is not None:
-            self.gas = RunGas(self.scene, self.tables.wall, device_radius=float(tables.device_radius[0]))
+            self.gas = RunGas(self.scene, self.tables.wall, device_radius=float(self.tables.device_radius[0]))
             self._yield_to_gas(anew=True)
         self._run(0)
+
+    def deal(
+        self, worlds: Int[np.ndarray, " begun"], case: Int[np.ndarray, " begun"], conditions: Conditions
+    ) -> dict[str, Any]:
+        """Numbers that the driver is to give worlds which begin anew, by their names in `layout.WORLD` (`BEGUN`)."""
+        self._case[worlds] = case
+        return self._begun(case, conditions)
+
+    def _begun(self, case: np.ndarray, conditions: Conditions) -> dict[str, Any]:
+        tables, moving = self.tables, self.tables.mesentery
+        gravity = np.einsum("wij,i->wj", tables.axes[case], np.asarray(self.scene.options.gravity))
+        values: dict[str, Any] = {name: getattr(tables, name)[case] for name in ("step", "first", "count")}
+        values |= {"device_radius": tables.device_radius[case], "bending": conditions.shaft_stiffness, "alive": 1.0}
+        values |= {f"gravity_{axis}": gravity[:, i] for i, axis in enumerate("xyz")}
+        values |= {"first_node": case * self._layout.nodes}
+        values |= {name: 1.0 if moving is None else getattr(moving, name)[case] for name in ("spacing", "pleating")}
+        values |= {"stiffness": conditions.wall_stiffness, "friction": conditions.friction, "begins": 1.0}
+        return values | {"start_roll": 0.0 if conditions.roll is None else conditions.roll}
 
     def redesign(self, scopes: Scope) -> None:
         """Give each world another design of the same joints and spheres, before a reset.
@@ -279,9 +279,22 @@ class LinearBackend(AbstractBackend):
         """What the driver keeps of each world."""
         return self._of_worlds("driver", 0, self.numbers("driver").shape[1])
 
+    def ask_driver(self, first: int = 0, last: int | None = None) -> Float[np.ndarray, "rows row"]:
+        """What the driver is asked, a row a number; rows from the first to before the last are to be written to."""
+        return self._held["asked"].change(first, last)
+
+    def told(self, rows: int) -> Float[np.ndarray, "rows row"]:
+        """The first rows of what the driver told last, each with a number of each world."""
+        return self._held["told"].head(rows)
+
+    def columns(self, name: Literal["asked", "told"], rows: slice) -> Any:
+        """Rows of what the driver is asked or tells, as columns (worlds, rows), where they lie."""
+        return self._held[name].columns(rows, self.worlds)
+
     def _run(self, count: int) -> None:
-        layout = self._layout
-        counts = layout.dofs, layout.bodies, layout.spheres, layout.nodes, self._places, count
+        layout, lanes = self._layout, self._place.lanes
+        row = -(-self.worlds // lanes) * lanes
+        counts = layout.dofs, layout.bodies, layout.spheres, layout.nodes, self._places, count, row
         if self.gas is None or not count:
             self._place.run(self._held, counts, self.worlds)
             return

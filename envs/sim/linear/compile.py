@@ -5,7 +5,7 @@ import functools
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import llvmlite.binding as llvm
 import numpy as np
@@ -27,8 +27,20 @@ _BYTES = 32
 class Driver(Protocol):
     """Who drives scopes within a program, instead of hands outside it; those that are equal write the same."""
 
-    slots: ClassVar[int]
-    """Numbers that it keeps of each world."""
+    @property
+    def slots(self) -> int:
+        """Numbers that it keeps of each world."""
+        ...
+
+    @property
+    def asks(self) -> int:
+        """Numbers of each world that it is given from outside at every launch (`ScopeProgram.asked`)."""
+        ...
+
+    @property
+    def tells(self) -> int:
+        """Numbers of each world that it hands out (`ScopeProgram.told`)."""
+        ...
 
     @property
     def room(self) -> int:
@@ -69,9 +81,9 @@ def write_program(
         driver: who decides what the hands ask for; None: that is given. `steps` of `COUNTS` are then decisions.
         directions: along how many the derivatives of all numbers are carried.
     """
-    program, arrays, counts, (steps, first, last) = _begun(lanes, real, directions=directions)
+    program, arrays, counts, (steps, row, first, last) = _begun(lanes, real, directions=directions)
     with program.loop(first, last) as block:
-        own = _Worlds(program, arrays, counts, driver, block=block, stride=lanes)
+        own = _Worlds(program, arrays, counts, driver, block=block, stride=lanes, row=row)
         _step(program, own.arrays(angles, one_design, moving, room_of_block=False), counts, timestep, steps, driver)
     return program.finish()
 
@@ -85,7 +97,7 @@ def write_kernel(
     *, real: Any, timestep: float, angles: int, one_design: bool, moving: bool, driver: Driver | None = None
 ) -> str:
     """A control step of worlds on a graphics processor; `last` of `COUNTS` is how many worlds there are."""
-    program, arrays, counts, (steps, _, worlds) = _begun(1, real, approximate=True)
+    program, arrays, counts, (steps, row, _, worlds) = _begun(1, real, approximate=True)
     program.function.calling_convention = "ptx_kernel"
     builder = program.builder
     block, size, thread = (
@@ -95,7 +107,8 @@ def write_kernel(
     world = Value(program, builder.add(builder.mul(block, size), thread))
     with program.when(world < worlds):
         lane = world % WARP
-        own = _Worlds(program, arrays, counts, driver, block=(world - lane).over(WARP), stride=WARP, lane=lane)
+        place = {"block": (world - lane).over(WARP), "stride": WARP, "lane": lane, "row": row}
+        own = _Worlds(program, arrays, counts, driver, **place)
         _step(program, own.arrays(angles, one_design, moving, room_of_block=True), counts, timestep, steps, driver)
     return program.finish()
 
@@ -109,14 +122,15 @@ def _begun(
     kind = functools.partial(DualProgram, directions=directions) if directions else Program
     program = kind("advance", kinds, **about)
     arguments = program.function.args
-    *counts, steps, first, last = (Value(program, each) for each in arguments[len(ARGUMENTS) :])
-    return program, dict(zip(ARGUMENTS, arguments, strict=False)), tuple(counts), [steps, first, last]
+    *counts, steps, row, first, last = (Value(program, each) for each in arguments[len(ARGUMENTS) :])
+    return program, dict(zip(ARGUMENTS, arguments, strict=False)), tuple(counts), [steps, row, first, last]
 
 
 def _step(
     program: Program, arrays: dict[str, Any], counts: Any, timestep: float, steps: Value, driver: Driver | None
 ) -> None:
     scopes = ScopeProgram(program, arrays, counts, timestep=timestep)
+    scopes.lay()
     if driver:
         with program.when(steps > 0):
             driver.write(scopes, arrays["driver"], scopes.room.from_slot(scopes.layout.room), steps)
@@ -140,9 +154,11 @@ class _Worlds:
         *,
         block: Value,
         stride: int,
+        row: Value,
         lane: Any = None,
     ) -> None:
         self._program, self._arrays, self._block, self._stride, self._lane = program, arrays, block, stride, lane
+        self._row = row
         *parts, coils = counts
         layout = Layout(*parts)
         self._sizes = {
@@ -160,6 +176,8 @@ class _Worlds:
         own["room"] = self._lanes("room") if room_of_block else self._from(given["room"], "room")
         own["design"] = Shared(program, given["design"]) if one_design else self._lanes("design")
         own["structure"] = Shared(program, given["structure"], whole=True)
+        own |= {name: self._of_rows(name) for name in ("asked", "told")}
+        own["lookup"] = Shared(program, given["lookup"])
         tables = {"stations": Rows(program, given["stations"], 4), "wall": (Rows(program, given["wall"], 1), angles)}
         return own | tables | {"axis": Rows(program, given["axis"], len(AXIS) // 4) if moving else None}
 
@@ -173,6 +191,13 @@ class _Worlds:
         if self._lane is not None:
             start = builder.add(start, builder.sext(self._lane.written, LONG))
         return self._from(builder.gep(self._arrays[name], [start], source_etype=program.real), name)
+
+    def _of_rows(self, name: str) -> Lanes:
+        """Numbers that lie in one row for all worlds."""
+        program = self._program
+        first = self._block * self._stride + (0 if self._lane is None else self._lane)
+        base = program.builder.gep(self._arrays[name], [first.written], source_etype=program.real)
+        return Lanes(program, base, self._row)
 
     def _from(self, base: Any, name: str) -> Lanes:
         program = self._program

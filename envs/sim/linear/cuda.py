@@ -1,6 +1,7 @@
 """NVIDIA's driver, as far as programs need it: memory, kernels and launches, through ctypes."""
 
 import ctypes
+import math
 from collections.abc import Sequence
 from functools import cache
 from typing import Any
@@ -90,16 +91,17 @@ class DeviceArray:
         """Version 3 of the interface by which libraries share arrays."""
         return {"shape": self.shape, "typestr": self.dtype.str, "data": (self.pointer, False), "version": 3}
 
-    def put(self, values: np.ndarray) -> None:
-        """Copy values of the same shape there."""
+    def put(self, values: np.ndarray, *, first: int = 0) -> None:
+        """Copy values of the same shape there, or of some rows, from the first of them on."""
         own = np.ascontiguousarray(values, self.dtype)
         size = ctypes.c_size_t(own.nbytes)
-        _call("cuMemcpyHtoDAsync_v2", self._pointer, ctypes.c_void_p(own.ctypes.data), size, _STREAM)
+        there = ctypes.c_uint64(self.pointer + first * self.dtype.itemsize * math.prod(self.shape[1:]))
+        _call("cuMemcpyHtoDAsync_v2", there, ctypes.c_void_p(own.ctypes.data), size, _STREAM)
         _wait()
 
-    def get(self) -> np.ndarray:
-        """Copy them here."""
-        own = np.empty(self.shape, self.dtype)
+    def get(self, rows: int | None = None) -> np.ndarray:
+        """Copy them here, or their first rows."""
+        own = np.empty(self.shape if rows is None else (rows, *self.shape[1:]), self.dtype)
         size = ctypes.c_size_t(own.nbytes)
         _call("cuMemcpyDtoHAsync_v2", ctypes.c_void_p(own.ctypes.data), self._pointer, size, _STREAM)
         _wait()
@@ -108,6 +110,22 @@ class DeviceArray:
     def __del__(self) -> None:
         if getattr(self, "_pointer", None):
             _driver()[0].cuMemFree_v2(self._pointer)
+
+
+class DeviceColumns:
+    """Rows of an array as columns, where they lie; JAX, torch and CuPy take them as they are."""
+
+    def __init__(self, of: DeviceArray, rows: slice, count: int) -> None:
+        """The first `count` numbers of some rows of an array of rows."""
+        self._of = of
+        self.shape, self._first = (count, rows.stop - rows.start), rows.start
+
+    @property
+    def __cuda_array_interface__(self) -> dict[str, Any]:
+        """Version 3 of the interface by which libraries share arrays; as of `DeviceArray`."""
+        size, row = self._of.dtype.itemsize, self._of.shape[1]
+        there = {"data": (self._of.pointer + self._first * row * size, False), "strides": (size, row * size)}
+        return self._of.__cuda_array_interface__ | {"shape": self.shape} | there
 
 
 class Kernel:

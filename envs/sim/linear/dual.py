@@ -65,7 +65,7 @@ class DualProgram(Program):
         """As of any program: absolute values and roots have derivatives; a root of 0 has none, and a floor never."""
         found = super().call(name, *values)
         (at,) = values
-        if not isinstance(at, Dual) or name == "floor":
+        if not isinstance(at, Dual) or name in ("floor", "rint"):
             return found
         rate = {
             "fabs": lambda: self.xp.where(at < 0, -1.0, 1.0),

@@ -17,8 +17,13 @@ SCOPE = ("radius", "start", "tip", "pull_limit", "wire_friction", "wire_hysteres
 WORLD = ("one", "bending", "tip_bending", "torsion", "stiffness", "damping_time", "friction", "push_limit",
          "torque_limit", "gravity_x", "gravity_y", "gravity_z", "step", "first", "count", "device_radius",
          "first_node", "spacing", "pleating",
-         "push_rate", "roll_rate", "up", "left", "down", "right", "alive")  # fmt: skip
-"""Numbers of a world: what scales joints, its wall, hand and colon, what hands ask, whether it is stepped."""
+         "push_rate", "roll_rate", "up", "left", "down", "right", "alive", "begins", "start_roll")  # fmt: skip
+"""Numbers of a world: what scales joints, its wall, hand and colon, what hands ask, whether it is stepped, whether its
+scope is to be laid straight before that, and how it is turned then [rad]."""
+
+BEGUN = ("step", "first", "count", "device_radius", "first_node", "spacing", "pleating", "gravity_x", "gravity_y",
+         "gravity_z", "bending", "stiffness", "friction", "start_roll", "alive", "begins")  # fmt: skip
+"""Those of them that a world which begins anew is given."""
 
 AXIS = ("place", "y", "z", "turn", "tangent", "tangent_y", "tangent_z", "length", "tension", "bending", "slack", "hold",
         "support", "drag", "width", "torsion", "upright", "turn_drag", "closing", "closing_y", "closing_z", "load",

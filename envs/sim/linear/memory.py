@@ -19,9 +19,10 @@ class Slots(Protocol):
 class Lanes:
     """Numbers that each world has of its own: worlds side by side, slot after slot."""
 
-    def __init__(self, program: Program, base: Any, stride: int) -> None:
+    def __init__(self, program: Program, base: Any, stride: int | Value) -> None:
         """`base` points at slot 0 of the program's lanes; slots are `stride` numbers apart."""
-        self._program, self._base, self._stride = program, base, stride
+        self._program, self._base = program, base
+        self._stride: Any = stride
 
     def load(self, slot: Number) -> Value:
         """The number there."""
@@ -101,6 +102,17 @@ class Shared:
         program = self._program
         place = program.builder.gep(self._base, [program.index(slot).written], source_etype=self._kind)
         return Value(program, program.builder.load(place, typ=self._kind))
+
+    def gather(self, slot: Value) -> Value:
+        """The number there, where each lane has a slot of its own."""
+        program, builder = self._program, self._program.builder
+        if slot.lanes == 1:
+            return self.load(slot)
+        found: Any = ir.Constant(ir.VectorType(self._kind, slot.lanes), ir.Undefined)
+        for lane in range(slot.lanes):
+            number = self.load(Value(program, builder.extract_element(slot.written, ir.Constant(INDEX, lane))))
+            found = builder.insert_element(found, number.written, ir.Constant(INDEX, lane))
+        return Value(program, found)
 
 
 class Rows:

@@ -9,10 +9,10 @@ from typing import Any, Protocol
 import numpy as np
 
 from haustra.envs.sim.linear.compile import WARP, assembled, compiled, lanes_of, write_kernel, write_program
-from haustra.envs.sim.linear.cuda import DeviceArray, Kernel, processors
+from haustra.envs.sim.linear.cuda import DeviceArray, DeviceColumns, Kernel, processors
 from haustra.envs.sim.linear.program import ARGUMENTS
 
-_WRITTEN = ("state", "worlds", "seen", "room", "driver")
+_WRITTEN = ("state", "worlds", "seen", "room", "driver", "told")
 """What a program writes to, of `ARGUMENTS`."""
 
 
@@ -23,8 +23,16 @@ class Held(Protocol):
         """What they are now, not to be written to."""
         ...
 
-    def change(self) -> np.ndarray:
-        """What they are now, to be written to before the next run."""
+    def change(self, first: int = 0, last: int | None = None) -> np.ndarray:
+        """What they are now, to be written to before the next run: rows from the first to before the last, or all."""
+        ...
+
+    def head(self, rows: int) -> np.ndarray:
+        """The first `rows` of them now."""
+        ...
+
+    def columns(self, rows: slice, count: int) -> Any:
+        """Some rows as columns (count, rows), where they lie: whoever takes them reads and writes without a copy."""
         ...
 
 
@@ -57,7 +65,14 @@ class _Here:
     def read(self) -> np.ndarray:
         return self._values
 
-    change = read
+    def change(self, first: int = 0, last: int | None = None) -> np.ndarray:
+        return self._values
+
+    def head(self, rows: int) -> np.ndarray:
+        return self._values[:rows]
+
+    def columns(self, rows: slice, count: int) -> np.ndarray:
+        return self._values[rows, :count].T
 
 
 _MAKING = Lock()
@@ -114,22 +129,31 @@ class _There:
     def __init__(self, values: np.ndarray) -> None:
         self.there = DeviceArray(values)
         self._here: np.ndarray | None = None
-        self._changed = False
+        self._changed = 0, 0
 
     def read(self) -> np.ndarray:
         if self._here is None:
             self._here = self.there.get()
         return self._here
 
-    def change(self) -> np.ndarray:
-        self._changed = True
+    def change(self, first: int = 0, last: int | None = None) -> np.ndarray:
+        low, high = self._changed
+        end = self.there.shape[0] if last is None else last
+        self._changed = (min(first, low), max(end, high)) if high else (first, end)
         return self.read()
+
+    def head(self, rows: int) -> np.ndarray:
+        return self.there.get(rows)
+
+    def columns(self, rows: slice, count: int) -> DeviceColumns:
+        return DeviceColumns(self.there, rows, count)
 
     def run(self, *, written: bool) -> DeviceArray:
         """Give it to a program, which may write to it."""
-        if self._changed and self._here is not None:
-            self.there.put(self._here)
-        self._changed, self._here = False, None if written else self._here
+        low, high = self._changed
+        if high and self._here is not None:
+            self.there.put(self._here[low:high], first=low)
+        self._changed, self._here = (0, 0), None if written else self._here
         return self.there
 
 

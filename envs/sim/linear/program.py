@@ -44,12 +44,14 @@ from haustra.envs.sim.state import SPEED_LIMIT
 from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.wall.law import normal_force, place_contact, place_force
 from haustra.models.wall.lumen_table import WINDOW, Tables, axis_point, nearest_arc, station_width, wall_beside
+from haustra.models.wall.moving_colon import AT_REST
 from haustra.models.wall.vectors import Vector, add, cross, dot, minus, times
 
-ARGUMENTS = ("state", "worlds", "seen", "room", "design", "structure", "stations", "wall", "axis", "driver")
+ARGUMENTS = ("state", "worlds", "seen", "room", "design", "structure", "stations", "wall", "axis", "driver",
+             "asked", "told", "lookup")  # fmt: skip
 """Arrays of a program, in this order; then whole numbers: `COUNTS`."""
-COUNTS = ("dofs", "bodies", "spheres", "nodes", "coils", "steps", "first", "last")
-"""The last two are blocks of worlds."""
+COUNTS = ("dofs", "bodies", "spheres", "nodes", "coils", "steps", "row", "first", "last")
+"""`row`: numbers in a row of what drivers are asked and tell; the last two are blocks of worlds."""
 
 # Laws without the checks of arrays' shapes: what they are called with here are values of a program.
 _arriving_pulls, _borne_pulls = unwrap(arriving_pulls), unwrap(borne_pulls)
@@ -97,6 +99,9 @@ class ScopeProgram:
         self.room: Lanes = arrays["room"]
         self.design: Slots = arrays["design"]
         self.structure: Shared = arrays["structure"]
+        self.asked: Lanes = arrays["asked"]
+        self.told: Lanes = arrays["told"]
+        self.lookup: Shared = arrays["lookup"]
         self._world: Lanes = arrays["worlds"]
         stations, wall = arrays["stations"], arrays["wall"]
         parts = _Points(stations), _Frames(stations), _Wall(wall)
@@ -156,6 +161,29 @@ class ScopeProgram:
         return self._world.load(self.structure.load(self._scales + dof))
 
     # The control step.
+
+    def lay(self) -> None:
+        """Lay the scopes of worlds that begin straight, tips at the start depth, in colons at rest."""
+        program, xp, layout = self.program, self.program.xp, self.layout
+        begins = self.world("begins") > 0
+
+        def put(slot: Any, value: Any) -> None:
+            self.state.store(slot, xp.where(begins, value, self.state.load(slot)))
+
+        with program.when(begins):
+            with program.loop(0, layout.state) as slot:
+                put(slot, 0.0)
+            start = program.variable(0.0)
+            with program.loop(0, self.bodies) as body:
+                start.value = start.value + self.link(body, "offset")
+                with program.loop(*self.spheres_of(body)) as sphere:
+                    put(layout.arcs + sphere, start.value + self.sphere_place(sphere))
+            put(layout.arcs + self.spheres, start.value + self.scope("tip"))
+            with program.loop(0, layout.nodes) as node:
+                put(layout.axis + node * slots.NODE + AT_REST.index(1.0), 1.0)
+            for slot in (1, layout.hand + 1):
+                put(slot, self.world("start_roll"))
+            self.ask("begins", 0.0)
 
     def advance(self, count: Any, going: Value | None = None) -> None:
         """So many time steps under what the hands ask for; a world that breaks is left as it was before them.

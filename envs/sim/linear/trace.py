@@ -112,6 +112,9 @@ class Value:
     def __or__(self, other: "Value") -> "Value":
         return Value(self.program, self.program.builder.or_(*self.program.alike(self, other)))
 
+    def __invert__(self) -> "Value":
+        return Value(self.program, self.program.builder.not_(self.written))
+
     def __bool__(self) -> bool:
         raise TypeError("A law that branches on numbers cannot be written down: use xp.where.")
 
@@ -327,6 +330,8 @@ class Variable:
 class Mathematics:
     """What laws ask of numpy or jax.numpy, in a program."""
 
+    nan = float("nan")
+
     def __init__(self, program: Program) -> None:
         """For values of that program."""
         self._program = program
@@ -366,6 +371,10 @@ class Mathematics:
         """As numpy's."""
         return self._program.call("floor", value)
 
+    def rint(self, value: Value) -> Value:
+        """As numpy's."""
+        return self._program.call("rint", value)
+
     def int32(self, value: Value) -> Value:
         """The whole part; 0 of what is no number."""
         return self._program.whole(value)
@@ -388,6 +397,14 @@ class Mathematics:
         for _ in range(2):
             sine, versine = 2.0 * sine * (1.0 - versine), 2.0 * sine * sine
         return sine, versine
+
+    def sin(self, angle: Value) -> Value:
+        """As numpy's."""
+        return self.sine_versine(angle)[0]
+
+    def cos(self, angle: Value) -> Value:
+        """As numpy's."""
+        return 1.0 - self.sine_versine(angle)[1]
 
     def arctan2(self, y: Value, x: Value) -> Value:
         """As numpy's."""

@@ -15,10 +15,11 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.sim.warp_setup import use_warp
+from haustra.envs.tasks.actions import ACTIONS
 from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.config import Limits, TaskConfig
 from haustra.envs.tasks.drivers import FollowerDriver
-from haustra.envs.tasks.scope_task import ACTIONS, ScopeTask
+from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import HaustraError, InvalidOptionError
 from haustra.files import prepare_folder, write_atomically
 from haustra.provenance import content_hash

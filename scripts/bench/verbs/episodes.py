@@ -31,6 +31,8 @@ class BenchEpisodes:
     """Number of environment steps over which memory is watched; 0 for none."""
     memory_resets: int = whole(0, 10**9, default=0)
     """Number of resets over which memory is watched; 0 for none."""
+    compare: bool = field(default=False)
+    """Whether to time the same episodes with numpy in place of the program of 'linear' or 'linear-gpu', too."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 
@@ -51,7 +53,13 @@ class BenchEpisodes:
         with progress_bar("grow", self.colons, unit="colons") as advance:
             bank = grown_bank(range(self.colons), named_design(self.design), progress=lambda done: advance(done, ""))
         rate = step_rate(
-            config, bank, worlds=self.worlds, threads=self.threads, seconds=self.seconds, backend=self.backend
+            config,
+            bank,
+            worlds=self.worlds,
+            threads=self.threads,
+            seconds=self.seconds,
+            backend=self.backend,
+            compare=self.compare,
         )
         result: dict[str, Any] = {"dofs": int(bank.scene.compile().nv), "spheres": len(bank.scene.samples)}
         result |= asdict(rate)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from haustra.envs.tasks.config import TaskConfig
+from haustra.errors import InvalidOptionError
 from haustra.scripts.bench.episodes import _slope, memory_slope, step_rate
 from tests.task_bank import DESIGN, short_bank
 
@@ -15,6 +16,13 @@ def test_rates_are_of_the_environment():
     assert rate.simulated_per_second == pytest.approx(rate.per_second * 0.04)
     assert 1e-5 < rate.cpu_per_step < 1.0
     assert rate.depth > 0.04
+
+
+def test_the_program_of_linear_time_is_compared_with_numpy():
+    rate = step_rate(CONFIG, short_bank(), worlds=8, threads=1, seconds=1.0, backend="linear", compare=True)
+    assert rate.on_host_per_second and rate.in_place_per_second and rate.on_host_cpu_per_step
+    with pytest.raises(InvalidOptionError, match="leave compare out"):
+        step_rate(CONFIG, short_bank(), worlds=1, threads=1, seconds=1.0, compare=True)
 
 
 def test_memory_does_not_grow_with_steps_and_resets():

@@ -42,12 +42,14 @@ def test_functions_are_numpys(real, lanes, within):
             target.put(0, [xp.arctan2(p, q), xp.sqrt(p * p), xp.floor(p * 3), sine, versine, xp.exp(-xp.abs(p))])
             target.put(6, [xp.where(p > q, p, 2 * q), xp.clip(p, -0.5, 0.5), (p - 1) / (q * q + 1), p**3])
             target.put(10, [xp.minimum(p, q), xp.maximum(p, 0.0), 1.0 * (xp.int32(p * 7) % 5), -p])
+            target.put(14, [xp.sin(p * 5.0), xp.cos(p * 5.0), xp.where(~(p > q), p, xp.nan)])
 
-        found = run(real, lanes, write, np.stack([a, b]), 14)
+        found = run(real, lanes, write, np.stack([a, b]), 17)
         p, q = a.astype(real), b.astype(real)
         known = [np.arctan2(p, q), abs(p), np.floor(p * 3), np.sin(p * 5), 1 - np.cos(p * 5), np.exp(-abs(p))]
         known += [np.where(p > q, p, 2 * q), np.clip(p, -0.5, 0.5), (p - 1) / (q * q + 1), p**3]
         known += [np.minimum(p, q), np.maximum(p, 0), np.trunc(p * 7).astype(int) % 5, -p]
+        known += [np.sin(p * 5), np.cos(p * 5), np.where(p > q, np.nan, p)]
         np.testing.assert_allclose(found, known, rtol=20 * within, atol=8 * within)
 
 

@@ -1,0 +1,45 @@
+"""What drivers within a program look up: places, wall forces and loads of scopes when they were last read off."""
+
+from haustra.envs.sim.linear.program import ScopeProgram
+from haustra.envs.sim.linear.trace import Value
+from haustra.models.injury.perforation import link_load
+
+
+def tip_arc(scopes: ScopeProgram) -> Value:
+    """Arc length of the tip [m]."""
+    return scopes.state.load(scopes.layout.arcs + scopes.spheres)
+
+
+def inserted_length(scopes: ScopeProgram) -> Value:
+    """Length past the anus [m]."""
+    return scopes.scope("start") + scopes.state.load(0)
+
+
+def hand_lead(scopes: ScopeProgram) -> Value:
+    """How far the hand aims ahead of the shaft [m]."""
+    return scopes.state.load(scopes.layout.hand) - scopes.state.load(0)
+
+
+def largest_force(scopes: ScopeProgram) -> tuple[Value, Value]:
+    """Largest resultant of the wall on one link, and on one of the bending section [N]."""
+    program = scopes.program
+    wall, tip = program.variable(0.0), program.variable(0.0)
+    with program.loop(0, scopes.bodies) as body:
+        force = scopes.link_force(body)
+        wall.value = program.xp.maximum(wall.value, force)
+        with program.when(scopes.of_tip(body)):
+            tip.value = program.xp.maximum(tip.value, force)
+    return wall.value, tip.value
+
+
+def largest_load(scopes: ScopeProgram) -> tuple[Value, Value]:
+    """Largest load of the wall under a link over the median person's strength [1], and arc length there [m]."""
+    program, xp = scopes.program, scopes.program.xp
+    up, left = scopes.bend()
+    bend, diameter = xp.sqrt(up * up + left * left), 2 * scopes.scope("radius")
+    most, where = program.variable(0.0), program.variable(0.0)
+    with program.loop(0, scopes.bodies) as body:
+        load = link_load(xp, scopes.link_force(body), bend, scopes.of_tip(body), diameter)
+        where.value = xp.where(load > most.value, xp.maximum(scopes.link_arc(body), 0.0), where.value)
+        most.value = xp.maximum(most.value, load)
+    return most.value, where.value

@@ -1,0 +1,81 @@
+"""Rays of sight within a program of linear time: `haustra.envs.tasks.sight.march`, which numpy and JAX call too."""
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from haustra.envs.sim.linear.program import ScopeProgram
+from haustra.envs.sim.linear.sensing import tip_arc
+from haustra.envs.sim.linear.trace import Value
+from haustra.envs.tasks import observation as seen_by
+from haustra.envs.tasks.sight import FIRST_ROOM, RANGE, STEPS, March, Sight, Stations, march, ray_directions
+
+_RAYS, _TABLE = len(STEPS), len(STEPS) + ray_directions().size
+"""Where the rays' directions and the table of distances begin in `lookup_of`; the places on a ray come first."""
+_MARGIN = 0.02
+"""A ray may be looked up so far beyond its range [m]."""
+
+
+def lookup_of(sight: Sight) -> Float[np.ndarray, " numbers"]:
+    """What rays look up besides the colons' centrelines: places on a ray, the rays, distances to the lumen."""
+    return np.concatenate([STEPS, ray_directions().ravel(), sight.lumens.sight.ravel()])
+
+
+def look(scopes: ScopeProgram, placed: seen_by.Placed, tell: Callable[[Any, Value], None]) -> None:
+    """What `haustra.envs.tasks.observation.lumen` says, entry by entry.
+
+    Args:
+        scopes: the program, scopes read off.
+        placed: where they are.
+        tell: takes an entry's number and the entry.
+    """
+    program, lookup = scopes.program, scopes.lookup
+    if scopes.axis:
+        scopes.axis.shape(tip_arc(scopes) + (RANGE + _MARGIN))
+    sums = [program.variable(0.0) for _ in range(3)]
+    with program.loop(0, len(ray_directions())) as ray:
+        own = [lookup.load(_RAYS + ray * 3 + part) for part in range(3)]
+        near = _distance(scopes, placed, own) / RANGE
+        tell(ray, near)
+        weight = seen_by.depth_weight(near)
+        for total, share in zip(sums, (own[0], own[1], 1.0), strict=True):
+            total.value = total.value + weight * share
+    up, left, whole = (total.value for total in sums)
+    tell(len(ray_directions()), up / whole)
+    tell(len(ray_directions()) + 1, left / whole)
+
+
+def _distance(scopes: ScopeProgram, placed: seen_by.Placed, ray: list[Value]) -> Value:
+    """To the wall along a ray that is given in the tip's frame [m]."""
+    program, whole = scopes.program, scopes.program.xp.int32
+    tables = scopes.tables
+    lumens = SimpleNamespace(points=tables.points, frames=tables.frames, sight=_Distances(scopes))
+    stations = Stations(scopes.world("step"), whole(scopes.world("first")), scopes.world("count"))
+    direction, at_rest = placed.from_frame((ray[0], ray[1], ray[2])), scopes.axis and scopes.axis.reference
+    begun = March(tip_arc(scopes), FIRST_ROOM, 0.0, float(STEPS[-1]), 1.0)
+    now = March(*(program.variable(value) for value in begun))
+    with program.loop(0, len(STEPS)) as place:
+        still = now.open.value > 0
+        with program.when(still):
+            here = March(*(part.value for part in now))._replace(open=still)
+            distance = scopes.lookup.load(place)
+            there = march(program.xp, lumens, stations, placed.tip, direction, here, distance, at_rest)
+            there = there._replace(open=program.xp.where(there.open, 1.0, 0.0))
+            for part, value in zip(now, there, strict=True):
+                part.value = value
+    return now.found.value
+
+
+class _Distances:
+    """Distance from the centreline to the lumen, by row and angle, in what is looked up."""
+
+    def __init__(self, scopes: ScopeProgram) -> None:
+        self._scopes = scopes
+        self.shape = scopes.tables.wall.shape
+
+    def __getitem__(self, at: tuple[Value, Value]) -> Value:
+        row, angle = at
+        return self._scopes.lookup.gather(row * self.shape[1] + angle + _TABLE)
