@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 import mujoco
 import numpy as np
+from jaxtyping import Bool, Float, Int
 from mujoco import mjx
 
 from haustra.envs.sim.device_arrays import on_device, tree_where
@@ -211,6 +212,60 @@ class WarpDevice:
         """A number of the wall's law at each sphere (worlds, spheres)."""
         own = self.scene.own(name)
         return jnp.where(np.isnan(own), of_worlds[:, None], own.astype(np.float32))
+
+
+class WarpDeviceWorlds:
+    """Worlds of one device on Warp (`haustra.envs.sim.device_worlds`). Only commands and readings travel."""
+
+    name = "warp"
+
+    def __init__(
+        self, scene: DeviceScene, tables: Tables, *, worlds: int = 1, starts: Sequence[float] | None = None
+    ) -> None:
+        """As `haustra.envs.sim.device_native.NativeDevice`; compilation comes with the first step."""
+        self._device, options = WarpDevice.of(scene, tables, starts=starts), scene.options
+        numbers = (jnp.full(worlds, float(value)) for value in (options.friction, options.wall_stiffness))
+        self._conditions = Conditions(jnp.zeros(worlds, jnp.int32), *numbers)
+        self._device.check(self._conditions)
+        self._now, self._step = self._device.begin(self._conditions), jax.jit(self._device.step)
+        self._read = jax.jit(lambda *now: (self._device.read(*now), self._device.readings(now[1])))
+
+    def reset(
+        self,
+        worlds: Int[np.ndarray, " reset"],
+        colons: Int[np.ndarray, " reset"],
+        *,
+        friction: Float[np.ndarray, " reset"],
+        wall_stiffness: Float[np.ndarray, " reset"],
+    ) -> None:
+        """Put the devices of some worlds to the anus of the colons of those numbers."""
+        changed = zip(self._conditions, (colons, friction, wall_stiffness), strict=True)
+        conditions = Conditions(*(old.at[worlds].set(jnp.asarray(new, old.dtype)) for old, new in changed))
+        self._device.check(conditions)
+        anew = jnp.zeros(len(conditions.colon), bool).at[worlds].set(True)
+        self._conditions, self._now = conditions, tree_where(anew, self._device.begin(conditions), self._now)
+
+    def step(self, commands: Float[np.ndarray, "worlds channels"], count: int) -> Bool[np.ndarray, " worlds"]:
+        """Advance by `count` time steps; False for worlds that are lost, which stand still from then."""
+        self._now = self._step(self._conditions, self._now, jnp.asarray(commands, jnp.float32), count)
+        return np.array(self._now.healthy)
+
+    def read(self) -> DeviceReadings:
+        """What every device can be told by, in double precision."""
+        return self._told()[0]
+
+    def readings(self) -> dict[str, Float[np.ndarray, " worlds"]]:
+        """The device's own quantities, by name."""
+        return self._told()[1]
+
+    @property
+    def displacement(self) -> Float[np.ndarray, "worlds nodes 7"] | None:
+        """Displacements of the colons' axes [m]; None where they are fixed."""
+        return self._now.displacement and np.asarray(self._now.displacement.pose, float)
+
+    def _told(self) -> tuple[DeviceReadings, dict[str, Array]]:
+        found = jax.device_get(self._read(self._conditions, self._now))
+        return jax.tree.map(lambda part: np.asarray(part, float), found)
 
 
 def drive_worlds(backend: WarpDevice, conditions: Conditions, *, seconds: float, interval: float) -> dict[str, Array]:

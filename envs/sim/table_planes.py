@@ -233,13 +233,14 @@ class TablePlanes:
 
     def _give_way(self, worlds: Int[np.ndarray, " some"], group: _Group) -> None:
         """Let colons give way to what pressed on them in the last step."""
+        felt = self._sensed.copy()  # asking for places overwrites it
         self._disabled |= _CONSTRAINT  # where spheres are does not depend on what they touch
         self._batch.forward(worlds, stage=mujoco.mjtStage.mjSTAGE_POS)
         self._disabled &= ~_CONSTRAINT
         walls = group.walls
         loops().pressed(
             worlds,
-            self._sensed,
+            felt,
             self._columns[:, 0],
             self._geom_xpos,
             group.geoms,
