@@ -37,7 +37,7 @@ class Worlds(NamedTuple):
     """Everything that changes, worlds first."""
 
     data: dict[str, Array]
-    """Of `_USED`."""
+    """Fields of MuJoCo's data by name, those of `_USED`."""
     arcs: Array
     """(worlds, spheres) [m]."""
     depth: Array

@@ -66,7 +66,7 @@ class WarpPlanes:
     host: mujoco.MjModel
     """Compiled for the CPU, to make data of."""
     model: Any
-    """The same for Warp, as MJX has it."""
+    """Compiled model on the GPU for Warp, as MJX has it."""
     spheres: np.ndarray
     """(spheres,) geoms."""
     radius: np.ndarray
@@ -111,7 +111,7 @@ class WarpPlanes:
 
     @property
     def timestep(self) -> float:
-        """Of all worlds [s]."""
+        """Time step of all worlds [s]."""
         return float(self.host.opt.timestep)
 
     def check(self, stiffness: Array, damping_time: Array) -> None:
@@ -213,7 +213,7 @@ class WarpPlanes:
     def _on_wall(self, contacts: Contacts, done: Any) -> tuple[Array, Array]:
         """What MuJoCo's contacts did to the wall at each sphere, and how they damp it: [N], [N s/m].
 
-        The same sums as `haustra.models.wall.compiled` makes of one world; all worlds' contacts stand in one list.
+        Sums as `haustra.models.wall.compiled` makes of one world; all worlds' contacts stand in one list.
         """
         count = len(self.spheres)
         shape = (len(contacts.stiffness), count)

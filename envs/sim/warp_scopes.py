@@ -55,7 +55,7 @@ class WarpScopes(ScopeChain):
 
     @property
     def timestep(self) -> float:
-        """Of all worlds [s]."""
+        """Time step of all worlds [s]."""
         return self.wall.timestep
 
     def parameters(self, scene: Scene, worlds: int, **changed: Any) -> Parameters:

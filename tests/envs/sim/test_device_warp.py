@@ -12,6 +12,7 @@ from haustra.models.anatomy.colon import Colon, ColonSegment
 from haustra.models.device_scene import DeviceScene, build_device_scene, device_options, device_tables, pose_in
 from haustra.models.devices.base import load_device
 from haustra.models.devices.capsule.interface import Capsule
+from haustra.models.wall.abdomen import Abdomen
 from tests.ring_wall import bent_colon
 from tests.tube_colon import straight_tube
 
@@ -48,6 +49,7 @@ def press(world: int, instant: int) -> list[float]:
     return [*side[:2], 0.4 if instant > 30 else 0.0, 0, 0, 0]
 
 
+@pytest.mark.slow
 def test_a_colon_on_its_mesentery_moves_as_natively() -> None:
     """Two colons, frictions and stiffnesses: axes and tips within 1 % of what has moved, mean forces 2 %."""
     pytest.importorskip("warp", reason="MuJoCo Warp is not installed")
@@ -79,6 +81,29 @@ def test_a_colon_on_its_mesentery_moves_as_natively() -> None:
         warp.reset(np.array([0]), np.array([0]), friction=np.array([0.1]), wall_stiffness=np.array([1e12]))
 
 
+@pytest.mark.slow
+def test_all_options_of_a_scene_count_as_natively() -> None:
+    """Time step, damping, gravity and what the colon lies in, at once: axis and tip within 1 % of what has moved."""
+    pytest.importorskip("warp", reason="MuJoCo Warp is not installed")
+    around = {"abdomen": Abdomen(posture="left"), "gravity": (0.0, -9.81, 0.0), "mesentery": True}
+    own = {"timestep": 0.0025, "wall_damping_time": 0.02, "wall_stiffness": 800.0, "friction": 0.2, "start_depth": 0.2}
+    device, options = capsule(), device_options(**around, **own)
+    scene = build_device_scene(device, options, pose=pose_in(COLONS[0], device, options))
+    found = {}
+    for name in ("native", "warp"):
+        one = load_device_worlds(name, scene, device_tables(scene, [COLONS[0]]))
+        for _ in range(40):
+            assert one.step(np.array([[0.2, 0, 0, 0, 0, 0]]), 10).all()
+        assert one.displacement is not None
+        found[name] = one.read().tip[0], one.displacement[0, :, :3]
+    (tip, axis), (own_tip, own_axis) = found["native"], found["warp"]
+    largest = np.linalg.norm(axis, axis=1).max()
+    assert largest > 0.005 and tip[1] < -0.01
+    assert np.linalg.norm(own_axis - axis, axis=1).max() < 0.01 * largest
+    assert np.linalg.norm(own_tip - tip) < 0.01 * largest
+
+
+@pytest.mark.slow
 def test_spheres_with_a_law_of_their_own_keep_it_on_warp() -> None:
     """Softer spheres stand deeper in the wall, and what rubs more is drawn less far; both as natively."""
     pytest.importorskip("warp", reason="MuJoCo Warp is not installed")
