@@ -13,7 +13,7 @@ from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.base import Device, Handles, Pose
 from haustra.models.scene import SceneOptions, empty_spec, entry_of, require_start
 from haustra.models.wall.lumen_table import Tables, lumen_table, stack
-from haustra.models.wall.planes import add_planes
+from haustra.models.wall.planes import add_felt, add_planes, with_friction
 
 HONOURED = (
     "timestep",
@@ -28,14 +28,6 @@ HONOURED = (
 )
 """Scene options that scenes of any device take; the others are refused by name where they are not the usual ones."""
 
-_FELT = sum(
-    1 << int(part)
-    for part in (
-        mujoco.mjtConDataField.mjCONDATA_FORCE,
-        mujoco.mjtConDataField.mjCONDATA_NORMAL,
-        mujoco.mjtConDataField.mjCONDATA_TANGENT,
-    )
-)
 _TOLERANCE = 1e-8
 """Tolerance of the solver [1]: MuJoCo's own."""
 
@@ -52,9 +44,15 @@ class DeviceScene:
     left_out: Mapping[str, str] = field(default_factory=dict)
     """What the scene does not model, and why."""
 
-    def compile(self) -> mujoco.MjModel:
-        """The compiled model."""
-        return self.spec.compile()
+    def compile(self, *, felt: bool = False) -> mujoco.MjModel:
+        """The compiled model; `felt` lets MuJoCo tell what spheres do to the wall.
+
+        Each contact has friction: how much, worlds say.
+        """
+        spec = self.spec.copy()
+        if felt:
+            add_felt(spec, len(self.handles.samples))
+        return with_friction(spec.compile())
 
     @cached_property
     def radii(self) -> tuple[float, ...]:
@@ -71,6 +69,10 @@ class DeviceScene:
         """1 where a sphere is part of a body that wall forces are summed over."""
         bodies = np.array(self.handles.bodies)
         return np.array([(bodies == sample.body).astype(float) for sample in self.handles.samples])
+
+    def own(self, name: str) -> Float[np.ndarray, " spheres"]:
+        """Stiffness [N/m] or friction [1] of spheres that have their own; NaN for the others."""
+        return np.array([getattr(sample, name) for sample in self.handles.samples], float)
 
     def configuration(self) -> dict[str, object]:
         """Options and design as plain JSON values, for provenance."""
@@ -92,11 +94,6 @@ def pose_in(colon: Colon, device: Device, options: SceneOptions) -> Pose:
     """
     require_start(colon, options)
     return device.standing(colon, options.start_depth) or Pose(*entry_of(colon))
-
-
-def tread_sensor(sphere: int) -> str:
-    """Name of the sensor of what the wall does to a sphere of a device with treads: force, normal and tangent."""
-    return f"wall/felt_{sphere:04d}"
 
 
 def build_device_scene(device: Device, options: SceneOptions | None = None, *, pose: Pose | None = None) -> DeviceScene:
@@ -122,18 +119,11 @@ def build_device_scene(device: Device, options: SceneOptions | None = None, *, p
     for name in handles.geoms:
         spec.geom(name).conaffinity = 0
     add_planes(spec, bare, handles.samples, options.contact, timestep=options.timestep, planes=1)
-    if device.has_treads:
-        for number in range(len(handles.samples)):
-            spec.add_sensor(
-                name=tread_sensor(number),
-                type=mujoco.mjtSensor.mjSENS_CONTACT,
-                objtype=mujoco.mjtObj.mjOBJ_GEOM,
-                objname=f"wall/sphere_{number:04d}",
-                intprm=[_FELT, 2, 1],  # of the contact with the largest force, which is the only one
-            )
     spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     spec.option.tolerance = _TOLERANCE
-    return DeviceScene(spec, device, handles, options, pose, {**_left_out(options), **device.left_out})
+    scene = DeviceScene(spec, device, handles, options, pose, {**_left_out(options), **device.left_out})
+    _require_alike(scene)
+    return scene
 
 
 def device_tables(scene: DeviceScene, colons: list[Colon], poses: list[Pose] | None = None) -> Tables:
@@ -169,6 +159,17 @@ def _require_honoured(device: Device, options: SceneOptions) -> None:
     if "table" not in device.walls:
         raise UnsupportedSceneError(
             f"A device of kind '{device.kind}' cannot meet the lumen's table. It can meet: {', '.join(device.walls)}."
+        )
+
+
+def _require_alike(scene: DeviceScene) -> None:
+    if not scene.options.mesentery:
+        return
+    if len(scene.radii) > 1:
+        raise UnsupportedSceneError("Spheres of several radii cannot press on a colon that moves: give them one.")
+    if not np.isnan([scene.own("stiffness"), scene.own("friction")]).all():
+        raise UnsupportedSceneError(
+            "Spheres with stiffness or friction of their own cannot press on a colon that moves: leave it fixed."
         )
 
 

@@ -10,6 +10,7 @@ from operator import attrgetter
 from typing import Any
 
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
+from haustra.models.device_scene import HONOURED
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.scene import Scene
 
@@ -139,7 +140,15 @@ TRACKED_ON: Mapping[str, str] = {
 }
 """Where each backend runs tracked robots: on Warp on the rigs of studies of propulsion, not in colons."""
 
-CAPABILITIES = (*SCENE, *DESIGN, *CAMERA, *TASK, *RANDOMISATION, *TRACKED)
+DEVICE = (
+    *_in("device", *(name for name in HONOURED if name != "mesentery")),
+    *_in("device", "mesentery", about="under spheres of one radius, whose stiffness and friction are the wall's"),
+    *_in("device", "treads", only=_only(False, backends=("warp",)), about="in a colon that stands still"),
+)
+"""Options of scenes of any device (`haustra.models.device_scene`), and treads; which backends step devices, says
+`haustra.envs.sim.device_worlds`."""
+
+CAPABILITIES = (*SCENE, *DESIGN, *CAMERA, *TASK, *RANDOMISATION, *TRACKED, *DEVICE)
 
 
 def require_supported(scene: Scene, backend: str) -> None:

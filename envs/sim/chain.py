@@ -1,8 +1,7 @@
 """Where the links of a serial chain are, in JAX, for many worlds at once and without loops over links.
 
-In coordinates of one fixed point, velocities are sums along the chain, and a cumulative sum is one operation at any
-length. Only the rotations are multiplied, in a prefix product. Spatial vectors are (angular, linear at the origin); see
-Featherstone 2008, chapter 2.
+Places are sums along the chain, and a cumulative sum is one operation at any length. Only the rotations are multiplied,
+in a prefix product.
 """
 
 from typing import Any, NamedTuple, TypeAlias
@@ -24,8 +23,6 @@ class Pose(NamedTuple):
     """(worlds, bodies, 3, 3)."""
     origin: Array
     """(worlds, bodies, 3) [m]."""
-    screw: Array
-    """(worlds, dofs, 6): velocity of what lies beyond a dof, per speed of that dof."""
 
 
 def pose(chain: Chain, own: Links, qpos: Float[Array, "worlds dofs"]) -> Pose:
@@ -42,20 +39,12 @@ def pose(chain: Chain, own: Links, qpos: Float[Array, "worlds dofs"]) -> Pose:
     for dof in slides:
         moves = moves.at[:, chain.body_of_dof[dof]].add(qpos[:, dof, None] * direction[:, dof])
     origin = jnp.cumsum(moves, axis=1)
-    turning = jnp.asarray(chain.hinge, kind)[:, None] * direction
-    linear = jnp.cross(origin[:, chain.body_of_dof], turning)
-    linear = jnp.where(jnp.asarray(chain.hinge)[:, None], linear, direction)
-    return Pose(rotation, origin, jnp.concatenate([turning, linear], axis=-1))
+    return Pose(rotation, origin)
 
 
 def points_on(where: Pose, body: np.ndarray, local: Float[Any, "any points 3"]) -> Float[Array, "worlds points 3"]:
     """Positions of points that are fixed to bodies [m]; `local` has one row a world, or one row for all."""
     return where.origin[:, body] + _turned(where.rotation[:, body], local)
-
-
-def velocities(chain: Chain, where: Pose, qvel: Float[Array, "worlds dofs"]) -> Float[Array, "worlds bodies 6"]:
-    """Spatial velocity of each body."""
-    return jnp.cumsum(where.screw * qvel[..., None], axis=1)[:, chain.last_dof]
 
 
 def _turned(rotation: Array, vectors: Array) -> Array:

@@ -12,7 +12,7 @@ from haustra.envs.sim.log import log_to_stderr_only
 from haustra.envs.sim.native import FATAL_WARNINGS
 from haustra.envs.sim.state import SPEED_LIMIT
 from haustra.envs.sim.table_planes import TablePlanes
-from haustra.models.device_scene import DeviceScene, tread_sensor
+from haustra.models.device_scene import DeviceScene
 from haustra.models.devices.base import LOOK_AHEAD, DeviceReadings, State
 from haustra.models.wall.lumen_table import Tables, pick
 from haustra.models.wall.moving_colon import axis_at
@@ -43,9 +43,9 @@ class NativeDevice:
         """
         log_to_stderr_only()
         self.scene, self.worlds, self._tables = scene, worlds, tables
-        self.model = model = scene.compile()
-        # Before it is copied: treads, and walls that move, drag by friction.
-        model.flg_surfacevel = scene.device.has_treads or scene.options.mesentery
+        rubs = scene.device.has_treads or scene.options.mesentery
+        self.model = model = scene.compile(felt=rubs)
+        model.flg_surfacevel = rubs  # before it is copied: treads, and walls that move, drag by friction
         self._batch = batch = Batch(model, worlds, nthread=threads)
         self._qpos, self._qvel, self._act = (batch.bind(name) for name in ("qpos", "qvel", "act"))
         self._ctrl, self._time, self._force = (batch.bind(name) for name in ("ctrl", "time", "actuator_force"))
@@ -63,12 +63,11 @@ class NativeDevice:
             anus=scene.pose.position,
             inwards=scene.pose.frame[:, 2],
             starts=np.array(starts) if starts else np.full(len(tables.count) // len(scene.radii), scene.pose.arc),
-            samples=scene.handles.samples,
+            own_stiffness=scene.own("stiffness"),
+            own_friction=scene.own("friction"),
         )
         if scene.device.has_treads:
-            self._surface, self._felt = batch.expand("geom_surfacevel"), batch.bind("sensordata")
-            first = [model.sensor(tread_sensor(i)).adr[0] for i in range(len(scene.handles.samples))]
-            self._columns = np.add.outer(first, np.arange(9))
+            self._surface = batch.expand("geom_surfacevel")
         self._nose = self._wall.radius[-1]
         self._start_state = batch.state[0].copy()
         self.healthy: Bool[np.ndarray, " worlds"] = np.ones(worlds, bool)
@@ -167,10 +166,8 @@ class NativeDevice:
         )
         if not self.scene.device.has_treads:
             return state
-        felt = self._felt[:, self._columns]
-        force, normal, tangent = felt[..., :3], felt[..., 3:6], felt[..., 6:]
-        on_wall = force[..., 1:2] * tangent + force[..., 2:] * np.cross(normal, tangent)
-        return state._replace(pressed=force[..., 0], rubbed=-on_wall)
+        pressed, on_wall = self._wall.felt()
+        return state._replace(pressed=pressed, rubbed=-on_wall)
 
     def _frame(self) -> Float[np.ndarray, "worlds 3 3"]:
         return self._site_xmat[:, self._tip].reshape(-1, 3, 3).copy()

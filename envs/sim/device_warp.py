@@ -1,9 +1,10 @@
 """Any device on MuJoCo Warp, through MJX, in many worlds: as `haustra.envs.sim.device_native`, on a GPU.
 
-The planes are placed, and the device asked, by the same functions as natively, in JAX. Without a GPU the kernels run on
-the CPU, slowly: for tests.
+The planes are placed, and colons give way, as those of scopes (`haustra.envs.sim.warp_planes`); the device is asked by
+the same functions as natively, in JAX. Without a GPU the kernels run on the CPU, slowly: for tests.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
@@ -12,22 +13,23 @@ import jax
 import jax.numpy as jnp
 import mujoco
 import numpy as np
+from jaxtyping import Bool, Float, Int
 from mujoco import mjx
 
 from haustra.envs.sim.device_arrays import on_device, tree_where
 from haustra.envs.sim.device_native import look_ahead
 from haustra.envs.sim.precision import precise
-from haustra.envs.sim.state import SPEED_LIMIT
-from haustra.envs.sim.warp_scopes import CONTACT_ROWS, filled, for_warp, with_columns
+from haustra.envs.sim.warp_planes import Contacts, WarpPlanes, sound
 from haustra.errors import UnsupportedSceneError
 from haustra.models.device_scene import DeviceScene
 from haustra.models.devices.base import DeviceReadings, State
-from haustra.models.wall.law import normal_force, soft_contact
-from haustra.models.wall.lumen_table import Tables, query
-from haustra.models.wall.plane_pose import plane_pose
+from haustra.models.wall import moving_colon
+from haustra.models.wall.lumen_table import Tables, pick
+from haustra.models.wall.moving_colon import AxisDisplacement
 
 Array = Any
-_USED = ("qpos", "qvel", "act", "qacc_warmstart", "geom_xpos", "site_xpos", "site_xmat", "actuator_force")
+_KEPT = ("qpos", "qvel", "act", "qacc_warmstart")
+_USED = (*_KEPT, "site_xpos", "site_xmat", "actuator_force")
 """Fields of MuJoCo's data that go from step to step."""
 
 
@@ -36,14 +38,14 @@ class Worlds(NamedTuple):
 
     data: dict[str, Array]
     """Fields of MuJoCo's data by name, those of `_USED`."""
-    before: Array
-    """(worlds, spheres, 3) where the spheres were before the last step [m]."""
     arcs: Array
     """(worlds, spheres) [m]."""
     depth: Array
     """(worlds, spheres) [m]."""
-    normal: Array
-    """(worlds, spheres, 3) force of the wall [N]."""
+    force: Array
+    """(worlds, spheres, 3) normal force of the wall [N]."""
+    displacement: AxisDisplacement | None
+    """Where the colons have moved to; None where they are fixed."""
     time: Array
     """(worlds,) [s]."""
     healthy: Array
@@ -68,167 +70,202 @@ class WarpDevice:
     scene: DeviceScene
     tables: Tables
     """On JAX's device."""
-    host: mujoco.MjModel
-    """Compiled for the CPU."""
-    model: Any
-    """Compiled model on the GPU for Warp, as MJX has it."""
+    wall: WarpPlanes
+    """The compiled model, and its planes."""
     start: dict[str, np.ndarray]
     """What a world begins with, as MuJoCo's CPU engine computes it."""
-    spheres: np.ndarray
-    """Numbers of the spheres' geoms."""
-    rows: int
-    """Constraint rows kept for each world: as many as there can be."""
+    arcs: np.ndarray
+    """(colons, spheres) arc lengths at the start [m]."""
 
     name = "warp"
 
     @classmethod
-    def of(cls, scene: DeviceScene, tables: Tables) -> "WarpDevice":
+    def of(cls, scene: DeviceScene, tables: Tables, *, starts: Sequence[float] | None = None) -> "WarpDevice":
         """Take a scene and the colons' tables.
+
+        Args:
+            scene: device and options.
+            tables: the colons (`haustra.models.device_scene.device_tables`).
+            starts: arc length of the scene's pose in each colon [m]; that of the pose when None.
 
         Raises:
             UnsupportedSceneError: when Warp has not what the device is made of.
         """
-        if scene.options.mesentery:
-            raise UnsupportedSceneError(
-                "The backend 'warp' cannot honour scene.mesentery = True for a device; 'native' can."
-            )
+        kind, pose, samples = scene.device.kind, scene.pose, scene.handles.samples
         if scene.device.has_treads:
             raise UnsupportedSceneError(
-                f"The backend 'warp' cannot honour the treads of a device of kind '{scene.device.kind}'; 'native' can."
+                f"The backend 'warp' cannot honour the treads of a device of kind '{kind}'; 'native' can."
             )
-        host = for_warp(scene.compile())
-        try:
-            model = mjx.put_model(host, impl="warp").tree_replace({"opt._impl.warn_overflow": 0})
-        except (NotImplementedError, ValueError) as error:
-            kind = scene.device.kind
-            raise UnsupportedSceneError(
-                f"The backend 'warp' cannot honour a device of kind '{kind}': {error}"
-            ) from error
-        count = len(scene.handles.samples)
-        planes = [f"wall/plane_{index:04d}_0" for index in range(count)]
-        assert [host.pair(name).id for name in planes] == list(range(host.npair)), "one pair a sphere, in their order"
-        assert [host.body(name).mocapid[0] for name in planes] == list(range(host.nmocap)), "so are the planes"
-        data = mujoco.MjData(host)
-        mujoco.mj_forward(host, data)
+        moves, what = scene.options.mesentery, f"a device of kind '{kind}'"
+        wall = WarpPlanes.of(scene.compile(), len(samples), moves=moves, what=what)
+        data = mujoco.MjData(wall.host)
+        mujoco.mj_forward(wall.host, data)
         start = {name: np.array(getattr(data, name), np.float32) for name in _USED}
         start["site_xmat"] = start["site_xmat"].reshape(-1, 3, 3)
-        spheres = np.array([host.geom(f"wall/sphere_{index:04d}").id for index in range(count)])
-        rows = CONTACT_ROWS * count + int(host.jnt_limited.sum())
-        return cls(scene, on_device(tables), host, model, start, spheres, rows)
+        colons = len(tables.count) // len(scene.radii)
+        begun = np.array(starts) if starts else np.full(colons, pose.arc)
+        arcs = np.add.outer(begun, (data.geom_xpos[wall.spheres] - pose.position) @ pose.frame[:, 2])
+        return cls(scene, on_device(tables), wall, start, np.asarray(arcs, np.float32))
+
+    def check(self, conditions: Conditions) -> None:
+        """Refuse conditions that MuJoCo's contacts cannot honour.
+
+        Raises:
+            InvalidOptionError: when MuJoCo would clamp the wall's law.
+        """
+        self.wall.check(self._own("stiffness", np.asarray(conditions.stiffness)), self.scene.options.wall_damping_time)
 
     def begin(self, conditions: Conditions) -> Worlds:
-        """All devices at the anus."""
-        worlds = len(conditions.colon)
+        """All devices where they begin, in colons at rest."""
+        worlds, hung = len(conditions.colon), self.tables.mesentery
         data = {name: jnp.broadcast_to(value, (worlds, *value.shape)) for name, value in self.start.items()}
-        centres, pose = data["geom_xpos"][:, self.spheres], self.scene.pose
-        arcs = (centres - jnp.asarray(pose.position, jnp.float32)) @ jnp.asarray(pose.frame[:, 2], jnp.float32)
+        arcs = jnp.asarray(self.arcs)[conditions.colon]
+        displacement = hung and moving_colon.at_rest(jnp, hung, worlds, arcs.dtype)
         zeros = jnp.zeros(worlds)
         return Worlds(
-            data, centres, arcs, jnp.full(arcs.shape, -1.0), jnp.zeros_like(centres), zeros, jnp.ones(worlds, bool)
+            data=data,
+            arcs=arcs,
+            depth=jnp.full(arcs.shape, -1.0),
+            force=jnp.zeros((*arcs.shape, 3)),
+            displacement=displacement,
+            time=zeros,
+            healthy=jnp.ones(worlds, bool),
         )
 
     @precise
     def step(self, conditions: Conditions, now: Worlds, commands: Array, count: Any) -> Worlds:
         """Advance by `count` time steps; worlds that are lost stay as they were."""
-        sound = jnp.isfinite(commands).all(axis=1)
-        device, handles = self.scene.device, self.scene.handles
-        asked = jnp.where(sound[:, None], commands, 0.0)
-        ctrl = device.control(jnp, self.host, handles, self.state(now), asked).astype(jnp.float32)
-        contacts = self._model_of(conditions)
-        now = now._replace(healthy=now.healthy & sound)
+        told = jnp.isfinite(commands).all(axis=1)
+        device, handles, host = self.scene.device, self.scene.handles, self.wall.host
+        asked = jnp.where(told[:, None], commands, 0.0)
+        ctrl = device.control(jnp, host, handles, self.state(now), asked).astype(jnp.float32)
+        now = now._replace(healthy=now.healthy & told)
+        tables, contacts = self._tables_of(conditions.colon), self._contacts(conditions)
 
         def one(_: Any, both: tuple[Worlds, Any]) -> tuple[Worlds, Any]:
-            return self._step(conditions, *both, ctrl, contacts)
+            return self._step(tables, contacts, *both, ctrl)
 
-        return jax.lax.fori_loop(0, count, one, (now, self._data(len(now.time))))[0]
+        return jax.lax.fori_loop(0, count, one, (now, self.wall.data(len(now.time))))[0]
 
     def read(self, conditions: Conditions, now: Worlds) -> DeviceReadings:
         """What every device can be told by."""
         state = self.state(now)
         tip = now.data["site_xpos"][:, self._tip]
-        links = jnp.einsum("wsi,sb->wbi", now.normal, jnp.asarray(self.scene.members, jnp.float32))
+        links = jnp.einsum("wsi,sb->wbi", now.force, jnp.asarray(self.scene.members, jnp.float32))
         colon = conditions.colon * len(self.scene.radii)
+        moved = now.displacement and now.displacement.pose
         return DeviceReadings(
             time=now.time,
             tip=tip,
             tip_frame=state.tip_frame,
             tip_arc=state.tip_arc,
-            ahead=look_ahead(jnp, self.tables, colon, tip, state.tip_arc),
+            ahead=look_ahead(jnp, self.tables, colon, tip, state.tip_arc, moved),
             wall_force=jnp.sqrt((links**2).sum(axis=2)).max(axis=1),
             deepest=now.depth.max(axis=1),
         )
 
     def readings(self, now: Worlds) -> dict[str, Array]:
         """The device's own quantities."""
-        return self.scene.device.read(jnp, self.host, self.scene.handles, self.state(now))
+        return self.scene.device.read(jnp, self.wall.host, self.scene.handles, self.state(now))
 
     def state(self, now: Worlds) -> State:
         """What a device may look at."""
-        data, nose = now.data, float(self.host.geom_size[self.spheres[-1], 0])
-        frame = data["site_xmat"][:, self._tip].reshape(-1, 3, 3)
+        data, nose = now.data, float(self.wall.radius[-1])
+        frame = data["site_xmat"][:, self._tip]
         return State(data["qpos"], data["qvel"], data["act"], frame, now.arcs[:, -1] + nose, data["actuator_force"])
 
     @property
     def _tip(self) -> int:
-        return self.host.site(self.scene.handles.tip).id
+        return self.wall.host.site(self.scene.handles.tip).id
 
-    def _step(self, conditions: Conditions, now: Worlds, data: Any, ctrl: Array, contacts: Any) -> tuple[Worlds, Any]:
-        h, entry = self.host.opt.timestep, self.scene.pose
-        radius = jnp.asarray(self.host.geom_size[self.spheres, 0], jnp.float32)
-        seen = now.data["geom_xpos"][:, self.spheres]
-        centres = 2 * seen - now.before
-        found = query(jnp, self._tables_of(conditions), centres, now.arcs)
-        before_anus = found.arcs <= 0
-        along = (centres - jnp.asarray(entry.position, jnp.float32)) @ jnp.asarray(entry.frame[:, 2], jnp.float32)
-        leaving, stiffness = (now.depth - found.depth) / h, conditions.stiffness[:, None]
-        damper = stiffness * (self.scene.options.wall_damping_time + h)
-        force = normal_force(jnp, stiffness * now.depth, damper, leaving)
-        kept = {name: now.data[name] for name in ("qpos", "qvel", "act", "qacc_warmstart")}
-        pose = plane_pose(jnp, centres, radius, found.depth, found.inwards)
-        model, axes = contacts
-        model, axes = model.replace(pair_margin=pose.margin), axes.replace(pair_margin=0)
-        step = jax.vmap(mjx.step, in_axes=(axes, 0))
-        done = step(model, data.replace(**kept, ctrl=ctrl, mocap_pos=pose.position, mocap_quat=pose.turn))
+    def _step(self, tables: Tables, contacts: Contacts, now: Worlds, data: Any, ctrl: Array) -> tuple[Worlds, Any]:
+        wall = self.wall
+        data = data.replace(ctrl=ctrl, **{name: now.data[name] for name in _KEPT})
+        places = jax.vmap(mjx.kinematics, in_axes=(None, 0))(wall.model, data).geom_xpos[:, wall.spheres]
+        radius = jnp.asarray(wall.radius, jnp.float32)[None]
+        done = wall.step(contacts, tables, now.displacement, places, now.arcs, radius, data)
         after = Worlds(
-            {name: getattr(done, name).reshape(now.data[name].shape) for name in _USED},
-            seen,
-            jnp.where(before_anus, along, found.arcs),
-            found.depth,
-            force[..., None] * found.inwards,
-            now.time + h,
-            now.healthy,
+            data={name: getattr(done.data, name).reshape(now.data[name].shape) for name in _USED},
+            arcs=done.arcs,
+            depth=done.depth,
+            force=done.normal[..., None] * done.inwards,
+            displacement=done.displacement,
+            time=now.time + wall.timestep,
+            healthy=now.healthy,
         )
-        qpos, qvel = after.data["qpos"], after.data["qvel"]
-        sound = jnp.isfinite(qpos).all(axis=1) & (jnp.abs(qvel).max(axis=1) < SPEED_LIMIT) & now.healthy
-        return tree_where(sound, after, now)._replace(healthy=sound), done
+        healthy = now.healthy & sound(after.data["qvel"], after.data["qpos"], after.displacement)
+        return tree_where(healthy, after, now)._replace(healthy=healthy), done.data
 
-    def _tables_of(self, conditions: Conditions) -> Tables:
-        """One table a sphere: that of its colon for its radius."""
-        number = conditions.colon[:, None] * len(self.scene.radii) + self.scene.groups
-        chosen = {name: getattr(self.tables, name)[number] for name in ("step", "first", "count")}
-        return self.tables._replace(**chosen)
+    def _tables_of(self, colon: Array) -> Tables:
+        """For each sphere the table of its world's colon for its radius."""
+        radii = len(self.scene.radii)
+        number = colon[:, None] * radii + self.scene.groups
+        chosen = {name: getattr(self.tables, name)[number] for name in ("step", "first", "count", "device_radius")}
+        return pick(self.tables, colon * radii)._replace(**chosen)
 
-    def _model_of(self, conditions: Conditions) -> tuple[Any, Any]:
-        """The model with each world's own contacts, and which of its arrays have one entry a world."""
-        inverse = jnp.asarray(self.host.body_invweight0[self.host.geom_bodyid[self.spheres], 0], jnp.float32)
-        stiffness, h = conditions.stiffness[:, None], self.host.opt.timestep
-        damper = stiffness * (self.scene.options.wall_damping_time + h)
-        soft = soft_contact(jnp, inverse, stiffness, damper, timestep=h)
-        own = {
-            "pair_friction": with_columns(self.model.pair_friction, conditions.friction[:, None, None], 2),
-            "pair_solref": soft.solref,
-            "pair_solreffriction": soft.sliding,
-            "pair_solimp": with_columns(self.model.pair_solimp, soft.impedance[..., None], 2),
-        }
-        axes = jax.tree.map(lambda _: None, self.model)
-        return self.model.replace(**own), axes.replace(**dict.fromkeys(own, 0))
+    def _contacts(self, conditions: Conditions) -> Contacts:
+        """The wall's law, of spheres their own where they have one."""
+        stiffness, friction = (self._own(name, getattr(conditions, name)) for name in ("stiffness", "friction"))
+        return self.wall.contacts(stiffness, jnp.full((1, 1), self.scene.options.wall_damping_time), friction)
 
-    def _data(self, worlds: int) -> Any:
-        """What MuJoCo Warp works in."""
-        with jax.ensure_compile_time_eval():
-            one = mjx.make_data(self.host, impl="warp", naconmax=worlds * len(self.spheres), njmax=self.rows)
-        one = jax.tree.map(filled, one)
-        return jax.vmap(lambda _: one)(jnp.arange(worlds))
+    def _own(self, name: str, of_worlds: Array) -> Array:
+        """A number of the wall's law at each sphere (worlds, spheres)."""
+        own = self.scene.own(name)
+        return jnp.where(np.isnan(own), of_worlds[:, None], own.astype(np.float32))
+
+
+class WarpDeviceWorlds:
+    """Worlds of one device on Warp (`haustra.envs.sim.device_worlds`). Only commands and readings travel."""
+
+    name = "warp"
+
+    def __init__(
+        self, scene: DeviceScene, tables: Tables, *, worlds: int = 1, starts: Sequence[float] | None = None
+    ) -> None:
+        """As `haustra.envs.sim.device_native.NativeDevice`; compilation comes with the first step."""
+        self._device, options = WarpDevice.of(scene, tables, starts=starts), scene.options
+        numbers = (jnp.full(worlds, float(value)) for value in (options.friction, options.wall_stiffness))
+        self._conditions = Conditions(jnp.zeros(worlds, jnp.int32), *numbers)
+        self._device.check(self._conditions)
+        self._now, self._step = self._device.begin(self._conditions), jax.jit(self._device.step)
+        self._read = jax.jit(lambda *now: (self._device.read(*now), self._device.readings(now[1])))
+
+    def reset(
+        self,
+        worlds: Int[np.ndarray, " reset"],
+        colons: Int[np.ndarray, " reset"],
+        *,
+        friction: Float[np.ndarray, " reset"],
+        wall_stiffness: Float[np.ndarray, " reset"],
+    ) -> None:
+        """Put the devices of some worlds to the anus of the colons of those numbers."""
+        changed = zip(self._conditions, (colons, friction, wall_stiffness), strict=True)
+        conditions = Conditions(*(old.at[worlds].set(jnp.asarray(new, old.dtype)) for old, new in changed))
+        self._device.check(conditions)
+        anew = jnp.zeros(len(conditions.colon), bool).at[worlds].set(True)
+        self._conditions, self._now = conditions, tree_where(anew, self._device.begin(conditions), self._now)
+
+    def step(self, commands: Float[np.ndarray, "worlds channels"], count: int) -> Bool[np.ndarray, " worlds"]:
+        """Advance by `count` time steps; False for worlds that are lost, which stand still from then."""
+        self._now = self._step(self._conditions, self._now, jnp.asarray(commands, jnp.float32), count)
+        return np.array(self._now.healthy)
+
+    def read(self) -> DeviceReadings:
+        """What every device can be told by, in double precision."""
+        return self._told()[0]
+
+    def readings(self) -> dict[str, Float[np.ndarray, " worlds"]]:
+        """The device's own quantities, by name."""
+        return self._told()[1]
+
+    @property
+    def displacement(self) -> Float[np.ndarray, "worlds nodes 7"] | None:
+        """Displacements of the colons' axes [m]; None where they are fixed."""
+        return self._now.displacement and np.asarray(self._now.displacement.pose, float)
+
+    def _told(self) -> tuple[DeviceReadings, dict[str, Array]]:
+        found = jax.device_get(self._read(self._conditions, self._now))
+        return jax.tree.map(lambda part: np.asarray(part, float), found)
 
 
 def drive_worlds(backend: WarpDevice, conditions: Conditions, *, seconds: float, interval: float) -> dict[str, Array]:

@@ -23,7 +23,7 @@ from haustra.models.scene import Scene
 from haustra.models.wall import moving_colon
 from haustra.models.wall.law import WallContact
 from haustra.models.wall.lumen_table import Tables, pick
-from haustra.models.wall.planes import add_planes
+from haustra.models.wall.planes import add_felt, add_planes, with_friction
 
 SOLVER_TOLERANCE = 1e-5
 """Tolerance of the dual solver. With a scope's few dozen contacts it is 1.5 times as fast as CG at 1e-8; tip paths over
@@ -53,7 +53,7 @@ class NativeBackend(AbstractBackend):
         require_supported(scene, self.name)
         log_to_stderr_only()
         self.scene, self.tables, self.worlds = scene, tables, worlds
-        self.model = batch_model(scene)
+        self.model = batch_model(scene, felt=scene.options.mesentery)
         self.model.flg_surfacevel = scene.options.mesentery  # before it is copied: walls that move drag by friction
         parts = np.array_split(np.arange(worlds), min(threads, worlds))
         self._slices = [slice(int(part[0]), int(part[-1]) + 1) for part in parts]
@@ -128,8 +128,11 @@ class NativeBackend(AbstractBackend):
             self._pool.shutdown()
 
 
-def batch_model(scene: Scene) -> mujoco.MjModel:
-    """The scene's scope entering at the origin along z, each of its spheres with a plane to be placed."""
+def batch_model(scene: Scene, *, felt: bool = False) -> mujoco.MjModel:
+    """The scene's scope entering at the origin along z, each of its spheres with a plane to be placed.
+
+    `felt` lets MuJoCo tell what spheres do to the wall.
+    """
     spec = mujoco.MjSpec.from_string(scene.spec.to_xml())
     root = spec.body("scope/root")
     root.pos = [0, 0, scene.options.start_depth - scene.cable.length]
@@ -137,9 +140,11 @@ def batch_model(scene: Scene) -> mujoco.MjModel:
     bare = spec.compile()
     contact: WallContact = scene.options.contact
     add_planes(spec, bare, scene.samples, contact, timestep=scene.options.timestep, planes=1)
+    if felt:
+        add_felt(spec, len(scene.samples))
     spec.option.solver = mujoco.mjtSolver.mjSOL_PGS
     spec.option.tolerance = SOLVER_TOLERANCE
-    return spec.compile()
+    return with_friction(spec.compile())
 
 
 def posed(scene: Scene, qpos: Float[np.ndarray, " positions"]) -> tuple[mujoco.MjModel, mujoco.MjData]:

@@ -1,6 +1,5 @@
 """Tangent planes of the spheres of some worlds, put before every step where each world's table says the wall is."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -8,11 +7,10 @@ import numpy as np
 from jaxtyping import Float, Int
 from mujoco.batch import Batch
 
-from haustra.errors import UnsupportedSceneError
 from haustra.models.wall.compiled import loops
 from haustra.models.wall.law import SLIP_SPEED, normal_force, require_honoured, soft_contact
 from haustra.models.wall.lumen_table import Tables
-from haustra.models.wall.planes import AWAY, Sample
+from haustra.models.wall.planes import AWAY
 from haustra.models.wall.table_wall import TableWalls
 
 _CONSTRAINT = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
@@ -57,7 +55,8 @@ class TablePlanes:
         anus: Float[np.ndarray, "3"] | None = None,
         inwards: Float[np.ndarray, "3"] | None = None,
         starts: Float[np.ndarray, " colons"] | None = None,
-        samples: Sequence[Sample] = (),
+        own_stiffness: Float[np.ndarray, " spheres"] | None = None,
+        own_friction: Float[np.ndarray, " spheres"] | None = None,
     ) -> None:
         """Find spheres, planes and pairs.
 
@@ -72,10 +71,8 @@ class TablePlanes:
             anus: where devices begin [m]; the origin when None.
             inwards: unit vector into the patient; z when None.
             starts: arc length of that place in each colon [m]; the anus when None.
-            samples: the spheres, where some have a stiffness or friction of their own.
-
-        Raises:
-            UnsupportedSceneError: when colons are to move and spheres have several radii.
+            own_stiffness: of spheres that have their own [N/m]; NaN for the others.
+            own_friction: of spheres that have their own [1]; NaN for the others.
         """
         self._batch, self._step_time = batch, model.opt.timestep
         self._damper_time = damping_time + self._step_time
@@ -87,26 +84,24 @@ class TablePlanes:
         self._solref_friction, self._margin = batch.expand("pair_solreffriction"), batch.expand("pair_margin")
         self._disabled = np.zeros(0, np.int32) if tables.mesentery is None else batch.expand("opt.disableflags")
         self._surface = np.zeros((0, 0, 0)) if tables.mesentery is None else batch.expand("geom_surfacevel")
+        if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, "wall/felt_0000") >= 0:
+            first = [model.sensor(f"wall/felt_{i:04d}").adr[0] for i in range(count)]
+            self._sensed, self._columns = batch.bind("sensordata"), np.add.outer(first, np.arange(9))
         self.spheres = np.array([model.geom(f"wall/sphere_{i:04d}").id for i in range(count)])
         self.radius = model.geom_size[self.spheres, 0]
         self._pairs = np.array([model.pair(f"wall/plane_{i:04d}_0").id for i in range(count)])
         self._inverse_inertia = model.body_invweight0[model.geom_bodyid[self.spheres], 0]
         own = np.zeros(count, int) if groups is None else groups
-        if tables.mesentery is not None and own.any():
-            raise UnsupportedSceneError("Spheres of several radii cannot press on a colon that moves: give them one.")
         self._groups = [self._group(model, tables, worlds, np.flatnonzero(own == i)) for i in range(own.max() + 1)]
         self._anus = np.zeros(3) if anus is None else anus
         self._into = np.array([0.0, 0.0, 1.0]) if inwards is None else inwards
         self._starts = starts
-        self._own_stiffness = _own([sample.stiffness for sample in samples], count)
-        self._own_friction = _own([sample.friction for sample in samples], count)
-        if tables.mesentery is not None and not np.isnan([*self._own_stiffness, *self._own_friction]).all():
-            raise UnsupportedSceneError(
-                "Spheres with stiffness or friction of their own cannot press on a colon that moves: leave it fixed."
-            )
+        none = np.full(count, np.nan)
+        self._own_stiffness = none if own_stiffness is None else own_stiffness
+        self._own_friction = none if own_friction is None else own_friction
         self._spring, self._rub = np.ones((worlds, count)), np.zeros((worlds, count))
         self.case = np.zeros(worlds, int)
-        self._stiffness, self._friction_of = np.ones(worlds), np.zeros(worlds)
+        self._stiffness = np.ones(worlds)
         self._ahead = np.full(worlds, self._damper_time)
         self.normal_force = np.zeros((worlds, count))
 
@@ -152,7 +147,7 @@ class TablePlanes:
         wall_stiffness: Float[np.ndarray, " reset"],
     ) -> None:
         """Give these worlds' contacts their law: that of `haustra.models.wall.law`."""
-        self._stiffness[worlds], self._friction_of[worlds] = wall_stiffness, friction
+        self._stiffness[worlds] = wall_stiffness
         stiffness = np.where(np.isnan(self._own_stiffness), wall_stiffness[:, None], self._own_stiffness)
         damper = stiffness * self._damper_time
         self._spring[worlds] = stiffness
@@ -194,42 +189,25 @@ class TablePlanes:
         """Let colons give way to the last step's contacts, and put the planes where the wall is next to each sphere.
 
         What MuJoCo leaves are the spheres' places before its last step; they are carried on by the motion of that
-        step, which is right to second order in the time step. A colon that moves must know how fast it was pressed in
-        the last step, or it rocks where walls are stiff: there places are asked for anew.
+        step, which is right to second order in the time step. A colon that moves would rock by that where walls are
+        stiff: there places are asked for anew.
         """
-        moves = self._groups[0].walls.displacement is not None
-        if moves:  # where spheres are does not depend on what they touch
-            self._disabled |= _CONSTRAINT
-            self._batch.forward(worlds, stage=mujoco.mjtStage.mjSTAGE_POS)
-            self._disabled &= ~_CONSTRAINT
-        h = self._step_time
+        h, moves = self._step_time, self._groups[0].walls.displacement is not None
+        if moves:
+            self._give_way(worlds, *self._groups)
         for group in self._groups:
             walls = group.walls
-            loops().carry_on(
-                worlds,
-                self._geom_xpos,
-                group.geoms,
-                group.before,
-                group.points,
-                walls.depth,
-                walls.inwards,
-                walls.wall_speed,
-                self._stiffness,
-                self._friction_of,
-                self._ahead,
-                SLIP_SPEED,
-                h,
-                float(not moves),
-                group.on_wall,
-                group.damping,
-            )
-            walls.give_way(worlds, group.on_wall, group.damping, h)
+            if not moves:
+                seen = self._geom_xpos[np.ix_(worlds, group.geoms)]
+                group.points[worlds] = seen + (seen - group.before[worlds])
+                group.before[worlds] = seen
             before = walls.depth.copy()
             walls.look(worlds, group.points)
-            leaving, stiffness = (before - walls.depth) / h, self._spring[:, group.members]
-            self.normal_force[:, group.members] = normal_force(
-                np, stiffness * before, stiffness * self._damper_time, leaving
-            )
+            if not moves:
+                leaving, stiffness = (before - walls.depth) / h, self._spring[:, group.members]
+                self.normal_force[:, group.members] = normal_force(
+                    np, stiffness * before, stiffness * self._damper_time, leaving
+                )
             loops().place_planes(
                 worlds,
                 group.points,
@@ -237,15 +215,53 @@ class TablePlanes:
                 walls.inwards,
                 walls.wall_speed,
                 group.radius,
+                self._stiffness,
                 self._ahead,
+                self._inverse_inertia[group.members],
+                h,
                 group.planes,
                 group.plane_geoms,
                 group.pairs,
                 self._mocap_pos,
                 self._mocap_quat,
                 self._margin,
+                self._solref,
+                self._solref_friction,
+                self._solimp,
                 self._surface,
             )
+
+    def _give_way(self, worlds: Int[np.ndarray, " some"], group: _Group) -> None:
+        """Let colons give way to what pressed on them in the last step."""
+        felt = self._sensed.copy()  # asking for places overwrites it
+        self._disabled |= _CONSTRAINT  # where spheres are does not depend on what they touch
+        self._batch.forward(worlds, stage=mujoco.mjtStage.mjSTAGE_POS)
+        self._disabled &= ~_CONSTRAINT
+        walls = group.walls
+        loops().pressed(
+            worlds,
+            felt,
+            self._columns[:, 0],
+            self._geom_xpos,
+            group.geoms,
+            group.points,
+            walls.inwards,
+            walls.wall_speed,
+            self._stiffness,
+            self._ahead,
+            SLIP_SPEED,
+            self._step_time,
+            self.normal_force,
+            group.on_wall,
+            group.damping,
+        )
+        walls.give_way(worlds, group.on_wall, group.damping, self._step_time)
+
+    def felt(self) -> tuple[Float[np.ndarray, "worlds spheres"], Float[np.ndarray, "worlds spheres 3"]]:
+        """Normal force on each sphere in the last step, and its friction on the wall, as MuJoCo's sensors tell [N]."""
+        felt = self._sensed[:, self._columns]
+        force, normal, tangent = felt[..., :3], felt[..., 3:6], felt[..., 6:]
+        return force[..., 0], force[..., 1:2] * tangent + force[..., 2:] * np.cross(normal, tangent)
 
     def forces(self) -> Float[np.ndarray, "worlds spheres 3"]:
         """Normal force of the wall on each sphere [N]."""
@@ -266,8 +282,3 @@ class TablePlanes:
         for group in self._groups:
             whole[:, group.members] = getattr(group.walls, name)
         return whole
-
-
-def _own(values: Sequence[float | None], count: int) -> Float[np.ndarray, " spheres"]:
-    """What spheres have of their own; NaN for those that have nothing."""
-    return np.array([np.nan if value is None else value for value in values] or [np.nan] * count)

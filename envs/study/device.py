@@ -164,14 +164,15 @@ def _answer_warp(study: Study, names: tuple[str, ...], jobs: Sequence[Job], seco
     setups = [build_setup(study, job.variables, job.conditions) for job in jobs]
     device, options = setups[0]
     colons = [_colon(name) for name in names]
-    scene = build_device_scene(device, options)
-    backend = WarpDevice.of(scene, device_tables(scene, colons, [pose_in(one, device, options) for one in colons]))
+    scene, poses = build_device_scene(device, options), [pose_in(one, device, options) for one in colons]
+    backend = WarpDevice.of(scene, device_tables(scene, colons, poses), starts=[pose.arc for pose in poses])
     number = [names.index(str(job.conditions["colon"])) for job in jobs]
     conditions = Conditions(
         jnp.asarray(number),
         jnp.asarray([one.friction for _, one in setups], jnp.float32),
         jnp.asarray([one.wall_stiffness for _, one in setups], jnp.float32),
     )
+    backend.check(conditions)
     records = drive_worlds(backend, conditions, seconds=seconds, interval=CONTROL_INTERVAL)
     found = []
     for row, job in enumerate(jobs):

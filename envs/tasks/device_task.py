@@ -10,7 +10,7 @@ from gymnasium import spaces
 
 from haustra.envs.runs.device_run import ended
 from haustra.envs.runs.outcome import Outcome
-from haustra.envs.sim.device_native import NativeDevice
+from haustra.envs.sim.device_worlds import load_device_worlds
 from haustra.envs.tasks.calls import checked_action, require_no_options, whole_steps
 from haustra.errors import InvalidOptionError
 from haustra.fields import number, read_fields, require_declared, span
@@ -54,7 +54,7 @@ class DeviceRules:
 
 
 class DeviceEnv(gymnasium.Env):
-    """One device in grown colons, natively against the lumen's table.
+    """One device in grown colons, natively or on MuJoCo Warp, against the lumen's table.
 
     Actions: one number from -1 to 1 a declared channel, over its range. Observations: the direction of the lumen ahead
     in the tip's frame, the share of the colon passed, wall force [N], depth in the wall [cm], then the device's own
@@ -70,13 +70,15 @@ class DeviceEnv(gymnasium.Env):
         colons: Sequence[Colon] | None = None,
         rules: DeviceRules | dict[str, Any] | None = None,
         render_mode: str | None = None,
+        backend: str = "native",
     ) -> None:
         """Take a device, or load one by name or file, and colons, or grow those of the rules' seeds.
 
         Raises:
-            InvalidOptionError: when pictures are asked for.
+            InvalidOptionError: when pictures are asked for, or the backend is neither 'native' nor 'warp'.
             InvalidDesignError: when the device is not known.
-            UnsupportedSceneError: when it cannot meet the lumen's table.
+            MissingDependencyError: when what the backend computes with is not installed.
+            UnsupportedSceneError: when it cannot meet the lumen's table, or the backend cannot honour it.
         """
         if render_mode is not None:
             raise InvalidOptionError("The environment of any device draws no pictures: leave render_mode out.")
@@ -89,7 +91,8 @@ class DeviceEnv(gymnasium.Env):
         colons = list(colons or [grow_colon(seed=seed) for seed in range(*self.rules.seeds)])
         self._lengths = [colon.centreline.length for colon in colons]
         poses = [pose_in(colon, self.device, options) for colon in colons]
-        self._backend = NativeDevice(scene, device_tables(scene, colons, poses), starts=[pose.arc for pose in poses])
+        tables, starts = device_tables(scene, colons, poses), [pose.arc for pose in poses]
+        self._backend = load_device_worlds(backend, scene, tables, starts=starts)
         channels = self.device.controls
         self._low = np.array([channel.low for channel in channels])
         self._high = np.array([channel.high for channel in channels])

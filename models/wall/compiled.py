@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from haustra.models.wall import contact_solver, lumen_table, moving_colon, plane_pose, planes, sections, vectors
+from haustra.models.wall import contact_solver, law, lumen_table, moving_colon, plane_pose, planes, sections, vectors
+from haustra.models.wall.law import soft_numbers
 from haustra.models.wall.lumen_table import axis_point, query_point
 from haustra.models.wall.moving_colon import (
     bend_gradient,
@@ -25,7 +26,7 @@ from haustra.models.wall.moving_colon import (
     node_resistance,
     node_turn_resistance,
 )
-from haustra.models.wall.plane_pose import as_plane_sees, counted_depth, plane_turn
+from haustra.models.wall.plane_pose import as_plane_sees, moving_contact, plane_turn
 from haustra.models.wall.planes import AWAY
 from haustra.models.wall.sections import (
     brought_along,
@@ -56,7 +57,7 @@ class Loops(NamedTuple):
     query: Callable[..., None]
     query_moved: Callable[..., None]
     place_planes: Callable[..., None]
-    carry_on: Callable[..., None]
+    pressed: Callable[..., None]
     contacts: Callable[..., None]
     step_axis: Callable[..., None]
     solve: Callable[..., int]
@@ -252,13 +253,19 @@ def _place_planes(
     inwards: Any,
     wall_speed: Any,
     radius: float,
+    stiffness: Any,
     ahead: Any,
+    inverse_inertia: Any,
+    h: float,
     mocap: Any,
     geoms: Any,
     pairs: Any,
     position: Any,
     turn: Any,
     margin: Any,
+    solref: Any,
+    sliding: Any,
+    solimp: Any,
     surface: Any,
 ) -> None:
     """Put a plane beside each sphere where its wall is, and give its surface the wall's speed.
@@ -266,13 +273,14 @@ def _place_planes(
     MuJoCo's contact acts half-way between both outlines, so the plane only touches a sphere that is in the wall, and
     how deep it is is the pair's margin, from which MuJoCo's spring counts.
 
-    The speed along the wall is what its friction sees; that along its normal is in the margin (`counted_depth`).
+    The speed along the wall is what its friction sees; that along its normal is in the contact (`moving_contact`).
     """
     for world in worlds:
         for p in range(points.shape[1]):
             normal, speed, into = _node(inwards, world, p), _node(wall_speed, world, p), depth[world, p]
             away = radius + max(-into, 0.0) if into >= -ROOM else AWAY
-            margin[world, pairs[p]] = counted_depth(np, into, normal, speed, ahead[world])
+            pair = pairs[p]
+            margin[world, pair] = max(into, 0.0)
             plane = mocap[p]
             _put(position, world, plane, minus(_node(points, world, p), times(away, normal)))
             cosine, about = plane_turn(np, normal)
@@ -280,64 +288,63 @@ def _place_planes(
             turn[world, plane, 1], turn[world, plane, 2], turn[world, plane, 3] = about
             if surface.shape[0] > 0:
                 _put(surface, world, geoms[p], as_plane_sees(cosine, about, speed))
+                margin[world, pair], damped = moving_contact(np, into, normal, speed, ahead[world], h)
+                impedance, solref[world, pair, 0], solref[world, pair, 1], sliding[world, pair, 1] = soft_numbers(
+                    inverse_inertia[p], stiffness[world], stiffness[world] * damped, h
+                )
+                solimp[world, pair, 0], solimp[world, pair, 1] = impedance, impedance
 
 
-def _carry_on(
+def _pressed(
     worlds: Any,
+    felt: Any,
+    first: Any,
     seen: Any,
     spheres: Any,
-    before: Any,
     points: Any,
-    depth: Any,
     inwards: Any,
     wall_speed: Any,
     stiffness: Any,
-    friction: Any,
     ahead: Any,
     least_slip: float,
     h: float,
-    lead: float,
+    load: Any,
     force: Any,
     damping: Any,
 ) -> None:
-    """Carry spheres on from where they were seen before the last step, and say how they pressed on the wall in it.
+    """Sum up what MuJoCo's contacts did to walls in the last step, as sensors tell, and take spheres to where they are.
 
     Args:
         worlds: which.
-        seen: places of all geoms before the last step [m].
+        felt: what the sensors tell (`haustra.models.wall.planes.add_felt`).
+        first: column of each sphere's.
+        seen: places of all geoms now [m].
         spheres: geoms of the spheres.
-        before: places of the spheres before the step before that, which become those seen [m].
-        points: where the last step's planes were placed for, which become where the spheres are now [m].
-        depth: of those planes [m].
-        inwards: their normals.
+        points: places of the spheres before the last step [m], which become those seen.
+        inwards: normals of the planes there.
         wall_speed: their speed [m/s].
         stiffness: K of each world [N/m].
-        friction: mu of each world.
         ahead: c / K + h [s].
         least_slip: friction damps as where it slides at least so fast [m/s].
         h: time step [s].
-        lead: 1 where what is seen is of before the last step, 0 where it is of now.
+        load: normal force of each sphere, into which it is written [N].
         force: on the wall, into which it is written [N].
         damping: [N s/m].
     """
     for world in worlds:
-        damper = stiffness[world] * ahead[world]
         for p in range(points.shape[1]):
-            here = _node(seen, world, spheres[p])
-            now = add(here, times(lead, minus(here, _node(before, world, p))))
-            speed = minus(times(1 / h, minus(now, _node(points, world, p))), _node(wall_speed, world, p))
-            _put(before, world, p, here)
-            _put(points, world, p, now)
-            _put(force, world, p, (0.0, 0.0, 0.0))
-            damping[world, p] = 0.0
-            normal = _node(inwards, world, p)
-            away = dot(normal, speed)
-            load = stiffness[world] * depth[world, p] - damper * away
-            if depth[world, p] > 0 and load > 0:
-                sliding = minus(speed, times(away, normal))
-                drag = friction[world] * load / max(np.sqrt(dot(sliding, sliding)), least_slip)
-                _put(force, world, p, minus(times(drag, sliding), times(load, normal)))
-                damping[world, p] = damper + drag
+            here, normal, column = _node(seen, world, spheres[p]), _node(inwards, world, p), first[p]
+            speed = minus(times(1 / h, minus(here, _node(points, world, p))), _node(wall_speed, world, p))
+            slip = minus(speed, times(dot(speed, normal), normal))
+            _put(points, world, p, here)
+            pressed, one, other = felt[world, column], felt[world, column + 1], felt[world, column + 2]
+            out = felt[world, column + 3], felt[world, column + 4], felt[world, column + 5]
+            along = felt[world, column + 6], felt[world, column + 7], felt[world, column + 8]
+            rubbed = add(times(one, along), times(other, cross(out, along)))
+            load[world, p] = pressed
+            _put(force, world, p, minus(rubbed, times(pressed, normal)))
+            drag = np.hypot(one, other) / max(np.sqrt(dot(slip, slip)), least_slip)
+            damping[world, p] = stiffness[world] * ahead[world] + drag if pressed > 0 else 0.0
 
 
 def _contacts(
@@ -542,8 +549,8 @@ def loops() -> Loops:
     overload(vectors.where)(lambda xp, condition, yes, no: lambda xp, condition, yes, no: yes if condition else no)
     own = (_node, _put, _put_more, _turn, _put_turn, _section, _cells, _rest_closing, _node_between, _edge_rate)
     own = (*own, _rates, _shape, _add_springs, _turn_sections)
-    entries = (_query, _query_moved, _place_planes, _carry_on, _contacts, _step_axis, contact_solver.solve)
-    laws = (*vectors.PARTS, *lumen_table.PARTS, *sections.PARTS, *moving_colon.PARTS, *plane_pose.PARTS)
+    entries = (_query, _query_moved, _place_planes, _pressed, _contacts, _step_axis, contact_solver.solve)
+    laws = (*vectors.PARTS, *law.PARTS, *lumen_table.PARTS, *sections.PARTS, *moving_colon.PARTS, *plane_pose.PARTS)
     laws = (*laws, *own, *entries[:-1])
     # Products may be added at once; sums keep their order, or code from the cache would round as no other does.
     options = {"error_model": "numpy", "fastmath": {"contract"}}
@@ -552,12 +559,12 @@ def loops() -> Loops:
     for part, how in each:
         plain = unwrap(part)  # of what checks types at run time
         overload(part, strict=False, jit_options=how)(lambda *_, plain=plain: plain)
-    modules = vectors, lumen_table, sections, moving_colon, plane_pose, planes, contact_solver
+    modules = vectors, law, lumen_table, sections, moving_colon, plane_pose, planes, contact_solver
     files = [Path(str(module.__file__)) for module in modules]
-    law = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+    version = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
     def compiled(loop: Callable[..., Any]) -> Callable[..., Any]:
         # Numba finds again what it has kept by the values that a function closes over.
-        return njit(lambda *given: loop(*given) if law else None, nogil=True, cache=True, error_model="numpy")
+        return njit(lambda *given: loop(*given) if version else None, nogil=True, cache=True, error_model="numpy")
 
     return Loops(*map(compiled, entries))

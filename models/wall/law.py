@@ -206,11 +206,20 @@ def soft_contact(xp: Any, inverse_inertia: Any, stiffness: Any, damper: Any, *, 
         damper: c + h K [N s/m].
         timestep: h [s].
     """
+    impedance, spring, loss, slip = soft_numbers(inverse_inertia, stiffness, damper, timestep)
+    solref, sliding = xp.stack([spring, loss], axis=-1), xp.stack([xp.zeros_like(slip), slip], axis=-1)
+    return SoftContact(solref, sliding, impedance)
+
+
+def soft_numbers(inverse_inertia: Any, stiffness: Any, damper: Any, timestep: Any) -> tuple[Any, Any, Any, Any]:
+    """What `soft_contact` is made of: impedance, both numbers of solref, and the second of friction's."""
     impedance = inverse_inertia / (inverse_inertia + 1 / (timestep * damper))
     scale = (1 - impedance) * inverse_inertia
-    solref = xp.stack([-stiffness * scale, -damper * scale], axis=-1)
-    sliding = xp.stack([xp.zeros_like(scale), -SLIP_RELAXATION * damper * scale], axis=-1)
-    return SoftContact(solref, sliding, impedance)
+    return impedance, -stiffness * scale, -damper * scale, -SLIP_RELAXATION * damper * scale
+
+
+PARTS = (soft_numbers,)
+"""What numba is to compile."""
 
 
 def require_honoured(impedance: float | Float[np.ndarray, "..."], *, what: str) -> None:

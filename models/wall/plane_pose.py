@@ -8,6 +8,11 @@ from typing import Any, NamedTuple
 from haustra.models.wall import vectors
 from haustra.models.wall.vectors import Vector, add, cross, dot, minus, stacked, times, where
 
+_TOUCHING = 5e-7
+"""Margin where a wall gives way fast [m]: single precision still finds the contact, which presses by 1 mN."""
+_STILL = 1e-9
+"""Far less than any speed that counts [m/s]."""
+
 
 class PlanePose(NamedTuple):
     """A plane of a sphere."""
@@ -20,13 +25,18 @@ class PlanePose(NamedTuple):
     """(...) of the pair: how deep the sphere is in the wall [m]."""
 
 
-def counted_depth(xp: Any, depth: Any, inwards: Vector, speed: Vector, ahead: Any) -> Any:
-    """The pair's margin, from which MuJoCo's spring counts, of a sphere in a wall that moves at that speed [m].
+def moving_contact(xp: Any, depth: Any, inwards: Vector, speed: Vector, ahead: Any, timestep: Any) -> tuple[Any, Any]:
+    """Spring and damper of MuJoCo's contact with a wall that moves: the pair's margin [m], and damper over K [s].
 
-    MuJoCo takes a mocap plane for one that stands still. The wall's speed along its normal v changes the force of
-    spring and damper, K d + (c + h K) d', as if it were deeper by (c / K + h) v: `ahead` is c / K + h [s].
+    MuJoCo takes a mocap plane for one that stands still. The wall's speed along its normal v changes the force on a
+    sphere that leaves at v', F = K d - (c + h K) (v' - v), as if it were deeper by a v, where `ahead`, a, is c / K + h.
+    No margin is negative. Where the wall gives way faster than d / a, a weaker damper takes its place, so that what
+    goes along with the wall is pressed by K d, as by the law. Half a step of the spring is left, which keeps it stable.
     """
-    return where(xp, depth > 0, xp.maximum(depth + ahead * dot(inwards, speed), 0.0), 0.0)
+    retreat = -dot(inwards, speed)
+    weaker = xp.minimum(xp.maximum(depth / xp.maximum(retreat, _STILL), timestep / 2), ahead)
+    margin = xp.maximum(depth - weaker * retreat, xp.minimum(depth, _TOUCHING))
+    return where(xp, depth > 0, margin, 0.0), where(xp, depth > 0, weaker, ahead)
 
 
 def plane_turn(xp: Any, normal: Vector) -> tuple[Any, Vector]:
@@ -44,7 +54,7 @@ def as_plane_sees(cosine: Any, about: Vector, v: Vector) -> Vector:
     return add(v, times(2.0, minus(cross(about, side), times(cosine, side))))
 
 
-PARTS = (counted_depth, plane_turn, as_plane_sees)
+PARTS = (moving_contact, plane_turn, as_plane_sees)
 """What numba is to compile."""
 
 
@@ -68,8 +78,10 @@ def plane_pose(xp: Any, centres: Any, radius: Any, depth: Any, inwards: Any) -> 
     return PlanePose(centres - away[..., None] * inwards, turn, xp.maximum(depth, 0.0))
 
 
-def moving_planes(xp: Any, planes: PlanePose, depth: Any, inwards: Any, speed: Any, ahead: Any) -> tuple[Any, Any]:
-    """What a wall's speed (..., 3) [m/s] does to its planes: the pairs' margins [m], and speeds of their surfaces.
+def moving_planes(
+    xp: Any, planes: PlanePose, depth: Any, inwards: Any, speed: Any, ahead: Any, timestep: Any
+) -> tuple[Any, Any, Any]:
+    """What a wall's speed (..., 3) [m/s] does to its planes: `moving_contact`, and speeds of their surfaces.
 
     The speed along the wall is what MuJoCo's friction sees, in the frame of each plane [m/s].
 
@@ -80,7 +92,8 @@ def moving_planes(xp: Any, planes: PlanePose, depth: Any, inwards: Any, speed: A
         inwards: as for `plane_pose`.
         speed: of the wall there.
         ahead: c / K + h [s].
+        timestep: h [s].
     """
     moving = vectors.of(speed)
     surface = as_plane_sees(planes.turn[..., 0], vectors.of(planes.turn[..., 1:]), moving)
-    return counted_depth(xp, depth, vectors.of(inwards), moving, ahead), stacked(xp, surface)
+    return *moving_contact(xp, depth, vectors.of(inwards), moving, ahead, timestep), stacked(xp, surface)

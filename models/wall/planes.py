@@ -33,6 +33,14 @@ AWAY = 1e3
 ENTRANCE = 0.05
 """A sphere before the anal end's plane is outside the patient when it was last seen no further in than this [m];
 further in, it lies in a loop that passes behind."""
+_FELT = sum(
+    1 << int(part)
+    for part in (
+        mujoco.mjtConDataField.mjCONDATA_FORCE,
+        mujoco.mjtConDataField.mjCONDATA_NORMAL,
+        mujoco.mjtConDataField.mjCONDATA_TANGENT,
+    )
+)
 SAME_SIDE = 0.5
 """Cosine between the normals of both planes above which the second finds nothing new and is parked."""
 
@@ -149,6 +157,24 @@ def add_planes(
                 solreffriction=soft.sliding,
                 solimp=solimp(float(soft.impedance)),
             )
+
+
+def add_felt(spec: mujoco.MjSpec, count: int, *, prefix: str = "wall/") -> None:
+    """Let MuJoCo tell what that many spheres do to the wall: a sensor each of force, normal and tangent (`felt`)."""
+    for number in range(count):
+        spec.add_sensor(
+            name=f"{prefix}felt_{number:04d}",
+            type=mujoco.mjtSensor.mjSENS_CONTACT,
+            objtype=mujoco.mjtObj.mjOBJ_GEOM,
+            objname=f"{prefix}sphere_{number:04d}",
+            intprm=[_FELT, 2, 1],  # of the contact with the largest force, which is the only one
+        )
+
+
+def with_friction(model: mujoco.MjModel) -> mujoco.MjModel:
+    """A model whose planes all rub, for worlds with friction of their own; without, MuJoCo's contacts never would."""
+    model.pair_dim[:] = 3
+    return model
 
 
 WIDER = 48

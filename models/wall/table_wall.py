@@ -140,6 +140,7 @@ class TableWall:
         count = len(arcs)
         self._model, self._contact, self._tree = model, contact, contact_solver.Tree.of(model)
         self.spheres = np.array([model.geom(f"{prefix}sphere_{i:04d}").id for i in range(count)])
+        self._inverse_inertia = model.body_invweight0[model.geom_bodyid[self.spheres], 0]
         names = [f"{prefix}plane_{i:04d}_0" for i in range(count)]
         self._geoms = np.array([model.geom(name).id for name in names])
         self._pairs = np.array([model.pair(name).id for name in names])
@@ -177,8 +178,9 @@ class TableWall:
         ratio = self._contact.damping / self._contact.stiffness
         self._contact = replace(self._contact, stiffness=stiffness, damping=ratio * stiffness)
         model, pairs = self._model, self._pairs
-        inertia = model.body_invweight0[model.geom_bodyid[self.spheres], 0]
-        law = contact_parameters(inertia, self._contact, timestep=model.opt.timestep, where="the wall under gas")
+        law = contact_parameters(
+            self._inverse_inertia, self._contact, timestep=model.opt.timestep, where="the wall under gas"
+        )
         model.pair_solref[pairs], model.pair_solreffriction[pairs] = law.solref, law.sliding
         model.pair_solimp[pairs, :2] = law.impedance[:, None]
 
@@ -194,7 +196,8 @@ class TableWall:
 
     def update(self, data: mujoco.MjData) -> None:
         """Put the planes where the wall is now next to their spheres; to be called before every step."""
-        mujoco.mj_kinematics(self._model, data)
+        model = self._model
+        mujoco.mj_kinematics(model, data)
         walls, points = self._walls, data.geom_xpos[self.spheres][None]
         walls.look(self._one, points)
         loops().place_planes(
@@ -203,14 +206,20 @@ class TableWall:
             walls.depth,
             walls.inwards,
             walls.wall_speed,
-            float(self._model.geom_size[self.spheres[0], 0]),
+            float(model.geom_size[self.spheres[0], 0]),
+            np.array([self._contact.stiffness]),
             self._ahead,
+            self._inverse_inertia,
+            model.opt.timestep,
             self._mocap,
             self._geoms,
             self._pairs,
             data.mocap_pos[None],
             data.mocap_quat[None],
-            self._model.pair_margin[None],
+            model.pair_margin[None],
+            model.pair_solref[None],
+            model.pair_solreffriction[None],
+            model.pair_solimp[None],
             self._surface,
         )
 

@@ -8,6 +8,7 @@ from itertools import groupby
 from pathlib import Path
 
 from haustra.envs.sim.capabilities import BACKENDS, CAPABILITIES, TRACKED_ON, Capability
+from haustra.envs.sim.device_worlds import NAMES
 from haustra.files import write_atomically
 
 _HEAD = """\
@@ -20,6 +21,7 @@ name what it cannot honour, so that no field is silently ignored: `tests/envs/si
 """
 _TITLES = {
     "scene": "Scene",
+    "device": "Scene of any device",
     "design": "Scope design",
     "tracked": "Tracked design",
     "task": "Task",
@@ -53,6 +55,8 @@ def _cell(entry: Capability, backend: str) -> str:
         return "no tasks"
     if entry.path.startswith("tracked."):
         return TRACKED_ON[backend]
+    if entry.path.startswith("device.") and backend not in NAMES:
+        return "scopes only"
     if backend not in entry.only:
         return "yes"
     return "only " + ", ".join(_value(value) for value in entry.only[backend])

@@ -33,6 +33,7 @@ from haustra.envs.sim.state import Controls
 from haustra.envs.tasks.config import TaskConfig
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.anatomy.colon import ColonSegment, Surface
+from haustra.models.device_scene import HONOURED
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.devices.scope.library import named_design
 from haustra.models.devices.tracked.design import TrackedDesign
@@ -401,6 +402,7 @@ def test_no_field_is_missing_from_the_table_and_none_has_gone() -> None:
     asked = _names(SceneOptions, SceneOptions(), "scene.") | design | _names(TaskConfig, TaskConfig(), "task.")
     inner = {path for path in asked if path.startswith("task.randomisation.")}
     asked |= _names(TrackedDesign, TrackedDesign(), "tracked.")
+    asked |= {f"device.{name}" for name in (*HONOURED, "treads")}
     asked = (asked - inner) | {path.removeprefix("task.") for path in inner} | {"task.randomisation"}
     assert named == asked
 

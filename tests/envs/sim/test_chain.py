@@ -21,29 +21,21 @@ def model() -> mujoco.MjModel:
 
 
 @pytest.mark.parametrize(("kind", "tolerance"), [(np.float64, 1e-12), (np.float32, 5e-6)])
-def test_places_and_speeds_are_those_of_mujoco(model: mujoco.MjModel, kind: type, tolerance: float) -> None:
-    """Compared for a point on each link, a centimetre along and across; speeds over the fastest."""
+def test_places_are_those_of_mujoco(model: mujoco.MjModel, kind: type, tolerance: float) -> None:
+    """Compared for a point on each link, a centimetre along and across."""
     random = np.random.default_rng(0)
-    qpos, qvel = 0.3 * random.normal(size=(2, model.nv)), random.normal(size=(2, model.nv))
+    qpos = 0.3 * random.normal(size=(2, model.nv))
     chain, bodies, local = Chain.of(model), np.arange(model.nbody - 1), np.array([0.01, 0.0, 0.01])
     with jax.enable_x64(kind is np.float64):
         own = jax.tree.map(lambda part: jnp.asarray(part, kind), Links.of(model))
         where = links.pose(chain, own, jnp.asarray(qpos, kind))
         points = links.points_on(where, bodies, jnp.tile(jnp.asarray(local, kind), (1, len(bodies), 1)))
-        velocity = links.velocities(chain, where, jnp.asarray(qvel, kind))
-        speeds = np.asarray(velocity[..., 3:] + jnp.cross(velocity[..., :3], points))
     data = mujoco.MjData(model)
     for world in range(2):
-        data.qpos[:], data.qvel[:] = qpos[world], qvel[world]
+        data.qpos[:] = qpos[world]
         mujoco.mj_forward(model, data)
         places = data.xpos[1:] + data.xmat[1:].reshape(-1, 3, 3) @ local
         np.testing.assert_allclose(points[world], places, atol=tolerance)
-        known = np.zeros_like(places)
-        for body, place in enumerate(places):
-            jacobian = np.zeros((3, model.nv))
-            mujoco.mj_jac(model, data, jacobian, None, place, body + 1)
-            known[body] = jacobian @ qvel[world]
-        np.testing.assert_allclose(speeds[world], known, atol=tolerance * np.abs(known).max())
 
 
 def test_what_is_not_one_chain_is_refused() -> None:

@@ -127,6 +127,37 @@ def test_a_pressed_capsule_displaces_the_colon_as_a_scopes_sphere_with_that_forc
     assert np.linalg.norm(found - expected, axis=1).max() < 0.02 * largest
 
 
+@pytest.mark.parametrize("stiffness", [1500.0, 2400.0])
+def test_a_colon_is_pressed_by_what_presses_back_while_both_move(stiffness):
+    """Newton's third law on a capsule without mass to speak of: F = sum of the wall's forces + drag v, within 2 %.
+
+    Each of its six spheres presses less hard than the contact's damper would at the speed at which the wall gives way.
+    """
+    tube = replace(straight_tube(0.4), segments=(ColonSegment("sigmoid", 0.0, 0.4),))
+    ball = load_device("capsule")
+    assert isinstance(ball, Capsule)
+    options = device_options(mesentery=True, start_depth=0.2, friction=0.0, wall_stiffness=stiffness)
+    scene = build_device_scene(ball, options, pose=pose_in(tube, ball, options))
+    one = NativeDevice(scene, device_tables(scene, [tube]))
+    for _ in range(120):
+        assert one.step(np.array([[0.6, 0, 0, 0, 0, 0]]), 1).all()
+    assert one.readings()["speed"][0] > 3e-3
+    drag = ball.drag * one.readings()["speed"][0]
+    assert one.read().wall_force[0] == pytest.approx(0.6 - drag, rel=0.02)
+
+
+def test_worlds_rub_whose_scene_does_not(tube):
+    """A pull along a wall that it is pressed on: friction slows one of two capsules in a scene without any."""
+    ball = load_device("capsule")
+    scene = build_device_scene(ball, device_options(friction=0.0))
+    one = NativeDevice(scene, device_tables(scene, [tube]), worlds=2)
+    one.reset(np.arange(2), np.zeros(2, int), friction=np.array([0.0, 0.5]), wall_stiffness=np.full(2, 1500.0))
+    for step in range(100):
+        one.step(np.tile([0.5, 0.0, 0.3 if step > 60 else 0.0, 0, 0, 0], (2, 1)), 4)
+    arcs = one.read().tip_arc
+    assert arcs[1] < arcs[0] - 0.005
+
+
 def test_a_capsule_drives_through_a_colon_that_moves_and_the_run_says_so():
     bend = replace(bent_colon(bend=0.05, leg=0.06, length=0.25), segments=(ColonSegment("sigmoid", 0.0, 0.25),))
     runs = {}

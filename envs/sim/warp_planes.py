@@ -1,0 +1,276 @@
+"""Walls by the lumen's table in many worlds on MuJoCo Warp, through MJX: of scopes and of any other device.
+
+Before every step the place of each sphere is looked up in the table of its world's colon, and a plane, a mocap body, is
+put there, so that MuJoCo does the contact. A colon on its mesentery gives way to what those contacts did. Looking up is
+in JAX. Without a GPU the same kernels run on the CPU, slowly: for tests.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+from jaxtyping import Bool
+from mujoco import mjx
+
+from haustra.envs.sim.state import SPEED_LIMIT
+from haustra.errors import UnsupportedSceneError
+from haustra.models.wall import moving_colon
+from haustra.models.wall.law import SLIP_SPEED, require_honoured, soft_contact
+from haustra.models.wall.lumen_table import Tables, WallQuery, query
+from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
+from haustra.models.wall.plane_pose import moving_planes, plane_pose
+
+Array = Any
+_CONTACT_ROWS = 3
+"""Constraint rows of a contact with friction."""
+
+
+class Contacts(NamedTuple):
+    """The wall's law in each world, as MuJoCo takes it."""
+
+    stiffness: Array
+    """(worlds, spheres or 1) [N/m]."""
+    ahead: Array
+    """(worlds, 1) c / K + h [s]."""
+    model: Any
+    """The model with each world's own arrays."""
+    axes: Any
+    """Which of its arrays have one entry a world."""
+
+
+class Stepped(NamedTuple):
+    """What a step left."""
+
+    data: Any
+    """MuJoCo's own."""
+    arcs: Array
+    """(worlds, places) arc lengths at the step's beginning [m]."""
+    depth: Array
+    """(worlds, spheres) how deep spheres were in the wall then [m]."""
+    inwards: Array
+    """(worlds, spheres, 3) normals of the wall."""
+    normal: Array
+    """(worlds, spheres) force of MuJoCo's contact along them [N]."""
+    displacement: AxisDisplacement | None
+    """Where the colons are at its end; None where they are fixed."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WarpPlanes:
+    """One compiled model for all worlds, with a plane for each of its spheres."""
+
+    host: mujoco.MjModel
+    """Compiled for the CPU, to make data of."""
+    model: Any
+    """Compiled model on the GPU for Warp, as MJX has it."""
+    spheres: np.ndarray
+    """(spheres,) geoms."""
+    radius: np.ndarray
+    """(spheres,) [m]."""
+    inverse_inertia: np.ndarray
+    """(spheres,) of each sphere's link, as MuJoCo's contacts see it [1/kg]."""
+    moves: bool
+    """Whether colons move."""
+
+    @classmethod
+    def of(cls, host: mujoco.MjModel, count: int, *, moves: bool, what: str) -> "WarpPlanes":
+        """Take a model with that many spheres.
+
+        Args:
+            host: compiled with one plane a sphere.
+            count: spheres.
+            moves: whether colons move.
+            what: is modelled, for messages.
+
+        Raises:
+            UnsupportedSceneError: when Warp has not what the model is made of.
+        """
+        host = for_warp(host)
+        host.flg_surfacevel = moves  # walls that move drag by friction
+        try:
+            # Room is kept for all that can happen; its solver's limits would be told on stdout at every step.
+            model = mjx.put_model(host, impl="warp").tree_replace({"opt._impl.warn_overflow": 0})
+        except (NotImplementedError, ValueError) as error:
+            raise UnsupportedSceneError(f"The backend 'warp' cannot honour {what}: {error}") from error
+        names = [f"wall/plane_{index:04d}_0" for index in range(count)]
+        assert [host.pair(name).id for name in names] == list(range(host.npair)), "one pair a sphere, in their order"
+        assert [host.body(name).mocapid[0] for name in names] == list(range(host.nmocap)), "so are the planes"
+        spheres = np.array([host.geom(f"wall/sphere_{index:04d}").id for index in range(count)])
+        return cls(
+            host=host,
+            model=model,
+            spheres=spheres,
+            radius=host.geom_size[spheres, 0],
+            inverse_inertia=host.body_invweight0[host.geom_bodyid[spheres], 0],
+            moves=moves,
+        )
+
+    @property
+    def timestep(self) -> float:
+        """Time step of all worlds [s]."""
+        return float(self.host.opt.timestep)
+
+    def check(self, stiffness: Array, damping_time: Array) -> None:
+        """Refuse walls (worlds, any) that MuJoCo's contacts cannot honour.
+
+        Raises:
+            InvalidOptionError: when MuJoCo would clamp the wall's law.
+        """
+        stiffness = np.asarray(stiffness)
+        damper = stiffness * (np.asarray(damping_time) + self.timestep)
+        soft = soft_contact(np, self.inverse_inertia, stiffness, damper, timestep=self.timestep)
+        require_honoured(soft.impedance, what="A stiffness of the wall")
+
+    def contacts(
+        self, stiffness: Array, damping_time: Array, friction: Array, own: Mapping[str, Array] | None = None
+    ) -> Contacts:
+        """The law, one row a world and one column a sphere or for all of them.
+
+        Args:
+            stiffness: [N/m].
+            damping_time: of the wall (worlds or 1, 1) [s].
+            friction: [1].
+            own: arrays of the model that worlds have for themselves beside it, by name.
+        """
+        ahead = damping_time + self.timestep
+        all_own = {
+            "pair_friction": _with_columns(self.model.pair_friction, friction[..., None], 2),
+            **self._law(stiffness, stiffness * ahead),
+            **(own or {}),
+        }
+        changing = ("pair_margin", "_impl.geom_surfacevel") if self.moves else ("pair_margin",)
+        axes = jax.tree.map(lambda _: None, self.model).tree_replace(dict.fromkeys((*all_own, *changing), 0))
+        return Contacts(stiffness, ahead, self.model.tree_replace(all_own), axes)
+
+    def data(self, worlds: int) -> Any:
+        """What MuJoCo Warp works in. Its arrays are filled on the device: as constants they would be compiled in.
+
+        There is room for as many constraint rows as there can be, so that none is ever lost.
+        """
+        spheres = len(self.spheres)
+        rows = _CONTACT_ROWS * spheres + int(self.host.jnt_limited.sum())
+        with jax.ensure_compile_time_eval():
+            one = mjx.make_data(self.host, impl="warp", naconmax=worlds * spheres, njmax=rows)
+        one = jax.tree.map(_filled, one)
+        return jax.vmap(lambda _: one)(jnp.arange(worlds))
+
+    def step(
+        self,
+        contacts: Contacts,
+        tables: Tables,
+        displacement: AxisDisplacement | None,
+        places: Array,
+        arcs: Array,
+        radius: Array,
+        data: Any,
+    ) -> Stepped:
+        """One time step of MuJoCo's, and of the colons.
+
+        Args:
+            contacts: the law.
+            tables: of one colon a world, or for each of its spheres.
+            displacement: where the colons are.
+            places: of the spheres, and of others whose arc lengths are asked for (worlds, places, 3) [m].
+            arcs: of the places at the last look (worlds, places) [m].
+            radius: of the spheres (worlds or 1, places or 1), all alike where colons move [m].
+            data: MuJoCo's, with state and controls.
+        """
+        count, own = len(self.spheres), tables.mesentery
+        found, grip = look(tables, displacement, places, arcs, radius[:, 0])
+        points, inwards = places[:, :count], found.inwards[:, :count]
+        radius = radius[:, :count]
+        depth = found.depth[:, :count] + radius - tables.device_radius
+        planes = plane_pose(jnp, points, radius, depth, inwards)
+        changed = {"pair_margin": planes.margin}
+        if displacement and grip and own:
+            grip = AttachmentPoints(grip.arcs[:, :count], grip.lever[:, :count])
+            speed = moving_colon.wall_speeds(jnp, own, displacement, grip)
+            ahead, h = contacts.ahead, self.timestep
+            margin, damped, surface = moving_planes(jnp, planes, depth, inwards, speed, ahead, h)
+            speeds = jnp.zeros((len(points), self.host.ngeom, 6), surface.dtype)
+            changed = {"_impl.geom_surfacevel": speeds.at[:, self._planes, :3].set(surface), "pair_margin": margin}
+            changed |= self._law(contacts.stiffness, contacts.stiffness * damped)
+        model = contacts.model.tree_replace(changed)
+        data = data.replace(mocap_pos=planes.position, mocap_quat=planes.turn)
+        done = jax.vmap(mjx.step, in_axes=(contacts.axes, 0))(model, data)
+        force, damping = self._on_wall(contacts, done._impl)
+        if displacement and grip and own:
+            displacement = moving_colon.step_axis(jnp, own, displacement, grip, force, damping, self.timestep)
+        normal = -jnp.einsum("wpi,wpi->wp", force, inwards)
+        return Stepped(done, found.arcs, depth, inwards, normal, displacement)
+
+    def _law(self, stiffness: Array, damper: Array) -> dict[str, Array]:
+        """Arrays of the model (worlds, spheres, any) that give its contacts that law."""
+        inverse = jnp.asarray(self.inverse_inertia, jnp.float32)
+        soft = soft_contact(jnp, inverse, stiffness, damper, timestep=self.timestep)
+        solimp = _with_columns(self.model.pair_solimp, soft.impedance[..., None], 2)
+        return {"pair_solref": soft.solref, "pair_solreffriction": soft.sliding, "pair_solimp": solimp}
+
+    def _on_wall(self, contacts: Contacts, done: Any) -> tuple[Array, Array]:
+        """What MuJoCo's contacts did to the wall at each sphere, and how they damp it: [N], [N s/m].
+
+        Sums as `haustra.models.wall.compiled` makes of one world; all worlds' contacts stand in one list.
+        """
+        count = len(self.spheres)
+        shape = (len(contacts.stiffness), count)
+        number = np.full(self.host.ngeom, count)
+        number[self.spheres] = np.arange(count)
+        rows, world = done.contact__efc_address[:, :_CONTACT_ROWS], done.contact__worldid
+        force, slip = (part[world[:, None], rows] for part in (done.efc__force, done.efc__vel))
+        there = (jnp.arange(len(world)) < done.nacon[0]) & (rows[:, 0] >= 0) & (force[:, 0] > 0)
+        where = world, jnp.where(there, jnp.asarray(number)[done.contact__geom[:, 1]], count)
+        drag = jnp.linalg.norm(force[:, 1:], axis=1) / jnp.maximum(jnp.linalg.norm(slip[:, 1:], axis=1), SLIP_SPEED)
+        pressed = -jnp.einsum("ci,cij->cj", force, done.contact__frame)
+        damper = jnp.broadcast_to(contacts.stiffness * contacts.ahead, shape)[where]
+        on_wall = jnp.zeros((*shape, 3), force.dtype).at[where].add(pressed, mode="drop")
+        return on_wall, jnp.zeros(shape, force.dtype).at[where].add(damper + drag, mode="drop")
+
+    @property
+    def _planes(self) -> np.ndarray:
+        """Geoms of the planes."""
+        return np.array([self.host.geom(f"wall/plane_{index:04d}_0").id for index in range(len(self.spheres))])
+
+
+def look(
+    tables: Tables, displacement: AxisDisplacement | None, points: Array, arcs: Array, radius: Array
+) -> tuple[WallQuery, AttachmentPoints | None]:
+    """Look spheres of one radius a world up; and where their surfaces hold on to the colon, if it moves."""
+    if displacement is None:
+        return query(jnp, tables, points, arcs), None
+    return moving_colon.query(jnp, tables, displacement, points, arcs, radius)
+
+
+def sound(qvel: Array, *others: Any) -> Bool[Array, " worlds"]:
+    """Which worlds are of plausible speeds, and have finite numbers in other arrays, or trees of them."""
+    finite = [jnp.isfinite(part).reshape(len(part), -1).all(axis=1) for part in jax.tree.leaves((qvel, *others))]
+    return jnp.stack([jnp.abs(qvel).max(axis=1) < SPEED_LIMIT, *finite]).all(axis=0)
+
+
+def for_warp(model: mujoco.MjModel) -> mujoco.MjModel:
+    """With a solver that Warp has, and without a flag that it does not know: it never resets what diverges.
+
+    Dense Jacobians, which scenes ask for, it takes up to 60 dofs only: it is to choose.
+    """
+    model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_AUTO
+    model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    return model
+
+
+def _with_columns(shared: Array, values: Array, count: int) -> Array:
+    """One row a world of an array that they share, its first `count` columns given."""
+    rows = jnp.broadcast_to(shared, (len(values), *shared.shape))
+    return rows.at[..., :count].set(values)
+
+
+def _filled(part: Any) -> Any:
+    """An array whose entries are all the same as one that is filled when it is needed."""
+    if not isinstance(part, jax.Array) or part.size < 2:
+        return part
+    values = np.asarray(part)
+    first = values.flat[0]
+    return jnp.full(values.shape, first, values.dtype) if (values == first).all() else part

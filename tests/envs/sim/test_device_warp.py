@@ -1,0 +1,134 @@
+"""Any device on MuJoCo Warp does as natively: fixed or on the mesentery, worlds with conditions of their own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from haustra.envs.sim.device_native import NativeDevice
+from haustra.envs.sim.device_worlds import load_device_worlds
+from haustra.errors import InvalidOptionError, UnsupportedSceneError
+from haustra.models.anatomy.colon import Colon, ColonSegment
+from haustra.models.device_scene import DeviceScene, build_device_scene, device_options, device_tables, pose_in
+from haustra.models.devices.base import load_device
+from haustra.models.devices.capsule.interface import Capsule
+from haustra.models.wall.abdomen import Abdomen
+from tests.ring_wall import bent_colon
+from tests.tube_colon import straight_tube
+
+COLONS = (
+    replace(straight_tube(0.4), segments=(ColonSegment("rectum", 0.0, 0.05), ColonSegment("sigmoid", 0.05, 0.4))),
+    replace(bent_colon(bend=0.05, leg=0.1, length=0.35), segments=(ColonSegment("sigmoid", 0.0, 0.35),)),
+)
+
+
+class Held(Capsule):
+    """A capsule whose spheres are softer and rub more than the wall."""
+
+    def add_to(self, *args, **options):
+        handles = super().add_to(*args, **options)
+        return replace(handles, samples=tuple(replace(one, stiffness=300.0, friction=0.6) for one in handles.samples))
+
+
+def capsule(kind: type[Capsule] = Capsule) -> Capsule:
+    found = load_device("capsule")
+    assert isinstance(found, Capsule)
+    return kind(**vars(found))
+
+
+def scene_in(device: Capsule, colons: tuple[Colon, ...], **changed) -> tuple[DeviceScene, dict]:
+    options = device_options(device, **changed)
+    poses = [pose_in(colon, device, options) for colon in colons]
+    scene = build_device_scene(device, options)
+    return scene, {"tables": device_tables(scene, list(colons), poses), "starts": [pose.arc for pose in poses]}
+
+
+def press(world: int, instant: int) -> list[float]:
+    """Sideways on the wall, then on along it."""
+    side = [0.6, 0.0, 0.0] if world == 0 else [0.0, -0.5, 0.0]
+    return [*side[:2], 0.4 if instant > 30 else 0.0, 0, 0, 0]
+
+
+@pytest.mark.slow
+def test_a_colon_on_its_mesentery_moves_as_natively() -> None:
+    """Two colons, frictions and stiffnesses: axes and tips within 1 % of what has moved, mean forces 2 %."""
+    pytest.importorskip("warp", reason="MuJoCo Warp is not installed")
+    scene, rest = scene_in(capsule(), COLONS, mesentery=True, start_depth=0.15)
+    native = NativeDevice(scene, **rest, worlds=2)
+    warp = load_device_worlds("warp", scene, **rest, worlds=2)
+    own = {"friction": np.array([0.05, 0.3]), "wall_stiffness": np.array([1500.0, 2400.0])}
+    forces: dict[str, list] = {"native": [], "warp": []}
+    for one in (native, warp):
+        one.reset(np.arange(2), np.arange(2), **own)
+        for instant in range(80):
+            assert one.step(np.array([press(world, instant) for world in range(2)]), 5).all()
+            forces[one.name].append(one.read().wall_force)
+    mine, theirs = native.read(), warp.read()
+    assert native.displacement is not None and warp.displacement is not None
+    largest = np.linalg.norm(native.displacement[..., :3], axis=2).max(axis=1)
+    assert (largest > 0.005).all()
+    apart = np.linalg.norm(warp.displacement[..., :3] - native.displacement[..., :3], axis=2).max(axis=1)
+    assert (apart < 0.01 * largest).all()
+    assert (np.linalg.norm(theirs.tip - mine.tip, axis=1) < 0.01 * largest).all()
+    np.testing.assert_allclose(theirs.tip_arc, mine.tip_arc, atol=1e-4)
+    np.testing.assert_allclose(np.mean(forces["warp"], axis=0), np.mean(forces["native"], axis=0), rtol=0.02)
+    np.testing.assert_allclose(theirs.ahead, mine.ahead, atol=2e-3)
+    for one in (native, warp):
+        one.reset(np.array([1]), np.array([0]), friction=np.array([0.1]), wall_stiffness=np.array([1000.0]))
+        assert one.displacement is not None
+        assert not one.displacement[1, :, :3].any() and one.displacement[0, :, :3].any()
+    with pytest.raises(InvalidOptionError, match="stiffness of the wall"):
+        warp.reset(np.array([0]), np.array([0]), friction=np.array([0.1]), wall_stiffness=np.array([1e12]))
+
+
+@pytest.mark.slow
+def test_all_options_of_a_scene_count_as_natively() -> None:
+    """Time step, damping, gravity and what the colon lies in, at once: axis and tip within 1 % of what has moved."""
+    pytest.importorskip("warp", reason="MuJoCo Warp is not installed")
+    around = {"abdomen": Abdomen(posture="left"), "gravity": (0.0, -9.81, 0.0), "mesentery": True}
+    own = {"timestep": 0.0025, "wall_damping_time": 0.02, "wall_stiffness": 800.0, "friction": 0.2, "start_depth": 0.2}
+    device, options = capsule(), device_options(**around, **own)
+    scene = build_device_scene(device, options, pose=pose_in(COLONS[0], device, options))
+    found = {}
+    for name in ("native", "warp"):
+        one = load_device_worlds(name, scene, device_tables(scene, [COLONS[0]]))
+        for _ in range(40):
+            assert one.step(np.array([[0.2, 0, 0, 0, 0, 0]]), 10).all()
+        assert one.displacement is not None
+        found[name] = one.read().tip[0], one.displacement[0, :, :3]
+    (tip, axis), (own_tip, own_axis) = found["native"], found["warp"]
+    largest = np.linalg.norm(axis, axis=1).max()
+    assert largest > 0.005 and tip[1] < -0.01
+    assert np.linalg.norm(own_axis - axis, axis=1).max() < 0.01 * largest
+    assert np.linalg.norm(own_tip - tip) < 0.01 * largest
+
+
+@pytest.mark.slow
+def test_spheres_with_a_law_of_their_own_keep_it_on_warp() -> None:
+    """Softer spheres stand deeper in the wall, and what rubs more is drawn less far; both as natively."""
+    pytest.importorskip("warp", reason="MuJoCo Warp is not installed")
+    found = {}
+    for kind in (Capsule, Held):
+        scene, rest = scene_in(capsule(kind), COLONS[:1], friction=0.05)
+        for name in ("native", "warp"):
+            one = load_device_worlds(name, scene, **rest)
+            for instant in range(60):
+                assert one.step(np.array([press(0, instant)]), 5).all()
+            found[kind, name] = one.read()
+    for kind in (Capsule, Held):
+        mine, theirs = found[kind, "native"], found[kind, "warp"]
+        np.testing.assert_allclose(theirs.deepest, mine.deepest, rtol=0.02)
+        np.testing.assert_allclose(theirs.tip, mine.tip, atol=2e-5)
+    assert found[Held, "warp"].deepest[0] > 3 * found[Capsule, "warp"].deepest[0]
+    assert found[Held, "warp"].tip_arc[0] < found[Capsule, "warp"].tip_arc[0] - 0.003
+
+
+def test_what_no_colon_that_moves_can_honour_is_refused_by_name() -> None:
+    with pytest.raises(UnsupportedSceneError, match="stiffness or friction of their own"):
+        build_device_scene(capsule(Held), device_options(mesentery=True))
+
+
+def test_an_unknown_backend_is_named() -> None:
+    scene, rest = scene_in(capsule(), COLONS[:1])
+    with pytest.raises(InvalidOptionError, match=r"Backend 'linear' is not known\. Known: native, warp"):
+        load_device_worlds("linear", scene, **rest)
