@@ -300,7 +300,7 @@ def test_linear_time_does_the_same(path: str) -> None:
 def test_warp_steps_the_same_model_as_the_native_batch(path: str) -> None:
     """Each design has a batch of its own there, of the native batch's own model but for solver and flags."""
     pytest.importorskip("warp")
-    from haustra.envs.sim.warp_scopes import for_warp
+    from haustra.envs.sim.warp_planes import for_warp
 
     scene = _scene(*_case(path), path, many=True)
     own, known = for_warp(batch_model(scene)), batch_model(scene)

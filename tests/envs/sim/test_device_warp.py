@@ -87,7 +87,8 @@ def test_all_options_of_a_scene_count_as_natively() -> None:
     pytest.importorskip("warp", reason="MuJoCo Warp is not installed")
     around = {"abdomen": Abdomen(posture="left"), "gravity": (0.0, -9.81, 0.0), "mesentery": True}
     own = {"timestep": 0.0025, "wall_damping_time": 0.02, "wall_stiffness": 800.0, "friction": 0.2, "start_depth": 0.2}
-    device, options = capsule(), device_options(**around, **own)
+    device = capsule()
+    options = device_options(device, **around, **own)
     scene = build_device_scene(device, options, pose=pose_in(COLONS[0], device, options))
     found = {}
     for name in ("native", "warp"):
