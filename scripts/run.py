@@ -43,7 +43,7 @@ class Run:
     pressed: Literal["none", "sigmoid", "transverse"] = "none"
     """Segment on which an assistant's hand presses through the belly."""
     backend: Literal["native", "linear"] | None = None
-    """What steps the scene: MuJoCo's CPU engine, or, many times as fast, a chain in linear time, which knows pulls and
+    """What steps the scene: MuJoCo's CPU engine, or, many times as fast, a chain in linear time, which knows
     the table of the lumen only. Linear time where that honours what is asked, when not given."""
     friction: float | None = number("1", 0.0, 10.0, default=None)
     """Coulomb coefficient between scope and wall; the sourced default when not given."""
@@ -147,7 +147,7 @@ class Run:
         if self.backend == "linear" and options.wall_law != "table":
             asked = f"wall law '{options.wall_law}'"
             raise UnsupportedSceneError(f"The backend linear has no {asked}: leave out --backend, or --wall-law.")
-        fast = options.wall_law == "table" and self.steer == "pulls" and not self.whole_shaft
+        fast = options.wall_law == "table" and not self.whole_shaft
         return self.backend or ("linear" if fast else "native")
 
     def _options(self) -> dict[str, Any]:
