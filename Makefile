@@ -52,6 +52,7 @@ format: $(VENV)/.installed-dev
 docs: $(VENV)/.installed-dev
 	$(BIN)/python -m haustra.scripts.bench.pages.numbers_page docs/numbers.md
 	$(BIN)/python -m haustra.scripts.bench.pages.capabilities_page docs/decisions/capabilities.md
+	$(BIN)/python -m haustra.scripts.bench.pages.errors_page docs/validation/errors.md
 	$(BIN)/python -m haustra.scripts.bench.pages.fields_page docs/fields.md
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 

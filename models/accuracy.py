@@ -21,7 +21,7 @@ LEAST_COLONS = 10
 """A range over fewer colons is not stated: single colons differ by a factor of ten."""
 
 KINDS = ("grown", "real")
-"""Kinds of colon that errors are told apart by."""
+"""Kinds of colon that errors are told apart by; a range of real ones spans grown ones too, since few are public."""
 
 QUANTITIES = ("wall_force", "push", "tip_mm")
 """What errors are stated of: relative errors of the mean sum of wall forces and of the mean push, and the median

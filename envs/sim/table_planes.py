@@ -251,6 +251,12 @@ class TablePlanes:
         """Normal force of the wall on each sphere [N]."""
         return self.normal_force[..., None] * self._gathered("inwards")
 
+    def arcs_of(
+        self, points: Float[np.ndarray, "worlds points 3"], arcs: Float[np.ndarray, "worlds points"]
+    ) -> Float[np.ndarray, "worlds points"]:
+        """Arc lengths of other places of the devices [m], which were near `arcs` [m] at the last look."""
+        return self._groups[0].walls.arcs_of(points, arcs)
+
     def _gathered(self, name: str) -> np.ndarray:
         """One array of all groups, spheres in their order."""
         first: np.ndarray = getattr(self._groups[0].walls, name)

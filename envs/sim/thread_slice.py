@@ -47,6 +47,7 @@ class ThreadSlice:
         self._start_state = batch.state[0].copy()
         self.healthy: Bool[np.ndarray, " worlds"] = np.ones(worlds, bool)
         self._arriving = np.zeros((worlds, len(WIRE_NAMES)))
+        self._tip_arcs = np.zeros((worlds, 1))
         self._seen: dict[str, np.ndarray] | None = None
 
     def _find(self, cable) -> None:
@@ -97,6 +98,7 @@ class ThreadSlice:
         ids = np.sort(worlds)
         self._batch.forward(ids)
         self._wall.begin(worlds)
+        self._tip_arcs[worlds] = self._scene.options.start_depth
         self._arriving[worlds] = 0.0
 
     def step(
@@ -162,7 +164,8 @@ class ThreadSlice:
         return self._seen
 
     def _observe(self) -> dict[str, np.ndarray]:
-        qpos = self._qpos
+        qpos, tip = self._qpos, self._site_xpos[:, self._tip].copy()
+        self._tip_arcs = self._wall.arcs_of(tip[:, None], self._tip_arcs)
         frame = self._site_xmat[:, self._tip].reshape(-1, 3, 3)
         links = np.einsum("wsi,sl->wli", self._wall.forces(), self._members)
         # What MuJoCo leaves is that of the beginning of its last step.
@@ -172,9 +175,9 @@ class ThreadSlice:
             "insertion": self._scene.options.start_depth + qpos[:, 0],
             "roll": qpos[:, 1].copy(),
             "hand_lead": self._act[:, 0] - qpos[:, 0],
-            "tip": self._site_xpos[:, self._tip].copy(),
+            "tip": tip,
             "tip_frame": frame.copy(),
-            "tip_arc": self._wall.arcs[:, -1] + self._wall.radius[-1],
+            "tip_arc": self._tip_arcs[:, 0].copy(),
             "bend": np.stack([qpos[:, self._bend_up].sum(axis=1), -qpos[:, self._bend_left].sum(axis=1)], axis=1),
             "push_force": hand[:, 0],
             "torque": hand[:, 1],
@@ -206,6 +209,7 @@ class ThreadSlice:
         self._time[world] = 0.0
         self._batch.forward(np.array([world]))
         self._wall.resume(np.array([world]), snapshot.arcs[None])
+        self._tip_arcs[world] = snapshot.arcs[-1]
         self._arriving[world] = snapshot.pulls
 
     def world_data(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:

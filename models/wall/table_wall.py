@@ -93,6 +93,23 @@ class TableWalls:
             self.wall_speed,
         )
 
+    def arcs_of(
+        self, points: Float[np.ndarray, "worlds points 3"], arcs: Float[np.ndarray, "worlds points"]
+    ) -> Float[np.ndarray, "worlds points"]:
+        """Arc lengths of other places than the spheres' [m], which were near `arcs` [m] at the last look.
+
+        One look leaves in bends a share of the way since the last, which may be many time steps ago: there are two.
+        """
+        worlds, found = np.arange(len(points)), arcs.copy()
+        rest, lever, speed = np.zeros(arcs.shape), np.zeros(points.shape), np.zeros(points.shape)
+        for _ in range(2):
+            if self.displacement is None:
+                loops().query(self._tables, worlds, points, found, rest, lever)
+            else:
+                about = self._tables, self._own, worlds, *self.displacement, self._shape, self._radius
+                loops().query_moved(*about, points, found, rest, np.zeros(points.shape), lever, speed)
+        return found
+
     def give_way(
         self,
         worlds: Int[np.ndarray, " some"],

@@ -20,7 +20,6 @@ def test_walls_of_pieces_state_what_ten_colons_showed():
 @pytest.mark.parametrize(
     ("options", "colon", "wall"),
     [
-        (SceneOptions(wall_law="pieces"), "real", "prism"),
         (SceneOptions(wall_law="pieces"), "grown", "a wall that nobody measured"),
         (SceneOptions(wall_law="pieces", timestep=0.004), "grown", "prism"),
     ],
@@ -32,6 +31,13 @@ def test_what_nobody_measured_is_not_stated(options, colon, wall):
     assert stated.to_json() == {
         "wall_force": nothing, "push": nothing, "tip_mm": nothing, "measured_on": "not measured",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("mesentery", [False, True])
+@pytest.mark.parametrize("wall", ["prism", "coacd"])
+def test_real_colons_and_every_kind_of_pieces_have_an_error(mesentery, wall):
+    stated = stated_error(SceneOptions(wall_law="pieces", mesentery=mesentery), "real", wall=wall)
+    assert "real and grown colons, scopes adult and paediatric" in stated.measured_on
 
 
 def test_a_wall_law_has_an_error_of_its_own():

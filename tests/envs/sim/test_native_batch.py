@@ -66,6 +66,18 @@ def test_a_scope_moves_as_it_does_against_the_surface_itself(bend):
     assert mean[1] == pytest.approx(mean[0], rel=0.1)
 
 
+def test_the_tips_arc_length_is_of_the_tip_and_not_of_the_sphere_behind_it():
+    tube, options = straight_tube(), SceneOptions(wall_law="table", softening=False, **OPTIONS)
+    scene = build_scene(tube, None, DESIGN, options, show_lumen=False)
+    table = lumen_table(tube, device_radius=DESIGN.diameter / 2).seen_from(*entry_of(tube))
+    batch = begin((scene, table), 1)
+    for _ in range(40):
+        batch.step(inputs(np.array([0.04])), 8)
+    seen = batch.read()
+    assert seen.bend[0, 0] > 0.4, "the tip looks aside"
+    assert seen.tip_arc[0] == pytest.approx(seen.tip[0, 2], abs=2e-4)
+
+
 def scene_axes(scene: Scene) -> np.ndarray:
     return entry_of(scene.colon)[1]
 

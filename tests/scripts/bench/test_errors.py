@@ -52,6 +52,13 @@ def test_ten_colons_make_a_range_that_runs_state(tmp_path: Path):
     assert "haustra bench errors" in entry.error.measured_on
 
 
+def test_few_real_colons_widen_the_range_of_the_grown_ones():
+    grown = [_row(colon, 0.1 + 0.01 * colon) for colon in range(10)]
+    text = accuracy_toml(ranges_of([*grown, {**_row(10, 0.4, kind="real"), "colon": "edin"}]), Asked(), WHERE)
+    assert text.count("[[measured]]") == 2
+    assert "11 real and grown colons" in text and "wall_force = [0.1, 0.4]" in text
+
+
 @pytest.mark.parametrize(
     "rows",
     [
