@@ -8,16 +8,13 @@ Of the recursion's factors A = L^T D L they leave y_j = L^-T a_j, and a_j A^-1 a
 """
 
 from inspect import unwrap
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from haustra.envs.sim.linear.layout import WIRE_ROOM
 from haustra.envs.sim.linear.trace import Changing, Value
 from haustra.envs.sim.physics.wires import sprung_pulls
 from haustra.models.devices.scope.wires import WIRE_NAMES, passed_part
 from haustra.models.wall.vectors import Vector, add, cross, dot, times
-
-if TYPE_CHECKING:
-    from haustra.envs.sim.linear.program import ScopeProgram
 
 _sprung_pulls = unwrap(sprung_pulls)
 _PAIRS = WIRE_NAMES[:2]
@@ -27,8 +24,8 @@ _PAIRS = WIRE_NAMES[:2]
 class SprungWires:
     """The wires of each world's scope."""
 
-    def __init__(self, scopes: "ScopeProgram") -> None:
-        """Those of that program."""
+    def __init__(self, scopes: Any) -> None:
+        """Those of a `haustra.envs.sim.linear.program.ScopeProgram`, which has them."""
         self._scopes = scopes
         self._felt = [Changing(scopes.program, [0.0] * 6) for _ in _PAIRS]
         """Torque and force that a newton of each pair is felt by at the link that the recursion has come to."""

@@ -1,5 +1,7 @@
 """Wires as springs: what wheels take up stretches them, and what they pull takes stretch away."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -50,7 +52,7 @@ def test_taut_wires_are_stiffness_in_the_matrix():
     moved = np.linalg.solve(matrix, arms.T)
     give = h * h * arms @ moved
     ends = taken + arms @ (angles + h * (speeds + h * np.linalg.solve(matrix, torque)))
-    wires = {"compliance": 1e-4, "limit": 1e6, "part": 1.0}
+    wires: dict[str, Any] = {"compliance": 1e-4, "limit": 1e6, "part": 1.0}
     pulls = sprung_pulls(np, [0.0] * 4, tuple(ends), (give[0, 0], give[0, 1], give[1, 1]), slack=0.0, **wires)
     assert (np.array(pulls) > 0).tolist() == [True, False, False, True]
     found = np.linalg.solve(matrix, torque - arms.T @ np.array([pulls[0] - pulls[2], pulls[1] - pulls[3]]))
