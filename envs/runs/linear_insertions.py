@@ -59,7 +59,9 @@ class LinearInsertions:
         """
         each = [settings] * worlds if isinstance(settings, FollowerSettings) else list(settings)
         if len({(one.straighten, one.steer) for one in each}) > 1:
-            raise InvalidOptionError("Followers of one batch straighten and steer alike: make one batch a kind.")
+            raise InvalidOptionError(
+                "Followers of one batch all straighten, or none does, and steer alike: make two batches."
+            )
         self._settings, self._start = each, scene.options.start_depth if scopes is None else scopes.start
         self._steps = max(1, round(CONTROL_INTERVAL / scene.options.timestep))
         self.interval = self._steps * scene.options.timestep

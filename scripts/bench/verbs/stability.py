@@ -18,14 +18,15 @@ class BenchStability:
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("bench-stability")
     """Folder of results; an interrupted run goes on in the same one."""
     only: str = ""
-    """Parts, separated by commas: conservation, nan, shocks, step, escapes, ranges, long, moving. All when empty."""
+    """Parts, separated by commas: conservation, nan, shocks, step, escapes, ranges, long, moving, linear.
+    All when empty."""
     quick: bool = False
     """Fewer and shorter runs: minutes instead of hours."""
     workers: int = whole(1, 256, default=1)
     """Child processes of the parts that have many independent runs."""
     minutes: float | None = number("min", 0.01, 1e6, default=None)
     """Begin no further run after that long, and say what is missing; the same command goes on from there. Parts without
-    independent runs (conservation, nan, moving) are not cut short."""
+    independent runs (conservation, nan, moving, shocks and long runs of linear) are not cut short."""
     colon: Path | None = None
     """Folder of a colon to push a tip about in besides the grown one."""
     seed: int = whole(0, 2**63 - 1, default=0)
