@@ -43,7 +43,7 @@ class NumericalError:
     measured_on: str = "not measured"
     """Colons, devices, reference and command; or that nothing was measured."""
     differences: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
-    """Of every score from each repeat of the run itself, where there were any."""
+    """Differences of every score from each repeat of the run itself, where there were any, by score and repeat."""
 
     def to_json(self) -> dict[str, Any]:
         """As plain JSON values."""

@@ -43,7 +43,7 @@ _MOST_SAMPLES = 1000
 """Spheres of a scope, five times the usual number: MuJoCo's memory for collisions does not hold 1,700."""
 
 _TOLERANCE = 1e-6
-"""Of the solver: 30 s of insertion into grown seed 0 go as at MuJoCo's default of 1e-8, with peak forces 1e-4
+"""Tolerance of the solver: 30 s of insertion into grown seed 0 go as at MuJoCo's default of 1e-8, with peak forces 1e-4
 apart, in a tenth less time (docs/decisions/integrator.md)."""
 
 _WALL_GROUP, _LUMEN_GROUP = 3, 1

@@ -34,15 +34,16 @@ class Evaluate:
     seconds: float = number("s", 0.002, 3600.0, default=90.0)
     """Longest episode [s]."""
     backend: Literal["native", "linear", "linear-gpu", "warp"] = "native"
-    """Of the physics: MuJoCo on threads, linear time on them or on an NVIDIA GPU, or MuJoCo Warp."""
+    """What computes the physics: MuJoCo on threads (native), the linear-time model on threads (linear) or on an NVIDIA
+    GPU (linear-gpu), or MuJoCo Warp on one (warp)."""
     threads: int = whole(1, 4096, default=2)
     """For physics on the CPU."""
     processes: int = whole(1, 4096, default=2)
-    """That grow colons which are not in the cache."""
+    """Number of processes that grow those colons which are not in the cache."""
     sampled: bool = False
     """Draw the actions of policies as in training, from the same seed, instead of taking their means."""
     algorithm: Literal["ppo", "sac"] = "ppo"
-    """Of Stable-Baselines3 files."""
+    """Algorithm that trained a policy given as a Stable-Baselines3 file."""
     trust: bool = False
     """Load Stable-Baselines3's .zip files, which run code that they contain."""
     video: bool = True

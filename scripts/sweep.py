@@ -27,9 +27,9 @@ class _StudyVerb:
     on: Literal["here", "ray", "slurm"] = "here"
     """Where: this machine, a Ray cluster, or Slurm."""
     address: str | None = None
-    """Of a Ray cluster that runs already; without one, Ray is started here."""
+    """Address of a Ray cluster that runs already; when not given, Ray is started on this machine."""
     partition: str | None = None
-    """Of Slurm."""
+    """Slurm partition that jobs go to; Slurm's default when not given."""
     report: bool = True
     """Write report.html at the end."""
     json: bool = False

@@ -23,7 +23,7 @@ class Train:
     worlds: int | None = whole(1, 1_000_000, default=None)
     """Scopes stepped at once."""
     seed: int | None = whole(0, 2**32 - 1, default=None)
-    """Of everything random."""
+    """Seed of all random draws."""
     imitate: int | None = whole(0, 10**12, default=None)
     """Steps in which the policy first learns from the lumen follower; 0 for none."""
     design: str | None = None
@@ -35,13 +35,14 @@ class Train:
     colons: int | None = whole(1, 100_000, default=None)
     """Number of grown colons (seeds 0, 1, ...)."""
     backend: Literal["native", "linear", "linear-gpu", "warp"] | None = None
-    """Of the physics: MuJoCo on threads, linear time on them or on an NVIDIA GPU, or MuJoCo Warp."""
+    """What computes the physics: MuJoCo on threads (native), the linear-time model on threads (linear) or on an NVIDIA
+    GPU (linear-gpu), or MuJoCo Warp on one (warp)."""
     device: Literal["cpu", "cuda"] | None = None
-    """Of the networks."""
+    """Where the networks are computed: processor, or PyTorch's GPU."""
     threads: int = whole(1, 4096, default=2)
     """For physics on the CPU."""
     processes: int = whole(1, 4096, default=2)
-    """That grow colons which are not in the cache."""
+    """Number of processes that grow those colons which are not in the cache."""
     minutes: float | None = number("min", 0.01, 1e6, default=None)
     """Stop cleanly after this time; --resume goes on."""
     resume: bool = False

@@ -31,7 +31,7 @@ class TreadFem:
     spacing: tuple[float, ...] = several("pitches", 0.5, 20.0, default=(3.0, 3.5), least=1)
     """Tip spacings of 'two-tips' [pitches]; 'passage' takes the first."""
     indentation_mm: float = number("mm", 1e-3, 5.0, default=0.465)
-    """Of the tips in 'two-tips', 'passage' and 'convergence'; calibrated to 1.875 N a track."""
+    """Indentation of the tips in 'two-tips', 'passage' and 'convergence' [mm]; calibrated to 1.875 N a track."""
     table_mm: tuple[float, ...] = several("mm", 1e-3, 5.0, default=(0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8), least=1)
     """Indentations of 'table'."""
     phases: int = whole(1, 1000, default=8)

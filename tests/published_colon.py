@@ -46,11 +46,11 @@ STEPS = 4337
 SPREAD = 2.0
 """Standard deviation over which the published table spreads the volume of each of its stations [mm]: found by trial."""
 EVERY = 7
-"""Of the samples of a surface, 1 mm apart, every so many are looked for on the other."""
+"""Step between those samples of a surface, 1 mm apart, that are looked for on the other."""
 CLOUD = 200_000
 """Points on the surface, evenly spread at random."""
 POWERS = (2, 3, 4, 5, 6, 8)
-"""Of the clearance in the cost of a centreline, that are compared."""
+"""Powers of the clearance in the cost of a centreline, that are compared."""
 ENDS = 0.05
 """What is left out of comparisons of radii at either end [m]."""
 
@@ -62,7 +62,7 @@ class Published:
     path: np.ndarray
     """Points, 1 mm apart [m]."""
     smoothed: np.ndarray
-    """The same, smoothed by 8 mm [m]."""
+    """Points of the published path, smoothed by 8 mm [m]."""
     arc: np.ndarray
     """Arc length along the smoothed path [m]."""
     radius: np.ndarray

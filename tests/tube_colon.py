@@ -30,12 +30,12 @@ def straight_tube(length: float = 0.6) -> Colon:
 
 
 def square_tube(length: float = 0.6) -> Colon:
-    """The same with four flat sides, a corner each towards x and y, as `wedge_wall` of four sectors."""
+    """Straight tube with four flat sides, a corner each towards x and y, as `wedge_wall` of four sectors."""
     return replace(straight_tube(length), lumen=_cylinder(length, RADIUS / np.cos(np.pi / 4), 4))
 
 
 def folded_tube(length: float = 0.2, *, gap: float = 0.008, thickness: float = 0.002) -> Colon:
-    """The same with a flat fold all round in the middle, that leaves a round gap of that radius [m]."""
+    """Straight tube with a flat fold all round in the middle, that leaves a round gap of that radius [m]."""
     tube, half = straight_tube(length), 0.5 * thickness
     steps = np.linspace(0.0, 1.0, 8)
     side = np.column_stack([RADIUS + steps * (gap - RADIUS), np.full(8, 0.5 * length - half)])

@@ -13,7 +13,7 @@ from haustra.errors import InvalidOptionError, UnreadableFileError
 
 COLUMNS = ("steps", "episodes", "return", "progress", "reached", "perforated", "seconds")
 _MOST_BINS = 40
-"""Of a common grid of steps: finer bins show the chance of single episodes."""
+"""Largest number of bins in a common grid of steps: finer bins show the chance of single episodes."""
 
 
 class Curve:
@@ -68,7 +68,7 @@ def read_curve(path: Path) -> dict[str, np.ndarray]:
 
 @dataclass(frozen=True)
 class SeedCurves:
-    """The same training with several seeds, on one grid of steps that all of them have done."""
+    """Learning curves of one training with several seeds, on one grid of steps that all of them have done."""
 
     steps: Float[np.ndarray, " bins"]
     """Upper ends of the bins."""

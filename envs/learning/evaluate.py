@@ -70,7 +70,7 @@ class Evaluation:
     episodes: tuple[Episode, ...]
     colons: int
     recording: Recording | None = None
-    """Of the best episode, when it was asked for."""
+    """Recording of the best episode, when it was asked for."""
 
     def summary(self) -> dict[str, Any]:
         """Figures with 95 % intervals, and why episodes failed, as JSON values."""

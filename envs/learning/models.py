@@ -18,7 +18,7 @@ from haustra.errors import UnsupportedSceneError
 _LEAST_DEVIATION = 0.1
 """An observation is divided by no less: entries are scaled to about one, and some hardly ever change."""
 _LEAST_RATE = 0.1
-"""Of the first learning rate, at the end of annealing."""
+"""Learning rate at the end of annealing, as a share of the first."""
 
 
 def normalised(training: Training, worlds: VecEnv) -> Any:

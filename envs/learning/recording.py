@@ -18,7 +18,7 @@ class Recording:
     """One episode."""
 
     number: int
-    """Of the episode, in the order of the evaluation."""
+    """Number of the episode, in the order of the evaluation."""
     case: int
     """Which colon of the bank."""
     qpos: Float[np.ndarray, "frames joints"]
@@ -30,7 +30,7 @@ class Recording:
     progress: Float[np.ndarray, " frames"]
     """Share of the way, the best so far."""
     push_force: Float[np.ndarray, " frames"]
-    """Of the hand [N]."""
+    """Force with which the hand pushes [N]."""
     wall_force: Float[np.ndarray, " frames"]
     """Largest on a link at any step since the state before [N]."""
     displacement: Float[np.ndarray, "frames nodes 7"] | None = None
@@ -49,7 +49,7 @@ class Recorder:
         self._force = np.zeros(task.worlds)
         self._rank: tuple[float, ...] = ()
         self.best: Recording | None = None
-        """Of what has ended: a safe one before one that only reached the end, then the farthest, then the fastest."""
+        """Best episode that has ended: rather safe than only at the end, then the farthest, then the fastest."""
 
     def begin(self, worlds: list[int]) -> None:
         """Episodes begin in these worlds."""

@@ -29,9 +29,10 @@ class Training:
     """Steps between two checkpoints; episodes begin anew there, so that a resumed run is the same run."""
     worlds: int = whole(1, 1_000_000, default=32)
     backend: str = choice(*NAMES, default="native")
-    """Of the physics: on threads, 'native' or 'linear', or thousands of worlds on a GPU: 'linear-gpu', 'warp'."""
+    """What computes the physics: 'native' or 'linear' on threads, or thousands of worlds on a GPU by 'linear-gpu' or
+    'warp'."""
     device: str = choice(*DEVICES, default="cpu")
-    """Of the networks: 'cpu', or 'cuda', PyTorch's GPU."""
+    """Where the networks are computed: 'cpu', or 'cuda', PyTorch's GPU."""
     seed: int = whole(0, 2**32 - 1, default=0)
     imitate: int = whole(0, 10**12, default=60_000)
     """Steps in which the policy first learns from the lumen follower, driving itself (DAgger); 0 for none."""

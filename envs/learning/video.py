@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 WIDTH, HEIGHT = 480, 300
-"""Of the picture [pixels]."""
+"""Size of the video's picture [pixels]."""
 _SIDE = 192
-"""Of the tip's picture [pixels]."""
+"""Side of the square picture that the tip sees [pixels]."""
 _FRAME_MS, _LAST_MS = 100, 2000
 """A frame is shown for half the simulated time that it stands for; the last one stays."""
 _QUALITY = 60
-"""Of WebP: some 8 kB a frame."""
+"""Quality of the WebP compression, 0 to 100: some 8 kB a frame."""
 _NEAR = 0.2
 """Wall farther from the tip is not drawn in its picture [m]: wall at 3 cm sends back forty times as much light."""
 _BEFORE_ANUS = 0.03

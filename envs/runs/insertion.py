@@ -24,7 +24,7 @@ CONTROL_INTERVAL = 0.02
 """Time between two decisions of the driver, and between two records [s]; engineering choice: 50 Hz."""
 
 _FELT = "link_forces", "link_arcs", "bend", "displacement"
-"""Of readings, what tells what the colon bears."""
+"""Names of those readings that tell what the colon bears."""
 
 Progress = Callable[[float, float], None]
 """Called with simulated time [s] and tip arc length [m]."""
@@ -65,11 +65,11 @@ class Trajectory:
     asked_up: Float[np.ndarray, " records"]
     """Bend towards wire 'up' that the driver steered for, as ideal wires would give it [rad]."""
     asked_left: Float[np.ndarray, " records"]
-    """The same towards wire 'left' [rad]."""
+    """Bend towards wire 'left' that the driver steered for, as ideal wires would give it [rad]."""
     bend_up: Float[np.ndarray, " records"]
     """Bend of the bending section towards wire 'up' [rad]."""
     bend_left: Float[np.ndarray, " records"]
-    """The same towards wire 'left' [rad]."""
+    """Bend of the bending section towards wire 'left' [rad]."""
     colon_moved: Float[np.ndarray, " records"]
     """Farthest that a place of the colon's centreline is from where it was at rest [m]."""
     wall_force_sum: Float[np.ndarray, " records"]

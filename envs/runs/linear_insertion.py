@@ -138,6 +138,6 @@ def _trajectory(backend: LinearSingle, rows: Row) -> Trajectory:
 
 
 def _nothing(backend: LinearSingle) -> Trajectory:
-    """Of a run that diverged at once."""
+    """Trajectory without records, of a run that diverged at once."""
     one = _trajectory(backend, backend.rows())
     return Trajectory(**{name: values[:0] for name, values in vars(one).items()})

@@ -6,9 +6,9 @@ import warp as wp
 HARMONICS = 3
 """Multiples of the tooth-passing frequency that are read."""
 MEANS = 5
-"""Of each world: steps read, normal force, friction, string, roll rate."""
+"""Sums kept for each world: steps read, normal force, friction, string, roll rate."""
 WAVES = 6
-"""Of each harmonic: friction times cosine and sine, tension of the string times both, and cosine and sine alone."""
+"""Sums kept for each harmonic: friction x (cosine, sine), tension of the string x (cosine, sine), cosine, sine."""
 SUMS = MEANS + WAVES * HARMONICS
 """Numbers that are summed of each world: its means, then its waves."""
 

@@ -60,7 +60,7 @@ class AbstractBackend(ABC):
     @property
     @abstractmethod
     def displacement(self) -> Float[Any, "worlds nodes 7"] | None:
-        """Of the colons' axes from rest [m], where the backend has them; None where the colons are fixed in space."""
+        """Shift [m] and turn of the colons' axes from rest, where the backend has them; None for fixed colons."""
 
     @abstractmethod
     def way_ahead(self, distances: Float[np.ndarray, " places"]) -> Float[np.ndarray, "worlds places 3"]:

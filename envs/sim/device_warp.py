@@ -35,7 +35,7 @@ class Worlds(NamedTuple):
     """Everything that changes, worlds first."""
 
     data: dict[str, Array]
-    """Of `_USED`."""
+    """Fields of MuJoCo's data by name, those of `_USED`."""
     before: Array
     """(worlds, spheres, 3) where the spheres were before the last step [m]."""
     arcs: Array
@@ -71,7 +71,7 @@ class WarpDevice:
     host: mujoco.MjModel
     """Compiled for the CPU."""
     model: Any
-    """The same for Warp, as MJX has it."""
+    """Compiled model on the GPU for Warp, as MJX has it."""
     start: dict[str, np.ndarray]
     """What a world begins with, as MuJoCo's CPU engine computes it."""
     spheres: np.ndarray

@@ -22,7 +22,7 @@ class Energies:
     bending: float
     """E_c: of the scope's bending joints [J]."""
     twist: float
-    """Of its twist joints [J]."""
+    """Elastic energy of the scope's twist joints [J]."""
     wall: float
     """E_b: of the pressed wall [J]."""
 
@@ -33,10 +33,10 @@ class Energies:
 
 
 class _Springs(NamedTuple):
-    """Of some joints."""
+    """Springs of some joints: rest angles, linear and cubic stiffnesses."""
 
     where: Int[np.ndarray, " joints"]
-    """Of their angles among the positions."""
+    """Indices of the joints' angles among the positions."""
     rest: Float[np.ndarray, " joints"]
     linear: Float[np.ndarray, " joints"]
     cubic: Float[np.ndarray, " joints"]
@@ -81,7 +81,7 @@ class EnergyMeter:
         return self._twists.energy(qpos)
 
     def _stiffness(self, data: mujoco.MjData) -> float | np.ndarray:
-        """Of each contact [N/m]."""
+        """Wall stiffness of each contact [N/m]."""
         if isinstance(self._wall_stiffness, np.ndarray):
             return self._wall_stiffness[data.contact.geom].max(axis=1)
         return self._wall_stiffness

@@ -31,9 +31,9 @@ class GasRecord(NamedTuple):
     """What was recorded of gas after every decision."""
 
     pressure: Float[np.ndarray, "records segments"]
-    """Of each segment, over that of the atmosphere [Pa]."""
+    """Pressure of each segment, over that of the atmosphere [Pa]."""
     volume: Float[np.ndarray, " records"]
-    """Of the colon's gas [m^3]."""
+    """Volume of the colon's gas [m^3]."""
     given: Float[np.ndarray, " records"]
     """Let in through the scope so far, at standard pressure [m^3]."""
 

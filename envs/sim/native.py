@@ -200,7 +200,7 @@ class NativeEngine:
         return spec.compile()
 
     def _tabulated_axis(self) -> Tables | None:
-        """Of a colon that moves."""
+        """Table of the colon's axis, when the colon moves; None when it is fixed in space."""
         if not self.scene.options.mesentery:
             return None
         return stack([self.table.tables if self.table else axis_tables(self.scene.colon, self.scene.options.abdomen)])

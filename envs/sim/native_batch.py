@@ -26,7 +26,7 @@ from haustra.models.wall.lumen_table import Tables, pick
 from haustra.models.wall.planes import add_planes
 
 SOLVER_TOLERANCE = 1e-5
-"""Of the dual solver. With the few dozen contacts of one scope it is 1.5 times as fast as CG at 1e-8; tip paths over
+"""Tolerance of the dual solver. With a scope's few dozen contacts it is 1.5 times as fast as CG at 1e-8; tip paths over
 20 s in a grown colon are the same to 1 mm from 1e-8 to 1e-4."""
 
 

@@ -23,13 +23,13 @@ class ScopeBank:
     """What backends of many worlds need."""
 
     scene: Scene
-    """Of the longest colon."""
+    """Scene of the longest colon."""
     colons: tuple[Colon, ...]
     """In the order of the tables."""
     tables: Tables
-    """Of all colons, each seen from its entry."""
+    """Lumen tables of all colons, each seen from its entry."""
     errors: tuple[TableAccuracy, ...]
-    """Of each colon's table against its surface."""
+    """Accuracy of each colon's table against its surface."""
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -65,7 +65,7 @@ class Parameters(NamedTuple):
     colon: Array
     """Which of the stacked colons."""
     stiffness: Array
-    """Of the wall [N/m]."""
+    """Stiffness of the wall [N/m]."""
     damping_time: Array
     """Damping over stiffness of the wall [s]."""
     friction: Array

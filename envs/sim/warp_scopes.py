@@ -49,7 +49,7 @@ class WarpScopes(ScopeChain):
     host: mujoco.MjModel
     """Compiled for the CPU, to make data of."""
     model: Any
-    """The same for Warp, as MJX has it."""
+    """Compiled model on the GPU for Warp, as MJX has it."""
     inverse_inertia: np.ndarray
     """(points,) of each sphere's link, as MuJoCo's contacts see it [1/kg]."""
     locks: np.ndarray

@@ -73,7 +73,7 @@ class Steady:
     tooth_frequency: float
     """[Hz]."""
     roll: float
-    """Of a free core [rad/s]."""
+    """Roll rate of a core that is free to turn [rad/s]."""
     touching: float
     """Share of the time for which the pad that lifts most touches the wall."""
 
@@ -146,7 +146,7 @@ class _Pressed:
 
     design: TrackedDesign
     normal: float
-    """Of one track [N]."""
+    """Normal force of one track [N]."""
     indentation: float
     """[m]."""
 
@@ -201,7 +201,7 @@ def answer(study: Study, job: Job) -> Result:
 
 
 def roll_torque(case: TabulatedColon) -> float:
-    """Of the worm on a device in its tube [N m]: friction of all tracks, less its part around it, times the lever."""
+    """Torque of the worm on a device in its tube [N m]: friction of all tracks, less its own part, times the lever."""
     lever = _lever(case.design)
     grip = case.friction * TRACKS * track_normal(case.design, case.design.nominal_diameter)
     return lever * grip / math.hypot(1.0, 2 * lever / case.design.nominal_diameter)
@@ -267,7 +267,7 @@ def _scores(case: TabulatedColon, run: Steady, *, whole: bool) -> dict[str, Valu
 
 
 def _stress(case: TabulatedColon) -> Float[np.ndarray, " phases"] | None:
-    """Of the belt at each tooth phase of the table [Pa]; None beyond its deepest indentation."""
+    """Mean von Mises stress of the belt at each tooth phase [Pa]; None beyond the table's deepest indentation."""
     table = case.table
     if case.indentation > table.indentations[-1]:
         return None

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 CONFIDENCE = 0.95
 RESAMPLES = 4000
-"""Of a bootstrap: a bound's own scatter is then a few hundredths of the interval."""
+"""Samples of a bootstrap: a bound's own scatter is then a few hundredths of the interval."""
 _MANY = 200
 """Values from which on a mean is taken as normal: a bootstrap's bounds then differ by less than their own scatter."""
 _BINS = 8
@@ -205,7 +205,7 @@ class Comparison:
     against_first: tuple[Interval, ...]
     """Difference to the first design, condition by condition, which conditions that differ do not blur."""
     error: ScoreError | None = None
-    """Of numerics; None where nobody measured it."""
+    """Largest numerical error of the score; None where nobody measured it."""
 
     def surely_differs(self, place: int) -> bool:
         """Whether the difference of a design to the first excludes zero and exceeds the numerical error."""

@@ -33,9 +33,9 @@ class Computing:
     """Processes here, tasks at a time on Ray, jobs at a time on Slurm."""
     on: On = "here"
     partition: str | None = None
-    """Of Slurm; its default when None."""
+    """Partition of Slurm; Slurm's default when None."""
     address: str | None = None
-    """Of a Ray cluster that runs already; a local one is started when None."""
+    """Address of a Ray cluster that runs already; a local one is started when None."""
 
 
 def run_sweep(

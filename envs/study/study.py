@@ -26,7 +26,7 @@ class Variable:
     path: str
     """Where it is applied, `design.bellows.pressure`; `*` stands for every section of a scope's shaft."""
     unit: str
-    """Of all its numbers, '1' when dimensionless."""
+    """Unit of all the variable's numbers, '1' when dimensionless."""
     nominal: float
     low: float
     high: float
@@ -37,7 +37,7 @@ class Variable:
     values: tuple[float, ...] = ()
     """For a choice, and the levels of a grid when given."""
     levels: int = whole(1, 100_000, default=5)
-    """Of a grid without `values`: evenly spaced in probability, bounds included."""
+    """Number of a grid's values when `values` is not given: evenly spaced in probability, bounds included."""
 
     @property
     def column(self) -> str:
@@ -76,7 +76,7 @@ class Sampler:
     """Designs of 'sobol' (a power of two balances it) and 'latin-hypercube'."""
     seed: int = whole(0, 2**32 - 1, default=0)
     designs: tuple[Mapping[str, Value], ...] = ()
-    """Of 'list': a `name`, and a value for each variable that is not nominal."""
+    """Designs of sampler 'list': for each a `name`, and a value for every variable that is not nominal."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ class Study:
 
     @property
     def hash(self) -> str:
-        """Of everything that shapes the rows; what a study is called and what it may take does not."""
+        """Hash of everything that shapes the rows; what a study is called and what it may take does not."""
         shaping = {key: value for key, value in self.to_json().items() if key not in ("title", "budget")}
         return content_hash(json.dumps(shaping, sort_keys=True).encode())
 
@@ -180,7 +180,7 @@ class ScoreError:
     """How far a score is off at most by numerics, whatever the design."""
 
     relative: float = 0.0
-    """Of the score's size [1]."""
+    """Error as a share of the score's size [1]."""
     absolute: float = 0.0
     """In the score's unit."""
 

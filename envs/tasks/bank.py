@@ -33,7 +33,7 @@ TASK_OPTIONS = SceneOptions(
 """Coarser than in studies: at most sixty dofs and two spheres a link, and tips within 1.4 to 2.4 % of the length inside
 (docs/validation/worlds.md). How far a driver comes hardly depends on it (docs/validation/navigation.md)."""
 _FORMAT = 4
-"""Of the files; a bank of another format is built anew."""
+"""Version of the files' format; a bank of another format is built anew."""
 
 
 @dataclass(frozen=True)
@@ -56,14 +56,14 @@ class ColonSet:
 
     @cached_property
     def tables(self) -> Tables:
-        """Of all cases, one after the other."""
+        """Lumen tables of all cases, one after the other."""
         return stack(
             [case.hung(self.options.abdomen) if self.options.mesentery else case.tables for case in self.cases]
         )
 
     @cached_property
     def lengths(self) -> np.ndarray:
-        """Of the centrelines [m]."""
+        """Lengths of the centrelines [m]."""
         return np.array([case.length for case in self.cases])
 
     @cached_property

@@ -70,7 +70,7 @@ class Randomisation:
     friction: tuple[float, float] = span("1", 0.0, 2.0, default=(0.03, 0.1))
     """Coulomb coefficient [1]."""
     wall_stiffness: tuple[float, float] = span("N/m", 50.0, 1e5, default=(700.0, 2400.0))
-    """Of a contact [N/m]: the measured range."""
+    """Stiffness of a contact with the wall [N/m]: the measured range."""
     shaft_stiffness: tuple[float, float] = span("1", 0.05, 20.0, default=(0.85, 1.15))
     """Over the design's [1]; engineering choice."""
     wire_gain: tuple[float, float] = span("1", 0.05, 1.0, default=(0.85, 1.0))
@@ -88,9 +88,9 @@ class Drive:
     control_interval: float = number("s", 0.002, 1.0, default=0.04)
     """Between two actions [s]: 25 Hz. A whole number of the steps that physics takes, `SceneOptions.timestep`."""
     push_rate: float = number("m/s", 0.001, 0.5, default=0.06)
-    """Of the hand at full action [m/s]; engineering choice."""
+    """Speed of the hand along the scope at full action [m/s]; engineering choice."""
     roll_rate: float = number("rad/s", 0.01, 20.0, default=1.57)
-    """Of the hand at full action [rad/s]; engineering choice."""
+    """Rate at which the hand rolls the scope at full action [rad/s]; engineering choice."""
     wheel_rate: float = number("1/s", 0.05, 100.0, default=4.0)
     """Largest change of a tip action in a second [1/s]: a wheel goes from neutral to full in a quarter second."""
     hand_lead: float = number("m", 1e-4, 0.1, default=0.01)

@@ -35,7 +35,7 @@ class DeviceRules:
     friction: tuple[float, float] = span("1", 0.0, 2.0, default=(0.03, 0.1))
     """Between device and wall, drawn evenly [1]."""
     wall_stiffness: tuple[float, float] = span("N/m", 50.0, 1e5, default=(700.0, 2400.0))
-    """Of a contact, drawn evenly: the measured range [N/m]."""
+    """Stiffness of a contact with the wall, drawn evenly: the measured range [N/m]."""
     mesentery: bool = False
     """Colons move on their mesentery."""
     seconds: float = number("s", 0.002, 36_000.0, default=90.0)

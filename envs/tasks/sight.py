@@ -29,7 +29,7 @@ RAYS = 8
 STEPS = RANGE * (np.arange(1, 25) / 24) ** 1.5
 """Places along a ray where the wall is looked for: 1 mm apart near the tip, 7 mm apart far off [m]."""
 DEPTH_STEPS = RANGE * (np.arange(1, 41) / 40) ** 1.3
-"""The same for whole pictures."""
+"""Places along a ray where the wall is looked for when a whole depth picture is taken [m]."""
 _WINDOW = 0.02
 """Largest change of arc length from one place on a ray to the next [m]."""
 

@@ -52,7 +52,7 @@ class Pose:
     """Where a device begins: at the anus, or where it stands."""
 
     position: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
-    """Of that place [m]."""
+    """Place where the device begins [m]."""
     frame: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
     """Columns: two normals and the direction into the patient."""
     arc: float = 0.0

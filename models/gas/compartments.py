@@ -23,7 +23,7 @@ MOST_TAKEN = 0.5
 SOFTEST = 1e-13
 """Least compliance of a compartment [m^3/Pa]: a closed one has none."""
 LEAST_VOLUME = 1e-5
-"""Of a segment that a colon lacks [m^3]: 10 mL, which gas passes through as fast as scopes let it in."""
+"""Volume of a segment that a colon lacks [m^3]: 10 mL, which gas passes through as fast as scopes let it in."""
 NEWTON_STEPS = 6
 """From below; below 60 mmHg the pressure is exact to 1e-7 then."""
 RAMP = 0.5

@@ -74,7 +74,7 @@ class WallContact:
             raise InvalidOptionError(f"Friction rises by {self.friction_rise} s/m; it must be from 0 to below 1000.")
 
     def stiffened(self, stiffness: float) -> "WallContact":
-        """The same law at another stiffness [N/m], which relaxes in the same time."""
+        """Return this law at another stiffness [N/m]; it relaxes in the same time."""
         return replace(self, stiffness=stiffness, damping=self.damping * stiffness / self.stiffness)
 
 

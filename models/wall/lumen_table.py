@@ -44,7 +44,7 @@ MOST_RADIUS = 0.06
 _ALONG = 2.0
 """Radii of more than this many times the median [1] are looks along the lumen, not across it."""
 _FORMAT = 1
-"""Of tables in the cache; those of another format are made anew."""
+"""Version of the format of cached tables; those of another format are made anew."""
 _MARCH = 24
 _PROBES = 4000
 

@@ -48,7 +48,7 @@ class Sample:
     radius: float
     """Radius [m]."""
     stiffness: float | None = None
-    """Of the contact [N/m], where the device's own compliance stands for the wall's; the wall's when None."""
+    """Stiffness of the contact [N/m], where the device's own compliance stands for the wall's; the wall's when None."""
     friction: float | None = None
     """Coulomb's coefficient, where it is the sphere's own [1]; that between device and wall when None."""
 

@@ -98,7 +98,7 @@ def check(name: str, make: Make, *, seeds: int, tell: Callable[[int], None] = la
 
 
 class _Seeded(gymnasium.Wrapper):
-    """The same environment, whose seeds are shifted: checkers always use the same ones."""
+    """Environment whose seeds are shifted: checkers always use the same ones."""
 
     def __init__(self, environment: gymnasium.Env, shift: int) -> None:
         super().__init__(environment)

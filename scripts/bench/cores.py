@@ -25,7 +25,7 @@ _STRETCH = 8
 """Time steps from one decision to the next, as episodes have them; MuJoCo alone begins again at the same state after
 each."""
 _PUSH = 0.01
-"""Of the hand while scopes are timed [m/s]."""
+"""Speed of the hand while scopes are timed [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Cores:
     cores: int
     worlds: int
     contacts: float
-    """That a world has, on average, while it is timed."""
+    """Number of contacts that a world has, on average, while it is timed."""
     processes: float
     """Independent processes, each stepping all worlds by MuJoCo alone: what the machine can give."""
     mujoco: float
@@ -43,7 +43,7 @@ class Cores:
     scopes: float
     """`NativeBackend`, with the wall looked up at every step."""
     steps_per_s: float
-    """Of all its scopes on those cores; the best of all pairs."""
+    """Steps per second of all scopes on those cores; the best of all pairs."""
 
 
 def measure_cores(

@@ -21,7 +21,7 @@ TIMESTEP = 0.004
 """Time step of every rod [s]: that of scenes."""
 
 TWIST_HINGES = 4
-"""Of the scope's cable, as in scenes."""
+"""Number of twist hinges of the scope's cable, as in scenes."""
 
 _WARM_UP, _ALONE_STEPS = 20, 400
 _SIDEWAYS = 0.3

@@ -88,7 +88,7 @@ class MemorySlope:
     bytes_per_step: float
     """Slope of a straight line through resident memory over steps [B]."""
     bytes_per_reset: float
-    """The same over resets [B]."""
+    """Slope of a straight line through resident memory over resets [B]."""
 
 
 def memory_slope(

@@ -42,7 +42,7 @@ class Agreement:
     reading: str
     """Which reading that is."""
     errors: tuple[float, ...]
-    """The same with each of `STEPS`."""
+    """Largest difference over the largest derivative of that reading with each of `STEPS` [1]."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class SlopeCost:
     us_per_step: float
     """Processor time of a step of one world [us]."""
     plain_steps: float
-    """The same over that of the plain program in the same run; central differences take 2 plain steps a direction."""
+    """Processor time over the plain program's in the same run [1]; central differences take 2 of those a direction."""
 
 
 def costs(bank: ScopeBank, directions: Sequence[int], *, worlds: int = 16, seconds: float = 4.0) -> list[SlopeCost]:

@@ -20,12 +20,12 @@ from haustra.provenance import Provenance, content_hash
 from haustra.scripts.bench.result import LEAST_CASES
 
 CONFIDENCE = 0.95
-"""Of the intervals of differences: all of an interval has to lie within the tolerance."""
+"""Confidence level of the intervals of differences: all of an interval has to lie within the tolerance."""
 MEAN_TOLERANCE, SPREAD_TOLERANCE = 0.1, 1.5
 """Largest relative difference of means, and largest ratio of standard deviations either way, that count as agreement;
 engineering choices: cohorts of one study differ by a tenth in length, and by a half in spread."""
 NORMAL_QUANTILE = 1.96
-"""Of the normal distribution, two-sided, at that confidence."""
+"""Two-sided quantile of the normal distribution at that confidence."""
 CHAIN = 0.01
 """A course keeps its length to 1 %, and so do the borders of its segments: ranges are taken so much wider."""
 

@@ -18,7 +18,7 @@ from haustra.models.scene import SceneOptions, build_scene
 from haustra.provenance import Provenance
 
 FIRST_SEED = 300_000
-"""Of the colons, which nothing was trained on."""
+"""First seed of the colons, which nothing was trained on."""
 DESIGN = "adult"
 _KEPT = (
     "outcome",

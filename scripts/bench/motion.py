@@ -18,7 +18,7 @@ from haustra.models.wall.abdomen import Abdomen
 from haustra.provenance import Provenance
 
 FIRST_SEED = 300_000
-"""Of the grown colons, which nothing was trained on."""
+"""First seed of the grown colons, which nothing was trained on."""
 DESIGN = "adult"
 PLAIN = "as imaged"
 AROUND: Mapping[str, Abdomen] = {

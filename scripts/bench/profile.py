@@ -38,7 +38,7 @@ STAGES = {
 """Stages of a step, by the name of MuJoCo's timer."""
 
 _SPEED = 32.5e-3
-"""Of the tracked robot's treads [m/s]."""
+"""Speed of the tracked robot's treads [m/s]."""
 
 Progress = Callable[[str], None]
 

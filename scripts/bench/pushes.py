@@ -19,7 +19,7 @@ Law = Literal["pieces", "planes"]
 RADIUS, HALF, MASS = 0.0064, 0.010, 0.010
 """Radius, half length of the axis [m] and mass [kg] of a stiff tip of an adult scope: 33 mm long."""
 LARGEST_FORCE, LARGEST_SPEED = 20.0, 0.3
-"""Of a push [N], [m/s]."""
+"""Largest force [N] and speed [m/s] of a push."""
 ALLOWANCE = 0.001
 """How far beyond the Hookean depth the surface may stand outside [m]: the wall's geometric error."""
 CONTACT = WallContact(stiffness=1500.0, damping=7.5, friction=0.1)

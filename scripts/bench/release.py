@@ -44,7 +44,7 @@ class ReleaseErrors:
     mid_rms: float
     """Root mean square distance over the recorded time, over length [1]."""
     tip_rms: float
-    """The same at the tip [1]."""
+    """Root mean square distance at the tip over the recorded time, over length [1]."""
     tip_mean: float
     """Mean distance at the tip over length [1]."""
     real_time_factor: float

@@ -119,7 +119,7 @@ class Bench:
     """Everything that one benchmark measured."""
 
     name: str
-    """Of the verb, as in `haustra bench NAME`."""
+    """Name of the benchmark, as in `haustra bench NAME`."""
     title: str
     summary: tuple[str, ...]
     """Paragraphs that say how it was measured."""

@@ -208,9 +208,9 @@ class Horizon:
     good: float
     """Share of worlds where it is below a half: the derivatives point the right way and are about as long."""
     off_mean: float
-    """The same of the derivatives averaged over all worlds."""
+    """Distance of the derivatives averaged over all worlds from the secants, over their length [1]."""
     off_mean_held_back: float
-    """The same, each held back (`held_back`) before."""
+    """Distance of derivatives each held back (`held_back`) before they are averaged, over the secants' length [1]."""
 
 
 def horizons(problem: Problem, seconds: Sequence[float]) -> list[Horizon]:

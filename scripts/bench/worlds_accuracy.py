@@ -22,13 +22,13 @@ class Apart:
     """A coarse scope against a fine one, at every control interval."""
 
     insertion: Float[np.ndarray, " records"]
-    """Of the fine scope [m]."""
+    """Length of the fine scope inside the patient [m]."""
     tip: Float[np.ndarray, " records"]
     """Distance between both tips [m]."""
     push: Float[np.ndarray, "records 2"]
     """Push force of the coarse and the fine scope [N]."""
     joints: tuple[int, int]
-    """Of the coarse and the fine scope."""
+    """Number of joints of the coarse and the fine scope."""
 
     def summary(self) -> dict[str, float]:
         """Figures as plain JSON values; shares are of the length inside."""

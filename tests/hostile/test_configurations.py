@@ -50,7 +50,7 @@ def base(kind: type) -> dict[str, Any]:
 
 
 def changed(table: dict[str, Any], path: str, value: Any) -> dict[str, Any]:
-    """The same with another value at a path, whose `[]` is the first of a list."""
+    """Copy of the table with another value at a path, whose `[]` is the first of a list."""
     head, _, rest = path.partition(".")
     name = head.removesuffix("[]")
     inner = table.get(name, {})

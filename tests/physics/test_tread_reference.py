@@ -47,7 +47,7 @@ def test_shipped_table_rises_with_indentation_at_every_phase() -> None:
 
 
 def test_force_scales_with_the_square_of_length() -> None:
-    """The same materials at a quarter of the size."""
+    """Equal materials at a quarter of the size."""
     lengths = {name: value / 4 for name, value in TreadGeometry().to_json().items()}
     # Penalties are pressure over depth, so they grow as lengths shrink.
     options = replace(SHORT, free_length=SHORT.free_length / 4, tooth_penalty=1.6e10, tip_penalty=2.4e11)

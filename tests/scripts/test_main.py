@@ -55,7 +55,7 @@ def test_a_terminal_that_takes_ascii_only_gets_help() -> None:
 
 
 def test_an_interruption_is_one_line_before_a_verb_begins_and_while_modules_load(monkeypatch, capsys) -> None:
-    """Of a module that is interrupted while it initialises, Python says ImportError."""
+    """Python says ImportError of a module that is interrupted while it initialises."""
 
     def interrupted(name: str) -> None:
         raise KeyboardInterrupt

@@ -37,7 +37,7 @@ class LumenWidths(NamedTuple):
 
 
 def lumen_widths(colon: Colon) -> LumenWidths:
-    """Of a colon, at every station of its centreline."""
+    """Largest radius of a colon's lumen within a centimetre of each station of its centreline."""
     line = colon.centreline
     widest = np.minimum(colon.radius, _LARGEST_RADIUS).max(axis=1)
     reach = int(np.ceil(_BLUR / (line.arc[1] - line.arc[0])))

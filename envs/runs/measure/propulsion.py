@@ -82,7 +82,7 @@ def pull(rig: Rig, speed: float, *, roll_torque: float = 0.0) -> Pull:
 
 
 def pull_model(model: mujoco.MjModel, rig: Rig, speed: float, *, roll_torque: float = 0.0) -> Pull:
-    """The same with a compiled model whose treads already run at that speed."""
+    """Pull of the robot in a rig whose model is compiled and whose treads already run at that speed."""
     log_to_stderr_only()
     step = model.opt.timestep
     frequency = speed / rig.tracked.design.tread.pitch

@@ -117,7 +117,7 @@ def score(
 
 
 def _gas(run: Insertion) -> dict[str, object]:
-    """Of the whole colon; null in a run without gas."""
+    """Scores of the gas in the whole colon; null in a run without gas."""
     if run.gas is None or not len(run.gas.volume):
         return {"gas_pressure_peak_mmHg": None, "gas_volume_mL": None}
     return {

@@ -363,7 +363,7 @@ class Axis:
         return *self._turn(own), self._room.load(own + _FLAT), self._room.vector(own + _ACROSS)
 
     def _sections(self, cell: Cell) -> tuple[Section, Section]:
-        """Of the nodes before and after; lanes may be in different cells."""
+        """Cross-sections at the nodes before and after a place; lanes may be in different cells."""
         room, (first, second) = self._room, (self._node(cell.at + i) for i in range(2))
         return (
             (room.gather(first + _TURN), room.gather_vector(first + _TURN + 1), room.gather(first + _FLAT),

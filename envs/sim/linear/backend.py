@@ -37,11 +37,11 @@ class Row(NamedTuple):
     state: Float[np.ndarray, "*rows _"]
     """Slots of `haustra.envs.sim.linear.layout.Layout`."""
     worlds: Float[np.ndarray, "*rows _"]
-    """Of `haustra.envs.sim.linear.layout.WORLD`."""
+    """Slots of `haustra.envs.sim.linear.layout.WORLD`: what differs between worlds."""
     seen: Float[np.ndarray, "*rows _"]
-    """Of `haustra.envs.sim.linear.layout.SEEN`, then places of coils and forces of links."""
+    """Slots of `haustra.envs.sim.linear.layout.SEEN`, then places of coils and forces of links."""
     driver: Float[np.ndarray, "*rows _"]
-    """Of the program's driver."""
+    """State of the program's driver."""
 
 
 @final

@@ -37,7 +37,7 @@ class LinearSingle:
     added: Sequence[float] = ()
     """When shaft was added [s]: never."""
     table_error: TableAccuracy
-    """Of the colon's table against its surface."""
+    """Accuracy of the colon's table against its surface."""
 
     def __init__(self, scene: Scene, *, driver: Driver | None = None, tables: Tables | None = None, **own: Any) -> None:
         """Tabulate the colon and lay the scope straight, its tip at the start depth.

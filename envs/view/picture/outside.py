@@ -147,9 +147,9 @@ class _Wall:
     colour: Float[np.ndarray, "layers 3"]
     opacity: Float[np.ndarray, " layers"]
     weight: Float[np.ndarray, " layers"]
-    """Of a layer's colour in its pixel: by opacity, more for near layers."""
+    """Weight of each layer's colour in its pixel: by opacity, more for near layers."""
     gloss: Float[np.ndarray, " pixels"]
-    """Of the nearest layer."""
+    """Gloss of the nearest layer, which is added to the pixel's colour."""
 
     def before(self, depth: Float[np.ndarray, " pixels"]) -> "_Wall":
         """The layers that are nearer than something finite in their pixel."""

@@ -49,7 +49,7 @@ def chart_html(chart: Chart, element: str) -> str:
 
 
 def figure_html(figure: "Figure", element: str) -> str:
-    """The same for a figure that is there already."""
+    """HTML of a figure that is there already, without Plotly's own script."""
     return figure.to_html(
         full_html=False, include_plotlyjs=False, div_id=element, config={"displaylogo": False, "responsive": True}
     )

@@ -219,7 +219,7 @@ def _numeric_conditions(sweep: _Sweep) -> list[str]:
 
 
 def _curves(sweep: _Sweep, designs: Mapping[str, int]) -> list[Section]:
-    """Of the best designs, under the set of conditions in the middle."""
+    """Sections with the curves of the best designs, under the set of conditions in the middle."""
     conditions = conditions_of(sweep.study)
     middle = len(conditions) // 2
     wanted = {number * len(conditions) + middle: name for name, number in designs.items()}

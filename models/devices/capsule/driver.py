@@ -12,7 +12,7 @@ _BACK_OFF = 0.4
 _RETREAT = 0.4
 """Share of the pull, backwards [1]; engineering choice."""
 _ALIGN = 0.5
-"""Of the largest torque at 90 degrees between body and lumen; engineering choice."""
+"""Share of the largest torque that is asked for at 90 degrees between body and lumen [1]; engineering choice."""
 
 
 def drive(

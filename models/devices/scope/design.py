@@ -25,7 +25,7 @@ class ScopeSection:
     bias_up_deg: float = number("degrees", -720.0, 720.0, default=0.0)
     """Angle that the unloaded section bends through towards wire 'up' [degrees]: a pre-curved scope."""
     bias_left_deg: float = number("degrees", -720.0, 720.0, default=0.0)
-    """The same towards wire 'left' [degrees]."""
+    """Angle that the unloaded section bends through towards wire 'left' [degrees]: a pre-curved scope."""
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,12 @@ class BendingLimits:
 
     @property
     def largest(self) -> float:
-        """Of the four [degrees]."""
+        """Largest of the four angles [degrees]."""
         return max(self.up, self.left, self.down, self.right)
 
     @property
     def smallest(self) -> float:
-        """Of the four [degrees]."""
+        """Smallest of the four angles [degrees]."""
         return min(self.up, self.left, self.down, self.right)
 
 

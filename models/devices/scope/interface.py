@@ -33,7 +33,7 @@ _SAFE_FORCE = 10.0
 _GAIN = 1.0
 """Bend that is steered for over the angle between tip and lumen ahead [1]; engineering choice."""
 _SPACING = 0.75
-"""Of the spheres that meet the wall, over the diameter, as in `haustra.models.scene`."""
+"""Spacing of the spheres that meet the wall, over the diameter [1], as in `haustra.models.scene`."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,7 +27,7 @@ class Worm:
     lead: float = number("m", 1e-4, 0.2, default=NUMBERS["tracked.worm.lead"].value)
     """Track a turn [m]. Published."""
     efficiency: float = number("1", 0.01, 1.0, default=NUMBERS["tracked.worm.efficiency"].value)
-    """Of a self-locking polymer worm [1]. Assumed."""
+    """Efficiency of a self-locking polymer worm [1]. Assumed."""
     torque_limit: float = number("N m", 1e-6, 100.0, default=NUMBERS["tracked.worm.torque_limit"].value)
     """What the flexible shaft may transmit [N m]. Assumed."""
 
@@ -122,7 +122,7 @@ class TrackedDesign:
     core_diameter: float = number("m", 0.001, 1.0, default=NUMBERS["tracked.device.core_diameter"].value)
     """[m]. Assumed."""
     mass: float = number("kg", 1e-6, 100.0, default=NUMBERS["tracked.device.mass"].value)
-    """Of the whole device [kg]. Assumed; weight is left out, as in the paper."""
+    """Mass of the whole device [kg]. Assumed; weight is left out, as in the paper."""
 
     def __post_init__(self) -> None:
         require_declared(self, f"Tracked design {shown(self.name)}", error=InvalidDesignError)
@@ -149,7 +149,7 @@ class TrackedDesign:
         return self.smallest_diameter / 2 - half, self.largest_diameter / 2 - half
 
     def at_scale(self, scale: float) -> "TrackedDesign":
-        """The same device at another scale, materials unchanged: forces go with the square of length.
+        """Scale this device, materials unchanged: forces go with the square of length.
 
         Raises:
             InvalidDesignError: when the scale is out of its range.

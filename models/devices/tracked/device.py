@@ -18,7 +18,7 @@ TIPS = ("rear", "front")
 """The two tips of a strut set."""
 
 _CONTACT_STIFFNESS = 1e4
-"""Of a pad's contact at 4:1 [N/m], in series with the pad's joint, which is stiffened for it.
+"""Stiffness of a pad's contact at 4:1 [N/m], in series with the pad's joint, which is stiffened for it.
 
 A contact much stiffer than this chatters while the tread slides: MuJoCo's convex friction adds mu b v to the normal
 force, so a pad that barely touches jumps. Here the pad stands 0.1 mm deep, and contact damping may be next to none."""
@@ -30,18 +30,18 @@ _IMPRATIO = 1e5
 """Friction stiffer than the normal direction, so that it saturates at the slowest tread speed, also where a track is
 pressed by its full stroke; 1e3 left 17 to 83 % of mu N out there."""
 _FREE_IMPRATIO = 1e4
-"""The same of a whole device, whose bellows set the press: a tenth fewer iterations, the same forces (tests)."""
+"""Impratio of a whole device, whose bellows set the press: a tenth fewer iterations, the same forces (tests)."""
 _LOOP_IMPRATIO = 1e3
-"""The same with loops, whose implicit contacts need less."""
+"""Impratio of a device with loops, whose implicit contacts need less."""
 _PAD_MASS = 0.02
-"""Of a pad at 4:1 [kg]: mass scaling. Its own frequency, 70 Hz, is far above every tooth-passing frequency."""
+"""Mass of a pad at 4:1 [kg]: mass scaling. Its own frequency, 70 Hz, is far above every tooth-passing frequency."""
 _PAD_DAMPING = 10.0
-"""Of a pad's joint at 4:1 [N s/m]."""
+"""Damping of a pad's joint at 4:1 [N s/m]."""
 _STRUT_MASS = 0.05
 _STRUT_DAMPING = 20.0
-"""Of a strut at 4:1 [kg], [N s/m]; the paper gives neither."""
+"""Mass [kg] and damping [N s/m] of a strut at 4:1; the paper gives neither."""
 _STOP_SOLREF, _STOP_SOLIMP = [0.004, 1.0], [0.99, 0.99, 1e-3, 0.5, 2]
-"""Of a strut's stops: four steps of 1 ms; at 1:1 one newton presses it 13 micrometres beyond (MuJoCo's own: 3 mm)."""
+"""Softness of a strut's stops: four steps of 1 ms; at 1:1 one newton presses it 13 um beyond (MuJoCo's own: 3 mm)."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class Tracked:
         return self.phase_controls_each(np.repeat(np.asarray(travel)[..., None], TRACKS, axis=-1))
 
     def phase_controls_each(self, travel: Float[np.ndarray, "*n tracks"]) -> Float[np.ndarray, "*n pads"]:
-        """The same when the tread of each track has moved by its own `travel` [m]."""
+        """Controls of the pads' actuators when the tread of each track has moved by its own `travel` [m]."""
         moved = travel[..., [pad.track for pad in self.pads]]
         phases = moved / self.design.tread.pitch + np.array([pad.offset for pad in self.pads])
         operating, mean, contact, (k1, k2, k3) = self._series
@@ -100,7 +100,7 @@ class Tracked:
         self.set_speeds(model, [speed] * TRACKS)
 
     def set_speeds(self, model: mujoco.MjModel, speeds: Sequence[float] | Float[np.ndarray, " tracks"]) -> None:
-        """The same for each track: the paper's one worm gives all the same speed, four motors need not."""
+        """Let each track's tread run backwards at its own speed [m/s]: those of the paper's one worm do not differ."""
         for pad in self.pads:
             model.geom_surfacevel[model.geom(pad.geom).id, 0] = -speeds[pad.track]
         for part in self.loops:
@@ -192,7 +192,7 @@ def _calibrate_contacts(spec: mujoco.MjSpec, pads: Sequence[Pad], stiffness: flo
 
 
 def pad_stiffness(design: TrackedDesign) -> float:
-    """Of a pad's contact [N/m]."""
+    """Stiffness of a pad's contact [N/m]."""
     return _CONTACT_STIFFNESS * _ratio(design)
 
 

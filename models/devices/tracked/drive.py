@@ -22,7 +22,7 @@ class DrivePoint:
 
     rpm: float
     speed: float
-    """Of the treads over the wall [m/s]."""
+    """Speed of the treads over the wall [m/s]."""
     friction: float
     """Effective coefficient: nominal x speed dependence x what the shaft transmits [1]."""
     normal: float
@@ -124,7 +124,7 @@ class RangeFit:
     stall_excess: float
     """`FlexibleShaft.stall_excess` if the upper end's is the shaft's [rad/s]."""
     misfit: tuple[float, ...]
-    """Of mean, RMSE and peak RMSE, for tissue then plastic, over the mean."""
+    """Misfits of mean, RMSE and peak RMSE, for tissue then plastic, over the mean [1]."""
 
 
 def fit_range(design: TrackedDesign) -> RangeFit:

@@ -53,7 +53,7 @@ _ANSWER = 0.1
 """Within which the worm answers to what the treads ask of it [s]; engineering choice: longer than the force that the
 worm's droop leaves takes to bring the robot's mass to speed, some 50 ms, or both would swing."""
 _LARGEST_SHARE = 2.0
-"""Of the nominal tread speed when steering; the inner tread may stand but not run back."""
+"""Largest tread speed when steering, over the nominal [1]; the inner tread may stand but not run back."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -251,7 +251,7 @@ class TrackedRobot(Device):
         return WormState.under(self.design, state.act[:, TRACKS])
 
     def _speeds(self, state: State, commands: Any) -> Any:
-        """Of the treads (worlds, tracks) [m/s]: as asked, as far as the worm's torque goes."""
+        """Speeds of the treads (worlds, tracks) [m/s]: as asked, as far as the worm's torque goes."""
         asked = self.design.tread_speed(1.0) * np.clip(commands, 0.0, _LARGEST_RPM)
         return np.broadcast_to(asked * self._worm(state).speed_share[:, None], (len(commands), TRACKS))
 

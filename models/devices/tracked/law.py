@@ -13,7 +13,7 @@ from haustra.errors import InvalidDesignError
 from haustra.models.devices.tracked.tread import TreadGeometry
 
 HARMONICS = 3
-"""Of the tooth-passing frequency that a pad's law keeps: the fourth is below 1 % of the mean force."""
+"""Harmonics of the tooth-passing frequency that a pad's law keeps: the fourth is below 1 % of the mean force."""
 
 _SAME_LENGTH = 1e-3
 """Relative difference up to which a design's tread counts as the tread of a table."""
@@ -205,7 +205,7 @@ def track_ripple(law: PadLaw, spacing_in_pitches: float) -> Float[np.ndarray, " 
 
 
 def device_ripple(law: PadLaw, spacing_in_pitches: float, starts: int, tracks: int = 4) -> Float[np.ndarray, " h"]:
-    """The same for the sum of tracks whose teeth are out of phase by starts x azimuth / 360 degrees.
+    """Amplitude of each harmonic over the mean, of the sum of tracks out of phase by starts x azimuth / 360 degrees.
 
     Harmonic n of the sum survives only where n x starts is a multiple of the number of tracks.
     """

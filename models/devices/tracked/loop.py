@@ -14,7 +14,7 @@ _CONTACT = load_quantities(asset("numbers/contact.toml"))
 _DAMPING_TIME = 0.005
 """Damping over stiffness of the wall [s], as in a scope's scene; engineering choice."""
 _PAD_DAMPING_TIME = 1e-4
-"""The same of a pad's contact [s]: next to none, the pad's joint damps."""
+"""Damping over stiffness of a pad's contact [s]: next to none, the pad's joint damps."""
 CORE_FRICTION = 0.1
 """Coulomb's coefficient of the core's bare ends, as the scope's; engineering choice."""
 

@@ -21,11 +21,11 @@ class Candidate:
     spacing: float
     """Tip spacing [pitches]."""
     indentation: float
-    """That gives each tip its share of the bellows' preload [m]."""
+    """Indentation that gives each tip its share of the bellows' preload [m]."""
     track_ripple: float
     """Root of the sum of squared harmonic amplitudes of a track's force over its mean."""
     device_ripple: float
-    """The same for the sum of four tracks."""
+    """Root of the sum of squared harmonic amplitudes of four tracks' summed force over its mean."""
 
 
 def candidates(

@@ -14,14 +14,14 @@ from haustra.models.devices.tracked.device import Tracked, add_tracked
 TIMESTEP = 1e-3
 """Default step [s]; tests hold results at twice this."""
 TUBE_TIMESTEP = 5e-4
-"""The same of the whole device in a tube: a pad over a seam stands on two staves, twice as stiff."""
+"""Default step of the whole device in a tube [s]: a pad over a seam stands on two staves, twice as stiff."""
 
 STRING_STIFFNESS = 1e4
-"""Of the "inextensible" string [N/m]: 0.3 mm at 3 N."""
+"""Stiffness of the "inextensible" string [N/m]: 0.3 mm at 3 N."""
 STRING_LENGTH = 0.2
 """[m]."""
 _TOLERANCE = 1e-6
-"""Of the solver: forces differ by 1e-4 from those at 1e-8, and a step takes a tenth less."""
+"""Tolerance of the solver: forces differ by 1e-4 from those at 1e-8, and a step takes a tenth less."""
 _TUBE_STAVES = 63
 """Flat boxes that make a round tube: the radius varies by 0.12 %. One less than a multiple of four, so that the four
 tracks stand at different places of their staves and cannot all drop into a groove at once, which would hold the device

@@ -114,7 +114,7 @@ def wall_near(wall: Wall, low: float, high: float) -> Wall:
 
 
 def _widths(radii: Float[np.ndarray, " tracks"]) -> Float[np.ndarray, "2"]:
-    """Of the lumen across each pair of opposite tracks [m]: the robot is free to move off centre between them."""
+    """Widths of the lumen across both pairs of opposite tracks [m]: the robot may move off centre between them."""
     return radii[:2] + radii[2:]
 
 

@@ -10,7 +10,7 @@ from haustra.models.devices.tracked.device import Tracked
 _LARGEST_GAP = 3e-3
 """Between tip and robot at the start [m]: a joint closes it within some steps, with next to no force."""
 _SOLREF, _SOLIMP = [0.005, 1.0], [0.99, 0.99, 1e-3, 0.5, 2]
-"""Of the joint: five steps of 1 ms; one newton pulls tip and robot some hundredths of a millimetre apart."""
+"""Softness of the joint: five steps of 1 ms; one newton pulls tip and robot some hundredths of a millimetre apart."""
 
 
 def arc_ahead_of(tip_arc: float, design: TrackedDesign) -> float:

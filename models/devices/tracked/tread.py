@@ -34,7 +34,7 @@ class TreadGeometry:
     tip_spacing: float = number("m", 1e-5, 0.2, default=NUMBERS["tracked.tread.tip_spacing"].value)
     """Between the two tips of a strut set, along the track [m]. Assumed: 3.0 pitches."""
     width: float = number("m", 1e-5, 0.2, default=NUMBERS["tracked.tread.width"].value)
-    """Of tread and tissue strip, out of the plane [m]. Published."""
+    """Width of tread and tissue strip, out of the plane [m]. Published."""
     tissue_thickness: float = number("m", 1e-5, 0.2, default=NUMBERS["tracked.tread.tissue_thickness"].value)
     """[m]. Published."""
     clearance: float = number("m", 1e-5, 0.2, default=NUMBERS["tracked.tread.clearance"].value)

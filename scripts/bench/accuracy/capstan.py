@@ -23,7 +23,7 @@ from haustra.scripts.bench.accuracy.timing import Candidate, sound, stepping, ti
 CELL, ROPE, DRUM = 0.003, 0.002, 0.030
 """Usual length of a link, radius of the rope, and of what it is bent round [m]."""
 SPEED, GRIP, HOLD = 0.02, 200.0, 1.0
-"""Of the hand that draws [m/s], how firmly it keeps that speed [N s/m], and what holds the other end [N]."""
+"""Speed of the hand that draws [m/s], how firmly it keeps that [N s/m], and the force that holds the other end [N]."""
 FRICTION = 0.3
 _STRAIGHT, _MASS = 0.024, 1 / 3
 """Straight rope on either side [m], and mass per length [kg/m]."""

@@ -54,11 +54,11 @@ class Track:
     insertion: Float[np.ndarray, " records"]
     """[m]."""
     push: Float[np.ndarray, " records"]
-    """Of the hand [N]."""
+    """Force with which the hand pushes [N]."""
     wall: Float[np.ndarray, " records"]
     """Sum of the wall's normal forces [N]."""
     contacts: float
-    """That carry force, on average."""
+    """Number of contacts that carry force, on average."""
     cost: float
     """Processor seconds of stepping per simulated second."""
 
@@ -75,7 +75,7 @@ class Errors:
     push: float
     """Difference of the mean sizes of push, relative [1]; moments differ more, since a scope sticks and slips."""
     wall: float
-    """The same of the wall's force [1]."""
+    """Difference of the mean wall forces, relative [1]."""
 
 
 def steady_push(seconds: float, rate: float) -> Script:

@@ -59,7 +59,7 @@ def static_tip(built: RodModel, load: float) -> tuple[Float[np.ndarray, "3"], Ca
 
 
 def stepped_tip(built: RodModel, load: float) -> tuple[Float[np.ndarray, "3"], mujoco.MjModel, mujoco.MjData]:
-    """The same of any rod, by stepping until it is still."""
+    """Tip of any loaded rod, found by stepping until it is still."""
     option = built.spec.option
     option.timestep, option.integrator = STEP, built.integrator
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET

@@ -238,7 +238,7 @@ class Ranges:
     preset: str
     colon: str
     colons: int
-    """That gave numbers for every scope."""
+    """Number of colons that gave numbers for every scope."""
     fallen: int
     """Tracks that ended before the script did."""
     wall_force: tuple[float, float]

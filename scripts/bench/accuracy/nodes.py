@@ -30,13 +30,13 @@ from haustra.scripts.bench.cost import options_for
 from haustra.scripts.bench.result import Criterion, Table, Value
 
 TRIANGLES = 623_805
-"""Of the published scene."""
+"""Number of triangles in the published scene."""
 RESPONSE_MS: Mapping[int, float] = {40: 1.3, 60: 3.8, 80: 5.9, 100: 10.1, 120: 18.8, 140: 25.6}
 """Published time of collision response against nodes [ms]."""
 SHARE, EXPONENT = 0.1, 1.3
 """Largest part of that time for a whole physics step, and largest exponent of cost against nodes."""
 _STEPS = 50
-"""Of one timed block."""
+"""Number of steps in one timed block."""
 Engine = TypeVar("Engine", bound=SingleBackend)
 SECONDS, RATE = 7.5, 0.04
 """The shaft is pushed in for so long [s], at that speed [m/s]."""

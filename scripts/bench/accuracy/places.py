@@ -14,7 +14,7 @@ from haustra.models.wall.pieces.wall import Wall
 from haustra.scripts.bench.accuracy.question import Effort
 
 SEED = 0
-"""Of the grown colon that most questions are asked in."""
+"""Seed of the grown colon that most questions are asked in."""
 
 
 @dataclass(frozen=True)

@@ -29,13 +29,13 @@ from haustra.scripts.bench.accuracy.timing import Block, in_turns, sound, steppi
 from haustra.scripts.bench.result import Criterion, Table, Value
 
 RATE = 0.04
-"""Of the hand [m/s]."""
+"""Speed of the hand [m/s]."""
 BARS = {60: 20.0, 140: 100.0}
 """How many times faster `balanced` is to be than a cable of so many segments."""
 STEPS = (5e-3, 4e-3, 2.5e-3, 2e-3, 1e-3, 5e-4, 2e-4)
 """Time steps that are tried where joints are damped [s]: whole numbers of them make an interval."""
 SMALL_STEPS = (4e-4, 2e-4, 1e-4, 5e-5, 2.5e-5, 1.2e-5)
-"""The same where they are not [s]."""
+"""Time steps that are tried where joints are not damped [s]."""
 _FASTEST = 100.0
 """Speed of a joint that is taken for divergence [rad/s]."""
 _HOLD = 150

@@ -13,7 +13,7 @@ from haustra.scripts.bench.accuracy.question import Answer, Effort
 from haustra.scripts.bench.accuracy.timing import Candidate, stepping, timed_front
 
 SPEED = SPEEDS[2]
-"""Of the tread [m/s]: the middle of the published five."""
+"""Speed of the tread [m/s]: the middle of the published five."""
 
 
 def _pull(timestep: float, turn: Tweak = unchanged) -> tuple[Rig, mujoco.MjModel, Pull]:

@@ -23,7 +23,7 @@ _FREE = 0.3
 _OUTSIDE = 0.05
 """Shaft before the anus [m], held straight."""
 _PULL = 15.0
-"""Of one wire [N]: bends the tip by a right angle."""
+"""Tension of one wire [N]: bends the tip by a right angle."""
 _EVERY = 4
 """Time steps between two looks."""
 _LOOKS = 250
@@ -42,7 +42,7 @@ class Trial:
     what: str
     scene: Scene
     pull: float = 0.0
-    """Of the wire 'up' in the first half [N]; it is let go for the second."""
+    """Tension of the wire 'up' in the first half [N]; it is let go for the second."""
 
     @property
     def model(self) -> mujoco.MjModel:

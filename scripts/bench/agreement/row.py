@@ -12,12 +12,12 @@ class Agreement:
 
     quantity: str
     backend: str
-    """That is held against the native backend."""
+    """Backend that is held against the native one."""
     tolerance: float
     """Largest difference that counts as agreement, in the quantity's unit."""
     unit: str
     reason: str
-    """Of the tolerance."""
+    """Reason for the tolerance."""
     difference: float | None = None
     """None where the backend is absent."""
     interval: tuple[float, float] | None = None
@@ -35,7 +35,7 @@ class Agreement:
         return all(abs(value) <= self.tolerance for value in (self.difference, *(self.interval or ())))
 
     def without(self, backend: str, why: str) -> "Agreement":
-        """The same question to a backend that is not there."""
+        """Return the answer of a backend that is not there to this question."""
         return Agreement(self.quantity, backend, self.tolerance, self.unit, self.reason, absent=why)
 
     def to_json(self) -> dict[str, Any]:

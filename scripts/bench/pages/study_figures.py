@@ -19,7 +19,7 @@ class StudyFigures:
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for the pictures."""
     name: str | None = None
-    """Of the pictures, after 'study-'; the study's question when not given."""
+    """Name of the pictures, after 'study-'; the study's question when not given."""
 
     def __call__(self) -> list[Path]:
         """Draw both."""

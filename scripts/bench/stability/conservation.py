@@ -12,7 +12,7 @@ from haustra.scripts.bench.stability.symmetry import mirror_bars, symmetry_bars
 
 
 def conservation(order: RunOptions, progress: Progress) -> Part:
-    """The same in quick and full runs."""
+    """Judge free rods, passive scopes and symmetries, in quick and full runs alike."""
     folder = order.folder / "colons"
     prepare_colons(folder, 1, lambda seed: progress(0.0, "growing colon 0"), walls=False)
     colon = load_colon(folder / "grown-0")

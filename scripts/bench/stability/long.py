@@ -20,7 +20,7 @@ from haustra.scripts.bench.stability.random_runs import divergence, prepare_colo
 from haustra.scripts.bench.stability.rows import Answer, Row, Rows, fill
 
 STEPS, QUICK_STEPS = 10_000_000, 100_000
-"""Of all runs together."""
+"""Number of steps of all runs together."""
 RUNS, QUICK_RUNS = 10, 1
 """They run at once, each with hands of its own: a million steps are more than an hour of simulated time."""
 RECORDS = 100

@@ -21,7 +21,7 @@ from haustra.scripts.bench.stability.random_runs import HOLD, prepare_colons
 from haustra.scripts.bench.stability.ranges import BEYOND, Range, draw
 
 WORLDS, QUICK_WORLDS = 32, 8
-"""Of one batch: half inside the ranges, half beyond."""
+"""Number of worlds in one batch: half inside the ranges, half beyond."""
 BATCHES, QUICK_BATCHES = 16, 1
 SECONDS, QUICK_SECONDS = 10.0, 2.0
 """Simulated in each random run, and in each run of a time step [s]."""
@@ -61,7 +61,7 @@ def moving(order: RunOptions, progress: Progress) -> Part:
 
 
 def mesentery_ranges() -> tuple[Range, ...]:
-    """Of the numbers of a mesentery, and of what else differs between worlds."""
+    """Ranges of the numbers of a mesentery, and of what else differs between worlds."""
     numbers = load_quantities(asset("numbers/mesentery.toml"))
     contact = load_quantities(asset("numbers/contact.toml"))
     of_mesentery = [
@@ -195,7 +195,7 @@ def shocks(rig: MovingRig, *, quick: bool) -> list[dict[str, Value]]:
 
 
 def _hands(rig: MovingRig, share: np.ndarray, *, pulls: Any = None) -> Act:
-    """The same throughout: that share of the usual push, and the usual pulls unless others are given."""
+    """Controls that stay throughout: a share of the usual push, and the usual pulls unless others are given."""
     asked = np.where(share[:, None] != 0, _DRIVEN[2], 0.0) if pulls is None else pulls
     hands = Controls(_DRIVEN[0] * share, 0 * share, asked)
     return lambda time: hands

@@ -22,7 +22,7 @@ INTERVAL = 0.02
 Act = Callable[[float], Controls]
 """Gives what the hands do at a time [s]; one row a world."""
 Numbers = Mapping[str, float]
-"""Of a mesentery, by name; what is not named is as it is."""
+"""Numbers of a mesentery, by name; what is not named is as it is."""
 Given = Mapping[str, np.ndarray | float]
 """Numbers of worlds, by their names in `haustra.envs.sim.linear.layout.WORLD`."""
 

@@ -24,7 +24,7 @@ class RunOptions:
     deadline: float = math.inf
     """No run of a part that has many is begun after that [s, as `time.monotonic` counts]."""
     seed: int = 0
-    """Of everything drawn."""
+    """Seed of all random draws."""
     colon: Path | None = None
     """Folder of a colon to push a tip about in besides the grown one."""
 

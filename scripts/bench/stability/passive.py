@@ -14,7 +14,7 @@ from haustra.scripts.bench.result import Criterion
 from haustra.scripts.bench.stability.laying import lay_along
 
 INSERTION = 0.25
-"""Of the scope that is laid along the lumen [m]."""
+"""Length of the scope that is laid along the lumen [m]."""
 SECONDS = 3.0
 EXCESS = 1e-3
 """By how much of what it had at the start a passive scope may hold more: rounding and the planes' motion. Within a run
@@ -48,7 +48,7 @@ def settling_energies(colon: Colon, options: SceneOptions | None = None) -> Floa
 
 
 def mechanical_energy(engine: NativeEngine) -> float:
-    """Of everything that can give it back [J]."""
+    """Mechanical energy of everything that can give it back [J]."""
     model, data = engine.model, engine.data
     stored = engine.read().energies
     momentum = np.zeros(model.nv)

@@ -44,7 +44,7 @@ class Rows:
             file.write(json.dumps(row) + "\n")
 
     def first(self, count: int) -> list[Row]:
-        """Of the first `count` rows those that are finished, in order."""
+        """Finished rows among the first `count`, in order."""
         return [self.found[number] for number in range(count) if number in self.found]
 
 

@@ -28,7 +28,7 @@ INTEGRATORS = {
 }
 """MuJoCo's. With `discrete` contacts do not have the stiffness that was asked for (docs/decisions/integrator.md)."""
 LARGEST_SPEED = 1000.0
-"""Of a generalised coordinate [rad/s or m/s]; beyond is divergence that the backend has not seen yet."""
+"""Largest generalised speed [rad/s or m/s]; beyond is divergence that the backend has not seen yet."""
 VARIANTS = (1.0, 1.1)
 """Pulls of the wires, as a factor: a step counts as stable when it is with each."""
 PUSH = 50.0

@@ -1,4 +1,4 @@
-"""The same run elsewhere, mirrored, again, on more threads, and with another form of the same matrix."""
+"""One run elsewhere, mirrored, again, on more threads, and with another form of the same matrix."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ from haustra.scripts.bench.result import Criterion, Table
 from haustra.scripts.bench.stability.poison import small_bank
 
 SECONDS = 4.0
-"""Of insertion [s]: past the first bend."""
+"""Duration of the insertion [s]: past the first bend."""
 STEPS = 4
 """Time steps between two records."""
 PUSH_RATE = 0.06

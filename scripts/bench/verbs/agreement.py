@@ -21,7 +21,7 @@ class BenchAgreement:
     parts: str = "free,pads,insertions"
     """What to compare, separated by commas: free (a scope without a wall), pads (of a track), insertions."""
     backends: str = "linear,warp"
-    """That are held against the native one, of those that are installed, separated by commas."""
+    """Backends held against the native one, separated by commas; those that are not installed are skipped."""
     seeds: int = whole(3, 1_000_000, default=256)
     """Insertions on each backend; each draws its own colon, friction, stiffness and start."""
     seconds: float = number("s", 0.02, 600.0, default=30.0)
@@ -33,9 +33,9 @@ class BenchAgreement:
     design: str = "adult"
     """Scope design."""
     processes: int = whole(0, 4096, default=0)
-    """Of the native backend, and of growing; as many as there are cores when 0."""
+    """Number of processes for the native backend and for growing colons; as many as there are cores when 0."""
     device: str | None = None
-    """Of Warp where there is no wall: cuda:0, cpu; its own choice when not given. Insertions run where JAX does."""
+    """Device of Warp where there is no wall: cuda:0, cpu; its own choice when not given. Insertions run on JAX's."""
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
     """Folder for agreement.json; finished insertions are kept there, and the next call goes on after them."""
     json: bool = field(default=False)

@@ -18,7 +18,7 @@ class BenchPushes:
     count: int = whole(1, 10**9, default=1000)
     """Number of pushes."""
     seed: int = whole(0, 2**63 - 1, default=0)
-    """Of places, directions and forces."""
+    """Seed of the places, directions and forces."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 

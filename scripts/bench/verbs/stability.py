@@ -30,7 +30,7 @@ class BenchStability:
     colon: Path | None = None
     """Folder of a colon to push a tip about in besides the grown one."""
     seed: int = whole(0, 2**63 - 1, default=0)
-    """Of everything drawn."""
+    """Seed of all random draws."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 

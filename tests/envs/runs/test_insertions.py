@@ -40,7 +40,7 @@ STIFFNESS = np.array([1500.0, 1500.0, 1500.0, 5.0])
 
 @pytest.fixture(scope="module")
 def both(bank: ScopeBank) -> dict[str, Insertions]:
-    """The same worlds in linear time and, where it is installed, by MuJoCo Warp."""
+    """Run four worlds in linear time and, where it is installed, by MuJoCo Warp."""
     linear = LinearInsertions(bank.scene, bank.tables, bank.colons, worlds=4, settings=FollowerSettings())
     one = np.ones(4)
     linear.begin(COLON, Conditions(bank.scene.options.friction * one, STIFFNESS, one), {"push_limit": PUSH_LIMIT})
@@ -59,7 +59,7 @@ def runs(both: dict[str, Insertions], request: pytest.FixtureRequest) -> Inserti
 
 @NEEDS_WARP
 def test_mujoco_warp_goes_the_same_way(both: dict[str, Insertions]) -> None:
-    """The same follower, endings and scores; outside, where nothing holds the scope, ways part.
+    """Follower, endings and scores are shared; outside, where nothing holds the scope, ways part.
 
     The peak of a push is one instant of slip in the bend, where MuJoCo's friction is stiffer: within a fifth.
     """

@@ -45,7 +45,7 @@ from tests.models.wall.conftest import swept_colon
 from tests.tube_colon import straight_tube, wedge_wall
 
 TOLERANCE, AT_THE_WALL_TOLERANCE = 0.1, 0.3
-"""Of the size of an effect; spheres against two planes each, and against a table, touch a little differently."""
+"""Tolerances relative to the size of an effect [1]; spheres at two planes each, and at a table, touch differently."""
 LEAST = 3e-3
 """Size of the smallest effect that counts as one, in units of `SCALES`."""
 FLOOR, SINGLE_FLOOR = 2e-3, 1e-2
@@ -54,7 +54,7 @@ the hand's force at the end of a step."""
 SCALES = np.array([0.01, 0.01, 0.01, 0.3, 0.3, 3.0, 0.01, 3.0, 0.01])
 """Tip [m], bend [rad], push [N], torque [N m], wall [N], insertion [m]."""
 SECONDS, LOOK = 0.6, 0.04
-"""Of a run, twice that at the wall; and between two looks [s]."""
+"""Duration of a run, twice that at the wall; and time between two looks [s]."""
 PULLS = np.array([10.0, 5.0, 0.0, 0.0])
 PUSH, ROLL = 0.06, 0.4
 
@@ -202,7 +202,7 @@ def _tables(at_the_wall: bool, radius: float) -> Tables:
 
 
 def _pulls(time: float, path: str) -> np.ndarray:
-    """Of the wires: against the stop that is asked for; eased at the end, which friction resists."""
+    """Pulls of the wires [N]: against the stop that is asked for; eased at the end, which friction resists."""
     pulls = np.roll(PULLS, 2) if path.endswith(("down", "right")) else PULLS
     return pulls if time < 0.75 * _seconds(path) else 0.8 * pulls
 

@@ -22,7 +22,7 @@ def model() -> mujoco.MjModel:
 
 @pytest.mark.parametrize(("kind", "tolerance"), [(np.float64, 1e-12), (np.float32, 5e-6)])
 def test_places_and_speeds_are_those_of_mujoco(model: mujoco.MjModel, kind: type, tolerance: float) -> None:
-    """Of a point on each link, a centimetre along and across; speeds over the fastest."""
+    """Compared for a point on each link, a centimetre along and across; speeds over the fastest."""
     random = np.random.default_rng(0)
     qpos, qvel = 0.3 * random.normal(size=(2, model.nv)), random.normal(size=(2, model.nv))
     chain, bodies, local = Chain.of(model), np.arange(model.nbody - 1), np.array([0.01, 0.0, 0.01])

@@ -62,7 +62,7 @@ def _moved(colon: Colon, way: np.ndarray) -> float:
 
 
 def test_one_scene_goes_as_in_linear_time(colon) -> None:
-    """The same script: tips within 1 % of the length inside, mean wall force within 8 %, the colon moved as far.
+    """One script run both ways: tips within 1 % of the length inside, mean wall force within 8 %, colon moved alike.
 
     Contacts act at the scope's surface natively as in linear time.
     """
@@ -138,7 +138,7 @@ def test_a_batch_goes_as_one_scene(colon, stiffness) -> None:
 
 
 def test_mujoco_warp_goes_as_one_scene(colon) -> None:
-    """The same contacts push the colon on: its largest displacement within 1 %, tips within 1 mm, forces within 5 %."""
+    """Contacts push the colon on alike: largest displacement within 1 %, tips within 1 mm, forces within 5 %."""
     pytest.importorskip("warp", reason="MuJoCo Warp is not installed")
     scene = _scene(colon)
     single = NativeEngine(scene)

@@ -65,7 +65,7 @@ def _rolled(options: SceneOptions) -> tuple[float, float]:
 
 
 def _batch(make: Callable) -> tuple[float, float]:
-    """The same of a batch: one world with friction, one without."""
+    """Mean torque [N m] and wall force [N] in a batch: one world with friction, one without."""
     bank = build_bank([straight_tube()], named_design("adult"), _LYING)
     batch = make(bank.scene, bank.tables)
     batch.reset(np.arange(2), np.zeros(2, int), Conditions(np.array([FRICTION, 0.0]), np.full(2, 1500.0), np.ones(2)))

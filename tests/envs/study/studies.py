@@ -21,5 +21,5 @@ def table(**changes) -> dict:
 
 
 def study(**changes) -> Study:
-    """The same, read."""
+    """Study read from the small table, with changes."""
     return read_study(table(**changes), Path("small.toml"))

@@ -1,4 +1,4 @@
-"""The same jobs through Slurm and Ray give the same table as here."""
+"""One study's jobs through Slurm and Ray give the same table as here."""
 
 import os
 import warnings

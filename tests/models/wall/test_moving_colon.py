@@ -216,7 +216,7 @@ def _random_bend() -> tuple[Mesentery, np.ndarray, np.random.Generator]:
 
 
 def _settled(own: Mesentery, pose: np.ndarray) -> np.ndarray:
-    """The same pose, with its turns brought along."""
+    """Pose of the colon, with its turns brought along."""
     shape = moving_colon.shape_of(np, own, pose)
     return np.concatenate([pose[..., :3], shape.turns], axis=-1)
 

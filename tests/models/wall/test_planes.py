@@ -51,7 +51,7 @@ class Probe:
             mujoco.mj_step(self.model, self.data)
 
     def force(self) -> np.ndarray:
-        """Of the wall on the probe [N], from the contacts of the last step."""
+        """Force of the wall on the probe [N], from the contacts of the last step."""
         rows = self.data.contact.efc_address
         total = np.zeros(3)
         for row, contact in zip(rows, self.data.contact, strict=True):

@@ -18,7 +18,7 @@ class Body:
     quads: Int[np.ndarray, "e 4"]
     """Corner nodes."""
     gradients: Float[np.ndarray, "e q 4 2"]
-    """Of the shape functions at 2 x 2 Gauss points [1/m]."""
+    """Gradients of the shape functions at 2 x 2 Gauss points [1/m]."""
     weights: Float[np.ndarray, "e q"]
     """Areas of the Gauss points [m^2]."""
     law: MooneyRivlin

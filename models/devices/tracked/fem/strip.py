@@ -52,7 +52,7 @@ class Equilibrium:
     """A solved state. Forces over the whole width."""
 
     displacement: Float[np.ndarray, "n 2"]
-    """Of the tread's nodes, then the tissue's [m]."""
+    """Displacement of the tread's nodes, then the tissue's [m]."""
     indentation: float
     """Outward displacement of the tips beyond the clearance [m]."""
     tip_forces: Float[np.ndarray, " tips"]

@@ -49,7 +49,7 @@ def both(request: pytest.FixtureRequest) -> tuple[Scene, Insertion, Insertion]:
 
 
 def test_native_and_linear_time_tell_the_same_injury(both: tuple[Scene, Insertion, Insertion]) -> None:
-    """The same laws of the same forces: differences are those of the backends' steps, largest where links strike."""
+    """Backends share the laws of injury: differences are those of their steps, largest where links strike."""
     scene, native, linear = both
     ours, theirs = _scores(scene, native), _scores(scene, linear)
     ran, other = native.trajectory, linear.trajectory

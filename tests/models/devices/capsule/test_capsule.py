@@ -89,7 +89,7 @@ def test_pressed_on_the_wall_its_six_spheres_share_the_force(tube):
 
 
 def test_a_torque_turns_it_in_its_own_or_the_patients_axes(tube):
-    """The same torque about x, then about its own axis: only the body's own axes turn with it."""
+    """One torque about x, then about the capsule's own axis: only the body's own axes turn with it."""
     turned = {}
     for frame in ("patient", "own"):
         one = backend(capsule(frame=frame), tube)

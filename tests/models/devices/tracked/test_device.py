@@ -95,7 +95,7 @@ def test_worm_torque_rolls_the_body_and_eats_friction(friction: float, rpm: floa
 
 
 def test_one_to_one_pulls_a_sixteenth() -> None:
-    """The same stresses on a quarter of the length: 0.19 N at friction 0.4."""
+    """Equal stresses on a quarter of the length: 0.19 N at friction 0.4."""
     small = DESIGN.at_scale(1.0)
     run = pull(tube_rig(small, friction=0.4), small.tread_speed(150))
     assert run.string.mean() == pytest.approx(3.0 / 16, rel=0.02)
