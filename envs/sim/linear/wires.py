@@ -30,7 +30,7 @@ class SprungWires:
         self._felt = [Changing(scopes.program, [0.0] * 6) for _ in _PAIRS]
         """Torque and force that a newton of each pair is felt by at the link that the recursion has come to."""
         self._sums = Changing(scopes.program, [0.0] * 9)
-        """Of each pair: stretch by angles, by speeds, by what else accelerates; then h^-2 times stretch per newton, of
+        """Stretch of each pair by angles, by speeds, by what else accelerates; then h^-2 times stretch per newton, of
         the first itself, of each by the other, of the second itself."""
         self._nets = Changing(scopes.program, [0.0] * 2)
         """Pull of each pair in this step [N]."""
