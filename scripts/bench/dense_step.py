@@ -28,7 +28,7 @@ from haustra.models.wall.lumen_table import pick, query
 from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
 
 _ROUNDS = 50
-"""Of the solution for pairs of wires: far more than rounding needs."""
+"""Rounds in which pairs of wires are solved for: far more than rounding needs."""
 
 
 class DenseStep:

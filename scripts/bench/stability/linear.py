@@ -17,7 +17,7 @@ from haustra.models.devices.scope.cable import PULL_OUT_LIMIT
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import build_scene
 from haustra.scripts.bench.result import Criterion, Table, Value
-from haustra.scripts.bench.stability.linear_runs import WORLDS, begin, largest_travel
+from haustra.scripts.bench.stability.linear_runs import WORLDS, begin, both_ways, largest_travel
 from haustra.scripts.bench.stability.long import CYCLE, GROWTH, growth, memory
 from haustra.scripts.bench.stability.moving_rig import OPTIONS, MovingRig, all_finite
 from haustra.scripts.bench.stability.part import Part, Progress, RunOptions
@@ -33,7 +33,9 @@ SECONDS, QUICK_SECONDS = 10.0, 2.0
 COLONS, QUICK_COLONS = 4, 1
 LONG_WORLDS = 128
 LONG_STEPS, QUICK_LONG_STEPS = 80_000, 8_000
-"""Of each of them: in fixed colons, and again in colons that move."""
+"""Time steps of each of them: in fixed colons, and again in colons that move."""
+STEERED = 1 / 3
+"""Share of pulls or travel that hands of long runs use, as those of the other backends: 20 N of 60 N."""
 RECORDS = 50
 """Looks at memory and state."""
 REPEATED = 400
@@ -92,10 +94,9 @@ def _hands(worlds: int, seed: int, start: float, *, wheels: bool) -> Callable[[L
         outwards = (seen.time + phases) % CYCLE > CYCLE / 2
         # Out a little slower than in, and never before the start.
         rate = np.where(outwards, np.where(seen.qpos[:, 0] > start, -0.06, 0.0), 0.06)
-        sides = rng.uniform(-1.0, 1.0, (worlds, 2))
-        pulls = np.concatenate([np.maximum(sides, 0.0), np.maximum(-sides, 0.0)], axis=1)
+        sides = STEERED * rng.uniform(-1.0, 1.0, (worlds, 2))
         turned = largest_travel(design) * sides if wheels else None
-        return Controls(rate, rng.uniform(-1.0, 1.0, worlds), design.wires.pull_limit * pulls, turned)
+        return Controls(rate, rng.uniform(-1.0, 1.0, worlds), design.wires.pull_limit * both_ways(sides), turned)
 
     return next_hands
 
@@ -166,8 +167,7 @@ def shocks(colon: Colon, *, moves: bool, wheels: bool) -> list[dict[str, Value]]
         return np.array([each == name for each in SHOCKS])
 
     def steer(sides: np.ndarray) -> dict[str, Any]:
-        pulls = np.concatenate([np.maximum(sides, 0.0), np.maximum(-sides, 0.0)], axis=1)
-        return {"wheels": most * sides, "pulls": 0 * pulls} if wheels else {"pulls": most * pulls}
+        return {"pulls": most * both_ways(sides), "wheels": most * sides if wheels else None}
 
     def go(seconds: float, push: np.ndarray, sides: np.ndarray) -> None:
         for _ in range(round(seconds / 0.02)):

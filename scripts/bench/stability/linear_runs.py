@@ -6,6 +6,7 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from haustra.assets import asset
 from haustra.envs.sim.conditions import Conditions
@@ -25,11 +26,11 @@ from haustra.scripts.bench.stability.rows import Answer, Row
 STEPS = (0.001, 0.002, 0.005, 0.007, 0.01, 0.014, 0.02)
 """Time steps [s], of which each setting has the nearest to its own: each takes programs of its own."""
 WORLDS = 8
-"""Of each setting: as many as a register holds in single precision. They differ in hands, wall and mesentery."""
+"""Worlds of each setting: as many as a register holds in single precision. They differ in hands, wall and mesentery."""
 
 
 def wire_ranges() -> tuple[Range, ...]:
-    """Of what counts where wheels steer, from new scopes to worn ones."""
+    """What counts where wheels steer, from new scopes to worn ones."""
     numbers = load_quantities(asset("numbers/scope.toml"))
     least, most = numbers["scope.adult.tendon_compliance"].low, numbers["scope.worn.compliance"].high
     slack = numbers["scope.worn.slack"]
@@ -114,8 +115,12 @@ def _hands(setting: Setting, rng: np.random.Generator, *, wheels: bool) -> Itera
         push = setting.push_rate * rng.uniform(-0.5, 1.0, WORLDS)
         roll = setting.roll_rate * rng.uniform(-1.0, 1.0, WORLDS)
         sides = setting.pull * rng.uniform(-1.0, 1.0, (WORLDS, 2))
-        pulls = limit * np.concatenate([np.maximum(sides, 0.0), np.maximum(-sides, 0.0)], axis=1)
-        yield Controls(push, roll, pulls, most * sides if wheels else None)
+        yield Controls(push, roll, limit * both_ways(sides), most * sides if wheels else None)
+
+
+def both_ways(sides: Float[np.ndarray, "worlds 2"]) -> Float[np.ndarray, "worlds 4"]:
+    """Pulls of four wires that bend towards these sides, up and left where they are positive."""
+    return np.concatenate([np.maximum(sides, 0.0), np.maximum(-sides, 0.0)], axis=1)
 
 
 def largest_travel(design: ScopeDesign) -> float:
