@@ -44,7 +44,7 @@ class Run:
     """Segment on which an assistant's hand presses through the belly."""
     backend: Literal["native", "linear"] | None = None
     """What steps the scene: MuJoCo's CPU engine (native), or a chain in linear time (linear), many times as fast,
-    which knows pulls and the table of the lumen only. Linear where that honours what is asked, when not given."""
+    which knows the table of the lumen only. Linear where that honours what is asked, when not given."""
     friction: float | None = number("1", 0.0, 10.0, default=None)
     """Coulomb's coefficient between device and wall [1]; the sourced default when not given."""
     wall_stiffness: float | None = number("N/m", 1.0, 1e6, default=None)
@@ -147,7 +147,7 @@ class Run:
         if self.backend == "linear" and options.wall_law != "table":
             asked = f"wall law '{options.wall_law}'"
             raise UnsupportedSceneError(f"The backend linear has no {asked}: leave out --backend, or --wall-law.")
-        fast = options.wall_law == "table" and self.steer == "pulls" and not self.whole_shaft
+        fast = options.wall_law == "table" and not self.whole_shaft
         return self.backend or ("linear" if fast else "native")
 
     def _options(self) -> dict[str, Any]:

@@ -99,13 +99,18 @@ class Steering(NamedTuple):
         lead = settings.steer_lead
         if settings.steer == "wheels":  # what slack and stretch may take up counts as lead
             wires = design.wires
-            lead += (wires.slack + wires.compliance * wires.pull_limit) / wires.routing_radius
+            lead += wheel_lead(wires.slack, wires.compliance, wires.pull_limit, wires.routing_radius)
         return cls(
             pull_per_angle=design.pull_per_angle,
             pull_limit=design.wires.pull_limit,
             bend_limit=math.radians(min(design.limits.smallest, settings.steer_limit_deg)),
             lead=lead,
         )
+
+
+def wheel_lead(slack: Any, compliance: Any, pull_limit: Any, routing_radius: Any) -> Any:
+    """Bend that slack [m] and stretch [m/N] of wires, under their largest pull [N], may take up at most [rad]."""
+    return (slack + compliance * pull_limit) / routing_radius
 
 
 class Memory(NamedTuple):

@@ -12,7 +12,7 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Float
 
-from haustra.envs.control.follower import FIRST_MEMORY, FollowerSettings, Memory, Sensed, Steering, rules
+from haustra.envs.control.follower import FIRST_MEMORY, FollowerSettings, Memory, Sensed, Steering, rules, wheel_lead
 from haustra.envs.runs.measure.containment import beside, furthest_ahead, stands_out
 from haustra.envs.runs.outcome import ESCAPE_DEPTH, ending
 from haustra.envs.runs.tally import Measured, Tally, counted
@@ -50,6 +50,8 @@ class InsertionProgram:
     """Time between them [s]."""
     longest: float
     """The longest colon's centreline is no longer [m]."""
+    wheels: bool = False
+    """Whether it steers by wheels (`FollowerSettings.steer`)."""
     measures_outside: bool = False
     """Whether how far a scope stands outside the lumen is measured after every decision; otherwise it is bounded, and
     measured only where the bound does not rule out that the scope has left the colon."""
@@ -95,11 +97,12 @@ class InsertionProgram:
             pull_per_angle=scopes.scope("pull_per_angle") * scale,
             pull_limit=scopes.scope("pull_limit"),
             bend_limit=xp.minimum(scopes.scope("bend_limit"), own.steer_limit_deg * (np.pi / 180)),
-            lead=own.steer_lead,
+            lead=own.steer_lead + self._wheel_lead(scopes),
         )
         decision, kept = rules(xp, own, steering, sensed, memory, interval=self.interval)
         asked = {"push_rate": decision.push_rate, "roll_rate": decision.roll_rate}
-        for name, value in (asked | dict(zip(WIRE_NAMES, decision.pulls, strict=True))).items():
+        wires = self._travel(scopes, kept) if self.wheels else decision.pulls
+        for name, value in (asked | dict(zip(WIRE_NAMES, wires, strict=True))).items():
             scopes.ask(name, value)
         scopes.advance(self.steps, going)
         scopes.observe()
@@ -107,6 +110,15 @@ class InsertionProgram:
         for slot, (new, old) in enumerate(zip(kept, memory, strict=True)):
             numbers.store(_MEMORY + slot, xp.where(still, new, old))
         self._score(scopes, numbers, room, still)
+
+    def _wheel_lead(self, scopes: ScopeProgram) -> Any:
+        names = "wire_slack", "wire_compliance", "pull_limit", "wire_radius"
+        return wheel_lead(*map(scopes.scope, names)) if self.wheels else 0.0
+
+    def _travel(self, scopes: ScopeProgram, kept: Memory) -> tuple[Value, ...]:
+        """Wire that wheels have taken up for the bend that it steers for [m]."""
+        up, left = (scopes.scope("wire_radius") * bend for bend in (kept.bend_up, kept.bend_left))
+        return up, left, -up, -left
 
     def _sense(self, scopes: ScopeProgram, look_ahead: Value) -> Sensed:
         state, layout, seen = scopes.state, scopes.layout, scopes.seen

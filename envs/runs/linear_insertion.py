@@ -14,7 +14,6 @@ from haustra.envs.sim.gas import gas_pressures
 from haustra.envs.sim.linear.backend import Row
 from haustra.envs.sim.linear.layout import WORLD
 from haustra.envs.sim.linear.single import LinearSingle
-from haustra.errors import InvalidOptionError
 from haustra.models.scene import Scene, entry_of
 from haustra.models.wall.lumen_table import Tables, lumen_table, stack
 
@@ -34,12 +33,10 @@ def run_linear_insertion(
     station of the centreline.
 
     Raises:
-        InvalidOptionError: when the follower is to steer by wheels.
+        InvalidDesignError: when wheels steer wires that do not stretch.
         UnsupportedSceneError: when the backend cannot honour the scene.
     """
     settings = settings or FollowerSettings()
-    if settings.steer != "pulls":
-        raise InvalidOptionError("The backend 'linear' steers by pulls: use the native backend for wheels.")
     table = lumen_table(
         scene.colon,
         device_radius=scene.cable.radius,
@@ -86,6 +83,7 @@ def _program(scene: Scene, tables: Tables, settings: FollowerSettings) -> Insert
     steps = max(1, round(CONTROL_INTERVAL / scene.options.timestep))
     return InsertionProgram(
         straighten=settings.straighten,
+        wheels=settings.steer == "wheels",
         moves=scene.options.mesentery,
         steps=steps,
         interval=steps * scene.options.timestep,
@@ -96,7 +94,8 @@ def _program(scene: Scene, tables: Tables, settings: FollowerSettings) -> Insert
 
 def _backend(scene: Scene, tables: Tables, settings: FollowerSettings) -> LinearSingle:
     program = _program(scene, tables, settings)
-    backend = LinearSingle(scene, driver=program, tables=tables, width=station_widths(tables, [scene.colon]))
+    width = station_widths(tables, [scene.colon])
+    backend = LinearSingle(scene, driver=program, tables=tables, width=width, wheels=program.wheels)
     backend.many.tell_driver(0, InsertionProgram.numbers_of([settings], scene.options.start_depth))
     return backend
 

@@ -46,32 +46,35 @@ class LinearInsertions:
             tables: the colons, seen from their entries and stacked.
             colons: the same colons.
             worlds: how many.
-            settings: of the follower, or of each world's, which all straighten or do not.
+            settings: of the follower, or of each world's, which all straighten or do not, and all steer alike.
             threads: of a CPU.
             device: threads of the CPU, or the first NVIDIA GPU.
             real: precision.
             scopes: one design a world, as `LinearBackend`.
 
         Raises:
-            InvalidOptionError: when the follower is to steer by wheels, or designs do not fit.
+            InvalidDesignError: when wheels steer wires that do not stretch.
+            InvalidOptionError: when followers are too unlike for one batch, or designs do not fit.
             UnsupportedSceneError: when the scene has what this backend cannot honour.
         """
         each = [settings] * worlds if isinstance(settings, FollowerSettings) else list(settings)
-        if any(one.steer != "pulls" for one in each):
-            raise InvalidOptionError("Many worlds are steered by pulls; steering by wheels needs the native backend.")
-        if len({one.straighten for one in each}) > 1:
-            raise InvalidOptionError("Followers of one batch all straighten, or none does: make two batches.")
+        if len({(one.straighten, one.steer) for one in each}) > 1:
+            raise InvalidOptionError(
+                "Followers of one batch all straighten, or none does, and steer alike: make two batches."
+            )
         self._settings, self._start = each, scene.options.start_depth if scopes is None else scopes.start
         self._steps = max(1, round(CONTROL_INTERVAL / scene.options.timestep))
         self.interval = self._steps * scene.options.timestep
         program = InsertionProgram(
             straighten=each[0].straighten,
+            wheels=each[0].steer == "wheels",
             moves=tables.mesentery is not None,
             steps=self._steps,
             interval=self.interval,
             longest=float(np.ceil((tables.step * (tables.count - 1)).max())),  # whole metres: few programs
         )
         arrangement: dict[str, Any] = {"threads": threads, "device": device, "real": real, "scopes": scopes}
+        arrangement |= {"wheels": program.wheels}
         self.backend = LinearBackend(
             scene, tables, worlds=worlds, driver=program, width=station_widths(tables, colons), **arrangement
         )

@@ -53,7 +53,7 @@ _SECTION = (
     *("length", "flexural_rigidity", "torsional_rigidity", "stiffening", "minimum_bend_radius"),
     *("bias_up_deg", "bias_left_deg"),
 )
-_WHEELS = "counts where wheels steer, which backends of many worlds refuse"
+_WHEELS = "counts where wheels steer, which native-batch and warp refuse"
 _LABEL = "a name, which shapes nothing"
 
 SCENE = (

@@ -10,8 +10,8 @@ from haustra.envs.sim.capabilities import require_supported
 from haustra.envs.sim.coils import coil_samples
 from haustra.envs.sim.scope_values import Scope
 from haustra.envs.sim.serial_chain import Chain, Links
+from haustra.envs.sim.wheels import wire_arms
 from haustra.errors import UnsupportedSceneError
-from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene
 
 
@@ -85,11 +85,6 @@ def read_scope(scene: Scene, *, backend: str = "linear") -> Scope:
     refuse_unsupported(scene, backend)
     model = compile_at_origin(scene)
     cable, design = scene.cable, scene.design
-    arms = np.zeros((len(WIRE_NAMES), model.nv))
-    for wire, name in enumerate(WIRE_NAMES):
-        tendon = model.tendon(f"scope/wire_{name}").id
-        wraps = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
-        arms[wire, model.jnt_dofadr[model.wrap_objid[wraps]]] = model.wrap_prm[wraps]
     limited = model.jnt_limited.astype(bool)
     locks = [model.actuator(name).id for pair in cable.locks for name in pair]
     parts = {
@@ -99,7 +94,7 @@ def read_scope(scene: Scene, *, backend: str = "linear") -> Scope:
         "rest": model.qpos_spring.copy(),
         "low": np.where(limited, model.jnt_range[:, 0], -np.inf),
         "high": np.where(limited, model.jnt_range[:, 1], np.inf),
-        "arms": arms,
+        "arms": wire_arms(model),
         "behind": cable.length - cable.joint_positions,
         "lock_stiffness": -model.actuator_gainprm[locks, 1],
         "lock_damping": -model.actuator_gainprm[locks, 2],
@@ -114,6 +109,9 @@ def read_scope(scene: Scene, *, backend: str = "linear") -> Scope:
         "wire_friction": np.float64(design.wires.friction),
         "cubic": np.asarray(model.jnt_stiffnesspoly)[model.dof_jntid, 1].copy(),
         "wire_hysteresis": np.float64(design.wires.hysteresis),
+        "wire_radius": np.float64(design.wires.routing_radius),
+        "wire_slack": np.float64(design.wires.slack),
+        "wire_compliance": np.float64(design.wires.compliance),
     }
     return Scope(links=Links.of(model), **{name: np.asarray(part)[None] for name, part in parts.items()})
 

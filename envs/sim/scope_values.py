@@ -50,6 +50,12 @@ class Scope(NamedTuple):
     """(any, dofs) of the springs' torque stiffness q + cubic q^3 [N m/rad^3]."""
     wire_hysteresis: Array
     """(any,) part of a pull that is lost in the bending section itself [1]."""
+    wire_radius: Array
+    """(any,) distance of each wire from the axis [m]."""
+    wire_slack: Array
+    """(any,) length that a wheel takes up before a wire pulls [m]."""
+    wire_compliance: Array
+    """(any,) stretch of a wire per newton of pull [m/N]."""
 
 
 class Parameters(NamedTuple):

@@ -31,7 +31,7 @@ class Controls(NamedTuple):
     """Pull of each wire at the handle: up, left, down, right [N]."""
     wheels: Real[Any, "*worlds 2"] = None
     """Wire that the wheels have taken up, towards up and towards left [m]; steers instead of `pulls` unless None, and
-    then slack and stretch of the wires count too. One scope on MuJoCo's CPU engine only."""
+    then slack and stretch of the wires count too. One scope on MuJoCo's CPU engine, or any in linear time."""
 
     def checked(self) -> "Controls":
         """These controls, once their arrays are known to have the shapes said here.
@@ -123,13 +123,13 @@ def _checked(record: Any) -> Any:
     return record
 
 
-def refuse_others(inputs: Controls, worlds: int) -> None:
-    """Refuse controls that are not of many worlds, steered by pulls.
+def refuse_others(inputs: Controls, worlds: int, *, wheels: bool = False) -> None:
+    """Refuse controls that are not of many worlds, steered by pulls, or by wheels where those are honoured.
 
     Raises:
         InvalidOptionError: saying which they are not.
     """
     if np.shape(inputs.checked().push_rate) != (worlds,):
         raise InvalidOptionError(f"The Controls are of shape {np.shape(inputs.push_rate)}: give one a world, {worlds}.")
-    if inputs.wheels is not None:
-        raise InvalidOptionError("Many worlds are steered by pulls: leave wheels out, or use one scope.")
+    if inputs.wheels is not None and not wheels:
+        raise InvalidOptionError("These worlds are steered by pulls: leave wheels out, or use the backend 'linear'.")

@@ -1,7 +1,8 @@
 """The reference of the backend 'linear': the same implicit step by MuJoCo's own dense matrices, in double precision.
 
 Mass matrix, bias and the Jacobians of places are MuJoCo's, the matrix is formed and solved by numpy, and springs,
-wires, hand, locks and the wall are the laws that every backend calls. One world after the other: for tests.
+wires, hand, locks and the wall are the laws that every backend calls. Wires that wheels steer are solved for by a dense
+solve a wire, and pairs of them in turn until nothing changes. One world after the other: for tests.
 """
 
 from typing import Any
@@ -15,16 +16,19 @@ from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.physics.hand import HAND_DAMPING, hand_force
 from haustra.envs.sim.physics.lock import lock_activation
 from haustra.envs.sim.physics.stops import stop_torque
-from haustra.envs.sim.physics.wires import borne_pulls, sheath_angle
+from haustra.envs.sim.physics.wires import borne_pulls, sheath_angle, sprung_pulls, wheel_pulls
 from haustra.envs.sim.scope_bank import ScopeBank
 from haustra.envs.sim.scope_reading import read_chain, read_scope
 from haustra.envs.sim.scope_values import State
 from haustra.envs.sim.state import Controls
-from haustra.models.devices.scope.wires import arriving_pulls
+from haustra.models.devices.scope.wires import arriving_pulls, passed_part, travel_of_wheels
 from haustra.models.wall import moving_colon
 from haustra.models.wall.law import implicit_contact
 from haustra.models.wall.lumen_table import pick, query
 from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
+
+_ROUNDS = 50
+"""Rounds in which pairs of wires are solved for: far more than rounding needs."""
 
 
 class DenseStep:
@@ -75,6 +79,8 @@ class DenseStep:
         torque = torque - bias + np.einsum("wpid,wpi->wd", moves, force)
         matrix = matrix + h * np.einsum("wpid,wpij,wpje->wde", moves, law.damping(np), moves)
         matrix = matrix + h * damping[:, None] * np.eye(damping.shape[1])
+        if hands.wheels is not None:
+            torque = torque - self._wires(now, np.asarray(hands.wheels), matrix, torque)
         speeds = now.qvel + h * np.linalg.solve(matrix, torque[..., None])[..., 0]
         if grip is None or tables.mesentery is None or now.displacement is None:
             return speeds, None
@@ -113,16 +119,9 @@ class DenseStep:
         dofs = chain.lock_dofs.ravel()
         torque[:, dofs] -= scope.lock_stiffness * held * now.qpos[:, dofs]
         damping[:, dofs] += scope.lock_damping * held
-        about_x, about_y = chain.shaft_dofs
-        arrived = arriving_pulls(
-            np,
-            hands.pulls,
-            now.pulls,
-            friction=scope.wire_friction[:, None],
-            hysteresis=scope.wire_hysteresis[:, None],
-            sheath_angle=sheath_angle(np, now.qpos[:, about_x], now.qpos[:, about_y])[:, None],
-        )
-        torque -= (borne_pulls(np, arrived, scope.pull_limit[:, None])[:, None] @ scope.arms)[:, 0]
+        if hands.wheels is None:
+            arrived = arriving_pulls(np, hands.pulls, now.pulls, **self._losses(now))
+            torque -= (borne_pulls(np, arrived, scope.pull_limit[:, None])[:, None] @ scope.arms)[:, 0]
         torque -= damping * now.qvel
         limits = np.tile([self._options.push_limit, self._options.torque_limit], (len(torque), 1))
         hand = hand_force(np, now.hand, now.qpos[:, :2], now.qvel[:, :2], limits)
@@ -130,3 +129,35 @@ class DenseStep:
         torque[:, :2] += hand
         damping[:, :2] += np.where(np.abs(hand) < limits, HAND_DAMPING, 0.0)
         return torque, damping
+
+    def _losses(self, now: State) -> dict[str, Any]:
+        """What `arriving_pulls` asks of wires and shaft."""
+        about_x, about_y = self._chain.shaft_dofs
+        return {
+            "friction": self._scope.wire_friction[:, None],
+            "hysteresis": self._scope.wire_hysteresis[:, None],
+            "sheath_angle": sheath_angle(np, now.qpos[:, about_x], now.qpos[:, about_y])[:, None],
+        }
+
+    def _wires(self, now: State, wheels: np.ndarray, matrix: np.ndarray, torque: np.ndarray) -> np.ndarray:
+        """Torques of wires that are springs, with the stretch that is left at the step's end."""
+        scope, h = self._scope, self._options.timestep
+        arms, losses, travel = scope.arms[0], self._losses(now), travel_of_wheels(wheels)
+        wires = {"compliance": scope.wire_compliance[:, None], "limit": scope.pull_limit[:, None]}
+        stretch = travel - scope.wire_slack[:, None] + now.qpos @ arms.T
+        before = arriving_pulls(np, wheel_pulls(np, stretch, **wires), now.pulls, **losses)
+        one = {name: each[:, 0] for name, each in wires.items()} | {"part": passed_part(np, **losses)[:, 0]}
+        moved = np.linalg.solve(matrix, np.tile(arms[:2].T, (len(torque), 1, 1)))  # by a newton of each pair
+        give = h * h * np.einsum("jd,wdk->wjk", arms[:2], moved)
+        free = now.qvel + h * np.linalg.solve(matrix, torque[..., None])[..., 0]
+        ends = travel[:, :2] + (now.qpos + h * free) @ arms[:2].T
+        pulls = sprung_pulls(
+            np,
+            tuple(before.T),
+            (ends[:, 0], ends[:, 1]),
+            (give[:, 0, 0], give[:, 0, 1], give[:, 1, 1]),
+            slack=scope.wire_slack,
+            rounds=_ROUNDS,
+            **one,
+        )
+        return np.stack(pulls, axis=1) @ arms

@@ -27,6 +27,8 @@ _STILL = 1e-3
 """Where nothing is faster than this [m/s, rad/s], differences are relative to it: rounding of what hardly moves."""
 _DENSE_STEPS = 40
 """Time steps in which the dense engine is timed."""
+_TURN, _TRAVEL = 0.002, 0.012
+"""Of wires, by how much wheels take up more or less [m], and how much at most."""
 INTERVAL = 0.125
 """The hand changes its mind so often [s]."""
 
@@ -48,17 +50,21 @@ class Cost:
 
 
 class Hands:
-    """A hand that pushes, rolls and pulls at random, the same whenever it is asked in the same order."""
+    """A hand that pushes, rolls and steers at random, the same whenever it is asked in the same order."""
 
-    def __init__(self, worlds: int, seed: int = 0) -> None:
-        """For that many worlds."""
+    def __init__(self, worlds: int, seed: int = 0, *, wheels: bool = False) -> None:
+        """For that many worlds, whose wires it pulls, or whose wheels it turns."""
         self._random, self._worlds = np.random.default_rng(seed), worlds
-        self._pulls = np.zeros((worlds, 4))
+        self._pulls, self._wheels = np.zeros((worlds, 4)), np.zeros((worlds, 2)) if wheels else None
 
     def next(self) -> Controls:
         """What it does in the next `INTERVAL`."""
         self._pulls = np.clip(self._pulls + 2 * self._random.normal(size=self._pulls.shape), 0, _PULL)
-        return Controls(np.full(self._worlds, _PUSH), self._random.uniform(-0.5, 0.5, self._worlds), self._pulls)
+        roll = self._random.uniform(-0.5, 0.5, self._worlds)
+        if self._wheels is not None:
+            more = _TURN * self._random.normal(size=self._wheels.shape)
+            self._wheels = np.clip(self._wheels + more, -_TRAVEL, _TRAVEL)
+        return Controls(np.full(self._worlds, _PUSH), roll, self._pulls, self._wheels)
 
 
 def bank_of(dofs: int, *, colons: int = 2, mesentery: bool = False) -> ScopeBank:
@@ -87,12 +93,13 @@ def driven(
     real: type = np.float32,
     device: Literal["cpu", "cuda"] = "cpu",
     threads: int = 1,
+    wheels: bool = False,
 ) -> tuple[LinearBackend, Hands]:
     """Scopes that were pushed in for a while, worlds differing in friction and hand."""
     backend = LinearBackend(bank.scene, bank.tables, worlds=worlds, real=real, device=device, threads=threads)
     all_worlds = np.arange(worlds)
     backend.reset(all_worlds, all_worlds % len(bank.colons), conditions(bank, worlds))
-    hands = Hands(worlds)
+    hands = Hands(worlds, wheels=wheels)
     for _ in range(round(seconds / INTERVAL)):
         backend.step(hands.next(), round(INTERVAL / bank.scene.options.timestep))
     return backend, hands
@@ -150,13 +157,13 @@ def dense_cost(bank: ScopeBank, worlds: int, *, threads: int = 1) -> float:
     return best / _DENSE_STEPS / worlds
 
 
-def largest_difference(bank: ScopeBank, *, worlds: int = 20, instants: int = 10) -> float:
+def largest_difference(bank: ScopeBank, *, worlds: int = 20, instants: int = 10, wheels: bool = False) -> float:
     """How far speeds lie from the dense step after one step, relative to each world's fastest, in double precision.
 
-    States are those of scopes pushed in by random hands, from straight to deep inside.
+    States are those of scopes pushed in by random hands, from straight to deep inside; `wheels`: which steer by them.
     """
     dense = DenseStep(bank, np.arange(worlds) % len(bank.colons), conditions(bank, worlds))
-    backend, hands = driven(bank, worlds, seconds=INTERVAL, real=np.float64)
+    backend, hands = driven(bank, worlds, seconds=INTERVAL, real=np.float64, wheels=wheels)
     worst = 0.0
     for _ in range(instants):
         for _ in range(6):

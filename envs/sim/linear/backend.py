@@ -21,7 +21,9 @@ from haustra.envs.sim.native_batch import posed
 from haustra.envs.sim.scope_reading import read_chain, read_scope
 from haustra.envs.sim.scope_values import Scope, State
 from haustra.envs.sim.state import Controls, Readings, refuse_others
+from haustra.envs.sim.wheels import require_stretch
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
+from haustra.models.devices.scope.wires import travel_of_wheels
 from haustra.models.scene import Scene
 from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables, pick
@@ -60,6 +62,7 @@ class LinearBackend(AbstractBackend):
         device: Literal["cpu", "cuda"] = "cpu",
         scopes: Scope | None = None,
         driver: Driver | None = None,
+        wheels: bool = False,
         width: Float[np.ndarray, " rows"] | None = None,
         lookup: Float[np.ndarray, " numbers"] | None = None,
         directions: int = 0,
@@ -76,6 +79,7 @@ class LinearBackend(AbstractBackend):
             scopes: one design a world (`haustra.envs.sim.scope_reading.stack_scopes`), of as many joints and spheres as
                 the scene's; that of the scene when None.
             driver: who drives within the program (`drive`); hands outside it when None (`step`).
+            wheels: whether the driver steers by wheels; hands outside may turn them at any time.
             width: of the lumen at each row of the tables [m], for drivers that ask for it.
             lookup: what else drivers look up.
             directions: along how many the derivatives of all numbers are carried (`gradients.Gradients`).
@@ -83,6 +87,7 @@ class LinearBackend(AbstractBackend):
         Raises:
             InvalidOptionError: when there is not one design a world, of the scene's joints and spheres; when
                 derivatives are wanted on a GPU.
+            InvalidDesignError: when wheels steer wires that do not stretch.
             MissingDependencyError: when there is no such device.
             UnsupportedSceneError: when the scene has what this backend cannot honour.
         """
@@ -106,15 +111,15 @@ class LinearBackend(AbstractBackend):
         if directions and device != "cpu":
             raise InvalidOptionError("Derivatives are carried on a CPU only: leave the device out.")
         self.directions = directions
-        room = self._layout.room + (driver.room if driver else 0)
-        program: dict[str, Any] = {"real": real, "timestep": scene.options.timestep, "room": room * (1 + directions)}
+        self._driver_room = driver.room if driver else 0
+        program: dict[str, Any] = {"real": real, "timestep": scene.options.timestep, "worlds": worlds}
+        program |= {"threads": min(threads, worlds)} if device == "cpu" else {}
         program |= {"angles": tables.wall.shape[1], "one_design": not self._one_each, "moving": moving is not None}
         program |= {"driver": driver, **({"directions": directions} if directions else {})}
-        self._place: Place = (
-            CpuPlace(worlds=worlds, threads=min(threads, worlds), **program)
-            if device == "cpu"
-            else GpuPlace(worlds=worlds, **program)
-        )
+        self._program = program
+        self._made: dict[bool, Place] = {}
+        """Programs that pulls or wheels steer, as far as they were asked for."""
+        self._steer(wheels=wheels)
         lanes = self._place.lanes
         blocks = -(-worlds // lanes)
         stations, wall = pack_tables(tables, 0.0 if width is None else width)
@@ -231,13 +236,25 @@ class LinearBackend(AbstractBackend):
 
         A world that diverges is left as it was before these steps.
         """
-        refuse_others(inputs, self.worlds)
-        asked = np.column_stack([inputs.push_rate, inputs.roll_rate, inputs.pulls])
+        refuse_others(inputs, self.worlds, wheels=True)
+        self._steer(wheels=inputs.wheels is not None)
+        wires = inputs.pulls if inputs.wheels is None else travel_of_wheels(np.asarray(inputs.wheels))
+        asked = np.column_stack([inputs.push_rate, inputs.roll_rate, wires])
         block, lane = np.divmod(np.arange(self.worlds), self._place.lanes)
         first = WORLD.index("push_rate")  # roll_rate and the pulls follow
         self._held["worlds"].change()[block, first : first + asked.shape[1], lane] = asked
         self._run(count)
         return self.alive
+
+    def _steer(self, *, wheels: bool) -> None:
+        """Run the program that steers so, which is compiled when it is first asked for."""
+        if wheels:
+            require_stretch(self._scope.wire_compliance)
+        if wheels not in self._made:
+            room = replace(self._layout, wheels=wheels).room + self._driver_room
+            own: dict[str, Any] = self._program | {"wheels": wheels, "room": room * (1 + self.directions)}
+            self._made[wheels] = GpuPlace(**own) if self.on_device else CpuPlace(**own)
+        self._place = self._made[wheels]
 
     @property
     def alive(self) -> Bool[np.ndarray, " worlds"]:
@@ -436,7 +453,8 @@ class LinearBackend(AbstractBackend):
 
     def close(self) -> None:
         """End the threads."""
-        self._place.close()
+        for place in self._made.values():
+            place.close()
 
 
 def _arrays(scope: Scope) -> list[np.ndarray]:

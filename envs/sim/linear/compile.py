@@ -66,6 +66,7 @@ def write_program(
     angles: int,
     one_design: bool,
     moving: bool,
+    wheels: bool = False,
     driver: Driver | None = None,
     directions: int = 0,
 ) -> str:
@@ -78,13 +79,15 @@ def write_program(
         angles: of the wall's table.
         one_design: whether all worlds have the same design; else each has its own.
         moving: whether colons move on their mesentery.
+        wheels: whether hands ask for travel of wires, which are springs then, instead of pulls.
         driver: who decides what the hands ask for; None: that is given. `steps` of `COUNTS` are then decisions.
         directions: along how many the derivatives of all numbers are carried.
     """
     program, arrays, counts, (steps, row, first, last) = _begun(lanes, real, directions=directions)
     with program.loop(first, last) as block:
-        own = _Worlds(program, arrays, counts, driver, block=block, stride=lanes, row=row)
-        _step(program, own.arrays(angles, one_design, moving, room_of_block=False), counts, timestep, steps, driver)
+        own = _Worlds(program, arrays, counts, driver, wheels=wheels, block=block, stride=lanes, row=row)
+        given = own.arrays(angles, one_design, moving, room_of_block=False)
+        _step(program, ScopeProgram(program, given, counts, timestep=timestep, wheels=wheels), given, steps, driver)
     return program.finish()
 
 
@@ -94,7 +97,14 @@ WARP = 32
 
 @functools.cache
 def write_kernel(
-    *, real: Any, timestep: float, angles: int, one_design: bool, moving: bool, driver: Driver | None = None
+    *,
+    real: Any,
+    timestep: float,
+    angles: int,
+    one_design: bool,
+    moving: bool,
+    wheels: bool = False,
+    driver: Driver | None = None,
 ) -> str:
     """A control step of worlds on a graphics processor; `last` of `COUNTS` is how many worlds there are."""
     program, arrays, counts, (steps, row, _, worlds) = _begun(1, real, approximate=True)
@@ -107,9 +117,10 @@ def write_kernel(
     world = Value(program, builder.add(builder.mul(block, size), thread))
     with program.when(world < worlds):
         lane = world % WARP
-        place = {"block": (world - lane).over(WARP), "stride": WARP, "lane": lane, "row": row}
-        own = _Worlds(program, arrays, counts, driver, **place)
-        _step(program, own.arrays(angles, one_design, moving, room_of_block=True), counts, timestep, steps, driver)
+        place: dict[str, Any] = {"block": (world - lane).over(WARP), "stride": WARP, "lane": lane, "row": row}
+        own = _Worlds(program, arrays, counts, driver, wheels=wheels, **place)
+        given = own.arrays(angles, one_design, moving, room_of_block=True)
+        _step(program, ScopeProgram(program, given, counts, timestep=timestep, wheels=wheels), given, steps, driver)
     return program.finish()
 
 
@@ -126,10 +137,7 @@ def _begun(
     return program, dict(zip(ARGUMENTS, arguments, strict=False)), tuple(counts), [steps, row, first, last]
 
 
-def _step(
-    program: Program, arrays: dict[str, Any], counts: Any, timestep: float, steps: Value, driver: Driver | None
-) -> None:
-    scopes = ScopeProgram(program, arrays, counts, timestep=timestep)
+def _step(program: Program, scopes: ScopeProgram, arrays: dict[str, Any], steps: Value, driver: Driver | None) -> None:
     scopes.lay()
     if driver:
         with program.when(steps > 0):
@@ -152,6 +160,7 @@ class _Worlds:
         counts: Any,
         driver: Driver | None,
         *,
+        wheels: bool,
         block: Value,
         stride: int,
         row: Value,
@@ -160,7 +169,7 @@ class _Worlds:
         self._program, self._arrays, self._block, self._stride, self._lane = program, arrays, block, stride, lane
         self._row = row
         *parts, coils = counts
-        layout = Layout(*parts)
+        layout = Layout(*parts, wheels=wheels)
         self._sizes = {
             "state": layout.state,
             "worlds": program.index(len(WORLD)),

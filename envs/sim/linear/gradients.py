@@ -19,7 +19,7 @@ from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.linear.layout import DOF, WORLD
 from haustra.envs.sim.scope_reading import read_scope, stack_scopes
 from haustra.envs.sim.scope_values import Scope
-from haustra.envs.sim.state import Controls, Readings
+from haustra.envs.sim.state import Controls, Readings, refuse_others
 from haustra.errors import InvalidOptionError
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene
@@ -106,6 +106,7 @@ class Gradients:
 
     def step(self, inputs: Controls, count: int) -> Bool[np.ndarray, " worlds"]:
         """As `LinearBackend.step`: a world that diverges keeps its derivatives of before, too."""
+        refuse_others(inputs, self.backend.worlds)
         slopes = self.backend.slopes("worlds")
         for number, each in enumerate(self.directions):
             there = each.during is None or self._steps in each.during

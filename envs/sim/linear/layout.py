@@ -11,7 +11,7 @@ BODY = ("offset", "mass", "centre", "across", "along")
 """Numbers of each link in a design: place on its parent's axis [m], mass, centre of mass, moments of inertia."""
 
 SCOPE = ("radius", "start", "tip", "pull_limit", "wire_friction", "wire_hysteresis", "length", "pull_per_angle",
-         "bend_limit")  # fmt: skip
+         "bend_limit", "wire_radius", "wire_slack", "wire_compliance")  # fmt: skip
 """Numbers of a whole design."""
 
 WORLD = ("one", "bending", "tip_bending", "torsion", "stiffness", "damping_time", "friction", "push_limit",
@@ -19,7 +19,8 @@ WORLD = ("one", "bending", "tip_bending", "torsion", "stiffness", "damping_time"
          "first_node", "spacing", "pleating",
          "push_rate", "roll_rate", "up", "left", "down", "right", "alive", "begins", "start_roll")  # fmt: skip
 """Numbers of a world: what scales joints, its wall, hand and colon, what hands ask, whether it is stepped, whether its
-scope is to be laid straight before that, and how it is turned then [rad]."""
+scope is to be laid straight before that, and how it is turned then [rad]. Of each wire hands ask a pull [N], or, where
+wheels steer, how much of it is taken up [m]."""
 
 BEGUN = ("step", "first", "count", "device_radius", "first_node", "spacing", "pleating", "gravity_x", "gravity_y",
          "gravity_z", "bending", "stiffness", "friction", "start_roll", "alive", "begins")  # fmt: skip
@@ -43,6 +44,8 @@ class Layout:
     spheres: Any
     nodes: Any = 0
     """Nodes of the axis of a colon that moves."""
+    wheels: bool = False
+    """Whether wheels steer, so that wires are springs."""
 
     @property
     def speeds(self) -> Any:
@@ -107,9 +110,14 @@ class Layout:
         return self.sphere_room + self.spheres * SPHERE_ROOM
 
     @property
+    def wire_room(self) -> Any:
+        """`WIRE_ROOM` slots a joint, where wheels steer."""
+        return self.node_room + self.nodes * NODE_ROOM
+
+    @property
     def room(self) -> Any:
         """All of it."""
-        return self.node_room + self.nodes * NODE_ROOM
+        return self.wire_room + self.dofs * WIRE_ROOM if self.wheels else self.wire_room
 
 
 JOINT_ROOM = 10
@@ -122,6 +130,8 @@ NODE = 11
 """Pose and speed (`haustra.models.wall.moving_colon.AxisDisplacement`)."""
 NODE_ROOM = 45
 """`haustra.envs.sim.linear.axis`."""
+WIRE_ROOM = 2
+"""`haustra.envs.sim.linear.wires`."""
 
 
 STRUCTURE = 5

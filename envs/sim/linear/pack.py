@@ -83,7 +83,9 @@ def pack_design(scope: Scope, own: ScopeChain) -> Float[np.ndarray, "designs slo
     )
     assert body.shape[-1] == len(BODY)
     first = scope.radius, scope.start, scope.tip_place[:, 0, 2], scope.pull_limit, scope.wire_friction
-    whole = np.stack([*first, scope.wire_hysteresis, scope.length, scope.pull_per_angle, scope.bend_limit], axis=-1)
+    last = scope.wire_radius, scope.wire_slack, scope.wire_compliance
+    middle = scope.wire_hysteresis, scope.length, scope.pull_per_angle, scope.bend_limit
+    whole = np.stack([*first, *middle, *last], axis=-1)
     assert whole.shape[-1] == len(SCOPE)
     flat = (part.reshape(count, -1) for part in (each, body, scope.sample_place[..., 2], whole))
     return np.concatenate(list(flat), axis=1)

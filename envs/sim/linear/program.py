@@ -35,7 +35,8 @@ from haustra.envs.sim.linear.layout import (
     seen_slot,
 )
 from haustra.envs.sim.linear.memory import Lanes, Rows, Shared, Slots
-from haustra.envs.sim.linear.trace import Program, Value
+from haustra.envs.sim.linear.trace import Changing, Program, Value
+from haustra.envs.sim.linear.wires import SprungWires
 from haustra.envs.sim.physics.hand import HAND_DAMPING, HAND_STIFFNESS, held_force
 from haustra.envs.sim.physics.lock import lock_activation
 from haustra.envs.sim.physics.stops import stop_torque
@@ -63,26 +64,18 @@ _BEFORE = 0.02
 """So far before the anus, nothing of a colon that moves is near [m]: twice as far as a sphere may move in a step."""
 
 
-class _Changing:
-    """A tuple of numbers that may change."""
-
-    def __init__(self, program: Program, values: Any) -> None:
-        self._parts = [program.variable(value) for value in values]
-
-    @property
-    def now(self) -> Any:
-        return tuple(part.value for part in self._parts)
-
-    @now.setter
-    def now(self, values: Any) -> None:
-        for part, value in zip(self._parts, values, strict=True):
-            part.value = value
-
-
 class ScopeProgram:
     """Writes down the control step of scopes of one structure class: a chain of hinges behind one slide."""
 
-    def __init__(self, program: Program, arrays: dict[str, Any], counts: tuple[Value, ...], *, timestep: float) -> None:
+    def __init__(
+        self,
+        program: Program,
+        arrays: dict[str, Any],
+        counts: tuple[Value, ...],
+        *,
+        timestep: float,
+        wheels: bool = False,
+    ) -> None:
         """Bind arrays and counts.
 
         Args:
@@ -90,10 +83,11 @@ class ScopeProgram:
             arrays: by the names of `ARGUMENTS`.
             counts: joints, links, spheres, nodes of the axis and coils.
             timestep: [s].
+            wheels: whether hands ask for travel of wires, which are springs then, instead of pulls.
         """
         self.program, self.h = program, timestep
         self.dofs, self.bodies, self.spheres, _, self.coils = counts
-        self.layout = Layout(*counts[:4])
+        self.layout = Layout(*counts[:4], wheels=wheels)
         self.state: Lanes = arrays["state"]
         self.seen: Lanes = arrays["seen"]
         self.room: Lanes = arrays["room"]
@@ -108,6 +102,7 @@ class ScopeProgram:
         self.tables = Tables(*parts, step=None, first=None, count=None, axes=None, device_radius=None)
         self._links, self._places, self._scope, _ = slots.design_slots(*counts[:3])
         self._scales = self.bodies * STRUCTURE
+        self.wires = SprungWires(self) if wheels else None
         self.axis: Axis | None = None
         if rows := arrays["axis"]:
             own = self.state, self._world, self.room
@@ -158,7 +153,11 @@ class ScopeProgram:
 
     def scale(self, dof: Any) -> Value:
         """What the world scales a joint by."""
-        return self._world.load(self.structure.load(self._scales + dof))
+        return self._world.load(self._scaled_by(dof))
+
+    def _scaled_by(self, dof: Any) -> Value:
+        """Which number of the world scales a joint."""
+        return self.structure.load(self._scales + dof)
 
     # The control step.
 
@@ -197,7 +196,8 @@ class ScopeProgram:
         going = alive if going is None else alive & going
         with program.loop(0, layout.state) as slot:
             self.room.store(slot, self.state.load(slot))
-        self._let_pulls_arrive()
+        if not self.wires:  # springs pull by what they are stretched, in every step
+            self._let_pulls_arrive()
         fastest = program.variable(0.0)
         with program.loop(0, count):
             self._outwards()
@@ -210,6 +210,8 @@ class ScopeProgram:
                 self.state.store(aim, self.state.load(aim) + self.h * self.world(rate))
             self.state.store(layout.time, self.state.load(layout.time) + self.h)
         sound = fastest.value < SPEED_LIMIT
+        if self.wires:
+            sound = sound & self.wires.asked()
         for name in ("stiffness", "damping_time"):
             sound = sound & xp.isfinite(self.world(name))
         for slot in range(6):
@@ -218,15 +220,20 @@ class ScopeProgram:
             self.state.store(slot, xp.where(sound & going, self.state.load(slot), self.room.load(slot)))
         self.ask("alive", xp.where(sound & alive, 1.0, xp.where(going, 0.0, self.world("alive"))))
 
-    def _let_pulls_arrive(self) -> None:
+    def sheath_angle(self) -> Value:
+        """Angle that the shaft is bent through, summed regardless of direction [rad]."""
         program, xp = self.program, self.program.xp
         angle = program.variable(0.0)
         with program.loop(1, self.bodies) as body:
             first, _ = self.joints_of(body)
-            shaft = self.structure.load(self._scales + first) == 1
-            with program.when(shaft):
+            first = xp.where(self._scaled_by(first) == WORLD.index("torsion"), first + 1, first)
+            with program.when(self._scaled_by(first) == WORLD.index("bending")):
                 x, y = self.state.load(first), self.state.load(first + 1)
                 angle.value = angle.value + joint_angle(xp, x, y)
+        return angle.value
+
+    def _let_pulls_arrive(self) -> None:
+        xp, angle = self.program.xp, self.sheath_angle()
         for wire, name in enumerate(WIRE_NAMES):
             slot = self.layout.pulls + wire
             arrived = _arriving_pulls(
@@ -235,7 +242,7 @@ class ScopeProgram:
                 self.state.load(slot),
                 friction=self.scope("wire_friction"),
                 hysteresis=self.scope("wire_hysteresis"),
-                sheath_angle=angle.value,
+                sheath_angle=angle,
             )
             self.state.store(slot, arrived)
 
@@ -250,12 +257,12 @@ class ScopeProgram:
             self.room.put(self._body(body) + 27, offset)
             with program.when(body == 0):
                 direction = link.direction(self._axis(0))
-                self.room.put(self._joint(0) + 7, direction)
+                self.room.put(self.joint_slot(0) + 7, direction)
                 link.slide(direction, state.load(0), state.load(self.layout.speeds))
             with program.loop(*self.hinges_of(body)) as dof:
                 local = self._axis(dof)
                 direction = link.direction(local)
-                self.room.put(self._joint(dof) + 7, direction)
+                self.room.put(self.joint_slot(dof) + 7, direction)
                 link.turn(local, direction, state.load(dof), state.load(self.layout.speeds + dof))
             each(body, link)
         return link
@@ -283,12 +290,12 @@ class ScopeProgram:
         rates = link.turning_rate, link.moving_rate
         torque, force = link_bias(own, link.axis, link.turning, link.moving, rates)
         inertia = link_inertia(link.axis, *own)
-        sums = _Changing(program, (*_flat(inertia), *torque, *force))
+        sums = Changing(program, (*_flat(inertia), *torque, *force))
         with program.loop(*self.spheres_of(body)) as sphere:
             self._touch(sphere, link, sums)
         room.put(self._body(body), sums.now)
 
-    def _touch(self, sphere: Value, link: "Link", sums: _Changing) -> None:
+    def _touch(self, sphere: Value, link: "Link", sums: Changing) -> None:
         program, xp, state, room, layout = self.program, self.program.xp, self.state, self.room, self.layout
         along = times(self.sphere_place(sphere), link.axis)
         centre, slot = add(link.place, along), layout.arcs + sphere
@@ -325,7 +332,7 @@ class ScopeProgram:
 
     def nearest(self, place: Vector, arc: Value) -> tuple[Value, Vector]:
         """Arc length next to a place that was near `arc`, and where the place stands in the colon at rest."""
-        rest = _Changing(self.program, place)
+        rest = Changing(self.program, place)
         if self.axis:
             with self.program.when(arc > -_BEFORE):
                 rest.now = self.axis.reference(place, arc)
@@ -346,7 +353,7 @@ class ScopeProgram:
         if not self.axis:
             return depth, normal, _NONE, _NONE
         most = self.axis.most_depth(arc, depth, radius)
-        found = _Changing(self.program, (most, *normal, *_NONE, *_NONE))
+        found = Changing(self.program, (most, *normal, *_NONE, *_NONE))
         with self.program.when(most > 0):
             depth, normal, held, leaving = self.axis.touched(arc, rest, depth, normal, radius)
             found.now = depth, *normal, *held, *leaving
@@ -397,9 +404,10 @@ class ScopeProgram:
 
     def _inwards(self) -> None:
         program, room = self.program, self.room
-        sums = _Changing(program, [0.0] * 27)
-        limit, arrived = self.scope("pull_limit"), (self.state.load(self.layout.pulls + wire) for wire in range(4))
-        pulls = tuple(_borne_pulls(program.xp, pull, limit) for pull in arrived)
+        sums = Changing(program, [0.0] * 27)
+        pulls = () if self.wires else self._pulls()
+        if self.wires:
+            self.wires.begin()
         with program.loop(0, self.bodies, backwards=True) as body:
             own = self._body(body)
             sums.now = tuple(total + room.load(own + i) for i, total in enumerate(sums.now))
@@ -410,17 +418,28 @@ class ScopeProgram:
             offset = room.vector(own + 27)
             inertia, torque, force = _unflat(sums.now)
             sums.now = (*_flat(from_parent(inertia, offset)), *add(torque, cross(offset, force)), *force)
+            if self.wires:
+                self.wires.shift(offset)
+        if self.wires:
+            self.wires.pull()
 
-    def _free(self, dof: Value, sums: _Changing, pulls: Any, unit_force: Callable[..., Any], slides: int) -> None:
+    def _pulls(self) -> tuple[Value, ...]:
+        """What wires bear of the pulls that arrived [N]."""
+        limit, arrived = self.scope("pull_limit"), (self.state.load(self.layout.pulls + wire) for wire in range(4))
+        return tuple(_borne_pulls(self.program.xp, pull, limit) for pull in arrived)
+
+    def _free(self, dof: Value, sums: Changing, pulls: Any, unit_force: Callable[..., Any], slides: int) -> None:
         """Let a joint give way: what is felt beyond it less what it yields."""
         inertia, torque, force = _unflat(sums.now)
-        own = self._joint(dof)
+        own = self.joint_slot(dof)
         direction = self.room.vector(own + 7)
         turn, push = unit_force(inertia, direction)
         driven, damped = self._driven(dof, pulls, slides)
         inverse = 1.0 / (dot(direction, push if slides else turn) + damped)
         driven = driven - dot(direction, force if slides else torque)
         inertia, turn, push = freed(inertia, turn, push, inverse)
+        if self.wires:
+            self.wires.free(dof, driven, inverse, (turn, push), slides)
         self.room.put(own, (*turn, *push, driven * inverse))
         sums.now = (*_flat(inertia), *add(torque, times(driven, turn)), *add(force, times(driven, push)))
 
@@ -438,7 +457,7 @@ class ScopeProgram:
         held = _lock_activation(xp, insertion, self.joint(dof, "behind"))
         damping = damping + stopped + self.joint(dof, "lock_damping") * held
         torque = torque - self.joint(dof, "lock_stiffness") * held * angle
-        for name, pull in zip(WIRE_NAMES, pulls, strict=True):
+        for name, pull in zip(WIRE_NAMES, pulls, strict=not self.wires):
             torque = torque - pull * self.joint(dof, name)
         total = program.variable(torque - damping * speed)
         damped = program.variable(damping)
@@ -459,12 +478,14 @@ class ScopeProgram:
 
     def _accelerate(self, fastest: Any) -> None:
         program, state, room, layout = self.program, self.state, self.room, self.layout
-        turning, moving = _Changing(program, _NONE), _Changing(program, _NONE)
+        turning, moving = Changing(program, _NONE), Changing(program, _NONE)
 
-        def move(dof: Value, along: _Changing) -> None:
-            own = self._joint(dof)
+        def move(dof: Value, along: Changing) -> None:
+            own = self.joint_slot(dof)
             gives = dot(room.vector(own), turning.now) + dot(room.vector(own + 3), moving.now)
             rate = room.load(own + 6) - gives
+            if self.wires:
+                rate = rate - self.wires.bends(dof)
             along.now = add(along.now, times(rate, room.vector(own + 7)))
             speed = state.load(layout.speeds + dof) + self.h * rate
             state.store(layout.speeds + dof, speed)
@@ -512,13 +533,13 @@ class ScopeProgram:
     def observe(self) -> None:
         """Read off what there is to see at the end of a control step."""
         program, state, seen = self.program, self.state, self.seen
-        force, deepest = _Changing(program, _NONE), program.variable(-1.0)
+        force, deepest = Changing(program, _NONE), program.variable(-1.0)
         if self.axis:
             self.axis.shape(self._reached())
 
         def look(body: Value, link: Link) -> None:
             self.room.put(self.origin_slot(body), link.place)
-            pressed = _Changing(program, _NONE)
+            pressed = Changing(program, _NONE)
             with program.loop(*self.spheres_of(body)) as sphere:
                 self._press(sphere, link, pressed, deepest)
             size = program.xp.sqrt(dot(pressed.now, pressed.now))
@@ -536,7 +557,7 @@ class ScopeProgram:
             held = self._hand(side, state.load(side), state.load(self.layout.speeds + side))
             seen.store(seen_slot(name), held)
 
-    def _press(self, sphere: Value, link: "Link", pressed: _Changing, deepest: Any) -> None:
+    def _press(self, sphere: Value, link: "Link", pressed: Changing, deepest: Any) -> None:
         program, xp, layout = self.program, self.program.xp, self.layout
         centre = add(link.place, times(self.sphere_place(sphere), link.axis))
         coil = self.structure.load(self._scales + self.dofs + sphere)
@@ -553,7 +574,8 @@ class ScopeProgram:
         """Slot of the room where `observe` leaves a link's origin [m]."""
         return self._body(body)
 
-    def _joint(self, dof: Any) -> Any:
+    def joint_slot(self, dof: Any) -> Any:
+        """First slot of a joint's room."""
         return self.layout.joint_room + dof * JOINT_ROOM
 
     def _body(self, body: Any) -> Any:
@@ -572,9 +594,9 @@ class Link:
     def __init__(self, program: Program, falling: Vector) -> None:
         """`falling`: acceleration that keeps a weight up [m/s^2]."""
         self._program = program
-        self._frame = [_Changing(program, [float(i == j) for i in range(3)]) for j in range(3)]
-        self._place, self._turning, self._moving, self._turning_rate = (_Changing(program, _NONE) for _ in range(4))
-        self._moving_rate = _Changing(program, falling)
+        self._frame = [Changing(program, [float(i == j) for i in range(3)]) for j in range(3)]
+        self._place, self._turning, self._moving, self._turning_rate = (Changing(program, _NONE) for _ in range(4))
+        self._moving_rate = Changing(program, falling)
 
     @property
     def axis(self) -> Vector:

@@ -19,7 +19,7 @@ from haustra.envs.sim.linear.layout import WORLD
 from haustra.envs.sim.moved_colon import CurrentColon
 from haustra.envs.sim.physics.lock import lock_activation
 from haustra.envs.sim.state import Controls, Readings
-from haustra.errors import UnsupportedSceneError
+from haustra.envs.sim.wheels import pulls_at, wire_arms
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene, entry_of
@@ -73,7 +73,7 @@ class LinearSingle:
         names = ("scope/push", "scope/roll", *(f"scope/pull_{name}" for name in WIRE_NAMES))
         self._controls = [self.model.actuator(name).id for name in names]
         self._locks = np.array([[self.model.actuator(name).id for name in pair] for pair in scene.cable.locks])
-        self._hand = np.zeros(len(WIRE_NAMES))
+        self._hand, self._arms = Controls(0.0, 0.0), wire_arms(self.model)
         self._begun = scene.options.start_depth
 
     @property
@@ -85,13 +85,10 @@ class LinearSingle:
         """Advance by `count` time steps; False when the simulation has diverged.
 
         Raises:
-            UnsupportedSceneError: when wheels steer.
+            InvalidDesignError: when wheels steer wires that do not stretch.
         """
-        if inputs.wheels is not None:
-            raise UnsupportedSceneError("The backend 'linear' steers by pulls: use the native backend for wheels.")
-        own = inputs.checked()
-        self._hand, self._begun = np.asarray(own.pulls), self.insertion
-        hands = Controls(np.array([own.push_rate]), np.array([own.roll_rate]), self._hand[None])
+        self._hand, self._begun = inputs.checked(), self.insertion
+        hands = Controls(*(None if part is None else np.asarray(part)[None] for part in inputs))
         sound = bool(self.many.step(hands, count)[0])
         self.place()
         return sound
@@ -120,7 +117,7 @@ class LinearSingle:
             bend=seen.bend[0],
             push_force=float(seen.push_force[0]),
             torque=float(seen.torque[0]),
-            pulls=self._hand.copy(),
+            pulls=self._pulls(qpos[0]),
             link_forces=seen.link_forces[0],
             link_arcs=seen.link_arcs[0],
             contacts=int((normals > 0).sum()),
@@ -134,6 +131,12 @@ class LinearSingle:
                 wall=float(self.wall_energy(now)[0]),
             ),
         )
+
+    def _pulls(self, qpos: np.ndarray) -> Float[np.ndarray, "4"]:
+        """Pull of each wire at the handle: as asked, or by what wheels and bends stretch it [N]."""
+        if self._hand.wheels is None:
+            return np.array(self._hand.pulls)
+        return pulls_at(self.scene.design.wires, np.asarray(self._hand.wheels), self._arms @ qpos)
 
     # Rows of several times at once.
 

@@ -327,6 +327,24 @@ class Variable:
         program.builder.store(own, self._place)
 
 
+class Changing:
+    """A tuple of numbers that may change."""
+
+    def __init__(self, program: Program, values: Any) -> None:
+        """Begin with these values."""
+        self._parts = [program.variable(value) for value in values]
+
+    @property
+    def now(self) -> Any:
+        """The numbers now."""
+        return tuple(part.value for part in self._parts)
+
+    @now.setter
+    def now(self, values: Any) -> None:
+        for part, value in zip(self._parts, values, strict=True):
+            part.value = value
+
+
 class Mathematics:
     """What laws ask of numpy or jax.numpy, in a program."""
 

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from haustra.errors import InvalidDesignError
 from haustra.fields import number
 
 WIRE_NAMES = ("up", "left", "down", "right")
@@ -59,29 +58,15 @@ def arriving_pulls(
         sheath_angle: angle that the shaft is bent through between wheels and bending section, summed regardless of
             direction [rad].
     """
-    loss = xp.exp(-friction * sheath_angle) * (1 - hysteresis)
-    return xp.clip(before, hand * loss, hand / loss)
+    part = passed_part(xp, friction=friction, hysteresis=hysteresis, sheath_angle=sheath_angle)
+    return xp.clip(before, hand * part, hand / part)
 
 
-def travel_of_wheels(wheels: Float[np.ndarray, "2"]) -> Float[np.ndarray, "4"]:
+def passed_part(xp: Any, *, friction: Any, hysteresis: Any, sheath_angle: Any) -> Any:
+    """Part of a growing pull that arrives at the bending section [1]: the capstan equation, less the section's own."""
+    return xp.exp(-friction * sheath_angle) * (1 - hysteresis)
+
+
+def travel_of_wheels(wheels: Float[np.ndarray, "*worlds 2"]) -> Float[np.ndarray, "*worlds 4"]:
     """Travel of the four wires [m]: each wheel takes up one wire, up or left, and pays out the opposite one."""
-    return np.concatenate([wheels, -wheels])
-
-
-def pull_of_travel(
-    wires: WireSet, travel: Float[np.ndarray, "4"], shortening: Float[np.ndarray, "4"]
-) -> Float[np.ndarray, "4"]:
-    """Pull of wires whose wheels have taken up `travel`, once the bent section needs `shortening` less of them [N].
-
-    Args:
-        wires: the wires; their compliance must not be zero.
-        travel: wire taken up by the wheels [m].
-        shortening: how much shorter each wire's path is than in the straight section [m].
-
-    Raises:
-        InvalidDesignError: when the wires are rigid: their pull does not follow from travel.
-    """
-    if wires.compliance <= 0:
-        raise InvalidDesignError("Wires that do not stretch have no pull for a given travel: give wires.compliance.")
-    stretch = travel - wires.slack - shortening
-    return np.clip(stretch / wires.compliance, 0.0, wires.pull_limit)
+    return np.concatenate([wheels, -wheels], axis=-1)

@@ -8,6 +8,7 @@ from haustra.scripts.bench.machine import machine
 from haustra.scripts.bench.result import Bench, Criterion
 from haustra.scripts.bench.stability.conservation import conservation
 from haustra.scripts.bench.stability.escapes import escapes
+from haustra.scripts.bench.stability.linear import linear
 from haustra.scripts.bench.stability.long import long_run
 from haustra.scripts.bench.stability.moving import moving
 from haustra.scripts.bench.stability.part import Part, Progress, RunOptions
@@ -25,6 +26,7 @@ PARTS: dict[str, Callable[[RunOptions, Progress], Part]] = {
     "ranges": random_runs,
     "long": long_run,
     "moving": moving,
+    "linear": linear,
 }
 
 

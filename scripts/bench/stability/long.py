@@ -115,7 +115,7 @@ def run(colon_folder: Path, steps: int, seed: int) -> Iterator[dict[str, Any]]:
             yield {
                 "steps": done,
                 "time_s": engine.data.time,
-                "memory_MiB": _memory(),
+                "memory_MiB": memory(),
                 "insertion_m": engine.insertion if healthy else None,
                 "healthy": healthy,
                 "named": "" if healthy else divergence(engine),
@@ -125,7 +125,7 @@ def run(colon_folder: Path, steps: int, seed: int) -> Iterator[dict[str, Any]]:
             return
 
 
-def _memory() -> float:
+def memory() -> float:
     """In use now [MiB]; the most that was in use where the system does not tell."""
     try:
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])

@@ -48,7 +48,7 @@ class MovingRig:
 
     def __init__(self, colon: Colon, worlds: int) -> None:
         """Tabulate the colon; compilation comes with the first run."""
-        self.worlds, self._colon = worlds, colon
+        self.worlds, self.colon = worlds, colon
         radius = named_design("adult").diameter / 2
         field = lumen_table(colon, device_radius=radius)
         self._place = entry_of(colon)
@@ -61,9 +61,15 @@ class MovingRig:
     def tables(self, numbers: Sequence[Numbers] = ()) -> Tables:
         """One wall, and a mesentery a world."""
         moving = [
-            mesentery.hang(self._points, self._arcs, self._width, self._colon.segments, changed=changed)
+            mesentery.hang(self._points, self._arcs, self._width, self.colon.segments, changed=changed)
             for changed in numbers or [{}] * self.worlds
         ]
+        return self.fixed()._replace(
+            mesentery=mesentery.stack([mesentery.seen_from(own, *self._place) for own in moving])
+        )
+
+    def fixed(self) -> Tables:
+        """One wall, fixed in space, for all worlds."""
         each = np.ones(self.worlds, np.int32)
         return self._fixed._replace(
             step=float(self._fixed.step) * each,
@@ -71,14 +77,13 @@ class MovingRig:
             count=int(self._fixed.count) * each,
             axes=np.tile(self._fixed.axes, (self.worlds, 1, 1)),
             device_radius=float(self._fixed.device_radius) * each,
-            mesentery=mesentery.stack([mesentery.seen_from(own, *self._place) for own in moving]),
         )
 
     def begin(self, timestep: float) -> LinearBackend:
         """Scopes at the anus and colons at rest, stepped in double precision by that time step [s]."""
         if timestep not in self._backends:
             options = replace(OPTIONS, timestep=timestep)
-            scene = build_scene(self._colon, None, named_design("adult"), options, show_lumen=False)
+            scene = build_scene(self.colon, None, named_design("adult"), options, show_lumen=False)
             self._backends[timestep] = LinearBackend(scene, self.tables(), worlds=self.worlds, real=np.float64)
         backend, one = self._backends[timestep], np.ones(self.worlds)
         every = np.arange(self.worlds)

@@ -2,14 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TypeAlias
 
 import numpy as np
 
 from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.conditions import Conditions
-from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.native_batch import NativeBackend
 from haustra.envs.sim.state import Controls, Readings
@@ -55,20 +53,17 @@ class Injection:
 
 
 def poison(order: RunOptions, progress: Progress) -> Part:
-    """Every input of every backend, with every bad number; linear time too."""
+    """Every input of every backend, with every bad number; linear time has a part of its own."""
     bank = small_bank(grow_colon(seed=0))
     parts: list[Callable[[], list[Injection]]] = [
         lambda: single_cases(bank),
-        lambda: batch_cases("native batch", lambda: NativeBackend(bank.scene, bank.tables, worlds=WORLDS), bank),
+        lambda: batch_cases("native batch", lambda: NativeBackend(bank.scene, bank.tables, worlds=WORLDS)),
         lambda: batch_cases(
-            "native batch, two threads", lambda: NativeBackend(bank.scene, bank.tables, worlds=WORLDS, threads=2), bank
+            "native batch, two threads", lambda: NativeBackend(bank.scene, bank.tables, worlds=WORLDS, threads=2)
         ),
         lambda: vector_cases(bank),
         design_cases,
     ]
-    if not order.quick:
-        make = partial(LinearBackend, bank.scene, bank.tables, worlds=WORLDS)
-        parts.append(lambda: batch_cases("linear batch", make, bank))
     found: list[Injection] = []
     for number, part in enumerate(parts):
         found += part()
@@ -83,17 +78,18 @@ def small_bank(colon: Colon) -> ColonSet:
     return make_bank([case], design, replace(TASK_OPTIONS, insertion_limit=0.3))
 
 
-def batch_cases(name: str, make: Callable[[], AbstractBackend], bank: ColonSet) -> list[Injection]:
+def batch_cases(name: str, make: Callable[[], AbstractBackend], *, wheels: bool = False) -> list[Injection]:
     """Bad numbers in inputs while worlds run, and in the conditions that one begins anew with."""
-    clean = _run(make(), None, None)
+    usual = _inputs(wheels=wheels)
+    clean = _run(make(), usual, None, None)
     found = []
-    for array in ("push_rate", "roll_rate", "pulls"):
+    for array in ("push_rate", "roll_rate", "wheels" if wheels else "pulls"):
         for value in BAD:
-            found.append(_compare(name, array, value, clean, lambda a=array, v=value: _run(make(), a, v)))
-    clean = _restart(make(), None, None)
+            found.append(_compare(name, array, value, clean, lambda a=array, v=value: _run(make(), usual, a, v)))
+    clean = _restart(make(), usual, None, None)
     for array in ("friction", "wall_stiffness", "shaft_stiffness", "roll"):
         for value in BAD:
-            found.append(_compare(name, array, value, clean, lambda a=array, v=value: _restart(make(), a, v)))
+            found.append(_compare(name, array, value, clean, lambda a=array, v=value: _restart(make(), usual, a, v)))
     return found
 
 
@@ -119,10 +115,9 @@ def _compare(backend: str, array: str, value: float, clean: Watched, run: Callab
     return Injection(backend, array, value, caught, neighbours_same=same and healthy, finite=finite)
 
 
-def _run(batch: AbstractBackend, array: str | None, value: float | None) -> Watched:
+def _run(batch: AbstractBackend, inputs: Controls, array: str | None, value: float | None) -> Watched:
     every = np.arange(WORLDS)
     batch.reset(every, np.zeros(WORLDS, int), _conditions(WORLDS))
-    inputs = _inputs()
     for _ in range(WARM_UP):
         batch.step(inputs, BLOCK)
     if array:
@@ -132,16 +127,16 @@ def _run(batch: AbstractBackend, array: str | None, value: float | None) -> Watc
     return _watch(batch, inputs)
 
 
-def _restart(batch: AbstractBackend, array: str | None, value: float | None) -> Watched:
+def _restart(batch: AbstractBackend, inputs: Controls, array: str | None, value: float | None) -> Watched:
     every = np.arange(WORLDS)
     batch.reset(every, np.zeros(WORLDS, int), _conditions(WORLDS))
     for _ in range(WARM_UP):
-        batch.step(_inputs(), BLOCK)
+        batch.step(inputs, BLOCK)
     begun = _conditions(1)
     if array:
         begun = replace(begun, **{array: np.array([value])})
     batch.reset(np.array([POISONED]), np.zeros(1, int), begun)
-    return _watch(batch, _inputs())
+    return _watch(batch, inputs)
 
 
 def _watch(batch: AbstractBackend, inputs: Controls) -> Watched:
@@ -150,9 +145,10 @@ def _watch(batch: AbstractBackend, inputs: Controls) -> Watched:
     return seen
 
 
-def _inputs() -> Controls:
+def _inputs(*, wheels: bool) -> Controls:
     pulls = np.tile([8.0, 0.0, 0.0, 3.0], (WORLDS, 1))
-    return Controls(np.array([0.05, 0.06, 0.04]), np.array([0.0, 0.3, -0.3]), pulls)
+    turned = np.tile([0.003, -0.001], (WORLDS, 1)) if wheels else None
+    return Controls(np.array([0.05, 0.06, 0.04]), np.array([0.0, 0.3, -0.3]), pulls, turned)
 
 
 def _conditions(worlds: int) -> Conditions:

@@ -18,15 +18,15 @@ class BenchStability:
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("bench-stability")
     """Folder of results; an interrupted run goes on in the same one."""
     only: str = ""
-    """Parts to run, separated by commas: conservation, nan, shocks, step, escapes, ranges, long, moving; all if
-    empty."""
+    """Parts to run, separated by commas: conservation, nan, shocks, step, escapes, ranges, long, moving, linear; all
+    if empty."""
     quick: bool = False
     """Make fewer and shorter runs: minutes instead of hours."""
     workers: int = whole(1, 256, default=1)
     """Number of child processes of the parts that have many independent runs."""
     minutes: float | None = number("min", 0.01, 1e6, default=None)
     """Time after which no further run begins [min]; what is missing is said, and the same command goes on from there.
-    Parts without independent runs (conservation, nan, moving) are not cut short."""
+    Parts without independent runs (conservation, nan, moving, shocks and long runs of linear) are not cut short."""
     colon: Path | None = None
     """Folder of a colon to push a tip about in besides the grown one."""
     seed: int = whole(0, 2**63 - 1, default=0)

@@ -139,12 +139,18 @@ def test_scores_are_those_of_the_run_up_to_its_end(runs: Insertions) -> None:
     assert runs.insertion[0] == pytest.approx(0.27, abs=0.01)
 
 
-def test_many_worlds_cannot_be_steered_by_wheels(bank: ScopeBank) -> None:
+def test_wheels_steer_many_worlds_in_linear_time_only(bank: ScopeBank) -> None:
     wheels = FollowerSettings(steer="wheels")
     with pytest.raises(InvalidOptionError, match="wheels"):
         WorldsFollower(wheels, bank.tip_links)
-    with pytest.raises(InvalidOptionError, match="wheels"):
-        LinearInsertions(bank.scene, bank.tables, bank.colons, worlds=1, settings=wheels)
+    with pytest.raises(InvalidOptionError, match="steer alike"):
+        LinearInsertions(bank.scene, bank.tables, bank.colons, worlds=2, settings=[wheels, FollowerSettings()])
+    many = LinearInsertions(bank.scene, bank.tables, bank.colons, worlds=2, settings=wheels)
+    one, options = np.ones(2), bank.scene.options
+    many.begin(np.zeros(2, int), Conditions(options.friction * one, options.wall_stiffness * one, one))
+    found = many.run(seconds=2.0)
+    assert found.insertion[0] > options.start_depth + 0.02
+    np.testing.assert_array_equal(found.insertion[0], found.insertion[1])
 
 
 @NEEDS_WARP

@@ -27,6 +27,7 @@ from haustra.envs.sim.capabilities import (
 from haustra.envs.sim.capabilities import DESIGN as DESIGN_TABLE
 from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.linear.backend import LinearBackend
+from haustra.envs.sim.linear.single import LinearSingle
 from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.native_batch import NativeBackend, batch_model
 from haustra.envs.sim.state import Controls
@@ -379,15 +380,19 @@ def test_what_a_backend_cannot_honour_of_a_task_it_refuses_by_name(backend: str,
         require_task_supported(TaskConfig(**changed), scene.design, backend)
 
 
-def test_wires_slack_and_stretch_count_where_wheels_steer_and_wheels_are_refused_elsewhere() -> None:
+@pytest.mark.parametrize("make", [NativeEngine, LinearSingle])
+def test_wires_slack_and_stretch_count_where_wheels_steer(make) -> None:
     bends = []
     for changed in ({}, {"slack": 0.002}, {"compliance": 3 * DESIGN.wires.compliance}):
         design = _wires(DESIGN, **changed)
-        backend = NativeEngine(_scene(design, _options("design.name"), "design.name", many=False))
+        backend = make(_scene(design, _options("design.name"), "design.name", many=make is LinearSingle))
         backend.step(Controls(0.0, 0.0, wheels=np.array([0.006, 0.0])), 60)
         bends.append(backend.read().bend[0])
     assert bends[1] < 0.95 * bends[0]
     assert bends[2] < 0.95 * bends[0]
+
+
+def test_the_follower_in_jax_refuses_wheels() -> None:
     pytest.importorskip("jax")
     from haustra.envs.control.follower_worlds import WorldsFollower
 

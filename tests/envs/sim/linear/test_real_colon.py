@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.tasks.bank import folder_bank
 from haustra.envs.tasks.config import Limits, Randomisation, TaskConfig
 from haustra.envs.tasks.drivers import FollowerDriver
@@ -32,6 +33,7 @@ def test_sections_of_a_real_colon_do_not_rock_under_a_scope(shared_data: Path, t
         done = task.step(driver.act(seen))
         seen, force = done.observation, max(force, float(done.info["wall_force"].max()))
         assert not done.info["diverged"].any()
+        assert isinstance(task.backend, LinearBackend)
         spins = np.abs(task.backend.state().displacement.speed[..., 3]).max(axis=1)
         rocked += spins > _FASTEST
     task.close()

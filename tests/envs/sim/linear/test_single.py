@@ -10,7 +10,6 @@ from haustra.envs.runs.outcome import Outcome
 from haustra.envs.sim.linear.single import LinearSingle
 from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.state import Controls
-from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions, build_scene
 from tests.bent_colon import bent_colon
@@ -61,8 +60,3 @@ def test_a_run_is_recorded_as_the_native_backends(colon) -> None:
     assert run.trajectory.ctrl.shape == (100, model.nu)
     assert run.trajectory.insertion[-1] > 0.08
     assert "wall" in scene.left_out
-
-
-def test_what_it_cannot_honour_is_refused(field) -> None:
-    with pytest.raises(UnsupportedSceneError, match="by pulls"):
-        field.step(Controls(0.0, 0.0, wheels=np.zeros(2)), 1)

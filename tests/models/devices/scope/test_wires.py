@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from haustra.errors import InvalidDesignError
-from haustra.models.devices.scope.wires import WireSet, arriving_pulls, pull_of_travel
+from haustra.models.devices.scope.wires import WireSet, arriving_pulls
 
 PLAIN = WireSet(routing_radius=0.005, pull_limit=60.0)
 RUBBING = WireSet(routing_radius=0.005, pull_limit=60.0, friction=0.2)
@@ -37,12 +36,3 @@ def test_an_easing_pull_lags_behind():
     slipping = arrive(RUBBING, np.full(4, 1.0), eased, sheath_angle=angle)
     np.testing.assert_allclose(slipping, 1.0 / factor)
     np.testing.assert_allclose(arrive(RUBBING, np.zeros(4), slipping, sheath_angle=angle), 0.0)
-
-
-def test_travel_takes_up_slack_then_stretches_the_wire():
-    wires = WireSet(routing_radius=0.005, pull_limit=60.0, slack=0.002, compliance=1e-4)
-    travel = np.array([0.001, 0.002, 0.003, 0.1])
-    np.testing.assert_allclose(pull_of_travel(wires, travel, np.zeros(4)), [0, 0, 10, 60])
-    np.testing.assert_allclose(pull_of_travel(wires, np.full(4, 0.004), np.full(4, 0.001)), 10)
-    with pytest.raises(InvalidDesignError, match="compliance"):
-        pull_of_travel(PLAIN, travel, np.zeros(4))

@@ -14,7 +14,7 @@ def bank():
 
 
 def test_worlds_of_a_batch_are_lost_alone(bank):
-    found = batch_cases("native batch", lambda: NativeBackend(bank.scene, bank.tables, worlds=3), bank)
+    found = batch_cases("native batch", lambda: NativeBackend(bank.scene, bank.tables, worlds=3))
     assert len(found) == 7 * len(BAD)
     assert [case for case in found if not case.sound] == []
     assert all(case.caught == "diverged" for case in found if case.array == "pulls")
