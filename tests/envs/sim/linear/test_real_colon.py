@@ -34,7 +34,9 @@ def test_sections_of_a_real_colon_do_not_rock_under_a_scope(shared_data: Path, t
         seen, force = done.observation, max(force, float(done.info["wall_force"].max()))
         assert not done.info["diverged"].any()
         assert isinstance(task.backend, LinearBackend)
-        spins = np.abs(task.backend.state().displacement.speed[..., 3]).max(axis=1)
+        moved = task.backend.state().displacement
+        assert moved is not None
+        spins = np.abs(moved.speed[..., 3]).max(axis=1)
         rocked += spins > _FASTEST
     task.close()
     assert rocked.max() <= 2
