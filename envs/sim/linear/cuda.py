@@ -12,8 +12,6 @@ from haustra.errors import MissingDependencyError
 
 _OUT_OF_MEMORY = 2
 """CUDA_ERROR_OUT_OF_MEMORY."""
-_PROCESSORS = 16
-"""CU_DEVICE_ATTRIBUTE_MULTIPROCESSOR_COUNT."""
 
 
 @cache
@@ -36,20 +34,6 @@ def _driver() -> tuple[Any, Any]:
         if code:
             raise MissingDependencyError(f"NVIDIA's driver found no device (error {code}): use the CPU.")
     return library, context
-
-
-@cache
-def processors() -> int:
-    """How many of its multiprocessors work side by side.
-
-    Raises:
-        MissingDependencyError: when there is no device or no driver.
-    """
-    driver, _ = _driver()
-    device, count = ctypes.c_int(), ctypes.c_int()
-    driver.cuDeviceGet(ctypes.byref(device), 0)
-    driver.cuDeviceGetAttribute(ctypes.byref(count), _PROCESSORS, device)
-    return count.value
 
 
 _STREAM = ctypes.c_void_p(2)

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from haustra.envs.sim.linear.compile import WARP, assembled, compiled, lanes_of, write_kernel, write_program
-from haustra.envs.sim.linear.cuda import DeviceArray, DeviceColumns, Kernel, processors
+from haustra.envs.sim.linear.cuda import DeviceArray, DeviceColumns, Kernel
 from haustra.envs.sim.linear.program import ARGUMENTS
 
 _WRITTEN = ("state", "worlds", "seen", "room", "driver", "told")
@@ -168,18 +168,6 @@ def _kernel(**program: Any) -> Kernel:
         return _made(write_kernel(**program))
 
 
-def group_of(worlds: int) -> int:
-    """Threads that share a multiprocessor: fewer than a warp where there are more processors than warps to go round."""
-    group = WARP
-    while group > _LEAST_GROUP and worlds < group * processors():
-        group //= 2
-    return group
-
-
-_LEAST_GROUP = 8
-"""Neighbouring threads that read 32 bytes in single precision, which is what memory is fetched by."""
-
-
 class GpuPlace:
     """The first NVIDIA GPU; a thread steps a world."""
 
@@ -208,7 +196,7 @@ class GpuPlace:
     def run(self, arrays: dict[str, _There], counts: Sequence[int], worlds: int) -> None:
         """Run the program on all worlds."""
         own = {name: array.run(written=name in _WRITTEN) for name, array in arrays.items()} | {"room": self._room}
-        self._kernel([own[name] for name in ARGUMENTS], [*counts, 0, worlds], threads=worlds, group=group_of(worlds))
+        self._kernel([own[name] for name in ARGUMENTS], [*counts, 0, worlds], threads=worlds)
         self._kernel.wait()
 
     def close(self) -> None:
