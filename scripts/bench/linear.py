@@ -28,7 +28,7 @@ _STILL = 1e-3
 _DENSE_STEPS = 40
 """Time steps in which the dense engine is timed."""
 _TURN, _TRAVEL = 0.002, 0.012
-"""Of wires, by how much wheels take up more or less [m], and how much at most."""
+"""Wire that a wheel takes up more or less at a time, and the most that it takes up [m]."""
 INTERVAL = 0.125
 """The hand changes its mind so often [s]."""
 

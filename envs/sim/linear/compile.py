@@ -236,10 +236,13 @@ def engine_of(text: str) -> Any:
     """LLVM's engine with the machine code of a program, new or kept from before."""
     machine = _machine()
     path = _kept_at(f"{text}{llvm.get_host_cpu_name()}{llvm.get_host_cpu_features().flatten()}", "o")
-    kept = cache.read(path)
-    module = _module(text, machine, optimised=kept is None)
-    engine = llvm.create_mcjit_compiler(module, machine)
-    engine.set_object_cache(lambda _, code: cache.keep(path, code), lambda _: kept)
+    code = cache.read(path)
+    if code is None:
+        code = machine.emit_object(_module(text, machine))
+        cache.keep(path, code)
+    # Without LLVM's own cache of objects, which calls Python back: an interruption there would be lost.
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     return engine
 
@@ -253,7 +256,7 @@ def assembled(text: str, *, architecture: str = "sm_80") -> str:
     llvm.initialize_all_asmprinters()
     target = llvm.Target.from_triple("nvptx64-nvidia-cuda")
     machine = target.create_target_machine(cpu=architecture, opt=3)
-    found = machine.emit_assembly(_module(text, machine, optimised=True))
+    found = machine.emit_assembly(_module(text, machine))
     cache.keep(path, found.encode())
     return found
 
@@ -264,12 +267,11 @@ def _kept_at(about: str, kind: str) -> Path:
     return cache.cache_folder() / "linear" / f"{key}.{kind}"
 
 
-def _module(text: str, machine: Any, *, optimised: bool) -> Any:
-    """LLVM's module of a program for a processor."""
+def _module(text: str, machine: Any) -> Any:
+    """LLVM's module of a program for a processor, as fast as it can be made."""
     module = llvm.parse_assembly(text)
     module.triple, module.data_layout = machine.triple, str(machine.target_data)
-    if optimised:
-        module.verify()
-        builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
-        builder.getModulePassManager().run(module, builder)
+    module.verify()
+    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
+    builder.getModulePassManager().run(module, builder)
     return module
