@@ -181,7 +181,8 @@ def named_lens(name: str) -> Lens:
         return equidistant_lens(_EQUIDISTANT_DEG, 1080)
     entries = tomllib.loads(asset(f"lenses/{name}.toml").read_text(encoding="utf-8"))
     entries["stretch"] = tuple(map(tuple, entries["stretch"]))
-    return Lens(**{key: tuple(each) if isinstance(each, list) else each for key, each in entries.items()})
+    held: dict[str, Any] = {key: tuple(each) if isinstance(each, list) else each for key, each in entries.items()}
+    return Lens(**held)
 
 
 @cache
