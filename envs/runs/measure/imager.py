@@ -5,10 +5,11 @@ lengths inside lack what had been inserted by then; coils are taken to be as far
 most seen to be (the 95th percentile of their distances over time). Between coils the scope is drawn as a cubic spline.
 Insertion is judged, from the start to the first time at the caecum where the log names it, else to the end.
 
-Loops are named by `haustra.envs.runs.measure.loops` from the spline alone, without the colon: no gamma loops, and what
-the colon's own course makes the scope do counts as well.
+Loops are named by `haustra.envs.runs.measure.loops` from the spline alone, without the colon: gamma and deep transverse
+loops cannot be told, and what the colon's own course makes the scope do counts as well.
 """
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,8 @@ from haustra.errors import InvalidOptionError
 
 _EVERY = 0.5
 """Time between two shapes whose loops are named [s]; engineering choice, as for runs."""
+_NAMED = (LoopKind.N, LoopKind.ALPHA, LoopKind.REVERSED_ALPHA)
+"""Kinds of loops that can be told without the colon."""
 _BETWEEN = 0.02
 """Distance between points of a shape [m]; engineering choice."""
 _LEAST = 0.05
@@ -60,7 +63,7 @@ def imager_scores(recording: ImagerRecording) -> dict[str, Any]:
         "seconds": float(time[-1] - time[0]),
         "reached_caecum": CAECUM in recording.events,
         "insertion_max_m": float(insertion.max()),
-        "cops_landmarks": scores.pop("cops_own"),
+        "cops_landmarks": scores.pop("cops_own", None),
         **scores,
         **_loops(time, coils, behind, insertion),
     }
@@ -95,7 +98,7 @@ def _progress(recording: ImagerRecording, time: Float[np.ndarray, " records"]) -
     """Share of the colon that the tip has come by the log's landmarks [1]."""
     known = [(recording.events[name], share) for name, share in _landmark_shares().items() if name in recording.events]
     times = [time[0], *(moment for moment, _ in known)]
-    if not known or any(after <= one for one, after in zip(times, times[1:], strict=False)):
+    if not known or any(after <= one for one, after in pairwise(times)):
         return None
     return np.interp(time, times, [0.0, *(share for _, share in known)])
 
@@ -117,8 +120,8 @@ def _landmark_shares() -> dict[str, float]:
 
 def _loops(time: np.ndarray, coils: np.ndarray, behind: np.ndarray, insertion: np.ndarray) -> dict[str, float]:
     """How long there was a loop of each name [s], and the largest writhe."""
-    lasting, turns = dict.fromkeys((kind.value for kind in LoopKind if kind is not LoopKind.GAMMA), 0.0), 0.0
-    moments = np.unique(np.searchsorted(time, np.arange(time[0], time[-1], _EVERY)))
+    lasting, turns = dict.fromkeys((kind.value for kind in _NAMED), 0.0), 0.0
+    moments = np.unique(np.searchsorted(time, np.arange(float(time[0]), float(time[-1]), _EVERY)))
     for moment in moments:
         inside = np.arange(insertion[moment], 0.0, -_BETWEEN)
         if len(inside) < 4:

@@ -36,7 +36,7 @@ def progression_scores(
     *,
     progress: Float[np.ndarray, " records"] | None,
     behind: Sequence[float] | Float[np.ndarray, " coils"] = COIL_DISTANCES,
-) -> dict[str, float | None]:
+) -> dict[str, float]:
     """Own CoPS and measures of 3D-CoPS of a run; all 0 of one without records.
 
     Args:
@@ -44,11 +44,11 @@ def progression_scores(
         tip: its place [m].
         coils: places of the coils [m].
         insertion: length of scope past the anus [m].
-        progress: arc length of the tip over the colon's length [1]; where it is not known, neither is the own CoPS.
+        progress: arc length of the tip over the colon's length [1]; the own CoPS is left out where it is not known.
         behind: distance of each coil from the tip along the scope [m].
     """
     if not len(time):
-        return dict.fromkeys(_NAMES, 0.0)
+        return dict.fromkeys((_COPS, *_NAMES), 0.0)
     step = float(np.median(np.diff(time))) if len(time) > 1 else INTERVAL
     stride = max(1, round(INTERVAL / step))
     tip, coils, inserted = tip[::stride], coils[::stride], insertion[::stride]
@@ -56,19 +56,19 @@ def progression_scores(
     moved = np.linalg.norm(np.diff(tip, axis=0), axis=1)
     pushed = np.abs(np.diff(inserted))
     travel = float(moved.sum())
+    cops = {} if progress is None else {_COPS: 100 * float(np.clip(progress, 0.0, 1.0).mean())}
     found = (
-        None if progress is None else 100 * float(np.clip(progress, 0.0, 1.0).mean()),
         travel,
         travel / float(inserted.max()),
         1e3 * _mean([_from_path(coils[i][inside[i]], tip[: i + 1]) for i in range(len(tip)) if inside[i].any()]),
         float(pushed[moved < _STILL * pushed].sum()),
         _mean([abs(writhe(np.vstack([tip[i], coils[i][inside[i]]]))) for i in range(len(tip))]),
     )
-    return dict(zip(_NAMES, found, strict=True))
+    return cops | dict(zip(_NAMES, found, strict=True))
 
 
+_COPS = "cops_own"
 _NAMES = (
-    "cops_own",
     "cops3d_travel_length_m",
     "cops3d_tip_progression",
     "cops3d_chase_efficiency_mm",
