@@ -186,7 +186,7 @@ class TrackedRobot(Device):
         return Handles((tracked.core, *struts, *pads), samples, geoms, "tracked/tip", start)
 
     def control(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State, commands: Any) -> Any:
-        """How fast treads run, tooth phase over each tip, the worm's torque on the core, bellows' air, tether's drag."""
+        """Speed of treads, tooth phase over each tip, the worm's torque on the core, air in bellows, tether's drag."""
         tracked = self._tracked
         controls = xp.zeros((len(commands), model.nu))
         phases = tracked.phase_controls_each(state.act[:, :TRACKS])
