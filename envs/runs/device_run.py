@@ -66,9 +66,12 @@ def run_device(
     options: SceneOptions | None = None,
     *,
     seconds: float,
+    patience: float | None = None,
     progress: Progress | None = None,
 ) -> DeviceRun:
     """Let a device's own driver drive it for up to `seconds` of simulated time, natively, against the lumen's table.
+
+    With `patience` [s] a run that comes no further for so long is stuck, and ends.
 
     Raises:
         UnsupportedSceneError: naming what the device or its scene does not honour.
@@ -79,6 +82,7 @@ def run_device(
     backend = NativeDevice(scene, tables)
     steps = max(1, round(CONTROL_INTERVAL / options.timestep))
     rows: list[dict[str, Any]] = []
+    furthest, since = -np.inf, 0.0
     memory, outcome, shape = np.zeros(1), None, backend.spheres()[0]
     seen = backend.read()
     began = time.perf_counter()
@@ -93,6 +97,10 @@ def run_device(
         own = {name: value[0] for name, value in backend.readings().items()}
         rows.append({**row, **own, "qpos": qpos[0], "ctrl": ctrl[0], "commands": commands[0]})
         outcome = ended(row, colon.centreline.length)
+        if row["tip_arc"] > furthest + _HEADWAY:
+            furthest, since = float(row["tip_arc"]), float(row["time"])
+        if patience and outcome is None and row["time"] - since > patience:
+            outcome = Outcome.STUCK
         if progress and len(rows) % 25 == 0:
             progress(float(seen.time[0]), float(seen.tip_arc[0]))
     records = {name: np.array([row[name] for row in rows], float) for name in rows[0]} if rows else _nothing(device)

@@ -1,0 +1,144 @@
+"""How far the tracked robot comes in grown colons by its own driver, and what stops it there."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from haustra.envs.runs.device_batch import run_devices
+from haustra.envs.runs.device_run import Records, common_scores
+from haustra.envs.runs.outcome import Outcome
+from haustra.files import write_json
+from haustra.models.anatomy.colon import Colon
+from haustra.models.anatomy.grown import grow_colon
+from haustra.models.device_scene import device_options
+from haustra.models.devices.tracked.design import TRACKS
+from haustra.models.devices.tracked.interface import TrackedRobot
+from haustra.models.devices.tracked.standing import places_that_fit
+from haustra.reading import read_document
+
+FIRST_SEED = 300_000
+"""First seed of the grown colons, which nothing was trained on."""
+AT_ONCE = 10
+"""Colons that are run together."""
+LATE = 5.0
+"""Readings over this last time of a run tell what stopped it [s]."""
+EARLIEST = 0.10
+"""The nose begins where the robot fits first beyond this arc length [m]: behind the anal canal and the rectum's fold."""
+WIDE, HELD, FORCED = 0.97, 0.5, 0.25
+"""A robot stands in a lumen that is too wide where its tracks stand out to this share of their reach; its worm is held
+where that runs at less than this share of its speed; the core blocks it where it bears more than this share of the
+treads' load. Engineering choices."""
+
+
+def reach_in(
+    device: TrackedRobot, seeds: Sequence[int], *, seconds: float, mesentery: bool = True
+) -> list[dict[str, Any]]:
+    """Runs in grown colons: where each began, how far it came, what it pressed with, and what stopped it."""
+    colons = {seed: grow_colon(seed=seed) for seed in seeds}
+    begin = {seed: first_place(device, colon) for seed, colon in colons.items()}
+    fits = {seed: start for seed, start in begin.items() if start is not None}
+    options = device_options(device, mesentery=mesentery)
+    nowhere: dict[str, Any] = {"start_m": None, "came_m": 0.0, "reach": 0.0, "stopped_by": "it fits nowhere"}
+    rows = {seed: {"seed": seed, **nowhere} for seed in seeds}
+    if fits:
+        runs = run_devices(
+            device, [colons[seed] for seed in fits], options, seconds=seconds, starts=list(fits.values())
+        )
+        for (seed, start), (outcome, records) in zip(fits.items(), runs, strict=True):
+            rows[seed] = {"seed": seed, "start_m": start, **_row(device, colons[seed], start, outcome, records)}
+    return list(rows.values())
+
+
+def _row(device: TrackedRobot, colon: Colon, start: float, outcome: Outcome, records: Records) -> dict[str, Any]:
+    scores = common_scores(outcome, records, device.readings, colon, device.design.core_diameter / 2)
+    return {
+        "came_m": scores["tip_arc_max_m"] - start,
+        "reach": scores["reach"],
+        "simulated_s": scores["simulated_s"],
+        "track_force_peak_N": scores["normal_peak_N"] / TRACKS,
+        "track_force_mean_N": scores["normal_mean_N"] / TRACKS,
+        "wall_force_peak_N": scores["wall_force_peak_N"],
+        "p_perforation": scores["p_perforation"],
+        "slip_work_J": slip_work(device, records),
+        "stopped_by": stopped_by(device, outcome, records),
+    }
+
+
+def first_place(device: TrackedRobot, colon: Colon) -> float | None:
+    """Arc length of the nose where the robot fits first [m]; None when it fits nowhere."""
+    line, design = colon.centreline, device.design
+    nose, half = (design.core_length + design.core_diameter) / 2, design.core_length / 2
+    inside = line.arc[(line.arc >= max(EARLIEST, half)) & (line.arc <= line.length - half - nose)]
+    fits = places_that_fit(colon, design, inside)
+    return float(fits[0]) + nose if len(fits) else None
+
+
+def stopped_by(device: TrackedRobot, outcome: Outcome, records: Records) -> str:
+    """What the readings of the last seconds say ended a run's way."""
+    if outcome is Outcome.REACHED_CAECUM:
+        return "the caecum"
+    if outcome in (Outcome.DIVERGED, Outcome.ESCAPED):
+        return outcome.value
+    late = records["time"] > records["time"][-1] - LATE
+    mean = {name: float(records[name][late].mean()) for name in ("width", "normal", "core_force", "worm_share")}
+    if mean["worm_share"] < HELD:
+        return "the worm's torque limit"
+    if outcome is Outcome.TIME_UP:
+        return "time"
+    if mean["core_force"] > FORCED * mean["normal"]:
+        return "the core against the wall"
+    return "a lumen too wide" if mean["width"] > WIDE * device.design.largest_diameter else "treads that slip"
+
+
+def slip_work(device: TrackedRobot, records: Records) -> float:
+    """Work of the treads' friction on the wall by sliding [J]: of treads that run further than the robot goes."""
+    if len(records["time"]) < 2:
+        return 0.0
+    step = np.diff(records["time"])
+    slid = device.design.tread_speed(device.rpm) * records["worm_share"][1:] - np.diff(records["tip_arc"]) / step
+    return float((np.abs(records["traction"][1:]) * np.maximum(slid, 0.0) * step).sum())
+
+
+def bench_reach(
+    device: TrackedRobot, folder: Path, *, colons: int, seconds: float, progress: Any = lambda done, note: None
+) -> list[dict[str, Any]]:
+    """Runs in that many colons, one file each, so that what is done is not done again."""
+    asked = json.loads(json.dumps({"device": device.describe(), "seconds": seconds}))
+    paths = {FIRST_SEED + number: folder / f"{device.name}-{FIRST_SEED + number}.json" for number in range(colons)}
+    rows = {}
+    for seed, path in paths.items():
+        known = read_document(path, "result") if path.is_file() else {}
+        if known.get("asked") == asked:
+            rows[seed] = known["row"]
+    missing = [seed for seed in paths if seed not in rows]
+    for first in range(0, len(missing), AT_ONCE):
+        progress(len(rows), device.name)
+        for row in reach_in(device, missing[first : first + AT_ONCE], seconds=seconds):
+            rows[row["seed"]] = row
+            write_json(paths[row["seed"]], {"asked": asked, "row": row})
+    return [rows[seed] for seed in paths]
+
+
+def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Mean way and reach, what was pressed, and how often each thing stopped the robot."""
+    ran = [row for row in rows if "wall_force_peak_N" in row]
+    reasons: Mapping[str, int] = {
+        reason: sum(row["stopped_by"] == reason for row in rows) for reason in {row["stopped_by"] for row in rows}
+    }
+
+    def mean(name: str) -> float:
+        return float(np.mean([row[name] for row in ran])) if ran else 0.0
+
+    return {
+        "colons": len(rows),
+        "came_mean_m": float(np.mean([row["came_m"] for row in rows])),
+        "came_median_m": float(np.median([row["came_m"] for row in rows])),
+        "reach_mean": float(np.mean([row["reach"] for row in rows])),
+        "track_force_mean_N": mean("track_force_mean_N"),
+        "wall_force_peak_N": mean("wall_force_peak_N"),
+        "slip_work_mean_J": mean("slip_work_J"),
+        "stopped_by": dict(sorted(reasons.items(), key=lambda item: -item[1])),
+    }
