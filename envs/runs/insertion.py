@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -150,6 +150,7 @@ def run_insertion(
     return drive(backend(scene), driver, settings, until=seconds, arc=scene.options.start_depth, progress=progress)
 
 
+@runtime_checkable
 class Driver(Protocol):
     """Who drives one scope."""
 
