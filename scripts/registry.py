@@ -25,6 +25,10 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "view": f"{_SCRIPTS}.view:View",
         "dataset": f"{_SCRIPTS}.dataset:Dataset",
     },
+    "The clinic": {
+        "imager export": f"{_SCRIPTS}.imager:ImagerExport",
+        "imager score": f"{_SCRIPTS}.imager:ImagerScore",
+    },
     "Studies of designs": {
         "sweep": f"{_SCRIPTS}.sweep:Sweep",
         "optimise": f"{_SCRIPTS}.sweep:Optimise",
