@@ -27,13 +27,13 @@ class DatasetAccuracy:
     """Largest differences found; of all pixels unless said otherwise."""
 
     reprojection_px: float
-    """Of flows [pixels]; 0 where there was none."""
+    """Largest difference between flows [pixels]; 0 where there was none."""
     depth_error_mm: float
-    """Of depths along the axis, in every eighth picture, of pixels at random [mm]."""
+    """Largest difference between depths along the axis, in every eighth picture, of pixels at random [mm]."""
     normals_error_deg: float
-    """Of normals [degrees]."""
+    """Largest angle between normals [degrees]."""
     round_trip_mm: float
-    """Of depths in sixteen bits against those in floating point [mm]."""
+    """Largest difference of depths in sixteen bits from those in floating point [mm]."""
     flows: int
     """Pixels whose flow was looked at."""
 

@@ -54,10 +54,10 @@ def flow_to_bits(flow: Float[np.ndarray, "height width 2"]) -> UInt16[np.ndarray
 
     A flow that does not fit within `FLOW_PX` is none.
     """
-    fits = (np.abs(np.nan_to_num(flow, nan=FLOW_PX)) < FLOW_PX).all(axis=-1)
+    fits = np.all(np.abs(np.nan_to_num(flow, nan=FLOW_PX)) < FLOW_PX, axis=-1, keepdims=True)
     bits = np.zeros((*flow.shape[:2], 3), np.uint16)
-    share = (np.where(fits[..., None], flow, 0.0) + FLOW_PX) / (2 * FLOW_PX)
-    bits[..., :2] = np.where(fits[..., None], np.floor(LARGEST * share + 0.5), 0).astype(np.uint16)
+    share = (np.where(fits, flow, 0.0) + FLOW_PX) / (2 * FLOW_PX)
+    bits[..., :2] = np.where(fits, np.floor(LARGEST * share + 0.5), 0).astype(np.uint16)
     return bits
 
 
