@@ -26,7 +26,7 @@ AT_ONCE = 10
 LATE = 5.0
 """Readings over this last time of a run tell what stopped it [s]."""
 EARLIEST = 0.10
-"""The nose begins where the robot fits first beyond this arc length [m]: behind the anal canal and the rectum's fold."""
+"""The robot stands where it fits first beyond this arc length [m]: behind the anal canal and the rectum's folds."""
 WIDE, HELD, FORCED = 0.97, 0.5, 0.25
 """A robot stands in a lumen that is too wide where its tracks stand out to this share of their reach; its worm is held
 where that runs at less than this share of its speed; the core blocks it where it bears more than this share of the
