@@ -10,6 +10,7 @@ from haustra.envs.runs.device_run import PATIENCE, Records, ended, time_is_up
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.outcome import Outcome
 from haustra.envs.sim.device_native import NativeDevice
+from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.device_scene import build_device_scene, device_tables, pose_in
 from haustra.models.devices.base import Device
@@ -42,6 +43,8 @@ def run_devices(
         InvalidDesignError: when the device does not fit where it is to begin.
         UnsupportedSceneError: naming what the device or its scene does not honour.
     """
+    if options.gas is not None:
+        raise UnsupportedSceneError("Many runs at once do not honour the option gas: run them one by one.")
     count = len(colons)
     each = [replace(options, start_depth=start) for start in starts] if starts else [options] * count
     poses = [pose_in(colon, device, one) for colon, one in zip(colons, each, strict=True)]

@@ -12,7 +12,7 @@ from haustra.envs.study.run import Computing, run_sweep
 from haustra.envs.study.study_file import load_study
 from haustra.envs.tasks.device_task import DeviceEnv, DeviceRules
 from haustra.errors import HaustraError, UnsupportedSceneError
-from haustra.models.anatomy.colon import Colon
+from haustra.models.anatomy.colon import Colon, ColonSegment
 from haustra.models.anatomy.store import save_colon
 from haustra.models.device_scene import build_device_scene, device_options, device_tables, pose_in
 from haustra.models.devices.base import load_device
@@ -34,7 +34,7 @@ def robot(**changed: object) -> TrackedRobot:
 
 
 def with_worm(**changed: float) -> TrackedRobot:
-    design = robot().design
+    design = slack().design
     return robot(design=replace(design, worm=replace(design.worm, **changed)))
 
 
@@ -245,3 +245,15 @@ def test_warp_refuses_it_by_name() -> None:
     scene = build_device_scene(robot(), pose=pose_in_any())
     with pytest.raises(UnsupportedSceneError, match="'warp' cannot honour the treads of a device of kind 'tracked'"):
         WarpDevice.of(scene, device_tables(scene, [COLON]))
+
+
+def test_gas_widens_the_lumen_about_it_and_it_presses_less() -> None:
+    """A sigmoid given at 3 kPa is narrower at 2.5 kPa, and squeezes closed bellows; all tables of the robot move."""
+    colon = replace(COLON, segments=(ColonSegment("sigmoid", 0.0, COLON.centreline.length),))
+    device, pressed = slack(), []
+    for pressure in (2500.0, 3000.0):
+        options = device_options(device, start_depth=0.1, gas=pressure, gas_start=pressure)
+        run = run_device(device, colon, options, seconds=0.3)
+        assert run.records["gas_pressure"].shape[0] == len(run.records["time"])
+        pressed.append((run.records["normal"][-1], run.records["width"][-1], run.colon.radius.mean()))
+    assert pressed[0][0] > 1.1 * pressed[1][0] and pressed[0][1] < pressed[1][1] and pressed[0][2] < pressed[1][2]
