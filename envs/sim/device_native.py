@@ -13,7 +13,7 @@ from haustra.envs.sim.native import FATAL_WARNINGS
 from haustra.envs.sim.state import SPEED_LIMIT
 from haustra.envs.sim.table_planes import TablePlanes
 from haustra.models.device_scene import DeviceScene
-from haustra.models.devices.base import LOOK_AHEAD, DeviceReadings, State
+from haustra.models.devices.base import BENDS, LOOK_AHEAD, DeviceReadings, State
 from haustra.models.wall.lumen_table import Tables, pick
 from haustra.models.wall.moving_colon import axis_at
 
@@ -161,8 +161,15 @@ class NativeDevice:
 
     def _state(self) -> State:
         # Python's own arrays: a device must not write into what MuJoCo steps.
+        arcs, colons = self._arc(), self._wall.case * len(self.scene.radii)
         state = State(
-            self._qpos.copy(), self._qvel.copy(), self._act.copy(), self._frame(), self._arc(), self._force.copy()
+            self._qpos.copy(),
+            self._qvel.copy(),
+            self._act.copy(),
+            self._frame(),
+            arcs,
+            self._force.copy(),
+            bends=bends_behind(np, self._tables, colons, arcs, self.displacement),
         )
         if not self.scene.device.has_treads:
             return state
@@ -201,3 +208,16 @@ def look_ahead(xp: Any, tables: Tables, colons: Any, tip: Any, arcs: Any, displa
     target = axis_at(xp, pick(tables, colons), displacement, further)[:, 0]
     away = target - tip
     return away / xp.maximum(xp.sqrt((away**2).sum(axis=-1, keepdims=True)), 1e-6)
+
+
+def bends_behind(xp: Any, tables: Tables, colons: Any, arcs: Any, displacement: Any = None) -> Any:
+    """Angles (worlds, `BENDS`) that the lumen's axis turns through from the anus to places up to arc lengths [rad].
+
+    Arguments are those of `look_ahead`.
+    """
+    places = xp.maximum(arcs, 1e-3)[:, None] * np.linspace(0.0, 1.0, BENDS)
+    edges = xp.diff(axis_at(xp, pick(tables, colons), displacement, places), axis=1)
+    before, after = edges[:, :-1], edges[:, 1:]
+    across = xp.sqrt((xp.cross(before, after) ** 2).sum(axis=-1))
+    turned = xp.arctan2(across, (before * after).sum(axis=-1))
+    return xp.concatenate([xp.zeros((len(arcs), 1)), xp.cumsum(turned, axis=1), turned.sum(axis=1)[:, None]], axis=1)

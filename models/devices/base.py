@@ -94,6 +94,9 @@ class State(NamedTuple):
     """(worlds, spheres) normal force of the wall in the last step [N]; for devices with treads."""
     rubbed: Any = None
     """(worlds, spheres, 3) friction of the wall then, in the scene's axes [N]; for devices with treads."""
+    bends: Any = None
+    """(worlds, `BENDS`) angle that the lumen's axis has turned through between the anus and places evenly spaced from
+    there to the tip [rad]: what is trailed is wrapped round so much (`haustra.models.devices.tether`)."""
 
 
 class Treads(NamedTuple):
@@ -123,6 +126,10 @@ class DeviceReadings(NamedTuple):
     deepest: Any
     """(worlds,) how deep the device's surface stands in the wall at rest [m]; negative for room."""
 
+
+BENDS = 65
+"""Places from anus to tip at which bends are summed up: 2 cm apart in a colon of 1.3 m, so that what is narrower than a
+lumen is wide does not count as a bend; engineering choice."""
 
 LOOK_AHEAD = 0.03
 """How far along the lumen's axis `DeviceReadings.ahead` looks [m]; engineering choice: a bend's radius."""
