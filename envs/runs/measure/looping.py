@@ -1,4 +1,8 @@
-"""How much a run looped: measures that need no axes, loops by name, and what pulling back shortened."""
+"""How much a run looped: measures that need no axes, loops by name, and what pulling back shortened.
+
+Loops are those that the push made: forms that the colon had at rest already do not count
+(`haustra.envs.runs.measure.loops.Rest`).
+"""
 
 from dataclasses import dataclass
 
@@ -7,12 +11,14 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.runs.insertion import Insertion
-from haustra.envs.runs.measure.loops import Loop, LoopKind, find_loops, writhe
+from haustra.envs.runs.measure.loops import Loop, LoopKind, Rest, find_loops, writhe
 from haustra.models.scene import Scene
 
 FRONT_TO_BACK = np.array([0.0, 1.0, 0.0])
 """Loops are named as seen from the front, along y: an assumption, the one that landmarks are found by (z up, x across,
 as in RAS and LPS). Which way along it does not matter."""
+DOWN = np.array([0.0, 0.0, -1.0])
+"""The patient's feet."""
 
 _EVERY = 0.5
 """Time between two shapes that are looked at [s]; engineering choice."""
@@ -50,11 +56,12 @@ def looping(scene: Scene, run: Insertion) -> Looping:
     shapes = _Shapes(scene)
     turns, lasting, loops = 0.0, dict.fromkeys((kind.value for kind in LoopKind), 0.0), ()
     for record in records:
-        inside, regions = shapes.inside(seen.qpos[record], float(seen.insertion[record]), float(seen.tip_arc[record]))
+        insertion, tip_arc = float(seen.insertion[record]), float(seen.tip_arc[record])
+        inside, regions, rest = shapes.inside(seen.qpos[record], insertion, tip_arc)
         if len(inside) < 4:
             continue
         turns = max(turns, abs(writhe(inside)))
-        loops = find_loops(inside, view=FRONT_TO_BACK, regions=regions)
+        loops = find_loops(inside, view=FRONT_TO_BACK, regions=regions, down=DOWN, rest=rest)
         for kind in {loop.kind for loop in loops}:
             lasting[kind.value] += stride * interval
     excess = seen.insertion - seen.tip_arc
@@ -92,8 +99,8 @@ class _Shapes:
 
     def inside(
         self, qpos: Float[np.ndarray, " q"], insertion: float, tip_arc: float
-    ) -> tuple[Float[np.ndarray, "nodes 3"], dict[str, tuple[float, float]]]:
-        """Points from the anus to the tip, and where along them the colon's segments lie, the excess spread evenly."""
+    ) -> tuple[Float[np.ndarray, "nodes 3"], dict[str, tuple[float, float]], Rest]:
+        """Points from anus to tip, where segments lie along them, and the colon at rest; excess spread evenly."""
         self.data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, self.data)
         points = np.vstack([self.data.xpos[self.links], self.data.site_xpos[self.tip]])
@@ -104,4 +111,5 @@ class _Shapes:
             segment.name: (segment.start * stretch - skipped, segment.end * stretch - skipped)
             for segment in self.scene.colon.segments
         }
-        return points, regions
+        line, behind = self.scene.colon.centreline, self.scene.cable.node_distances[-len(points) :]
+        return points, regions, Rest(line.points, line.arc, (insertion - behind) / stretch)

@@ -1,9 +1,14 @@
-"""Loops of the scope, read off its shape: N, alpha, reversed alpha, gamma.
+"""Loops of the scope, read off its shape: N, alpha, reversed alpha, deep transverse, gamma.
 
-Definitions, after Cotton and Williams, Practical Gastrointestinal Endoscopy (from memory, unverified): an alpha loop
-crosses itself and comes out with clockwise torque, seen along the scope from the handle; a reversed alpha loop with
-anticlockwise torque; a gamma loop crosses itself in the transverse colon; an N loop bows one way and back without
-crossing itself.
+Definitions, after Cotton and Williams, Practical Gastrointestinal Endoscopy (from memory, unverified), and readers of
+magnetic imagers: an alpha loop crosses itself and comes out with clockwise torque, seen along the scope from the
+handle; a reversed alpha loop with anticlockwise torque; a gamma loop crosses itself in the transverse colon; an N loop
+bows one way and back without crossing itself, between the rectum and the end of the descending colon; a deep transverse
+loop hangs down from both ends of the transverse colon.
+
+A colon has a course of its own, which a scope that pushes nothing follows. Told where the colon lay at rest (`Rest`),
+only those are loops that the push made: forms that the colon did not have there, of a scope that has left the lumen at
+rest, or forms that it had and that reach further now. A scope laid on the axis at rest has none.
 
 A crossing that clockwise torque undoes is right-handed: pulled straight, a loop of writhe +1 leaves one right-handed
 turn of twist (Calugareanu's theorem), which the handle takes out by turning clockwise. So the sign of the crossing
@@ -29,6 +34,16 @@ _SLACK = 1.15
 _SHORTEST = 0.05
 """A loop runs along at least this much of the scope [m]; engineering choice: tighter is no loop but noise."""
 
+_DEEP = 0.08
+"""A transverse colon is deep that hangs at least this far below both its ends [m]; engineering choice."""
+
+_PUSHED = 0.04
+"""A scope has left the lumen at rest where it is further than this from the axis at rest, and a form that the colon had
+is pushed where it reaches further by this [m]; engineering choice above the lumen's radius of 15 to 30 mm."""
+
+_BESIDE = 0.05
+"""A form of the colon at rest is looked for along a loop and this far beyond both ends [m]; engineering choice."""
+
 
 class LoopKind(Enum):
     """Kinds of loops that endoscopists name."""
@@ -36,7 +51,12 @@ class LoopKind(Enum):
     N = "N"
     ALPHA = "alpha"
     REVERSED_ALPHA = "reversed alpha"
+    DEEP_TRANSVERSE = "deep transverse"
     GAMMA = "gamma"
+
+
+CROSSING = (LoopKind.ALPHA, LoopKind.REVERSED_ALPHA, LoopKind.GAMMA)
+"""Kinds of loops that cross themselves."""
 
 
 @dataclass(frozen=True)
@@ -52,19 +72,39 @@ class Loop:
     """Largest distance between two of its points [m]."""
 
 
+@dataclass(frozen=True)
+class Rest:
+    """Where the colon lay before a scope came."""
+
+    points: Float[np.ndarray, "stations 3"]
+    """Its axis, from the anus [m]."""
+    arc: Float[np.ndarray, " stations"]
+    """Arc length there [m]."""
+    beside: Float[np.ndarray, " n"]
+    """Arc length beside each point of the scope [m]."""
+
+    def between(self, low: float, high: float) -> Float[np.ndarray, "_ 3"]:
+        """The axis between two arc lengths [m]."""
+        return self.points[(self.arc >= low) & (self.arc <= high)]
+
+
 def find_loops(
     points: Float[np.ndarray, "n 3"],
     *,
     view: Float[np.ndarray, "3"],
     regions: Mapping[str, tuple[float, float]] | None = None,
+    down: Float[np.ndarray, "3"] | None = None,
+    rest: Rest | None = None,
 ) -> tuple[Loop, ...]:
     """Loops of a scope as seen along `view`, from the handle to the tip.
 
     Args:
         points: along the scope's axis, from the handle to the tip [m].
         view: direction of sight, along which crossings are looked for: the anteroposterior axis.
-        regions: from where to where the scope lies in each segment of the colon [m along the scope]; a crossing loop
-            in a segment named 'transverse' is a gamma loop.
+        regions: from where to where the scope lies in each segment of the colon [m along the scope]: a crossing loop
+            in one named 'transverse' is a gamma loop, and N loops lie before the end of one named 'descending'.
+        down: direction of the patient's feet, in which a deep transverse loop hangs; none is looked for when None.
+        rest: where the colon lay at rest; all forms are loops when None, whoever made them.
 
     Raises:
         InvalidOptionError: when there are fewer than four points, or the view has no direction.
@@ -79,9 +119,58 @@ def find_loops(
         Loop(_kind(start, end, sign, regions), start, end, _extent(line, arc, start, end))
         for start, end, sign in _crossed(_crossings(flat, height, arc))
     ]
-    free = _gaps(loops, arc[-1])
+    last = (regions or {}).get("descending", (0.0, arc[-1]))[1]
+    free = [(start, min(end, last)) for start, end in _gaps(loops, arc[-1]) if start < last]
     loops += [bow for start, end in free if (bow := _bow(line, flat, arc, start, end))]
+    if down is not None and (deep := _deep(line, arc, regions or {}, np.asarray(down, dtype=float))):
+        loops += [] if any(loop.kind is LoopKind.GAMMA for loop in loops) else [deep]
+    if rest is not None:
+        loops = [loop for loop in loops if _is_pushed(loop, line, arc, rest, view, down)]
     return tuple(sorted(loops, key=lambda loop: loop.start))
+
+
+def reach(points: Float[np.ndarray, "n 3"]) -> float:
+    """How far a curve bows out: the largest distance of its points from the line through its ends [m]."""
+    chord = points[-1] - points[0]
+    along = chord / max(float(np.linalg.norm(chord)), 1e-9)
+    away = points - points[0]
+    share = np.clip(away @ along, 0.0, np.linalg.norm(chord))
+    return float(np.linalg.norm(away - share[:, None] * along, axis=1).max())
+
+
+def _is_pushed(
+    loop: Loop, line: np.ndarray, arc: np.ndarray, rest: Rest, view: np.ndarray, down: np.ndarray | None
+) -> bool:
+    """Whether it is what a push made, and not the colon's own course."""
+    inside = (arc >= loop.start - _SHORTEST / 2) & (arc <= loop.end + _SHORTEST / 2)
+    low, high = float(rest.beside[inside].min()), float(rest.beside[inside].max())
+    own, near = rest.between(low, high), rest.between(low - _BESIDE, high + _BESIDE)
+    if len(near) < 4 or len(own) < 2:
+        return False
+    away = np.linalg.norm(line[inside][:, None] - near[None], axis=2).min(axis=1).max()
+    if away <= _PUSHED:
+        return False
+    if loop.kind is LoopKind.DEEP_TRANSVERSE:
+        assert down is not None
+        return bool((line[inside] @ down).max() > (own @ down).max() + _PUSHED)
+    kinds = CROSSING if loop.kind in CROSSING else (loop.kind,)
+    had = any(form.kind in kinds for form in find_loops(near, view=view))
+    return not had or reach(line[inside]) > reach(own) + _PUSHED
+
+
+def _deep(
+    line: np.ndarray, arc: np.ndarray, regions: Mapping[str, tuple[float, float]], down: np.ndarray
+) -> Loop | None:
+    """A transverse colon that hangs below both its ends, or below the tip in it."""
+    start, end = regions.get("transverse", (arc[-1], arc[-1]))
+    inside = np.flatnonzero((arc >= start) & (arc <= end))
+    if len(inside) < 4:
+        return None
+    depth = line[inside] @ down
+    if depth.max() - max(depth[0], depth[-1]) < _DEEP:
+        return None
+    begins, ends = float(arc[inside[0]]), float(arc[inside[-1]])
+    return Loop(LoopKind.DEEP_TRANSVERSE, begins, ends, _extent(line, arc, begins, ends))
 
 
 def writhe(points: Float[np.ndarray, "n 3"]) -> float:

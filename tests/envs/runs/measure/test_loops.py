@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from haustra.envs.runs.measure.loops import LoopKind, find_loops, writhe
+from haustra.envs.runs.measure.loops import LoopKind, Rest, find_loops, writhe
 from haustra.errors import InvalidOptionError
 
 VIEW = np.array([0.0, 1.0, 0.0])
@@ -91,3 +91,55 @@ def test_what_is_no_shape_is_refused():
         find_loops(np.zeros((3, 3)), view=VIEW)
     with pytest.raises(InvalidOptionError, match="direction"):
         find_loops(curl(1.0), view=np.zeros(3))
+
+
+def at_rest(line: np.ndarray) -> Rest:
+    """A colon whose axis at rest is that line, as a scope on it meets it."""
+    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    return Rest(line, arc, arc)
+
+
+@pytest.mark.parametrize("handed", [1.0, -1.0])
+def test_a_scope_laid_on_a_coiled_colon_has_no_loop(handed):
+    """Null test: what was not pushed made no loop, whatever the colon's own course; the form alone would be one."""
+    line, view = curl(handed), np.array([0, 0, 1.0])
+    assert len(find_loops(line, view=view)) == 1
+    assert find_loops(line, view=view, rest=at_rest(line)) == ()
+    inside_the_lumen = line + np.array([0.0, 0.0, 0.02])
+    assert find_loops(inside_the_lumen, view=view, rest=at_rest(line)) == ()
+
+
+def test_a_loop_that_the_push_made_or_enlarged_counts():
+    view, loop = np.array([0, 0, 1.0]), curl(1.0)
+    straight = np.column_stack([np.linspace(loop[0, 0], loop[-1, 0], len(loop)), np.zeros((len(loop), 2))])
+    rest = at_rest(straight)
+    spread = Rest(rest.points, rest.arc, np.linspace(0.0, rest.arc[-1], len(loop)))
+    assert [each.kind for each in find_loops(loop, view=view, rest=spread)] == [LoopKind.ALPHA]
+    wider = np.vstack([loop[:29], 2.0 * loop[29:149], loop[149:] + loop[148]])
+    assert find_loops(loop, view=view, rest=at_rest(loop)) == ()
+    grown = at_rest(loop)
+    assert [each.kind for each in find_loops(wider, view=view, rest=grown)] == [LoopKind.ALPHA]
+
+
+def test_an_n_ends_with_the_descending_colon():
+    """A scope up the left side, across and down the right bows one way and back, and is straight to an endoscopist."""
+    s = np.linspace(0, 1, 200)
+    heading = 1.5 * np.sin(2 * np.pi * s)
+    path = 0.4 * np.cumsum(np.stack([np.cos(heading), 0 * s, np.sin(heading)], axis=1), axis=0) / 200
+    assert len(find_loops(path, view=VIEW)) == 1
+    assert find_loops(path, view=VIEW, regions={"descending": (0.05, 0.15), "transverse": (0.15, 0.4)}) == ()
+
+
+def test_a_transverse_colon_pushed_down_is_a_deep_loop():
+    s = np.linspace(0, 1, 60)
+
+    def hanging(depth: float) -> np.ndarray:
+        return np.stack([0.3 * s, 0 * s, -depth * np.sin(np.pi * s)], axis=1)
+
+    regions, down, rest = {"transverse": (0.0, 1.0)}, np.array([0, 0, -1.0]), at_rest(hanging(0.06))
+    deep = Rest(rest.points, rest.arc, np.linspace(0, rest.arc[-1], 60))
+    assert find_loops(hanging(0.06), view=VIEW, regions=regions, down=down) == ()
+    (loop,) = find_loops(hanging(0.16), view=VIEW, regions=regions, down=down, rest=deep)
+    assert loop.kind is LoopKind.DEEP_TRANSVERSE
+    own = at_rest(hanging(0.16))
+    assert find_loops(hanging(0.16), view=VIEW, regions=regions, down=down, rest=own) == ()
