@@ -167,9 +167,9 @@ def _require_alike(scene: DeviceScene) -> None:
         return
     if len(scene.radii) > 1:
         raise UnsupportedSceneError("Spheres of several radii cannot press on a colon that moves: give them one.")
-    if not np.isnan([scene.own("stiffness"), scene.own("friction")]).all():
+    if not np.isnan(scene.own("stiffness")).all():
         raise UnsupportedSceneError(
-            "Spheres with stiffness or friction of their own cannot press on a colon that moves: leave it fixed."
+            "Spheres with stiffness of their own cannot press on a colon that moves: leave it fixed."
         )
 
 

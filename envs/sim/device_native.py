@@ -49,6 +49,7 @@ class NativeDevice:
         self._batch = batch = Batch(model, worlds, nthread=threads)
         self._qpos, self._qvel, self._act = (batch.bind(name) for name in ("qpos", "qvel", "act"))
         self._ctrl, self._time, self._force = (batch.bind(name) for name in ("ctrl", "time", "actuator_force"))
+        self._actuator_speed = batch.bind("actuator_velocity")
         self._site_xpos, self._site_xmat = batch.bind("site_xpos"), batch.bind("site_xmat")
         self._xpos = batch.bind("geom_xpos")
         self._tip = model.site(scene.handles.tip).id
@@ -118,16 +119,27 @@ class NativeDevice:
         """What every device can be told by, at the end of the last step."""
         arcs = self._arc()
         tip = self._site_xpos[:, self._tip].copy()
-        links = np.einsum("wsi,sb->wbi", self._wall.forces(), self.scene.members)
         return DeviceReadings(
             time=self._time.reshape(-1).copy(),
             tip=tip,
             tip_frame=self._frame(),
             tip_arc=arcs,
             ahead=look_ahead(np, self._tables, self._wall.case * len(self.scene.radii), tip, arcs, self.displacement),
-            wall_force=np.linalg.norm(links, axis=2).max(axis=1),
+            wall_force=self.body_forces().max(axis=1),
             deepest=self._wall.depth.max(axis=1),
         )
+
+    def body_forces(self) -> Float[np.ndarray, "worlds bodies"]:
+        """Resultant normal force of the wall on each body that meets it [N]."""
+        return np.linalg.norm(np.einsum("wsi,sb->wbi", self._wall.forces(), self.scene.members), axis=2)
+
+    def body_arcs(self) -> Float[np.ndarray, "worlds bodies"]:
+        """Mean arc length of each body's spheres [m]."""
+        return self._wall.arcs @ (self.scene.members / self.scene.members.sum(axis=0))
+
+    def power(self) -> Float[np.ndarray, " worlds"]:
+        """What the actuators that drive put in [W]; what holds back counts for nothing."""
+        return np.maximum(self._force * self._actuator_speed, 0.0).sum(axis=1)
 
     def readings(self) -> dict[str, Float[np.ndarray, " worlds"]]:
         """The device's own quantities, by name."""

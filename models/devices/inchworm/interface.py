@@ -31,14 +31,12 @@ PADS = 6
 """Pads round each balloon."""
 ENDS = "rear", "front"
 _GRAVITY = 9.81
-_SPHERE = 0.5
-"""Radius of a pad's sphere over the body's radius [1]: small enough to be drawn in, as wide as a balloon is high."""
 _PAD_MASS = 1e-3
 """Of a pad [kg]; engineering choice: next to nothing."""
-_PAD_DAMPING = 30.0
-"""Of a pad's slide [N s/m]; engineering choice: filling takes some tenths of a second."""
-_SKIN = 30.0
-"""Stiffness that draws a pad back [N/m]; engineering choice: half a newton over a centimetre and a half."""
+_PAD_DAMPING = 10.0
+"""Of a pad's slide [N s/m]; engineering choice: filling and emptying take some tenths of a second."""
+_SKIN = 60.0
+"""Stiffness that draws a pad back [N/m]; engineering choice: an empty balloon is drawn in within half a second."""
 _INSIDE = 0.03
 """How far inside the rear end begins [m]; engineering choice: beyond the anal canal's outer half."""
 _SPEED_GAIN = 0.1
@@ -72,6 +70,8 @@ class Inchworm(Device):
     """Largest diameter of a balloon [m]."""
     pressure: float = number("Pa", 100.0, 5e4)
     """Gauge pressure of a filled balloon [Pa]."""
+    grip: float = number("1", 0.0, 2.0)
+    """Coulomb's coefficient between balloons and wall [1]."""
     push: float = number("N", 0.1, 100.0)
     """Largest force with which the body extends and contracts [N]."""
     speed: float = number("m/s", 1e-4, 0.2)
@@ -145,13 +145,13 @@ class Inchworm(Device):
     @property
     def usual(self) -> Mapping[str, Any]:
         """Both balloons begin inside."""
-        return {"start_depth": self.contracted + self.balloon_length + self._ball + _INSIDE}
+        return {"start_depth": self.contracted + 2 * (self._nose + self._ball) + _INSIDE}
 
     def add_to(self, spec: mujoco.MjSpec, pose: Pose, *, timestep: float, start: float) -> Handles:
         """Two balloons, contracted; the nose `start` past the anus."""
         quaternion = np.empty(4)
         mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(pose.frame, float).ravel())
-        nose = self.balloon_length / 2 + self._ball
+        nose = self._nose + self._ball
         behind = start - nose - self.contracted
         rear = spec.worldbody.add_body(
             name=self._name("rear"), pos=pose.position + behind * pose.frame[:, 2], quat=quaternion
@@ -181,12 +181,14 @@ class Inchworm(Device):
         front = slider.add_body(name=self._name("front"), pos=[0, 0, self.balloon_length / 2])
         self._add_bend(front, "front", timestep, at=-self.balloon_length / 2)
         samples += self._add_balloon(spec, front, "front", timestep)
-        samples += (Sample(self._name("front"), np.array([0, 0, self.balloon_length / 2]), self._ball),)
+        samples += (Sample(self._name("front"), np.array([0, 0, self._nose]), self._ball),)
         front.add_site(name=self._name("tip"), pos=[0, 0, nose])
         rear.add_site(name=self._name("rear_end"), pos=[0, 0, -nose])
         self._add_actuators(spec)
         bodies = tuple(dict.fromkeys(sample.body for sample in samples))
-        return Handles(bodies, samples, (), self._name("tip"), start)
+        patch = math.sqrt(4 * self.pad_area / math.pi)
+        patches = {body: patch for body in bodies if body != self._name("front")}
+        return Handles(bodies, samples, (), self._name("tip"), start, patches)
 
     def control(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State, commands: Any) -> Any:
         """Pressures on all pads, the body's length, steering, and the tether's drag over the speed of the rear end."""
@@ -224,8 +226,13 @@ class Inchworm(Device):
 
     @property
     def _ball(self) -> float:
-        """Radius of a pad's sphere and of the nose [m]."""
-        return _SPHERE * self.diameter / 2
+        """Radius of a pad's sphere, which is drawn in to the axis, and of the nose [m]."""
+        return self.diameter / 2
+
+    @property
+    def _nose(self) -> float:
+        """From the front balloon's middle to the nose's [m]."""
+        return max(self.balloon_length / 2 - self._ball, 0.0)
 
     def _add_balloon(self, spec: mujoco.MjSpec, body: Any, end: str, timestep: float) -> tuple[Sample, ...]:
         self._add_shell(body, end, self.balloon_length, [0.85, 0.87, 0.9, 1])
@@ -234,7 +241,7 @@ class Inchworm(Device):
         for pad in range(PADS):
             name, angle = self._name(f"balloon_{end}_{pad}"), math.tau * pad / PADS
             out = np.array([math.cos(angle), math.sin(angle), 0.0])
-            part = body.add_body(name=name, pos=(self.diameter / 2 - self._ball) * out)
+            part = body.add_body(name=name, pos=[0, 0, 0])
             part.add_joint(
                 name=name,
                 type=mujoco.mjtJoint.mjJNT_SLIDE,
@@ -250,7 +257,7 @@ class Inchworm(Device):
             )
             actuator = spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
             actuator.gainprm = [self.pad_area] + [0.0] * 9
-            samples.append(Sample(name, np.zeros(3), self._ball))
+            samples.append(Sample(name, np.zeros(3), self._ball, friction=self.grip))
         return tuple(samples)
 
     def _add_shell(self, body: Any, part: str, length: float, colour: list[float]) -> None:

@@ -17,7 +17,7 @@ doi 10.2514/3.1873): over the radius R of a usual bend it acts as EI = pi p r^3 
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import ModuleType
 from typing import Any, ClassVar
@@ -122,20 +122,16 @@ class Vine(Device):
             Reading("body_pressure", "Pa", "pressure inside"),
         )
 
-    @property
-    def usual(self) -> Mapping[str, Any]:
-        """Nothing slides on the wall."""
-        return {"friction": 0.0}
-
     def add_to(self, spec: mujoco.MjSpec, pose: Pose, *, timestep: float, start: float) -> Handles:
-        """A straight body, its tip past the anus."""
+        """A straight body, its tip past the anus; nothing of it slides on the wall."""
         handles = self._body.add_to(spec, pose, timestep=timestep, start=start)
         # Without a force: its control says what the pressure is.
         inside = spec.add_actuator(name="vine/pressure", target="scope/push", trntype=mujoco.mjtTrn.mjTRN_JOINT)
         inside.gainprm = [0.0] * 10
         for name in handles.geoms:
             spec.geom(name).rgba = [0.85, 0.9, 0.95, 0.9]
-        return handles
+        samples = tuple(replace(sample, friction=0.0) for sample in handles.samples)
+        return replace(handles, samples=samples)
 
     def control(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State, commands: Any) -> Any:
         """Growth as asked for, as far as the pressure goes, and pulls that bend the steered stretch."""
