@@ -24,7 +24,12 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "report": f"{_SCRIPTS}.report:Report",
         "view": f"{_SCRIPTS}.view:View",
     },
+    "The clinic": {
+        "imager export": f"{_SCRIPTS}.imager:ImagerExport",
+        "imager score": f"{_SCRIPTS}.imager:ImagerScore",
+    },
     "Studies of designs": {
+        "compare": f"{_SCRIPTS}.compare:Compare",
         "sweep": f"{_SCRIPTS}.sweep:Sweep",
         "optimise": f"{_SCRIPTS}.sweep:Optimise",
         "sensitivity": f"{_SCRIPTS}.sweep:Sensitivity",

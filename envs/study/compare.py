@@ -15,8 +15,10 @@ import numpy as np
 from haustra.envs.runs.device_run import DeviceRun, burden_scores, common_scores, run_device
 from haustra.envs.runs.insertion import Insertion
 from haustra.envs.runs.outcome import Outcome
-from haustra.envs.study.patients import Patient, patient_named, patients
+from haustra.envs.study.compare_patients import Patient, patient_named, patients
+from haustra.envs.study.compare_table import summarise
 from haustra.envs.study.questions import Backend, Question, Runner, one_by_one
+from haustra.envs.study.store import read_store
 from haustra.envs.study.study import Column, Job, Result, Sampler, Study, Value
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.fields import number
@@ -234,17 +236,37 @@ def _start(study: Study, folder: Path) -> Runner:
 
 def draw(run: "DeviceRun | Insertion", patient: Patient, path: Path) -> None:
     """Draw how a run ended into a PNG file."""
-    from haustra.envs.view.picture.device_picture import device_picture
     from haustra.envs.view.picture.image import write_png
     from haustra.envs.view.picture.outside import default_rotation, outside_view
 
     path.parent.mkdir(exist_ok=True)
-    lumen, rotation = run.colon.lumen, default_rotation(patient.colon.lumen, patient.colon.centreline.points)
-    if isinstance(run, DeviceRun):
-        picture = device_picture(run, rotation=rotation)
-    else:
-        picture = outside_view(lumen, run.shape, 0.0064, rotation=rotation)
-    write_png(path, picture)
+    rotation = default_rotation(patient.colon.lumen, patient.colon.centreline.points)
+    radius = run.radius if isinstance(run, DeviceRun) else 0.0064
+    write_png(path, outside_view(run.colon.lumen, run.shape, radius, rotation=rotation))
+
+
+def compared(folder: Path) -> dict[str, Any]:
+    """What the runs of a comparison's folder say so far.
+
+    Returns:
+        `devices` and `pairs` (`haustra.envs.study.compare_table.summarise`), `runs`, a row a finished run with its
+        curves, and `lost`, those that did not finish and why.
+
+    Raises:
+        UnreadableFileError: when the folder holds no comparison.
+    """
+    runs, lost = [], []
+    with read_store(folder) as store:
+        study = store.study
+        for row in store.rows():
+            device, patient = (str(row["conditions"][name]) for name in ("device", "patient"))
+            own = {"device": load_device(device).name, "patient": patient}
+            if row["state"] == "finished":
+                runs.append({**own, **row["scores"], "curves": row["curves"]})
+            elif row["state"] in ("failed", "diverged"):
+                lost.append({**own, "state": row["state"], "reason": row["reason"]})
+    names = [load_device(str(name)).name for name in study.conditions["device"]]
+    return {**summarise(runs, names), "runs": runs, "lost": lost, "title": study.title}
 
 
 def _check(study: Study, variables: Mapping[str, float], conditions: Mapping[str, Value]) -> None:
