@@ -32,7 +32,7 @@ class Compare:
 
     def __call__(self) -> dict[str, Any]:
         """Run what is missing, then write tables and page."""
-        from haustra.envs.study.compare import CompareOptions, comparison, compared
+        from haustra.envs.study.compare import CompareOptions, compared, comparison
         from haustra.envs.study.run import Computing, run_sweep
         from haustra.envs.view.report.compare_report import report_comparison
         from haustra.scripts.console import progress_bar
@@ -48,4 +48,5 @@ class Compare:
 
             run_sweep(study, self.output, computing, resume=self.resume, tables=False, progress=tell)
         found = compared(self.output)
-        return {**found, **report_comparison(self.output, found)}
+        told = {name: found[name] for name in ("devices", "pairs", "lost")}
+        return {**told, "files": report_comparison(self.output, found)}

@@ -12,7 +12,7 @@ from haustra.envs.view.report.page import write_report
 from haustra.envs.view.report.sections import Chart, Gallery, Picture, Section, Table, Warnings
 from haustra.files import write_atomically
 
-PAGE, RUNS, DEVICES, PAIRS, PAPER = "report.html", "runs.csv", "devices.csv", "pairs.csv", "table.tex"
+RUNS, DEVICES, PAIRS, PAPER = "runs.csv", "devices.csv", "pairs.csv", "paper.tex"
 _ROWS = (
     ("caecal intubation", "intubation", "{:.0%}"),
     ("reach, share of the colon", "reach_mean", "{:.2f}"),
@@ -29,14 +29,14 @@ _ROWS = (
     ("begins at [m]", "begins_mean_m", "{:.2f}"),
 )
 _ABOUT = (
-    "Means over the same patients. Extension: the farthest that a place of the colon was moved from where it was at rest. "
-    "Work: of the hand along a scope, of all actuators of other devices. Scopes are driven by the lumen follower, other "
-    "devices by the driver that comes with each."
+    "Means over the same patients. Extension: the farthest that a place of the colon was moved from where it was at "
+    "rest. Work: of the hand along a scope, of all actuators of other devices. Scopes are driven by the lumen "
+    "follower, other devices by the driver that comes with each."
 )
 
 
 def report_comparison(folder: Path, found: Mapping[str, Any]) -> dict[str, str]:
-    """Write the page, `table.tex` and CSV files of what `haustra.envs.study.compare.compared` told.
+    """Write the page, `paper.tex` and CSV files of what `haustra.envs.study.compare.compared` told.
 
     Returns:
         Paths of what was written.
@@ -51,8 +51,7 @@ def report_comparison(folder: Path, found: Mapping[str, Any]) -> dict[str, str]:
         _write(folder / name, _csv(rows))
     _write(folder / PAPER, _latex(found["devices"]))
     page = write_report(folder, title="Devices compared", subtitle=found["title"], sections=_sections(folder, found))
-    files = {name.partition(".")[0]: str(folder / name) for name in (*tables, PAPER)}
-    return {**files, "report": str(page)}
+    return {"report": str(page), **{f"{Path(name).stem}_table": str(folder / name) for name in (*tables, PAPER)}}
 
 
 _COUNTS = "stopped_by", "pain_sites"
@@ -150,9 +149,8 @@ def _latex(devices: Sequence[Mapping[str, Any]]) -> str:
     ]
     body = " \\\\\n".join(lines)
     columns = "l" + "r" * len(devices)
-    return (
-        f"\\begin{{tabular}}{{{columns}}}\n\\toprule\n{head} \\\\\n\\midrule\n{body} \\\\\n\\bottomrule\n\\end{{tabular}}\n"
-    )
+    ends = f"\\begin{{tabular}}{{{columns}}}\n\\toprule\n", "\\bottomrule\n\\end{tabular}\n"
+    return f"{ends[0]}{head} \\\\\n\\midrule\n{body} \\\\\n{ends[1]}"
 
 
 def _escaped(text: str) -> str:

@@ -1,8 +1,8 @@
 """A tethered magnetic capsule: a free body, six contact spheres along its axis, led by a magnet or by a wrench.
 
-What leads it is a magnet outside the patient, whose pose is the control and which acts as a dipole on that in the capsule
-(`haustra.models.devices.capsule.magnet`), or any force and torque within limits. The tether is a drag on the rear end:
-friction of what has been drawn in and what it is wound round (`haustra.models.devices.tether`).
+What leads it is a magnet outside the patient, whose pose is the control and which acts as a dipole on that in the
+capsule (`haustra.models.devices.capsule.magnet`), or any force and torque within limits. The tether is a drag on the
+rear end: friction of what has been drawn in, and what it is wound round (`haustra.models.devices.tether`).
 """
 
 from collections.abc import Mapping

@@ -1,14 +1,14 @@
 """A two-anchor inchworm: two balloons on a body that extends, a joint behind each, and a tether.
 
-A balloon is a ring of pads on radial slides. Pressure p pushes each outwards by p times its share of the balloon's side,
-up to the balloon's largest diameter; what the wall gives back is friction. In each cycle the rear balloon holds while
-the body extends by its stroke, then the front one holds while it contracts, so that the step is
+A balloon is a ring of pads on radial slides. Pressure p pushes each outwards by p times its share of the balloon's
+side, up to the balloon's largest diameter; what the wall gives back is friction. In each cycle the rear balloon holds
+while the body extends by its stroke, then the front one holds while it contracts, so that the step is
 
     step = stroke - slip of both anchors,
 
-where an anchor that carries the force F under the normal force N creeps at v_s F / (mu N) while it holds, by the contact
-law's own slip speed v_s (`haustra.models.wall.law`), and slides where F is more than mu N. The tether's tension is F, and
-what bends add (`haustra.models.devices.tether`).
+where an anchor that carries the force F under the normal force N creeps at v_s F / (mu N) while it holds, by the
+contact law's own slip speed v_s (`haustra.models.wall.law`), and slides where F is more than mu N. F is the drag of
+what moves, and the tether's tension (`haustra.models.devices.tether`).
 """
 
 import math

@@ -1,9 +1,9 @@
 """An everting ("vine") endoscope: pressure turns its tail inside out at the tip, where new body appears.
 
-What lies on the wall was laid there and does not slide. At any instant it is an elastic curve from the anus to the tip
-of a length that grows, held at the anus: the same curve as that of a shaft which is pushed in without friction, which is
-how it is simulated, by the chain of a scope (`haustra.models.devices.scope.cable`). The force along it is what the tip
-presses with. Pressure p on the cross-section A has that force left over from what eversion takes,
+What lies on the wall was laid there and does not slide. At any instant it is an elastic curve from the anus to the
+tip, of a length that grows, held at the anus: the same curve as that of a shaft which is pushed in without friction,
+which is how it is simulated, by the chain of a scope (`haustra.models.devices.scope.cable`). The force along it is what
+the tip presses with. Pressure p on the cross-section A has that force left over from what eversion takes,
 
     F = (p - p_y) A - T,
 
@@ -140,7 +140,7 @@ class Vine(Device):
         rate, pressure, up, left = xp.clip(commands, low, high).T
         spare = self._left_over(xp, pressure, state) - self._pressing(model, state)
         grows = state.qvel[:, int(model.joint("scope/push").dofadr[0])]
-        rate = xp.minimum(rate, grows + spare / (_HAND_STIFFNESS * _ANSWER))
+        rate = xp.minimum(rate, xp.maximum(grows + spare / (_HAND_STIFFNESS * _ANSWER), 0.0))
         bends = xp.stack([up, left], axis=1) * self._body.design.pull_per_angle
         pulls = xp.maximum(xp.concatenate([bends, -bends], axis=1), 0.0)
         asked = xp.concatenate([rate[:, None], 0.0 * rate[:, None], pulls], axis=1)
