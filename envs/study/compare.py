@@ -51,6 +51,8 @@ SCORES = (
     Column("begins_m", "m", "where along the colon its tip began"),
     Column("mesentery", "1", "1 where the colon was on its mesentery, 0 where it stood fixed"),
 )
+_SCOPE_RADIUS = 0.0064
+"""As pictures show scopes [m]."""
 _SITES = ("rectum", "sigmoid", "descending", "transverse", "ascending", "caecum", "splenic_flexure", "hepatic_flexure")
 PAIN_BY_SITE = tuple(Column(f"pain_{site}", "1", f"largest pain at the {site.replace('_', ' ')}") for site in _SITES)
 
@@ -235,14 +237,19 @@ def _start(study: Study, folder: Path) -> Runner:
 
 
 def draw(run: "DeviceRun | Insertion", patient: Patient, path: Path) -> None:
-    """Draw how a run ended into a PNG file."""
+    """Draw how a run ended into a PNG file, and the device close by beside it."""
+    from haustra.envs.view.device_folder import end_pictures
     from haustra.envs.view.picture.image import write_png
     from haustra.envs.view.picture.outside import default_rotation, outside_view
 
     path.parent.mkdir(exist_ok=True)
+    if isinstance(run, DeviceRun):
+        pictures = end_pictures(run)
+        write_png(path, pictures["outside"])
+        write_png(path.with_name(f"{path.stem}-close.png"), pictures["device"])
+        return
     rotation = default_rotation(patient.colon.lumen, patient.colon.centreline.points)
-    radius = run.radius if isinstance(run, DeviceRun) else 0.0064
-    write_png(path, outside_view(run.colon.lumen, run.shape, radius, rotation=rotation))
+    write_png(path, outside_view(run.colon.lumen, run.shape, _SCOPE_RADIUS, rotation=rotation))
 
 
 def compared(folder: Path) -> dict[str, Any]:

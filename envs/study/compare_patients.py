@@ -24,11 +24,11 @@ class Patient:
     name: str
     """Cohort and number, as in 'quick-0'."""
     seed: int
-    """Of the grown colon."""
+    """Seed of the grown colon."""
     friction: float
     """Coulomb's coefficient between device and wall [1]."""
     wall_stiffness: float
-    """Of a contact with the wall [N/m]."""
+    """Stiffness of a contact with the wall [N/m]."""
 
     @property
     def colon(self) -> Colon:

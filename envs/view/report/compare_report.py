@@ -28,6 +28,10 @@ _ROWS = (
     ("work along the body [J]", "work_mean_J", "{:.1f}"),
     ("begins at [m]", "begins_mean_m", "{:.2f}"),
 )
+_PICTURES = {
+    "": "How the run in the first patient ended: the colon is drawn translucent.",
+    "-close": "The device close by, there.",
+}
 _ABOUT = (
     "Means over the same patients. Extension: the farthest that a place of the colon was moved from where it was at "
     "rest. Work: of the hand along a scope, of all actuators of other devices. Scopes are driven by the lumen "
@@ -79,9 +83,10 @@ def _sections(folder: Path, found: Mapping[str, Any]) -> list[Section]:
         for pair in found["pairs"]
     ]
     pictures = [
-        Picture(one["name"], path, "How the first patient's run ended: the colon is drawn translucent.")
+        Picture(one["name"], path, caption)
         for one in devices
-        if (path := folder / "pictures" / f"{one['name']}.png").is_file()
+        for suffix, caption in _PICTURES.items()
+        if (path := folder / "pictures" / f"{one['name']}{suffix}.png").is_file()
     ]
     sections: list[Section] = [
         Warnings(lost),

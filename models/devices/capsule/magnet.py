@@ -16,7 +16,7 @@ from typing import Any
 from jaxtyping import Float
 
 PERMEABILITY = 4e-7 * math.pi
-"""Of free space, and to 1e-5 of tissue [N/A^2]."""
+"""Magnetic permeability of free space, and to 1e-5 of tissue [N/A^2]."""
 
 
 def dipole_wrench(

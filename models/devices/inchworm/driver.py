@@ -21,7 +21,7 @@ class Gait:
 
     @property
     def period(self) -> float:
-        """Of a cycle [s]."""
+        """Time of a whole cycle [s]."""
         return 2 * (self.hold + self.move)
 
 

@@ -32,9 +32,9 @@ PADS = 6
 ENDS = "rear", "front"
 _GRAVITY = 9.81
 _PAD_MASS = 1e-3
-"""Of a pad [kg]; engineering choice: next to nothing."""
+"""Mass of a pad [kg]; engineering choice: next to nothing."""
 _PAD_DAMPING = 10.0
-"""Of a pad's slide [N s/m]; engineering choice: filling and emptying take some tenths of a second."""
+"""Damping of a pad's slide [N s/m]; engineering choice: filling and emptying take some tenths of a second."""
 _SKIN = 60.0
 """Stiffness that draws a pad back [N/m]; engineering choice: an empty balloon is drawn in within half a second."""
 _INSIDE = 0.03

@@ -37,9 +37,9 @@ _GRAVITY = 9.81
 _ANSWER = 0.1
 """Within which growth stops when the pressure is used up [s]; engineering choice: five control intervals."""
 _HAND_STIFFNESS = 4000.0
-"""Of what holds the body at the anus [N/m]: that of a hand on a scope."""
+"""Stiffness of what holds the body at the anus [N/m]: a hand's on a scope."""
 _GJ_OVER_EI = 0.77
-"""Of a tube of one isotropic material, 1 / (1 + nu) with nu = 0.3 [1]."""
+"""Ratio of a tube of one isotropic material, 1 / (1 + nu) with nu = 0.3 [1]."""
 _RELAXATION_TIME = 0.1
 """Viscous over elastic torque of its wall [s]; engineering choice."""
 _ROUTING = 0.9

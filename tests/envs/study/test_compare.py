@@ -1,15 +1,21 @@
 """Devices side by side: the same patients, paired differences, and nothing lost when it is stopped."""
 
-import json
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from haustra.envs.study.compare import comparison
-from haustra.envs.study.compare_patients import FRICTION, WALL_STIFFNESS, patients
+from haustra.envs.study import compare, store
+from haustra.envs.study.compare import CompareOptions, comparison
+from haustra.envs.study.compare_patients import FRICTION, WALL_STIFFNESS, Patient, patients
 from haustra.envs.study.compare_table import paired_interval, summarise
+from haustra.envs.study.sampling import designs_of, jobs_of
+from haustra.envs.view.report.compare_report import report_comparison
 from haustra.errors import InvalidDesignError, InvalidOptionError
-from haustra.scripts.main import BAD_INPUT, SUCCESS, main
+from haustra.models.anatomy.colon import Colon
+from haustra.scripts.main import BAD_INPUT, main
+from tests.tube_colon import straight_tube
 
 
 def test_patients_are_a_latin_hypercube():
@@ -74,37 +80,40 @@ def test_pairs_are_of_the_same_patients():
     assert next(pair for pair in told["pairs"] if pair["score"] == "pain")["difference"] is None
 
 
-def test_it_is_killed_and_goes_on_without_loss(tmp_path, capsys, monkeypatch):
-    """The second call computes only what the first had not, and tells what one call tells."""
-    from haustra.envs.study import store
-
-    call = ["compare", "capsule", "inchworm", "--cohort", "smoke", "--seconds", "1", "--workers", "1", "--json"]
-    whole = tmp_path / "whole"
-    assert main([*call, "-o", str(whole)]) == SUCCESS
-    told = json.loads(capsys.readouterr().out)
-    assert {one["name"] for one in told["devices"]} == {"capsule", "inchworm"}
+def test_stopped_half_way_it_goes_on_without_loss(tmp_path, monkeypatch):
+    """The second session computes only what the first had not, and what is told is what one session tells."""
+    tube = straight_tube(0.2)
+    monkeypatch.setattr(compare, "patient_named", lambda name: replace(_Tube(name, 0, 0.05, 1500.0), tube=tube))
+    monkeypatch.setattr(compare, "draw", lambda run, patient, path: None)
+    study = comparison(["capsule", "inchworm"], "smoke", CompareOptions(seconds=0.2))
+    told = []
+    for folder, sessions in ((tmp_path / "whole", (4,)), (tmp_path / "halves", (3, 4))):
+        for claimed in sessions:
+            with store.open_store(
+                folder, study, lambda: jobs_of(study, designs_of(study)), kind="sweep", resume=True
+            ) as kept:
+                kept.begin_session(backend="native", pool="here")
+                jobs = kept.claim(claimed)
+                assert len(jobs) == (1 if len(sessions) == 2 and claimed == 4 else claimed)
+                for result in compare.NATIVE.start(study, folder)(jobs):
+                    assert result.state == "finished", result.reason
+                    kept.record(result)
+        told.append(compare.compared(folder))
+    assert told[0] == told[1] and not told[0]["lost"]
     wanted = {"name", "intubation", "reach_mean", "wall_force_peak_mean_N", "mesentery_extension_mean_mm"}
     wanted |= {"p_perforation_mean", "pain_mean", "stopped_by"}
-    assert all(wanted <= set(one) for one in told["devices"]) and not told["lost"]
-    assert all({"first", "second", "score", "difference", "low", "high"} <= set(pair) for pair in told["pairs"])
-    for name in ("report.html", "runs.csv", "devices.csv", "pairs.csv", "paper.tex", "pictures/capsule.png"):
-        assert (whole / name).stat().st_size > 100, name
-    stopped, kept = tmp_path / "stopped", store.SweepStore.record
-
-    def record_two(self, result):
-        if self.counts()["finished"] == 2:
-            raise KeyboardInterrupt
-        return kept(self, result)
-
-    monkeypatch.setattr(store.SweepStore, "record", record_two)
-    with pytest.raises(KeyboardInterrupt):
-        _run(call, stopped)
-    monkeypatch.undo()
-    assert main([*call, "-o", str(stopped), "--resume"]) == SUCCESS
-    again = json.loads(capsys.readouterr().out)
-    assert (again["devices"], again["pairs"]) == (told["devices"], told["pairs"])
+    assert all(wanted <= set(one) for one in told[0]["devices"])
+    assert all({"first", "second", "score", "difference", "low", "high"} <= set(pair) for pair in told[0]["pairs"])
+    files = report_comparison(tmp_path / "whole", told[0])
+    for path in files.values():
+        assert Path(path).stat().st_size > 100, path
 
 
-def _run(call, folder):
-    if main([*call, "-o", str(folder)]) == 130:
-        raise KeyboardInterrupt
+@dataclass(frozen=True)
+class _Tube(Patient):
+    tube: Colon | None = None
+
+    @property
+    def colon(self) -> Colon:
+        assert self.tube
+        return self.tube
