@@ -30,6 +30,7 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "imager score": f"{_SCRIPTS}.imager:ImagerScore",
     },
     "Studies of designs": {
+        "compare": f"{_SCRIPTS}.compare:Compare",
         "sweep": f"{_SCRIPTS}.sweep:Sweep",
         "optimise": f"{_SCRIPTS}.sweep:Optimise",
         "sensitivity": f"{_SCRIPTS}.sweep:Sensitivity",
@@ -64,6 +65,7 @@ BENCHMARKS: Mapping[str, str] = {
     "bench profile": f"{_BENCH}.profile:BenchProfile",
     "bench linear": f"{_BENCH}.linear:BenchLinear",
     "bench pushes": f"{_BENCH}.pushes:BenchPushes",
+    "bench reach": f"{_BENCH}.reach:BenchReach",
     "bench rigs": f"{_BENCH}.rigs:BenchRigs",
     "bench rods": f"{_BENCH}.rods:BenchRods",
     "bench skip": f"{_BENCH}.skip:BenchSkip",

@@ -142,7 +142,7 @@ class NativeDevice:
         sound = np.asarray(np.isfinite(commands).all(axis=1))
         self._lose(self.healthy & ~sound)
         commands = np.where(sound[:, None], commands, 0.0)
-        device = self.scene.device
+        device, self._bends = self.scene.device, None
         if self.gas and self.gas.advance(float(self._arc()[0]), count * self.model.opt.timestep):
             self._yield_to_gas()
         for number in range(count):
@@ -170,6 +170,14 @@ class NativeDevice:
     def body_forces(self) -> Float[np.ndarray, "worlds bodies"]:
         """Resultant normal force of the wall on each body that meets it [N]."""
         return np.linalg.norm(np.einsum("wsi,sb->wbi", self._wall.forces(), self.scene.members), axis=2)
+
+    def loads(self) -> Float[np.ndarray, "worlds spheres"]:
+        """Normal force of the wall on each sphere in the last step, where the device is told what the wall does [N]."""
+        return self._wall.felt()[0]
+
+    def tendons(self) -> Float[np.ndarray, "worlds tendons"]:
+        """Lengths of the scene's tendons at the beginning of the last step [m]."""
+        return self._batch.bind("ten_length").copy()
 
     def body_arcs(self) -> Float[np.ndarray, "worlds bodies"]:
         """Mean arc length of each body's spheres [m]."""

@@ -8,8 +8,8 @@ so that with the tension T0 that it is paid out with outside
 
     T(s) = T0 exp(mu theta(s)) + mu w integral of exp(mu (theta(s) - theta(u))) du.
 
-The capstan's law was confirmed for tethers drawn through a colon (Ortega Alcaide 2020). Theta is the turning of
-the lumen's axis: a tether that is drawn taut lies in the insides of bends, and turns by no more.
+The capstan's law was confirmed for tethers that are drawn through a colon (Ortega Alcaide 2020). Theta is the turning
+of the lumen's axis: a tether that is drawn taut lies in the insides of bends, and turns by no more.
 """
 
 from types import ModuleType

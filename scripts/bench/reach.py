@@ -1,4 +1,4 @@
-"""How far the tracked robot comes in grown colons by its own driver, and what stops it there."""
+"""What the whole tracked robot pulls, how far it comes in grown colons by its own driver, and what stops it there."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -6,16 +6,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from haustra.envs.runs.device_batch import run_devices
 from haustra.envs.runs.device_run import Records, common_scores
 from haustra.envs.runs.outcome import Outcome
+from haustra.envs.sim.device_native import NativeDevice
 from haustra.files import write_json
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
-from haustra.models.device_scene import device_options
-from haustra.models.devices.tracked.design import TRACKS
+from haustra.models.device_scene import device_options, device_tables
+from haustra.models.devices.tracked.design import TRACKS, TrackedDesign
+from haustra.models.devices.tracked.drive import drive_point
+from haustra.models.devices.tracked.held import held_scene, tension
+from haustra.models.devices.tracked.implied import SPEEDS_RPM
 from haustra.models.devices.tracked.interface import TrackedRobot
+from haustra.models.devices.tracked.law import load_table
+from haustra.models.devices.tracked.published import SURFACES
 from haustra.models.devices.tracked.standing import places_that_fit
 from haustra.reading import read_document
 
@@ -23,6 +30,8 @@ FIRST_SEED = 300_000
 """First seed of the grown colons, which nothing was trained on."""
 AT_ONCE = 10
 """Colons that are run together."""
+HELD_TIMESTEP, HELD_SECONDS, HELD_SETTLED = 2e-3, 2.0, 0.6
+"""Time step, length, and time until steady of a run that is held by a string [s]."""
 LATE = 5.0
 """Readings over this last time of a run tell what stopped it [s]."""
 EARLIEST = 0.10
@@ -142,3 +151,48 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
         "slip_work_mean_J": mean("slip_work_J"),
         "stopped_by": dict(sorted(reasons.items(), key=lambda item: -item[1])),
     }
+
+
+def held_rows(device: TrackedRobot) -> list[dict[str, Any]]:
+    """The robot held by a string in a straight tube of its nominal diameter, at the paper's speeds on both surfaces."""
+    return [
+        {"surface": surface, **held_run(device, friction, rpm)}
+        for surface, friction in SURFACES.items()
+        for rpm in SPEEDS_RPM
+    ]
+
+
+def held_run(device: TrackedRobot, friction: float, rpm: float) -> dict[str, Any]:
+    """Force, ripple, stress and slip of one speed, once steady, and how far the force is off the closed form's."""
+    design = device.design
+    scene, tube = held_scene(device, diameter=design.nominal_diameter, friction=friction, timestep=HELD_TIMESTEP)
+    backend = NativeDevice(scene, device_tables(scene, [tube]))
+    commands, rows = np.full((1, len(device.controls)), design.bellows.preload), []
+    commands[:, 0] = rpm
+    for number in range(round(HELD_SECONDS / HELD_TIMESTEP)):
+        backend.step(commands, 1)
+        if number * HELD_TIMESTEP >= HELD_SETTLED:
+            rows.append((*backend.tendons()[0], *backend.loads()[0, : 2 * TRACKS]))
+    lengths, loads = np.array(rows)[:, 0], np.array(rows)[:, 1:]
+    pulled, point = tension(scene, lengths), drive_point(design, friction, rpm)
+    frequency = rpm / 60 * design.worm.starts
+    angles = np.exp(-2j * np.pi * frequency * HELD_TIMESTEP * np.arange(len(rows)))
+    track = loads[:, :2].sum(axis=1)
+    stresses = tip_stresses(design, float(loads.mean()))
+    return {
+        "rpm": rpm,
+        "force_N": float(pulled.mean()),
+        "difference": float(pulled.mean() / point.force - 1),
+        "ripple": float(pulled.std() / pulled.mean()),
+        "track_ripple": float(2 * abs((track * angles).mean()) / track.mean()),
+        "stress_mean_kPa": float(stresses.mean()) / 1e3,
+        "stress_peak_kPa": float(stresses.max()) / 1e3,
+        "slip_power_W": float(pulled.mean()) * point.speed,
+    }
+
+
+def tip_stresses(design: TrackedDesign, load: float) -> Float[np.ndarray, " phases"]:
+    """Stress of the belt above a tip that presses with a load [N], at each tooth phase of the reference [Pa]."""
+    table = load_table(design.tread)
+    rows = zip(table.forces, table.stresses, strict=True)
+    return np.array([np.interp(load, np.r_[0.0, forces], np.r_[0.0, stresses]) for forces, stresses in rows])

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import mujoco
 import numpy as np
 from jaxtyping import Float
 
@@ -68,8 +67,3 @@ def tension(scene: DeviceScene, length: Float[np.ndarray, "*n"]) -> Float[np.nda
     """Tension of the string from its length [N]."""
     scale = scene.device.design.scale if isinstance(scene.device, TrackedRobot) else 1.0
     return STIFFNESS * scale * np.maximum(length - _LENGTH * scale, 0.0)
-
-
-def tendon_of(model: mujoco.MjModel) -> int:
-    """Number of the string in a compiled model."""
-    return int(model.tendon(STRING).id)
