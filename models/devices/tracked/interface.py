@@ -49,7 +49,7 @@ _WAYS = ("used_along", "used_around")
 _FELT, _FILM, _AIR = TRACKS, TRACKS + 1, TRACKS + 3
 """Activations, after how far each tread ran: what they ask of the worm, what share of mu N they use, both ways, and the
 pressure in each bellows over that of closed ones."""
-_OWN = ("name", "rpm", "friction", "steering", "bellows")
+_OWN = ("name", "rpm", "friction", "steering", "regulation")
 _LARGEST_RPM = 1000.0
 _SPACING = 1 / 8
 """Largest distance between spheres of a tread and of the core, over the core's length; engineering choice: beyond the
@@ -88,7 +88,7 @@ class TrackedRobot(Device):
     steering: str = choice("none", "each tread", default="none")
     """Whether treads have speeds of their own: the paper's device has one worm for all, each its own takes four
     motors."""
-    bellows: str = choice("closed", "held", "each", default="closed")
+    regulation: str = choice("closed", "held", "each", default="closed")
     """What sets the pressure in the bellows: 'closed' off as the paper's, 'held' so that each track presses by its
     preload at any width, or by a force that is commanded for 'each' track."""
 
@@ -126,7 +126,7 @@ class TrackedRobot(Device):
         name = "tread_speed_{}" if self._steers else "worm_speed"
         speeds = tuple(Channel(name.format(n), "1/min", 0.0, _LARGEST_RPM, f"tracked/tread{n}") for n in treads)
         most = _LARGEST_PRESS * self.design.bellows.preload
-        each = range(TRACKS) if self.bellows == "each" else ()
+        each = range(TRACKS) if self.regulation == "each" else ()
         return speeds + tuple(Channel(f"press_{n}", "N", 0.0, most, f"tracked/bellows{n}") for n in each)
 
     @property
@@ -305,9 +305,9 @@ class TrackedRobot(Device):
     def _air(self, model: mujoco.MjModel, state: State, commands: Any) -> Any:
         """Pressure that each bellows' regulator asks for, over that of the closed bellows (worlds, tracks) [Pa]."""
         own = self.design.bellows
-        if self.bellows == "closed":
+        if self.regulation == "closed":
             return np.zeros((len(commands), TRACKS))
-        press = np.full((len(commands), TRACKS), own.preload) if self.bellows == "held" else commands[:, -TRACKS:]
+        press = np.full((len(commands), TRACKS), own.preload) if self.regulation == "held" else commands[:, -TRACKS:]
         return own.regulated(self._struts(model, state), press) - own.pressure
 
     def _tension(self, xp: ModuleType, state: State) -> Any:

@@ -111,7 +111,7 @@ RIG_RPM = 100.0
 
 def _driven(design: TrackedDesign, *, wide: bool, pull: float = 1.5, bellows: str = "closed") -> np.ndarray:
     """Means of what is read in units of `SCALES`, with gravity so large back along the way [m/s^2]."""
-    robot = TrackedRobot(name="robot", design=design, rpm=RPM, friction=FRICTION, bellows=bellows)
+    robot = TrackedRobot(name="robot", design=design, rpm=RPM, friction=FRICTION, regulation=bellows)
     colon = WIDE if wide else BEND
     arc = 0.09
     line = colon.centreline

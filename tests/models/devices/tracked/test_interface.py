@@ -214,15 +214,15 @@ def test_bellows_hold_each_track_by_its_preload_at_any_width_and_as_far_as_their
     held = {"seconds": 0.5, "colon": wide, "friction": 0.1}
     _, closed = driven(slack(design=design), **held)
     assert closed["normal"] < 0.7 * 4 * own.preload
-    _, found = driven(slack(bellows="held", design=design), **held)
+    _, found = driven(slack(regulation="held", design=design), **held)
     assert found["normal"] == pytest.approx(4 * own.preload, rel=0.03)
     extension = (found["width"] - robot().design.nominal_diameter) / 2
     assert found["bellows_pressure"] == pytest.approx(-own.stiffness * extension / own.area, rel=0.03)
     weak = replace(design, bellows=replace(own, lowest_pressure=-1000.0))
-    _, found = driven(slack(bellows="held", design=weak), **held)
+    _, found = driven(slack(regulation="held", design=weak), **held)
     assert found["bellows_pressure"] == pytest.approx(-1000.0, rel=0.01)
     press = (2 * own.preload, own.preload, 2 * own.preload, own.preload)
-    _, found = driven(slack(bellows="each", design=design), press=press, **held)
+    _, found = driven(slack(regulation="each", design=design), press=press, **held)
     assert found["normal"] == pytest.approx(sum(press), rel=0.05)
 
 
