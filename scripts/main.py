@@ -60,6 +60,8 @@ def _call(name: str, words: list[str]) -> int:
         _remove_empty(made)
         return _interrupted(output)
     try:
+        if result is None:  # a verb that served has said what there was to say
+            return SUCCESS
         if verb.json:
             print(json.dumps(result, allow_nan=False))
         else:

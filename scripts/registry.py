@@ -24,6 +24,12 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "report": f"{_SCRIPTS}.report:Report",
         "view": f"{_SCRIPTS}.view:View",
     },
+    "Hands on": {
+        "drive": f"{_SCRIPTS}.drive:Drive",
+        "record": f"{_SCRIPTS}.record:Record",
+        "replay": f"{_SCRIPTS}.replay:Replay",
+        "export": f"{_SCRIPTS}.export:Export",
+    },
     "Studies of designs": {
         "sweep": f"{_SCRIPTS}.sweep:Sweep",
         "optimise": f"{_SCRIPTS}.sweep:Optimise",

@@ -97,6 +97,24 @@ class Session:
         self._note(nothing, nothing, nothing, np.zeros(len(vehicle.levers), bool))
 
     @property
+    def time(self) -> float:
+        """Simulated time since the start [s]."""
+        return self.step * self.vehicle.interval
+
+    def hold(self, shares: Mapping[str, Any]) -> None:
+        """Hold levers by shares from -1 to 1, by name, and let go of all others.
+
+        Raises:
+            InvalidOptionError: when there is no such lever.
+        """
+        for name in shares:
+            if self.vehicle.lever(name) < 0:
+                known = ", ".join(lever.name for lever in self.vehicle.levers)
+                raise InvalidOptionError(f"Lever '{name}' is not known. Known: {known}.")
+        for number, lever in enumerate(self.vehicle.levers):
+            self.hand.hold(number, float(shares.get(lever.name, 0.0)))
+
+    @property
     def marks(self) -> tuple[str, ...]:
         """Names of places to restart from."""
         return tuple(self._marks)
@@ -161,7 +179,7 @@ class Session:
 
     def close(self) -> dict[str, Any]:
         """End the recording, and say what it holds."""
-        said = {"sound": self.sound, "simulated_s": self.step * self.vehicle.interval}
+        said: dict[str, Any] = {"sound": self.sound, "simulated_s": self.time}
         said["tip_arc_m"] = float(self.look.row["tip_arc"])
         found = self.recorder.close(**said) if self.recorder else said
         self.vehicle.close()
