@@ -1,6 +1,6 @@
 """`haustra record`: record what a driver, a policy or a script of keys does."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -36,41 +36,45 @@ class Record(Drivable):
         keys = _keys(Path(self.driver)) if self.driver.endswith(".json") else None
         if self.episodes > 1 and self.task is None and (keys is not None or self.driver == "follower"):
             raise InvalidOptionError("Drives without a task are all the same: give --task, or one episode.")
+        from haustra.envs.console.vehicles import make_vehicle
+
+        vehicle = make_vehicle(self.colon, self.configuration("follower" if keys is not None else self.driver))
+        start, found = vehicle.keep(), []
         prepare_folder(self.output)
-        found = []
         with progress_bar("record", self.episodes * self.seconds, unit="s") as advance:
             for episode in range(self.episodes):
                 folder = self.output / f"episode-{episode:04d}" if self.episodes > 1 else self.output
-                own = replace(self, seed=self.seed + episode)
-                done = _record(own, folder, keys, lambda time, of=episode: advance(of * self.seconds + time, ""))
-                found.append(done)
+                vehicle.begin(start, self.seed + episode)
+                found.append(self._record(vehicle, folder, keys, episode, lambda time: advance(time, "")))
+        vehicle.close()
         arcs = [one["tip_arc_m"] for one in found]
         total = {"episodes": len(found), "rows": sum(one["rows"] for one in found), "tip_arc_m": max(arcs)}
         return total | {"simulated_s": sum(one["simulated_s"] for one in found), "recording": str(self.output)}
 
 
-def _record(asked: Record, folder: Path, keys: list[dict[str, Any]] | None, tell: Any) -> dict[str, Any]:
-    from haustra.envs.console.recording import Recorder
-    from haustra.envs.console.script import obey
-    from haustra.envs.console.session import Session
-    from haustra.envs.console.vehicles import make_vehicle
-    from haustra.envs.runs.outcome import CAECUM_MARGIN
+    def _record(
+        self, vehicle: Any, folder: Path, keys: list[dict[str, Any]] | None, episode: int, tell: Any
+    ) -> dict[str, Any]:
+        """One recording."""
+        from haustra.envs.console.recording import Recorder
+        from haustra.envs.console.script import obey
+        from haustra.envs.console.session import Session
+        from haustra.envs.runs.outcome import CAECUM_MARGIN
 
-    helps = "follower" if keys is not None else asked.driver
-    vehicle = make_vehicle(asked.colon, asked.configuration(helps))
-    name = asked.driver if keys is None else "keys"
-    session = Session(vehicle, Recorder(folder, vehicle, driver=name, seed=asked.seed), assisted=keys is None)
-    end = vehicle.colon.centreline.length - CAECUM_MARGIN
-    waiting = list(keys or ())
-    while session.time < asked.seconds - vehicle.interval / 2:
-        waiting = obey(session, waiting)
-        row = session.look.row
-        over = row.get("terminated") or row.get("truncated") or row["tip_arc"] >= end
-        if over or not session.tick():
-            break
-        if session.step % 25 == 0:
-            tell(session.time)
-    return session.close()
+        name = self.driver if keys is None else "keys"
+        recorder = Recorder(folder, vehicle, driver=name, seed=self.seed + episode)
+        session = Session(vehicle, recorder, assisted=keys is None)
+        end = vehicle.around.colon.centreline.length - CAECUM_MARGIN
+        waiting = list(keys or ())
+        while session.time < self.seconds - vehicle.interval / 2:
+            waiting = obey(session, waiting)
+            row = session.look.row
+            over = row.get("terminated") or row.get("truncated") or row["tip_arc"] >= end
+            if over or not session.tick():
+                break
+            if session.step % 25 == 0:
+                tell(episode * self.seconds + session.time)
+        return session.end()
 
 
 def _keys(path: Path) -> list[dict[str, Any]]:

@@ -6,14 +6,15 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from haustra.envs.console.vehicle import Condition, Lever, Look, Repeating, digest
+from haustra.envs.console.vehicle import Condition, Lever, Look, Repeating, Surroundings, digest
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.measure.injury import stations_of
 from haustra.envs.sim.device_native import NativeDevice
 from haustra.models.anatomy.colon import Colon
-from haustra.models.device_scene import build_device_scene, device_options, device_tables, pose_in
+from haustra.models.device_scene import DeviceScene, build_device_scene, device_options, device_tables, pose_in
 from haustra.models.devices.base import Device
 from haustra.models.injury.perforation import link_load
+from haustra.models.wall.lumen_table import axis_tables, stack
 
 _VIEW_DEG = 140.0
 """Field of view of a device that says nothing of its camera [degrees]; engineering choice, a colonoscope's."""
@@ -34,14 +35,12 @@ class DeviceVehicle(Repeating):
         options = device_options(device, **changed)
         scene = build_device_scene(device, options, pose=pose_in(colon, device, options))
         tables = device_tables(scene, [colon])
-        self.given = self.colon = colon
+        self.given = colon
         self._device, self._changed = device, dict(changed)
-        self.tables = tables if options.mesentery else None
-        self.origin, self.axes = np.zeros(3), np.eye(3)
+        self.around = device_surroundings(colon, scene)
         self._scene, self._native = scene, NativeDevice(scene, tables)
         self._steps = max(1, round(CONTROL_INTERVAL / options.timestep))
         self.interval = self._steps * options.timestep
-        self.radius, self.field_of_view_deg = scene.handles.samples[-1].radius, _VIEW_DEG
         self.levers = tuple(Lever(one.name, one.unit, one.low, one.high) for one in device.controls)
         self.conditions = Condition("friction", "1", 0.0, 2.0), Condition("wall_stiffness", "N/m", 50.0, 1e5)
         self._now = np.array([options.friction, options.wall_stiffness])
@@ -77,7 +76,7 @@ class DeviceVehicle(Repeating):
             "tip_frame": seen.tip_frame[0],
             "tip_arc": arc,
             "wall_force": force,
-            "load": float(link_load(np, np.array([force]), 0.0, True, 2 * self.radius)[0]),
+            "load": float(link_load(np, np.array([force]), 0.0, True, 2 * self.around.radius)[0]),
             "load_arc": arc,
             "deepest": float(seen.deepest[0]),
             **{name: float(value[0]) for name, value in native.readings().items()},
@@ -102,6 +101,13 @@ class DeviceVehicle(Repeating):
     def now(self) -> Float[np.ndarray, " conditions"]:
         """Conditions as they are."""
         return self._now.copy()
+
+
+def device_surroundings(colon: Colon, scene: DeviceScene) -> Surroundings:
+    """The colon of a device."""
+    options = scene.options
+    tables = stack([axis_tables(colon, options.abdomen)]) if options.mesentery else None
+    return Surroundings(colon, tables, np.zeros(3), np.eye(3), scene.handles.samples[-1].radius, _VIEW_DEG)
 
 
 def _given(values: np.ndarray | None) -> Iterator[np.ndarray]:

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from haustra.envs.console.vehicle import Lever, Look, Repeating, digest
+from haustra.envs.console.vehicle import Lever, Look, Repeating, Surroundings, digest
 from haustra.envs.runs.measure.injury import stations_of
 from haustra.envs.sim.native_batch import batch_model
 from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.actions import ACTIONS
-from haustra.envs.tasks.bank import folder_bank
+from haustra.envs.tasks.bank import ColonSet, folder_bank
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.drivers import FollowerDriver
 from haustra.envs.tasks.scope_task import ScopeTask, Step
@@ -47,11 +47,8 @@ class EpisodeVehicle(Repeating):
         bank = folder_bank([folder], design)
         self.config, self.seed, self._policy = config, seed, policy
         self.task = ScopeTask(config, bank=bank, backend="linear", on_host=True)
-        self.given, self.colon = load_colon(folder), self.task.bank.cases[0].colon()
-        self.origin, self.axes = entry_of(self.colon)
-        self.tables = self.task.bank.tables if config.mesentery else None
-        self.interval, self.radius = self.task.interval, design.diameter / 2
-        self.field_of_view_deg = min(design.tip.field_of_view_deg, 170.0)
+        self.given, self.around = load_colon(folder), episode_surroundings(self.task.bank)
+        self.interval = self.task.interval
         self.levers = tuple(
             Lever(name, "1", -1.0, 1.0, knob=name in _KNOBS, about=about)
             for name, about in zip(_NAMES, ACTIONS, strict=True)
@@ -63,7 +60,7 @@ class EpisodeVehicle(Repeating):
         self._data = mujoco.MjData(self._model)
         self._links = [self._model.body(name).id for name in scene.cable.links]
         self._tip = self._model.site("scope/tip").id
-        self._stations = stations_of(self.colon)
+        self._stations = stations_of(self.around.colon)
         self._driver = self._make_driver(policy)
         self._done = []
         self.restart()
@@ -82,6 +79,11 @@ class EpisodeVehicle(Repeating):
         self._driver.begin(np.ones(1, bool))
         self._last: Step | None = None
         self._info = self.task.info()
+
+    def begin(self, start: int, seed: int | None) -> None:
+        """Begin an episode, another one if a seed is given."""
+        self.seed = self.seed if seed is None else seed
+        self.put_back(start)
 
     def configuration(self) -> dict[str, Any]:
         """Rules, seed, and who assists."""
@@ -145,3 +147,11 @@ class EpisodeVehicle(Repeating):
     def close(self) -> None:
         """End the backend's threads."""
         self.task.close()
+
+
+def episode_surroundings(bank: ColonSet) -> Surroundings:
+    """The one colon of a bank, as its table knows it."""
+    colon, design = bank.cases[0].colon(), bank.design
+    tables = bank.tables if bank.options.mesentery else None
+    view = min(design.tip.field_of_view_deg, 170.0)
+    return Surroundings(colon, tables, *entry_of(colon), design.diameter / 2, view)

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from haustra.envs.console.vehicle import Surroundings
 from haustra.envs.sim.moved_colon import CurrentColon
+from haustra.envs.view.picture.inside import lens_inside
 from haustra.envs.view.picture.lens import camera_axes
 from haustra.envs.view.picture.tip import tip_view
-from haustra.models.anatomy.colon import Colon, Surface
-from haustra.models.wall.lumen_table import Tables
+from haustra.models.anatomy.colon import Surface
 from haustra.models.wall.signed_distance import surface_arcs
 
 _BEHIND, _BEFORE = 0.08, 0.35
@@ -43,12 +44,7 @@ class Glance:
 class Camera:
     """What pictures are drawn of, and how."""
 
-    colon: Colon
-    tables: Tables | None
-    """As of `haustra.envs.console.stage.Stage`."""
-    origin: Float[np.ndarray, "3"]
-    axes: Float[np.ndarray, "3 3"]
-    field_of_view_deg: float
+    around: Surroundings
     size: int
     """Rows and columns of a picture [pixels]."""
 
@@ -58,22 +54,37 @@ class Eye:
 
     def __init__(self, camera: Camera) -> None:
         """Find out which wall is where along the colon."""
-        self._camera, colon = camera, camera.colon
+        around, self._size = camera.around, camera.size
+        colon = around.colon
+        self._around = around
         self._arcs = surface_arcs(colon)
         self._face_arcs = self._arcs[colon.lumen.faces].mean(axis=1)
-        tables = camera.tables
-        self._moved = None if tables is None else CurrentColon(colon, tables, camera.origin, camera.axes)
+        tables = around.tables
+        self._moved = None if tables is None else CurrentColon(colon, tables, around.origin, around.axes)
 
     def draw(self, glance: Glance) -> UInt8[np.ndarray, "size size 3"]:
         """What the camera sees."""
-        camera = self._camera
-        lumen = self._wall(glance)
-        view = camera.field_of_view_deg
-        return tip_view(lumen, glance.tip, camera_axes(glance.frame), view, size=camera.size, samples=1)
+        lumen, view = self._wall(glance), self._around.field_of_view_deg
+        return tip_view(lumen, self._lens(glance), camera_axes(glance.frame), view, size=self._size, samples=1)
+
+    def _lens(self, glance: Glance) -> Float[np.ndarray, "3"]:
+        """Where the picture is drawn from."""
+        colon, arc = self._around.colon, glance.arc
+        line = colon.centreline
+        moved = self._moved if glance.displacement is not None else None
+        tip, radius = glance.tip, colon.radius
+        if glance.widths is not None:
+            rows = np.linspace(0.0, line.length, len(glance.widths))
+            radius = radius * np.interp(line.arc, rows, glance.widths)[:, None]
+        if moved is None or glance.displacement is None:
+            return lens_inside(line.points, line.frames, line.arc, radius, tip, arc)
+        rest = moved.to_reference(glance.displacement, tip, arc)
+        rest = lens_inside(line.points, line.frames, line.arc, radius, rest, arc)
+        return moved.to_current(glance.displacement, rest, arc)
 
     def _wall(self, glance: Glance) -> Surface:
         """Wall around the tip, where it is now."""
-        lumen, line = self._camera.colon.lumen, self._camera.colon.centreline
+        lumen, line = self._around.colon.lumen, self._around.colon.centreline
         near = (self._face_arcs > glance.arc - _BEHIND) & (self._face_arcs < glance.arc + _BEFORE)
         used, faces = np.unique(lumen.faces[near], return_inverse=True)
         points, arcs = lumen.vertices[used], self._arcs[used]

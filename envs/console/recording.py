@@ -1,7 +1,7 @@
 """One recorder for persons, drivers and policies: what was asked, what came of it, and enough to do it again.
 
-A recording is a folder: `recording.json` says what was driven, `colon/` is where, and `rows-000000.npz`, `rows-000001.npz`, …
-hold some seconds each. A row is one control step; what is drawn is kept some ten times a second. Chunks are written at
+A recording is a folder: `recording.json` says what was driven, `colon/` is where, and `rows-000000.npz` and so on hold
+some seconds each. A row is one control step; what is drawn is kept some ten times a second. Chunks are written at
 once or not at all, so that what was recorded before a crash is kept, and memory holds one chunk.
 """
 
@@ -70,8 +70,7 @@ class Recorder:
             "levers": [vars(lever) for lever in vehicle.levers],
             "conditions": [vars(condition) for condition in vehicle.conditions],
             "vehicle": configuration,
-            "radius": vehicle.radius,
-            "field_of_view_deg": vehicle.field_of_view_deg,
+            "length": vehicle.around.colon.centreline.length,
             "provenance": provenance.to_json(),
             "finished": False,
         }
@@ -155,7 +154,9 @@ def load_recording(folder: Path) -> Recording:
         UnreadableFileError: when the folder holds none, or a damaged one.
     """
     if not (folder / ABOUT).is_file():
-        raise UnreadableFileError(f"'{folder}' holds no recording ({ABOUT} is missing): make one with `haustra record`.")
+        raise UnreadableFileError(
+            f"'{folder}' holds no recording ({ABOUT} is missing): make one with `haustra record`."
+        )
     about = read_document(folder / ABOUT, "recording", largest=LARGEST_RECORD)
     if not isinstance(about, dict) or about.get("format") != FORMAT:
         raise UnreadableFileError(f"'{folder / ABOUT}' is no recording that this haustra reads: record it again.")

@@ -1,14 +1,13 @@
 """A scope that is driven live, in linear time, with what it lies in: gas, posture and a hand on the belly."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import asdict, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from haustra.envs.console.vehicle import Condition, Lever, Look, Vehicle, digest
+from haustra.envs.console.vehicle import Condition, Lever, Look, Surroundings, Vehicle, digest
 from haustra.envs.control.follower import FollowerSettings, LumenFollower
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.measure.injury import InjuryMeter
@@ -16,13 +15,12 @@ from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.runs.outcome import LEFT_OUTSIDE
 from haustra.envs.sim.linear.single import LinearSingle
 from haustra.envs.sim.state import Controls, Readings
-from haustra.fields import read_fields
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
 from haustra.models.wall.abdomen import DOWN
 from haustra.models.wall import mesentery
-from haustra.models.wall.lumen_table import axis_tables, lumen_table, stack
+from haustra.models.wall.lumen_table import axis_tables, lumen_table, seen_from, stack
 
 PUSH_RATE, ROLL_RATE = 0.06, math.radians(90.0)
 """Fastest push [m/s] and turn [rad/s] of the hand; engineering choices, those of episodes."""
@@ -53,24 +51,19 @@ class ScopeVehicle(Vehicle):
             UnsupportedSceneError: when the backend cannot honour the options.
             InvalidOptionError: when the scope does not fit through the entry.
         """
-        self.given = self.colon = colon
+        self.given = colon
         self._design = design
         scene = build_scene(colon, None, design, options)
         about: dict[str, Any] = {"with_mesentery": options.mesentery, "abdomen": options.abdomen}
         table = lumen_table(colon, device_radius=scene.cable.radius, **about)
-        self.origin, self.axes = entry_of(colon)
-        tables = stack([table.seen_from(self.origin, self.axes)])
-        self._scope = LinearSingle(scene, tables=tables)
-        self.tables = tables if options.mesentery else None
+        self.around = scope_surroundings(colon, design, options)
+        tables = stack([table.seen_from(*entry_of(colon))])
+        self._wheels = design.wires.compliance > 0
+        self._scope = LinearSingle(scene, tables=tables, wheels=self._wheels)
         self._steps = max(1, round(CONTROL_INTERVAL / options.timestep))
         self.interval = self._steps * options.timestep
-        self.radius = scene.cable.radius
-        self.field_of_view_deg = min(design.tip.field_of_view_deg, 170.0)
-        self._wheels = design.wires.compliance > 0
         settings = FollowerSettings(steer="wheels" if self._wheels else "pulls", straighten=options.mesentery)
-        self._follower = LumenFollower(
-            colon.centreline, design, tip_links=scene.cable.tip_links, settings=settings
-        )
+        self._follower = LumenFollower(colon.centreline, design, tip_links=scene.cable.tip_links, settings=settings)
         self._lead, self._bend = settings.hand_lead_limit, math.radians(design.limits.smallest)
         self._tracker = ArcTracker(colon.centreline, start=options.start_depth)
         self.levers = _levers(options)
@@ -186,9 +179,9 @@ class ScopeVehicle(Vehicle):
             scope.gas.tissue_stiffness = stiffness
             scope.many.give("stiffness", scope.gas.stiffness)
         if name in ("posture", "pressed"):
-            own = axis_tables(self.colon, options.abdomen).mesentery
+            own = axis_tables(self.given, options.abdomen).mesentery
             assert own is not None
-            hung = mesentery.seen_from(own, self.origin, self.axes)
+            hung = mesentery.seen_from(own, *entry_of(self.given))
             scope.many.rehang(mesentery.stack([hung]))
         self._injury = InjuryMeter(replace(self._scene, options=options))
 
@@ -219,6 +212,17 @@ class ScopeVehicle(Vehicle):
         self._scope.many.close()
 
 
+def scope_surroundings(colon: Colon, design: ScopeDesign, options: SceneOptions) -> Surroundings:
+    """The colon of a scope in a scene of these options."""
+    origin, axes = entry_of(colon)
+    tables = None
+    if options.mesentery:
+        axis = axis_tables(colon, options.abdomen)
+        tables = stack([seen_from(axis, origin, axes)])
+    view = min(design.tip.field_of_view_deg, 170.0)
+    return Surroundings(colon, tables, origin, axes, design.diameter / 2, view)
+
+
 def _levers(options: SceneOptions) -> tuple[Lever, ...]:
     levers = (
         Lever("push", "m/s", -PUSH_RATE, PUSH_RATE, about="push in, pull back"),
@@ -239,12 +243,3 @@ def _conditions(options: SceneOptions) -> tuple[Condition, ...]:
     if options.gas is not None:
         conditions.append(Condition("insufflator", "", 0, 1, _INSUFFLATOR))
     return tuple(conditions)
-
-
-def options_from(values: Mapping[str, Any]) -> SceneOptions:
-    """Scene options from their JSON values.
-
-    Raises:
-        InvalidOptionError: naming a value that is not known or out of its range.
-    """
-    return read_fields(SceneOptions, dict(values), "options")

@@ -1,7 +1,7 @@
 """The console's server: one page, one socket, for whoever knows the token.
 
-It listens on this machine only unless asked otherwise. Every address needs the token; a page of another origin is refused,
-so is whoever calls this machine by a name that is not its own; what a page says is short, and longer messages end the
+It listens on this machine only unless asked otherwise. Every address needs the token; a page of another origin is
+refused, so is whoever calls this machine by a name that is not its own; what a page says is short, and longer messages end the
 connection. Bytes of the page come from the package: nothing is loaded from elsewhere.
 """
 

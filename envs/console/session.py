@@ -178,12 +178,15 @@ class Session:
         return {condition.name: condition.value(number) for condition, number in pairs}
 
     def close(self) -> dict[str, Any]:
+        """End recording and vehicle, and say what was recorded."""
+        self.vehicle.close()
+        return self.end()
+
+    def end(self) -> dict[str, Any]:
         """End the recording, and say what it holds."""
         said: dict[str, Any] = {"sound": self.sound, "simulated_s": self.time}
         said["tip_arc_m"] = float(self.look.row["tip_arc"])
-        found = self.recorder.close(**said) if self.recorder else said
-        self.vehicle.close()
-        return found
+        return self.recorder.close(**said) if self.recorder else said
 
     def _now(self) -> _Kept:
         return _Kept(self.step, self.vehicle.keep(), self.hand.knobs.copy())

@@ -14,8 +14,8 @@ from haustra.envs.console.painter import Camera, Glance, Painter
 from haustra.envs.console.recording import COLON, Recording
 from haustra.envs.console.session import Session
 from haustra.envs.console.stage import Stage
-from haustra.envs.console.vehicle import Vehicle
-from haustra.envs.console.vehicles import make_vehicle
+from haustra.envs.console.vehicle import Surroundings
+from haustra.envs.console.vehicles import surroundings
 from haustra.envs.console.wire import pack, plain
 from haustra.envs.runs.measure.progress import segment_at
 from haustra.errors import HaustraError, InvalidOptionError
@@ -37,18 +37,16 @@ _REST = 0.002
 class View:
     """One colon with a device, and its camera."""
 
-    def __init__(self, vehicle: Vehicle, number: int, size: int) -> None:
-        """Show a vehicle, with pictures of that many rows and columns."""
-        self.vehicle, self.number = vehicle, number
-        about = vehicle.colon, vehicle.tables, vehicle.origin, vehicle.axes
-        self.stage = Stage(*about)
-        self.painter = Painter(Camera(*about, vehicle.field_of_view_deg, size))
+    def __init__(self, around: Surroundings, number: int, size: int) -> None:
+        """Show what is driven there, with pictures of that many rows and columns."""
+        self.around, self.number = around, number
+        self.stage, self.painter = Stage(around), Painter(Camera(around, size))
         self.pictures = 0
         """Pictures that were drawn."""
 
     def scene(self, **more: Any) -> bytes:
         """What does not change."""
-        vehicle, colon = self.vehicle, self.vehicle.colon
+        colon = self.around.colon
         header = {
             "kind": "scene",
             "view": self.number,
@@ -56,10 +54,7 @@ class View:
             "length": colon.centreline.length,
             "segments": [[one.name, one.start, one.end] for one in colon.segments],
             "landmarks": [[name, arc] for name, arc in colon.landmarks.items() if isinstance(arc, int | float)],
-            "radius": vehicle.radius,
-            "interval": vehicle.interval,
-            "levers": [vars(lever) for lever in vehicle.levers],
-            "conditions": [vars(condition) for condition in vehicle.conditions],
+            "radius": self.around.radius,
             **more,
         }
         arrays = {"faces": self.stage.faces, "stations": self.stage.stations, "rest": self.stage.vertices()}
@@ -71,7 +66,7 @@ class View:
         numbers = plain(row)
         if "load" in numbers and "p_perforation" not in numbers:
             numbers["p_perforation"] = float(perforation_probability(numbers["load"]))
-        header = {"kind": "frame", "view": self.number, "row": numbers, "segment": segment_at(self.vehicle.colon, arc)}
+        header = {"kind": "frame", "view": self.number, "row": numbers, "segment": segment_at(self.around.colon, arc)}
         moved = self.stage.vertices(frame.get("displacement"), frame.get("widths"))
         arrays = {"vertices": moved, "shape": frame["shape"], "pressed": frame["pressed"], "pain": frame["pain"]}
         if "gas_pressure" in row:
@@ -141,9 +136,9 @@ class Source(ABC):
             view.painter.close()
         return {}
 
+    @abstractmethod
     def scenes(self) -> list[bytes]:
         """What a page is told first."""
-        return [view.scene(mode=self.mode, views=len(self.views), speeds=SPEEDS) for view in self.views]
 
     @abstractmethod
     def obey(self, name: str, value: Any) -> None:
@@ -173,8 +168,12 @@ class Source(ABC):
                 if self._due > _MOST_BEHIND * max(self.speed, 1.0):
                     self.late += self._due
                     self._due = 0.0
-                gone = self.advance(self._due) if self._due > 0 else 0.0
-                self._due -= gone
+                gone = 0.0
+                if self.paused:
+                    self._due = 0.0
+                elif self._due > 0:
+                    gone = self.advance(self._due)
+                    self._due -= gone
                 self._look(now)
                 if not gone:
                     time.sleep(_REST)
@@ -214,9 +213,18 @@ class Drive(Source):
 
     def __init__(self, sessions: Sequence[Session], *, size: int) -> None:
         """Show these sessions, with pictures of `size` rows and columns."""
-        super().__init__([View(session.vehicle, number, size) for number, session in enumerate(sessions)])
+        super().__init__([View(session.vehicle.around, number, size) for number, session in enumerate(sessions)])
         self.sessions = list(sessions)
         self._heard, self._said_at, self._acted_on = -math.inf, 0.0, 0.0
+
+    def scenes(self) -> list[bytes]:
+        """Colons, levers and conditions."""
+        told: dict[str, Any] = {"mode": self.mode, "views": len(self.views), "speeds": SPEEDS}
+        found = []
+        for view, session in zip(self.views, self.sessions, strict=True):
+            own = {name: [vars(one) for one in getattr(session.vehicle, name)] for name in ("levers", "conditions")}
+            found.append(view.scene(**told, **own))
+        return found
 
     def let_go(self) -> None:
         """Take the hand off everything and wait: the page is gone."""
@@ -297,7 +305,8 @@ class Drive(Source):
     def close(self) -> dict[str, Any]:
         """End all; what was recorded is whole."""
         super().close()
-        return [session.close() for session in self.sessions][0]
+        first, *_ = [session.close() for session in self.sessions]
+        return first
 
 
 class Playback(Source):
@@ -307,8 +316,8 @@ class Playback(Source):
 
     def __init__(self, recordings: Sequence[Recording], *, size: int) -> None:
         """Play these from their beginning."""
-        vehicles = [make_vehicle(one.folder / COLON, one.about["vehicle"]) for one in recordings]
-        super().__init__([View(vehicle, number, size) for number, vehicle in enumerate(vehicles)])
+        found = [surroundings(one.folder / COLON, one.about["vehicle"]) for one in recordings]
+        super().__init__([View(around, number, size) for number, around in enumerate(found)])
         self.recordings = list(recordings)
         self.time = 0.0
         self.duration = max(float(one.rows["time"][-1]) for one in recordings)
@@ -350,8 +359,6 @@ class Playback(Source):
     def close(self) -> dict[str, Any]:
         """End all."""
         super().close()
-        for view in self.views:
-            view.vehicle.close()
         return {"duration_s": self.duration}
 
 

@@ -5,10 +5,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
+from haustra.envs.console.vehicle import Surroundings
 from haustra.envs.runs.measure.injury import STATION_STEP
 from haustra.envs.sim.moved_colon import CurrentColon
-from haustra.models.anatomy.colon import Colon
-from haustra.models.wall.lumen_table import Tables
 
 _SPACING = 0.01
 """Distance between rings of the colon that is drawn [m]."""
@@ -19,28 +18,20 @@ _AROUND = 28
 class Stage:
     """A colon as rings of corners, seen from outside."""
 
-    def __init__(
-        self, colon: Colon, tables: Tables | None, origin: Float[np.ndarray, "3"], axes: Float[np.ndarray, "3 3"]
-    ) -> None:
-        """Take rings of the colon as its centreline sees it.
-
-        Args:
-            colon: at rest.
-            tables: of a colon that moves, in coordinates that begin at `origin` [m] with columns `axes`; else None.
-            origin: see there.
-            axes: see there.
-        """
+    def __init__(self, around: Surroundings) -> None:
+        """Take rings of the colon as its centreline sees it."""
+        colon, tables = around.colon, around.tables
         line = colon.centreline
         rings = np.unique(np.linspace(0, len(line.arc) - 1, max(2, round(line.length / _SPACING))).astype(int))
         corners = np.linspace(0, colon.radius.shape[1], _AROUND, endpoint=False).astype(int)
         angles = 2 * np.pi * corners / colon.radius.shape[1]
-        around = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        across = np.einsum("sij,aj->sai", line.frames[rings][:, :, :2], around)
+        circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        across = np.einsum("sij,aj->sai", line.frames[rings][:, :, :2], circle)
         self._middle = np.repeat(line.points[rings], _AROUND, axis=0)
         self._out = (colon.radius[np.ix_(rings, corners)][:, :, None] * across).reshape(-1, 3)
         self._arcs = np.repeat(line.arc[rings], _AROUND)
         self._length = line.length
-        self._moved = None if tables is None else CurrentColon(colon, tables, origin, axes)
+        self._moved = None if tables is None else CurrentColon(colon, tables, around.origin, around.axes)
         self.faces = _strips(len(rings))
         """Corners of triangles, facing outwards."""
         self.stations = np.rint(self._arcs / STATION_STEP).astype(np.int32)

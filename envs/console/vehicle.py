@@ -61,6 +61,22 @@ class Condition:
         return self.choices[int(number)] if self.choices else number
 
 
+@dataclass(frozen=True)
+class Surroundings:
+    """The colon that something is driven in, and what is to be known of the device to draw it."""
+
+    colon: Colon
+    """At rest, in the coordinates of what is seen."""
+    tables: Tables | None
+    """Of a colon that moves, in coordinates that begin at `origin` with columns `axes`; None where it is fixed."""
+    origin: Float[np.ndarray, "3"]
+    axes: Float[np.ndarray, "3 3"]
+    radius: float
+    """Radius of the device [m]."""
+    field_of_view_deg: float
+    """Full angle of its camera [degrees]."""
+
+
 class Look(NamedTuple):
     """What is seen of a vehicle at one instant, in the colon's coordinates."""
 
@@ -79,20 +95,12 @@ class Vehicle(ABC):
     """Name by which a recording knows how to make it again."""
     given: Colon
     """The colon that it was made from: what a recording keeps."""
-    colon: Colon
-    """The same colon as physics knows it, in the coordinates of what is seen."""
-    tables: Tables | None
-    """Of a colon that moves, in coordinates that begin at `origin` with columns `axes`; None where it is fixed."""
-    origin: Float[np.ndarray, "3"]
-    axes: Float[np.ndarray, "3 3"]
+    around: Surroundings
+    """The same colon as physics knows it."""
     levers: tuple[Lever, ...]
     conditions: tuple[Condition, ...]
     interval: float
     """Control step [s]."""
-    radius: float
-    """Radius of the device, to draw it [m]."""
-    field_of_view_deg: float
-    """Full angle of its camera [degrees]."""
     backend: str
 
     @abstractmethod
@@ -126,6 +134,10 @@ class Vehicle(ABC):
     @abstractmethod
     def put_back(self, kept: Any) -> None:
         """Go back to a state that was kept; going on from there is the same to the bit."""
+
+    def begin(self, start: Any, seed: int | None) -> None:
+        """Begin again at a start that was kept; the seed is of what is drawn at random, where anything is."""
+        self.put_back(start)
 
     def close(self) -> None:
         """End what is held open."""

@@ -1,6 +1,6 @@
 """How the console's page is told things: a JSON header, then arrays as they lie in memory.
 
-Four bytes say how long the header is, little-endian; the header is filled up with spaces so that arrays begin at a multiple
+Four bytes say how long the header is, little-endian; spaces fill the header up, so that arrays begin at a multiple
 of four. Its entry `arrays` lists name, type, shape and offset behind the header of each array.
 """
 

@@ -1,4 +1,4 @@
-"""A headless Chromium that is driven by real key events, over its own debugging socket: no further package is needed."""
+"""A headless Chromium that is driven by real key events, over its own debugging socket, without further packages."""
 
 import asyncio
 import base64
