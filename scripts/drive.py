@@ -1,6 +1,8 @@
 """`haustra drive`: drive a device yourself, in the browser."""
 
+import contextlib
 import json
+import sys
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -86,16 +88,14 @@ def serve(source: Any, asked: Any, *, haptic: int | None = None) -> dict[str, An
         ends = asyncio.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
             asyncio.get_running_loop().add_signal_handler(number, ends.set)
+        await server.run(ready, ends)
+
+    with contextlib.ExitStack() as held:
         if haptic is not None:
             from haustra.envs.console.haptic import HapticPort
 
-            async with HapticPort(source, port=haptic):
-                await server.run(ready, ends)
-        else:
-            await server.run(ready, ends)
-
-    try:
+            port = held.enter_context(HapticPort(source, port=haptic)).port
+            print(f"A haptic device may connect to 127.0.0.1:{port}.", file=sys.stderr)
         asyncio.run(run())
-    finally:
-        found = source.close()
+    found = source.close()
     return None if asked.json else found

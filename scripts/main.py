@@ -61,15 +61,15 @@ def _call(name: str, words: list[str]) -> int:
         return _interrupted(output)
     try:
         if result is None:  # a verb that served has said what there was to say
-            return SUCCESS
-        if verb.json:
+            pass
+        elif verb.json:
             print(json.dumps(result, allow_nan=False))
         else:
             summary(result)
         sys.stdout.flush()
     except BrokenPipeError:
         _stop_printing()
-    return DIVERGED if result.get("outcome") == "diverged" else SUCCESS
+    return DIVERGED if result is not None and result.get("outcome") == "diverged" else SUCCESS
 
 
 def stems_from_interruption(error: BaseException | None) -> bool:

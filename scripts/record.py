@@ -51,7 +51,6 @@ class Record(Drivable):
         total = {"episodes": len(found), "rows": sum(one["rows"] for one in found), "tip_arc_m": max(arcs)}
         return total | {"simulated_s": sum(one["simulated_s"] for one in found), "recording": str(self.output)}
 
-
     def _record(
         self, vehicle: Any, folder: Path, keys: list[dict[str, Any]] | None, episode: int, tell: Any
     ) -> dict[str, Any]:

@@ -56,7 +56,9 @@ class DriveEnv(gymnasium.Env):
             configuration: of the vehicle (`haustra.envs.console.vehicles.make_vehicle`).
         """
         self.vehicle: Vehicle = make_vehicle(Path(colon), configuration)
-        self.action_space = action_space([(one.low, one.high) for one in (*self.vehicle.levers, *self.vehicle.conditions)])
+        self.action_space = action_space(
+            [(one.low, one.high) for one in (*self.vehicle.levers, *self.vehicle.conditions)]
+        )
         self.observation_space = observation_space(self.vehicle.look().row)
         self._start, self._begun, self._best = self.vehicle.keep(), self.vehicle.now(), 0.0
 

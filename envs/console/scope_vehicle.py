@@ -7,19 +7,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from haustra.envs.console.vehicle import Condition, Lever, Look, Surroundings, Vehicle, digest
+from haustra.envs.console.vehicle import Condition, Grasp, Lever, Look, Surroundings, Vehicle, digest
 from haustra.envs.control.follower import FollowerSettings, LumenFollower
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.measure.injury import InjuryMeter
 from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.runs.outcome import LEFT_OUTSIDE
 from haustra.envs.sim.linear.single import LinearSingle
-from haustra.envs.sim.state import Controls, Readings
+from haustra.envs.sim.physics.hand import HAND_STIFFNESS
+from haustra.envs.sim.state import Controls
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
-from haustra.models.wall.abdomen import DOWN
 from haustra.models.wall import mesentery
+from haustra.models.wall.abdomen import DOWN
 from haustra.models.wall.lumen_table import axis_tables, lumen_table, seen_from, stack
 
 PUSH_RATE, ROLL_RATE = 0.06, math.radians(90.0)
@@ -73,7 +74,7 @@ class ScopeVehicle(Vehicle):
         begun = {"friction": options.friction, "wall_stiffness": options.wall_stiffness} | words
         self._now = np.array([one.number(begun[one.name]) for one in self.conditions])
         self._scene, self._injury = scene, InjuryMeter(scene)
-        self._seen = self._scope.read()
+        self._before = self._seen = self._scope.read()
 
     @property
     def scene(self) -> Scene:
@@ -99,7 +100,7 @@ class ScopeVehicle(Vehicle):
         if self._scope.gas is not None:
             self._scope.gas.forget()
         if sound:
-            self._seen = self._scope.read()
+            self._before, self._seen = seen, self._scope.read()
             self._tracker.update(self._seen.tip, self._seen.way)
         return sound
 
@@ -152,9 +153,13 @@ class ScopeVehicle(Vehicle):
             frame["widths"] = gas.widths
         return Look(row, frame)
 
-    def readings(self) -> Readings:
-        """What can be read off at the end of the last step."""
-        return self._seen
+    def grasp(self) -> Grasp:
+        """The handle between two control steps; the hand aims where it turns the shaft to."""
+        seen, before, options = self._seen, self._before, self._scene.options
+        place, was = (np.array([one.insertion, one.roll]) for one in (seen, before))
+        speed = (place - was) / self.interval if seen.time > before.time else np.zeros(2)
+        aim = place + np.array([seen.hand_lead, seen.torque / HAND_STIFFNESS[1]])
+        return Grasp(seen.time, aim, place, speed, np.array([options.push_limit, options.torque_limit]))
 
     def assist(self) -> Float[np.ndarray, " levers"]:
         """What the lumen follower does."""
@@ -205,7 +210,7 @@ class ScopeVehicle(Vehicle):
                 self.change(condition.name, number)
         self._scope.put_back(kept.scope, kept.hand)
         self._tracker.arc, self._follower.memory = kept.tracked, kept.follower
-        self._seen = self._scope.read()
+        self._before = self._seen = self._scope.read()
 
     def close(self) -> None:
         """End the backend."""

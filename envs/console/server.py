@@ -1,8 +1,8 @@
 """The console's server: one page, one socket, for whoever knows the token.
 
 It listens on this machine only unless asked otherwise. Every address needs the token; a page of another origin is
-refused, so is whoever calls this machine by a name that is not its own; what a page says is short, and longer messages end the
-connection. Bytes of the page come from the package: nothing is loaded from elsewhere.
+refused, so is whoever calls this machine by a name that is not its own; what a page says is short, and longer messages
+end the connection. Bytes of the page come from the package: nothing is loaded from elsewhere.
 """
 
 import asyncio
@@ -99,7 +99,11 @@ class Server:
             shown = f"[{self.host}]" if ":" in self.host else self.host
             self.url = f"http://{shown}:{port}/?token={self.token}"
             loop = asyncio.get_running_loop()
-            self.source.start(lambda what, message: loop.call_soon_threadsafe(self._spread, what, message))
+
+            def publish(what: str, message: bytes) -> None:
+                loop.call_soon_threadsafe(self._spread, what, message)
+
+            self.source.start(publish)
             while not self.source.ready and not ends.is_set() and self.source.failed is None:
                 await asyncio.sleep(0.02)
             if self.source.failed is not None:

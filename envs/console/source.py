@@ -215,6 +215,8 @@ class Drive(Source):
         """Show these sessions, with pictures of `size` rows and columns."""
         super().__init__([View(session.vehicle.around, number, size) for number, session in enumerate(sessions)])
         self.sessions = list(sessions)
+        self.before_step: Callable[[float], None] | None = None
+        """Called with the control step [s] before any, to move the hand: a haptic device does."""
         self._heard, self._said_at, self._acted_on = -math.inf, 0.0, 0.0
 
     def scenes(self) -> list[bytes]:
@@ -232,10 +234,12 @@ class Drive(Source):
 
     def advance(self, seconds: float) -> float:
         """Whole control steps, of all sessions alike."""
-        if time.perf_counter() - self._heard > WATCHDOG:
+        if time.perf_counter() - self._heard > WATCHDOG and self.before_step is None:
             for session in self.sessions:
                 session.hand.let_go()
         interval = self.sessions[0].vehicle.interval
+        if self.before_step is not None:
+            self.before_step(interval)
         if seconds < interval:
             return 0.0
         for session in self.sessions:

@@ -191,9 +191,11 @@ def _write_episodes(
     pq.write_table(pa.Table.from_pylist(rows), _made(place / "meta/episodes/chunk-000/file-000.parquet"))
 
 
-def _stats(values: Sequence[Any]) -> dict[str, list[float]]:
+def _stats(values: Sequence[Any]) -> dict[str, list[Any]]:
     array = np.array(values, float).reshape(len(values), -1)
-    found = {name: getattr(array, name)(axis=0).tolist() for name in ("min", "max", "mean", "std")}
+    found: dict[str, list[Any]] = {
+        name: getattr(array, name)(axis=0).tolist() for name in ("min", "max", "mean", "std")
+    }
     return found | {"count": [len(array)]}
 
 

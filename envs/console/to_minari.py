@@ -35,6 +35,7 @@ def export_minari(recordings: Sequence[Recording], dataset: str, root: Path | No
     try:
         import minari
         from minari.data_collector import EpisodeBuffer
+        from minari.storage import get_dataset_path
     except ImportError as error:
         raise MissingDependencyError("Minari data sets need 'pip install haustra[formats]'.") from error
     first = recordings[0]
@@ -44,7 +45,7 @@ def export_minari(recordings: Sequence[Recording], dataset: str, root: Path | No
         if not (alike and same):
             raise InvalidOptionError(f"'{one.folder}' is of another vehicle or colon than '{first.folder}'.")
     with _root(root), warnings.catch_warnings():
-        place = Path(minari.dataset.minari_storage.get_dataset_path("")) if root is None else root
+        place = Path(get_dataset_path("")) if root is None else root
         kept = place / "haustra-colons" / str(first.about["provenance"]["inputs"]["colon"])
         try:
             if not kept.exists():
@@ -89,7 +90,9 @@ class _Standing(gymnasium.Env):
 
     def __init__(self, recording: Recording, colon: str) -> None:
         about: dict[str, Any] = {"colon": colon, "configuration": dict(recording.about["vehicle"])}
-        self.spec = EnvSpec(ENV, entry_point="haustra.envs.console.env:DriveEnv", kwargs=about, disable_env_checker=True)
+        self.spec = EnvSpec(
+            ENV, entry_point="haustra.envs.console.env:DriveEnv", kwargs=about, disable_env_checker=True
+        )
         limits = [*recording.about["levers"], *recording.about["conditions"]]
         self.action_space = action_space([(one["low"], one["high"]) for one in limits])
         self.observation_space = observation_space(_row(recording, 0))

@@ -77,6 +77,21 @@ class Surroundings:
     """Full angle of its camera [degrees]."""
 
 
+class Grasp(NamedTuple):
+    """The handle of a shaft, as one who holds it feels it; along and about the shaft."""
+
+    time: float
+    """Simulated time [s]."""
+    aim: Float[np.ndarray, "2"]
+    """Where the hand aims [m, rad]."""
+    place: Float[np.ndarray, "2"]
+    """Where the handle is [m, rad]."""
+    speed: Float[np.ndarray, "2"]
+    """How fast it moves [m/s, rad/s]."""
+    limit: Float[np.ndarray, "2"]
+    """Largest force and torque of the hand [N, N m]."""
+
+
 class Look(NamedTuple):
     """What is seen of a vehicle at one instant, in the colon's coordinates."""
 
@@ -134,6 +149,10 @@ class Vehicle(ABC):
     @abstractmethod
     def put_back(self, kept: Any) -> None:
         """Go back to a state that was kept; going on from there is the same to the bit."""
+
+    def grasp(self) -> Grasp | None:
+        """The handle of its shaft; None of what has none."""
+        return None
 
     def begin(self, start: Any, seed: int | None) -> None:
         """Begin again at a start that was kept; the seed is of what is drawn at random, where anything is."""

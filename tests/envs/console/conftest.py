@@ -9,6 +9,7 @@ import pytest
 from haustra.models.anatomy.colon import ColonSegment
 from haustra.models.anatomy.store import save_colon
 from haustra.models.devices.base import load_device
+from haustra.models.devices.scope.library import named_design
 from haustra.models.presets import find_preset
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
@@ -26,7 +27,7 @@ def colon_folder(tmp_path_factory) -> Path:
 def scope() -> dict[str, Any]:
     """A scope on a colon that moves and is full of gas."""
     options = replace(find_preset("fast").apply(), wall_law="table", mesentery=True, gas=2500.0)
-    return {"kind": "scope", "design": asdict(load_device("paediatric").design), "options": asdict(options)}
+    return {"kind": "scope", "design": asdict(named_design("paediatric")), "options": asdict(options)}
 
 
 @pytest.fixture(scope="session")

@@ -77,7 +77,7 @@ async def _meet(vehicle: Any) -> None:
         socket = f"{base}socket?token={token}"
         for address, headers in (
             (base, {}),
-            (f"{base}?token=x{token[1:]}", {}),
+            (f"{base}?token={token[:-1]}", {}),
             (f"{base}socket", {}),
             (url, {"Host": "elsewhere.example"}),
             (url, {"Origin": "http://elsewhere.example"}),

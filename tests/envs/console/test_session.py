@@ -21,8 +21,7 @@ def _run(session: Session, seconds: float) -> None:
 
 @pytest.fixture(scope="module")
 def driven(colon_folder, scope, tmp_path_factory) -> Path:
-    """A follower that is corrected, conditions that change, and a way that is taken anew; in chunks of half a second.
-    """
+    """A follower that is corrected, conditions that change, a way that is taken anew; in chunks of half a second."""
     folder = tmp_path_factory.mktemp("drive")
     vehicle = make_vehicle(colon_folder, scope)
     with pytest.MonkeyPatch.context() as patch:
