@@ -35,9 +35,9 @@ class Glance:
     arc: float
     """Arc length of the tip [m]."""
     displacement: Float[np.ndarray, "nodes 7"] | None = None
-    """Of the colon's axis; at rest when None."""
+    """Displacement of the colon's axis; at rest when None."""
     widths: Float[np.ndarray, " rows"] | None = None
-    """Of the lumen at even arc lengths, over that at rest [1]; as at rest when None."""
+    """Widths of the lumen at even arc lengths, over that at rest [1]; as at rest when None."""
 
 
 @dataclass(frozen=True)

@@ -68,7 +68,7 @@ class Surroundings:
     colon: Colon
     """At rest, in the coordinates of what is seen."""
     tables: Tables | None
-    """Of a colon that moves, in coordinates that begin at `origin` with columns `axes`; None where it is fixed."""
+    """Tables of a colon that moves, in coordinates that begin at `origin` with columns `axes`; None where it is fixed."""
     origin: Float[np.ndarray, "3"]
     axes: Float[np.ndarray, "3 3"]
     radius: float
@@ -111,7 +111,7 @@ class Vehicle(ABC):
     given: Colon
     """The colon that it was made from: what a recording keeps."""
     around: Surroundings
-    """The same colon as physics knows it."""
+    """Colon as physics knows it."""
     levers: tuple[Lever, ...]
     conditions: tuple[Condition, ...]
     interval: float
