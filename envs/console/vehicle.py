@@ -68,7 +68,7 @@ class Surroundings:
     colon: Colon
     """At rest, in the coordinates of what is seen."""
     tables: Tables | None
-    """Tables of a colon that moves, in coordinates that begin at `origin` with columns `axes`; None where it is fixed."""
+    """Tables of a colon that moves, whose coordinates begin at `origin` with columns `axes`; None where it is fixed."""
     origin: Float[np.ndarray, "3"]
     axes: Float[np.ndarray, "3 3"]
     radius: float
