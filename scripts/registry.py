@@ -36,6 +36,7 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "export": f"{_SCRIPTS}.export:Export",
     },
     "Studies of designs": {
+        "compare": f"{_SCRIPTS}.compare:Compare",
         "sweep": f"{_SCRIPTS}.sweep:Sweep",
         "optimise": f"{_SCRIPTS}.sweep:Optimise",
         "sensitivity": f"{_SCRIPTS}.sweep:Sensitivity",
