@@ -30,7 +30,7 @@ FIRST_SEED = 300_000
 """First seed of the grown colons, which nothing was trained on."""
 AT_ONCE = 10
 """Colons that are run together."""
-HELD_TIMESTEP, HELD_SECONDS, HELD_SETTLED = 2e-3, 2.0, 0.6
+HELD_TIMESTEP, HELD_SECONDS, HELD_SETTLED = 2e-3, 1.6, 0.6
 """Time step, length, and time until steady of a run that is held by a string [s]."""
 LATE = 5.0
 """Readings over this last time of a run tell what stopped it [s]."""

@@ -13,11 +13,11 @@ from haustra.provenance import Provenance
 
 STRING = "tracked/string"
 STIFFNESS = 250.0
-"""Of the string at 1:1 [N/m], with the scale: a millimetre at what the robot pulls."""
+"""Stiffness of the string at 1:1 [N/m], with the scale: a millimetre at what the robot pulls."""
 _DAMPING = 5.0
-"""Of the string at 1:1 [N s/m], with the scale; engineering choice."""
+"""Damping of the string at 1:1 [N s/m], with the scale; engineering choice."""
 _LENGTH = 0.05
-"""Of the string at 1:1, with the scale [m]."""
+"""Length of the string at 1:1, with the scale [m]."""
 _STATIONS, _ANGLES = 200, 48
 
 
