@@ -97,12 +97,27 @@ class LinearInsertions:
             backend.load(values) if name == "gravity" else backend.give(name, values)
         backend.tell_driver(0, self.program.numbers_of(self._settings, self._start))
 
-    def run(self, *, seconds: float, progress: Callable[[float], None] = lambda time: None) -> Insertions:
-        """Drive all worlds for up to `seconds` of simulated time; `progress` is told the time [s]."""
+    def run(
+        self,
+        *,
+        seconds: float,
+        progress: Callable[[float], None] = lambda time: None,
+        watch: Callable[[], None] = lambda: None,
+        every: int = _CHUNK,
+    ) -> Insertions:
+        """Drive all worlds for up to `seconds` of simulated time.
+
+        Args:
+            seconds: [s].
+            progress: told the time now and then [s].
+            watch: called after every `every` control intervals.
+            every: control intervals that are driven in one call.
+        """
         intervals = round(seconds / self.interval)
-        for first in range(0, intervals, _CHUNK):
-            count = min(_CHUNK, intervals - first)
+        for first in range(0, intervals, every):
+            count = min(every, intervals - first)
             self.backend.drive(count)
+            watch()
             progress((first + count) * self.interval)
             tally = self.program.tally_of(self.backend.driver_numbers())
             if ((tally.ended > 0) | ~self.backend.alive).all():
