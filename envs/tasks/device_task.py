@@ -159,6 +159,7 @@ class DeviceEnv(gymnasium.Env):
         seen = self._backend.read()
         ahead = seen.tip_frame[0].T @ seen.ahead[0]
         common = [seen.tip_arc[0] / self._lengths[self._colon], seen.wall_force[0], 100.0 * seen.deepest[0]]
-        own = [value[0] for value in self._backend.readings().values()]
+        told = self._backend.readings()  # on Warp not in the order in which the device names them
+        own = [told[one.name][0] for one in self.device.readings]
         shown = np.concatenate([ahead, common, own])
         return np.clip(np.nan_to_num(shown), -_LARGEST, _LARGEST).astype(np.float32)

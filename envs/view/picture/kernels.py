@@ -1,0 +1,246 @@
+"""Compiled loops of the renderer: exact rays to a surface's triangles, found by where these fall in the picture.
+
+All rays of a picture begin at one point. Of a triangle (a, b, c) seen from there, a ray d passes inside where
+d . (b x c), d . (c x a) and d . (a x b) are not negative, and meets it after a . n / d . n with n the normal: three
+products a pixel, for any lens. Neighbours share an edge's product up to its sign, so that no ray slips through between
+them. Which pixels to ask is told by the corners' places in the picture, with a margin for how a lens bends the edges
+between them. Nothing is built before: triangles may move from picture to picture.
+
+Nothing here imports haustra, since its tests put type checks on what they import, which numba cannot compile.
+"""
+
+import numpy as np
+from numba import njit
+
+WIDE = 0.6
+"""Edges seen under larger angles than this are followed through the lens instead of taken for straight [rad]."""
+_BEND = 0.3
+"""A lens bends a short edge aside by less than this share of its length times its angle [1]: an eighth of both for
+radii in proportion to angles, twice that near the rim."""
+_SAMPLES = 12
+"""Places on a wide edge that are followed."""
+_MARGIN = 0.02
+"""Rounding of places in the picture [pixels]."""
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _project(x, y, z, lens, radii, most):
+    """Column and row at which a point in the camera's axes is seen.
+
+    Args:
+        x: rightwards [m].
+        y: upwards [m].
+        z: backwards [m].
+        lens: column and row of the axis, and the four numbers of the lens's stretch.
+        radii: radius for tan(angle / 2) from 0 to `most`, evenly spaced, beyond what the lens sees going on in line.
+        most: see there.
+    """
+    off = np.sqrt(x * x + y * y)
+    half = off / max(np.sqrt(off * off + z * z) - z, 1e-12)
+    way = min(half / most, 1.0) * (len(radii) - 1)
+    at = min(int(way), len(radii) - 2)
+    radius = (radii[at] + (way - at) * (radii[at + 1] - radii[at])) / max(off, 1e-12)
+    u, v = radius * x, -radius * y
+    return lens[0] + lens[2] * u + lens[3] * v, lens[1] + lens[4] * u + lens[5] * v, half
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def see_vertices(vertices, first, last, eye, axes, lens, radii, most, local, image):
+    """Take vertices into the camera's axes (`local`) and its picture (`image`: column, row, tan(angle / 2))."""
+    for i in range(first, last):
+        dx, dy, dz = vertices[i, 0] - eye[0], vertices[i, 1] - eye[1], vertices[i, 2] - eye[2]
+        x = dx * axes[0, 0] + dy * axes[1, 0] + dz * axes[2, 0]
+        y = dx * axes[0, 1] + dy * axes[1, 1] + dz * axes[2, 1]
+        z = dx * axes[0, 2] + dy * axes[1, 2] + dz * axes[2, 2]
+        local[i, 0], local[i, 1], local[i, 2] = x, y, z
+        image[i, 0], image[i, 1], image[i, 2] = _project(x, y, z, lens, radii, most)
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _follow(a, b, lens, radii, most, box):
+    """Widen a box by an edge as the lens bends it."""
+    for k in range(_SAMPLES + 1):
+        s = k / _SAMPLES
+        x, y, z = a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1]), a[2] + s * (b[2] - a[2])
+        column, row, _ = _project(x, y, z, lens, radii, most)
+        box[0], box[1] = min(box[0], column), max(box[1], column)
+        box[2], box[3] = min(box[2], row), max(box[3], row)
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def find_boxes(faces, first, last, local, image, lens, radii, most, widest, width, height, boxes, kept):
+    """Which triangles face the camera, and the pixels that each may be seen at.
+
+    Args:
+        faces: corners of the triangles, counter-clockwise seen from the far side.
+        first: of the triangles that are looked at.
+        last: after the last of them.
+        local: of the vertices.
+        image: of the vertices.
+        lens: as in `_project`.
+        radii: see there.
+        most: see there.
+        widest: tan(angle / 2) beyond which the lens sees nothing.
+        width: columns of the picture.
+        height: rows.
+        boxes: first and last column, first and last row of each triangle kept, into which they are written.
+        kept: those triangles.
+
+    Returns:
+        How many were kept, written from place `first` on.
+    """
+    count, box = first, np.empty(4)
+    for face in range(first, last):
+        i, j, k = faces[face, 0], faces[face, 1], faces[face, 2]
+        if min(image[i, 2], image[j, 2], image[k, 2]) > 4 * widest:
+            continue
+        a, b, c = local[i], local[j], local[k]
+        ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+        facing = a[0] * (uy * vz - uz * vy) + a[1] * (uz * vx - ux * vz) + a[2] * (ux * vy - uy * vx)
+        if facing <= 0:
+            continue
+        wx, wy, wz = vx - ux, vy - uy, vz - uz
+        edge = max(ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz, wx * wx + wy * wy + wz * wz)
+        near = min(
+            a[0] * a[0] + a[1] * a[1] + a[2] * a[2],
+            b[0] * b[0] + b[1] * b[1] + b[2] * b[2],
+            c[0] * c[0] + c[1] * c[1] + c[2] * c[2],
+        )
+        angle = np.sqrt(edge / max(near, 1e-12))
+        if angle > WIDE:
+            box[0], box[1], box[2], box[3] = 1e9, -1e9, 1e9, -1e9
+            _follow(a, b, lens, radii, most, box)
+            _follow(b, c, lens, radii, most, box)
+            _follow(c, a, lens, radii, most, box)
+            left, right, top, bottom = box[0], box[1], box[2], box[3]
+            angle = angle / _SAMPLES
+        elif min(image[i, 2], image[j, 2], image[k, 2]) > widest + angle:
+            continue
+        else:
+            left = min(image[i, 0], image[j, 0], image[k, 0])
+            right = max(image[i, 0], image[j, 0], image[k, 0])
+            top = min(image[i, 1], image[j, 1], image[k, 1])
+            bottom = max(image[i, 1], image[j, 1], image[k, 1])
+        margin = _MARGIN + _BEND * angle * max(right - left, bottom - top)
+        left, right = max(np.ceil(left - margin), 0.0), min(np.floor(right + margin), width - 1.0)
+        top, bottom = max(np.ceil(top - margin), 0.0), min(np.floor(bottom + margin), height - 1.0)
+        if left > right or top > bottom:
+            continue
+        boxes[count, 0], boxes[count, 1], boxes[count, 2], boxes[count, 3] = left, right, top, bottom
+        kept[count] = face
+        count += 1
+    return count
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def cast(first_row, last_row, faces, local, boxes, kept, first, last, rays, distance, triangle):
+    """Rays of some rows against triangles that were kept: the nearest stays.
+
+    Args:
+        first_row: of the rows.
+        last_row: after the last of them.
+        faces: as in `find_boxes`.
+        local: of the vertices.
+        boxes: as `find_boxes` left them.
+        kept: see there.
+        first: of those kept.
+        last: after the last of them.
+        rays: of all pixels, unit vectors.
+        distance: along the ray to what is nearest so far, into which nearer ones are written [m].
+        triangle: which triangle that is.
+    """
+    for n in range(first, last):
+        top, bottom = max(boxes[n, 2], first_row), min(boxes[n, 3], last_row - 1)
+        if top > bottom:
+            continue
+        face = kept[n]
+        a, b, c = local[faces[face, 0]], local[faces[face, 1]], local[faces[face, 2]]
+        px, py, pz = _cross(b, c)
+        qx, qy, qz = _cross(c, a)
+        rx, ry, rz = _cross(a, b)
+        ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        ahead = np.float32(a[0] * nx + a[1] * ny + a[2] * nz)
+        p0, p1, p2 = np.float32(px), np.float32(py), np.float32(pz)
+        q0, q1, q2 = np.float32(qx), np.float32(qy), np.float32(qz)
+        r0, r1, r2 = np.float32(rx), np.float32(ry), np.float32(rz)
+        n0, n1, n2 = np.float32(nx), np.float32(ny), np.float32(nz)
+        for row in range(top, bottom + 1):
+            for column in range(boxes[n, 0], boxes[n, 1] + 1):
+                x, y, z = rays[row, column, 0], rays[row, column, 1], rays[row, column, 2]
+                if x * p0 + y * p1 + z * p2 < 0 or x * q0 + y * q1 + z * q2 < 0 or x * r0 + y * r1 + z * r2 < 0:
+                    continue
+                way = ahead / (x * n0 + y * n1 + z * n2)
+                if way >= 0 and way < distance[row, column]:
+                    distance[row, column] = way
+                    triangle[row, column] = face
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _cross(a, b):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _vertex_normal(vertex, faces, local, starts, around, normals):
+    """Mean normal of the triangles around a vertex, weighted by area, towards the near side."""
+    x, y, z = 0.0, 0.0, 0.0
+    for n in range(starts[vertex], starts[vertex + 1]):
+        face = around[n]
+        a, b, c = local[faces[face, 0]], local[faces[face, 1]], local[faces[face, 2]]
+        ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+        x -= uy * vz - uz * vy
+        y -= uz * vx - ux * vz
+        z -= ux * vy - uy * vx
+    size = max(np.sqrt(x * x + y * y + z * z), 1e-30)
+    normals[vertex, 0], normals[vertex, 1], normals[vertex, 2] = x / size, y / size, z / size
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def resolve(first_row, last_row, faces, local, rays, triangle, starts, around, stamps, now, normals, weights, normal):
+    """Barycentric coordinates and smooth unit normals, in the camera's axes, of what the rays of some rows met.
+
+    Args:
+        first_row: of the rows.
+        last_row: after the last of them.
+        faces: as in `find_boxes`.
+        local: of the vertices.
+        rays: of all pixels.
+        triangle: that they met; -1 for none.
+        starts: of each vertex in `around`.
+        around: triangles around the vertices.
+        stamps: picture for which each vertex's normal was worked out.
+        now: this picture.
+        normals: of the vertices, worked out where they are needed.
+        weights: of the pixels, into which they are written.
+        normal: of the pixels, into which they are written.
+    """
+    for row in range(first_row, last_row):
+        for column in range(rays.shape[1]):
+            face = triangle[row, column]
+            if face < 0:
+                continue
+            i, j, k = faces[face, 0], faces[face, 1], faces[face, 2]
+            for vertex in (i, j, k):
+                if stamps[vertex] != now:
+                    _vertex_normal(vertex, faces, local, starts, around, normals)
+                    stamps[vertex] = now
+            a, b, c = local[i], local[j], local[k]
+            x, y, z = rays[row, column, 0], rays[row, column, 1], rays[row, column, 2]
+            px, py, pz = _cross(b, c)
+            qx, qy, qz = _cross(c, a)
+            rx, ry, rz = _cross(a, b)
+            p = max(x * px + y * py + z * pz, 0.0)
+            q = max(x * qx + y * qy + z * qz, 0.0)
+            r = max(x * rx + y * ry + z * rz, 0.0)
+            scale = 1 / max(p + q + r, 1e-30)
+            p, q, r = p * scale, q * scale, r * scale
+            weights[row, column, 0], weights[row, column, 1], weights[row, column, 2] = p, q, r
+            nx = p * normals[i, 0] + q * normals[j, 0] + r * normals[k, 0]
+            ny = p * normals[i, 1] + q * normals[j, 1] + r * normals[k, 1]
+            nz = p * normals[i, 2] + q * normals[j, 2] + r * normals[k, 2]
+            size = max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-30)
+            normal[row, column, 0], normal[row, column, 1], normal[row, column, 2] = nx / size, ny / size, nz / size
