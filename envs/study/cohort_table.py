@@ -37,7 +37,7 @@ class Published:
     meaning: str
     published: str
     column: str = ""
-    """Of a cohort's results; none where the summary takes several."""
+    """Column of a cohort's results; none where the summary takes several."""
     over: str = ""
     """men, women, or all when empty."""
     band: tuple[float, float] | None = None
@@ -56,7 +56,7 @@ class Observable:
     value: float | None
     """None where too few patients came so far."""
     low: float | None
-    """Of the 95 % interval over patients."""
+    """Lower end of the 95 % interval over patients."""
     high: float | None
     band: tuple[float, float] | None
     inside: bool | None

@@ -77,7 +77,7 @@ class Patient:
     """One patient: a colon, what it lies in, and how it is to the touch."""
 
     values: Mapping[str, float]
-    """Of every variable, by name; traits are draws from 0 to 1."""
+    """Value of every variable, by name; traits are draws from 0 to 1."""
 
     def has(self, trait: str) -> bool:
         """Whether the patient has a trait."""
