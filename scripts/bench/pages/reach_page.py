@@ -1,6 +1,6 @@
 """The page of how far tracked robots come, from what `haustra bench reach` found."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 
@@ -16,12 +16,12 @@ def reach_page(found: Mapping[str, Mapping[str, Any]], *, seconds: float) -> str
         "for 10 s is over. Nothing here was measured on a real robot.",
         "",
         "| robot | colons | came, mean (median) | of the colon, mean | force a track, mean | largest wall force, mean |"
-        " work of slip | over the first |",
+        " work of slip | way over the first's, same colons |",
         "|---|---|---|---|---|---|---|---|",
     ]
     for name, each in found.items():
         got = each["summary"]
-        ratio = got["came_mean_m"] / base["came_mean_m"] if base["came_mean_m"] else float("nan")
+        ratio = _ratio(found[first]["runs"], each["runs"])
         lines.append(
             f"| {name} | {got['colons']} | {got['came_mean_m']:.3f} m ({got['came_median_m']:.3f}) | "
             f"{100 * got['reach_mean']:.0f} % | {got['track_force_mean_N']:.2f} N | {got['wall_force_peak_N']:.2f} N | "
@@ -54,3 +54,11 @@ def reach_page(found: Mapping[str, Mapping[str, Any]], *, seconds: float) -> str
                 f"| {1e3 * row['slip_power_W']:.2f} mW |"
             )
     return "\n".join(lines) + "\n"
+
+
+def _ratio(first: Sequence[Mapping[str, Any]], other: Sequence[Mapping[str, Any]]) -> float:
+    """Way that another robot came over the first's, in the colons that both were driven in."""
+    ways = {row["seed"]: row["came_m"] for row in first}
+    both = [(ways[row["seed"]], row["came_m"]) for row in other if row["seed"] in ways]
+    before, after = (sum(column) for column in zip(*both, strict=True)) if both else (0.0, 0.0)
+    return after / before if before else float("nan")

@@ -58,8 +58,8 @@ def test_runs_are_kept_and_the_page_holds_them(tmp_path: Path) -> None:
     held = {"surface": "tissue", "rpm": 150, "force_N": 0.19, "difference": 0.01, "ripple": 0.02, "track_ripple": 0.1}
     held |= {"stress_mean_kPa": 80.0, "stress_peak_kPa": 110.0, "slip_power_W": 1e-3}
     found = {
-        "tracked": {"summary": summary(rows), "held": [held]},
-        "longer": {"summary": summary([other]), "held": []},
+        "tracked": {"summary": summary(rows), "held": [held], "runs": [*rows, {**row, "seed": 1, "came_m": 9.0}]},
+        "longer": {"summary": summary([other]), "held": [], "runs": [other]},
     }
     page = reach_page(found, seconds=2.0)
     assert "| 3.00 x |" in page and "time (1)" in page and "| 190.0 mN | +1.0 % |" in page
