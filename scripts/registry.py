@@ -25,6 +25,8 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "view": f"{_SCRIPTS}.view:View",
     },
     "The clinic": {
+        "trials": f"{_SCRIPTS}.trials:Trials",
+        "credibility": f"{_SCRIPTS}.credibility:Credibility",
         "imager export": f"{_SCRIPTS}.imager:ImagerExport",
         "imager score": f"{_SCRIPTS}.imager:ImagerScore",
     },
