@@ -18,7 +18,8 @@ _HEAD = """\
 Made by `python -m haustra.scripts.bench.pages.trials_page DIR docs/validation/trials.md` from the folder of
 `{command}`; do not edit. Each trial is a file in `assets/trials` with its source, arms, endpoint and what is assumed.
 Both arms examine the same virtual patients. A difference counts as reproduced when the whole 95 % interval (bootstrap
-over patients) lies on the trial's side of zero, equality when the effect lies within the trial's own 95 % interval.
+over patients) lies on the trial's side of zero, equality when the effect lies within the trial's own 95 % interval and
+at least half of the insertions reach the caecum: two scopes that hardly ever get there are equal for no good reason.
 
 **{different} of {all_different} differences and {equal} of {all_equal} equalities are reproduced**; of the differences
 {signs} have the right sign, resolved or not. Bar: 5 of 6 signs and 3 of 3 equalities: {verdict}.
@@ -29,8 +30,7 @@ over patients) lies on the trial's side of zero, equality when the effect lies w
 _READ = """
 ## How to read it
 
-- Effects are the first arm's less the second's. An equality between two arms that both hardly ever reach the caecum is
-  no evidence: see the column of the caecum.
+- Effects are the first arm's less the second's.
 - Times are those of the driver's own pace; who does not reach the caecum counts with {seconds:g} s.
 - Published figures are from abstracts; intervals of equal trials are computed from them (Wald).
 

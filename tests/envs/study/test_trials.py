@@ -64,6 +64,9 @@ def test_equality_is_held_to_the_trials_own_interval() -> None:
     assert answered("t", trial, high, seconds=200.0).effect == pytest.approx(0.05)
     assert answered("t", trial, high, seconds=200.0).reproduced
     assert not answered("t", replace(trial, interval=(-0.01, 0.01)), high, seconds=200.0).reproduced
+    nobody = _arm(np.full(100, 150.0))
+    assert answered("t", trial, [nobody, nobody], seconds=200.0).effect == 0.0
+    assert not answered("t", trial, [nobody, nobody], seconds=200.0).reproduced
 
 
 def test_too_few_patients_tell_nothing() -> None:

@@ -1,10 +1,12 @@
 """Splitting the uncertainty of a comparison: components that are put in come out."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from haustra.envs.study.credibility import Comparison
-from haustra.envs.study.uncertainty import split
+from haustra.envs.study.uncertainty import comparison_study, split
 from haustra.errors import InvalidStudyError
 
 ASKED = Comparison(devices=("a", "b"), score="pull", unit="N", drivers=("one", "two"), patients=60, parameters=40)
@@ -28,6 +30,23 @@ def _crossed(*, patients: float, parameters: float, rest: float) -> np.ndarray:
     random = np.random.default_rng(1)
     own, drawn = random.normal(0, patients, (60, 1)), random.normal(0, parameters, (1, 40))
     return 3.0 + own + drawn + random.normal(0, rest, (60, 40))
+
+
+def test_colons_are_crossed_with_draws_of_the_assumed_numbers() -> None:
+    """Each of three colons is tried with both draws; with half the step, with the first draw only."""
+    asked = replace(ASKED, devices=("adult", "paediatric"), drivers=("follower",), patients=3, parameters=2)
+    asked = replace(asked, score="mesentery_peak_N_m", measured=("seed", "sex"))
+    study = comparison_study(asked)
+    designs = [dict(design) for design in study.sampler.designs]
+    assert len({design["seed"] for design in designs}) == 3 and len({design["friction"] for design in designs}) == 2
+    assert len({(design["seed"], design["friction"]) for design in designs}) == len(designs) == 6
+    half = comparison_study(asked, half_step=True)
+    assert [dict(design) for design in half.sampler.designs] == designs[::2]
+    assert half.options["timestep"] == 0.5 * float(study.options["timestep"])
+    with pytest.raises(InvalidStudyError, match="'hope' is not known"):
+        comparison_study(replace(asked, measured=("hope",)))
+    with pytest.raises(InvalidStudyError, match="'outcome' is no number"):
+        comparison_study(replace(asked, score="outcome"))
 
 
 def test_each_part_of_the_spread_is_found() -> None:
