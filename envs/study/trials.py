@@ -118,7 +118,7 @@ class Answer:
             return False
         if self.trial.expected == "equal":
             low, high = self.trial.interval or (0.0, 0.0)
-            return low <= self.effect <= high and self.reached is not None and np.mean(self.reached) >= LEAST_REACHED
+            return low <= self.effect <= high and self.reached is not None and sum(self.reached) >= 2 * LEAST_REACHED
         return self.high < 0 if self.trial.direction == "less" else self.low > 0
 
     @property
