@@ -40,7 +40,7 @@ class Uncertainty:
     high: float
     """Upper end."""
     first: float
-    """Mean of the first scope."""
+    """Mean of the first scope over the same pairs: of each patient's mean, as the effect is."""
     second: float
     """Mean of the second scope."""
     pairs: int
@@ -191,8 +191,8 @@ def split(asked: Comparison, rows: Sequence[Mapping[str, Any]], half: Sequence[M
         effect=_mean_of_patients(difference),
         low=low,
         high=high,
-        first=float(main[0][there].mean()),
-        second=float(main[1][there].mean()),
+        first=_mean_of_patients(main[0]),
+        second=_mean_of_patients(main[1]),
         pairs=int(there.sum()),
         left_out=int((~there).sum()),
         reached=float(main[2][there].mean()),
@@ -216,7 +216,7 @@ def _pairs(
         if row["driver"] == driver and row["scores"] is not None and row["scores"].get(asked.score) is not None:
             place = asked.devices.index(row["device"]), row["patient"], row["draw"]
             scores[place], reached[place] = row["scores"][asked.score], row["scores"][_REACHED]
-    equal = reached[0] == reached[1]
+    equal = (reached[0] == reached[1]) & np.isfinite(scores).all(axis=0)
     return np.where(equal, scores[0], np.nan), np.where(equal, scores[1], np.nan), reached[0]
 
 

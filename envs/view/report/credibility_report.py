@@ -121,7 +121,7 @@ def model_details(assessment: Assessment) -> list[Section]:
         *_designs(assessment),
         _numerical_errors(),
         _numbers(
-            "Assumptions: numbers that nobody has measured",
+            "Assumptions: numbers chosen, assumed or from memory",
             assumed,
             "Numbers whose source names an engineering choice, an assumption or memory.",
         ),
@@ -331,18 +331,22 @@ def _split(assessment: Assessment, result: Uncertainty) -> Table:
         "rest": (result.rest, "standard deviation of what colon and draw do not explain, chance included"),
     }
     rows = [(name, _or_none(value, unit), about) for name, (value, about) in parts.items()]
-    return Table("Uncertainty of the difference, by where it comes from", ("part", "value", "what it is"), rows)
+    note = "A standard deviation is 0 where it is not above what chance (the rest) alone would show."
+    return Table("Uncertainty of the difference, by where it comes from", ("part", "value", "what it is"), rows, note)
 
 
 def _not_adequate(assessment: Assessment) -> Table:
     rows = [
-        (f"what asks for {CATEGORIES[category - 1]}", f"category ({category}): no figure within its bound")
+        (f"uses that need {CATEGORIES[category - 1]}", f"category ({category}): no figure within its bound")
         for category in range(1, len(CATEGORIES) + 1)
         if not any(one.evidence.category == category and one.met for one in assessment.found)
     ]
     for one in assessment.uncovered:
-        points = f"{one.values[0]:g} to {one.values[-1]:g}{_unit(one.range.unit)}" if one.values else _NONE
-        rows.append((f"{one.range.name} outside {points}", f"context of use {_ends(one)}"))
+        if one.values:
+            points = f"{one.values[0]:g} to {one.values[-1]:g}{_unit(one.range.unit)}"
+            rows.append((f"{one.range.name} outside {points}", f"validation points end there; asked for: {_ends(one)}"))
+        else:
+            rows.append((f"uses that rest on {one.range.name}", f"no validation point; asked for: {_ends(one)}"))
     result = assessment.uncertainty
     if result is not None and result.reached < 1:
         rows.append(("differences at the caecum", f"both scopes there in {result.reached:.0%} of the pairs"))

@@ -66,6 +66,7 @@ def test_pairs_that_came_unequally_far_are_left_out() -> None:
     given = _crossed(patients=0.0, parameters=0.0, rest=0.1)
     rows = _rows(given, "one", reached=lambda device, patient: float(device == "a" or patient >= 15))
     found = split(ASKED, rows, [])
+    assert found.first - found.second == pytest.approx(found.effect)
     assert found.left_out == 15 * 40 and found.pairs == 45 * 40
     assert found.numerical is None and found.drivers["two"] is None and found.driver is None
     nothing = _rows(given, "one", reached=lambda device, patient: float(device == "a"))
