@@ -23,6 +23,7 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "run": f"{_SCRIPTS}.run:Run",
         "report": f"{_SCRIPTS}.report:Report",
         "view": f"{_SCRIPTS}.view:View",
+        "dataset": f"{_SCRIPTS}.dataset:Dataset",
     },
     "The clinic": {
         "trials": f"{_SCRIPTS}.trials:Trials",
@@ -34,6 +35,7 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "sweep": f"{_SCRIPTS}.sweep:Sweep",
         "optimise": f"{_SCRIPTS}.sweep:Optimise",
         "sensitivity": f"{_SCRIPTS}.sweep:Sensitivity",
+        "cohort": f"{_SCRIPTS}.cohort:Cohort",
         "propulsion": f"{_SCRIPTS}.propulsion:Propulsion",
         "tread fem": f"{_SCRIPTS}.tread:TreadFem",
     },

@@ -58,7 +58,7 @@ class EndoscopistSettings:
     (Appleyard 2000)."""
     firm_force: float = number("N", 0.01, 1e3, default=40.0)
     """Push that is not exceeded at all [N]: no patient is pushed at harder on purpose."""
-    firmer: float = number("N", 0.0, 1e3, default=6.0)
+    firmer: float = number("N", 0.0, 1e3, default=12.0)
     """By how much more one pushes after each attempt that failed [N]."""
     pull_force: float = number("N", 0.01, 1e3, default=12.0)
     """Pull at which withdrawal stands still [N]."""
@@ -80,7 +80,7 @@ class EndoscopistSettings:
     """Angle that the shaft is turned through while pulling back, clockwise first [rad]."""
     roll_rate: float = number("rad/s", 0.01, 50.0, default=math.radians(60))
     """Rate of turning [rad/s]."""
-    patience: float = number("s", 0.1, 600.0, default=6.0)
+    patience: float = number("s", 0.1, 600.0, default=4.0)
     """Time without lumen passing after which something else is tried [s]."""
     rest: float = number("s", 0.0, 600.0, default=4.0)
     """Rest after each manoeuvre [s]."""
@@ -209,8 +209,8 @@ def rules(
     return decision, kept
 
 
-_PASSES = 0.003
-"""Lumen that passes by is seen from this much on [m]; engineering choice."""
+_PASSES = 0.01
+"""Lumen that passes by is seen from this much on [m]; engineering choice: slower creep is no way to go on."""
 _LEAST_SHAFT = 0.1
 """Pulling back ends with so much shaft inside [m]: further out is out."""
 _LONGEST_PULL = 20.0

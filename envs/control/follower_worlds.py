@@ -27,7 +27,7 @@ class WorldsFollower:
     """
 
     settings: Any
-    """Of any driver (`follower.Law`)."""
+    """Settings of any driver (`follower.Law`)."""
     tip_links: int
     """Links of the bending section, the last ones."""
 

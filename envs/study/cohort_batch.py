@@ -51,8 +51,12 @@ def _prepare(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
     """Grow the patients' colons, on every core."""
     if study.sampler.kind == "latin-hypercube":
         patients = [Patient.of(design) for design in designs_of(study)]
-        tell(f"growing {len(patients)} patients")
-        grow_patients(patients, processes=os.cpu_count() or 1)
+        radii = {find_design(str(device)).diameter / 2 for device in study.conditions["device"]}
+
+        def told(done: int) -> None:
+            tell(f"growing patient {done} of {len(patients)}")
+
+        grow_patients(patients, sorted(radii), processes=os.cpu_count() or 1, tell=told)
 
 
 def _examined(
@@ -69,7 +73,9 @@ def _examined(
         except HaustraError as error:
             yield Result(job.id, "failed", reason=" ".join(str(error).split()))
             continue
-        patients.append(patient), colons.append(colon), sound.append(job)
+        patients.append(patient)
+        colons.append(colon)
+        sound.append(job)
     if not sound:
         return
     options = replace(

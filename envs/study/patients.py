@@ -1,7 +1,7 @@
 """Virtual patients: who is examined, every number drawn from the range that its source gives."""
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import cache
@@ -15,6 +15,7 @@ from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.store import METADATA, load_colon, save_colon
 from haustra.models.wall.abdomen import Abdomen
 from haustra.models.wall.cache import cache_folder
+from haustra.models.wall.lumen_table import lumen_table
 from haustra.provenance import content_hash
 from haustra.quantity import Quantity, load_quantities
 
@@ -44,6 +45,7 @@ def clinic_number(name: str) -> float:
     return float(numbers()[f"clinic.{name}"].value)
 
 
+@cache
 def patient_variables() -> tuple[Variable, ...]:
     """What differs between patients, with bounds and spread, as variables of a study (assets/clinic/patients.toml)."""
     listed = tomllib.loads(asset("clinic/patients.toml").read_text(encoding="utf-8"))
@@ -61,6 +63,7 @@ def _variable(name: str, entry: Mapping) -> Variable:
     return Variable(name, f"patient.{name}", unit, (low + high) / 2, low, high, entry["spread"])
 
 
+@cache
 def traits() -> Mapping[str, float]:
     """Share of people who have each trait: a patient has it whose draw from 0 to 1 lies below."""
     return {each.name: each.nominal for each in patient_variables() if each.name in _TRAITS}
@@ -74,7 +77,7 @@ class Patient:
     """One patient: a colon, what it lies in, and how it is to the touch."""
 
     values: Mapping[str, float]
-    """Of every variable, by name; traits are draws from 0 to 1."""
+    """Value of every variable, by name; traits are draws from 0 to 1."""
 
     def has(self, trait: str) -> bool:
         """Whether the patient has a trait."""
@@ -138,11 +141,28 @@ def grow_patient(folder: Path, grown: Mapping) -> None:
     half.rename(folder)
 
 
-def grow_patients(patients: list[Patient], *, processes: int) -> None:
-    """Grow colons that are missing, on so many processes; those that cannot be grown say so when they are asked for."""
-    missing = {one.folder(): one._grown() for one in patients if not (one.folder() / METADATA).is_file()}
-    if not missing:
-        return
-    with ProcessPoolExecutor(min(processes, len(missing)), mp_context=get_context("spawn")) as pool:
-        for future in [pool.submit(grow_patient, folder, grown) for folder, grown in missing.items()]:
+def grow_patients(
+    patients: Sequence[Patient],
+    radii: Sequence[float],
+    *,
+    processes: int,
+    tell: Callable[[int], None] = lambda done: None,
+) -> None:
+    """Grow and tabulate colons that are missing, on so many processes; what cannot be grown says so when asked for.
+
+    Args:
+        patients: whose colons.
+        radii: of the scopes that they are tabulated for [m].
+        processes: how many.
+        tell: told how many patients are ready.
+    """
+    with ProcessPoolExecutor(min(processes, len(patients)), mp_context=get_context("spawn")) as pool:
+        for done, future in enumerate([pool.submit(_made_ready, one, tuple(radii)) for one in patients]):
             future.exception()
+            tell(done + 1)
+
+
+def _made_ready(patient: Patient, radii: Sequence[float]) -> None:
+    colon = patient.colon()
+    for radius in radii:
+        lumen_table(colon, device_radius=radius)
