@@ -165,7 +165,7 @@ def _correlation(rows: Sequence[Row]) -> float | None:
     for kind in LOOPS:
         seen = np.array([row[f"at_flexure_{kind}"] for row in there])
         if FEWEST <= seen.sum() <= len(seen) - FEWEST:
-            found.append(float(spearmanr(seen, times)[0]))
+            found.append(float(np.asarray(spearmanr(seen, times))[0]))
     return max(found, key=abs)
 
 

@@ -49,6 +49,7 @@ _QUESTIONS = {
     "scope": "haustra.envs.study.scope:QUESTION",
     "device": "haustra.envs.study.device:QUESTION",
     "cohort": "haustra.envs.study.cohort:QUESTION",
+    "compare": "haustra.envs.study.compare:QUESTION",
 }
 _BACKENDS = {
     ("propulsion", "native"): "haustra.envs.study.propulsion:NATIVE",
@@ -60,6 +61,7 @@ _BACKENDS = {
     ("device", "warp"): "haustra.envs.study.device:WARP",
     ("cohort", "linear"): "haustra.envs.study.cohort_batch:LINEAR",
     ("cohort", "linear-gpu"): "haustra.envs.study.cohort_batch:LINEAR_GPU",
+    ("compare", "native"): "haustra.envs.study.compare:NATIVE",
     ("scope", "warp"): "haustra.envs.study.scope_warp:WARP",
 }
 """Where a backend for a question is found; loaded when it is asked for."""
