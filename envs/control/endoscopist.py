@@ -74,7 +74,7 @@ class EndoscopistSettings:
     """Lumen that slips away before pulling back ends [m]."""
     least_pull: float = number("m", 1e-3, 0.5, default=0.04)
     """Pulling back goes at least this far [m]."""
-    most_pull: float = number("m", 1e-2, 2.0, default=0.5)
+    most_pull: float = number("m", 1e-2, 2.0, default=0.2)
     """And at most this far [m]."""
     twist: float = number("rad", 0.0, 4 * math.pi, default=math.radians(120))
     """Angle that the shaft is turned through while pulling back, clockwise first [rad]."""

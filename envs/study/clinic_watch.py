@@ -23,8 +23,10 @@ if TYPE_CHECKING:
 
 EVERY = 5
 """Control intervals between two looks: ten a second."""
-_LOOPS_EVERY = 10
-"""Looks between two at shapes: one a second."""
+_LOOPS_EVERY = 20
+"""Looks between two at shapes: one in two seconds."""
+SECONDS = CONTROL_INTERVAL * EVERY
+"""Time between two looks [s]."""
 _SITES = ("sigmoid", "left", "right")
 _CURVE_POINTS = 240
 
@@ -154,7 +156,8 @@ class ClinicWatch:
         last = int(there[0]) + 1 if reached else len(time)
         time, shaft, arc, force, torque = (part[:last] for part in (time, shaft, arc, force, torque))
         loops, at_flexure = self._loops_until(world, float(time[-1]), time[arc >= flexure])
-        stood = {kind: float(sum(kind in seen for seen in loops)) for kind in LoopKind}
+        each = SECONDS * _LOOPS_EVERY
+        stood = {kind: each * sum(kind in seen for seen in loops) for kind in LoopKind}
         lasts, length = clinic_number("loop_lasts"), self._colons[world].centreline.length
         strong = numbers()["contact.pain_proxy_force"].value
         half = bool(((shaft <= 0.5) & (arc >= flexure)).any())
@@ -174,7 +177,7 @@ class ClinicWatch:
             "mesentery_peak_N_m": float(self._tension[world]),
             "inserted_m": float(shaft[-1]) if reached else None,
             "half_metre": float(half),
-            "any_loop": float(sum(bool(seen) for seen in loops) >= lasts),
+            "any_loop": float(each * sum(bool(seen) for seen in loops) >= lasts),
             "n_loop": float(stood[LoopKind.N] >= lasts),
             **{f"loop_{_column(kind)}_s": seconds for kind, seconds in stood.items()},
             **{
@@ -196,7 +199,7 @@ class ClinicWatch:
     def _loops_until(
         self, world: int, last: float, passed: np.ndarray
     ) -> tuple[list[frozenset[LoopKind]], frozenset[LoopKind] | None]:
-        """Loops at each second up to a time [s], and those when the tip first was past the splenic flexure."""
+        """Loops at each look up to a time [s], and those when the tip first was past the splenic flexure."""
         times = np.array([each[world] for each in self._loop_times])
         fresh = np.concatenate([[True], np.diff(times) > 0])[: len(times)]
         seen = [kinds for kinds, t, new in zip(self._loops[world], times, fresh, strict=True) if new and t <= last]
@@ -233,7 +236,3 @@ def pull_backs(shaft: np.ndarray, least: float) -> int:
 
 def _column(kind: LoopKind) -> str:
     return kind.value.replace(" ", "_")
-
-
-SECONDS = CONTROL_INTERVAL * EVERY
-"""Time between two looks [s]."""

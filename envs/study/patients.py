@@ -57,7 +57,7 @@ def _variable(name: str, entry: Mapping) -> Variable:
     if entry["spread"] == "trait":
         share = number.value if number else 0.5
         return Variable(name, f"patient.{name}", "1", share, 0.0, 1.0, "uniform")
-    low, high = (number.low, number.high) if number else (entry["low"], entry["high"])
+    low, high = entry.get("low", number and number.low), entry.get("high", number and number.high)
     low = max(low, 1e-3 * high) if entry["spread"] == "log-uniform" else low
     unit = number.unit if number else entry["unit"]
     return Variable(name, f"patient.{name}", unit, (low + high) / 2, low, high, entry["spread"])

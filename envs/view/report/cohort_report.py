@@ -62,7 +62,7 @@ def cohort_page(
         "",
         "In brackets 95 % intervals over patients: Wilson's of shares, bootstrap of the others; peaks are the largest",
         f"of {GROUP} patients drawn from the cohort, as many as the published study had. Forces are read at 10 Hz,",
-        "loops at 1 Hz. Bands are the published studies' own intervals; sources:",
+        "loops at 0.5 Hz. Bands are the published studies' own intervals; sources:",
         "",
         *(f"- {one.name}: {one.source}" for one in published()),
         "",

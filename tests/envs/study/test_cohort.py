@@ -1,10 +1,12 @@
 """Cohorts: patients within the sources' ranges, observables by hand, and a few patients examined."""
 
 import json
+import tomllib
 
 import numpy as np
 import pytest
 
+from haustra.assets import asset
 from haustra.envs.control.laws import DRIVERS, driver_settings
 from haustra.envs.study.clinic_watch import pull_backs
 from haustra.envs.study.cohort import PRESETS, SCORES, cohort_study
@@ -24,7 +26,16 @@ def test_every_number_of_every_patient_lies_in_its_sourced_range():
         assert variable.low <= values.min() and values.max() <= variable.high
     friction = numbers()["contact.friction"]
     bounds = next(variable for variable in study.variables if variable.name == "friction")
-    assert (bounds.low, bounds.high) == (friction.low, friction.high)
+    assert friction.low <= bounds.low < bounds.high <= friction.high
+    assert all(not entry.get("number") or _within(entry, numbers()[entry["number"]]) for entry in _listed().values())
+
+
+def _listed() -> dict:
+    return tomllib.loads(asset("clinic/patients.toml").read_text(encoding="utf-8"))
+
+
+def _within(entry: dict, number) -> bool:
+    return number.low <= entry.get("low", number.low) < entry.get("high", number.high) <= number.high
 
 
 def test_a_latin_hypercube_gives_traits_their_share():
