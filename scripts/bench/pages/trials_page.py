@@ -16,7 +16,9 @@ _HEAD = """\
 # Validation: trials with known answers
 
 Made by `python -m haustra.scripts.bench.pages.trials_page DIR docs/validation/trials.md` from the folder of
-`{command}`; do not edit. Each trial is a file in `assets/trials` with its source, arms, endpoint and what is assumed.
+`{command}`; do not edit.
+
+Each trial is a file in `assets/trials` with its source, arms, endpoint and what is assumed.
 Both arms examine the same virtual patients. A difference counts as reproduced when the whole 95 % interval (bootstrap
 over patients) lies on the trial's side of zero, equality when the effect lies within the trial's own 95 % interval and
 at least half of the insertions reach the caecum: two scopes that hardly ever get there are equal for no good reason.
