@@ -16,6 +16,8 @@ LARGEST_DOCUMENT = 4_000_000
 """A configuration is at most this long [bytes]; a study that lists a hundred thousand designs is shorter."""
 LARGEST_RECORD = 200_000_000
 """So is what haustra wrote as JSON itself, such as a colon's metadata or a policy's [bytes]."""
+LARGEST_TRAJECTORY = 8_000_000_000
+"""Joint positions of ten hours of a long scope [bytes]."""
 LARGEST_ARRAYS = 400_000_000
 """Arrays of one archive, unpacked [bytes]: those of the largest surface that is taken, of four million triangles."""
 _DEEPEST, _MOST_VALUES = 32, 2_000_000
@@ -36,7 +38,7 @@ def read_document(path: Path, what: str = "file", *, largest: int = LARGEST_DOCU
         MissingDependencyError: for YAML without PyYAML.
     """
     kind, parse = _PARSERS.get(path.suffix.lower(), _PARSERS[".toml"])
-    text = _text(path, what, largest)
+    text = read_text(path, what, largest)
     try:
         document = parse(text)
     except RecursionError as error:
@@ -86,7 +88,17 @@ def read_arrays(
         raise UnreadableFileError(f"'{path}' is damaged ({reason}).") from error
 
 
-def _text(path: Path, what: str, largest: int) -> str:
+def read_text(path: Path, what: str, largest: int) -> str:
+    """A text file in UTF-8.
+
+    Args:
+        path: the file.
+        what: what it should be, for messages.
+        largest: how long it may be [bytes].
+
+    Raises:
+        UnreadableFileError: when it is missing, too long or not text.
+    """
     try:
         if not path.is_file():
             raise FileNotFoundError(None, "there is no such file")

@@ -121,9 +121,7 @@ def build_device_scene(device: Device, options: SceneOptions | None = None, *, p
     add_planes(spec, bare, handles.samples, options.contact, timestep=options.timestep, planes=1)
     spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     spec.option.tolerance = _TOLERANCE
-    scene = DeviceScene(spec, device, handles, options, pose, {**_left_out(options), **device.left_out})
-    _require_alike(scene)
-    return scene
+    return DeviceScene(spec, device, handles, options, pose, {**_left_out(options), **device.left_out})
 
 
 def device_tables(scene: DeviceScene, colons: list[Colon], poses: list[Pose] | None = None) -> Tables:
@@ -152,24 +150,9 @@ def _require_honoured(device: Device, options: SceneOptions) -> None:
             f"A device of kind '{device.kind}' meets the lumen's table only: wall law '{options.wall_law}' is not "
             "honoured."
         )
-    if options.mesentery and device.has_treads:
-        raise UnsupportedSceneError(
-            f"Treads of a device of kind '{device.kind}' do not honour the option mesentery: leave the colon fixed."
-        )
     if "table" not in device.walls:
         raise UnsupportedSceneError(
             f"A device of kind '{device.kind}' cannot meet the lumen's table. It can meet: {', '.join(device.walls)}."
-        )
-
-
-def _require_alike(scene: DeviceScene) -> None:
-    if not scene.options.mesentery:
-        return
-    if len(scene.radii) > 1:
-        raise UnsupportedSceneError("Spheres of several radii cannot press on a colon that moves: give them one.")
-    if not np.isnan([scene.own("stiffness"), scene.own("friction")]).all():
-        raise UnsupportedSceneError(
-            "Spheres with stiffness or friction of their own cannot press on a colon that moves: leave it fixed."
         )
 
 

@@ -24,6 +24,10 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "report": f"{_SCRIPTS}.report:Report",
         "view": f"{_SCRIPTS}.view:View",
     },
+    "The clinic": {
+        "imager export": f"{_SCRIPTS}.imager:ImagerExport",
+        "imager score": f"{_SCRIPTS}.imager:ImagerScore",
+    },
     "Studies of designs": {
         "sweep": f"{_SCRIPTS}.sweep:Sweep",
         "optimise": f"{_SCRIPTS}.sweep:Optimise",

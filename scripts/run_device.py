@@ -29,7 +29,7 @@ def run_any(asked: Any, device: "Device") -> dict[str, Any]:
     stands = "start_depth" in device.usual
     _require_honoured(asked, device, (*_ALWAYS, *_TABLE, *(("start",) if stands else ())))
     changed = {name: value for name in ("friction", *_TABLE) if (value := getattr(asked, name)) is not None}
-    changed["mesentery"] = not (asked.fixed or device.has_treads)
+    changed["mesentery"] = not asked.fixed
     if asked.start is not None:
         changed["start_depth"] = asked.start
     options = device_options(device, **changed)

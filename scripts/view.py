@@ -12,8 +12,6 @@ import tyro
 from haustra.errors import MissingDependencyError, UnreadableFileError
 
 _SCENES = ("scene.mjz", "scene.xml")
-_LARGEST_RECORDING = 8_000_000_000
-"""Joint positions of ten hours of a long scope [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +55,7 @@ def _load(path: Path) -> tuple[Any, Any]:
     """Model and data; at a run's last recorded state when its trajectory lies beside the scene."""
     import mujoco
 
-    from haustra.reading import read_arrays
+    from haustra.reading import LARGEST_TRAJECTORY, read_arrays
 
     try:
         if path.suffix == ".mjz":
@@ -70,7 +68,7 @@ def _load(path: Path) -> tuple[Any, Any]:
     data = mujoco.MjData(model)
     recorded = path.with_name("trajectory.npz")
     if recorded.is_file():
-        states = read_arrays(recorded, ("qpos",), largest=_LARGEST_RECORDING)["qpos"]
+        states = read_arrays(recorded, ("qpos",), largest=LARGEST_TRAJECTORY)["qpos"]
         if states.ndim != 2 or states.shape[1] != model.nq:
             raise UnreadableFileError(f"'{recorded}' belongs to another scene than '{path}': move one of them away.")
         data.qpos[:] = states[-1] if len(states) else data.qpos

@@ -22,6 +22,7 @@ from haustra.models.device_scene import build_device_scene, device_options, devi
 from haustra.models.devices.base import Device, Reading
 from haustra.models.injury.perforation import link_load, worst_load
 from haustra.models.scene import SceneOptions
+from haustra.models.wall.lumen_table import pick
 
 PATIENCE = 10.0
 """A run whose time is up was stuck when it made less than `_HEADWAY` in this time [s]."""
@@ -95,7 +96,7 @@ def run_device(
     records = {name: np.array([row[name] for row in rows], float) for name in rows[0]} if rows else _nothing(device)
     spec = scene.spec.copy()
     if (moved := backend.displacement) is not None:
-        colon = CurrentColon(colon, tables, np.zeros(3), np.eye(3)).colon(moved[0])
+        colon = CurrentColon(colon, pick(tables, np.zeros(1, int)), np.zeros(3), np.eye(3)).colon(moved[0])
     thick = scene.groups == scene.groups[-1]
     add_lumen(spec, colon, group=1)
     return DeviceRun(

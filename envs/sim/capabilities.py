@@ -115,7 +115,6 @@ TASK = (
 
 _SOLVED = "refused where no force table is solved for the tread"
 _PAIRED = "with worm and tread, which must mesh"
-_RIGS_ONLY = "on the rigs; a robot in a colon refuses another than the prototype's"
 TRACKED = (
     *_in("tracked", "name", about=_LABEL),
     *_in("tracked", "scale", about="size of masses, dampers and contacts of the model itself"),
@@ -127,7 +126,7 @@ TRACKED = (
     *_in("tracked.worm", "efficiency", "torque_limit"),
     *_in("tracked.shaft", "onset_speed", "efficiency", "stall_excess"),
     *_in("tracked.bellows", "stiffness", "preload", "pressure", "area"),
-    *_in("tracked.speed_friction", "peak_speed", "exponent", about=_RIGS_ONLY),
+    *_in("tracked.speed_friction", "peak_speed", "exponent"),
     *_in("tracked", "nominal_diameter", "smallest_diameter", "largest_diameter"),
     *_in("tracked", "core_length", "core_diameter", "mass"),
 )

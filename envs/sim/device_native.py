@@ -17,6 +17,9 @@ from haustra.models.devices.base import LOOK_AHEAD, DeviceReadings, State
 from haustra.models.wall.lumen_table import Tables, pick
 from haustra.models.wall.moving_colon import axis_at
 
+TREAD_INTERVAL = 4e-3
+"""Time between two looks at what treads do [s]; engineering choice: a fraction of any time in which they answer."""
+
 
 class NativeDevice:
     """Worlds of one device, each in a colon, with friction and wall stiffness of its own."""
@@ -67,7 +70,8 @@ class NativeDevice:
             own_friction=scene.own("friction"),
         )
         if scene.device.has_treads:
-            self._surface = batch.expand("geom_surfacevel")
+            self._treads_every = max(1, round(TREAD_INTERVAL / model.opt.timestep))
+            self._surface, self._xmat = batch.expand("geom_surfacevel"), batch.bind("geom_xmat")
         self._nose = self._wall.radius[-1]
         self._start_state = batch.state[0].copy()
         self.healthy: Bool[np.ndarray, " worlds"] = np.ones(worlds, bool)
@@ -107,7 +111,7 @@ class NativeDevice:
         commands = np.where(sound[:, None], commands, 0.0)
         device = self.scene.device
         for number in range(count):
-            if number == 0 or device.has_treads:
+            if number == 0 or (device.has_treads and number % self._treads_every == 0):
                 self._command(commands)
             self._wall.place(np.flatnonzero(self.healthy))
             self._batch.step(None if self.healthy.all() else np.flatnonzero(self.healthy))
@@ -157,6 +161,8 @@ class NativeDevice:
         if device.has_treads:
             treads = device.treads(np, self.model, handles, state, commands)
             self._surface[:, self._wall.spheres, :3] = treads.speed
+            frames = self._xmat[:, self._wall.spheres].reshape(*treads.speed.shape, 3)
+            self._wall.run_treads(np.einsum("wsij,wsj->wsi", frames, treads.speed))
             self._wall.set_grip(treads.grip)
 
     def _state(self) -> State:
@@ -167,7 +173,7 @@ class NativeDevice:
         if not self.scene.device.has_treads:
             return state
         pressed, on_wall = self._wall.felt()
-        return state._replace(pressed=pressed, rubbed=-on_wall)
+        return state._replace(pressed=pressed, rubbed=-on_wall, friction=self._wall.friction)
 
     def _frame(self) -> Float[np.ndarray, "worlds 3 3"]:
         return self._site_xmat[:, self._tip].reshape(-1, 3, 3).copy()

@@ -96,6 +96,7 @@ class WarpDevice:
             raise UnsupportedSceneError(
                 f"The backend 'warp' cannot honour the treads of a device of kind '{kind}'; 'native' can."
             )
+        _require_alike(scene)
         moves, what = scene.options.mesentery, f"a device of kind '{kind}'"
         wall = WarpPlanes.of(scene.compile(), len(samples), moves=moves, what=what)
         data = mujoco.MjData(wall.host)
@@ -212,6 +213,20 @@ class WarpDevice:
         """A number of the wall's law at each sphere (worlds, spheres)."""
         own = self.scene.own(name)
         return jnp.where(np.isnan(own), of_worlds[:, None], own.astype(np.float32))
+
+
+def _require_alike(scene: DeviceScene) -> None:
+    if not scene.options.mesentery:
+        return
+    if len(scene.radii) > 1:
+        raise UnsupportedSceneError(
+            "On the backend 'warp' spheres of several radii cannot press on a colon that moves: 'native' can."
+        )
+    if not np.isnan([scene.own("stiffness"), scene.own("friction")]).all():
+        raise UnsupportedSceneError(
+            "On the backend 'warp' spheres with stiffness or friction of their own cannot press on a colon that moves: "
+            "'native' can."
+        )
 
 
 class WarpDeviceWorlds:

@@ -37,6 +37,12 @@ class _Group:
     """Force on the wall in the last step [N]."""
     damping: Float[np.ndarray, "worlds spheres"]
     """Its damping [N s/m]."""
+    load: Float[np.ndarray, "worlds spheres"]
+    """Its part along the normal [N]."""
+    spring: Float[np.ndarray, "worlds spheres"]
+    """Stiffness of the wall there [N/m]."""
+    treads: Float[np.ndarray, "worlds spheres 3"]
+    """Speed of the spheres' surfaces against the spheres, in the scene's axes [m/s]."""
 
 
 class TablePlanes:
@@ -93,15 +99,16 @@ class TablePlanes:
         self._inverse_inertia = model.body_invweight0[model.geom_bodyid[self.spheres], 0]
         own = np.zeros(count, int) if groups is None else groups
         self._groups = [self._group(model, tables, worlds, np.flatnonzero(own == i)) for i in range(own.max() + 1)]
+        for group in self._groups[1:]:
+            group.walls.share_axis(self._groups[0].walls)
         self._anus = np.zeros(3) if anus is None else anus
         self._into = np.array([0.0, 0.0, 1.0]) if inwards is None else inwards
         self._starts = starts
         none = np.full(count, np.nan)
         self._own_stiffness = none if own_stiffness is None else own_stiffness
         self._own_friction = none if own_friction is None else own_friction
-        self._spring, self._rub = np.ones((worlds, count)), np.zeros((worlds, count))
+        self._rub = np.zeros((worlds, count))
         self.case = np.zeros(worlds, int)
-        self._stiffness = np.ones(worlds)
         self._ahead = np.full(worlds, self._damper_time)
         self.normal_force = np.zeros((worlds, count))
 
@@ -122,6 +129,9 @@ class TablePlanes:
             points=np.zeros((*shape, 3)),
             on_wall=np.zeros((*shape, 3)),
             damping=np.zeros(shape),
+            load=np.zeros(shape),
+            spring=np.ones(shape),
+            treads=np.zeros((*shape, 3)),
         )
 
     @property
@@ -147,10 +157,10 @@ class TablePlanes:
         wall_stiffness: Float[np.ndarray, " reset"],
     ) -> None:
         """Give these worlds' contacts their law: that of `haustra.models.wall.law`."""
-        self._stiffness[worlds] = wall_stiffness
         stiffness = np.where(np.isnan(self._own_stiffness), wall_stiffness[:, None], self._own_stiffness)
         damper = stiffness * self._damper_time
-        self._spring[worlds] = stiffness
+        for group in self._groups:
+            group.spring[worlds] = stiffness[:, group.members]
         self._rub[worlds] = np.where(np.isnan(self._own_friction), friction[:, None], self._own_friction)
         soft = soft_contact(np, self._inverse_inertia, stiffness, damper, timestep=self._step_time)
         require_honoured(soft.impedance, what="A stiffness of the wall")
@@ -162,6 +172,11 @@ class TablePlanes:
     def set_grip(self, share: Float[np.ndarray, "worlds spheres"]) -> None:
         """Leave each sphere a share of its friction [1]."""
         self._friction[:, self._pairs, :2] = (self._rub * share)[..., None]
+
+    def run_treads(self, speed: Float[np.ndarray, "worlds spheres 3"]) -> None:
+        """Say how the surfaces of spheres run over them, in the scene's axes [m/s]."""
+        for group in self._groups:
+            group.treads[:] = speed[:, group.members]
 
     def park(self, worlds: Int[np.ndarray, " reset"]) -> None:
         """Take the planes of these worlds out of the way."""
@@ -194,7 +209,7 @@ class TablePlanes:
         """
         h, moves = self._step_time, self._groups[0].walls.displacement is not None
         if moves:
-            self._give_way(worlds, *self._groups)
+            self._give_way(worlds)
         for group in self._groups:
             walls = group.walls
             if not moves:
@@ -204,9 +219,9 @@ class TablePlanes:
             before = walls.depth.copy()
             walls.look(worlds, group.points)
             if not moves:
-                leaving, stiffness = (before - walls.depth) / h, self._spring[:, group.members]
+                leaving = (before - walls.depth) / h
                 self.normal_force[:, group.members] = normal_force(
-                    np, stiffness * before, stiffness * self._damper_time, leaving
+                    np, group.spring * before, group.spring * self._damper_time, leaving
                 )
             loops().place_planes(
                 worlds,
@@ -215,7 +230,7 @@ class TablePlanes:
                 walls.inwards,
                 walls.wall_speed,
                 group.radius,
-                self._stiffness,
+                group.spring,
                 self._ahead,
                 self._inverse_inertia[group.members],
                 h,
@@ -231,37 +246,50 @@ class TablePlanes:
                 self._surface,
             )
 
-    def _give_way(self, worlds: Int[np.ndarray, " some"], group: _Group) -> None:
+    def _give_way(self, worlds: Int[np.ndarray, " some"]) -> None:
         """Let colons give way to what pressed on them in the last step."""
         felt = self._sensed.copy()  # asking for places overwrites it
         self._disabled |= _CONSTRAINT  # where spheres are does not depend on what they touch
         self._batch.forward(worlds, stage=mujoco.mjtStage.mjSTAGE_POS)
         self._disabled &= ~_CONSTRAINT
-        walls = group.walls
-        loops().pressed(
-            worlds,
-            felt,
-            self._columns[:, 0],
-            self._geom_xpos,
-            group.geoms,
-            group.points,
-            walls.inwards,
-            walls.wall_speed,
-            self._stiffness,
-            self._ahead,
-            SLIP_SPEED,
-            self._step_time,
-            self.normal_force,
-            group.on_wall,
-            group.damping,
-        )
-        walls.give_way(worlds, group.on_wall, group.damping, self._step_time)
+        for group in self._groups:
+            loops().pressed(
+                worlds,
+                felt,
+                self._columns[group.members, 0],
+                self._geom_xpos,
+                group.geoms,
+                group.points,
+                group.walls.inwards,
+                group.walls.wall_speed,
+                group.treads,
+                group.spring,
+                self._ahead,
+                SLIP_SPEED,
+                self._step_time,
+                group.load,
+                group.on_wall,
+                group.damping,
+            )
+            self.normal_force[:, group.members] = group.load
+        first, *others = self._groups
+        force, damping = first.on_wall, first.damping
+        if others:
+            force = np.concatenate([group.on_wall for group in self._groups], axis=1)
+            damping = np.concatenate([group.damping for group in self._groups], axis=1)
+        walls = [group.walls for group in others]
+        first.walls.give_way(worlds, force, damping, self._step_time, others=walls)
 
     def felt(self) -> tuple[Float[np.ndarray, "worlds spheres"], Float[np.ndarray, "worlds spheres 3"]]:
         """Normal force on each sphere in the last step, and its friction on the wall, as MuJoCo's sensors tell [N]."""
         felt = self._sensed[:, self._columns]
         force, normal, tangent = felt[..., :3], felt[..., 3:6], felt[..., 6:]
         return force[..., 0], force[..., 1:2] * tangent + force[..., 2:] * np.cross(normal, tangent)
+
+    @property
+    def friction(self) -> Float[np.ndarray, "worlds spheres"]:
+        """Coulomb's coefficient of the wall at each sphere, of which `set_grip` leaves a share [1]."""
+        return self._rub
 
     def forces(self) -> Float[np.ndarray, "worlds spheres 3"]:
         """Normal force of the wall on each sphere [N]."""

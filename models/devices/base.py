@@ -94,6 +94,8 @@ class State(NamedTuple):
     """(worlds, spheres) normal force of the wall in the last step [N]; for devices with treads."""
     rubbed: Any = None
     """(worlds, spheres, 3) friction of the wall then, in the scene's axes [N]; for devices with treads."""
+    friction: Any = None
+    """(worlds, spheres) Coulomb's coefficient of the wall [1]; for devices with treads."""
 
 
 class Treads(NamedTuple):
@@ -139,7 +141,7 @@ class Device(ABC):
     left_out: ClassVar[Mapping[str, str]] = {}
     """What its model does not hold, and why."""
     has_treads: ClassVar[bool] = False
-    """Its surface runs (`treads`): it is controlled at every time step and told what the wall does to its spheres."""
+    """Its surface runs (`treads`): it is controlled every few time steps and told what the wall does to its spheres."""
 
     name: str
     """Name of the device, for people."""

@@ -358,8 +358,9 @@ def _place_planes(
             if surface.shape[0] > 0:
                 _put(surface, world, geoms[p], as_plane_sees(cosine, about, speed))
                 margin[world, pair], damped = moving_contact(np, into, normal, speed, ahead[world], h)
+                own = stiffness[world, p]
                 impedance, solref[world, pair, 0], solref[world, pair, 1], sliding[world, pair, 1] = soft_numbers(
-                    inverse_inertia[p], stiffness[world], stiffness[world] * damped, h
+                    inverse_inertia[p], own, own * damped, h
                 )
                 solimp[world, pair, 0], solimp[world, pair, 1] = impedance, impedance
 
@@ -373,6 +374,7 @@ def _pressed(
     points: Any,
     inwards: Any,
     wall_speed: Any,
+    tread_speed: Any,
     stiffness: Any,
     ahead: Any,
     least_slip: float,
@@ -392,7 +394,8 @@ def _pressed(
         points: places of the spheres before the last step [m], which become those seen.
         inwards: normals of the planes there.
         wall_speed: their speed [m/s].
-        stiffness: K of each world [N/m].
+        tread_speed: of the spheres' surfaces against the spheres [m/s].
+        stiffness: K of each sphere [N/m].
         ahead: c / K + h [s].
         least_slip: friction damps as where it slides at least so fast [m/s].
         h: time step [s].
@@ -404,6 +407,7 @@ def _pressed(
         for p in range(points.shape[1]):
             here, normal, column = _node(seen, world, spheres[p]), _node(inwards, world, p), first[p]
             speed = minus(times(1 / h, minus(here, _node(points, world, p))), _node(wall_speed, world, p))
+            speed = add(speed, _node(tread_speed, world, p))
             slip = minus(speed, times(dot(speed, normal), normal))
             _put(points, world, p, here)
             pressed, one, other = felt[world, column], felt[world, column + 1], felt[world, column + 2]
@@ -413,7 +417,7 @@ def _pressed(
             load[world, p] = pressed
             _put(force, world, p, minus(rubbed, times(pressed, normal)))
             drag = np.hypot(one, other) / max(np.sqrt(dot(slip, slip)), least_slip)
-            damping[world, p] = stiffness[world] * ahead[world] + drag if pressed > 0 else 0.0
+            damping[world, p] = stiffness[world, p] * ahead[world] + drag if pressed > 0 else 0.0
 
 
 def _contacts(

@@ -5,6 +5,7 @@ does the contact, implicitly and with the exact stiffness of `haustra.models.wal
 way to what presses on it after the step (`haustra.models.wall.moving_colon`).
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import mujoco
@@ -35,7 +36,8 @@ class TableWalls:
         """Normal of the wall next to it."""
         self.wall_speed: Float[np.ndarray, "worlds spheres 3"] = np.zeros((worlds, spheres, 3))
         """Speed of the wall there [m/s]."""
-        self._lever = np.zeros((worlds, spheres, 3))
+        self.lever: Float[np.ndarray, "worlds spheres 3"] = np.zeros((worlds, spheres, 3))
+        """From the axis at rest to where it holds on to the wall [m]."""
         self.colon: Int[np.ndarray, " worlds"] = np.zeros(worlds, int)
         """Which colon each world has."""
         self.displacement: AxisDisplacement | None = None
@@ -89,7 +91,7 @@ class TableWalls:
             self._radius,
             points,
             *found,
-            self._lever,
+            self.lever,
             self.wall_speed,
         )
 
@@ -110,18 +112,30 @@ class TableWalls:
                 loops().query_moved(*about, points, found, rest, np.zeros(points.shape), lever, speed)
         return found
 
+    def share_axis(self, other: "TableWalls") -> None:
+        """Take the axes of other spheres of the same colons for one's own."""
+        self.displacement = other.displacement
+
     def give_way(
         self,
         worlds: Int[np.ndarray, " some"],
-        force: Float[np.ndarray, "worlds spheres 3"],
-        damping: Float[np.ndarray, "worlds spheres"],
+        force: Float[np.ndarray, "worlds all 3"],
+        damping: Float[np.ndarray, "worlds all"],
         timestep: float,
+        *,
+        others: Sequence["TableWalls"] = (),
     ) -> None:
-        """Let the axes of these worlds move for a step [s] under forces on the wall [N], damped at least so [N s/m]."""
-        if self.displacement is not None:
-            loops().step_axis(
-                self._own, worlds, *self.displacement, self._shape, self.arcs, self._lever, force, damping, timestep
-            )
+        """Let the axes of these worlds move for a step [s] under forces on the wall [N], damped at least so [N s/m].
+
+        Forces and damping are of these spheres, and then of others' that share the axes.
+        """
+        if self.displacement is None:
+            return
+        arcs, lever = self.arcs, self.lever
+        if others:
+            arcs = np.concatenate([arcs, *(other.arcs for other in others)], axis=1)
+            lever = np.concatenate([lever, *(other.lever for other in others)], axis=1)
+        loops().step_axis(self._own, worlds, *self.displacement, self._shape, arcs, lever, force, damping, timestep)
 
 
 class TableWall:
@@ -207,7 +221,7 @@ class TableWall:
             walls.inwards,
             walls.wall_speed,
             float(model.geom_size[self.spheres[0], 0]),
-            np.array([self._contact.stiffness]),
+            np.full((1, len(self.spheres)), self._contact.stiffness),
             self._ahead,
             self._inverse_inertia,
             model.opt.timestep,

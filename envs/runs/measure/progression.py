@@ -14,6 +14,8 @@ the tip. All definitions here are this project's own, made so that they point th
 - looping: mean over the run of the size of the writhe of tip and coils inside.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float
 
@@ -31,41 +33,42 @@ def progression_scores(
     tip: Float[np.ndarray, "records 3"],
     coils: Float[np.ndarray, "records coils 3"],
     insertion: Float[np.ndarray, " records"],
-    tip_arc: Float[np.ndarray, " records"],
     *,
-    length: float,
+    progress: Float[np.ndarray, " records"] | None,
+    behind: Sequence[float] | Float[np.ndarray, " coils"] = COIL_DISTANCES,
 ) -> dict[str, float]:
     """Own CoPS and measures of 3D-CoPS of a run; all 0 of one without records.
 
     Args:
         time: [s].
         tip: its place [m].
-        coils: places of the coils, `haustra.envs.sim.coils.COIL_DISTANCES` behind the tip [m].
+        coils: places of the coils [m].
         insertion: length of scope past the anus [m].
-        tip_arc: arc length of the tip along the colon [m].
-        length: of the colon [m].
+        progress: arc length of the tip over the colon's length [1]; the own CoPS is left out where it is not known.
+        behind: distance of each coil from the tip along the scope [m].
     """
     if not len(time):
-        return dict.fromkeys(_NAMES, 0.0)
-    stride = max(1, round(INTERVAL / time[0]))
+        return dict.fromkeys((_COPS, *_NAMES), 0.0)
+    step = float(np.median(np.diff(time))) if len(time) > 1 else INTERVAL
+    stride = max(1, round(INTERVAL / step))
     tip, coils, inserted = tip[::stride], coils[::stride], insertion[::stride]
-    inside = np.array(COIL_DISTANCES) < inserted[:, None]
+    inside = np.array(behind) < inserted[:, None]
     moved = np.linalg.norm(np.diff(tip, axis=0), axis=1)
     pushed = np.abs(np.diff(inserted))
     travel = float(moved.sum())
+    cops = {} if progress is None else {_COPS: 100 * float(np.clip(progress, 0.0, 1.0).mean())}
     found = (
-        100 * float(np.clip(tip_arc / length, 0.0, 1.0).mean()),
         travel,
         travel / float(inserted.max()),
         1e3 * _mean([_from_path(coils[i][inside[i]], tip[: i + 1]) for i in range(len(tip)) if inside[i].any()]),
         float(pushed[moved < _STILL * pushed].sum()),
         _mean([abs(writhe(np.vstack([tip[i], coils[i][inside[i]]]))) for i in range(len(tip))]),
     )
-    return dict(zip(_NAMES, found, strict=True))
+    return cops | dict(zip(_NAMES, found, strict=True))
 
 
+_COPS = "cops_own"
 _NAMES = (
-    "cops_own",
     "cops3d_travel_length_m",
     "cops3d_tip_progression",
     "cops3d_chase_efficiency_mm",

@@ -94,6 +94,13 @@ class SpeedFriction:
         """Coefficient at a sliding speed [m/s] over its nominal value."""
         return min(1.0, max(0.0, speed) / self.peak_speed) ** self.exponent
 
+    def sliding(self, share: Any) -> Any:
+        """Speed [m/s] at which friction is that share of its nominal value, or several: `factor` turned round.
+
+        Friction that does not depend on the speed holds without sliding.
+        """
+        return self.peak_speed * np.clip(share, 0.0, 1.0) ** (1 / self.exponent) if self.exponent else 0.0 * share
+
 
 @dataclass(frozen=True, kw_only=True)
 class TrackedDesign:

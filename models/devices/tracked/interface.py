@@ -36,10 +36,12 @@ from haustra.models.devices.tracked.design import SCALE, TRACKS, TrackedDesign
 from haustra.models.devices.tracked.device import Tracked, add_tracked, pad_stiffness
 from haustra.models.devices.tracked.drive import WormState
 from haustra.models.devices.tracked.loop import CORE_FRICTION
-from haustra.models.devices.tracked.rig import TIMESTEP
 from haustra.models.devices.tracked.standing import require_fit
 from haustra.models.wall.planes import Sample
 
+_WAYS = ("used_along", "used_around")
+_FELT, _FILM = TRACKS, TRACKS + 1
+"""Activations, after how far each tread ran: what they ask of the worm, and what share of mu N they use, both ways."""
 _OWN = ("name", "rpm", "friction", "steering")
 _LARGEST_RPM = 1000.0
 _SPACING = 1 / 8
@@ -47,11 +49,16 @@ _SPACING = 1 / 8
 tips a tread meets folds and bends, whose radii are larger."""
 _USUAL_START = 0.3
 """Where its nose stands at first [m]; engineering choice: in the sigmoid, which it fits."""
+_TOUCH = 1e-9
+"""Load of a tread that does not touch [N]."""
 _LONGEST_STEP = 2e-3
 """Time step up to which pads stay on the wall [s]: at 5 ms wall forces are six times as large in a bend."""
 _ANSWER = 0.1
 """Within which the worm answers to what the treads ask of it [s]; engineering choice: longer than the force that the
 worm's droop leaves takes to bring the robot's mass to speed, some 50 ms, or both would swing."""
+_FILM_ANSWER = 0.05
+"""Within which the film between tread and wall answers to its friction [s]; engineering choice: much longer than what
+it takes to slow the mass of the robot down, M ds/dF, some 5 ms, or both would swing."""
 _LARGEST_SHARE = 2.0
 """Largest tread speed when steering, over the nominal [1]; the inner tread may stand but not run back."""
 
@@ -63,7 +70,6 @@ class TrackedRobot(Device):
     kind: ClassVar[str] = "tracked"
     has_treads: ClassVar[bool] = True
     left_out: ClassVar[Mapping[str, str]] = {
-        "friction by speed": "treads rub by their nominal coefficient at any speed of sliding",
         "flexible shaft": "its losses and torque limit count; its twist, its whirl and its drag in the colon do not",
     }
 
@@ -75,16 +81,6 @@ class TrackedRobot(Device):
     steering: str = choice("none", "each tread", default="none")
     """Whether treads have speeds of their own: the paper's device has one worm for all, each its own takes four
     motors."""
-
-    def __post_init__(self) -> None:
-        """Refuse what a robot in a colon does not honour."""
-        super().__post_init__()
-        usual = TrackedDesign().at_scale(self.design.scale)
-        if self.design.speed_friction != usual.speed_friction:
-            raise InvalidDesignError(
-                f"Device '{self.name}': design.speed_friction is not honoured in a colon, only on the rigs of "
-                "`haustra propulsion` and studies of propulsion: leave it out."
-            )
 
     @classmethod
     def from_toml(cls, table: Mapping[str, Any], where: str) -> "TrackedRobot":
@@ -103,7 +99,7 @@ class TrackedRobot(Device):
     @property
     def usual(self) -> Mapping[str, Any]:
         """Its own friction and time step, and where it stands."""
-        return {"friction": self.friction, "timestep": TIMESTEP, "start_depth": _USUAL_START}
+        return {"friction": self.friction, "timestep": _LONGEST_STEP, "start_depth": _USUAL_START}
 
     def standing(self, colon: Colon, start: float) -> Pose:
         """Its core on the centreline, facing the caecum, its nose at `start` [m]."""
@@ -155,8 +151,9 @@ class TrackedRobot(Device):
             run = spec.add_actuator(name=f"tracked/tread{track}", target=f"tracked/strut{track}")
             run.trntype, run.dyntype = mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtDyn.mjDYN_INTEGRATOR
             run.gainprm = [0.0] * 10
-        felt = spec.add_actuator(name="tracked/felt", target="tracked/centre", trntype=mujoco.mjtTrn.mjTRN_SITE)
-        felt.dyntype, felt.dynprm, felt.gainprm = mujoco.mjtDyn.mjDYN_FILTEREXACT, [_ANSWER] + [0.0] * 9, [0.0] * 10
+        for name, within in (("felt", _ANSWER), *((way, _FILM_ANSWER) for way in _WAYS)):
+            felt = spec.add_actuator(name=f"tracked/{name}", target="tracked/centre", trntype=mujoco.mjtTrn.mjTRN_SITE)
+            felt.dyntype, felt.dynprm, felt.gainprm = mujoco.mjtDyn.mjDYN_FILTEREXACT, [within] + [0.0] * 9, [0.0] * 10
         samples = tuple(sphere for sphere, _, _ in self._spheres(tracked))
         struts = tuple(f"tracked/strut{track}" for track in range(TRACKS))
         pads = tuple(pad.geom for pad in tracked.pads)
@@ -172,17 +169,27 @@ class TrackedRobot(Device):
         put(
             xp, controls, [model.actuator(f"tracked/tread{n}").id for n in range(TRACKS)], self._speeds(state, commands)
         )
+        put(xp, controls, [model.actuator(f"tracked/{way}").id for way in _WAYS], self._used(state))
         put(xp, controls, [model.actuator(pad.actuator).id for pad in tracked.pads], phases)
         return put(xp, controls, [model.actuator(tracked.roll_motor).id], self._worm(state).torque[:, None])
 
     def treads(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State, commands: Any) -> Treads:
-        """Surfaces run backwards; what the shaft loses is lost to friction."""
+        """Surfaces run backwards, less what the film between tread and wall slides; shaft losses take from friction.
+
+        Friction F of all treads slides at the speed where mu(v) is F / N (`SpeedFriction`): what Coulomb's law holds is
+        the film's outer side, which runs so much slower than the tread, and around the core as that is turned.
+        """
         speeds, (_, tracks, directions) = self._speeds(state, commands), self._layout
         on_tread = tracks >= 0
         each = xp.where(on_tread, speeds[:, tracks], 0.0)
         turning = xp.abs(speeds).max(axis=1) / self.design.worm.lead * math.tau
-        grip = xp.where(on_tread, self.design.shaft.transmission(turning)[:, None], 1.0)
-        return Treads(-each[..., None] * directions, grip)
+        own = self.design.shaft.transmission(turning)[:, None]
+        used = state.act[:, _FILM : _FILM + len(_WAYS)]
+        size = xp.maximum(xp.sqrt((used**2).sum(axis=1, keepdims=True)), _TOUCH)
+        film = self.design.speed_friction.sliding(size / xp.maximum(own, _TOUCH)) / size * used
+        along, around = (xp.where(on_tread, film[:, way : way + 1], 0.0) for way in range(len(_WAYS)))
+        surface = (along - each)[..., None] * directions + around[..., None] * np.array([0.0, 1.0, 0.0])
+        return Treads(surface, xp.where(on_tread, own, 1.0))
 
     def read(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State) -> dict[str, Any]:
         """Each of `readings`, (worlds,)."""
@@ -249,12 +256,22 @@ class TrackedRobot(Device):
         ]
 
     def _worm(self, state: State) -> WormState:
-        return WormState.under(self.design, state.act[:, TRACKS])
+        return WormState.under(self.design, state.act[:, _FELT])
 
     def _speeds(self, state: State, commands: Any) -> Any:
         """Speeds of the treads (worlds, tracks) [m/s]: as asked, as far as the worm's torque goes."""
         asked = self.design.tread_speed(1.0) * np.clip(commands, 0.0, _LARGEST_RPM)
         return np.broadcast_to(asked * self._worm(state).speed_share[:, None], (len(commands), TRACKS))
+
+    def _used(self, state: State) -> Any:
+        """Friction on all treads over the largest, along the core and around it (worlds, 2) [1]."""
+        on_tread, azimuth = self._layout[1] >= 0, math.tau * self._layout[1] / TRACKS
+        # The tip's frame is down, left and forwards of the core.
+        down, left, forwards = np.moveaxis(np.einsum("wsi,wij->wsj", state.rubbed, state.tip_frame), 2, 0)
+        around = np.cos(azimuth) * left - np.sin(azimuth) * down
+        most = (state.friction * state.pressed)[:, on_tread].sum(axis=1)
+        both = np.stack([forwards, around], axis=2)[:, on_tread].sum(axis=1)
+        return both / np.maximum(most, _TOUCH)[:, None]
 
     def _traction(self, state: State) -> Any:
         """Friction of the wall on all treads along the core (worlds,), as of the last step [N]."""

@@ -24,8 +24,8 @@ def _round(arc: np.ndarray, radius: float = 0.1) -> np.ndarray:
 
 def _scores(place, insertion, **changed) -> dict[str, float]:
     tip, coils = place(insertion), place(insertion[:, None] - DISTANCES)
-    known = {"tip": tip, "coils": coils, "insertion": insertion, "tip_arc": insertion} | changed
-    return progression_scores(TIME, length=0.8, **known)
+    known = {"tip": tip, "coils": coils, "insertion": insertion, "progress": insertion / 0.8} | changed
+    return progression_scores(TIME, **known)
 
 
 def test_a_scope_that_follows_its_tip_straight_ahead() -> None:
@@ -61,5 +61,5 @@ def test_a_helix_loops_by_its_writhe() -> None:
 
 def test_a_run_without_records_scores_nothing() -> None:
     none = np.zeros(0)
-    found = progression_scores(none, np.zeros((0, 3)), np.zeros((0, 8, 3)), none, none, length=1.0)
+    found = progression_scores(none, np.zeros((0, 3)), np.zeros((0, 8, 3)), none, progress=none)
     assert set(found.values()) == {0.0} and len(found) == 6

@@ -11,7 +11,7 @@ from haustra.envs.sim.device_native import NativeDevice
 from haustra.envs.study.run import Computing, run_sweep
 from haustra.envs.study.study_file import load_study
 from haustra.envs.tasks.device_task import DeviceEnv, DeviceRules
-from haustra.errors import HaustraError, InvalidDesignError, UnsupportedSceneError
+from haustra.errors import HaustraError, UnsupportedSceneError
 from haustra.models.anatomy.store import save_colon
 from haustra.models.device_scene import build_device_scene, device_options, device_tables, pose_in
 from haustra.models.devices.base import load_device
@@ -56,6 +56,13 @@ def weight_uphill() -> float:
     return UPHILL * float(scene.compile().body_mass.sum())
 
 
+def sliding_uphill() -> float:
+    """Speed at which mu(v) is what holds the robot's weight [m/s]."""
+    design = robot().design
+    held = robot().friction * design.shaft.efficiency * 4 * track_normal(design, DIAMETER)
+    return design.speed_friction.sliding(weight_uphill() / held)
+
+
 def pose_in_any():
     return pose_in(COLON, robot(), device_options(robot(), start_depth=0.1))
 
@@ -87,18 +94,28 @@ def test_a_worm_at_its_torque_limit_slows_down_and_beyond_it_holds() -> None:
     _, slow = driven(with_worm(torque_limit=1.05 * needed), seconds=2.0, gravity=(0.0, 0.0, -UPHILL))
     _, held = driven(with_worm(torque_limit=0.5 * needed), seconds=2.0, gravity=(0.0, 0.0, -UPHILL))
     assert slow["worm_share"] == pytest.approx((1 - 1 / 1.05) / 0.1, rel=0.15)
-    assert held["worm_share"] == 0.0 and held["headway"] == pytest.approx(0.0, abs=1e-4)
+    assert held["worm_share"] == 0.0 and held["headway"] == pytest.approx(-sliding_uphill() * 0.02 * 49, rel=0.1)
     assert held["traction"] == pytest.approx(weight_uphill(), rel=0.002)
+
+
+def test_uphill_its_treads_slide_at_the_speed_whose_friction_is_its_weight() -> None:
+    _, seen = driven(robot(), gravity=(0.0, 0.0, -UPHILL))
+    slid = robot().design.tread_speed(robot().rpm) - seen["headway"] / (0.02 * 24)
+    assert slid == pytest.approx(sliding_uphill(), rel=0.06)
+    design = robot().design
+    coulomb = replace(design, speed_friction=replace(design.speed_friction, exponent=0.0))
+    _, seen = driven(robot(design=coulomb), gravity=(0.0, 0.0, -UPHILL))
+    assert design.tread_speed(robot().rpm) - seen["headway"] / (0.02 * 24) < 0.06 * slid
 
 
 def test_what_the_shaft_loses_friction_lacks() -> None:
     """Uphill, between mu N and that times the shaft's efficiency, it climbs without losses, and slides back with."""
-    design = robot().design
+    design = replace(robot().design, speed_friction=replace(robot().design.speed_friction, exponent=0.0))
     friction = weight_uphill() / (0.97 * 4 * track_normal(design, DIAMETER))
     lossless = robot(design=replace(design, shaft=replace(design.shaft, efficiency=1.0)))
     uphill = {"gravity": (0.0, 0.0, -UPHILL), "friction": friction, "seconds": 0.4}
     assert driven(lossless, **uphill)[1]["headway"] > 0.001
-    assert driven(robot(), **uphill)[1]["headway"] < -0.001
+    assert driven(robot(design=design), **uphill)[1]["headway"] < -0.001
 
 
 def test_it_follows_a_bend_and_steered_treads_follow_it_better() -> None:
@@ -158,7 +175,6 @@ goal = "maximise"
     ("options", "message"),
     [
         ({"timestep": 0.005}, r"cannot honour a time step of 0\.005 s: give up to 0\.002 s"),
-        ({"mesentery": True}, "do not honour the option mesentery"),
         ({"wall_law": "pieces"}, "wall law 'pieces' is not honoured"),
         ({"start_depth": 0.01}, "cannot stand at"),
     ],
@@ -168,10 +184,14 @@ def test_what_a_scene_of_it_does_not_honour_is_refused_by_name(options: dict, me
         driven(robot(), **options)
 
 
-def test_friction_by_speed_and_warp_are_refused_by_name() -> None:
-    design = robot().design
-    with pytest.raises(InvalidDesignError, match=r"design\.speed_friction is not honoured in a colon"):
-        robot(design=replace(design, speed_friction=replace(design.speed_friction, exponent=0.1)))
+def test_on_its_mesentery_a_colon_gives_way_to_treads_and_core_and_they_press_as_much() -> None:
+    one, seen = driven(robot(), mesentery=True, gravity=(0.0, 0.0, -UPHILL))
+    assert one.displacement is not None and np.abs(one.displacement[0, :, :3]).max() > 1e-4
+    assert seen["traction"] == pytest.approx(weight_uphill(), rel=0.02)
+    assert seen["normal"] == pytest.approx(4 * track_normal(robot().design, DIAMETER), rel=0.01)
+
+
+def test_warp_refuses_it_by_name() -> None:
     pytest.importorskip("jax")
     from haustra.envs.sim.device_warp import WarpDevice
 
