@@ -75,6 +75,7 @@ class Loops(NamedTuple):
     step_axis: Callable[..., None]
     shape: Callable[..., None]
     carry: Callable[..., None]
+    follow: Callable[..., None]
     indent: Callable[..., None]
     solve: Callable[..., int]
 
@@ -191,6 +192,26 @@ def _carry(
         x, y, z = add(_node(still, 0, p), moved)
         for i in range(3):
             out[p, i] = axes[i, 0] * x + axes[i, 1] * y + axes[i, 2] * z + axes[i, 3]
+
+
+def _follow(places: Any, stations: Any, reach: int, found: Any) -> None:
+    """Stations of a centreline (1, stations, 3) next to places that follow each other from its beginning on.
+
+    Args:
+        places: (1, places, 3) [m].
+        stations: [m].
+        reach: how many stations may lie between one place's and the next's.
+        found: of each place, into which they are written.
+    """
+    last = 0
+    for p in range(len(found)):
+        here, nearest, begin = _node(places, 0, p), np.inf, max(last - reach, 0)
+        for station in range(begin, min(last + reach + 1, stations.shape[1])):
+            away = minus(_node(stations, 0, station), here)
+            square = dot(away, away)
+            if square < nearest:
+                nearest, found[p] = square, station
+        last = found[p]
 
 
 def _indent(places: Any, at: Any, arcs: Any, middles: Any, radius: float, first: int, last: int, vertices: Any) -> None:
@@ -622,7 +643,7 @@ def loops() -> Loops:
     overload(vectors.where)(lambda xp, condition, yes, no: lambda xp, condition, yes, no: yes if condition else no)
     own = (_node, _put, _put_more, _turn, _put_turn, _section, _cells, _rest_closing, _node_between, _edge_rate)
     own = (*own, _rates, _add_springs, _turn_sections)
-    entries = (_query, _query_moved, _place_planes, _pressed, _contacts, _step_axis, _shape, _carry, _indent)
+    entries = (_query, _query_moved, _place_planes, _pressed, _contacts, _step_axis, _shape, _carry, _follow, _indent)
     entries = (*entries, contact_solver.solve)
     laws = (*vectors.PARTS, *law.PARTS, *lumen_table.PARTS, *sections.PARTS, *moving_colon.PARTS)
     laws = (*laws, *plane_pose.PARTS, *indentation.PARTS)

@@ -64,10 +64,16 @@ def along_device(
         arcs: its arc lengths [m].
         apart: see there.
     """
+    from haustra.models.wall.compiled import loops
+
     behind = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     own = np.linspace(0.0, behind[-1], int(np.ceil(behind[-1] / apart)) + 1)
     places = np.column_stack([np.interp(own, behind, path[:, axis]) for axis in range(3)])
-    return places, _followed(places, stations, arcs)
+    found = np.zeros(len(places), np.int64)
+    loops().follow(
+        places[None], np.ascontiguousarray(stations)[None], int(np.ceil(_WINDOW / (arcs[1] - arcs[0]))), found
+    )
+    return places, arcs[found]
 
 
 def reached(xp: Any, away: Vector, ray: Vector, radius: Any) -> Any:
@@ -91,16 +97,3 @@ def reached(xp: Any, away: Vector, ray: Vector, radius: Any) -> Any:
 
 PARTS = (reached,)
 """What numba is to compile."""
-
-
-def _followed(places: np.ndarray, stations: np.ndarray, arcs: np.ndarray) -> np.ndarray:
-    """Arc lengths of the stations next to places that follow each other from the anus on."""
-    reach = int(np.ceil(_WINDOW / (arcs[1] - arcs[0])))
-    found = np.zeros(len(places), int)
-    last = 0
-    for row, place in enumerate(places):
-        first = max(last - reach, 0)
-        near = stations[first : last + reach + 1] - place
-        last = first + int((near * near).sum(axis=1).argmin())
-        found[row] = last
-    return arcs[found]

@@ -122,8 +122,9 @@ class RayRenderer(Renderer):
         self._around = (order // 3).astype(np.int32)
         self._starts = np.searchsorted(self.surface.faces.ravel()[order], np.arange(count + 1)).astype(np.int32)
         self._stamps, self._now, self._normals = np.zeros(count, np.int32), 0, np.empty((count, 3), np.float32)
-        self._rays = np.ascontiguousarray(lens.grid, np.float32)
-        self._rays[~lens.within] = np.nan
+        self.rays = np.ascontiguousarray(lens.grid, np.float32)
+        """Of all pixels, in the camera's axes; NaN where the picture is black."""
+        self.rays[~lens.within] = np.nan
         self._tiles = _Tiles(lens)
         self._placement = np.array([*lens.centre, *np.ravel(lens.stretch)])
         self._radii = _radii(lens)
@@ -139,7 +140,7 @@ class RayRenderer(Renderer):
         from haustra.envs.view.picture import kernels
 
         self._now += 1
-        surface, (height, width) = self.surface, self._rays.shape[:2]
+        surface, (height, width) = self.surface, self.rays.shape[:2]
         eye, axes = np.ascontiguousarray(pose.position, float), np.ascontiguousarray(pose.rotation, float)
         distance, triangle = np.full((height, width), np.inf, np.float32), np.full((height, width), -1, np.int32)
         weights, normals = np.zeros((height, width, 3), np.float32), np.zeros((height, width, 3), np.float32)
@@ -172,19 +173,17 @@ class RayRenderer(Renderer):
             brought = np.union1d(brought, needed)
             ranges = np.array(self._each(box, stretches.tolist())).reshape(-1, 2)
 
-            def cast(row: int, ranges: np.ndarray = ranges) -> None:
-                found = surface.faces, self._local, self._boxes, self._kept, ranges
-                kernels.cast(row, min(row + _ROWS, height), *found, self._rays, distance, triangle)
-
-            self._each(cast, range(0, height, _ROWS))
-
-        def resolve(row: int) -> None:
-            about = self._starts, self._around, self._stamps, self._now, self._normals
-            met = surface.faces, self._local, self._rays, triangle
-            kernels.resolve(row, min(row + _ROWS, height), *met, *about, weights, normals)
-
-        self._each(resolve, range(0, height, _ROWS))
+            met = surface.faces, self._local, self._boxes, self._kept, ranges, self.rays, distance, triangle
+            self.each_row(lambda first, last, met=met: kernels.cast(first, last, *met))
+        about = self._starts, self._around, self._stamps, self._now, self._normals, weights, normals
+        met = surface.faces, self._local, self.rays, triangle
+        self.each_row(lambda first, last: kernels.resolve(first, last, *met, *about))
         return SurfaceView(pose, self.lens, surface, distance, triangle, weights, normals)
+
+    def each_row(self, work: Callable[[int, int], Any]) -> None:
+        """Do work on all rows of a picture, some at a time, from a first one to before a last one."""
+        height = self.lens.height
+        self._each(lambda row: work(row, min(row + _ROWS, height)), range(0, height, _ROWS))
 
     def _each(self, work: Callable[[int], Any], parts: Sequence[int]) -> list:
         """Do work on all parts, beside each other."""

@@ -80,14 +80,69 @@ class LumenSurface:
         self._middles, self._reaches = (low + high) / 2, np.linalg.norm(high - low, axis=1) / 2
 
 
-class MovingSurface(LumenSurface):
-    """The surface of a colon on its mesentery, with a device in it."""
+class ColonSurface(LumenSurface):
+    """The surface of a colon, kept off a device that is in it."""
+
+    def __init__(self, colon: Colon) -> None:
+        """Take a colon, where it is."""
+        self.colon, self.line = colon, colon.centreline.points
+        """The colon as it was given, and where the stations of its centreline are now [m]."""
+        self._device: tuple[np.ndarray, np.ndarray, float] | None = None
+        super().__init__(colon.lumen, surface_arcs(colon))
+        self._placed, self._fresh = self.vertices.copy(), np.zeros(self.count, bool)
+
+    def place(self, vertices: Float[np.ndarray, "vertices 3"]) -> None:
+        """As `LumenSurface.place`; the centreline stays."""
+        super().place(vertices)
+        self._placed = self.vertices.copy()
+        self._fresh[:] = False
+
+    def indent(self, path: Float[np.ndarray, "nodes 3"], radius: float) -> None:
+        """Keep the wall off a device along `path`, from the anus to where it ends [m], of that radius [m]."""
+        if len(path) > 1:
+            self._keep_off(*along_device(path, self.line, self.colon.centreline.arc, _APART), radius)
+
+    def make_room(self, tip: Float[np.ndarray, "3"], ahead: Float[np.ndarray, "3"], arc: float, radius: float) -> None:
+        """Keep the wall off a tip of that radius [m] that ends there and points ahead, at that arc length [m]."""
+        behind = radius + np.linspace(0.0, 2 * radius, 5)
+        self._keep_off(tip - behind[:, None] * ahead, arc - behind, radius)
+
+    def bring(self, stretch: int) -> None:
+        """As `LumenSurface.bring`."""
+        if self._fresh[stretch]:
+            return
+        first, last = int(self.ends[stretch]), int(self.ends[stretch + 1])
+        self._carry(first, last)
+        if self._device is not None:
+            places, at, radius = self._device
+            near = np.abs(at - self.arcs[first]) < REACH + 2 * STRETCH
+            if near.any():
+                now = self._beside(first, last)[None], radius, 0, last - first, self.vertices[None, first:last]
+                loops().indent(places[None, near], at[near], self.arcs[first:last], *now)
+        self._fresh[stretch] = True
+
+    def _keep_off(self, places: np.ndarray, arcs: np.ndarray, radius: float) -> None:
+        self._device = np.ascontiguousarray(places), np.ascontiguousarray(arcs), radius + GAP
+        self._fresh[:] = False
+
+    def _carry(self, first: int, last: int) -> None:
+        """Take some vertices to where they would be without a device."""
+        self.vertices[first:last] = self._placed[first:last]
+
+    def _beside(self, first: int, last: int) -> np.ndarray:
+        """Places of the centreline beside some vertices."""
+        arcs, line = self.arcs[first:last], self.colon.centreline
+        return np.column_stack([np.interp(arcs, line.arc, self.line[:, axis]) for axis in range(3)])
+
+
+class MovingSurface(ColonSurface):
+    """The surface of a colon on its mesentery."""
 
     def __init__(
         self, colon: Colon, tables: Tables, origin: Float[np.ndarray, "3"], axes: Float[np.ndarray, "3 3"]
     ) -> None:
         """For the colon's own tables, stacked and in coordinates that begin at `origin` [m] with columns `axes`."""
-        super().__init__(colon.lumen, surface_arcs(colon))
+        super().__init__(colon)
         assert tables.mesentery is not None
         self._own, self._line = tables.mesentery, colon.centreline
         nodes, spacing = self._own.nodes.shape[1], float(np.asarray(self._own.spacing)[0])
@@ -95,14 +150,11 @@ class MovingSurface(LumenSurface):
         self._way = node_cell(np, spacing, nodes, self._line.arc)
         self._still = np.asarray(axis_at(np, tables, self.arcs[None]))
         self._lever = np.ascontiguousarray(((self.rest - origin) @ axes)[None] - self._still)
-        self._none = np.zeros_like(self._lever)
         self._axes = np.column_stack([axes, origin])
         one, each, edge = np.zeros((1, nodes)), np.zeros((1, nodes, 3)), np.zeros((1, nodes - 1, 3))
         turns = np.zeros((1, nodes, 4))
         self._shape = AxisShape(edge, one[:, 1:].copy(), each, one.copy(), turns, edge.copy(), one.copy(), each.copy())
         self._wide = np.maximum.reduceat(np.linalg.norm(self._lever[0], axis=1), self.ends[:-1])
-        self._fresh = np.zeros(self.count, bool)
-        self._device: tuple[np.ndarray, np.ndarray, float] | None = None
         self.move(np.tile(np.asarray(AT_REST), (nodes, 1)))
 
     def move(self, pose: Float[np.ndarray, "nodes 7"]) -> None:
@@ -112,30 +164,11 @@ class MovingSurface(LumenSurface):
         at, share = self._way
         moved = (1 - share[:, None]) * self._pose[0, at, :3] + share[:, None] * self._pose[0, at + 1, :3]
         self.line = self._line.points + moved @ self._axes[:, :3].T
-        """Where the stations of the centreline are [m]."""
         begin, end = self.arcs[self.ends[:-1]], self.arcs[self.ends[1:] - 1]
         at = np.clip(np.searchsorted(self._line.arc, (begin + end) / 2), 0, len(self.line) - 1)
         self._middles, self._reaches = self.line[at], self._wide + STRETCH + _ROOM
         self._fresh[:] = False
 
-    def indent(self, path: Float[np.ndarray, "nodes 3"], radius: float) -> None:
-        """Keep the wall off a device along `path`, from the anus to where it ends [m], of that radius [m]."""
-        self._device = (*along_device(path, self.line, self._line.arc, _APART), radius + GAP) if len(path) > 1 else None
-        self._fresh[:] = False
-
-    def bring(self, stretch: int) -> None:
-        """As `LumenSurface.bring`."""
-        if self._fresh[stretch]:
-            return
-        first, last = int(self.ends[stretch]), int(self.ends[stretch + 1])
-        about = self._pose, self._shape, *self._cells, self._still
-        loops().carry(*about, self._lever, self._axes, first, last, self.vertices)
-        if self._device is not None:
-            places, at, radius = self._device
-            near = np.abs(at - self.arcs[first]) < REACH + 2 * STRETCH
-            if near.any():
-                middles = np.empty_like(self.vertices[:last])
-                loops().carry(*about, self._none, self._axes, first, last, middles)
-                now = middles[None], radius, first, last, self.vertices[None]
-                loops().indent(places[None, near], at[near], self.arcs, *now)
-        self._fresh[stretch] = True
+    def _carry(self, first: int, last: int) -> None:
+        about = self._pose, self._shape, *self._cells, self._still, self._lever, self._axes
+        loops().carry(*about, first, last, self.vertices)
