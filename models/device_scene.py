@@ -28,6 +28,9 @@ HONOURED = (
 )
 """Scene options that scenes of any device take; the others are refused by name where they are not the usual ones."""
 
+_FIELD_OF_VIEW_DEG = 140.0
+"""Field of view of a device's camera [degrees]; as the shipped scopes' (docs/numbers.md)."""
+
 _TOLERANCE = 1e-8
 """Tolerance of the solver [1]: MuJoCo's own."""
 
@@ -115,6 +118,7 @@ def build_device_scene(device: Device, options: SceneOptions | None = None, *, p
     spec = empty_spec(f"{device.kind} {device.name}", options)
     pose = pose or Pose()
     handles = device.add_to(spec, pose, timestep=options.timestep, start=options.start_depth)
+    _add_camera(spec, handles.tip)
     bare = spec.compile()
     for name in handles.geoms:
         spec.geom(name).conaffinity = 0
@@ -154,6 +158,27 @@ def _require_honoured(device: Device, options: SceneOptions) -> None:
         raise UnsupportedSceneError(
             f"A device of kind '{device.kind}' cannot meet the lumen's table. It can meet: {', '.join(device.walls)}."
         )
+
+
+def _add_camera(spec: mujoco.MjSpec, tip: str) -> None:
+    """A camera at the tip that looks forwards, and a lamp beside it: a scope has its own."""
+    site = spec.site(tip)
+    if site.parent.cameras:
+        return
+    turn = np.empty(4)
+    mujoco.mju_mulQuat(turn, site.quat, np.array([0.0, 1.0, 0.0, 0.0]))  # MuJoCo's cameras look along their own -z
+    ahead = np.empty(3)
+    mujoco.mju_rotVecQuat(ahead, np.array([0.0, 0.0, 1.0]), site.quat)
+    site.parent.add_camera(name=f"{tip}/camera", pos=site.pos, quat=turn, fovy=_FIELD_OF_VIEW_DEG)
+    site.parent.add_light(
+        name=f"{tip}/light",
+        pos=site.pos,
+        dir=ahead,
+        diffuse=[0.7] * 3,
+        cutoff=80,
+        attenuation=[1, 0, 100],
+        castshadow=False,
+    )
 
 
 def _left_out(options: SceneOptions) -> dict[str, str]:

@@ -23,6 +23,7 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "run": f"{_SCRIPTS}.run:Run",
         "report": f"{_SCRIPTS}.report:Report",
         "view": f"{_SCRIPTS}.view:View",
+        "dataset": f"{_SCRIPTS}.dataset:Dataset",
     },
     "The clinic": {
         "imager export": f"{_SCRIPTS}.imager:ImagerExport",

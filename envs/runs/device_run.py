@@ -44,6 +44,8 @@ class DeviceRun:
     """Spheres as thick as its nose, at the end, from its rear on, in the colon's coordinates [m]."""
     radius: float
     """Radius of the device, to draw it [m]."""
+    tip: str
+    """Site at its nose, its z axis forwards."""
     spec: mujoco.MjSpec
     """The scene that was run, with the lumen as a picture, in the colon's coordinates."""
     wall_clock: float
@@ -105,6 +107,7 @@ def run_device(
         records=records,
         shape=shape[thick],
         radius=scene.handles.samples[-1].radius,
+        tip=scene.handles.tip,
         spec=spec,
         wall_clock=time.perf_counter() - began,
         backend=backend.name,

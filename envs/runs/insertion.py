@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -11,14 +12,15 @@ from haustra.envs.control.follower import FollowerSettings, LumenFollower
 from haustra.envs.runs.measure.containment import Containment
 from haustra.envs.runs.measure.injury import Burden, InjuryMeter, stations_of
 from haustra.envs.runs.measure.progress import ArcTracker
-from haustra.envs.runs.outcome import Outcome, ending, outcome_of
+from haustra.envs.runs.outcome import Outcome, ending, outcome_of, withdrawn
 from haustra.envs.sim.backend import SingleBackend
 from haustra.envs.sim.coils import COIL_DISTANCES
 from haustra.envs.sim.gas import GasRecord, gas_pressures
 from haustra.envs.sim.native import NativeEngine
-from haustra.envs.sim.state import Readings
+from haustra.envs.sim.state import Controls, Readings
 from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import Scene
+from haustra.models.wall.moving_colon import POSE
 
 CONTROL_INTERVAL = 0.02
 """Time between two decisions of the driver, and between two records [s]; engineering choice: 50 Hz."""
@@ -86,6 +88,9 @@ class Trajectory:
     """Largest shear of the mucosa there [Pa]."""
     pain: Float[np.ndarray, "records places"]
     """Tension of wall or mesentery there, over that which is assumed to hurt [1]."""
+    displacement: Float[np.ndarray, "records nodes 7"]
+    """Poses of the colon's axis in the scene's coordinates (`haustra.models.wall.moving_colon.AxisDisplacement`); no
+    nodes where the colon is fixed."""
     mocap_pos: Float[np.ndarray, "records blocks 3"]
     """Where the bodies are on which pieces of a wall that moves stand, as MuJoCo's mocap_pos [m]."""
     mocap_quat: Float[np.ndarray, "records blocks 4"]
@@ -140,18 +145,57 @@ def run_insertion(
     Raises:
         UnsupportedSceneError: when the backend cannot honour the scene.
     """
-    stepped = backend(scene)
-    return _drive(stepped, seconds, settings or FollowerSettings(), progress)
+    settings = settings or FollowerSettings()
+    driver = LumenFollower(scene.colon.centreline, scene.design, tip_links=scene.cable.tip_links, settings=settings)
+    return drive(backend(scene), driver, settings, until=seconds, arc=scene.options.start_depth, progress=progress)
 
 
-def _drive(backend: SingleBackend, seconds: float, settings: FollowerSettings, progress: Progress | None) -> Insertion:
+@runtime_checkable
+class Driver(Protocol):
+    """Who drives one scope."""
+
+    def act(self, seen: Readings, arc: float, interval: float) -> Controls:
+        """Inputs for the next `interval` [s], given what was seen and the tip's arc length [m]."""
+        ...
+
+    @property
+    def asked(self) -> Float[np.ndarray, "2"]:
+        """Bend that it steers for, towards wires 'up' and 'left' [rad]."""
+        ...
+
+    @property
+    def attempts(self) -> int:
+        """Times that it backed off since the last progress."""
+        ...
+
+
+def drive(
+    backend: SingleBackend,
+    driver: Driver,
+    settings: FollowerSettings,
+    *,
+    until: float,
+    arc: float,
+    every: float = CONTROL_INTERVAL,
+    left: bool = False,
+    progress: Progress | None = None,
+) -> Insertion:
+    """Let a driver drive a scope from where it is, and record it.
+
+    Args:
+        backend: the scope.
+        driver: decides.
+        settings: what the driver goes by, for the record.
+        until: simulated time at which the run is over at the latest [s].
+        arc: arc length of the tip at the beginning [m].
+        every: time between two decisions, and between two records [s].
+        left: end when the scope is withdrawn, instead of when it is inserted.
+        progress: told now and then how far it is.
+    """
     scene = backend.scene
     line = scene.colon.centreline
-    start = scene.options.start_depth
-    tracker = ArcTracker(line, start=start)
-    tip_links = scene.cable.tip_links
-    follower = LumenFollower(line, scene.design, tip_links=tip_links, settings=settings)
-    steps = max(1, round(CONTROL_INTERVAL / scene.options.timestep))
+    tracker = ArcTracker(line, start=arc)
+    steps = max(1, round(every / scene.options.timestep))
     interval = steps * scene.options.timestep
     containment = Containment(scene.colon, radius=scene.cable.radius)
     rows: list[tuple] = []
@@ -159,8 +203,8 @@ def _drive(backend: SingleBackend, seconds: float, settings: FollowerSettings, p
     seen, shape = backend.read(), backend.shape()
     ended, healthy = 0, True
     began = time.perf_counter()
-    while seen.time < seconds - interval / 2:
-        inputs = follower.act(seen, tracker.arc, interval)
+    while seen.time < until - interval / 2:
+        inputs = driver.act(seen, tracker.arc, interval)
         if not backend.step(inputs, steps):
             healthy = False
             break
@@ -170,30 +214,27 @@ def _drive(backend: SingleBackend, seconds: float, settings: FollowerSettings, p
         inside = behind < seen.insertion
         outside = containment.outside(shape[inside], behind[inside], tracker.arc, seen.way)
         moved = 0.0 if seen.way is None else float(np.linalg.norm(seen.way - line.points, axis=1).max())
-        last = moved, seen.wall_force_sum, seen.coils, *backend.mocap(scene.blocks)
+        poses = np.zeros((0, POSE)) if seen.displacement is None else seen.displacement
+        last = moved, seen.wall_force_sum, seen.coils, poses, *backend.mocap(scene.blocks)
         felt.append(tuple(getattr(seen, name) for name in _FELT))
-        rows.append((*_record(backend, seen, tracker.arc, outside), *follower.asked, *seen.bend, *last))
+        rows.append((*_record(backend, seen, tracker.arc, outside), *driver.asked, *seen.bend, *last))
         if progress and len(rows) % 25 == 0:
             progress(seen.time, tracker.arc)
-        ended = int(
-            ending(
-                np,
-                outside=outside,
-                arc=tracker.arc,
-                length=line.length,
-                insertion=seen.insertion,
-                modelled=scene.cable.length,
-            )
-        )
+        where = {"arc": tracker.arc, "insertion": seen.insertion}
+        if left:
+            ended = withdrawn(scene.options.start_depth, **where)
+        else:
+            lengths = {"length": line.length, "modelled": scene.cable.length}
+            ended = int(ending(np, outside=outside, **where, **lengths))
         if ended:
             break
     return Insertion(
-        outcome=outcome_of(ended, healthy=healthy, attempts=follower.attempts),
+        outcome=outcome_of(ended, healthy=healthy, attempts=driver.attempts),
         trajectory=_trajectory(rows, felt, backend),
         shape=shape,
         tip_frame=seen.tip_frame,
         wall_clock=time.perf_counter() - began,
-        attempts=follower.attempts,
+        attempts=driver.attempts,
         settings=settings,
         colon=backend.colon(),
         backend=backend.name,
@@ -230,6 +271,8 @@ def _trajectory(rows: list[tuple], felt: list[tuple], backend: SingleBackend) ->
         nothing: dict[str, np.ndarray] = dict.fromkeys(Trajectory.__dataclass_fields__, np.zeros(0))
         nothing |= {"qpos": backend.qpos[None][:0], "ctrl": backend.ctrl[None][:0], "tip": np.zeros((0, 3))}
         nothing |= {"coils": np.zeros((0, len(COIL_DISTANCES), 3)), "pressed": places, "shear": places, "pain": places}
+        nodes = backend.read().displacement
+        nothing |= {"displacement": np.zeros((0, 0 if nodes is None else len(nodes), POSE))}
         blocks = (part[None][:0] for part in backend.mocap(backend.scene.blocks))
         return Trajectory(**nothing | dict(zip(names[-2:], blocks, strict=True)))
     columns = (np.array(column, dtype=float) for column in zip(*rows, strict=True))

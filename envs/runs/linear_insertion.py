@@ -16,6 +16,7 @@ from haustra.envs.sim.linear.layout import WORLD
 from haustra.envs.sim.linear.single import LinearSingle
 from haustra.models.scene import Scene, entry_of
 from haustra.models.wall.lumen_table import Tables, lumen_table, stack
+from haustra.models.wall.moving_colon import POSE
 
 _ALIVE = WORLD.index("alive")
 
@@ -132,6 +133,7 @@ def _trajectory(backend: LinearSingle, rows: Row) -> Trajectory:
         wall_force_sum=normals.sum(axis=1),
         coils=seen.coils,
         **burden._asdict(),
+        displacement=seen.displacement if scene.options.mesentery else np.zeros((len(seen.time), 0, POSE)),
         mocap_pos=places,
         mocap_quat=turns,
     )

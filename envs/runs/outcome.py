@@ -20,6 +20,7 @@ class Outcome(Enum):
     REACHED_CAECUM = "reached_caecum"
     STUCK = "stuck"
     FULLY_INSERTED = "fully_inserted"
+    WITHDRAWN = "withdrawn"
     ESCAPED = "escaped"
     DIVERGED = "diverged"
 
@@ -34,13 +35,14 @@ _ADVICE = {
     Outcome.REACHED_CAECUM: "The tip is in the caecum.",
     Outcome.STUCK: "The tip made no progress in spite of repeated attempts; see where the wall force acts.",
     Outcome.FULLY_INSERTED: "The whole working length is inside; a longer scope would go further.",
+    Outcome.WITHDRAWN: "The tip is back at the anus.",
     Outcome.ESCAPED: "The scope broke through the wall: push less, or stiffen the wall.",
     Outcome.DIVERGED: "The simulation became unstable: halve the timestep, or soften what was made stiffer.",
 }
 
 
-ENDINGS = (None, Outcome.ESCAPED, Outcome.REACHED_CAECUM, Outcome.FULLY_INSERTED)
-"""What the numbers of `ending` mean; None: the run goes on."""
+ENDINGS = (None, Outcome.ESCAPED, Outcome.REACHED_CAECUM, Outcome.FULLY_INSERTED, Outcome.WITHDRAWN)
+"""What the numbers of `ending` and `withdrawn` mean; None: the run goes on."""
 
 
 def ending(xp: Any, *, outside: Any, arc: Any, length: Any, insertion: Any, modelled: Any) -> Any:
@@ -57,6 +59,17 @@ def ending(xp: Any, *, outside: Any, arc: Any, length: Any, insertion: Any, mode
     inserted = xp.where(insertion >= modelled - LEFT_OUTSIDE, 3, 0)
     reached = xp.where(arc >= length - CAECUM_MARGIN, 2, inserted)
     return xp.where(outside > ESCAPE_DEPTH, 1, reached)
+
+
+def withdrawn(start: float, *, arc: float, insertion: float) -> int:
+    """Whether a scope is out again as far as it began, as a row of `ENDINGS`.
+
+    Args:
+        start: distance of the tip past the anus at the start of its insertion [m].
+        arc: arc length of the tip [m].
+        insertion: length of scope past the anus [m].
+    """
+    return ENDINGS.index(Outcome.WITHDRAWN) if min(arc, insertion) <= start else 0
 
 
 def outcome_of(ended: int, *, healthy: bool, attempts: int) -> Outcome:

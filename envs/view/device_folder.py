@@ -3,9 +3,17 @@
 from pathlib import Path
 from typing import Any
 
+import mujoco
+import numpy as np
+from jaxtyping import Float, UInt8
+
 from haustra.envs.runs.device_run import DeviceRun, device_scores
+from haustra.envs.view.picture.camera import looking
 from haustra.envs.view.picture.image import write_png
-from haustra.envs.view.picture.outside import default_rotation, outside_view
+from haustra.envs.view.picture.outside import OutsideView, default_rotation
+from haustra.envs.view.picture.shapes import drawn_shapes
+from haustra.envs.view.picture.tip import tip_view
+from haustra.envs.view.picture.tube import Tube
 from haustra.envs.view.report.run_report import report_run
 from haustra.envs.view.run_folder import write_trajectory
 from haustra.files import replaced_together, write_atomically, write_json
@@ -13,9 +21,14 @@ from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.store import colon_hash
 from haustra.provenance import Provenance
 
+_FROM, _UP = np.array([-0.45, 0.80, 0.40]), np.array([-1.0, 0.0, 0.0])
+"""Where one looks from at a device close by, and what is up then, in its tip's frame: over its left shoulder."""
+
 
 def write_device_run(folder: Path, *, colon: Colon, run: DeviceRun) -> dict[str, Any]:
-    """Write scores.json, trajectory.npz, scene.xml, outside.png and report.html; returns the scores.
+    """Write scores.json, trajectory.npz, scene.xml, pictures and report.html; returns the scores.
+
+    Pictures are outside.png, device.png and tip.png. The scene's keyframe `end` is where the run ended.
 
     A run that was there is replaced as a whole.
 
@@ -26,14 +39,35 @@ def write_device_run(folder: Path, *, colon: Colon, run: DeviceRun) -> dict[str,
         inputs={"colon": colon_hash(colon), "colon_name": colon.name}, configuration=run.configuration
     )
     scores: dict[str, Any] = {**device_scores(run, colon), "provenance": provenance.to_json()}
-    seen = run.colon
-    rotation = default_rotation(seen.lumen, seen.centreline.points)
-    picture = outside_view(seen.lumen, run.shape, run.radius, bending_length=0.0, rotation=rotation)
-    text = run.spec.to_xml()
+    spec = run.spec.copy()
+    if len(run.records["time"]):
+        spec.add_key(name="end", qpos=run.records["qpos"][-1])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_kinematics(model, data)
+    text = spec.to_xml()
+    pictures = _pictures(run, drawn_shapes(model, data), data.site(run.tip))
     with replaced_together(folder) as place:
         scores["trajectory"] = write_trajectory(place, {**run.records, "shape": run.shape})
         write_atomically(place / "scene.xml", lambda path: path.write_text(text, encoding="utf-8"))
-        write_png(place / "outside.png", picture)
+        for name, picture in pictures.items():
+            write_png(place / f"{name}.png", picture)
         write_json(place / "scores.json", scores)
         report_run(place)
     return scores
+
+
+def _pictures(run: DeviceRun, body: Tube, tip: Any) -> dict[str, UInt8[np.ndarray, "height width 3"]]:
+    """The device in its colon from outside, close by, and what its camera sees."""
+    lumen, line = run.colon.lumen, run.colon.centreline.points
+    frame: Float[np.ndarray, "3 3"] = tip.xmat.reshape(3, 3)
+    whole = OutsideView(lumen, default_rotation(lumen, line))
+    beside = frame @ _FROM
+    close = OutsideView(lumen, looking(-beside, frame @ _UP), framed=body.vertices)
+    return {
+        "outside": whole.draw_body(body),
+        "device": close.draw_body(body),
+        "tip": tip_view(lumen, tip.xpos.copy(), looking(frame[:, 2], frame[:, 0])),
+    }

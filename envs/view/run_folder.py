@@ -68,6 +68,7 @@ def write_run(
     left = left_behind(scene, run)
     scores = score(scene, run, provenance, wall=wall.method if wall else None, error=error, left=left)
     arrays = {**asdict(run.trajectory), "shape": run.shape, "tip_frame": run.tip_frame}
+    arrays["displacement"] = arrays["displacement"].astype(np.float32)  # exact to a hundredth of a micrometre
     arrays |= {f"gas_{name}": values for name, values in (run.gas._asdict() if run.gas else {}).items()}
     with replaced_together(folder) as place:
         scores["trajectory"] = write_trajectory(place, arrays)

@@ -119,6 +119,11 @@ def _whole(solid: manifold3d.Manifold) -> bool:
     return len(solid.decompose()) == 1 and solid.genus() == 0
 
 
+def lesion_outline(lesion: Lesion) -> Float[np.ndarray, "corners 2"]:
+    """Outline of a polyp or diverticulum as it was cut: distance from its axis, and height or depth [m]."""
+    return _polyp(lesion.type, lesion.size, lesion.extent) if lesion.kind == "polyp" else _sac(lesion.size, lesion.size)
+
+
 def _polyp(shape: str, width: float, height: float) -> np.ndarray:
     """Outline of a polyp, distance from its axis and height [m]."""
     quarter = np.linspace(0, np.pi / 2, 9)

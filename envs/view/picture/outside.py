@@ -7,7 +7,7 @@ from jaxtyping import Float, Int, UInt8
 
 from haustra.envs.view.picture.camera import Camera, looking, unit
 from haustra.envs.view.picture.raster import DepthBuffer, fragments, vertex_normals
-from haustra.envs.view.picture.tube import tube
+from haustra.envs.view.picture.tube import Tube, tube
 from haustra.models.anatomy.colon import Surface
 
 _SAMPLES = 2
@@ -103,9 +103,13 @@ class OutsideView:
         self, points: Float[np.ndarray, "points 3"] | None, radius: float, *, bending_length: float
     ) -> UInt8[np.ndarray, "height width 3"]:
         """The picture with a scope along `points` [m] of that radius [m] in it; None for the empty colon."""
+        return self.draw_body(None if points is None else tube(points, radius, bending_length=bending_length))
+
+    def draw_body(self, body: Tube | None) -> UInt8[np.ndarray, "height width 3"]:
+        """The picture with any opaque body in it; None for the empty colon."""
         colour = self._empty
-        if points is not None:
-            scope = _draw_scope(self._canvas, points, radius, bending_length)
+        if body is not None:
+            scope = _draw_body(self._canvas, body)
             hit = np.flatnonzero(np.isfinite(scope.depth))
             colour = self._empty.copy()
             colour[hit] = self._wall.before(scope.depth).over(scope.colour[hit], hit)
@@ -174,10 +178,9 @@ class _Scope:
     colour: Float[np.ndarray, "pixels 3"]
 
 
-def _draw_scope(canvas: _Canvas, points: np.ndarray, radius: float, bending_length: float) -> _Scope:
+def _draw_body(canvas: _Canvas, body: Tube) -> _Scope:
     buffer = DepthBuffer(width=canvas.width, height=canvas.height)
     colour = np.zeros((canvas.width * canvas.height, 3))
-    body = tube(points, radius, bending_length=bending_length)
     image, depth = canvas.project(body.vertices)
     for batch in fragments(image[body.faces], width=canvas.width, height=canvas.height):
         buffer.add(batch, np.einsum("fk,fk->f", batch.weights, depth[body.faces[batch.triangle]]))

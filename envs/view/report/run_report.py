@@ -48,8 +48,9 @@ _ERRORS = {
 _PICTURES = {
     "outside": (
         "From outside",
-        "The colon is drawn translucent. White marks on the scope are 10 cm apart, from the tip.",
+        "The colon is drawn translucent. White marks on a scope are 10 cm apart, from the tip.",
     ),
+    "device": ("The device", "Close by, at the end of the run, in the colon."),
     "tip": ("From the tip", "What the tip camera sees at the end of the run."),
     "injury": (
         "Pain and tears",

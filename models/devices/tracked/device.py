@@ -11,6 +11,7 @@ from jaxtyping import Float
 from haustra.errors import InvalidOptionError
 from haustra.models.devices.tracked.design import TRACKS, TrackedDesign
 from haustra.models.devices.tracked.law import PadLaw, load_law
+from haustra.models.devices.tracked.looks import HIDDEN, draw_core, draw_strut
 from haustra.models.devices.tracked.loop import CORE_FRICTION, LoopPart, add_loop, soften
 from haustra.models.wall.law import require_impedance_ratio
 
@@ -168,9 +169,15 @@ def add_tracked(
         pads += [_add_pad(spec, strut, design, law, track, tip, friction, prefix=prefix) for tip in TIPS]
         if loops:
             recess = 2 * _operating(law, design)
-            parts += add_loop(spec, strut, design, track, float(each[track]), recess, prefix=prefix)
+            own = add_loop(spec, strut, design, track, float(each[track]), recess, prefix=prefix)
+            runs = [(part.rear, part.front) for part in sorted(own, key=lambda part: part.rear)]
+            draw_strut(spec, strut, design, track=track, runs=runs, prefix=prefix)
+            parts += own
     stiffness = pad_stiffness(design)
     if loops:
+        draw_core(spec, core, design, prefix=prefix)
+        for name in (f"{prefix}core", *(pad.geom for pad in pads), *(part.geom for part in parts)):
+            spec.geom(name).group = HIDDEN
         soften(spec, [pad.geom for pad in pads], parts, f"{prefix}core", pad_stiffness=stiffness, friction=friction)
     else:
         _calibrate_contacts(spec, pads, stiffness)

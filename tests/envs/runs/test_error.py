@@ -22,6 +22,7 @@ def _run(*, force: float = 2.0, push: float = 10.0, aside: float = 0.0) -> Inser
     tip = np.column_stack([ZERO + aside, ZERO, np.linspace(0, 0.4, COUNT)])
     blocks = {
         "coils": np.zeros((COUNT, 8, 3)),
+        "displacement": np.zeros((COUNT, 0, 7)),
         "mocap_pos": np.zeros((COUNT, 0, 3)),
         "mocap_quat": np.zeros((COUNT, 0, 4)),
     }

@@ -1,0 +1,70 @@
+"""What a data set is made of, and the presets by name."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from haustra.errors import InvalidOptionError
+from haustra.fields import number, require_declared, texts, whole
+
+
+@dataclass(frozen=True)
+class DatasetSettings:
+    """Colons, runs and pictures of a data set; each colon is grown from a seed of its own and insufflated."""
+
+    colons: int = whole(1, 1000, default=1)
+    """Colons, each with one run of a scope."""
+    clips: int = whole(1, 1000, default=2)
+    """Stretches of each run, evenly spread over it; a folder each."""
+    frames: int = whole(2, 9999, default=16)
+    """Pictures in each clip, one after the other."""
+    width: int = whole(64, 2700, default=338)
+    """Columns of a picture [pixels]."""
+    height: int = whole(64, 2160, default=270)
+    """Rows of a picture [pixels]."""
+    rate: float = number("1/s", 0.1, 50.0, default=25.0)
+    """Pictures a second; a whole part of the 50 records of a run."""
+    seconds: float = number("s", 1.0, 600.0, default=60.0)
+    """Longest insertion, in simulated time [s]."""
+    difficulty: str = "easy"
+    """Band of tortuosity of the colons."""
+    polyps: tuple[str, ...] = texts(most=50, default=())
+    """Polyps of each colon, as `haustra colon grow` takes them."""
+
+    def __post_init__(self) -> None:
+        require_declared(self)
+
+    @property
+    def every(self) -> int:
+        """Records of a run from one picture to the next."""
+        return max(1, round(50.0 / self.rate))
+
+
+_POLYPS = ("sigmoid:small", "sigmoid:diminutive:flat", "descending:small", "transverse:large:pedunculated")
+PRESETS: Mapping[str, DatasetSettings] = {
+    "quick": DatasetSettings(polyps=_POLYPS),
+    "standard": DatasetSettings(
+        colons=4, clips=8, frames=75, width=675, height=540, difficulty="any", polyps=(*_POLYPS, "ascending:small*2")
+    ),
+    "full": DatasetSettings(
+        colons=20,
+        clips=10,
+        frames=200,
+        width=1350,
+        height=1080,
+        difficulty="any",
+        polyps=(*_POLYPS, "ascending:small*2", "caecum:diminutive"),
+    ),
+}
+"""quick: some tens of small pictures within a minute. standard: 2,400 pictures at half the size of C3VD's. full: 40,000
+pictures at C3VD's size."""
+
+
+def find_preset(name: str) -> DatasetSettings:
+    """The preset of that name.
+
+    Raises:
+        InvalidOptionError: when there is none; the message lists those there are.
+    """
+    if name not in PRESETS:
+        raise InvalidOptionError(f"Data set '{name}' is not known. Known: {', '.join(PRESETS)}.")
+    return PRESETS[name]
