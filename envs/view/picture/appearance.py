@@ -1,6 +1,6 @@
-"""What is known of each place of a colon's wall for its picture: taeniae, lesions, blood, stool, named places.
+"""What is known of each place of a colon's wall for its picture: taeniae, lesions, blood, stool and places.
 
-Everything is fixed to the colon at rest and made from one seed. The shader (`haustra.envs.view.picture.mucosa`) reads it.
+Everything is fixed to the colon at rest and made from one seed, for the shader (`haustra.envs.view.picture.mucosa`).
 """
 
 import numpy as np

@@ -58,6 +58,8 @@ class SurfaceView:
     """Whose pixels these are."""
     surface: LumenSurface
     """What they look at. It may have moved on since."""
+    vertices: Float[np.ndarray, "vertices 3"]
+    """Where the vertices of the surface as it was given were then [m]."""
     distance: Float[np.ndarray, "height width"]
     """Along each pixel's ray [m]; infinite where it meets nothing."""
     own: Int[np.ndarray, "height width"]
@@ -66,6 +68,11 @@ class SurfaceView:
     """Barycentric coordinates there; zero for none."""
     normals: Float[np.ndarray, "height width 3"]
     """Unit normals in the camera's axes, into the lumen, smooth from triangle to triangle; zero for none."""
+
+    @property
+    def faces(self) -> Int[np.ndarray, "triangles 3"]:
+        """Corners of the triangles of the surface as it was given."""
+        return self.surface.given.faces
 
     @property
     def triangle(self) -> Int[np.ndarray, "height width"]:
@@ -123,7 +130,7 @@ class RayRenderer(Renderer):
         self._starts = np.searchsorted(self.surface.faces.ravel()[order], np.arange(count + 1)).astype(np.int32)
         self._stamps, self._now, self._normals = np.zeros(count, np.int32), 0, np.empty((count, 3), np.float32)
         self.rays = np.ascontiguousarray(lens.grid, np.float32)
-        """Of all pixels, in the camera's axes; NaN where the picture is black."""
+        """Rays of all pixels, in the camera's axes; NaN where the picture is black."""
         self.rays[~lens.within] = np.nan
         self._tiles = _Tiles(lens)
         self._placement = np.array([*lens.centre, *np.ravel(lens.stretch)])
@@ -178,7 +185,7 @@ class RayRenderer(Renderer):
         about = self._starts, self._around, self._stamps, self._now, self._normals, weights, normals
         met = surface.faces, self._local, self.rays, triangle
         self.each_row(lambda first, last: kernels.resolve(first, last, *met, *about))
-        return SurfaceView(pose, self.lens, surface, distance, triangle, weights, normals)
+        return SurfaceView(pose, self.lens, surface, surface.given_vertices, distance, triangle, weights, normals)
 
     def each_row(self, work: Callable[[int, int], Any]) -> None:
         """Do work on all rows of a picture, some at a time, from a first one to before a last one."""

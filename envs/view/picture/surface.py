@@ -32,6 +32,8 @@ class LumenSurface:
         stretch = np.unique(np.floor(arcs / STRETCH), return_inverse=True)[1]
         self.given = surface
         """The surface as it was given."""
+        self.given_vertices: Float[np.ndarray, "vertices 3"] = surface.vertices
+        """Where its vertices were put last; of colons that move or are indented, where they would be at rest [m]."""
         self.order: Int[np.ndarray, " vertices"] = np.argsort(stretch, kind="stable")
         """Which vertex of the given surface each is."""
         placed = np.empty(len(arcs), np.int64)
@@ -57,6 +59,7 @@ class LumenSurface:
 
     def place(self, vertices: Float[np.ndarray, "vertices 3"]) -> None:
         """Put the vertices of the given surface there [m]."""
+        self.given_vertices = vertices
         np.take(vertices, self.order, axis=0, out=self.vertices)
         self._extents()
 
