@@ -113,5 +113,5 @@ def _hit(vertices: np.ndarray, start: np.ndarray, direction: np.ndarray) -> np.n
     offset = vertices - start
     away = np.linalg.norm(offset, axis=1)
     cosine = offset @ direction / np.maximum(away, 1e-9)
-    within = cosine > max(np.cos(0.12), np.sort(cosine)[-3])
+    within = cosine >= min(np.cos(0.12), np.sort(cosine)[-3])
     return vertices[np.flatnonzero(within)[int(away[within].argmin())]]
