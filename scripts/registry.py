@@ -30,6 +30,7 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "imager score": f"{_SCRIPTS}.imager:ImagerScore",
     },
     "Studies of designs": {
+        "compare": f"{_SCRIPTS}.compare:Compare",
         "sweep": f"{_SCRIPTS}.sweep:Sweep",
         "optimise": f"{_SCRIPTS}.sweep:Optimise",
         "sensitivity": f"{_SCRIPTS}.sweep:Sensitivity",
