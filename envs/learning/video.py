@@ -14,7 +14,7 @@ from haustra.envs.sim.native_batch import batch_model
 from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.config import Limits
 from haustra.envs.view.picture.endoscope import Endoscope
-from haustra.envs.view.picture.lens import camera_axes, lens_of
+from haustra.envs.view.picture.lens import lens_of
 from haustra.envs.view.picture.renderer import CameraPose
 from haustra.files import write_atomically
 
@@ -94,7 +94,7 @@ def _frames(
         picture = Image.new("RGB", (WIDTH, HEIGHT), _PAPER)
         lumen, eye, outside = stage.at(index, tip, float(recording.tip_arc[index]))
         eyes.surface.place(lumen.vertices)
-        seen = eyes.picture(CameraPose(eye, camera_axes(frame)))
+        seen = eyes.picture(CameraPose.of_tip(eye, frame))
         picture.paste(Image.fromarray(seen), (0, 0))
         drawn = outside.draw(shape, bank.design.diameter / 2, bending_length=bank.design.bending.length)
         picture.paste(Image.fromarray(drawn), (_SIDE, 0))

@@ -6,7 +6,7 @@ from jaxtyping import Float, Int, UInt8
 from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.sight import RANGE, Sight, in_bytes
 from haustra.envs.view.picture.endoscope import Endoscope
-from haustra.envs.view.picture.lens import camera_axes, lens_of
+from haustra.envs.view.picture.lens import lens_of
 from haustra.envs.view.picture.renderer import CameraPose
 from haustra.envs.view.picture.surface import ColonSurface, MovingSurface
 from haustra.models.scene import entry_of
@@ -71,7 +71,7 @@ class Pictures:
             assert isinstance(surface, MovingSurface), "displacements of a colon that is fixed"
             surface.move(displacement)
         surface.make_room(place, frame[:, 2], arc, self._bank.design.diameter / 2)
-        return scope, CameraPose(place, camera_axes(frame))
+        return scope, CameraPose.of_tip(place, frame)
 
     def _scope(self, case: int, size: int, *, moves: bool) -> tuple[Endoscope, ColonSurface]:
         tabulated = self._bank.cases[case]

@@ -11,7 +11,7 @@ from haustra.envs.runs.device_run import DeviceRun, device_scores
 from haustra.envs.view.picture.camera import looking
 from haustra.envs.view.picture.endoscope import Endoscope
 from haustra.envs.view.picture.image import write_png
-from haustra.envs.view.picture.lens import camera_axes, named_lens
+from haustra.envs.view.picture.lens import named_lens
 from haustra.envs.view.picture.outside import OutsideView, default_rotation
 from haustra.envs.view.picture.renderer import CameraPose
 from haustra.envs.view.picture.shapes import drawn_shapes
@@ -85,5 +85,5 @@ def _pictures(run: DeviceRun, body: Tube, tip: Any) -> dict[str, UInt8[np.ndarra
     return {
         "outside": whole.draw_body(body),
         "device": close.draw_body(body),
-        "tip": scope.picture(CameraPose(tip.xpos.copy(), camera_axes(frame))),
+        "tip": scope.picture(CameraPose.of_tip(tip.xpos.copy(), frame)),
     }

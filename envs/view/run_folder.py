@@ -14,7 +14,7 @@ from haustra.envs.runs.measure.surface import left_behind
 from haustra.envs.view.picture.endoscope import Endoscope
 from haustra.envs.view.picture.image import write_png
 from haustra.envs.view.picture.injury_map import injury_map
-from haustra.envs.view.picture.lens import camera_axes, lens_of
+from haustra.envs.view.picture.lens import lens_of
 from haustra.envs.view.picture.outside import default_rotation, outside_view
 from haustra.envs.view.picture.plots import time_figure
 from haustra.envs.view.picture.renderer import CameraPose
@@ -103,7 +103,7 @@ def _draw(folder: Path, scene: Scene, run: Insertion, colon: Colon, scores: Mapp
     surface = LumenSurface(scene.colon.lumen, surface_arcs(scene.colon))
     scope = Endoscope(scene.colon, lens_of(scene.design.tip, _TIP_SIZE, _TIP_SIZE), surface=surface)
     surface.place(lumen.vertices)
-    write_png(folder / "tip.png", scope.picture(CameraPose(run.shape[-1], camera_axes(frame))))
+    write_png(folder / "tip.png", scope.picture(CameraPose.of_tip(run.shape[-1], frame)))
     curves = {
         "force [N]": {"hand": seen.push_force, "wall, hardest pressed link": seen.wall_force},
         "torque [N m]": {"hand": seen.torque},

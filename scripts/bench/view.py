@@ -13,7 +13,7 @@ from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.sim.linear.single import LinearSingle
 from haustra.envs.view.picture.endoscope import Endoscope
 from haustra.envs.view.picture.in_sight import LumenInSight
-from haustra.envs.view.picture.lens import camera_axes, lens_of
+from haustra.envs.view.picture.lens import lens_of
 from haustra.envs.view.picture.renderer import CameraPose
 from haustra.envs.view.picture.surface import MovingSurface
 from haustra.models.anatomy.colon import Colon
@@ -148,7 +148,7 @@ class _Moving:
         path = engine.shape()[cable.node_distances < seen.insertion]
         path[-1] -= cable.radius * seen.tip_frame[:, 2]  # the ball about its end is the tip's rim, not before the lens
         surface.indent(path, cable.radius)
-        return CameraPose(seen.tip, camera_axes(seen.tip_frame))
+        return CameraPose.of_tip(seen.tip, seen.tip_frame)
 
     def moved(self) -> float:
         """Farthest that the colon is from where it was at rest [m]."""

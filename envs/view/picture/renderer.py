@@ -24,6 +24,7 @@ from jaxtyping import Float, Int
 
 from haustra.envs.view.picture.lens import Lens
 from haustra.envs.view.picture.surface import LumenSurface
+from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import Surface
 
 _ROWS = 32
@@ -46,6 +47,18 @@ class CameraPose:
     """Optical centre [m]."""
     rotation: Float[np.ndarray, "3 3"]
     """Columns are the camera's right, up and backward directions in the world (MuJoCo's: it looks along -z)."""
+
+    def __post_init__(self) -> None:
+        if np.linalg.det(self.rotation) < 0.5:
+            raise InvalidOptionError("A camera's right, up and backward directions must be right-handed unit vectors.")
+
+    @classmethod
+    def of_tip(cls, position: Float[np.ndarray, "3"], frame: Float[np.ndarray, "3 3"]) -> "CameraPose":
+        """The camera at a tip, wire 'up' up, given the tip's frame: wire 'up', wire 'left' and ahead as columns.
+
+        These three are right-handed, so that wire 'left' is on the right of what the camera sees.
+        """
+        return cls(np.asarray(position, float), np.column_stack([frame[:, 1], frame[:, 0], -frame[:, 2]]).astype(float))
 
 
 @dataclass(frozen=True)

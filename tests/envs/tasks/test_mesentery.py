@@ -95,10 +95,10 @@ def test_colons_that_move_are_drawn_in_colour():
     """The picture goes along with the wall: pushed on without steering, the tip sees other wall, and never outside."""
     config = TaskConfig(design=DESIGN, observation="pixels", picture_size=32, mesentery=True)
     task = ScopeTask(config, worlds=1, backend="linear", bank=hung_bank())
-    first = task.reset(seeds=[1], case=np.array([0]))
+    first = task.reset(seeds=[1], case=np.array([0]))["pixels"]
     for _ in range(20):
-        seen = task.step(np.array([[0.67, 0.0, 0.0, 0.0]])).observation
-    assert isinstance(first, np.ndarray) and isinstance(seen, np.ndarray)
+        task.step(np.array([[0.67, 0.0, 0.0, 0.0]]))
+    seen = task.observe()["pixels"]
     assert seen.shape == (1, 32, 32, 4) and seen.dtype == np.uint8
     within = lens_of(named_design(DESIGN).tip, 32, 32).within
     red, blue, depth = (seen[0, ..., band][within].astype(int) for band in (0, 2, 3))
