@@ -175,16 +175,17 @@ def held_run(device: TrackedRobot, friction: float, rpm: float) -> dict[str, Any
             rows.append((*backend.tendons()[0], *backend.loads()[0, : 2 * TRACKS]))
     lengths, loads = np.array(rows)[:, 0], np.array(rows)[:, 1:]
     pulled, point = tension(scene, lengths), drive_point(design, friction, rpm)
-    frequency = rpm / 60 * design.worm.starts
-    angles = np.exp(-2j * np.pi * frequency * HELD_TIMESTEP * np.arange(len(rows)))
-    track = loads[:, :2].sum(axis=1)
+    cycle = 60 / (rpm * design.worm.starts) / HELD_TIMESTEP
+    whole = round(int(len(rows) / cycle) * cycle)
+    track = loads[:whole, :2].sum(axis=1)
+    angles = np.exp(-2j * np.pi / cycle * np.arange(whole))
     stresses = tip_stresses(design, float(loads.mean()))
     return {
         "rpm": rpm,
         "force_N": float(pulled.mean()),
         "difference": float(pulled.mean() / point.force - 1),
         "ripple": float(pulled.std() / pulled.mean()),
-        "track_ripple": float(2 * abs((track * angles).mean()) / track.mean()),
+        "track_ripple": float(2 * abs(((track - track.mean()) * angles).mean()) / track.mean()),
         "stress_mean_kPa": float(stresses.mean()) / 1e3,
         "stress_peak_kPa": float(stresses.max()) / 1e3,
         "slip_power_W": float(pulled.mean()) * point.speed,
