@@ -120,6 +120,15 @@ class NativeDevice:
             self._catch_divergence()
         return self.healthy.copy()
 
+    def set_contact(self, friction: float, wall_stiffness: float) -> None:
+        """Give all worlds' contacts that friction [1] and stiffness [N/m] from now on."""
+        one = np.ones(self.worlds)
+        self._wall.set_contact(np.arange(self.worlds), friction * one, wall_stiffness * one)
+
+    def velocities(self) -> tuple[Float[np.ndarray, "worlds dofs"], Float[np.ndarray, "worlds activations"]]:
+        """Generalised velocities [m/s, rad/s], and states of actuators."""
+        return self._qvel.copy(), self._act.copy()
+
     def read(self) -> DeviceReadings:
         """What every device can be told by, at the end of the last step."""
         arcs = self._arc()
