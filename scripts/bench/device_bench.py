@@ -61,7 +61,7 @@ def bench_device(device: Device) -> dict[str, Any]:
     if isinstance(device, Scope):
         return _tube(device.design)
     if isinstance(device, Vine):
-        found = _tube(device._body.design, wires=False)
+        found = _tube(device.body.design, wires=False)
         return {"rows": [*found["rows"], *_growth(device)], "curves": found["curves"] | _growth_curves(device)}
     if isinstance(device, TrackedRobot):
         return _traction(device)
@@ -133,7 +133,7 @@ def _chain(design: ScopeDesign) -> tuple[mujoco.MjModel, tuple[Cell, ...]]:
     spec.compiler.degree = False
     cells = cut_into_cells(design, shaft_cell=_CELL[0], bending_cell=_CELL[1])
     place: dict[str, Any] = {"entry": np.zeros(3), "frame": np.eye(3), "inserted": design.length}
-    limits = {"push_limit": 1e5, "torque_limit": 1e5}
+    limits: dict[str, Any] = {"push_limit": 1e5, "torque_limit": 1e5}
     add_scope(spec, design, cells, **place, **limits, twist_hinges=_TWISTS, timestep=None, cubic=False)
     for name in ("scope/push", "scope/roll"):  # a clamp, not a hand
         spec.joint(name).stiffness = [_CLAMP, 0, 0]
@@ -191,8 +191,7 @@ def tip_force(design: ScopeDesign) -> tuple[Float[np.ndarray, " angles"], Float[
     most = math.radians(design.limits.largest)
     angles = np.linspace(0.0, most, 37)
     section, tip = design.bending.length, design.tip.length
-    radius = section / np.maximum(angles, 1e-6)
-    lever = radius * np.sqrt(2 * (1 - np.cos(angles))) + tip
+    lever = section * np.sinc(angles / math.tau) + tip  # the arc's chord, and the rigid tip
     left = design.wires.pull_limit * (1 - design.wires.hysteresis) - design.pull_per_angle * angles
     return np.degrees(angles), np.maximum(left, 0.0) * design.wires.routing_radius / lever
 
