@@ -11,6 +11,7 @@ from haustra.envs.runs.insertion import Insertion
 from haustra.envs.runs.measure.injury import stations_of
 from haustra.envs.runs.measure.scores import score
 from haustra.envs.runs.measure.surface import left_behind
+from haustra.envs.view.inspect import write_inspection
 from haustra.envs.view.picture.camera import looking
 from haustra.envs.view.picture.image import write_png
 from haustra.envs.view.picture.injury_map import injury_map
@@ -36,13 +37,14 @@ def write_run(
     run: Insertion,
     seconds: float,
     error: NumericalError | None = None,
+    withdrawal: Insertion | None = None,
 ) -> dict[str, object]:
     """Write a finished run into `folder` and return its scores; `wall` is None where the scene has no pieces.
 
     The numerical error is that of the run itself where it was measured, otherwise that of other runs of its kind.
 
     A run that was there is replaced as a whole. Files: scores.json, trajectory.npz, scene.xml, outside.png, tip.png,
-    forces.png, injury.png, report.html.
+    forces.png, injury.png, report.html; of a scope that was withdrawn also inspection.png and withdrawal.npz.
 
     Raises:
         OutputError: when the folder cannot be written to.
@@ -66,6 +68,8 @@ def write_run(
     arrays |= {f"gas_{name}": values for name, values in (run.gas._asdict() if run.gas else {}).items()}
     with replaced_together(folder) as place:
         scores["trajectory"] = write_trajectory(place, arrays)
+        if withdrawal is not None:
+            scores["inspection"] = write_inspection(place, scene, withdrawal)
         scene.save(place / "scene.xml")
         _draw(place, scene, run, left.colon, scores)
         write_json(place / "scores.json", scores)
