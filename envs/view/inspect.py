@@ -11,7 +11,7 @@ from jaxtyping import Bool
 from haustra.envs.runs.insertion import Insertion
 from haustra.envs.runs.measure.inspection import CELL, Inspection, in_view
 from haustra.envs.view.dataset.moments import Moments
-from haustra.envs.view.picture.lens import Lens, named_lens
+from haustra.envs.view.picture.lens import named_lens
 from haustra.envs.view.picture.renderer import RayRenderer, SurfaceView
 from haustra.files import write_atomically
 from haustra.models.scene import Scene

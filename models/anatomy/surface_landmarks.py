@@ -62,7 +62,7 @@ def orifice_place(colon: Colon) -> WallPlace:
     away = vertices - line.points[-1]
     ahead = away @ line.frames[-1, :, 2]
     aside = np.linalg.norm(away - ahead[:, None] * line.frames[-1, :, 2], axis=1)
-    near = np.where((ahead > 0) & (np.linalg.norm(away, axis=1) < 0.1), ahead - 2 * aside, -np.inf)
+    near = np.where((ahead > -1e-6) & (np.linalg.norm(away, axis=1) < 0.1), ahead - 2 * aside, -np.inf)
     return WallPlace(vertices[int(near.argmax())], line.length, inspection_number("orifice_radius"))
 
 

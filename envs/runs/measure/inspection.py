@@ -2,8 +2,8 @@
 
 Mucosa counts as seen when it was in view without interruption for as long as `inspection.seen_for` says (0.5 s, as in
 Zupanc 2017, doi 10.1186/s12909-017-0948-6). In view means near enough, not too oblique, lit and sharp: those rules
-(`in_view`) and all their thresholds are those of assets/numbers/inspection.toml, for every camera. A polyp was seen when
-enough of its surface was in view at once for as long; whether a person would have noticed it is not asked.
+(`in_view`) go by the thresholds of assets/numbers/inspection.toml, for every camera. A polyp was seen when enough of
+its surface was in view at once for as long; whether a person would have noticed it is not asked.
 """
 
 from dataclasses import dataclass

@@ -7,14 +7,12 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.runs.insertion import Trajectory
-from haustra.envs.sim.moved_colon import CurrentColon
+from haustra.envs.sim.moved_colon import current_colon
 from haustra.envs.view.picture.renderer import CameraPose
 from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.scope.wires import WIRE_NAMES
-from haustra.models.scene import Scene, entry_of
+from haustra.models.scene import Scene
 from haustra.models.wall.indentation import indented
-from haustra.models.wall.lumen_table import lumen_table, stack
-from haustra.models.wall.moving_colon import poses_seen_from
 from haustra.models.wall.signed_distance import surface_arcs
 
 
@@ -39,12 +37,7 @@ class Moments:
         self._data = mujoco.MjData(self._model)
         self._links = [self._model.body(name).id for name in scene.cable.links]
         self._tip, self._camera = self._model.site("scope/tip").id, self._model.camera("scope/camera").id
-        self._moved: CurrentColon | None = None
-        if scene.options.mesentery:
-            own = {"device_radius": scene.cable.radius, "with_mesentery": True, "abdomen": scene.options.abdomen}
-            origin, self._axes = entry_of(scene.colon)
-            tables = stack([lumen_table(scene.colon, **own).seen_from(origin, self._axes)])
-            self._moved = CurrentColon(scene.colon, tables, origin, self._axes)
+        self._moved = current_colon(scene)
 
     def __len__(self) -> int:
         """Number of records."""
@@ -68,7 +61,7 @@ class Moments:
         """Where the vertices of the colon's surface were, moved on its mesentery and indented by the scope [m]."""
         colon = self.colon
         if self._moved is not None:
-            colon = self._moved.colon(poses_seen_from(self.trajectory.displacement[record], self._axes))
+            colon = self._moved.colon(self._moved.from_scene(self.trajectory.displacement[record]))
         self._place(record)
         shape = np.vstack([self._data.xpos[self._links], self._data.site_xpos[self._tip]])
         path = shape[self.scene.cable.node_distances < self.trajectory.insertion[record]]
