@@ -65,9 +65,14 @@ def test_a_snare_takes_the_polyp_and_leaves_a_shallow_wound(colon, tube):
 
 
 def test_forceps_take_a_bite(colon):
-    bite = volume(bitten(colon, 0, size=0.0024).lumen) - volume(colon.lumen)
-    ball = np.pi / 6 * 0.0024**3
-    assert 0.3 * ball < bite < ball
+    """Half a ball at most is left open at the top, as deep as its radius."""
+    polyp, after = colon.lesions[0], bitten(colon, 0, size=0.0024)
+    assert 0 < volume(after.lumen) - volume(colon.lumen) < np.pi / 12 * 0.0024**3 * 1.05
+    top = np.array(polyp.position) + polyp.extent * np.array([-1.0, 0.0, 0.0])
+    away = after.lumen.vertices - top
+    bottom = away[np.hypot(away[:, 1], away[:, 2]) < 1e-5]
+    assert bottom[:, 0].max() == pytest.approx(0.0012, abs=1e-5)
+    assert np.linalg.norm(away, axis=1).min() > 0.0011
 
 
 def test_what_would_open_into_another_wall_is_refused(tube):
