@@ -17,7 +17,7 @@ from haustra.quantity import load_quantities
 
 ORIFICE, VERGE = "appendix_orifice", "anal_verge"
 FLEXURES = ("splenic_flexure", "hepatic_flexure")
-LANDMARKS = (VERGE, *FLEXURES, VALVE, ORIFICE)
+LANDMARKS: tuple[str, ...] = (VERGE, *FLEXURES, VALVE, ORIFICE)
 """From anus to caecum; what stands later lies over what stands before."""
 NO_LANDMARK = -1
 """Number of places that belong to none."""

@@ -186,8 +186,8 @@ def blind_spots(unrolled: Float[np.ndarray, "along around"]) -> list[tuple[int, 
     """
     from scipy.ndimage import label
 
-    blind = np.nan_to_num(unrolled, nan=1.0) < 0.5
-    found, count = label(blind)
+    found = np.zeros(unrolled.shape, int)
+    label(np.nan_to_num(unrolled, nan=1.0) < 0.5, output=found)
     for first, last in zip(found[:, 0], found[:, -1], strict=True):  # the map is a tube
         if first and last and first != last:
             found[found == last] = first
@@ -195,4 +195,4 @@ def blind_spots(unrolled: Float[np.ndarray, "along around"]) -> list[tuple[int, 
     for number in np.unique(found[found > 0]):
         rows, columns = np.nonzero(found == number)
         patches.append((len(rows), (int(rows[0]), int(columns[0]))))
-    return sorted(patches, reverse=True) if count else []
+    return sorted(patches, reverse=True)
