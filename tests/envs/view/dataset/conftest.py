@@ -8,8 +8,8 @@ import pytest
 
 from haustra.envs.runs.insertion import run_insertion
 from haustra.envs.sim.linear.single import LinearSingle
-from haustra.envs.view.dataset.make import Source, make_dataset
-from haustra.envs.view.dataset.moments import Moments
+from haustra.envs.view.dataset.make import make_dataset
+from haustra.envs.view.dataset.moments import Moments, Source
 from haustra.envs.view.dataset.settings import DatasetSettings
 from haustra.models.anatomy.colon import ColonSegment, Lesion
 from haustra.models.devices.scope.library import named_design
