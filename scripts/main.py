@@ -60,14 +60,16 @@ def _call(name: str, words: list[str]) -> int:
         _remove_empty(made)
         return _interrupted(output)
     try:
-        if verb.json:
+        if result is None:  # a verb that served has said what there was to say
+            pass
+        elif verb.json:
             print(json.dumps(result, allow_nan=False))
         else:
             summary(result)
         sys.stdout.flush()
     except BrokenPipeError:
         _stop_printing()
-    return DIVERGED if result.get("outcome") == "diverged" else SUCCESS
+    return DIVERGED if result is not None and result.get("outcome") == "diverged" else SUCCESS
 
 
 def stems_from_interruption(error: BaseException | None) -> bool:

@@ -29,7 +29,14 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "imager export": f"{_SCRIPTS}.imager:ImagerExport",
         "imager score": f"{_SCRIPTS}.imager:ImagerScore",
     },
+    "Hands on": {
+        "drive": f"{_SCRIPTS}.drive:Drive",
+        "record": f"{_SCRIPTS}.record:Record",
+        "replay": f"{_SCRIPTS}.replay:Replay",
+        "export": f"{_SCRIPTS}.export:Export",
+    },
     "Studies of designs": {
+        "compare": f"{_SCRIPTS}.compare:Compare",
         "sweep": f"{_SCRIPTS}.sweep:Sweep",
         "optimise": f"{_SCRIPTS}.sweep:Optimise",
         "sensitivity": f"{_SCRIPTS}.sweep:Sensitivity",

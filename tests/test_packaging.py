@@ -60,7 +60,7 @@ def test_wheel_holds_every_file(wheel: Path) -> None:
     inside = set(zipfile.ZipFile(wheel).namelist())
     wanted = {f"haustra/{path.name}" for path in (ROOT / "haustra").glob("*.py")} | {"haustra/py.typed"}
     for room in ROOMS:
-        for pattern in ("*.py", "*.toml", "*.csv", "*.png", "*.css"):
+        for pattern in ("*.py", "*.toml", "*.csv", "*.png", "*.css", "*.html", "console.js"):
             wanted |= {f"haustra/{path.relative_to(ROOT).as_posix()}" for path in (ROOT / room).rglob(pattern)}
     assert not wanted - inside
 

@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 ROOMS = ("haustra", "assets", "models", "envs", "scripts")
 """In import order: a room may import itself and what stands before it."""
-FLOORS = {"sim": 0, "control": 1, "runs": 2, "tasks": 3, "learning": 3, "study": 3, "view": 3}
+FLOORS = {"sim": 0, "control": 1, "console": 3, "runs": 2, "tasks": 3, "learning": 3, "study": 3, "view": 3}
 """Rooms within envs: each imports those of its own floor and below."""
 FILES = [
     *sorted((ROOT / "haustra").glob("*.py")),

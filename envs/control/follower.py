@@ -314,16 +314,17 @@ class LumenFollower:
         self.settings = settings or FollowerSettings()
         self._line, self._tip_links, self._wires = line, tip_links, design.wires
         self._steering = Steering.of(design, self.settings)
-        self._memory = begin(np, 1, np.float64)
+        self.memory = begin(np, 1, np.float64)
+        """What it remembers."""
 
     def act(self, seen: Readings, arc: float, interval: float) -> Controls:
         """Inputs for the next `interval` [s], given what was seen and the tip's arc length [m]."""
-        decision, self._memory = decide(
+        decision, self.memory = decide(
             np,
             self.settings,
             self._steering,
             one_world(seen),
-            self._memory,
+            self.memory,
             time=np.array([seen.time]),
             arc=np.array([arc]),
             target=self._ahead(seen, arc)[None],
@@ -338,12 +339,12 @@ class LumenFollower:
     @property
     def asked(self) -> Float[np.ndarray, "2"]:
         """Bend that it steers for, towards wires 'up' and 'left', as ideal wires would give it [rad]."""
-        return np.array([self._memory.bend_up[0], self._memory.bend_left[0]])
+        return np.array([self.memory.bend_up[0], self.memory.bend_left[0]])
 
     @property
     def attempts(self) -> int:
         """Times that it backed off since the last progress."""
-        return int(self._memory.attempts[0])
+        return int(self.memory.attempts[0])
 
     def _ahead(self, seen: Readings, arc: float) -> Float[np.ndarray, "3"]:
         """Place of the centreline that it steers towards, where it is now [m]."""

@@ -5,15 +5,11 @@ from jaxtyping import Float
 
 from haustra.envs.sim.moved_colon import CurrentColon
 from haustra.envs.tasks.case import TabulatedColon
+from haustra.envs.view.picture.inside import lens_inside
 from haustra.envs.view.picture.outside import OutsideView, default_rotation
 from haustra.models.anatomy.colon import Surface
 from haustra.models.scene import entry_of
 from haustra.models.wall.lumen_table import stack
-
-_ROOM = 0.004
-"""The lens stays this far from the wall in its picture [m]: less than a tip's radius, since its wall is soft."""
-_ALONG = 0.05
-"""The station of the centreline beside a tip is sought this far on either side of the tip's arc length [m]."""
 
 
 def stage_of(
@@ -71,13 +67,6 @@ class MovingColon:
 
 
 def _inside(case: TabulatedColon, tip: Float[np.ndarray, "3"], arc: float) -> Float[np.ndarray, "3"]:
-    """Where the lens would be, had the wall not given way: a tip that has pressed on would see nothing from outside."""
+    """Where the lens would be, had the wall not given way."""
     places = case.step * np.arange(len(case.points))
-    away = np.linalg.norm(case.points - tip, axis=1)
-    row = int(np.where(np.abs(places - arc) < _ALONG, away, np.inf).argmin()) if arc > 0 else 0
-    across = case.frames[row][:, :2]
-    offset = (tip - case.points[row]) @ across
-    distance = float(np.linalg.norm(offset))
-    turn = np.arctan2(offset[1], offset[0]) / (2 * np.pi) * case.sight.shape[1]
-    most = max(float(case.sight[row, round(turn) % case.sight.shape[1]]) - _ROOM, 0.0)
-    return tip if distance <= most else tip - across @ offset * (1 - most / distance)
+    return lens_inside(case.points, case.frames, places, case.sight, tip, arc)

@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.runs.insertion import CONTROL_INTERVAL, Progress
-from haustra.envs.runs.measure.injury import perforation_scores
+from haustra.envs.runs.measure.device_burden import DeviceMeter
+from haustra.envs.runs.measure.injury import by_site, perforation_scores
 from haustra.envs.runs.measure.progress import segment_at
 from haustra.envs.runs.outcome import CAECUM_MARGIN, ESCAPE_DEPTH, Outcome
 from haustra.envs.sim.device_native import NativeDevice
@@ -30,7 +31,9 @@ _HEADWAY = 0.005
 
 Records = Mapping[str, Any]
 """What was recorded at every control interval, by name: `time` [s], `tip_arc` [m], `wall_force` [N], `deepest` [m] and
-the device's own readings, each (records,); where they are known `tip` (records, 3), `qpos`, `ctrl`."""
+the device's own readings, each (records,); where they are known `tip` (records, 3), `qpos`, `ctrl`, `wall_force_sum` of
+all bodies [N], the largest `wall_pressure` [Pa], `power` that drives the device [W], `colon_moved`, the farthest that a
+place of the colon is from where it was at rest [m], and `pain` (records, stations) [1]."""
 
 
 @dataclass(frozen=True)
@@ -66,9 +69,12 @@ def run_device(
     options: SceneOptions | None = None,
     *,
     seconds: float,
+    patience: float | None = None,
     progress: Progress | None = None,
 ) -> DeviceRun:
     """Let a device's own driver drive it for up to `seconds` of simulated time, natively, against the lumen's table.
+
+    With `patience` [s] a run that comes no further for so long is stuck, and ends.
 
     Raises:
         UnsupportedSceneError: naming what the device or its scene does not honour.
@@ -78,7 +84,8 @@ def run_device(
     tables = device_tables(scene, [colon])
     backend = NativeDevice(scene, tables)
     steps = max(1, round(CONTROL_INTERVAL / options.timestep))
-    rows: list[dict[str, Any]] = []
+    meter, rows = DeviceMeter(scene, colon), list[dict[str, Any]]()
+    furthest, since = -np.inf, 0.0
     memory, outcome, shape = np.zeros(1), None, backend.spheres()[0]
     seen = backend.read()
     began = time.perf_counter()
@@ -91,8 +98,13 @@ def run_device(
         qpos, ctrl = backend.positions()
         row = {name: getattr(seen, name)[0] for name in ("time", "tip", "tip_arc", "wall_force", "deepest")}
         own = {name: value[0] for name, value in backend.readings().items()}
-        rows.append({**row, **own, "qpos": qpos[0], "ctrl": ctrl[0], "commands": commands[0]})
+        borne = _borne(backend, meter)
+        rows.append({**row, **own, **borne, "qpos": qpos[0], "ctrl": ctrl[0], "commands": commands[0]})
         outcome = ended(row, colon.centreline.length)
+        if row["tip_arc"] > furthest + _HEADWAY:
+            furthest, since = float(row["tip_arc"]), float(row["time"])
+        if patience and outcome is None and row["time"] - since > patience:
+            outcome = Outcome.STUCK
         if progress and len(rows) % 25 == 0:
             progress(float(seen.time[0]), float(seen.tip_arc[0]))
     records = {name: np.array([row[name] for row in rows], float) for name in rows[0]} if rows else _nothing(device)
@@ -117,6 +129,19 @@ def run_device(
         left_out=scene.left_out,
         configuration={**scene.configuration(), "seconds": seconds, "driver": "the device's own"},
     )
+
+
+def _borne(backend: NativeDevice, meter: DeviceMeter) -> dict[str, Any]:
+    """What the colon bears now, and what is put into the device."""
+    forces, displacement = backend.body_forces(), backend.displacement
+    moved = 0.0 if displacement is None else np.linalg.norm(displacement[0, :, :3], axis=1).max()
+    return {
+        "wall_force_sum": forces[0].sum(),
+        "wall_pressure": meter.pressure(forces)[0],
+        "power": backend.power()[0],
+        "colon_moved": moved,
+        "pain": meter.pain(forces, backend.body_arcs(), displacement)[0],
+    }
 
 
 def ended(row: Mapping[str, Any], length: float) -> Outcome | None:
@@ -198,6 +223,7 @@ def device_scores(run: DeviceRun, colon: Colon) -> dict[str, Any]:
         "warnings": list(colon.warnings),
         "tip_segment": segment_at(colon, found["tip_arc_m"]),
         "tip_segment_max": segment_at(colon, found["tip_arc_max_m"]),
+        **burden_scores(run.records, colon),
         "colon_length_m": colon.centreline.length,
         "wall_clock_s": run.wall_clock,
         "real_time_factor": simulated / run.wall_clock if run.wall_clock > 0 else 0.0,
@@ -207,6 +233,30 @@ def device_scores(run: DeviceRun, colon: Colon) -> dict[str, Any]:
         "numerical_error": NumericalError().to_json(),
         "timestep_s": float(run.spec.option.timestep),
         "not_modelled": dict(run.left_out),
+    }
+
+
+def burden_scores(records: Records, colon: Colon) -> dict[str, Any]:
+    """What the colon bore in a whole run, as plain JSON values.
+
+    `wall_impulse_N_s_m` is the sum of wall forces over time per metre that the tip gained, null where it gained none;
+    `colon_moved_peak_mm` how far a colon on its mesentery was moved at most, `work_J` what the actuators that drive put
+    in; `pain_*` as of scopes (`haustra.envs.runs.measure.injury.injury_scores`).
+    """
+    time = np.asarray(records["time"], float)
+    if not len(time):
+        return {}
+    interval, arcs = float(time[0]), np.asarray(records["tip_arc"], float)
+    gained, peak = float(arcs.max() - arcs[0]), np.asarray(records["pain"]).max(axis=0)
+    return {
+        "wall_force_sum_mean_N": float(np.mean(records["wall_force_sum"])),
+        "wall_impulse_N_s_m": float(np.sum(records["wall_force_sum"])) * interval / gained if gained > 0 else None,
+        "wall_pressure_peak_kPa": float(np.max(records["wall_pressure"])) / 1e3,
+        "colon_moved_peak_mm": 1e3 * float(np.max(records["colon_moved"])),
+        "colon_moved_mean_mm": 1e3 * float(np.mean(records["colon_moved"])),
+        "work_J": float(np.sum(records["power"])) * interval,
+        "pain_peak": float(peak.max()),
+        "pain_by_site": by_site(peak, colon),
     }
 
 

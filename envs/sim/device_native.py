@@ -13,7 +13,7 @@ from haustra.envs.sim.native import FATAL_WARNINGS
 from haustra.envs.sim.state import SPEED_LIMIT
 from haustra.envs.sim.table_planes import TablePlanes
 from haustra.models.device_scene import DeviceScene
-from haustra.models.devices.base import LOOK_AHEAD, DeviceReadings, State
+from haustra.models.devices.base import BENDS, LOOK_AHEAD, DeviceReadings, State
 from haustra.models.wall.lumen_table import Tables, pick
 from haustra.models.wall.moving_colon import axis_at
 
@@ -52,6 +52,7 @@ class NativeDevice:
         self._batch = batch = Batch(model, worlds, nthread=threads)
         self._qpos, self._qvel, self._act = (batch.bind(name) for name in ("qpos", "qvel", "act"))
         self._ctrl, self._time, self._force = (batch.bind(name) for name in ("ctrl", "time", "actuator_force"))
+        self._actuator_speed = batch.bind("actuator_velocity")
         self._site_xpos, self._site_xmat = batch.bind("site_xpos"), batch.bind("site_xmat")
         self._xpos = batch.bind("geom_xpos")
         self._tip = model.site(scene.handles.tip).id
@@ -73,6 +74,7 @@ class NativeDevice:
             self._treads_every = max(1, round(TREAD_INTERVAL / model.opt.timestep))
             self._surface, self._xmat = batch.expand("geom_surfacevel"), batch.bind("geom_xmat")
         self._nose = self._wall.radius[-1]
+        self._bends: Float[np.ndarray, "worlds places"] | None = None
         self._start_state = batch.state[0].copy()
         self.healthy: Bool[np.ndarray, " worlds"] = np.ones(worlds, bool)
         options = scene.options
@@ -94,7 +96,7 @@ class NativeDevice:
         """Put the devices of some worlds to the anus of the colons of those numbers."""
         self._batch.state[worlds] = self._start_state
         self._batch.warning[worlds] = 0
-        self.healthy[worlds] = True
+        self.healthy[worlds], self._bends = True, None
         self._wall.case[worlds] = colons
         self._wall.set_contact(worlds, friction, wall_stiffness)
         self._wall.park(worlds)
@@ -118,20 +120,40 @@ class NativeDevice:
             self._catch_divergence()
         return self.healthy.copy()
 
+    def set_contact(self, friction: float, wall_stiffness: float) -> None:
+        """Give all worlds' contacts that friction [1] and stiffness [N/m] from now on."""
+        one = np.ones(self.worlds)
+        self._wall.set_contact(np.arange(self.worlds), friction * one, wall_stiffness * one)
+
+    def velocities(self) -> tuple[Float[np.ndarray, "worlds dofs"], Float[np.ndarray, "worlds activations"]]:
+        """Generalised velocities [m/s, rad/s], and states of actuators."""
+        return self._qvel.copy(), self._act.copy()
+
     def read(self) -> DeviceReadings:
         """What every device can be told by, at the end of the last step."""
         arcs = self._arc()
         tip = self._site_xpos[:, self._tip].copy()
-        links = np.einsum("wsi,sb->wbi", self._wall.forces(), self.scene.members)
         return DeviceReadings(
             time=self._time.reshape(-1).copy(),
             tip=tip,
             tip_frame=self._frame(),
             tip_arc=arcs,
             ahead=look_ahead(np, self._tables, self._wall.case * len(self.scene.radii), tip, arcs, self.displacement),
-            wall_force=np.linalg.norm(links, axis=2).max(axis=1),
+            wall_force=self.body_forces().max(axis=1),
             deepest=self._wall.depth.max(axis=1),
         )
+
+    def body_forces(self) -> Float[np.ndarray, "worlds bodies"]:
+        """Resultant normal force of the wall on each body that meets it [N]."""
+        return np.linalg.norm(np.einsum("wsi,sb->wbi", self._wall.forces(), self.scene.members), axis=2)
+
+    def body_arcs(self) -> Float[np.ndarray, "worlds bodies"]:
+        """Mean arc length of each body's spheres [m]."""
+        return self._wall.arcs @ (self.scene.members / self.scene.members.sum(axis=0))
+
+    def power(self) -> Float[np.ndarray, " worlds"]:
+        """What the actuators that drive put in [W]; what holds back counts for nothing."""
+        return np.maximum(self._force * self._actuator_speed, 0.0).sum(axis=1)
 
     def readings(self) -> dict[str, Float[np.ndarray, " worlds"]]:
         """The device's own quantities, by name."""
@@ -167,8 +189,17 @@ class NativeDevice:
 
     def _state(self) -> State:
         # Python's own arrays: a device must not write into what MuJoCo steps.
+        arcs, colons = self._arc(), self._wall.case * len(self.scene.radii)
+        if self._bends is None:  # once a control interval
+            self._bends = bends_behind(np, self._tables, colons, arcs, self.displacement)
         state = State(
-            self._qpos.copy(), self._qvel.copy(), self._act.copy(), self._frame(), self._arc(), self._force.copy()
+            self._qpos.copy(),
+            self._qvel.copy(),
+            self._act.copy(),
+            self._frame(),
+            arcs,
+            self._force.copy(),
+            bends=self._bends,
         )
         if not self.scene.device.has_treads:
             return state
@@ -207,3 +238,16 @@ def look_ahead(xp: Any, tables: Tables, colons: Any, tip: Any, arcs: Any, displa
     target = axis_at(xp, pick(tables, colons), displacement, further)[:, 0]
     away = target - tip
     return away / xp.maximum(xp.sqrt((away**2).sum(axis=-1, keepdims=True)), 1e-6)
+
+
+def bends_behind(xp: Any, tables: Tables, colons: Any, arcs: Any, displacement: Any = None) -> Any:
+    """Angles (worlds, `BENDS`) that the lumen's axis turns through from the anus to places up to arc lengths [rad].
+
+    Arguments are those of `look_ahead`.
+    """
+    places = xp.maximum(arcs, 1e-3)[:, None] * np.linspace(0.0, 1.0, BENDS)
+    edges = xp.diff(axis_at(xp, pick(tables, colons), displacement, places), axis=1)
+    before, after = edges[:, :-1], edges[:, 1:]
+    across = xp.sqrt((xp.cross(before, after) ** 2).sum(axis=-1))
+    turned = xp.arctan2(across, (before * after).sum(axis=-1))
+    return xp.concatenate([xp.zeros((len(arcs), 1)), xp.cumsum(turned, axis=1), turned.sum(axis=1)[:, None]], axis=1)

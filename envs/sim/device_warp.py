@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Int
 from mujoco import mjx
 
 from haustra.envs.sim.device_arrays import on_device, tree_where
-from haustra.envs.sim.device_native import look_ahead
+from haustra.envs.sim.device_native import bends_behind, look_ahead
 from haustra.envs.sim.precision import precise
 from haustra.envs.sim.warp_planes import Contacts, WarpPlanes, sound
 from haustra.errors import UnsupportedSceneError
@@ -139,7 +139,7 @@ class WarpDevice:
         told = jnp.isfinite(commands).all(axis=1)
         device, handles, host = self.scene.device, self.scene.handles, self.wall.host
         asked = jnp.where(told[:, None], commands, 0.0)
-        ctrl = device.control(jnp, host, handles, self.state(now), asked).astype(jnp.float32)
+        ctrl = device.control(jnp, host, handles, self.state(conditions, now), asked).astype(jnp.float32)
         now = now._replace(healthy=now.healthy & told)
         tables, contacts = self._tables_of(conditions.colon), self._contacts(conditions)
 
@@ -150,7 +150,7 @@ class WarpDevice:
 
     def read(self, conditions: Conditions, now: Worlds) -> DeviceReadings:
         """What every device can be told by."""
-        state = self.state(now)
+        state = self.state(conditions, now)
         tip = now.data["site_xpos"][:, self._tip]
         links = jnp.einsum("wsi,sb->wbi", now.force, jnp.asarray(self.scene.members, jnp.float32))
         colon = conditions.colon * len(self.scene.radii)
@@ -165,15 +165,17 @@ class WarpDevice:
             deepest=now.depth.max(axis=1),
         )
 
-    def readings(self, now: Worlds) -> dict[str, Array]:
+    def readings(self, conditions: Conditions, now: Worlds) -> dict[str, Array]:
         """The device's own quantities."""
-        return self.scene.device.read(jnp, self.wall.host, self.scene.handles, self.state(now))
+        return self.scene.device.read(jnp, self.wall.host, self.scene.handles, self.state(conditions, now))
 
-    def state(self, now: Worlds) -> State:
+    def state(self, conditions: Conditions, now: Worlds) -> State:
         """What a device may look at."""
-        data, nose = now.data, float(self.wall.radius[-1])
+        data, arcs = now.data, now.arcs[:, -1] + float(self.wall.radius[-1])
+        moved = now.displacement and now.displacement.pose
+        bends = bends_behind(jnp, self.tables, conditions.colon * len(self.scene.radii), arcs, moved)
         frame = data["site_xmat"][:, self._tip]
-        return State(data["qpos"], data["qvel"], data["act"], frame, now.arcs[:, -1] + nose, data["actuator_force"])
+        return State(data["qpos"], data["qvel"], data["act"], frame, arcs, data["actuator_force"], bends=bends)
 
     @property
     def _tip(self) -> int:
@@ -243,7 +245,7 @@ class WarpDeviceWorlds:
         self._conditions = Conditions(jnp.zeros(worlds, jnp.int32), *numbers)
         self._device.check(self._conditions)
         self._now, self._step = self._device.begin(self._conditions), jax.jit(self._device.step)
-        self._read = jax.jit(lambda *now: (self._device.read(*now), self._device.readings(now[1])))
+        self._read = jax.jit(lambda *now: (self._device.read(*now), self._device.readings(*now)))
 
     def reset(
         self,
@@ -308,7 +310,7 @@ def drive_worlds(backend: WarpDevice, conditions: Conditions, *, seconds: float,
                 "wall_force": seen.wall_force,
                 "deepest": seen.deepest,
                 "healthy": now.healthy,
-                **backend.readings(now),
+                **backend.readings(conditions, now),
             }
             return (now, memory), kept
 

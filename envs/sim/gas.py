@@ -1,7 +1,7 @@
 """Gas in one run: let in at the tip, it sets how wide the lumen is and how stiff its wall."""
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -25,6 +25,9 @@ LEAST_CHANGE = 1e-3
 """The wall is moved when the share of its width changed by this [1]: 0.02 mm of its radius."""
 INTERVAL = 0.1
 """Time between two steps of the gas [s]: it fills a colon in minutes."""
+
+_MOMENTARY = ("_state", "_due", "_volume", "_shares", "widths", "_placed", "_tip", "asked", "tissue_stiffness")
+"""What of a run's gas changes; each value is replaced, never written into."""
 
 
 class GasRecord(NamedTuple):
@@ -55,7 +58,8 @@ class RunGas:
         options, line = scene.options, scene.colon.centreline
         assert options.gas is not None
         self._set_point, self._flow, self._device = options.gas, options.gas_flow, device_radius
-        self._soft = options.wall_stiffness
+        self.tissue_stiffness = options.wall_stiffness
+        """Stiffness of a contact with the wall where nothing makes it taut [N/m]."""
         volumes = segment_volumes(scene.colon)
         own = scene.colon.provenance.configuration.get("pressure")  # what it was grown at
         given = own if isinstance(own, int | float) else gas_numbers()["full_pressure"]
@@ -108,7 +112,7 @@ class RunGas:
         """Stiffness of a contact with the wall: the tissue's, and its tension's in the segment of the tip [N/m]."""
         radius = float(self._radius[self._tip] * self._shares[self._tip])
         tension = wall_tension(max(float(self._state.pressure[self._tip]), 0.0), radius)
-        return self._soft + tension_stiffness(np, tension, radius, self._device)
+        return self.tissue_stiffness + tension_stiffness(np, tension, radius, self._device)
 
     def segments_at(self, arcs: Float[np.ndarray, " places"]) -> Int[np.ndarray, " places"]:
         """Numbers of the segments at arc lengths [m], as columns of `GasRecord.pressure`."""
@@ -132,6 +136,29 @@ class RunGas:
         vertices = middle + (colon.lumen.vertices - middle) * share
         radius = colon.radius * np.interp(line.arc, self._arcs, widths)[:, None]
         return replace(colon, lumen=Surface(vertices, colon.lumen.faces), radius=radius)
+
+    @property
+    def pressure(self) -> Float[np.ndarray, " segments"]:
+        """Pressure of each segment now, over that of the atmosphere [Pa]."""
+        return self._state.pressure[:-1]
+
+    @property
+    def volume(self) -> float:
+        """Volume of the colon's gas now [m^3]."""
+        return self._volume
+
+    def forget(self) -> None:
+        """Drop what was recorded: nobody asks for it of a run without end."""
+        self._rows.clear()
+
+    def keep(self) -> dict[str, Any]:
+        """Where the gas is, to go back to."""
+        return {name: getattr(self, name) for name in _MOMENTARY}
+
+    def put_back(self, kept: dict[str, Any]) -> None:
+        """Go back to where the gas was."""
+        for name, value in kept.items():
+            setattr(self, name, value)
 
     def record(self, count: int) -> GasRecord:
         """The first so many rows."""

@@ -49,7 +49,7 @@ class CurrentColon:
         colon, line = self._colon, self._colon.centreline
         if self._surface_arcs is None:
             self._surface_arcs = surface_arcs(colon)
-        vertices = self._carried(displacement, colon.lumen.vertices, self._surface_arcs)
+        vertices = self.to_current_all(displacement, colon.lumen.vertices, self._surface_arcs)
         frames = np.einsum("sij,sjk->sik", self._turns(displacement, line.arc), line.frames)
         return replace(
             colon,
@@ -61,7 +61,7 @@ class CurrentColon:
         self, displacement: Float[np.ndarray, "nodes 7"], place: Float[np.ndarray, "3"], arc: float
     ) -> np.ndarray:
         """Where a place of the colon at rest, at that arc length, is now [m]."""
-        return self._carried(displacement, place[None], np.array([arc]))[0]
+        return self.to_current_all(displacement, place[None], np.array([arc]))[0]
 
     def to_reference(
         self, displacement: Float[np.ndarray, "nodes 7"], place: Float[np.ndarray, "3"], arc: float
@@ -99,7 +99,13 @@ class CurrentColon:
         turn = np.concatenate([turns[..., :1], turns[..., 1:] @ self._axes.T], axis=-1)
         return moved @ self._axes.T + self._origin, turn
 
-    def _carried(self, displacement: np.ndarray, points: np.ndarray, arcs: np.ndarray) -> np.ndarray:
+    def to_current_all(
+        self,
+        displacement: Float[np.ndarray, "nodes 7"],
+        points: Float[np.ndarray, "points 3"],
+        arcs: Float[np.ndarray, " points"],
+    ) -> Float[np.ndarray, "points 3"]:
+        """Where places of the colon at rest, at those arc lengths, are now [m]."""
         seen = (points - self._origin) @ self._axes
         moved = moving_colon.to_current(np, self._tables, np.asarray(displacement, float)[None], seen[None], arcs[None])
         return moved[0] @ self._axes.T + self._origin

@@ -48,6 +48,7 @@ _QUESTIONS = {
     "propulsion": "haustra.envs.study.propulsion:QUESTION",
     "scope": "haustra.envs.study.scope:QUESTION",
     "device": "haustra.envs.study.device:QUESTION",
+    "compare": "haustra.envs.study.compare:QUESTION",
 }
 _BACKENDS = {
     ("propulsion", "native"): "haustra.envs.study.propulsion:NATIVE",
@@ -57,6 +58,7 @@ _BACKENDS = {
     ("scope", "linear-gpu"): "haustra.envs.study.scope_linear:LINEAR_GPU",
     ("device", "native"): "haustra.envs.study.device:NATIVE",
     ("device", "warp"): "haustra.envs.study.device:WARP",
+    ("compare", "native"): "haustra.envs.study.compare:NATIVE",
     ("scope", "warp"): "haustra.envs.study.scope_warp:WARP",
 }
 """Where a backend for a question is found; loaded when it is asked for."""

@@ -19,5 +19,7 @@ def register_environments() -> None:
         register(
             id="Haustra/TrackedColonoscopy-v0", entry_point="haustra.envs.tasks.tracked_navigation:TrackedNavigationEnv"
         )
+    if "Haustra/Drive-v0" not in registry:
+        register(id="Haustra/Drive-v0", entry_point="haustra.envs.console.env:DriveEnv")
     if "Haustra/Device-v0" not in registry:
         register(id="Haustra/Device-v0", entry_point="haustra.envs.tasks.device_task:DeviceEnv")

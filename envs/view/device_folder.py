@@ -39,16 +39,8 @@ def write_device_run(folder: Path, *, colon: Colon, run: DeviceRun) -> dict[str,
         inputs={"colon": colon_hash(colon), "colon_name": colon.name}, configuration=run.configuration
     )
     scores: dict[str, Any] = {**device_scores(run, colon), "provenance": provenance.to_json()}
-    spec = run.spec.copy()
-    if len(run.records["time"]):
-        spec.add_key(name="end", qpos=run.records["qpos"][-1])
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    if model.nkey:
-        mujoco.mj_resetDataKeyframe(model, data, 0)
-    mujoco.mj_kinematics(model, data)
-    text = spec.to_xml()
-    pictures = _pictures(run, drawn_shapes(model, data), data.site(run.tip))
+    spec = _ended(run)
+    text, pictures = spec.to_xml(), end_pictures(run)
     with replaced_together(folder) as place:
         scores["trajectory"] = write_trajectory(place, {**run.records, "shape": run.shape})
         write_atomically(place / "scene.xml", lambda path: path.write_text(text, encoding="utf-8"))
@@ -59,8 +51,26 @@ def write_device_run(folder: Path, *, colon: Colon, run: DeviceRun) -> dict[str,
     return scores
 
 
+def end_pictures(run: DeviceRun) -> dict[str, UInt8[np.ndarray, "height width 3"]]:
+    """How a run ended: the device in its colon from `outside`, the `device` close by, and what its `tip` sees."""
+    model = _ended(run).compile()
+    data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_kinematics(model, data)
+    return _pictures(run, drawn_shapes(model, data), data.site(run.tip))
+
+
+def _ended(run: DeviceRun) -> mujoco.MjSpec:
+    """The scene with a keyframe where the run ended."""
+    spec = run.spec.copy()
+    if len(run.records["time"]):
+        spec.add_key(name="end", qpos=run.records["qpos"][-1])
+    return spec
+
+
 def _pictures(run: DeviceRun, body: Tube, tip: Any) -> dict[str, UInt8[np.ndarray, "height width 3"]]:
-    """The device in its colon from outside, close by, and what its camera sees."""
+    """The pictures of a body and its tip."""
     lumen, line = run.colon.lumen, run.colon.centreline.points
     frame: Float[np.ndarray, "3 3"] = tip.xmat.reshape(3, 3)
     whole = OutsideView(lumen, default_rotation(lumen, line))

@@ -73,6 +73,9 @@ class Handles:
     """Site at the nose, its z axis forwards."""
     start: float
     """Distance of the tip from the anus at first [m]."""
+    patches: Mapping[str, float] = field(default_factory=dict)
+    """Diameter of the round patch of wall that a body presses on, by its name, where that is not as wide and as long as
+    its spheres lie [m]."""
 
 
 class State(NamedTuple):
@@ -96,6 +99,9 @@ class State(NamedTuple):
     """(worlds, spheres, 3) friction of the wall then, in the scene's axes [N]; for devices with treads."""
     friction: Any = None
     """(worlds, spheres) Coulomb's coefficient of the wall [1]; for devices with treads."""
+    bends: Any = None
+    """(worlds, `BENDS`) angle that the lumen's axis has turned through between the anus and places evenly spaced from
+    there to the tip [rad]: what is trailed is wrapped round so much (`haustra.models.devices.tether`)."""
 
 
 class Treads(NamedTuple):
@@ -125,6 +131,10 @@ class DeviceReadings(NamedTuple):
     deepest: Any
     """(worlds,) how deep the device's surface stands in the wall at rest [m]; negative for room."""
 
+
+BENDS = 65
+"""Places from anus to tip at which bends are summed up: 2 cm apart in a colon of 1.3 m, so that what is narrower than a
+lumen is wide does not count as a bend; engineering choice."""
 
 LOOK_AHEAD = 0.03
 """How far along the lumen's axis `DeviceReadings.ahead` looks [m]; engineering choice: a bend's radius."""

@@ -122,13 +122,17 @@ class LumenTable:
 
         With the entry as origin and its direction as last axis, colons can take turns in front of one device.
         """
-        own = self.tables
-        return own._replace(
-            points=(own.points - origin) @ axes,
-            frames=np.einsum("ij,sik->sjk", axes, own.frames),
-            axes=own.axes @ axes,
-            mesentery=own.mesentery and mesentery.seen_from(own.mesentery, origin, axes),
-        )
+        return seen_from(self.tables, origin, axes)
+
+
+def seen_from(own: Tables, origin: Float[np.ndarray, "3"], axes: Float[np.ndarray, "3 3"]) -> Tables:
+    """Tables of one colon in coordinates that begin at `origin` [m], with the columns of `axes` as axes."""
+    return own._replace(
+        points=(own.points - origin) @ axes,
+        frames=np.einsum("ij,sik->sjk", axes, own.frames),
+        axes=own.axes @ axes,
+        mesentery=own.mesentery and mesentery.seen_from(own.mesentery, origin, axes),
+    )
 
 
 def stack(tables: Sequence[Tables]) -> Tables:

@@ -75,11 +75,11 @@ class InjuryMeter:
         load, arc = largest_load(np, seen, tip_links=self._tip_links, diameter=self._diameter)
         forces, patch = np.where(seen.link_arcs > 0, seen.link_forces, 0.0), (self._diameter, self._lengths)
         each = forces, mucosal_shear(forces, self._friction, *patch), pressed_tension(forces, *patch)
-        pressed, shear, wall = (self._at_stations(values, seen.link_arcs) for values in each)
+        pressed, shear, wall = (at_stations(values, seen.link_arcs, len(self.stations)) for values in each)
         mesentery = np.zeros_like(wall)
         if self._axis is not None:
             along, held = axis_tensions(np, self._axis, seen.displacement, self._node_radius)
-            along, mesentery = (self._at_stations(part, self._node_arcs) for part in (along, held))
+            along, mesentery = (at_stations(part, self._node_arcs, len(self.stations)) for part in (along, held))
             wall = np.maximum(wall, along)
         if pressure is not None:
             gas = gas_load(pressure, self._bursting)
@@ -88,14 +88,15 @@ class InjuryMeter:
             wall = np.maximum(wall, pressure * self._radius)
         return Burden(load, arc, pressed, shear, pain(np, wall, mesentery))
 
-    def _at_stations(
-        self, values: Float[np.ndarray, "records places"], arcs: Float[np.ndarray, "*records places"]
-    ) -> Float[np.ndarray, "records stations"]:
-        """The largest of values at arc lengths [m] next to each station; 0 where there is none."""
-        found = np.zeros((len(values), len(self.stations)))
-        beside = np.clip(np.rint(arcs / STATION_STEP), 0, len(self.stations) - 1).astype(int)
-        np.maximum.at(found, (np.arange(len(values))[:, None], beside), values)
-        return found
+
+def at_stations(
+    values: Float[np.ndarray, "records places"], arcs: Float[np.ndarray, "*records places"], stations: int
+) -> Float[np.ndarray, "records stations"]:
+    """The largest of values at arc lengths [m] next to each of that many stations; 0 where there is none."""
+    found = np.zeros((len(values), stations))
+    beside = np.clip(np.rint(arcs / STATION_STEP), 0, stations - 1).astype(int)
+    np.maximum.at(found, (np.arange(len(values))[:, None], beside), values)
+    return found
 
 
 def stations_of(colon: Colon) -> Float[np.ndarray, " stations"]:
@@ -145,8 +146,13 @@ def injury_scores(burden: Burden, outcome: Outcome, colon: Colon, *, interval: f
         "mucosal_shear_peak_kPa": float(shear.max()) / 1e3,
         "pain_peak": float(peak.max()),
         "pain_s": float((burden.pain.max(axis=1, initial=0.0) > 1).sum() * interval),
-        "pain_by_site": {name: float(peak[there].max(initial=0.0)) for name, there in _sites(colon).items()},
+        "pain_by_site": by_site(peak, colon),
     }
+
+
+def by_site(peak: Float[np.ndarray, " stations"], colon: Colon) -> dict[str, float]:
+    """The largest of what stations bear, by segment, and within five centimetres of the flexures."""
+    return {name: float(peak[there].max(initial=0.0)) for name, there in _sites(colon).items()}
 
 
 def _sites(colon: Colon) -> dict[str, Bool[np.ndarray, " stations"]]:

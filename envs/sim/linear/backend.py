@@ -256,6 +256,20 @@ class LinearBackend(AbstractBackend):
             self._made[wheels] = GpuPlace(**own) if self.on_device else CpuPlace(**own)
         self._place = self._made[wheels]
 
+    def keep(self) -> tuple[dict[str, np.ndarray], Any]:
+        """All that changes of all worlds, to go back to."""
+        changes = ("state", "worlds", "driver", "seen", "axis", *(("wall",) if self.gas else ()))
+        held = {name: self._held[name].read().copy() for name in changes}
+        return held, self.gas and self.gas.keep()
+
+    def put_back(self, kept: tuple[dict[str, np.ndarray], Any]) -> None:
+        """Go back to what was kept; going on from there is the same to the bit."""
+        held, gas = kept
+        for name, values in held.items():
+            self._held[name].change()[:] = values
+        if self.gas is not None:
+            self.gas.put_back(gas)
+
     @property
     def alive(self) -> Bool[np.ndarray, " worlds"]:
         """Which worlds have not diverged."""

@@ -73,7 +73,7 @@ class LinearSingle:
         names = ("scope/push", "scope/roll", *(f"scope/pull_{name}" for name in WIRE_NAMES))
         self._controls = [self.model.actuator(name).id for name in names]
         self._locks = np.array([[self.model.actuator(name).id for name in pair] for pair in scene.cable.locks])
-        self._hand, self._arms = Controls(0.0, 0.0), wire_arms(self.model)
+        self.hand, self._arms = Controls(0.0, 0.0), wire_arms(self.model)
         self._begun = scene.options.start_depth
 
     @property
@@ -87,7 +87,7 @@ class LinearSingle:
         Raises:
             InvalidDesignError: when wheels steer wires that do not stretch.
         """
-        self._hand, self._begun = inputs.checked(), self.insertion
+        self.hand, self._begun = inputs.checked(), self.insertion
         hands = Controls(*(None if part is None else np.asarray(part)[None] for part in inputs))
         sound = bool(self.many.step(hands, count)[0])
         self.place()
@@ -134,9 +134,19 @@ class LinearSingle:
 
     def _pulls(self, qpos: np.ndarray) -> Float[np.ndarray, "4"]:
         """Pull of each wire at the handle: as asked, or by what wheels and bends stretch it [N]."""
-        if self._hand.wheels is None:
-            return np.array(self._hand.pulls)
-        return pulls_at(self.scene.design.wires, np.asarray(self._hand.wheels), self._arms @ qpos)
+        if self.hand.wheels is None:
+            return np.array(self.hand.pulls)
+        return pulls_at(self.scene.design.wires, np.asarray(self.hand.wheels), self._arms @ qpos)
+
+    def keep(self) -> tuple[Any, float]:
+        """All that the scope and what it is in are, to go back to."""
+        return self.many.keep(), self._begun
+
+    def put_back(self, kept: tuple[Any, float], hand: Controls) -> None:
+        """Go back to where the scope was, under the hand of then."""
+        (many, self._begun), self.hand = kept, hand
+        self.many.put_back(many)
+        self.place()
 
     # Rows of several times at once.
 

@@ -1,12 +1,8 @@
-"""A tethered magnetic capsule: a free body, six contact spheres along its axis, and a wrench as its control.
+"""A tethered magnetic capsule: a free body, six contact spheres along its axis, led by a magnet or by a wrench.
 
-The magnet outside the patient is not modelled: whatever it is, it acts by a force and a torque, within limits. The
-tether is a drag on the rear end, friction times the weight of what has been drawn in,
-
-    T = mu (m / L) g s,
-
-for a tether that lies straight on a level wall, s being the arc length of the tip. Bends multiply it by exp(mu theta)
-(the capstan's law), which is not modelled.
+What leads it is a magnet outside the patient, whose pose is the control and which acts as a dipole on that in the
+capsule (`haustra.models.devices.capsule.magnet`), or any force and torque within limits. The tether is a drag on the
+rear end: friction of what has been drawn in, and what it is wound round (`haustra.models.devices.tether`).
 """
 
 from collections.abc import Mapping
@@ -30,16 +26,22 @@ from haustra.models.devices.base import (
     add_wrench,
     put,
 )
-from haustra.models.devices.capsule.driver import drive
+from haustra.models.devices.capsule.driver import drive, lead
+from haustra.models.devices.capsule.magnet import dipole_wrench
+from haustra.models.devices.tether import tether_tension
 from haustra.models.wall.planes import Sample
 
 SPHERES = 6
 _GRAVITY = 9.81
+_TINY = 1e-9
 _LEAST_SHAFT = 1e-4
 """Between the two round ends [m]: MuJoCo takes no shorter capsule, and spheres on one spot say nothing of turning."""
 _SLIP = 2e-3
 """Speed below which the tether's drag fades, so that it holds and does not chatter [m/s]; engineering choice."""
 _AXES = tuple(f"{what}_{axis}" for what in ("force", "torque") for axis in "xyz")
+_MAGNET = tuple(f"magnet_{what}{axis}" for what in ("", "points_") for axis in "xyz")
+_FURTHEST = 2.0
+"""How far from the anus along each axis the magnet may be [m]: beyond any patient."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,8 +50,9 @@ class Capsule(Device):
 
     kind: ClassVar[str] = "capsule"
     left_out: ClassVar[Mapping[str, str]] = {
-        "magnet outside": "its force and torque are the controls, at any place and without delay",
-        "tether": "a drag by weight and friction: its stiffness and its wrap round bends (capstan) are not modelled",
+        "arm that holds the magnet": "the magnet is where it is asked to be at once, anywhere further than `standoff` "
+        "from the capsule: the patient's skin, and what an arm reaches, do not hold it back",
+        "tether": "a drag at the capsule: its stiffness, and its pull on the wall in bends, are not modelled",
         "grip of a collapsed bowel": "the lumen stands open; `drag` is what slows the body in it",
     }
 
@@ -71,10 +74,20 @@ class Capsule(Device):
     """Mass per length of the tether [kg/m]."""
     tether_friction: float = number("1", 0.0, 2.0)
     """Coulomb's coefficient between tether and wall [1]."""
+    tether_held: float = number("N", 0.0, 5.0, default=0.0)
+    """Tension with which the tether is paid out outside the patient [N]."""
     safe_force: float = number("N", 0.05, 20.0)
     """Wall force beyond which the driver backs off [N]."""
     frame: str = choice("patient", "own", default="patient")
-    """Axes of force and torque: the patient's, as a magnet outside has them, or the body's own."""
+    """Axes of force and torque of a wrench: the patient's, or the body's own."""
+    led_by: str = choice("wrench", "magnet", default="wrench")
+    """What its controls are: force and torque, or the pose of a magnet outside the patient."""
+    moment: float = number("A m^2", 0.0, 100.0, default=0.0)
+    """Size of the dipole moment of the magnet in it, which points forwards along its axis [A m^2]."""
+    outside_moment: float = number("A m^2", 0.0, 1e5, default=0.0)
+    """Size of the dipole moment of the magnet outside the patient [A m^2]."""
+    standoff: float = number("m", 0.02, 1.0, default=0.15)
+    """Least distance between both magnets: abdominal wall, and half of the outer one [m]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -83,14 +96,21 @@ class Capsule(Device):
                 f"Device '{self.name}': length is {self.length} m; give at least the diameter and "
                 f"{_LEAST_SHAFT * 1e3:g} mm, {self.diameter + _LEAST_SHAFT:g} m."
             )
+        if self._magnetic and not (self.moment and self.outside_moment):
+            raise InvalidDesignError(
+                f"Device '{self.name}' is led by a magnet: give its moment and outside_moment in A m^2."
+            )
 
     @property
     def controls(self) -> tuple[Channel, ...]:
-        """Force and torque of the magnet."""
-        limits = [("N", self.force_limit)] * 3 + [("N m", self.torque_limit)] * 3
+        """Place of the magnet outside and the direction of its moment, or force and torque."""
+        if self._magnetic:
+            limits, names = [("m", _FURTHEST)] * 3 + [("1", 1.0)] * 3, _MAGNET
+        else:
+            limits, names = [("N", self.force_limit)] * 3 + [("N m", self.torque_limit)] * 3, _AXES
         return tuple(
             Channel(name, unit, -limit, limit, self._name(name))
-            for name, (unit, limit) in zip(_AXES, limits, strict=True)
+            for name, (unit, limit) in zip(names, limits, strict=True)
         )
 
     @property
@@ -129,7 +149,11 @@ class Capsule(Device):
         body.add_site(name=self._name("tip"), pos=[0, 0, half + radius])
         body.add_site(name=self._name("centre"))
         body.add_site(name=self._name("rear"), pos=[0, 0, -half - radius])
-        add_wrench(spec, self._name("centre"), tuple(map(self._name, _AXES)), frame=self.frame)
+        frame = "patient" if self._magnetic else self.frame
+        add_wrench(spec, self._name("centre"), tuple(map(self._name, _AXES)), frame=frame)
+        for name in _MAGNET if self._magnetic else ():  # without a force: its control says where the magnet is
+            still = spec.add_actuator(name=self._name(name), target=self._name("slide_x"))
+            still.trntype, still.gainprm = mujoco.mjtTrn.mjTRN_JOINT, [0.0] * 10
         # A damper along the axis at the rear end whose coefficient is the control: MuJoCo is implicit in it.
         spec.add_actuator(
             name=self._name("tether"),
@@ -147,6 +171,13 @@ class Capsule(Device):
     def control(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State, commands: Any) -> Any:
         """The wrench, and the tether's drag over the speed at which it is drawn in."""
         controls = super().control(xp, model, handles, state, commands)
+        if self._magnetic:
+            place, moment = self._magnet(xp, model, state, controls)
+            force, torque = dipole_wrench(
+                xp, moment, self.moment * state.tip_frame[..., 2], self._centre(xp, model, state) - place
+            )
+            columns = [model.actuator(self._name(name)).id for name in (*_MAGNET[:3], *_AXES)]
+            controls = put(xp, controls, columns, xp.concatenate([place, force, torque], axis=1))
         along = xp.abs(xp.einsum("wi,wi->w", self._speed(xp, model, state), state.tip_frame[..., 2]))
         damper = self._tether(xp, state) / xp.maximum(along, _SLIP)
         return put(xp, controls, [model.actuator(self._name("tether")).id], damper[:, None])
@@ -162,20 +193,53 @@ class Capsule(Device):
 
     def drive(self, xp: ModuleType, seen: DeviceReadings, memory: Any) -> tuple[Any, Any]:
         """Pull along the lumen's axis ahead; back off while the wall presses too hard."""
+        if self._magnetic:
+            moments, half = (self.outside_moment, self.moment), self.length / 2
+            return lead(xp, seen, memory, moments, self.force_limit, self.standoff, half, safe_force=self.safe_force)
         limits = self.force_limit, self.torque_limit
         return drive(xp, seen, memory, limits=limits, safe_force=self.safe_force, own_frame=self.frame == "own")
 
+    @property
+    def _magnetic(self) -> bool:
+        return self.led_by == "magnet"
+
+    def _magnet(self, xp: ModuleType, model: mujoco.MjModel, state: State, controls: Any) -> tuple[Any, Any]:
+        """Where the magnet outside is, at least `standoff` from the capsule (worlds, 3) [m], and its moment [A m^2]."""
+        asked, points = (
+            controls[:, [model.actuator(self._name(name)).id for name in names]] for names in (_MAGNET[:3], _MAGNET[3:])
+        )
+        centre = self._centre(xp, model, state)
+        away = asked - centre
+        distance = xp.sqrt((away**2).sum(axis=1, keepdims=True)) + _TINY
+        place = centre + away / distance * xp.maximum(distance, self.standoff)
+        return place, self.outside_moment * points / (xp.sqrt((points**2).sum(axis=1, keepdims=True)) + _TINY)
+
     def _tether(self, xp: ModuleType, state: State) -> Any:
-        """Drag of a tether as long as the way that the tip has come [N]."""
-        weight = self.tether_mass_per_length * _GRAVITY
-        return self.tether_friction * weight * xp.maximum(state.tip_arc, 0.0)
+        """Tension of a tether as long as the way that the tip has come [N]."""
+        return tether_tension(
+            xp,
+            state.bends,
+            state.tip_arc,
+            friction=self.tether_friction,
+            weight=self.tether_mass_per_length * _GRAVITY,
+            held=self.tether_held,
+        )
+
+    def _centre(self, xp: ModuleType, model: mujoco.MjModel, state: State) -> Any:
+        """Middle of the body in the scene's axes (worlds, 3) [m]."""
+        places = [int(model.joint(self._name(f"slide_{axis}")).qposadr[0]) for axis in "xyz"]
+        return model.body(self._name("body")).pos + state.qpos[:, places] @ self._entry(model).T
 
     def _speed(self, xp: ModuleType, model: mujoco.MjModel, state: State) -> Any:
         """Velocity of the body in the scene's axes (worlds, 3) [m/s]; its slides lie along the axes of entry."""
         dofs = [int(model.joint(self._name(f"slide_{axis}")).dofadr[0]) for axis in "xyz"]
+        return state.qvel[:, dofs] @ self._entry(model).T
+
+    def _entry(self, model: mujoco.MjModel) -> np.ndarray:
+        """Axes of entry, along which the slides lie."""
         entry = np.empty(9)
         mujoco.mju_quat2Mat(entry, model.body(self._name("body")).quat)
-        return state.qvel[:, dofs] @ entry.reshape(3, 3).T
+        return entry.reshape(3, 3)
 
     def _name(self, part: str) -> str:
         return f"{self.kind}/{part}"

@@ -26,6 +26,8 @@ from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.wall.planes import capsule_samples
 from haustra.quantity import load_quantities
 
+_USUAL = "adult"
+"""What is meant by a scope of no name."""
 _ADVANCE, _BACK = 0.03, -0.02
 """Speeds of the hand [m/s]; engineering choice."""
 _SAFE_FORCE = 10.0
@@ -64,13 +66,14 @@ class Scope(Device):
 
     @classmethod
     def named(cls, name: str) -> "Scope | None":
-        """A shipped scope."""
-        return cls(name=name, design=named_design(name)) if name in DESIGN_NAMES else None
+        """A shipped scope; 'scope' is the adult one."""
+        design = _USUAL if name == cls.kind else name
+        return cls(name=name, design=named_design(design)) if design in DESIGN_NAMES else None
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
         """Names of shipped scopes."""
-        return DESIGN_NAMES
+        return (*DESIGN_NAMES, cls.kind)
 
     @property
     def controls(self) -> tuple[Channel, ...]:

@@ -112,7 +112,8 @@ def test_a_pressed_capsule_displaces_the_colon_as_a_scopes_sphere_with_that_forc
     tube = replace(tube, segments=(ColonSegment("rectum", 0.0, 0.05), ColonSegment("sigmoid", 0.05, 0.4)))
     found = load_device("capsule")
     assert isinstance(found, Capsule)
-    ball = replace(found, length=0.0122, diameter=0.012, turning_drag=0.1, tether_friction=0.0)
+    own = {"led_by": "wrench", "tether_friction": 0.0, "tether_held": 0.0}
+    ball = replace(found, length=0.0122, diameter=0.012, turning_drag=0.1, **own)
     options = device_options(mesentery=True, start_depth=0.206, friction=0.0)
     scene = build_device_scene(ball, options, pose=pose_in(tube, ball, options))
     one = NativeDevice(scene, device_tables(scene, [tube]))
@@ -136,6 +137,7 @@ def test_a_colon_is_pressed_by_what_presses_back_while_both_move(stiffness):
     tube = replace(straight_tube(0.4), segments=(ColonSegment("sigmoid", 0.0, 0.4),))
     ball = load_device("capsule")
     assert isinstance(ball, Capsule)
+    ball = replace(ball, led_by="wrench", tether_held=0.0)
     options = device_options(mesentery=True, start_depth=0.2, friction=0.0, wall_stiffness=stiffness)
     scene = build_device_scene(ball, options, pose=pose_in(tube, ball, options))
     one = NativeDevice(scene, device_tables(scene, [tube]))
@@ -149,6 +151,8 @@ def test_a_colon_is_pressed_by_what_presses_back_while_both_move(stiffness):
 def test_worlds_rub_whose_scene_does_not(tube):
     """A pull along a wall that it is pressed on: friction slows one of two capsules in a scene without any."""
     ball = load_device("capsule")
+    assert isinstance(ball, Capsule)
+    ball = replace(ball, led_by="wrench")
     scene = build_device_scene(ball, device_options(friction=0.0))
     one = NativeDevice(scene, device_tables(scene, [tube]), worlds=2)
     one.reset(np.arange(2), np.zeros(2, int), friction=np.array([0.0, 0.5]), wall_stiffness=np.full(2, 1500.0))

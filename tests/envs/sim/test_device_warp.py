@@ -33,7 +33,7 @@ class Held(Capsule):
 def capsule(kind: type[Capsule] = Capsule) -> Capsule:
     found = load_device("capsule")
     assert isinstance(found, Capsule)
-    return kind(**vars(found))
+    return kind(**{**vars(found), "led_by": "wrench"})
 
 
 def scene_in(device: Capsule, colons: tuple[Colon, ...], **changed) -> tuple[DeviceScene, dict]:

@@ -25,9 +25,10 @@ FOLDER = ROOT / "models" / "devices" / "capsule"
 
 
 def capsule(**changes) -> Capsule:
+    """The shipped one, led by a wrench unless a test says otherwise."""
     found = load_device("capsule")
     assert isinstance(found, Capsule)
-    return replace(found, **changes)
+    return replace(found, **{"led_by": "wrench", **changes})
 
 
 @pytest.fixture(scope="module")
@@ -59,15 +60,15 @@ def test_nothing_outside_its_folder_names_it():
 def test_a_steady_force_moves_it_at_force_over_drag(tube):
     """Far from the wall: v = F / c, in the patient's axes and in its own."""
     for frame in ("patient", "own"):
-        one = backend(capsule(frame=frame, tether_friction=0.0), tube)
+        one = backend(capsule(frame=frame, tether_friction=0.0, tether_held=0.0), tube)
         hold(one, [0, 0, 0.4, 0, 0, 0], 0.4)
         assert one.readings()["speed"][0] == pytest.approx(0.4 / 10.0, rel=1e-3)
         assert one.readings()["magnet_force"][0] == pytest.approx(0.4)
 
 
 def test_its_tether_pulls_back_with_the_weight_drawn_in_times_friction(tube):
-    """T = mu (m / L) g s, and v = (F - T) / c."""
-    device = capsule(tether_mass_per_length=0.1, tether_friction=2.0)
+    """T = mu (m / L) g s in a straight lumen, and v = (F - T) / c."""
+    device = capsule(tether_mass_per_length=0.1, tether_friction=2.0, tether_held=0.0)
     one = backend(device, tube)
     hold(one, [0, 0, 0.5, 0, 0, 0], 0.8)
     drag = 2.0 * 0.1 * 9.81 * one.read().tip_arc[0]
@@ -99,13 +100,59 @@ def test_a_torque_turns_it_in_its_own_or_the_patients_axes(tube):
     assert turned["own"] @ turned["patient"] < 0.99
 
 
+def test_a_magnet_outside_leads_it_by_the_dipoles_wrench(tube):
+    """Forces and torques of its motors are those of two point dipoles, to 1e-6, wherever the magnet stands."""
+    device = capsule(led_by="magnet")
+    one = backend(device, tube)
+    for place, points in (([0.2, 0.1, 0.3], [0, 0, 1]), ([-0.1, 0.25, 0.1], [1, 0, 0]), ([0.0, 0.02, 0.05], [0, 1, 1])):
+        seen = one.read()
+        model = one.world_data(0)[0]
+        centre = model.body("capsule/body").pos + one.positions()[0][0, :3]
+        hold_still = np.array([[*place, *points]], float)
+        assert one.step(hold_still, 1).all()
+        away = centre - np.array(place)
+        if np.linalg.norm(away) < device.standoff:
+            away *= device.standoff / np.linalg.norm(away)
+        moment = device.outside_moment * np.array(points) / np.linalg.norm(points)
+        led = device.moment * seen.tip_frame[0, :, 2]
+        force, torque = one_dipole_on_another(moment, led, away)
+        names = [f"capsule/{what}_{axis}" for what in ("force", "torque") for axis in "xyz"]
+        told = one.positions()[1][0, [model.actuator(name).id for name in names]]
+        for found, wanted in ((told[:3], force), (told[3:], torque)):
+            assert np.linalg.norm(found - wanted) <= 1e-6 * np.linalg.norm(wanted)
+
+
+def one_dipole_on_another(source: np.ndarray, led: np.ndarray, away: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """From the field alone: F = grad(m . B), by a derivative of eighth order, and m x B."""
+
+    def field(r: np.ndarray) -> np.ndarray:
+        size = np.linalg.norm(r)
+        return 1e-7 * (3 * (source @ r) * r / size**5 - source / size**3)
+
+    shares, step = (4 / 5, -1 / 5, 4 / 105, -1 / 280), 2e-3
+    force = [
+        sum(
+            c * (led @ field(away + (k + 1) * step * e) - led @ field(away - (k + 1) * step * e))
+            for k, c in enumerate(shares)
+        )
+        / step
+        for e in np.eye(3)
+    ]
+    return np.array(force), np.cross(led, field(away))
+
+
+def test_a_magnet_needs_moments():
+    with pytest.raises(InvalidDesignError, match="give its moment and outside_moment"):
+        capsule(led_by="magnet", moment=0.0)
+
+
 def test_values_out_of_range_are_refused():
     with pytest.raises(InvalidDesignError, match=r"Device 'capsule': mass is 5.0; give 0.001 to 0.1 kg"):
         capsule(mass=5.0)
 
 
 def test_its_driver_takes_it_through(tube):
-    run = run_device(capsule(), tube, seconds=20.0)
+    run = run_device(capsule(led_by="magnet"), tube, seconds=20.0)
     assert run.outcome.value == "reached_caecum"
     assert run.records["tip_arc"].max() > 0.165 and run.records["deepest"].max() < 1e-3
 
@@ -224,7 +271,7 @@ def test_it_is_a_gymnasium_environment(tube):
 
     import haustra.envs  # noqa: F401
 
-    one = gymnasium.make("Haustra/Device-v0", device="capsule", colons=[tube])
+    one = gymnasium.make("Haustra/Device-v0", device=capsule(), colons=[tube])
     check_env(one.unwrapped, skip_render_check=True)
     one.reset(seed=0)
     gained, over, info = 0.0, False, {}

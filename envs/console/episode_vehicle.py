@@ -1,0 +1,157 @@
+"""An episode of the insertion task, driven live: what it sees and is paid goes along, so that policies can learn."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from haustra.envs.console.vehicle import Lever, Look, Repeating, Surroundings, digest
+from haustra.envs.runs.measure.injury import stations_of
+from haustra.envs.sim.native_batch import batch_model
+from haustra.envs.tasks import observation as seen_by
+from haustra.envs.tasks.actions import ACTIONS
+from haustra.envs.tasks.bank import ColonSet, folder_bank
+from haustra.envs.tasks.config import TaskConfig
+from haustra.envs.tasks.drivers import FollowerDriver
+from haustra.envs.tasks.scope_task import ScopeTask, Step
+from haustra.models.anatomy.store import load_colon
+from haustra.models.devices.scope.library import named_design
+from haustra.models.scene import entry_of
+
+_NAMES = ("push", "roll", "up", "left")
+_KNOBS = ("up", "left")
+_TOLD = ("progress", "wall_force", "push_force", "excess", "tip_arc")
+
+
+class EpisodeVehicle(Repeating):
+    """One world of `haustra.envs.tasks.scope_task.ScopeTask` on the backend 'linear', in one colon."""
+
+    kind = "episode"
+    backend = "linear"
+    conditions = ()
+
+    def __init__(self, folder: Path, config: TaskConfig, *, seed: int, policy: str = "follower") -> None:
+        """Begin the episode of that seed in the colon of a folder.
+
+        Args:
+            folder: of the colon.
+            config: rules of the episode.
+            seed: of what the episode draws: friction, stiffness, how the wires are.
+            policy: who assists: a policy's folder or name, or the lumen follower.
+
+        Raises:
+            UnreadableFileError: when the policy cannot be read.
+        """
+        design = named_design(config.design)
+        bank = folder_bank([folder], design)
+        self.config, self.seed, self._policy = config, seed, policy
+        self.task = ScopeTask(config, bank=bank, backend="linear", on_host=True)
+        self.given, self.around = load_colon(folder), episode_surroundings(self.task.bank)
+        self.interval = self.task.interval
+        self.levers = tuple(
+            Lever(name, "1", -1.0, 1.0, knob=name in _KNOBS, about=about)
+            for name, about in zip(_NAMES, ACTIONS, strict=True)
+        )
+        import mujoco
+
+        scene = self.task.bank.scene
+        self._model = batch_model(scene)
+        self._data = mujoco.MjData(self._model)
+        self._links = [self._model.body(name).id for name in scene.cable.links]
+        self._tip = self._model.site("scope/tip").id
+        self._stations = stations_of(self.around.colon)
+        self._driver = self._make_driver(policy)
+        self._done = []
+        self.restart()
+
+    def _make_driver(self, policy: str) -> Any:
+        if policy == "follower":
+            return FollowerDriver(self.task)
+        from haustra.envs.learning.drivers import PolicyDriver
+        from haustra.envs.learning.policy import load_policy, policy_folder
+
+        return PolicyDriver(load_policy(policy_folder(policy)))
+
+    def restart(self) -> None:
+        """Begin the episode."""
+        self._seen = self.task.reset(seeds=[self.seed], case=0)
+        self._driver.begin(np.ones(1, bool))
+        self._last: Step | None = None
+        self._info = self.task.info()
+
+    def begin(self, start: int, seed: int | None) -> None:
+        """Begin an episode, another one if a seed is given."""
+        self.seed = self.seed if seed is None else seed
+        self.put_back(start)
+
+    def configuration(self) -> dict[str, Any]:
+        """Rules, seed, and who assists."""
+        return {"kind": self.kind, "task": self.config.to_json(), "seed": self.seed, "policy": self._policy}
+
+    def advance(self, levers: Float[np.ndarray, " levers"]) -> bool:
+        """Apply one action."""
+        self._last = self.task.step(levers[None])
+        self._seen, self._info = self._last.observation, self._last.info
+        return not bool(self._info["diverged"][0])
+
+    def look(self) -> Look:
+        """Readings, what the task tells, and the shape."""
+        seen, info = self.task.seen, self._info
+        qpos = self.task.backend.positions()[0]
+        moved = self.task.displacement
+        row = {
+            "time": len(self._done) * self.interval,
+            "tip": np.array(seen.tip[0], float),
+            "tip_frame": np.array(seen.tip_frame[0], float),
+            **{name: float(info[name][0]) for name in _TOLD},
+            "insertion": float(seen.insertion[0]),
+            "torque": float(seen.torque[0]),
+            "bend": np.array(seen.bend[0], float),
+            "coils": np.array(seen.coils[0], float),
+            "p_perforation": float(info["p_perforation"][0]),
+            "reward": 0.0 if self._last is None else float(self._last.reward[0]),
+            "terminated": self._last is not None and bool(self._last.terminated[0]),
+            "truncated": self._last is not None and bool(self._last.truncated[0]),
+            "observation": seen_by.flat(self._seen)[0],
+            "digest": digest(qpos, *(() if moved is None else (moved,))),
+        }
+        pressed = np.zeros(len(self._stations))
+        arcs = np.array(seen.link_arcs[0], float)
+        beside = np.clip(np.rint(arcs / self._stations[1]), 0, len(pressed) - 1).astype(int)
+        np.maximum.at(pressed, beside, np.where(arcs > 0, seen.link_forces[0], 0.0))
+        frame = {"shape": self._shape(qpos), "pressed": pressed, "pain": np.zeros(len(pressed))}
+        if moved is not None:
+            frame["displacement"] = np.array(moved[0], float)
+        return Look(row, frame)
+
+    def _shape(self, qpos: Float[np.ndarray, " joints"]) -> Float[np.ndarray, "nodes 3"]:
+        import mujoco
+
+        self._data.qpos[:] = qpos
+        mujoco.mj_kinematics(self._model, self._data)
+        return np.vstack([self._data.xpos[self._links], self._data.site_xpos[self._tip]])
+
+    def assist(self) -> Float[np.ndarray, " levers"]:
+        """What the policy, or the follower, does."""
+        return np.asarray(self._driver.act(self._seen)[0], float)
+
+    def change(self, name: str, number: float) -> None:
+        """Nothing changes within an episode: what was drawn stays."""
+        self.condition(name)
+
+    def now(self) -> Float[np.ndarray, " conditions"]:
+        """No conditions."""
+        return np.zeros(0)
+
+    def close(self) -> None:
+        """End the backend's threads."""
+        self.task.close()
+
+
+def episode_surroundings(bank: ColonSet) -> Surroundings:
+    """The one colon of a bank, as its table knows it."""
+    colon, design = bank.cases[0].colon(), bank.design
+    tables = bank.tables if bank.options.mesentery else None
+    view = min(design.tip.field_of_view_deg, 170.0)
+    return Surroundings(colon, tables, *entry_of(colon), design.diameter / 2, view)

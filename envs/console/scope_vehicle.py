@@ -1,0 +1,250 @@
+"""A scope that is driven live, in linear time, with what it lies in: gas, posture and a hand on the belly."""
+
+import math
+from dataclasses import asdict, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from haustra.envs.console.vehicle import Condition, Grasp, Lever, Look, Surroundings, Vehicle, digest
+from haustra.envs.control.follower import FollowerSettings, LumenFollower
+from haustra.envs.runs.insertion import CONTROL_INTERVAL
+from haustra.envs.runs.measure.injury import InjuryMeter
+from haustra.envs.runs.measure.progress import ArcTracker
+from haustra.envs.runs.outcome import LEFT_OUTSIDE
+from haustra.envs.sim.linear.single import LinearSingle
+from haustra.envs.sim.physics.hand import HAND_STIFFNESS
+from haustra.envs.sim.state import Controls
+from haustra.models.anatomy.colon import Colon
+from haustra.models.devices.scope.design import ScopeDesign
+from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
+from haustra.models.wall import mesentery
+from haustra.models.wall.abdomen import DOWN
+from haustra.models.wall.lumen_table import axis_tables, lumen_table, seen_from, stack
+
+PUSH_RATE, ROLL_RATE = 0.06, math.radians(90.0)
+"""Fastest push [m/s] and turn [rad/s] of the hand; engineering choices, those of episodes."""
+LEAST_INSERTION = 0.02
+"""The tip is never drawn out further than to here [m]: the anus holds it."""
+_PRESSED = ("none", "sigmoid", "transverse")
+_INSUFFLATOR = ("automatic", "by hand")
+
+
+class _Kept(NamedTuple):
+    scope: Any
+    hand: Controls
+    tracked: float
+    follower: Any
+    conditions: Float[np.ndarray, " conditions"]
+
+
+class ScopeVehicle(Vehicle):
+    """A scope on the backend 'linear'."""
+
+    kind = "scope"
+    backend = "linear"
+
+    def __init__(self, colon: Colon, design: ScopeDesign, options: SceneOptions) -> None:
+        """Build the scene and compile.
+
+        Raises:
+            UnsupportedSceneError: when the backend cannot honour the options.
+            InvalidOptionError: when the scope does not fit through the entry.
+        """
+        self.given = colon
+        self._design = design
+        scene = build_scene(colon, None, design, options)
+        about: dict[str, Any] = {"with_mesentery": options.mesentery, "abdomen": options.abdomen}
+        table = lumen_table(colon, device_radius=scene.cable.radius, **about)
+        self.around = scope_surroundings(colon, design, options)
+        tables = stack([table.seen_from(*entry_of(colon))])
+        self._wheels = design.wires.compliance > 0
+        self._scope = LinearSingle(scene, tables=tables, wheels=self._wheels)
+        self._steps = max(1, round(CONTROL_INTERVAL / options.timestep))
+        self.interval = self._steps * options.timestep
+        settings = FollowerSettings(steer="wheels" if self._wheels else "pulls", straighten=options.mesentery)
+        self._follower = LumenFollower(colon.centreline, design, tip_links=scene.cable.tip_links, settings=settings)
+        self._lead, self._bend = settings.hand_lead_limit, math.radians(design.limits.smallest)
+        self._tracker = ArcTracker(colon.centreline, start=options.start_depth)
+        self.levers = _levers(options)
+        self.conditions = _conditions(options)
+        abdomen = options.abdomen
+        words = {"posture": abdomen.posture, "pressed": abdomen.pressed, "insufflator": "automatic"}
+        begun = {"friction": options.friction, "wall_stiffness": options.wall_stiffness} | words
+        self._now = np.array([one.number(begun[one.name]) for one in self.conditions])
+        self._scene, self._injury = scene, InjuryMeter(scene)
+        self._before = self._seen = self._scope.read()
+
+    @property
+    def scene(self) -> Scene:
+        """What is stepped, as it was built."""
+        return self._scene
+
+    def configuration(self) -> dict[str, Any]:
+        """Design and options."""
+        return {"kind": self.kind, "design": asdict(self._design), "options": asdict(self._scene.options)}
+
+    def step(self, levers: Float[np.ndarray, " levers"]) -> bool:
+        """Advance by one control step; a hand that has run ahead of the shaft waits for it."""
+        seen, interval = self._seen, self.interval
+        asked = {one.name: one.limited(value) for one, value in zip(self.levers, levers, strict=True)}
+        room = self._scope.scene.cable.length - LEFT_OUTSIDE - seen.insertion
+        furthest = min(self._lead - seen.hand_lead, max(room, 0.0)) / interval
+        nearest = max(-self._lead - seen.hand_lead, min(LEAST_INSERTION - seen.insertion, 0.0)) / interval
+        push = max(min(asked["push"], furthest), nearest)
+        hand = Controls(push, asked["roll"], **self._steered(asked["up"], asked["left"]))
+        if self._scope.gas is not None:
+            self._let_gas(asked["gas"])
+        sound = self._scope.step(hand, self._steps)
+        if self._scope.gas is not None:
+            self._scope.gas.forget()
+        if sound:
+            self._before, self._seen = seen, self._scope.read()
+            self._tracker.update(self._seen.tip, self._seen.way)
+        return sound
+
+    def _steered(self, up: float, left: float) -> dict[str, Any]:
+        """Wheels where wires stretch, else pulls, of knobs that are turned by shares of the largest bend."""
+        bend = self._bend * np.array([up, left])
+        if self._wheels:
+            return {"wheels": self._design.wires.routing_radius * bend}
+        pulls = self._design.pull_per_angle * np.concatenate([bend, -bend])
+        return {"pulls": np.clip(pulls, 0.0, self._design.wires.pull_limit)}
+
+    def _let_gas(self, lever: float) -> None:
+        gas = self._scope.gas
+        assert gas is not None
+        by_hand = self._value("insufflator") == "by hand"
+        gas.asked = lever * self._scene.options.gas_flow if lever or by_hand else None
+
+    def look(self) -> Look:
+        """Readings, what the colon bears, and the shape."""
+        seen = self._seen
+        felt = {name: getattr(seen, name)[None] for name in ("link_forces", "link_arcs", "bend")}
+        moved = None if seen.displacement is None else seen.displacement[None]
+        gas = self._scope.gas
+        pressure = None if gas is None else gas.pressure[gas.segments_at(self._injury.stations)][None]
+        burden = self._injury.measure(seen._replace(**felt, displacement=moved), pressure)
+        row = {
+            "time": seen.time,
+            "tip": seen.tip,
+            "tip_frame": seen.tip_frame,
+            "tip_arc": self._tracker.arc,
+            "insertion": seen.insertion,
+            "roll": seen.roll,
+            "push_force": seen.push_force,
+            "torque": seen.torque,
+            "bend": seen.bend,
+            "wall_force": float(seen.link_forces.max()),
+            "wall_force_sum": seen.wall_force_sum,
+            "load": float(burden.load[0]),
+            "load_arc": float(burden.load_arc[0]),
+            "pain": float(burden.pain.max()),
+            "coils": seen.coils,
+            "digest": digest(*self._scope.many.row()),
+        }
+        if gas is not None:
+            row |= {"gas_pressure": gas.pressure.copy(), "gas_volume": gas.volume}
+        frame = {"shape": self._scope.shape(), "pressed": burden.pressed[0], "pain": burden.pain[0]}
+        if seen.displacement is not None:
+            frame["displacement"] = seen.displacement
+        if gas is not None:
+            frame["widths"] = gas.widths
+        return Look(row, frame)
+
+    def grasp(self) -> Grasp:
+        """The handle between two control steps; the hand aims where it turns the shaft to."""
+        seen, before, options = self._seen, self._before, self._scene.options
+        place, was = (np.array([one.insertion, one.roll]) for one in (seen, before))
+        speed = (place - was) / self.interval if seen.time > before.time else np.zeros(2)
+        aim = place + np.array([seen.hand_lead, seen.torque / HAND_STIFFNESS[1]])
+        return Grasp(seen.time, aim, place, speed, np.array([options.push_limit, options.torque_limit]))
+
+    def assist(self) -> Float[np.ndarray, " levers"]:
+        """What the lumen follower does."""
+        inputs = self._follower.act(self._seen, self._tracker.arc, self.interval)
+        up, left = self._follower.asked / self._bend
+        values = {"push": inputs.push_rate, "roll": inputs.roll_rate, "up": up, "left": left}
+        return np.array([one.limited(float(values.get(one.name, 0.0))) for one in self.levers])
+
+    def change(self, name: str, number: float) -> None:
+        """Set a condition: from the next step on."""
+        self._now[[one.name for one in self.conditions].index(name)] = number
+        scope, options = self._scope, self._scene.options
+        friction, stiffness = float(self._value("friction")), float(self._value("wall_stiffness"))
+        options = replace(options, friction=friction, wall_stiffness=stiffness)
+        if options.mesentery:
+            around = {part: self._value(part) for part in ("posture", "pressed")}
+            options = replace(options, abdomen=replace(options.abdomen, **around))
+        scope.many.give("friction", friction)
+        if scope.gas is None:
+            scope.many.give("stiffness", stiffness)
+        else:
+            scope.gas.tissue_stiffness = stiffness
+            scope.many.give("stiffness", scope.gas.stiffness)
+        if name in ("posture", "pressed"):
+            own = axis_tables(self.given, options.abdomen).mesentery
+            assert own is not None
+            hung = mesentery.seen_from(own, *entry_of(self.given))
+            scope.many.rehang(mesentery.stack([hung]))
+        self._injury = InjuryMeter(replace(self._scene, options=options))
+
+    def now(self) -> Float[np.ndarray, " conditions"]:
+        """Conditions as they are."""
+        return self._now.copy()
+
+    def _value(self, name: str) -> Any:
+        number = dict(zip((one.name for one in self.conditions), self._now, strict=True))
+        return self.condition(name).value(number[name])
+
+    def keep(self) -> _Kept:
+        """All numbers of scope, gas, follower and conditions."""
+        scope = self._scope
+        return _Kept(scope.keep(), scope.hand, self._tracker.arc, self._follower.memory, self.now())
+
+    def put_back(self, kept: _Kept) -> None:
+        """Go back to where the scope was, under the conditions of then."""
+        for condition, before, number in zip(self.conditions, self._now.copy(), kept.conditions, strict=True):
+            if before != number:
+                self.change(condition.name, number)
+        self._scope.put_back(kept.scope, kept.hand)
+        self._tracker.arc, self._follower.memory = kept.tracked, kept.follower
+        self._before = self._seen = self._scope.read()
+
+    def close(self) -> None:
+        """End the backend."""
+        self._scope.many.close()
+
+
+def scope_surroundings(colon: Colon, design: ScopeDesign, options: SceneOptions) -> Surroundings:
+    """The colon of a scope in a scene of these options."""
+    origin, axes = entry_of(colon)
+    tables = None
+    if options.mesentery:
+        axis = axis_tables(colon, options.abdomen)
+        tables = stack([seen_from(axis, origin, axes)])
+    view = min(design.tip.field_of_view_deg, 170.0)
+    return Surroundings(colon, tables, origin, axes, design.diameter / 2, view)
+
+
+def _levers(options: SceneOptions) -> tuple[Lever, ...]:
+    levers = (
+        Lever("push", "m/s", -PUSH_RATE, PUSH_RATE, about="push in, pull back"),
+        Lever("roll", "rad/s", -ROLL_RATE, ROLL_RATE, about="turn the shaft, clockwise seen from the handle"),
+        Lever("up", "1", -1.0, 1.0, knob=True, about="large knob: up, down"),
+        Lever("left", "1", -1.0, 1.0, knob=True, about="small knob: left, right"),
+    )
+    return (*levers, Lever("gas", "1", -1.0, 1.0, about="insufflate, suck")) if options.gas is not None else levers
+
+
+def _conditions(options: SceneOptions) -> tuple[Condition, ...]:
+    conditions = [Condition("friction", "1", 0.0, 2.0), Condition("wall_stiffness", "N/m", 50.0, 1e5)]
+    if options.mesentery:
+        conditions += [
+            Condition("posture", "", 0, len(DOWN) - 1, tuple(DOWN)),
+            Condition("pressed", "", 0, len(_PRESSED) - 1, _PRESSED),
+        ]
+    if options.gas is not None:
+        conditions.append(Condition("insufflator", "", 0, 1, _INSUFFLATOR))
+    return tuple(conditions)

@@ -1,0 +1,127 @@
+"""A headless Chromium that is driven by real key events, over its own debugging socket, without further packages."""
+
+import asyncio
+import base64
+import json
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+
+_NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
+_OPTIONS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--remote-debugging-port=0",
+)
+_LONGEST_START = 30.0
+"""To begin with [s]."""
+_CODES = {"ArrowUp": 38, "ArrowDown": 40, "ArrowLeft": 37, "ArrowRight": 39, "Space": 32, "Backspace": 8}
+
+
+def chromium() -> str | None:
+    """Path of an installed Chromium; None where there is none."""
+    return next((path for name in _NAMES if (path := shutil.which(name))), None)
+
+
+class Browser:
+    """One page of a headless browser."""
+
+    def __init__(self, *, width: int = 1280, height: int = 760) -> None:
+        """Prepare one with a window of that size [pixels]."""
+        self._size = width, height
+        self._folder = tempfile.TemporaryDirectory(prefix="haustra-browser-", ignore_cleanup_errors=True)
+        self._next = 0
+        self.errors: list[str] = []
+        """What the page complained about."""
+
+    async def __aenter__(self) -> "Browser":
+        """Start it."""
+        path = chromium()
+        assert path is not None, "no Chromium is installed"
+        size = f"--window-size={self._size[0]},{self._size[1]}"
+        self._process = await asyncio.create_subprocess_exec(
+            path, *_OPTIONS, size, f"--user-data-dir={self._folder.name}", "about:blank",
+            stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.DEVNULL,
+        )  # fmt: skip
+        self._session = aiohttp.ClientSession()
+        port = await self._port()
+        async with self._session.get(f"http://127.0.0.1:{port}/json/list") as answer:
+            pages = [one for one in await answer.json() if one["type"] == "page"]
+        self._socket = await self._session.ws_connect(pages[0]["webSocketDebuggerUrl"], max_msg_size=0)
+        await self.call("Page.enable")
+        await self.call("Runtime.enable")
+        await self.call("Log.enable")
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        """End it."""
+        await self._socket.close()
+        await self._session.close()
+        self._process.kill()
+        await self._process.wait()
+        self._folder.cleanup()
+
+    async def _port(self) -> int:
+        told = Path(self._folder.name) / "DevToolsActivePort"
+        for _ in range(round(_LONGEST_START / 0.05)):
+            if told.is_file() and (text := told.read_text(encoding="utf-8")):
+                return int(text.split()[0])
+            await asyncio.sleep(0.05)
+        raise TimeoutError("Chromium did not start")
+
+    async def call(self, method: str, **parameters: Any) -> dict[str, Any]:
+        """One call of the debugging protocol."""
+        self._next += 1
+        await self._socket.send_json({"id": self._next, "method": method, "params": parameters})
+        while True:
+            said = json.loads((await self._socket.receive()).data)
+            if said.get("id") == self._next:
+                assert "error" not in said, said["error"]
+                return said["result"]
+            if said.get("method") == "Runtime.exceptionThrown":
+                self.errors.append(str(said["params"]["exceptionDetails"].get("exception", {}).get("description")))
+            if said.get("method") == "Log.entryAdded" and said["params"]["entry"]["level"] == "error":
+                self.errors.append(said["params"]["entry"]["text"])
+
+    async def open(self, url: str) -> None:
+        """Open an address."""
+        await self.call("Page.navigate", url=url)
+
+    async def ask(self, expression: str) -> Any:
+        """Value of an expression in the page."""
+        found = await self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in found, found["exceptionDetails"]
+        return found["result"].get("value")
+
+    async def until(self, expression: str, *, seconds: float = 20.0) -> Any:
+        """Wait until an expression holds in the page, and say what it is."""
+        for _ in range(round(seconds / 0.05)):
+            if found := await self.ask(expression):
+                return found
+            await asyncio.sleep(0.05)
+        raise TimeoutError(f"{expression} does not hold in the page; {self.errors}")
+
+    async def key(self, code: str, *, down: bool) -> None:
+        """Press or let go a key, by its place on the keyboard, such as 'KeyW'."""
+        key = code.removeprefix("Key").lower() if code.startswith("Key") else {"Space": " "}.get(code, code)
+        number = ord(key.upper()) if len(key) == 1 else _CODES[code]
+        kind = "keyDown" if down else "keyUp"
+        await self.call("Input.dispatchKeyEvent", type=kind, code=code, key=key, windowsVirtualKeyCode=number)
+
+    async def press(self, code: str) -> None:
+        """Press a key and let it go."""
+        await self.key(code, down=True)
+        await self.key(code, down=False)
+
+    async def picture(self, path: Path) -> Path:
+        """A picture of the page."""
+        found = await self.call("Page.captureScreenshot", format="png")
+        path.write_bytes(base64.b64decode(found["data"]))
+        return path

@@ -1,0 +1,138 @@
+"""What other programs are given: Minari's episodes repeat to the bit, LeRobot's conventions hold, films play."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from haustra.envs.console.recording import load_recording
+from haustra.scripts.main import BAD_INPUT, SUCCESS, main
+
+
+@pytest.fixture(scope="module")
+def episodes(colon_folder, tmp_path_factory) -> Path:
+    """Two episodes of the follower in the task."""
+    folder = tmp_path_factory.mktemp("episodes")
+    call = ["record", "--colon", str(colon_folder), "--task", "insertion", "--fixed", "--episodes", "2"]
+    assert main([*call, "--seconds", "1", "--seed", "5", "-o", str(folder), "--json"]) == SUCCESS
+    return folder
+
+
+@pytest.fixture(scope="module")
+def keys(colon_folder, tmp_path_factory) -> Path:
+    """A script of keys."""
+    folder = tmp_path_factory.mktemp("keys")
+    script = [
+        {"at": 0, "hand": {"push": 1, "left": -0.5}},
+        {"at": 0.5, "hand": {"gas": 1}, "change": {"friction": 0.2}},
+    ]
+    (folder / "keys.json").write_text(json.dumps(script))
+    call = ["record", "--colon", str(colon_folder), "--device", "paediatric", "--preset", "fast", "--seconds", "1"]
+    assert main([*call, "--driver", str(folder / "keys.json"), "-o", str(folder / "drive"), "--json"]) == SUCCESS
+    return folder / "drive"
+
+
+def test_a_script_of_keys_is_repeated_to_the_bit(keys, capsys):
+    assert main(["replay", str(keys), "--check", "--json"]) == SUCCESS
+    assert json.loads(capsys.readouterr().out)["exact"]
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_episodes_of_minari_repeat_to_the_bit(episodes, keys, tmp_path, monkeypatch):
+    minari = pytest.importorskip("minari")
+    for folder, name in ((episodes, "haustra/task-v0"), (keys, "haustra/keys-v0")):
+        assert main(["export", str(folder), "--to", "minari", "--name", name, "-o", str(tmp_path), "--json"]) == SUCCESS
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    for name, count in (("haustra/task-v0", 2), ("haustra/keys-v0", 1)):
+        dataset = minari.load_dataset(name)
+        assert dataset.total_episodes == count
+        env = dataset.recover_environment(disable_env_checker=True)
+        for episode in dataset.iterate_episodes():
+            assert len(episode.actions) >= 25
+            seen, info = env.reset(seed=int(episode.infos["seed"][0]))
+            for step, action in enumerate(episode.actions):
+                np.testing.assert_array_equal(seen, episode.observations[step])
+                assert info["digest"] == episode.infos["digest"][step]
+                seen, reward, ended, _, info = env.step(action)
+                assert (reward, ended) == (episode.rewards[step], episode.terminations[step])
+            np.testing.assert_array_equal(seen, episode.observations[-1])
+        env.close()
+    taken = ["export", str(keys), "--to", "minari", "--name", "haustra/keys-v0", "-o", str(tmp_path)]
+    assert main(taken) == BAD_INPUT
+
+
+def test_the_layout_of_lerobot_holds(episodes, tmp_path):
+    """What the reader of LeRobotDataset v3.0 looks up, by the names it uses."""
+    parquet = pytest.importorskip("pyarrow.parquet")
+    av = pytest.importorskip("av")
+    out = tmp_path / "dataset"
+    assert main(["export", str(episodes), "--to", "lerobot", "-o", str(out), "--size", "32", "--json"]) == SUCCESS
+    info = json.loads((out / "meta/info.json").read_text())
+    assert info["codebase_version"] == "v3.0" and info["fps"] == 10 and info["splits"] == {"train": "0:2"}
+    rows = parquet.read_table(out / info["data_path"].format(chunk_index=0, file_index=0))
+    assert set(rows.column_names) == set(info["features"]) - {"observation.images.endoscope"}
+    assert len(rows) == info["total_frames"]
+    for name, about in info["features"].items():
+        if about["dtype"] != "video" and about["shape"] != [1]:
+            assert rows.schema.field(name).type.list_size == about["shape"][0] == len(about["names"])
+    assert rows["index"].to_pylist() == list(range(len(rows)))
+    meta = parquet.read_table(out / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    for episode in meta:
+        span = slice(episode["dataset_from_index"], episode["dataset_to_index"])
+        assert rows["episode_index"].to_pylist()[span] == [episode["episode_index"]] * episode["length"]
+        assert rows["timestamp"].to_numpy()[span] == pytest.approx(np.arange(episode["length"]) / 10)
+        key = "videos/observation.images.endoscope"
+        assert episode[f"{key}/to_timestamp"] - episode[f"{key}/from_timestamp"] == pytest.approx(
+            episode["length"] / 10
+        )
+    tasks = parquet.read_table(out / "meta/tasks.parquet").to_pandas() if _has_pandas() else None
+    assert tasks is None or tasks.iloc[0]["task_index"] == 0
+    assert set(json.loads((out / "meta/stats.json").read_text())) >= {"action", "observation.state"}
+    place = info["video_path"].format(video_key="observation.images.endoscope", chunk_index=0, file_index=0)
+    with av.open(str(out / place)) as film:
+        assert sum(1 for _ in film.decode(video=0)) == info["total_frames"]
+
+
+def _has_pandas() -> bool:
+    from importlib.util import find_spec
+
+    return find_spec("pandas") is not None
+
+
+@pytest.mark.parametrize("kind", ["mp4", "gif"])
+def test_a_film_shows_the_drive(kind, keys, tmp_path):
+    path = tmp_path / f"film.{kind}"
+    assert main(["export", str(keys), "--to", kind, "--fps", "2", "-o", str(path), "--json"]) == SUCCESS
+    if kind == "mp4":
+        av = pytest.importorskip("av")
+        with av.open(str(path)) as film:
+            pictures = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
+    else:
+        from PIL import Image, ImageSequence
+
+        with Image.open(path) as film:
+            pictures = [np.asarray(frame.convert("RGB")) for frame in ImageSequence.Iterator(film)]
+    assert len(pictures) == 3
+    assert np.abs(pictures[0].astype(int) - pictures[-1]).max() > 40, "nothing moved"
+
+
+def test_what_cannot_be_done_is_one_line(episodes, keys, tmp_path, capsys):
+    for call, said in (
+        (["export", str(episodes), "--to", "mp4"], "holds 2 recordings"),
+        (["export", str(keys), "--to", "gif", "-o", str(tmp_path / "film.mp4")], "does not end in .gif"),
+        (["export", str(tmp_path), "--to", "minari"], "holds no recording"),
+        (["replay", str(keys), str(keys), "--check"], "2 recordings were named"),
+        (["record", "--colon", str(tmp_path), "--device", "capsule", "--posture", "left", "-o", str(tmp_path / "a")],
+         "honours neither a preset nor posture"),
+    ):  # fmt: skip
+        assert main(call) == BAD_INPUT
+        error = capsys.readouterr().err
+        assert said in error and error.count("\n") == 1, error
+
+
+def test_a_demonstration_shows_what_a_learner_sees(episodes):
+    one = load_recording(episodes / "episode-0001")
+    assert one.about["seed"] == 6 and one.about["vehicle"]["policy"] == "follower"
+    assert one.rows["observation"].dtype == np.float32
+    assert len(one.rows["observation"]) == len(one.rows["levers"]) == 26

@@ -1,0 +1,52 @@
+"""An everting endoscope: what pressure leaves for the tip, and a body that does not slide."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from haustra.envs.runs.device_run import run_device
+from haustra.envs.sim.device_native import NativeDevice
+from haustra.models.device_scene import build_device_scene, device_options, device_tables
+from haustra.models.devices.base import BENDS, Pose, load_device
+from haustra.models.devices.tether import tether_tension
+from haustra.models.devices.vine.interface import Vine
+from tests.tube_colon import straight_tube
+
+
+@pytest.fixture(scope="module")
+def tube():
+    return straight_tube(0.2)
+
+
+def vine(**changes) -> Vine:
+    found = load_device("vine")
+    assert isinstance(found, Vine)
+    return replace(found, length=0.4, **changes)
+
+
+def test_its_stiffness_is_that_of_a_wrinkled_tube():
+    """EI = pi p r^3 R."""
+    assert vine().flexural_rigidity == pytest.approx(np.pi * 20000 * 0.009**3 * 0.04)
+
+
+def test_it_grows_through_a_tube_and_nothing_slides(tube):
+    run = run_device(vine(), tube, device_options(vine(), friction=0.5), seconds=12.0)
+    assert run.outcome.value == "reached_caecum"
+    assert run.records["time"][-1] == pytest.approx((0.17 - 0.03) / 0.03, rel=0.1)  # as fast as the tail is paid out
+    under_way = run.records["time"] > 1.0
+    assert run.records["tip_press"][under_way].max() < 0.05  # friction of 0.5 would hold the body back
+
+
+def test_the_pressure_leaves_what_eversion_and_tail_do_not_take(tube):
+    """F = (p - p_y) A - T; below the pressure that everts it the tip stays, above it grows."""
+    device = vine(tail_friction=0.5, tail_held=0.5)
+    scene = build_device_scene(device, device_options(device), pose=Pose())
+    one = NativeDevice(scene, device_tables(scene, [tube]), worlds=2)
+    for _ in range(50):
+        assert one.step(np.array([[0.03, 3500.0, 0, 0], [0.03, 20000.0, 0, 0]]), 4).all()
+    tip = one.read().tip_arc
+    assert abs(tip[0] - 0.03) < 2e-3 and tip[1] - 0.03 == pytest.approx(0.03, rel=0.1)
+    tail = tether_tension(np, np.zeros((2, BENDS)), tip, friction=0.5, weight=0.04 * 9.81, held=0.5)
+    np.testing.assert_allclose(one.readings()["tail_tension"], tail, rtol=1e-3)
+    np.testing.assert_allclose(one.readings()["available"], (20000.0 - 3000.0) * device.area - tail, rtol=1e-3)
