@@ -31,6 +31,11 @@ BEFORE = 0.025
 """The scope stops when its tip is so far before a polyp along the colon, on the anal side [m]; engineering choice."""
 PATIENCE = 10.0
 """It steers for a polyp for so long at most [s]; engineering choice."""
+_BETWEEN = (0.3, 0.45, 0.6, 0.75)
+"""Places between the channel's mouth and a polyp's top that must lie in the lumen [1]: the tip itself may be pressed
+into the wall, and the polyp stands in the lumen's radius."""
+_GIVES_WAY = 0.002
+"""Wall that an instrument pushes aside on its way [m]; engineering choice."""
 _PASSED = 0.02
 """A polyp farther than this behind the place where the scope would stop is left [m]."""
 
@@ -78,6 +83,8 @@ class Treatment:
         began = self._since.setdefault(index, float(seen.time))
         polyp, mouth = self._polyp(index, seen), channel_mouth(seen.tip, seen.tip_frame)
         why = out_of_reach(self.instrument, mouth, seen.tip_frame[:, 2], polyp)
+        if why is None and not self._clear(seen, mouth, polyp, arc):
+            why = "behind a fold"
         if why is None or seen.time - began > PATIENCE:
             self._left.remove(index)
             bleeding = 0.0 if why else 1e6 * wound_area(self._wound(index))
@@ -106,6 +113,23 @@ class Treatment:
             "bleeding_events": sum(event.bleeding_mm2 > 0 for event in self.events),
             "treatments": [asdict(event) for event in self.events],
         }
+
+    def _clear(self, seen: Readings, mouth: np.ndarray, polyp: PolypPose, arc: float) -> bool:
+        """Whether the way from the channel's mouth to a polyp's top lies in the lumen, as the centreline sees it."""
+        line = self._colon.centreline
+        moved = None if self._moved is None else self._moved.from_scene(seen.displacement)
+        for share in _BETWEEN:
+            place, guess = mouth + share * (polyp.top - mouth), arc + share * (polyp.lesion.arc - arc)
+            if self._moved is not None:
+                place = self._moved.to_reference(moved, place, guess)
+            near = np.flatnonzero(np.abs(line.arc - guess) < _PASSED)
+            station = near[np.linalg.norm(line.points[near] - place, axis=1).argmin()]
+            across = (place - line.points[station]) @ line.frames[station, :, :2]
+            angles = self._colon.radius.shape[1]
+            angle = round(float(np.arctan2(across[1], across[0])) / (2 * np.pi) * angles) % angles
+            if np.linalg.norm(across) > self._colon.radius[station, angle] + _GIVES_WAY:
+                return False
+        return True
 
     def _wound(self, index: int) -> float:
         """Width of the wound [m]."""
