@@ -13,7 +13,6 @@ from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.runs.linear_insertion import run_linear_insertion
 from haustra.envs.view.dataset.accuracy import DatasetAccuracy, clip_accuracy
 from haustra.envs.view.dataset.clip import MASKS, require_packages, write_clip
-from haustra.envs.view.dataset.colour import paint
 from haustra.envs.view.dataset.contact import contact_sheet
 from haustra.envs.view.dataset.moments import Moments, Source
 from haustra.envs.view.dataset.settings import DatasetSettings
@@ -81,7 +80,7 @@ def make_dataset(
         moments, clips = source.moments, []
         for number, records in enumerate(clips_of(moments, settings)):
             clip = folder / f"{source.name}_clip_{number:02d}"
-            write_clip(clip, moments, records, lens, paint, progress=lambda n, d=done, c=clip: progress(d + n, c.name))
+            write_clip(clip, moments, records, lens, progress=lambda n, d=done, c=clip: progress(d + n, c.name))
             done += len(records)
             accuracy = accuracy.joined(clip_accuracy(clip, moments.colon.lumen.faces, lens, seed=number))
             clips.append({"folder": clip.name, "records": records})
@@ -99,9 +98,8 @@ def make_dataset(
     provenance = Provenance(inputs=inputs, configuration=made_of, backend=backend_record("linear"))
     masks = dict(zip(MASKS, (SEGMENTS, LANDMARKS, "index in the colon's lesions"), strict=True))
     whole = {**made_of, "finished": True, "accuracy": result, "masks": masks, "colons": colons}
-    write_json(
-        folder / RECORD, {**whole, "provenance": replace(provenance, backend=backend_record("linear")).to_json()}
-    )
+    whole["provenance"] = provenance.to_json()
+    write_json(folder / RECORD, whole)
     contact_sheet(folder, [(clip["folder"], len(clip["records"])) for colon in colons for clip in colon["clips"]])
     write_atomically(folder / SHEET, lambda path: path.write_text(data_sheet(whole, lens), encoding="utf-8"))
     return {**result, "folder": str(folder)}
