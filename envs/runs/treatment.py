@@ -117,11 +117,10 @@ class Treatment:
     def _clear(self, seen: Readings, mouth: np.ndarray, polyp: PolypPose, arc: float) -> bool:
         """Whether the way from the channel's mouth to a polyp's top lies in the lumen, as the centreline sees it."""
         line = self._colon.centreline
-        moved = None if self._moved is None else self._moved.from_scene(seen.displacement)
         for share in _BETWEEN:
             place, guess = mouth + share * (polyp.top - mouth), arc + share * (polyp.lesion.arc - arc)
             if self._moved is not None:
-                place = self._moved.to_reference(moved, place, guess)
+                place = self._moved.to_reference(self._moved.from_scene(seen.displacement), place, guess)
             near = np.flatnonzero(np.abs(line.arc - guess) < _PASSED)
             station = near[np.linalg.norm(line.points[near] - place, axis=1).argmin()]
             across = (place - line.points[station]) @ line.frames[station, :, :2]

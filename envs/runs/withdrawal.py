@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from haustra.envs.control.follower import FollowerSettings, Steering, begin, decide, one_world
+from haustra.envs.control.follower import FollowerSettings, Steering, decide, one_world
 from haustra.envs.runs.insertion import Insertion, Progress, drive, run_insertion
 from haustra.envs.runs.treatment import PATIENCE, Treatment
 from haustra.envs.sim.linear.single import LinearSingle
@@ -47,7 +47,7 @@ class PullBack:
         self._line, self._tip_links, self._treatment = scene.colon.centreline, scene.cable.tip_links, treatment
         self._steering = Steering.of(scene.design, self.settings)
         self._aiming = Steering.of(scene.design, replace(self.settings, steer_limit_deg=360.0))
-        self._memory = begin(np, 1, np.float64)
+        self._memory = self.settings.law().begin(np, 1, np.float64)
 
     def act(self, seen: Readings, arc: float, interval: float) -> Controls:
         """Inputs for the next `interval` [s]; the hand never aims far behind where the shaft is."""
