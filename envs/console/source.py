@@ -75,7 +75,7 @@ class View:
 
     def glance(self, row: Mapping[str, Any], frame: Mapping[str, Any], about: Any) -> None:
         """Ask for a picture, if none is being drawn."""
-        self.painter.ask(_glance(row, frame), about)
+        self.painter.ask(glance_at(row, frame), about)
 
     def picture(self) -> bytes | None:
         """A picture that is done."""
@@ -87,7 +87,8 @@ class View:
         return pack(header, {"jpeg": np.frombuffer(content, np.uint8)})
 
 
-def _glance(row: Mapping[str, Any], frame: Mapping[str, Any]) -> Glance:
+def glance_at(row: Mapping[str, Any], frame: Mapping[str, Any]) -> Glance:
+    """Where the camera is in a row and what is drawn with it."""
     given = {name: np.asarray(frame[name], float) for name in ("displacement", "widths") if name in frame}
     return Glance(np.asarray(row["tip"], float), np.asarray(row["tip_frame"], float), float(row["tip_arc"]), **given)
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from haustra.envs.console.motion import MOTION, write_motion
 from haustra.envs.runs.insertion import Insertion
 from haustra.envs.runs.measure.injury import stations_of
 from haustra.envs.runs.measure.scores import score
@@ -42,7 +43,7 @@ def write_run(
     The numerical error is that of the run itself where it was measured, otherwise that of other runs of its kind.
 
     A run that was there is replaced as a whole. Files: scores.json, trajectory.npz, scene.xml, outside.png, tip.png,
-    forces.png, injury.png, report.html.
+    forces.png, injury.png, motion.json, report.html.
 
     Raises:
         OutputError: when the folder cannot be written to.
@@ -68,6 +69,7 @@ def write_run(
         scores["trajectory"] = write_trajectory(place, arrays)
         scene.save(place / "scene.xml")
         _draw(place, scene, run, left.colon, scores)
+        write_motion(place / MOTION, scene, run.trajectory)
         write_json(place / "scores.json", scores)
         report_run(place)
     return scores
