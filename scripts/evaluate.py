@@ -14,7 +14,8 @@ class Evaluate:
     """Let drivers insert a scope into held-out grown colons, or yours; the same episodes for all; compare them."""
 
     drivers: Annotated[tuple[str, ...], tyro.conf.Positional] = texts(least=1, most=100)
-    """Folders of policies, or names: insertion-easy and insertion-mesentery, which ship, random, push, follower."""
+    """Folders of policies, or names: insertion-easy and insertion-mesentery, which ship, random, push, follower,
+    endoscopist."""
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for the table, the episodes and pictures."""
     colons: int = whole(1, 1_000_000, default=80)
@@ -126,13 +127,17 @@ class Evaluate:
 
     def _driver(self, name: str) -> tuple[Any, Any]:
         """How to make the driver, and the task that it was trained for."""
+        from functools import partial
+
+        from haustra.envs.control.laws import DRIVERS
         from haustra.envs.learning.drivers import PolicyDriver
         from haustra.envs.learning.policy import load_policy, policy_folder
         from haustra.envs.learning.sb3_zip import load_zip
         from haustra.envs.learning.settings import Training
         from haustra.envs.tasks.drivers import FollowerDriver, PushDriver, RandomDriver
 
-        simple = {"random": RandomDriver, "push": PushDriver, "follower": FollowerDriver}
+        simple = {"random": RandomDriver, "push": PushDriver}
+        simple |= {law: partial(FollowerDriver, law=law) for law in DRIVERS}
         if name in simple:
             return simple[name], None
         path = policy_folder(name)

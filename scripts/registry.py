@@ -40,6 +40,7 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "sweep": f"{_SCRIPTS}.sweep:Sweep",
         "optimise": f"{_SCRIPTS}.sweep:Optimise",
         "sensitivity": f"{_SCRIPTS}.sweep:Sensitivity",
+        "cohort": f"{_SCRIPTS}.cohort:Cohort",
         "propulsion": f"{_SCRIPTS}.propulsion:Propulsion",
         "tread fem": f"{_SCRIPTS}.tread:TreadFem",
     },

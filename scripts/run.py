@@ -55,6 +55,9 @@ class Run:
     """Largest force that the hand pushes with [N]; the sourced default when not given."""
     timestep: float | None = number("s", 1e-5, 0.02, default=None)
     """Integration step [s]; that of the preset when not given."""
+    driver: Literal["follower", "endoscopist"] = "follower"
+    """Who drives a scope: the lumen follower, which knows wall forces, or one that works as endoscopists do, from what
+    they sense. What an endoscopist asks of an assistant is left undone here: --posture and --pressed set it."""
     steer: Literal["pulls", "wheels"] = "pulls"
     """What bends the tip: pulls as asked for, or the hand wheels, whose wires have slack, stretch and friction."""
     largest_bend_deg: float | None = number("degrees", 0.5, 180.0, default=None)
@@ -79,7 +82,7 @@ class Run:
 
     def __call__(self) -> dict[str, Any]:
         """Build the scene, run it, write everything."""
-        from haustra.envs.control.follower import FollowerSettings
+        from haustra.envs.control.laws import driver_settings
         from haustra.envs.runs.error import own_error, refinements
         from haustra.envs.runs.insertion import Insertion, run_insertion
         from haustra.envs.runs.linear_insertion import run_linear_insertion
@@ -114,7 +117,7 @@ class Run:
                 wall = wall_of(self.colon, colon, self.wall, progress=tell)
         elif options.mesentery and (wall_folder(self.colon, self.wall) / METADATA).is_file():
             wall = wall_of(self.colon, colon, self.wall)  # as a picture in scene.xml
-        settings = FollowerSettings(steer=self.steer, straighten=options.mesentery)
+        settings = driver_settings(self.driver, steer=self.steer, moves=options.mesentery)
         deepest = options.start_depth + settings.advance_rate * self.seconds
 
         def drive(what: str, options: SceneOptions) -> tuple[Scene, Insertion]:

@@ -6,7 +6,7 @@ numpy, in JAX, and in programs that step scopes in linear time.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from types import ModuleType
 from typing import Any, Literal, NamedTuple
 
@@ -80,6 +80,11 @@ class FollowerSettings:
     def __post_init__(self) -> None:
         require_declared(self, "The follower")
 
+    @classmethod
+    def law(cls) -> "Law":
+        """What drives by these settings."""
+        return Law(cls, FIRST_MEMORY, rules)
+
 
 class Steering(NamedTuple):
     """What the follower must know of the scopes that it steers: numbers, or one a world."""
@@ -94,7 +99,7 @@ class Steering(NamedTuple):
     """Largest lead of the bend steered for over the bend that is there [rad]."""
 
     @classmethod
-    def of(cls, design: ScopeDesign, settings: FollowerSettings) -> "Steering":
+    def of(cls, design: ScopeDesign, settings: Any) -> "Steering":
         """Read off a design how it is steered."""
         lead = settings.steer_lead
         if settings.steer == "wheels":  # what slack and stretch may take up counts as lead
@@ -138,6 +143,26 @@ class Memory(NamedTuple):
     """Times that it backed off since the last progress."""
 
 
+class Law(NamedTuple):
+    """A way to drive: one function of (xp, …) for any number of worlds, in numpy, JAX and programs."""
+
+    settings: type
+    """Type of its settings, which have `law`; numbers of them may differ from world to world."""
+    first: Any
+    """What a driver remembers that has seen nothing yet: a tuple of numbers with `bend_up`, `bend_left`, `attempts`."""
+    rules: Any
+    """`rules(xp, settings, steering, sensed, memory, interval=…)`: a `Decision`, and what is remembered."""
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Settings that are numbers of each world."""
+        return tuple(field.name for field in fields(self.settings) if field.name not in ("steer", "straighten"))
+
+    def begin(self, xp: ModuleType, worlds: int, kind: Any) -> Any:
+        """Memory of drivers that have seen nothing yet, in that precision."""
+        return type(self.first)(*(xp.full(worlds, value, kind) for value in self.first))
+
+
 FIRST_MEMORY = Memory(0.0, 0.0, _NEVER, _NEVER, 0.0, _NEVER, _NEVER, _NEVER, 0.0, 0.0)
 """Memory of a follower that has seen nothing yet."""
 
@@ -157,6 +182,8 @@ class Sensed(NamedTuple):
     """How far the hand aims ahead of the shaft [m]."""
     push_force: Float[Any, "*worlds"]
     """[N]."""
+    torque: Float[Any, "*worlds"]
+    """Torque of the hand [N m]."""
     wall_force: Float[Any, "*worlds"]
     """Largest resultant wall force on one link [N]."""
     tip_force: Float[Any, "*worlds"]
@@ -178,32 +205,27 @@ class Decision(NamedTuple):
     """Pull of each wire that bends an ideal scope as asked: up, left, down, right [N]."""
 
 
-def begin(xp: ModuleType, worlds: int, kind: Any) -> Memory:
-    """Memory of followers that have seen nothing yet, in that precision."""
-    return Memory(*(xp.full(worlds, value, kind) for value in FIRST_MEMORY))
-
-
 def decide(
     xp: ModuleType,
-    settings: FollowerSettings,
+    settings: Any,
     steering: Steering,
     seen: Any,
-    memory: Memory,
+    memory: Any,
     *,
     time: Float[Any, " worlds"],
     arc: Float[Any, " worlds"],
     target: Float[Any, "worlds 3"],
     interval: float,
     tip_links: int,
-) -> tuple[Decision, Memory]:
-    """`rules` of many worlds; pulls have the shape (worlds, 4).
+) -> tuple[Decision, Any]:
+    """What the law of the settings decides in many worlds; pulls have the shape (worlds, 4).
 
     Args:
         xp: numpy or jax.numpy.
         settings: how it drives.
         steering: the scopes that it steers.
-        seen: readings of all worlds: insertion, roll, hand_lead, tip, tip_frame, bend, push_force, link_forces, as in
-            `haustra.envs.sim.state.Readings`.
+        seen: readings of all worlds: insertion, roll, hand_lead, tip, tip_frame, bend, push_force, torque,
+            link_forces, as in `haustra.envs.sim.state.Readings`.
         memory: what it remembers.
         time: simulated time [s].
         arc: arc length of the tip [m].
@@ -218,13 +240,14 @@ def decide(
         roll=seen.roll,
         hand_lead=seen.hand_lead,
         push_force=seen.push_force,
+        torque=seen.torque,
         wall_force=seen.link_forces.max(axis=1),
         tip_force=seen.link_forces[:, -tip_links:].max(axis=1),
         bend=(seen.bend[:, 0], seen.bend[:, 1]),
         ahead=vectors.of(xp.einsum("wij,wi->wj", seen.tip_frame, target - seen.tip)),
     )
-    decision, kept = rules(xp, settings, steering, sensed, memory, interval=interval)
-    kept = Memory(*(new.astype(old.dtype) for new, old in zip(kept, memory, strict=True)))
+    decision, kept = settings.law().rules(xp, settings, steering, sensed, memory, interval=interval)
+    kept = type(memory)(*(new.astype(old.dtype) for new, old in zip(kept, memory, strict=True)))
     return decision._replace(pulls=xp.stack(decision.pulls, axis=-1)), kept
 
 
@@ -242,7 +265,7 @@ def rules(
         interval: time to the next decision [s].
     """
     own = settings
-    up, left = _steer(xp, own, steering, sensed, memory, interval)
+    up, left = steer_ahead(xp, own, steering, sensed, memory, interval)
     time, arc, insertion = sensed.time, sensed.arc, sensed.insertion
     forward, further = arc > memory.local_arc + STEP_FORWARD, arc > memory.best_arc + STEP_FORWARD
     local_arc, local_time = xp.where(forward, arc, memory.local_arc), xp.where(forward, time, memory.local_time)
@@ -277,12 +300,12 @@ def rules(
     decision = Decision(
         push_rate=xp.where(until >= 0, rate_back, rate),
         roll_rate=xp.clip((roll_goal - sensed.roll) / interval, -own.roll_rate, own.roll_rate),
-        pulls=_pulls(xp, steering, up, left),
+        pulls=pulls_for(xp, steering, up, left),
     )
     return decision, Memory(up, left, best, local_arc, local_time, until, begun, held, roll_goal, attempts)
 
 
-def _steer(xp: Any, own: Any, steering: Steering, sensed: Sensed, memory: Memory, interval: float) -> tuple[Any, Any]:
+def steer_ahead(xp: Any, own: Any, steering: Steering, sensed: Sensed, memory: Any, interval: float) -> tuple[Any, Any]:
     """Bend that it steers for from now on."""
     x, y, z = sensed.ahead
     sideways = _length(xp, x, y)
@@ -299,7 +322,8 @@ def _length(xp: Any, x: Any, y: Any) -> Any:
     return xp.sqrt((x + _TINY) ** 2 + (y + _TINY) ** 2)
 
 
-def _pulls(xp: Any, steering: Steering, up: Any, left: Any) -> tuple[Any, Any, Any, Any]:
+def pulls_for(xp: Any, steering: Steering, up: Any, left: Any) -> tuple[Any, Any, Any, Any]:
+    """Pull of each wire that bends an ideal scope so far [N]: up, left, down, right."""
     up, left, most = steering.pull_per_angle * up, steering.pull_per_angle * left, steering.pull_limit
     return xp.clip(up, 0.0, most), xp.clip(left, 0.0, most), xp.clip(-up, 0.0, most), xp.clip(-left, 0.0, most)
 
@@ -307,14 +331,15 @@ def _pulls(xp: Any, steering: Steering, up: Any, left: Any) -> tuple[Any, Any, A
 class LumenFollower:
     """A follower of one scope in one colon."""
 
-    def __init__(
-        self, line: Centreline, design: ScopeDesign, *, tip_links: int, settings: FollowerSettings | None = None
-    ) -> None:
-        """Get to know the lumen's axis and the scope's wires; its last `tip_links` links are the bending section."""
+    def __init__(self, line: Centreline, design: ScopeDesign, *, tip_links: int, settings: Any = None) -> None:
+        """Get to know the lumen's axis and the scope's wires; its last `tip_links` links are the bending section.
+
+        It drives by the law of its settings, the follower's own when they are None.
+        """
         self.settings = settings or FollowerSettings()
         self._line, self._tip_links, self._wires = line, tip_links, design.wires
         self._steering = Steering.of(design, self.settings)
-        self.memory = begin(np, 1, np.float64)
+        self.memory = self.settings.law().begin(np, 1, np.float64)
         """What it remembers."""
 
     def act(self, seen: Readings, arc: float, interval: float) -> Controls:

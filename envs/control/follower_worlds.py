@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 import jax.numpy as jnp
 
 from haustra.envs.control import follower
-from haustra.envs.control.follower import FollowerSettings, Memory, Steering
+from haustra.envs.control.follower import Steering
 from haustra.envs.sim.precision import precise
 from haustra.envs.sim.scope_values import Parameters
 from haustra.envs.sim.state import Controls, Readings
@@ -26,7 +26,8 @@ class WorldsFollower:
         InvalidOptionError: when it is to steer by wheels.
     """
 
-    settings: FollowerSettings
+    settings: Any
+    """Settings of any driver (`follower.Law`)."""
     tip_links: int
     """Links of the bending section, the last ones."""
 
@@ -34,14 +35,14 @@ class WorldsFollower:
         if self.settings.steer != "pulls":
             raise InvalidOptionError("Many worlds are steered by pulls; steering by wheels needs the native backend.")
 
-    def begin(self, worlds: int, kind: Any = jnp.float32) -> Memory:
+    def begin(self, worlds: int, kind: Any = jnp.float32) -> Any:
         """Memory of a follower that has seen nothing yet."""
-        return follower.begin(jnp, worlds, kind)
+        return self.settings.law().begin(jnp, worlds, kind)
 
     @precise
     def act(
-        self, parameters: Parameters, tables: Tables, seen: Readings, time: Array, memory: Memory, *, interval: float
-    ) -> tuple[Controls, Memory]:
+        self, parameters: Parameters, tables: Tables, seen: Readings, time: Array, memory: Any, *, interval: float
+    ) -> tuple[Controls, Any]:
         """Controls for the next `interval` [s].
 
         Args:

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -111,8 +111,8 @@ class Insertion:
     """Time that stepping and deciding took [s]."""
     attempts: int
     """Times that the driver had backed off since its last progress."""
-    settings: FollowerSettings
-    """How it was driven."""
+    settings: Any
+    """How it was driven: of the follower, or of another driver."""
     colon: Colon
     """As it lay at the end, as if nothing stood in its wall (`haustra.envs.runs.measure.surface.left_behind`)."""
     backend: str = "native"
@@ -127,18 +127,18 @@ def run_insertion(
     scene: Scene,
     *,
     seconds: float,
-    settings: FollowerSettings | None = None,
+    settings: Any = None,
     backend: Callable[[Scene], SingleBackend] = NativeEngine,
     progress: Progress | None = None,
 ) -> Insertion:
-    """Let the lumen follower drive the scope for up to `seconds` of simulated time.
+    """Let a driver, by default the lumen follower, drive the scope for up to `seconds` of simulated time.
 
     A diverged run ends at once; its last, unsound state is not recorded.
 
     Args:
         scene: colon, wall and scope.
         seconds: simulated time [s].
-        settings: of the follower.
+        settings: of the driver (`haustra.envs.control.follower.Law`).
         backend: what steps the scene.
         progress: told now and then how far it is.
 
@@ -172,7 +172,7 @@ class Driver(Protocol):
 def drive(
     backend: SingleBackend,
     driver: Driver,
-    settings: FollowerSettings,
+    settings: Any,
     *,
     until: float,
     arc: float,

@@ -5,14 +5,14 @@ Every rule is the function that other backends call: `haustra.envs.control.follo
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, final
 
 import numpy as np
 from jaxtyping import Float
 
-from haustra.envs.control.follower import FIRST_MEMORY, FollowerSettings, Memory, Sensed, Steering, rules, wheel_lead
+from haustra.envs.control.follower import Law, Sensed, Steering, wheel_lead
 from haustra.envs.runs.measure.containment import beside, furthest_ahead, stands_out
 from haustra.envs.runs.outcome import ESCAPE_DEPTH, ending
 from haustra.envs.runs.tally import Measured, Tally, counted
@@ -27,10 +27,6 @@ from haustra.models.wall.vectors import Vector, dot, minus
 
 STATION_STEP = 0.01
 """Distance between the stations at which it is seen whether a scope is outside [m]."""
-SETTINGS = tuple(field.name for field in fields(FollowerSettings) if field.name not in ("steer", "straighten"))
-"""Settings of the follower that are numbers of each world."""
-_MEMORY, _TALLY = len(SETTINGS), len(SETTINGS) + len(Memory._fields)
-_OUTSIDE = _TALLY + len(Tally._fields)
 _FAR = 1e3
 """Further out than any scope [m]."""
 
@@ -38,8 +34,10 @@ _FAR = 1e3
 @final
 @dataclass(frozen=True, kw_only=True)
 class InsertionProgram:
-    """The follower in a program. Each world has its settings, its memory, its scores, and how far it is outside."""
+    """A driver in a program. Each world has its settings, its memory, its scores, and how far it is outside."""
 
+    law: Law
+    """How it drives."""
     straighten: bool
     """`FollowerSettings.straighten`."""
     moves: bool
@@ -59,7 +57,19 @@ class InsertionProgram:
     @property
     def slots(self) -> int:
         """Settings, memory, scores, and how far it is outside."""
-        return _OUTSIDE + 1
+        return self._outside_slot + 1
+
+    @property
+    def _memory(self) -> int:
+        return len(self.law.numbers)
+
+    @property
+    def _tally(self) -> int:
+        return self._memory + len(self.law.first)
+
+    @property
+    def _outside_slot(self) -> int:
+        return self._tally + len(Tally._fields)
 
     @property
     def asks(self) -> int:
@@ -85,13 +95,13 @@ class InsertionProgram:
                 self._interval_of(scopes, numbers, room, going)
 
     def _ended(self, numbers: Lanes) -> Value:
-        return numbers.load(_TALLY + Tally._fields.index("ended"))
+        return numbers.load(self._tally + Tally._fields.index("ended"))
 
     def _interval_of(self, scopes: ScopeProgram, numbers: Lanes, room: Lanes, going: Value) -> None:
         xp = scopes.program.xp
-        memory = Memory(*(numbers.load(_MEMORY + slot) for slot in range(len(Memory._fields))))
+        memory = type(self.law.first)(*(numbers.load(self._memory + slot) for slot in range(len(self.law.first))))
         own = SimpleNamespace(straighten=self.straighten)
-        vars(own).update({name: numbers.load(slot) for slot, name in enumerate(SETTINGS)})
+        vars(own).update({name: numbers.load(slot) for slot, name in enumerate(self.law.numbers)})
         sensed, scale = self._sense(scopes, own.look_ahead), scopes.world("tip_bending")
         steering = Steering(
             pull_per_angle=scopes.scope("pull_per_angle") * scale,
@@ -99,7 +109,7 @@ class InsertionProgram:
             bend_limit=xp.minimum(scopes.scope("bend_limit"), own.steer_limit_deg * (np.pi / 180)),
             lead=own.steer_lead + self._wheel_lead(scopes),
         )
-        decision, kept = rules(xp, own, steering, sensed, memory, interval=self.interval)
+        decision, kept = self.law.rules(xp, own, steering, sensed, memory, interval=self.interval)
         asked = {"push_rate": decision.push_rate, "roll_rate": decision.roll_rate}
         wires = self._travel(scopes, kept) if self.wheels else decision.pulls
         for name, value in (asked | dict(zip(WIRE_NAMES, wires, strict=True))).items():
@@ -108,14 +118,14 @@ class InsertionProgram:
         scopes.observe()
         still = going & (scopes.world("alive") > 0)
         for slot, (new, old) in enumerate(zip(kept, memory, strict=True)):
-            numbers.store(_MEMORY + slot, xp.where(still, new, old))
+            numbers.store(self._memory + slot, xp.where(still, new, old))
         self._score(scopes, numbers, room, still)
 
     def _wheel_lead(self, scopes: ScopeProgram) -> Any:
         names = "wire_slack", "wire_compliance", "pull_limit", "wire_radius"
         return wheel_lead(*map(scopes.scope, names)) if self.wheels else 0.0
 
-    def _travel(self, scopes: ScopeProgram, kept: Memory) -> tuple[Value, ...]:
+    def _travel(self, scopes: ScopeProgram, kept: Any) -> tuple[Value, ...]:
         """Wire that wheels have taken up for the bend that it steers for [m]."""
         up, left = (scopes.scope("wire_radius") * bend for bend in (kept.bend_up, kept.bend_left))
         return up, left, -up, -left
@@ -134,6 +144,7 @@ class InsertionProgram:
             roll=state.load(1),
             hand_lead=hand_lead(scopes),
             push_force=scopes.reading("push_force"),
+            torque=scopes.reading("torque"),
             wall_force=wall,
             tip_force=tip,
             bend=(up, left),
@@ -142,7 +153,7 @@ class InsertionProgram:
 
     def _score(self, scopes: ScopeProgram, numbers: Lanes, room: Lanes, still: Value) -> None:
         xp, arc, insertion = scopes.program.xp, tip_arc(scopes), inserted_length(scopes)
-        tally = Tally(*(numbers.load(_TALLY + slot) for slot in range(len(Tally._fields))))
+        tally = Tally(*(numbers.load(self._tally + slot) for slot in range(len(Tally._fields))))
         outside = self._outside(scopes, room, arc, insertion)
         modelled = scopes.scope("length")
         ended = ending(xp, outside=outside, arc=arc, length=scopes.length(), insertion=insertion, modelled=modelled)
@@ -150,8 +161,8 @@ class InsertionProgram:
         hand = scopes.reading("push_force"), scopes.reading("torque")
         measured = Measured(arc, insertion, *hand, wall, *largest_load(scopes), *self._largest_pain(scopes))
         for slot, (new, old) in enumerate(zip(counted(xp, tally, measured, ended), tally, strict=True)):
-            numbers.store(_TALLY + slot, xp.where(still, new, old))
-        numbers.store(_OUTSIDE, xp.where(still, outside, numbers.load(_OUTSIDE)))
+            numbers.store(self._tally + slot, xp.where(still, new, old))
+        numbers.store(self._outside_slot, xp.where(still, outside, numbers.load(self._outside_slot)))
 
     def _largest_pain(self, scopes: ScopeProgram) -> tuple[Value, Value]:
         """Largest tension of wall or mesentery over that which hurts [1], and arc length there [m]."""
@@ -241,25 +252,23 @@ class InsertionProgram:
 
     # What worlds are given, and what is kept of them.
 
-    @staticmethod
-    def numbers_of(settings: Sequence[FollowerSettings], start: Any) -> np.ndarray:
+    def numbers_of(self, settings: Sequence[Any], start: Any) -> np.ndarray:
         """Numbers of worlds that have not begun, whose tips start so deep [m]: one number, or one a world."""
         tally = [0.0] * len(Tally._fields)
-        rows = np.array([[*map(own.__getattribute__, SETTINGS), *FIRST_MEMORY, *tally, -_FAR] for own in settings])
-        rows[:, _TALLY] = start
+        rows = np.array(
+            [[*map(own.__getattribute__, self.law.numbers), *self.law.first, *tally, -_FAR] for own in settings]
+        )
+        rows[:, self._tally] = start
         return rows
 
-    @staticmethod
-    def tally_of(numbers: Float[np.ndarray, "*worlds slots"]) -> Tally:
+    def tally_of(self, numbers: Float[np.ndarray, "*worlds slots"]) -> Tally:
         """Scores of each world."""
-        return Tally(*numbers[..., _TALLY:_OUTSIDE].T)
+        return Tally(*numbers[..., self._tally : self._outside_slot].T)
 
-    @staticmethod
-    def memory_of(numbers: Float[np.ndarray, "worlds slots"]) -> Memory:
+    def memory_of(self, numbers: Float[np.ndarray, "worlds slots"]) -> Any:
         """Each world's memory."""
-        return Memory(*numbers[:, _MEMORY:_TALLY].T)
+        return type(self.law.first)(*numbers[:, self._memory : self._tally].T)
 
-    @staticmethod
-    def outside_of(numbers: Float[np.ndarray, "worlds slots"]) -> Float[np.ndarray, " worlds"]:
+    def outside_of(self, numbers: Float[np.ndarray, "worlds slots"]) -> Float[np.ndarray, " worlds"]:
         """How far each scope stood outside the lumen at last [m]."""
-        return numbers[:, _OUTSIDE]
+        return numbers[:, self._outside_slot]

@@ -1,6 +1,7 @@
 """One insertion in linear time: the follower and the scope step within one program, and each decision leaves a row."""
 
 import time
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,7 @@ def run_linear_insertion(
     scene: Scene,
     *,
     seconds: float,
-    settings: FollowerSettings | None = None,
+    settings: Any = None,
     progress: Progress | None = None,
 ) -> Insertion:
     """`haustra.envs.runs.insertion.run_insertion` on the backend 'linear'.
@@ -45,8 +46,8 @@ def run_linear_insertion(
         abdomen=scene.options.abdomen,
     )
     tables = stack([table.seen_from(*entry_of(scene.colon))])
-    backend = _backend(scene, tables, settings)
-    interval = _program(scene, tables, settings).interval
+    program = _program(scene, tables, settings)
+    backend, interval = _backend(scene, tables, settings, program), program.interval
     rows: list[Row] = []
     healthy, ended = True, 0
     began = time.perf_counter()
@@ -57,15 +58,15 @@ def run_linear_insertion(
         if not healthy:
             break
         rows.append(row)
-        tally = InsertionProgram.tally_of(row.driver)
+        tally = program.tally_of(row.driver)
         ended = int(tally.ended)
         if progress and count % 25 == 24:
             progress((count + 1) * interval, float(tally.tip_arc_max))
         if ended:
             break
-    recorded = _trajectory(backend, backend.rows(rows)) if rows else _nothing(backend)
+    recorded = _trajectory(backend, program, backend.rows(rows)) if rows else _nothing(backend, program)
     now = backend.rows()
-    attempts = int(InsertionProgram.memory_of(now.driver).attempts[0])
+    attempts = int(program.memory_of(now.driver).attempts[0])
     return Insertion(
         outcome=outcome_of(ended, healthy=bool(healthy), attempts=attempts),
         trajectory=recorded,
@@ -80,9 +81,10 @@ def run_linear_insertion(
     )
 
 
-def _program(scene: Scene, tables: Tables, settings: FollowerSettings) -> InsertionProgram:
+def _program(scene: Scene, tables: Tables, settings: Any) -> InsertionProgram:
     steps = max(1, round(CONTROL_INTERVAL / scene.options.timestep))
     return InsertionProgram(
+        law=settings.law(),
         straighten=settings.straighten,
         wheels=settings.steer == "wheels",
         moves=scene.options.mesentery,
@@ -93,17 +95,16 @@ def _program(scene: Scene, tables: Tables, settings: FollowerSettings) -> Insert
     )
 
 
-def _backend(scene: Scene, tables: Tables, settings: FollowerSettings) -> LinearSingle:
-    program = _program(scene, tables, settings)
+def _backend(scene: Scene, tables: Tables, settings: Any, program: InsertionProgram) -> LinearSingle:
     width = station_widths(tables, [scene.colon])
     backend = LinearSingle(scene, driver=program, tables=tables, width=width, wheels=program.wheels)
-    backend.many.tell_driver(0, InsertionProgram.numbers_of([settings], scene.options.start_depth))
+    backend.many.tell_driver(0, program.numbers_of([settings], scene.options.start_depth))
     return backend
 
 
-def _trajectory(backend: LinearSingle, rows: Row) -> Trajectory:
+def _trajectory(backend: LinearSingle, program: InsertionProgram, rows: Row) -> Trajectory:
     """Everything that rows hold."""
-    scene, seen, memory = backend.scene, backend.readings(rows), InsertionProgram.memory_of(rows.driver)
+    scene, seen, memory = backend.scene, backend.readings(rows), program.memory_of(rows.driver)
     worst = seen.link_forces.argmax(axis=1)
     normals = backend.many.normals(rows.state)
     begun = np.concatenate([[scene.options.start_depth], seen.insertion[:-1]])
@@ -124,7 +125,7 @@ def _trajectory(backend: LinearSingle, rows: Row) -> Trajectory:
         contacts=(normals > 0).sum(axis=1).astype(float),
         scope_energy=backend.bending_energy(rows),
         wall_energy=backend.wall_energy(rows),
-        outside=InsertionProgram.outside_of(rows.driver),
+        outside=program.outside_of(rows.driver),
         asked_up=memory.bend_up,
         asked_left=memory.bend_left,
         bend_up=seen.bend[:, 0],
@@ -139,7 +140,7 @@ def _trajectory(backend: LinearSingle, rows: Row) -> Trajectory:
     )
 
 
-def _nothing(backend: LinearSingle) -> Trajectory:
+def _nothing(backend: LinearSingle, program: InsertionProgram) -> Trajectory:
     """Trajectory without records, of a run that diverged at once."""
-    one = _trajectory(backend, backend.rows())
+    one = _trajectory(backend, program, backend.rows())
     return Trajectory(**{name: values[:0] for name, values in vars(one).items()})

@@ -6,7 +6,6 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float, Int
 
-from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.insertion_program import InsertionProgram
 from haustra.envs.runs.measure.containment import lumen_widths
@@ -33,7 +32,7 @@ class LinearInsertions:
         colons: Sequence[Colon],
         *,
         worlds: int,
-        settings: FollowerSettings | Sequence[FollowerSettings],
+        settings: Any,
         threads: int = 1,
         device: Literal["cpu", "cuda"] = "cpu",
         real: type = np.float32,
@@ -46,7 +45,8 @@ class LinearInsertions:
             tables: the colons, seen from their entries and stacked.
             colons: the same colons.
             worlds: how many.
-            settings: of the follower, or of each world's, which all straighten or do not, and all steer alike.
+            settings: of the driver, or a sequence of each world's, which all are of one kind, straighten or do not, and
+                steer alike.
             threads: of a CPU.
             device: threads of the CPU, or the first NVIDIA GPU.
             real: precision.
@@ -57,15 +57,16 @@ class LinearInsertions:
             InvalidOptionError: when followers are too unlike for one batch, or designs do not fit.
             UnsupportedSceneError: when the scene has what this backend cannot honour.
         """
-        each = [settings] * worlds if isinstance(settings, FollowerSettings) else list(settings)
-        if len({(one.straighten, one.steer) for one in each}) > 1:
+        each = list(settings) if isinstance(settings, Sequence) else [settings] * worlds
+        if len({(type(one), one.straighten, one.steer) for one in each}) > 1:
             raise InvalidOptionError(
-                "Followers of one batch all straighten, or none does, and steer alike: make two batches."
+                "Drivers of one batch are of one kind, all straighten, or none does, and steer alike: make two batches."
             )
         self._settings, self._start = each, scene.options.start_depth if scopes is None else scopes.start
         self._steps = max(1, round(CONTROL_INTERVAL / scene.options.timestep))
         self.interval = self._steps * scene.options.timestep
-        program = InsertionProgram(
+        self.program = program = InsertionProgram(
+            law=each[0].law(),
             straighten=each[0].straighten,
             wheels=each[0].steer == "wheels",
             moves=tables.mesentery is not None,
@@ -94,23 +95,38 @@ class LinearInsertions:
         backend.reset(worlds, case, conditions)
         for name, values in (given or {}).items():
             backend.load(values) if name == "gravity" else backend.give(name, values)
-        backend.tell_driver(0, InsertionProgram.numbers_of(self._settings, self._start))
+        backend.tell_driver(0, self.program.numbers_of(self._settings, self._start))
 
-    def run(self, *, seconds: float, progress: Callable[[float], None] = lambda time: None) -> Insertions:
-        """Drive all worlds for up to `seconds` of simulated time; `progress` is told the time [s]."""
+    def run(
+        self,
+        *,
+        seconds: float,
+        progress: Callable[[float], None] = lambda time: None,
+        watch: Callable[[], None] = lambda: None,
+        every: int = _CHUNK,
+    ) -> Insertions:
+        """Drive all worlds for up to `seconds` of simulated time.
+
+        Args:
+            seconds: [s].
+            progress: told the time now and then [s].
+            watch: called after every `every` control intervals.
+            every: control intervals that are driven in one call.
+        """
         intervals = round(seconds / self.interval)
-        for first in range(0, intervals, _CHUNK):
-            count = min(_CHUNK, intervals - first)
+        for first in range(0, intervals, every):
+            count = min(every, intervals - first)
             self.backend.drive(count)
+            watch()
             progress((first + count) * self.interval)
-            tally = InsertionProgram.tally_of(self.backend.driver_numbers())
+            tally = self.program.tally_of(self.backend.driver_numbers())
             if ((tally.ended > 0) | ~self.backend.alive).all():
                 break
         seen, numbers = self.backend.read(), self.backend.driver_numbers()
         return Insertions.of(
-            InsertionProgram.tally_of(numbers),
+            self.program.tally_of(numbers),
             healthy=self.backend.alive,
-            attempts=InsertionProgram.memory_of(numbers).attempts,
+            attempts=self.program.memory_of(numbers).attempts,
             simulated=seen.time,
             insertion=seen.insertion,
         )

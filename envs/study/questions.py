@@ -48,6 +48,7 @@ _QUESTIONS = {
     "propulsion": "haustra.envs.study.propulsion:QUESTION",
     "scope": "haustra.envs.study.scope:QUESTION",
     "device": "haustra.envs.study.device:QUESTION",
+    "cohort": "haustra.envs.study.cohort:QUESTION",
     "compare": "haustra.envs.study.compare:QUESTION",
 }
 _BACKENDS = {
@@ -58,6 +59,8 @@ _BACKENDS = {
     ("scope", "linear-gpu"): "haustra.envs.study.scope_linear:LINEAR_GPU",
     ("device", "native"): "haustra.envs.study.device:NATIVE",
     ("device", "warp"): "haustra.envs.study.device:WARP",
+    ("cohort", "linear"): "haustra.envs.study.cohort_batch:LINEAR",
+    ("cohort", "linear-gpu"): "haustra.envs.study.cohort_batch:LINEAR_GPU",
     ("compare", "native"): "haustra.envs.study.compare:NATIVE",
     ("scope", "warp"): "haustra.envs.study.scope_warp:WARP",
 }

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Literal, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 
-from haustra.envs.control.follower import FollowerSettings
+from haustra.envs.control.laws import driver_settings
 from haustra.envs.runs.insertion import Insertion, Trajectory, run_insertion
 from haustra.envs.runs.measure.scores import score
 from haustra.envs.runs.outcome import Outcome
@@ -91,6 +91,8 @@ class ScopeStudyOptions:
     """How finely a scene is modelled, which costs time."""
     mesentery: bool = False
     """Let colons move on their mesentery."""
+    driver: str = choice("follower", "endoscopist", default="follower")
+    """Who drives; what an endoscopist asks of an assistant is left undone."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,8 @@ class Setup:
 
     design: ScopeDesign
     options: SceneOptions
-    driver: FollowerSettings
+    driver: Any
+    """Settings of the driver."""
 
 
 def build_setup(study: Study, variables: Mapping[str, float], conditions: Mapping[str, Value]) -> Setup:
@@ -107,7 +110,7 @@ def build_setup(study: Study, variables: Mapping[str, float], conditions: Mappin
 
     Paths: `design.*` are fields of `ScopeDesign` (`design.shaft.*.flexural_rigidity`: every section of the shaft);
     `scaled.diameter` sets the diameter and takes the wires' radius along, and mass with its square; `scene.*` are
-    fields of `SceneOptions`, `driver.*` of `FollowerSettings`; `condition.friction` replaces the condition.
+    fields of `SceneOptions`, `driver.*` of the driver's settings; `condition.friction` replaces the condition.
 
     Raises:
         InvalidDesignError: when the design is impossible.
@@ -138,7 +141,7 @@ def build_setup(study: Study, variables: Mapping[str, float], conditions: Mappin
     moves = bool(study.options["mesentery"])
     if moves:
         options = replace(options, wall_law="table", mesentery=True)
-    usual = FollowerSettings(straighten=moves)
+    usual = driver_settings(str(study.options["driver"]), moves=moves)
     design = find_design("adult" if study.base == "default" else study.base)
     if diameter is not None:
         design = _with_diameter(design, diameter)

@@ -10,7 +10,6 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.runs.measure.injury import perforation_scores
 from haustra.envs.runs.outcome import Outcome
 from haustra.envs.runs.tally import Insertions
@@ -46,7 +45,7 @@ class World:
     chain: ScopeChain
     scope: Scope
     scene: Scene
-    driver: FollowerSettings
+    driver: Any
 
     @property
     def colon(self) -> str:

@@ -42,7 +42,8 @@ def _start_gpu(study: Study, folder: Path) -> Runner:
 
 def _can_share(one: World, first: World) -> bool:
     alike = one.scene.options.timestep == first.scene.options.timestep
-    return alike and one.driver.straighten == first.driver.straighten and one.chain.same_structure(first.chain)
+    drivers = [(type(world.driver), world.driver.straighten) for world in (one, first)]
+    return alike and drivers[0] == drivers[1] and one.chain.same_structure(first.chain)
 
 
 def _answer(

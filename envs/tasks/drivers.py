@@ -1,12 +1,13 @@
 """Who drives when no policy does: chance, a constant push, and the lumen follower."""
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from haustra.envs.control import follower
-from haustra.envs.control.follower import FollowerSettings, Memory, Steering
+from haustra.envs.control.follower import Steering
+from haustra.envs.control.laws import driver_settings
 from haustra.envs.tasks.actions import ACTIONS
 from haustra.envs.tasks.observation import Observation as Parts
 from haustra.envs.tasks.scope_task import ScopeTask
@@ -60,20 +61,23 @@ class PushDriver:
 
 
 class FollowerDriver:
-    """The lumen follower of `haustra.envs.control.follower`: it knows the centreline and all wall forces."""
+    """The lumen follower of `haustra.envs.control.follower`, or another driver that is a law.
 
-    def __init__(self, task: ScopeTask, *, settings: FollowerSettings | None = None) -> None:
+    What an endoscopist asks of an assistant is left undone.
+    """
+
+    def __init__(self, task: ScopeTask, *, law: str = "follower", settings: Any = None) -> None:
         """Drive the worlds of a task, whichever backend steps them."""
         self._task = task
-        self._settings = settings or FollowerSettings(straighten=task.config.mesentery)
+        self._settings = settings or driver_settings(law, moves=task.config.mesentery)
         self._steering = Steering.of(task.bank.design, self._settings)
         self._tip_links = task.bank.scene.cable.tip_links
-        self._fresh = self._memory = follower.begin(np, task.worlds, np.float64)
+        self._fresh = self._memory = self._settings.law().begin(np, task.worlds, np.float64)
 
     def begin(self, worlds: Bool[np.ndarray, " worlds"]) -> None:
         """New colons, new followers."""
         pairs = zip(self._fresh, self._memory, strict=True)
-        self._memory = Memory(*(np.where(worlds, new, old) for new, old in pairs))
+        self._memory = type(self._fresh)(*(np.where(worlds, new, old) for new, old in pairs))
 
     def act(self, seen: Parts) -> Float[np.ndarray, "worlds 4"]:
         """What each follower asks for, as actions."""

@@ -4,6 +4,7 @@ Axes as in DICOM patient coordinates: x to the patient's left, y to the back, z 
 """
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -61,6 +62,13 @@ TRIES = 4
 """Times the sway is corrected towards the flexures that are asked for."""
 NEAR_ENOUGH = 0.75
 """Flexures more or fewer that are taken."""
+Places: TypeAlias = tuple[tuple[float, float, float], ...]
+SIGMOID_COURSES: dict[str, Places] = {
+    "coiled": ((-0.035, 0.000, 0.125), (-0.045, -0.050, 0.115), (0.010, -0.070, 0.085), (0.065, -0.050, 0.105)),
+    "omega": ((-0.020, 0.000, 0.140), (-0.005, -0.040, 0.185), (0.045, -0.055, 0.190), (0.090, -0.030, 0.160)),
+}
+"""Usual places of four points of the sigmoid [m]: coiled over the rectum, which it crosses as seen from the front in
+most colons, or in one bow up from the rectum and down to the left, crossing it in a quarter; engineering choices."""
 EXACT = 9
 """Decimals of a metre to which the draft is rounded. The relaxation only adds, multiplies, divides and takes roots,
 which every machine does alike; sines and splines before it may differ in their last bits."""
@@ -103,14 +111,14 @@ def draw_sway(rng: np.random.Generator) -> Sway:
     )
 
 
-def lay_course(recipe: ColonRecipe, rng: np.random.Generator) -> Course:
+def lay_course(recipe: ColonRecipe, rng: np.random.Generator, *, sigmoid: str = "coiled") -> Course:
     """Lay the axis with about as many flexures as the recipe asks, or as near to it as its length and room allow."""
     sway = draw_sway(rng)
     strength = SWAY + SWAY_PER_FLEXURE * (recipe.flexures / recipe.length - PLAIN)
     courses: list[Course] = []
     for _ in range(TRIES):
         strength = float(np.clip(strength, *SWAY_LIMITS))
-        courses.append(_lay(recipe, sway, strength))
+        courses.append(_lay(recipe, sway, strength, SIGMOID_COURSES[sigmoid]))
         missing = recipe.flexures - courses[-1].flexures
         if abs(missing) <= NEAR_ENOUGH and is_free(courses[-1], recipe):
             break
@@ -118,14 +126,14 @@ def lay_course(recipe: ColonRecipe, rng: np.random.Generator) -> Course:
     return min(courses, key=lambda course: (not is_free(course, recipe), abs(recipe.flexures - course.flexures)))
 
 
-def lay_free_course(recipe: ColonRecipe, rng: np.random.Generator) -> Course:
+def lay_free_course(recipe: ColonRecipe, rng: np.random.Generator, *, sigmoid: str = "coiled") -> Course:
     """Lay courses until one has room between its loops and bends wide enough.
 
     Raises:
         InvalidMeshError: when none of `ATTEMPTS` has.
     """
     for _ in range(ATTEMPTS):
-        course = lay_course(recipe, rng)
+        course = lay_course(recipe, rng, sigmoid=sigmoid)
         if is_free(course, recipe):
             return course
     raise InvalidMeshError(f"No course without self-contact was found in {ATTEMPTS} attempts: take another seed.")
@@ -137,12 +145,12 @@ def is_free(course: Course, recipe: ColonRecipe) -> bool:
     return bool(roomy and course.radius_of_curvature >= ENOUGH_ROOM * recipe.flexure_radius)
 
 
-def _lay(recipe: ColonRecipe, sway: Sway, strength: float) -> Course:
+def _lay(recipe: ColonRecipe, sway: Sway, strength: float, sigmoid: Places) -> Course:
     """An anatomical draft, relaxed until it has its length, its bends and its room."""
     links = round(recipe.length / LINK)
     arc = np.linspace(0.0, recipe.length, links + 1)
     outer = np.round(BULGE * radius_along(recipe, arc), EXACT)
-    draft = smooth(_draft(recipe, sway, arc, strength), DRAFT_SMOOTHING / LINK)
+    draft = smooth(_draft(recipe, sway, arc, strength, sigmoid), DRAFT_SMOOTHING / LINK)
     home = np.round(draft + strength * _swaying(sway, arc), EXACT)
     points = resample(_relax(home, recipe, outer), LINK)
     points = points * (recipe.length / arc_length(points)[-1])  # wide bends leave the chain 1 to 2 % short
@@ -181,7 +189,7 @@ def _across(outer: Float[np.ndarray, " points"]) -> Bool[np.ndarray, "points poi
 
 
 def _draft(
-    recipe: ColonRecipe, sway: Sway, arc: Float[np.ndarray, " points"], strength: float
+    recipe: ColonRecipe, sway: Sway, arc: Float[np.ndarray, " points"], strength: float, sigmoid: Places
 ) -> Float[np.ndarray, "points 3"]:
     """Anatomical places along the colon, each segment stretched or folded to its length less what its sway takes."""
     left, right = 0.115, -0.110
@@ -190,7 +198,6 @@ def _draft(
     hepatic = np.array([-0.095, 0.010, splenic[2] - 0.045])
     foot = np.array([right, 0.015, hepatic[2] - 0.97 * recipe.lengths["ascending"]])
     rectal = [(0, 0.055, 0), (0, 0.072, 0.040), (0, 0.062, 0.080), (0, 0.030, 0.112)]
-    sigmoid = [(-0.035, 0.000, 0.125), (-0.045, -0.050, 0.115), (0.010, -0.070, 0.085), (0.065, -0.050, 0.105)]
     descending = [(left + 0.008, 0.035, junction[2] + share * (splenic[2] - junction[2])) for share in (0.3, 0.65)]
     transverse = [(0.075, -0.040, splenic[2] - 0.045), (0.030, -0.075, 0), (-0.030, -0.080, 0), (-0.075, -0.050, 0)]
     ascending = [(right - 0.005, 0.030, hepatic[2] + share * (foot[2] - hepatic[2])) for share in (0.35, 0.7)]

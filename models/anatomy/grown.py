@@ -7,7 +7,7 @@ import numpy as np
 
 from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import Centreline, Colon, Surface
-from haustra.models.anatomy.course import lay_free_course
+from haustra.models.anatomy.course import SIGMOID_COURSES, lay_free_course
 from haustra.models.anatomy.frames import centreline_through
 from haustra.models.anatomy.haustration import haustral_radius
 from haustra.models.anatomy.landmarks import BORDERS, SEGMENTS, segments_between
@@ -43,6 +43,7 @@ def grow_colon(
     difficulty: str = "any",
     lesions: Sequence[LesionOrder] = (),
     pressure: float | None = None,
+    sigmoid: str = "coiled",
     progress: Callable[[str], None] = lambda stage: None,
 ) -> Colon:
     """Grow an adult, insufflated colon: the same one for the same seed and options, on any machine.
@@ -58,6 +59,7 @@ def grow_colon(
         lesions: Strictures, diverticula and polyps to put in.
         pressure: Gas pressure at which its diameters are those of the pressure-volume law [Pa]; the set point of CT
             colonography when None. Its course is laid for those diameters.
+        sigmoid: How the sigmoid lies: coiled over the rectum, or in one bow, omega.
         progress: Called with the name of each stage as it begins.
 
     Raises:
@@ -66,11 +68,13 @@ def grow_colon(
     """
     if not 0 <= seed < 2**63:
         raise InvalidOptionError(f"Seed {seed} must be from 0 to 2^63.")
+    if sigmoid not in SIGMOID_COURSES:
+        raise InvalidOptionError(f"Sigmoid '{sigmoid}' is not known. Known: {', '.join(SIGMOID_COURSES)}.")
     streams = [np.random.Generator(np.random.PCG64(child)) for child in np.random.SeedSequence(seed).spawn(5)]
     person = draw_person(streams[0], cohort=cohort, sex=sex, difficulty=difficulty)
     recipe = _opened(draw_recipe(streams[1], person), pressure)
     progress("laying the course")
-    course = lay_free_course(recipe, streams[2])
+    course = lay_free_course(recipe, streams[2], sigmoid=sigmoid)
     progress("raising haustra and folds")
     rings = centreline_through(course.points, RING_STEP)
     scale = recipe.length / rings.length  # the chain keeps its length to a fraction of a per cent
@@ -103,6 +107,7 @@ def grow_colon(
                 "lesions": [asdict(order) for order in lesions],
                 "recipe": recipe.to_json(),
                 **({} if pressure is None else {"pressure": pressure}),
+                **({} if sigmoid == "coiled" else {"sigmoid": sigmoid}),
             },
         ),
         landmarks=places,

@@ -5,7 +5,7 @@ That surface is tabulated over arc length and angle around the centreline, with 
 few dozen operations and no search, has no seams, and is the same code in numpy and in JAX, where it is differentiable.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from io import BytesIO
 from pathlib import Path
@@ -191,7 +191,7 @@ def lumen_table(
         keep(path, buffer.getvalue())
     tables = _tables(points, frames, kept["wall"].astype(float), step, device_radius)
     if with_mesentery:
-        tables = _hung(tables, colon, abdomen)
+        tables = on_mesentery(tables, colon, abdomen)
     p50, p95, mean, normal, probes = kept["error"].tolist()
     error = TableAccuracy(p50, p95, mean, normal, int(probes))
     return LumenTable(tables, device_radius, error, tuple(kept["narrow"].tolist()))
@@ -282,16 +282,25 @@ def table_between(first: Tables, last: Tables, device_radius: float) -> Tables:
 def axis_tables(colon: Colon, abdomen: Abdomen | None = None) -> Tables:
     """Tables of a colon that moves, of its axis only: no wall is tabulated, to be looked up in."""
     points, frames, step = _stations(colon)
-    return _hung(_tables(points, frames, np.zeros((0, 1, 4)), step, 0.0), colon, abdomen)
+    return on_mesentery(_tables(points, frames, np.zeros((0, 1, 4)), step, 0.0), colon, abdomen)
 
 
-def _hung(tables: Tables, colon: Colon, abdomen: Abdomen | None) -> Tables:
-    """With the colon's mesentery."""
+def on_mesentery(
+    tables: Tables, colon: Colon, abdomen: Abdomen | None = None, *, changed: Mapping[str, float] | None = None
+) -> Tables:
+    """Tables of a colon with its mesentery.
+
+    Args:
+        tables: of the colon, in its own coordinates.
+        colon: the colon.
+        abdomen: what it lies in; as it was imaged when None.
+        changed: numbers to take instead of those of assets/numbers/mesentery.toml, by their names there.
+    """
     arcs = tables.step * np.arange(len(tables.points))
     line, middle = colon.centreline.arc, np.median(colon.radius, axis=1)
     widest = np.minimum(colon.radius, _ALONG * middle[:, None]).max(axis=1)
     width, widest = np.interp(arcs, line, middle), np.interp(arcs, line, widest)
-    hung = mesentery.hang(tables.points, arcs, width, colon.segments, widest=widest, abdomen=abdomen)
+    hung = mesentery.hang(tables.points, arcs, width, colon.segments, widest=widest, abdomen=abdomen, changed=changed)
     return tables._replace(mesentery=hung)
 
 

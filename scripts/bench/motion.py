@@ -9,6 +9,7 @@ import numpy as np
 from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.runs.linear_insertion import run_linear_insertion
 from haustra.envs.runs.measure.scores import score
+from haustra.envs.runs.measure.surface import left_behind
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.store import load_colon
@@ -20,6 +21,8 @@ from haustra.provenance import Provenance
 FIRST_SEED = 300_000
 """First seed of the grown colons, which nothing was trained on."""
 DESIGN = "adult"
+JUDGED_EVERY = 1.0
+"""Time between two surfaces that are judged [s]."""
 PLAIN = "as imaged"
 AROUND: Mapping[str, Abdomen] = {
     PLAIN: Abdomen(),
@@ -38,7 +41,14 @@ COMPARED = {
     "pain_peak": ("largest pain [1]", 2),
 }
 """Scores that are compared, with their words and decimals."""
-_KEPT = (*COMPARED, "outcome", "p_perforation", "turned_over_share", "outside_surface_mm", "colon_moved_peak_mm")
+_KEPT = (
+    *COMPARED,
+    "outcome",
+    "p_perforation",
+    "turned_over_max_share",
+    "outside_surface_max_mm",
+    "colon_moved_peak_mm",
+)
 
 
 def bench_motion(
@@ -71,7 +81,8 @@ def _run(colon: Colon, around: Abdomen, seconds: float) -> dict[str, Any]:
     options = SceneOptions(wall_law="table", mesentery=True, abdomen=around)
     scene = build_scene(colon, None, named_design(DESIGN), options, show_lumen=False)
     run = run_linear_insertion(scene, seconds=seconds, settings=FollowerSettings(straighten=True))
-    found = score(scene, run, Provenance(inputs={}, configuration={}))
+    left = left_behind(scene, run, records=1 + int(run.trajectory.time[-1] / JUDGED_EVERY))
+    found = score(scene, run, Provenance(inputs={}, configuration={}), left=left)
     return {name: found[name] for name in _KEPT}
 
 
@@ -80,8 +91,8 @@ def soundness(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     escaped = [row for row in rows if row["outcome"] == "escaped"]
     return {
         "runs": len(rows),
-        "turned_over_max_share": max(row["turned_over_share"] for row in rows),
-        "outside_surface_max_mm": max(row["outside_surface_mm"] for row in rows),
+        "turned_over_max_share": max(row["turned_over_max_share"] for row in rows),
+        "outside_surface_max_mm": max(row["outside_surface_max_mm"] for row in rows),
         "escaped": len(escaped),
         "escaped_unsaid": sum(row["p_perforation"] < 1 for row in escaped),
         "diverged": sum(row["outcome"] == "diverged" for row in rows),

@@ -153,7 +153,7 @@ class Problem:
     def _drive(self, decisions: int) -> tuple[list[Controls], Float[np.ndarray, " worlds"]]:
         scene, backend, script = self.bank.scene, self.plain, []
         settings = FollowerSettings(straighten=scene.options.mesentery)
-        steering, memory = Steering.of(scene.design, settings), follower.begin(np, self.worlds, np.float64)
+        steering, memory = Steering.of(scene.design, settings), settings.law().begin(np, self.worlds, np.float64)
         backend.reset(np.arange(self.worlds), self.case, self.conditions)
         for _ in range(decisions):
             seen, ahead = backend.read(), backend.way_ahead(np.array([settings.look_ahead]))[:, 0]

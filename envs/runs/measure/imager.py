@@ -123,7 +123,7 @@ def _loops(time: np.ndarray, coils: np.ndarray, behind: np.ndarray, insertion: n
     lasting, turns = dict.fromkeys((kind.value for kind in _NAMED), 0.0), 0.0
     moments = np.unique(np.searchsorted(time, np.arange(float(time[0]), float(time[-1]), _EVERY)))
     for moment in moments:
-        inside = np.arange(insertion[moment], 0.0, -_BETWEEN)
+        inside = np.arange(float(insertion[moment]), 0.0, -_BETWEEN)
         if len(inside) < 4:
             continue
         shape = CubicSpline(behind, coils[moment])(inside)

@@ -6,12 +6,12 @@ Loops are those that the push made: forms that the colon had at rest already do 
 
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.runs.insertion import Insertion
 from haustra.envs.runs.measure.loops import Loop, LoopKind, Rest, find_loops, writhe
+from haustra.envs.runs.measure.recorded import RecordedRun
 from haustra.models.scene import Scene
 
 FRONT_TO_BACK = np.array([0.0, 1.0, 0.0])
@@ -53,13 +53,13 @@ def looping(scene: Scene, run: Insertion) -> Looping:
     interval = float(seen.time[1] - seen.time[0]) if len(seen.time) > 1 else _EVERY
     stride = max(1, round(_EVERY / interval))
     records = range(len(seen.time) - 1, -1, -stride)[::-1]
-    shapes = _Shapes(scene)
+    recorded = RecordedRun(scene, seen)
     turns, lasting, loops = 0.0, dict.fromkeys((kind.value for kind in LoopKind), 0.0), ()
     for record in records:
-        insertion, tip_arc = float(seen.insertion[record]), float(seen.tip_arc[record])
-        inside, regions, rest = shapes.inside(seen.qpos[record], insertion, tip_arc)
+        inside = recorded.path(record)
         if len(inside) < 4:
             continue
+        regions, rest = _beside(scene, inside, float(seen.insertion[record]), float(seen.tip_arc[record]))
         turns = max(turns, abs(writhe(inside)))
         loops = find_loops(inside, view=FRONT_TO_BACK, regions=regions, down=DOWN, rest=rest)
         for kind in {loop.kind for loop in loops}:
@@ -87,29 +87,14 @@ def shortening(
     return most
 
 
-class _Shapes:
-    """The scope inside the patient at recorded positions."""
-
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
-        self.model = scene.compile()
-        self.data = mujoco.MjData(self.model)
-        self.links = [self.model.body(name).id for name in scene.cable.links]
-        self.tip = self.model.site("scope/tip").id
-
-    def inside(
-        self, qpos: Float[np.ndarray, " q"], insertion: float, tip_arc: float
-    ) -> tuple[Float[np.ndarray, "nodes 3"], dict[str, tuple[float, float]], Rest]:
-        """Points from anus to tip, where segments lie along them, and the colon at rest; excess spread evenly."""
-        self.data.qpos[:] = qpos
-        mujoco.mj_kinematics(self.model, self.data)
-        points = np.vstack([self.data.xpos[self.links], self.data.site_xpos[self.tip]])
-        points = points[self.scene.cable.node_distances < insertion]
-        stretch = insertion / max(tip_arc, 1e-6)
-        skipped = insertion - self.scene.cable.node_distances[-len(points)] if len(points) else 0.0
-        regions = {
-            segment.name: (segment.start * stretch - skipped, segment.end * stretch - skipped)
-            for segment in self.scene.colon.segments
-        }
-        line, behind = self.scene.colon.centreline, self.scene.cable.node_distances[-len(points) :]
-        return points, regions, Rest(line.points, line.arc, (insertion - behind) / stretch)
+def _beside(
+    scene: Scene, inside: Float[np.ndarray, "nodes 3"], insertion: float, tip_arc: float
+) -> tuple[dict[str, tuple[float, float]], Rest]:
+    """Where segments lie along a scope inside, and the colon at rest beside it; excess spread evenly."""
+    line, behind = scene.colon.centreline, scene.cable.node_distances[-len(inside) :]
+    stretch, skipped = insertion / max(tip_arc, 1e-6), insertion - behind[0]
+    regions = {
+        segment.name: (segment.start * stretch - skipped, segment.end * stretch - skipped)
+        for segment in scene.colon.segments
+    }
+    return regions, Rest(line.points, line.arc, (insertion - behind) / stretch)

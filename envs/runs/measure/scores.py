@@ -36,8 +36,8 @@ def score(
     `loop_excess_m` is the scope inside less the colon passed, `loop_writhe_peak_turns` how much the scope coiled:
     neither needs axes. `loop_N_s` and so on say how long a loop of that name was there, seen along y, which is assumed
     to run from front to back. `pull_back_shortening_m` is the most scope that was pulled back while the tip stayed.
-    `outside_surface_mm` is how far the scope's axis stands outside the surface that is saved, indented by it, at the
-    end, and `turned_over_share` which share of its triangles has turned over.
+    `outside_surface_max_mm` is how far the scope's axis stood outside the colon's surface, moved and indented by it, at
+    the worst of `surface_records` instants, and `turned_over_max_share` which share of its triangles had turned over.
     `colon_moved_peak_mm` is how far a colon on its mesentery was moved at most.
     `wall_force_sum_mean_N` is the mean of all normal forces together, which does not depend on how long links are.
     `p_perforation`, `bleeding_*` and `pain_*` are those of `haustra.envs.runs.measure.injury.injury_scores`.
@@ -96,8 +96,9 @@ def score(
         ),
         "steering_gap_mean_deg": _steering_gap(recorded),
         "outside_max_mm": float(recorded.outside.max()) * 1e3 if simulated else 0.0,
-        "outside_surface_mm": surface.outside * 1e3,
-        "turned_over_share": surface.turned_over,
+        "outside_surface_max_mm": surface.outside * 1e3,
+        "turned_over_max_share": surface.turned_over,
+        "surface_records": surface.records,
         "colon_moved_peak_mm": _peak(recorded.colon_moved) * 1e3,
         **_gas(run),
         "contacts_mean": float(recorded.contacts.mean()) if simulated else 0.0,

@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float
 from scipy.spatial import KDTree
 
 from haustra.envs.runs.insertion import Insertion
+from haustra.envs.runs.measure.recorded import RecordedRun
 from haustra.models.anatomy.colon import Colon, Surface
 from haustra.models.anatomy.winding import winding_numbers
 from haustra.models.scene import Scene
@@ -17,6 +18,20 @@ _WITHIN = 0.5
 """Points that a surface winds around at least so often are within it [1]."""
 _APART = 0.005
 """Distance between places of the scope that are looked at [m]."""
+_RECORDS = 7
+"""How many surfaces of a run are judged by default; engineering choice, for seconds of work."""
+
+
+@dataclass(frozen=True)
+class SurfaceFigures:
+    """What is wrong with a surface, or with the worst of several."""
+
+    outside: float
+    """How far the place of the scope's axis that is furthest outside is from the surface [m]; 0 when all are within."""
+    turned_over: float
+    """Share of triangles that face their own axis and did not at rest [1]."""
+    records: int = 1
+    """How many surfaces were judged."""
 
 
 @dataclass(frozen=True)
@@ -25,32 +40,31 @@ class LeftBehind:
 
     colon: Colon
     """The colon as it lay, and as the scope indented it."""
-    figures: "SurfaceFigures"
-    """What is wrong with its surface."""
+    figures: SurfaceFigures
+    """What was wrong with its surface over the run, at worst."""
 
 
-@dataclass(frozen=True)
-class SurfaceFigures:
-    """What is wrong with a surface."""
+def left_behind(scene: Scene, run: Insertion, *, records: int = _RECORDS) -> LeftBehind:
+    """Lay the colon as a run has left it, indented by its scope, and judge its surface over the run.
 
-    outside: float
-    """How far the place of the scope's axis that is furthest outside is from the surface [m]; 0 when all are within."""
-    turned_over: float
-    """Share of triangles that face their own axis and did not at rest [1]."""
-
-
-def left_behind(scene: Scene, run: Insertion) -> LeftBehind:
-    """Lay the colon as a run has left it, indented by its scope, and judge its surface: a second of work.
+    Each surface that is judged takes some half a second.
 
     Args:
         scene: what was run.
         run: how it ended.
+        records: how many surfaces are judged, evenly over the run, its end among them.
     """
-    arcs, depths = surface_arcs(scene.colon), run.trajectory.insertion
-    inside = depths[-1] if len(depths) else scene.options.start_depth
+    arcs, recorded = surface_arcs(scene.colon), run.trajectory
+    inside = recorded.insertion[-1] if len(recorded.time) else scene.options.start_depth
     path = run.shape[scene.cable.node_distances < inside]
     now = indented(run.colon, arcs, path, radius=scene.cable.radius)
-    return LeftBehind(now, surface_figures(scene.colon, now, arcs, path))
+    judged = [surface_figures(scene.colon, now, arcs, path)]
+    if run.gas is None and len(recorded.time) > 1:  # widths under gas are not recorded
+        before = RecordedRun(scene, recorded)
+        for record in np.unique(np.linspace(0, len(recorded.time) - 1, records).astype(int))[:-1].tolist():
+            judged.append(surface_figures(scene.colon, before.colon(record), arcs, before.path(record)))
+    worst = SurfaceFigures(max(each.outside for each in judged), max(each.turned_over for each in judged), len(judged))
+    return LeftBehind(now, worst)
 
 
 def surface_figures(

@@ -7,15 +7,11 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.runs.insertion import Trajectory
-from haustra.envs.sim.moved_colon import CurrentColon
+from haustra.envs.runs.measure.recorded import RecordedRun
 from haustra.envs.view.picture.renderer import CameraPose
 from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.scope.wires import WIRE_NAMES
-from haustra.models.scene import Scene, entry_of
-from haustra.models.wall.indentation import indented
-from haustra.models.wall.lumen_table import lumen_table, stack
-from haustra.models.wall.moving_colon import poses_seen_from
-from haustra.models.wall.signed_distance import surface_arcs
+from haustra.models.scene import Scene
 
 
 class Moments:
@@ -33,18 +29,13 @@ class Moments:
         if scene.options.gas is not None:
             raise UnsupportedSceneError("Runs with gas do not record how wide the lumen was: leave --insufflate out.")
         self.scene, self.trajectory, self.colon = scene, trajectory, scene.colon
-        self.arcs = surface_arcs(scene.colon)
+        self._run = RecordedRun(scene, trajectory)
+        self._camera = self._run.model.camera("scope/camera").id
+
+    @property
+    def arcs(self) -> Float[np.ndarray, " vertices"]:
         """Arc length of each vertex of the colon's surface [m]."""
-        self._model = scene.compile()
-        self._data = mujoco.MjData(self._model)
-        self._links = [self._model.body(name).id for name in scene.cable.links]
-        self._tip, self._camera = self._model.site("scope/tip").id, self._model.camera("scope/camera").id
-        self._moved: CurrentColon | None = None
-        if scene.options.mesentery:
-            own = {"device_radius": scene.cable.radius, "with_mesentery": True, "abdomen": scene.options.abdomen}
-            origin, self._axes = entry_of(scene.colon)
-            tables = stack([lumen_table(scene.colon, **own).seen_from(origin, self._axes)])
-            self._moved = CurrentColon(scene.colon, tables, origin, self._axes)
+        return self._run.arcs
 
     def __len__(self) -> int:
         """Number of records."""
@@ -53,29 +44,20 @@ class Moments:
     def hands(self, records: Sequence[int]) -> Float[np.ndarray, "records 6"]:
         """What the hand asked for until those records, in the order of `HANDS`."""
         names = ("scope/push", "scope/roll", *(f"scope/pull_{name}" for name in WIRE_NAMES))
-        columns = [self._model.actuator(name).id for name in names]
+        columns = [self._run.model.actuator(name).id for name in names]
         return self.trajectory.ctrl[np.asarray(records)][:, columns]
 
     def camera(self, record: int) -> CameraPose:
         """Where the tip's camera was; wire 'up' is up in its picture."""
-        self._place(record)
-        axes = self._data.cam_xmat[self._camera].reshape(3, 3)  # MuJoCo's camera is turned: its right is wire 'up'
+        run = self._run
+        run.place(record)
+        mujoco.mj_comPos(run.model, run.data)
+        mujoco.mj_camlight(run.model, run.data)
+        axes = run.data.cam_xmat[self._camera].reshape(3, 3)  # MuJoCo's camera is turned: its right is wire 'up'
         up, backwards = axes[:, 0], axes[:, 2]
         rotation = np.stack([np.cross(up, backwards), up, backwards], axis=1)
-        return CameraPose(self._data.cam_xpos[self._camera].copy(), rotation)
+        return CameraPose(run.data.cam_xpos[self._camera].copy(), rotation)
 
     def vertices(self, record: int) -> Float[np.ndarray, "vertices 3"]:
         """Where the vertices of the colon's surface were, moved on its mesentery and indented by the scope [m]."""
-        colon = self.colon
-        if self._moved is not None:
-            colon = self._moved.colon(poses_seen_from(self.trajectory.displacement[record], self._axes))
-        self._place(record)
-        shape = np.vstack([self._data.xpos[self._links], self._data.site_xpos[self._tip]])
-        path = shape[self.scene.cable.node_distances < self.trajectory.insertion[record]]
-        return indented(colon, self.arcs, path, radius=self.scene.cable.radius).lumen.vertices
-
-    def _place(self, record: int) -> None:
-        self._data.qpos[:] = self.trajectory.qpos[record]
-        mujoco.mj_kinematics(self._model, self._data)
-        mujoco.mj_comPos(self._model, self._data)
-        mujoco.mj_camlight(self._model, self._data)
+        return self._run.colon(record).lumen.vertices

@@ -20,6 +20,7 @@ class _Seen(NamedTuple):
     tip_frame: np.ndarray
     bend: np.ndarray
     push_force: np.ndarray
+    torque: np.ndarray
     link_forces: np.ndarray
 
 
@@ -35,6 +36,7 @@ def _readings(random: np.random.Generator) -> tuple[_Seen, np.ndarray, np.ndarra
         tip_frame=frames,
         bend=random.normal(size=(WORLDS, 2)),
         push_force=random.uniform(-20, 45, WORLDS),
+        torque=np.zeros(WORLDS),
         link_forces=random.uniform(0, 15, (WORLDS, 12)),
     )
     return seen, insertion - random.uniform(-0.02, 0.2, WORLDS), random.normal(size=(WORLDS, 3))
@@ -48,7 +50,7 @@ def _driven(xp, settings: FollowerSettings, worlds: slice, kind) -> list[np.ndar
         seen, arc, target = _readings(random)
         seen = _Seen(*(xp.asarray(part[worlds]) for part in seen))
         count = len(seen.roll)
-        memory = memory or follower.begin(xp, count, kind)
+        memory = memory or settings.law().begin(xp, count, kind)
         decision, memory = follower.decide(
             xp,
             settings,

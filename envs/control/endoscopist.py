@@ -1,0 +1,217 @@
+"""A driver that works as endoscopists do, from what one of them senses.
+
+It sees where the lumen goes and whether it passes by, feels force and torque at the hand, reads the marks on the shaft,
+and knows for how long nothing has moved. It does not know forces of the wall, nor where its tip is along the colon but
+by how much lumen has passed since. What it does is one of a few small manoeuvres:
+
+- **advance** under sight, gently: it pushes no harder than a soft limit, and more only where nothing else has helped;
+- **straighten**: with the tip hooked round the bend that it looks into, it pulls back and turns the shaft until the
+  lumen slips away or the pull gets strong; after every stretch of new colon, and whenever shaft goes in that the tip
+  does not make good, which is how a loop feels;
+- **jiggle**: short strokes in and out, which pleat the colon onto the shaft;
+- **rest**: a while without any motion after each manoeuvre, in which one looks, lets gas in or out, and breathes;
+- **ask the assistant**: a hand on the belly, and then other postures, one after the other, when attempts have failed.
+
+Its rules are one function of (xp, …), as the follower's, for any number of worlds in numpy, JAX and programs of linear
+time. What the assistant does is a number in its memory, which who steps the colon must honour (`ASSISTANT`).
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+from jaxtyping import Float
+
+from haustra.envs.control.follower import Decision, Law, Sensed, Steering, pulls_for, steer_ahead
+from haustra.fields import number, require_declared
+from haustra.models.wall.abdomen import Abdomen
+
+ASSISTANT = (
+    Abdomen(),
+    Abdomen(pressed="sigmoid"),
+    Abdomen(pressed="transverse"),
+    Abdomen(posture="left"),
+    Abdomen(posture="right"),
+)
+"""What the assistant does, by `Memory.assist`: nothing, a hand on the sigmoid or the transverse colon, a posture."""
+
+_ADVANCE, _PULL, _REST, _JIGGLE = 0.0, 1.0, 2.0, 3.0
+_NEVER = -1e3
+
+
+@dataclass(frozen=True)
+class EndoscopistSettings:
+    """How an endoscopist works. Engineering choices within what published colonoscopies show, as each says."""
+
+    look_ahead: float = number("m", 0.005, 0.5, default=0.045)
+    """Distance ahead of the tip of the lumen that it is steered towards [m]."""
+    advance_rate: float = number("m/s", 1e-4, 1.0, default=0.02)
+    """Insertion speed in free lumen [m/s]: 0.9 m in 45 s of motion; a whole insertion takes 5 to 15 min (Shah 2000)."""
+    steer_gain: float = number("1/s", 0.0, 100.0, default=3.0)
+    """Bending rate per angle off the lumen's axis [1/s]."""
+    steer_limit_deg: float = number("degrees", 1.0, 360.0, default=130.0)
+    """Largest angle that the tip is bent to [degrees]."""
+    steer_lead: float = number("rad", 0.01, 10.0, default=0.6)
+    """Largest lead of the wires over the angle that the bending section has reached [rad]."""
+    gentle_force: float = number("N", 0.01, 1e3, default=9.0)
+    """Push that is not exceeded while things go well [N]: below the 9.8 N that are exceeded for 5 % of the time
+    (Appleyard 2000)."""
+    firm_force: float = number("N", 0.01, 1e3, default=40.0)
+    """Push that is not exceeded at all [N]: no patient is pushed at harder on purpose."""
+    firmer: float = number("N", 0.0, 1e3, default=12.0)
+    """By how much more one pushes after each attempt that failed [N]."""
+    pull_force: float = number("N", 0.01, 1e3, default=12.0)
+    """Pull at which withdrawal stands still [N]."""
+    torque_limit: float = number("N m", 1e-3, 10.0, default=0.8)
+    """Torque at which turning stands still [N m]."""
+    withdraw_rate: float = number("m/s", 1e-4, 1.0, default=0.03)
+    """Speed of pulling back [m/s]."""
+    lost_shaft: float = number("m", 0.005, 1.0, default=0.08)
+    """Shaft that goes in without lumen passing before a loop is felt [m]."""
+    new_colon: float = number("m", 0.01, 2.0, default=0.14)
+    """New colon after which the shaft is straightened in any case [m]."""
+    slip: float = number("m", 1e-3, 0.5, default=0.03)
+    """Lumen that slips away before pulling back ends [m]."""
+    least_pull: float = number("m", 1e-3, 0.5, default=0.04)
+    """Pulling back goes at least this far [m]."""
+    most_pull: float = number("m", 1e-2, 2.0, default=0.2)
+    """And at most this far [m]."""
+    twist: float = number("rad", 0.0, 4 * math.pi, default=math.radians(120))
+    """Angle that the shaft is turned through while pulling back, clockwise first [rad]."""
+    roll_rate: float = number("rad/s", 0.01, 50.0, default=math.radians(60))
+    """Rate of turning [rad/s]."""
+    patience: float = number("s", 0.1, 600.0, default=4.0)
+    """Time without lumen passing after which something else is tried [s]."""
+    rest: float = number("s", 0.0, 600.0, default=4.0)
+    """Rest after each manoeuvre [s]."""
+    jiggle: float = number("m", 0.0, 0.2, default=0.015)
+    """Half the stroke of jiggling [m]."""
+    jiggle_rate: float = number("1/s", 0.01, 20.0, default=1.0)
+    """Strokes a second [1/s]."""
+    jiggle_time: float = number("s", 0.1, 100.0, default=5.0)
+    """How long it jiggles [s]."""
+    most_shaft: float = number("m", 0.1, 5.0, default=1.3)
+    """Shaft inside beyond which it straightens before it goes on [m]."""
+    hand_lead_limit: float = number("m", 1e-4, 0.1, default=0.01)
+    """Largest distance that the hand aims ahead of where the shaft is [m]."""
+    steer: Literal["pulls", "wheels"] = "pulls"
+    """What the tip is steered by: pulls of wires, or wheels."""
+    straighten: bool = True
+    """Whether there is a colon to straighten: one that moves on its mesentery."""
+
+    def __post_init__(self) -> None:
+        require_declared(self, "The endoscopist")
+
+    @classmethod
+    def law(cls) -> Law:
+        """What drives by these settings."""
+        return Law(cls, FIRST_MEMORY, rules)
+
+
+class Memory(NamedTuple):
+    """What an endoscopist remembers; leading axis: worlds."""
+
+    bend_up: Float[Any, "*worlds"]
+    """Bend that it steers for, towards wire 'up' [rad]."""
+    bend_left: Float[Any, "*worlds"]
+    """Bend that it steers for, towards wire 'left' [rad]."""
+    attempts: Float[Any, "*worlds"]
+    """Manoeuvres since new colon was last seen."""
+    mode: Float[Any, "*worlds"]
+    """What it does: advance, pull back, rest, jiggle."""
+    since: Float[Any, "*worlds"]
+    """When it began to [s]."""
+    best_arc: Float[Any, "*worlds"]
+    """Furthest lumen seen [m]."""
+    held_arc: Float[Any, "*worlds"]
+    """Furthest lumen seen since it began to advance or to pull back [m]."""
+    moved_time: Float[Any, "*worlds"]
+    """When lumen last passed [s]."""
+    mark_shaft: Float[Any, "*worlds"]
+    """Shaft inside when lumen last passed, or when it began to pull back [m]."""
+    straight_arc: Float[Any, "*worlds"]
+    """Lumen seen when the shaft was last straightened [m]."""
+    roll_goal: Float[Any, "*worlds"]
+    """Angle to which it turns the handle [rad]."""
+    assist: Float[Any, "*worlds"]
+    """What the assistant does: a place in `ASSISTANT`."""
+
+
+FIRST_MEMORY = Memory(0.0, 0.0, 0.0, _ADVANCE, 0.0, _NEVER, _NEVER, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""Memory of an endoscopist who has seen nothing yet."""
+
+
+def rules(
+    xp: Any, settings: Any, steering: Steering, sensed: Sensed, memory: Memory, *, interval: float
+) -> tuple[Decision, Memory]:
+    """What an endoscopist does next.
+
+    Args:
+        xp: numpy, jax.numpy, or what writes programs.
+        settings: how it works: `EndoscopistSettings`, or numbers by its names.
+        steering: the scopes that it steers.
+        sensed: what it senses; forces of the wall are left alone.
+        memory: what it remembers.
+        interval: time to the next decision [s].
+    """
+    own = settings
+    up, left = steer_ahead(xp, own, steering, sensed, memory, interval)
+    time, arc, shaft, force = sensed.time, sensed.arc, sensed.insertion, sensed.push_force
+    advancing, pulling = memory.mode == _ADVANCE, memory.mode == _PULL
+    passed = advancing & (arc > memory.held_arc + _PASSES)
+    further = arc > memory.best_arc + own.slip
+    best = xp.where(further, arc, memory.best_arc)
+    attempts = xp.where(further & advancing, 0.0, memory.attempts)
+    held = xp.where(passed | (pulling & (arc > memory.held_arc)), arc, memory.held_arc)
+    moved, mark = xp.where(passed, time, memory.moved_time), xp.where(passed, shaft, memory.mark_shaft)
+    waited = time - memory.since
+    # Whether what is being done ends.
+    looping = (shaft > mark + own.lost_shaft) | (shaft > own.most_shaft)
+    stuck = time - moved > own.patience
+    routine = arc > memory.straight_arc + own.new_colon
+    gives_up = advancing & (looping | stuck | routine)
+    withdrawn = memory.mark_shaft - shaft
+    slipped = (arc < memory.held_arc - own.slip) & (withdrawn > own.least_pull)
+    over = pulling & (slipped | (withdrawn > own.most_pull) | (shaft < _LEAST_SHAFT) | (waited > _LONGEST_PULL))
+    rested = (memory.mode == _REST) & (waited > own.rest)
+    jiggled = (memory.mode == _JIGGLE) & (waited > own.jiggle_time)
+    # What is done next.
+    attempts = xp.where(gives_up & (looping | stuck), attempts + 1, attempts)
+    third = attempts - 3 * xp.floor(attempts / 3)
+    jiggles = gives_up & stuck & (third == 0.0) & (attempts > 0)
+    mode = xp.where(gives_up, xp.where(jiggles, _JIGGLE, _PULL), memory.mode)
+    mode = xp.where(over | jiggled, _REST, xp.where(rested, _ADVANCE, mode))
+    changed = gives_up | over | rested | jiggled
+    since = xp.where(changed, time, memory.since)
+    begins = gives_up | rested
+    held, moved, mark = (xp.where(begins, new, old) for new, old in ((arc, held), (time, moved), (shaft, mark)))
+    straight = xp.where(over, arc, memory.straight_arc)
+    odd = attempts - 2 * xp.floor(attempts / 2)
+    turn = own.twist * xp.where(odd == 1.0, -1.0, 1.0)
+    roll_goal = xp.where(gives_up & ~jiggles, turn, xp.where(rested & (attempts == 0), 0.0, memory.roll_goal))
+    asked = xp.floor(attempts / 3)
+    assist = asked - len(ASSISTANT) * xp.floor(asked / len(ASSISTANT))
+    # How the hand moves.
+    limit = xp.minimum(own.gentle_force + own.firmer * attempts, own.firm_force)
+    rate = own.advance_rate * xp.clip(3 * (1 - force / limit), 0.0, 1.0)
+    rate = xp.where(mode == _PULL, -own.withdraw_rate * xp.clip(3 * (1 + force / own.pull_force), 0.0, 1.0), rate)
+    stroke = own.jiggle * own.jiggle_rate
+    turnings = (time - since) * own.jiggle_rate
+    inwards = turnings - xp.floor(turnings) < 0.5
+    strokes = xp.where(inwards, 4 * stroke, -4 * stroke) * xp.clip(3 * (1 - xp.abs(force) / limit), 0.0, 1.0)
+    rate = xp.where(mode == _JIGGLE, strokes, xp.where(mode == _REST, 0.0, rate))
+    rate = xp.minimum(rate, (own.hand_lead_limit - sensed.hand_lead) / interval)
+    rate = xp.maximum(rate, (-own.hand_lead_limit - sensed.hand_lead) / interval)
+    ease = xp.clip(3 * (1 - xp.abs(sensed.torque) / own.torque_limit), 0.0, 1.0)
+    roll_rate = ease * xp.clip((roll_goal - sensed.roll) / interval, -own.roll_rate, own.roll_rate)
+    decision = Decision(push_rate=rate, roll_rate=roll_rate, pulls=pulls_for(xp, steering, up, left))
+    kept = Memory(up, left, attempts, mode, since, best, held, moved, mark, straight, roll_goal, assist)
+    return decision, kept
+
+
+_PASSES = 0.01
+"""Lumen that passes by is seen from this much on [m]; engineering choice: slower creep is no way to go on."""
+_LEAST_SHAFT = 0.1
+"""Pulling back ends with so much shaft inside [m]: further out is out."""
+_LONGEST_PULL = 20.0
+"""Pulling back takes no longer [s]; engineering choice."""

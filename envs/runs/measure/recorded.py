@@ -1,0 +1,62 @@
+"""A run as it was recorded: where scope and colon lay at each record."""
+
+from functools import cached_property
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from haustra.envs.runs.insertion import Trajectory
+from haustra.envs.sim.moved_colon import CurrentColon
+from haustra.models.anatomy.colon import Colon
+from haustra.models.scene import Scene, entry_of
+from haustra.models.wall.indentation import indented
+from haustra.models.wall.lumen_table import lumen_table, stack
+from haustra.models.wall.moving_colon import poses_seen_from
+from haustra.models.wall.signed_distance import surface_arcs
+
+
+class RecordedRun:
+    """Scope and colon at the records of one run."""
+
+    def __init__(self, scene: Scene, trajectory: Trajectory) -> None:
+        """Take what was run and what was recorded of it."""
+        self.scene, self.trajectory = scene, trajectory
+        self.model = scene.compile()
+        self.data = mujoco.MjData(self.model)
+        self._links = [self.model.body(name).id for name in scene.cable.links]
+        self._tip = self.model.site("scope/tip").id
+
+    @cached_property
+    def arcs(self) -> Float[np.ndarray, " vertices"]:
+        """Arc length of each vertex of the colon's surface [m]."""
+        return surface_arcs(self.scene.colon)
+
+    def place(self, record: int) -> None:
+        """Bring `data` to where the scope was at a record, as far as kinematics go."""
+        self.data.qpos[:] = self.trajectory.qpos[record]
+        mujoco.mj_kinematics(self.model, self.data)
+
+    def path(self, record: int) -> Float[np.ndarray, "nodes 3"]:
+        """Points along the scope's axis past the anus, from there to the tip [m]."""
+        self.place(record)
+        shape = np.vstack([self.data.xpos[self._links], self.data.site_xpos[self._tip]])
+        return shape[self.scene.cable.node_distances < self.trajectory.insertion[record]]
+
+    def colon(self, record: int) -> Colon:
+        """The colon as it lay on its mesentery and as the scope indented it; gas is left out."""
+        colon = self.scene.colon
+        if self.scene.options.mesentery:
+            colon = self._moved.colon(poses_seen_from(self.trajectory.displacement[record], self._axes))
+        return indented(colon, self.arcs, self.path(record), radius=self.scene.cable.radius)
+
+    @cached_property
+    def _axes(self) -> Float[np.ndarray, "3 3"]:
+        return entry_of(self.scene.colon)[1]
+
+    @cached_property
+    def _moved(self) -> CurrentColon:
+        colon, abdomen = self.scene.colon, self.scene.options.abdomen
+        origin, axes = entry_of(colon)
+        table = lumen_table(colon, device_radius=self.scene.cable.radius, with_mesentery=True, abdomen=abdomen)
+        return CurrentColon(colon, stack([table.seen_from(origin, axes)]), origin, axes)

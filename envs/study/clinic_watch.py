@@ -1,0 +1,234 @@
+"""What a clinic would have measured of patients that are examined side by side."""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import jax
+import numpy as np
+
+from haustra.envs.runs.insertion import CONTROL_INTERVAL
+from haustra.envs.runs.measure.looping import DOWN, FRONT_TO_BACK
+from haustra.envs.runs.measure.loops import LoopKind, Rest, find_loops
+from haustra.envs.sim.chain import pose
+from haustra.envs.sim.scope_reading import read_chain, read_scope
+from haustra.envs.study.patients import Patient, clinic_number, numbers
+from haustra.models.anatomy.colon import Colon
+from haustra.models.anatomy.landmarks import SEGMENTS
+from haustra.models.injury.pain import axis_tensions, pressed_tension
+from haustra.models.scene import entry_of
+
+if TYPE_CHECKING:
+    from haustra.envs.runs.linear_insertions import LinearInsertions
+
+EVERY = 5
+"""Control intervals between two looks: ten a second."""
+_LOOPS_EVERY = 20
+"""Looks between two at shapes: one in two seconds."""
+SECONDS = CONTROL_INTERVAL * EVERY
+"""Time between two looks [s]."""
+_SITES = ("sigmoid", "left", "right")
+_CURVE_POINTS = 240
+
+
+class ClinicWatch:
+    """Looks at all patients of a batch after every `EVERY` control intervals."""
+
+    def __init__(self, batch: "LinearInsertions", patients: Sequence[Patient], colons: Sequence[Colon]) -> None:
+        """Get to know them; a patient's world is its place in both lists."""
+        self._batch, self._patients, self._colons = batch, patients, colons
+        scene, worlds = batch.backend.scene, len(patients)
+        self._chain, scope = read_chain(scene).chain, read_scope(scene)
+        self._pose = jax.jit(partial(pose, self._chain, scope.links))
+        self._tip, self._diameter = scope.tip_place[0, 0], 2 * float(scope.radius[0])
+        self._behind = np.concatenate([scene.cable.node_distances, [0.0]])[-len(self._chain.last_dof) - 1 :]
+        self._lengths = np.append(scope.links.offset[0, 1:, 2], self._tip[2])
+        self._entries = [entry_of(colon) for colon in colons]
+        self._borders = {
+            name: np.array([next(part.start for part in colon.segments if part.name == name) for colon in colons])
+            for name in SEGMENTS
+        }
+        self._looks: list[tuple[np.ndarray, ...]] = []
+        self._loops: list[list[frozenset[LoopKind]]] = [[] for _ in patients]
+        self._loop_times: list[np.ndarray] = []
+        self._pain = np.zeros((worlds, len(_SITES)))
+        self._assist = np.zeros(worlds)
+        self._own = self._mesentery()
+
+    def __call__(self) -> None:
+        """Look, and let the assistants do what they are asked."""
+        seen = self._batch.backend.read()
+        now = (seen.time, seen.insertion, seen.tip_arc, seen.push_force, seen.torque)
+        self._looks.append(tuple(np.array(part) for part in now))
+        if len(self._looks) % _LOOPS_EVERY == 0:
+            self._look_at_shapes(seen)
+            self._look_for_pain(seen)
+        self._help()
+
+    def _help(self) -> None:
+        """Give each patient the abdomen that its driver asks for."""
+        backend, program = self._batch.backend, self._batch.program
+        memory = program.memory_of(backend.driver_numbers())
+        asked = getattr(memory, "assist", None)
+        if asked is None or (asked == self._assist).all():
+            return
+        self._assist = asked.copy()
+        cases, nodes = len(self._patients), backend.tables.mesentery.nodes.shape[1]  # type: ignore[union-attr]
+        backend.give("first_node", (asked * cases + np.arange(cases)) * nodes)
+
+    def _look_at_shapes(self, seen: Any) -> None:
+        """Name the loops that stand now."""
+        backend = self._batch.backend
+        where = self._pose(backend.positions().astype(np.float32))
+        origin, rotation = np.asarray(where.origin, float), np.asarray(where.rotation, float)
+        tips = origin[:, -1] + rotation[:, -1] @ self._tip
+        points = np.concatenate([origin, tips[:, None]], axis=1)
+        middle = np.concatenate([seen.link_arcs[:, :1], (seen.link_arcs[:, 1:] + seen.link_arcs[:, :-1]) / 2], axis=1)
+        beside = np.concatenate([middle, seen.tip_arc[:, None]], axis=1)
+        before = self._looks[-1 - _LOOPS_EVERY][0] if len(self._looks) > _LOOPS_EVERY else np.zeros(len(points))
+        going = seen.time > before
+        self._loop_times.append(seen.time.copy())
+        for world in range(len(points)):
+            kinds = self._loops[world]
+            kinds.append(self._named(world, points[world], beside[world], seen) if going[world] else frozenset())
+
+    def _named(self, world: int, points: np.ndarray, beside: np.ndarray, seen: Any) -> frozenset[LoopKind]:
+        inside = self._behind < seen.insertion[world]
+        if inside.sum() < 4:
+            return frozenset()
+        (place, axes), line = self._entries[world], self._colons[world].centreline
+        shape, arcs = points[inside] @ axes.T + place, np.maximum.accumulate(np.clip(beside[inside], 0.0, line.length))
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(shape, axis=0), axis=1))])
+        regions = {
+            part.name: (float(np.interp(part.start, arcs, along)), float(np.interp(part.end, arcs, along)))
+            for part in self._colons[world].segments
+            if part.start < arcs[-1]
+        }
+        rest = Rest(line.points, line.arc, arcs)
+        return frozenset(
+            loop.kind for loop in find_loops(shape, view=FRONT_TO_BACK, regions=regions, down=DOWN, rest=rest)
+        )
+
+    def _mesentery(self) -> Any:
+        """Each patient's own, as it is without an assistant, and the lumen's radius at its nodes."""
+        hung = self._batch.backend.tables.mesentery
+        assert hung is not None
+        own = type(hung)(*(np.asarray(part)[: len(self._patients)] for part in hung))
+        arcs = own.spacing[:, None] * np.arange(own.nodes.shape[1])
+        radii = [
+            np.interp(arc, colon.centreline.arc, np.median(colon.radius, axis=1))
+            for arc, colon in zip(arcs, self._colons, strict=True)
+        ]
+        return own, np.array(radii), arcs
+
+    def _look_for_pain(self, seen: Any) -> None:
+        """Note the largest tension over what hurts each patient, at each site."""
+        own, radius, arcs = self._own
+        wall_limit, mesentery_limit = (
+            np.array([patient.values[name] for patient in self._patients])[:, None]
+            for name in ("painful_wall", "painful_mesentery")
+        )
+        along, held = axis_tensions(np, own, seen.displacement, radius)
+        forces = np.where(seen.link_arcs > 0, seen.link_forces, 0.0)
+        pressed = pressed_tension(forces, self._diameter, self._lengths)
+        each = ((arcs, along / wall_limit), (arcs, held / mesentery_limit), (seen.link_arcs, pressed / wall_limit))
+        near = clinic_number("flexure_site")
+        for column, site in enumerate(_SITES):
+            low, high = self._site(site, near)
+            for places, hurts in each:
+                inside = (places >= low[:, None]) & (places < high[:, None])
+                self._pain[:, column] = np.maximum(self._pain[:, column], np.where(inside, hurts, 0.0).max(axis=1))
+
+    def _site(self, site: str, near: float) -> tuple[np.ndarray, np.ndarray]:
+        if site == "sigmoid":
+            return self._borders["sigmoid"], self._borders["descending"]
+        flexure = self._borders["transverse" if site == "left" else "ascending"]
+        return flexure - near, flexure + near
+
+    def scores(self, world: int) -> dict[str, Any]:
+        """What a patient's examination showed, up to where the tip came past the valve."""
+        time, shaft, arc, force, torque = self._course(world)
+        valve, flexure = self._borders["caecum"][world], self._borders["transverse"][world]
+        there = np.flatnonzero(arc >= valve)
+        reached = bool(len(there))
+        last = int(there[0]) + 1 if reached else len(time)
+        time, shaft, arc, force, torque = (part[:last] for part in (time, shaft, arc, force, torque))
+        loops, at_flexure = self._loops_until(world, float(time[-1]), time[arc >= flexure])
+        each = SECONDS * _LOOPS_EVERY
+        stood = {kind: each * sum(kind in seen for seen in loops) for kind in LoopKind}
+        lasts, length = clinic_number("loop_lasts"), self._colons[world].centreline.length
+        strong = numbers()["contact.pain_proxy_force"].value
+        half = bool(((shaft <= 0.5) & (arc >= flexure)).any())
+        edges = np.array([self._borders[name][world] for name in SEGMENTS])
+        segment = np.searchsorted(edges, arc, side="right") - 1
+        axial = {
+            f"axial_{name}_N": float(np.abs(force[segment == index]).mean()) if (segment == index).any() else None
+            for index, name in enumerate(SEGMENTS)
+        }
+        hurts = self._pain[world] > 1
+        return {
+            "sex": self._patients[world].sex,
+            "reach": float(min(arc.max() / length, 1.0)),
+            "caecum": float(reached),
+            "time_s": float(time[-1]),
+            "inserted_m": float(shaft[-1]) if reached else None,
+            "half_metre": float(half),
+            "any_loop": float(each * sum(bool(seen) for seen in loops) >= lasts),
+            "n_loop": float(stood[LoopKind.N] >= lasts),
+            **{f"loop_{_column(kind)}_s": seconds for kind, seconds in stood.items()},
+            **{
+                f"at_flexure_{_column(kind)}": None if at_flexure is None else float(kind in at_flexure)
+                for kind in LoopKind
+            },
+            "looped_share": float(np.mean([bool(seen) for seen in loops])) if loops else 0.0,
+            "push_peak_N": float(max(force.max(), 0.0)),
+            "pull_peak_N": float(max(-force.min(), 0.0)),
+            "torque_peak_Nm": float(np.abs(torque).max()),
+            "torque_clockwise_Nm": float(max(torque.max(), 0.0)),
+            "torque_anticlockwise_Nm": float(max(-torque.min(), 0.0)),
+            "strong_share": float((np.abs(force) > strong).mean()),
+            **axial,
+            "straightenings": float(pull_backs(shaft, clinic_number("pull_back"))),
+            **{f"pain_{site}": float(hurt) for site, hurt in zip(_SITES, hurts, strict=True)},
+        }
+
+    def _loops_until(
+        self, world: int, last: float, passed: np.ndarray
+    ) -> tuple[list[frozenset[LoopKind]], frozenset[LoopKind] | None]:
+        """Loops at each look up to a time [s], and those when the tip first was past the splenic flexure."""
+        times = np.array([each[world] for each in self._loop_times])
+        fresh = np.concatenate([[True], np.diff(times) > 0])[: len(times)]
+        seen = [kinds for kinds, t, new in zip(self._loops[world], times, fresh, strict=True) if new and t <= last]
+        if not len(passed) or not seen:
+            return seen, None
+        first = min(int(np.searchsorted(times[fresh], passed[0])), len(seen) - 1)
+        return seen, seen[first]
+
+    def _course(self, world: int) -> tuple[np.ndarray, ...]:
+        """Time, shaft inside, arc of the tip, force and torque of the hand, while the examination went on."""
+        columns = np.array([[part[world] for part in look] for look in self._looks]).T
+        fresh = np.concatenate([[True], np.diff(columns[0]) > 0])
+        return tuple(columns[:, fresh])
+
+    def curves(self, world: int) -> dict[str, list[float]]:
+        """The course of an examination at some moments."""
+        names = ("time_s", "insertion_m", "tip_arc_m", "push_force_N", "torque_Nm")
+        course = self._course(world)
+        kept = np.unique(np.linspace(0, len(course[0]) - 1, _CURVE_POINTS).astype(int))
+        return {name: [float(v) for v in np.round(part[kept], 5)] for name, part in zip(names, course, strict=True)}
+
+
+def pull_backs(shaft: np.ndarray, least: float) -> int:
+    """Times that at least so much shaft was drawn out in one go [m]; a stroke in by a tenth of it ends a go."""
+    count, top, bottom, counted = 0, shaft[0], shaft[0], False
+    for now in shaft:
+        if now > bottom + least / 3:
+            top, bottom, counted = now, now, False
+        top, bottom = max(top, now) if now > top else top, min(bottom, now)
+        if not counted and top - bottom >= least:
+            count, counted = count + 1, True
+    return count
+
+
+def _column(kind: LoopKind) -> str:
+    return kind.value.replace(" ", "_")

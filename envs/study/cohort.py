@@ -1,0 +1,139 @@
+"""A cohort of virtual patients as a question for studies: what an insertion shows in each of them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from haustra.envs.control.laws import DRIVERS
+from haustra.envs.study.patients import Patient, patient_variables
+from haustra.envs.study.questions import Question
+from haustra.envs.study.study import Column, Sampler, Study, Value
+from haustra.errors import InvalidOptionError, InvalidStudyError
+from haustra.fields import number
+from haustra.models.anatomy.landmarks import SEGMENTS
+from haustra.models.devices.scope.files import find_design
+
+SITES = ("sigmoid", "left", "right")
+"""Where patients feel pain: the sigmoid, the left and the right flexure."""
+LOOPS = ("N", "alpha", "reversed_alpha", "deep_transverse", "gamma")
+"""Loops, as `haustra.envs.runs.measure.loops.LoopKind` names them."""
+
+SCORES = (
+    Column("outcome", "text", "why the run ended"),
+    Column("sex", "text", "female or male"),
+    Column("reach", "1", "how far the tip came, as a share of the colon's length"),
+    Column("caecum", "1", "1 where the tip came past the valve"),
+    Column("time_s", "s", "time to that, or to the end"),
+    Column("inserted_m", "m", "shaft inside when the tip came past the valve"),
+    Column("half_metre", "1", "1 where the tip was at or past the splenic flexure with 50 cm inside or less"),
+    Column("any_loop", "1", "1 where a loop stood for long enough"),
+    Column("n_loop", "1", "1 where an N loop did"),
+    *(Column(f"loop_{kind}_s", "s", f"how long a loop of kind {kind} stood") for kind in LOOPS),
+    *(Column(f"at_flexure_{kind}", "1", "1 where it stood when the tip came to the splenic flexure") for kind in LOOPS),
+    Column("looped_share", "1", "share of the time with a loop"),
+    Column("push_peak_N", "N", "largest push of the hand, at 10 Hz"),
+    Column("pull_peak_N", "N", "largest pull"),
+    Column("torque_peak_Nm", "N m", "largest torque either way"),
+    Column("torque_clockwise_Nm", "N m", "largest torque clockwise"),
+    Column("torque_anticlockwise_Nm", "N m", "largest torque anticlockwise"),
+    Column("strong_share", "1", "share of the time with more than 9.8 N on the hand"),
+    *(Column(f"axial_{name}_N", "N", f"mean size of the hand's force with the tip in the {name}") for name in SEGMENTS),
+    Column("straightenings", "1", "times that 3 cm of shaft and more were drawn out"),
+    *(Column(f"pain_{site}", "1", f"1 where it hurt at the {site} site") for site in SITES),
+    Column("p_perforation", "1", "share of people whose colon would have been torn"),
+)
+
+
+@dataclass(frozen=True)
+class CohortOptions:
+    """How a cohort is examined."""
+
+    seconds: float = number("s", 1.0, 3600.0, default=960.0)
+    """Longest insertion [s]: a caecum reached within 16 min counts as a quality bar."""
+    timestep: float = number("s", 1e-5, 0.02, default=0.005)
+    """Integration step [s]."""
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A cohort by name."""
+
+    patients: int
+    seconds: float
+    title: str
+
+
+PRESETS = {
+    "quick": Preset(24, 600.0, "Two dozen virtual patients"),
+    "full": Preset(400, 960.0, "Four hundred virtual patients"),
+}
+
+
+def cohort_study(
+    name: str,
+    *,
+    drivers: tuple[str, ...] = ("endoscopist",),
+    devices: tuple[str, ...] = ("adult",),
+    patients: int | None = None,
+    seconds: float | None = None,
+    seed: int = 0,
+) -> Study:
+    """The study of a cohort: patients by a Latin hypercube, each examined by every driver with every device.
+
+    Args:
+        name: quick or full.
+        drivers: who drives, of `haustra.envs.control.laws.DRIVERS`.
+        devices: names of scopes, or their files.
+        patients: how many; as the preset has when None.
+        seconds: longest insertion [s]; as the preset has when None.
+        seed: of the hypercube.
+
+    Raises:
+        InvalidOptionError: when a name is not known.
+    """
+    if name not in PRESETS:
+        raise InvalidOptionError(f"Cohort '{name}' is not known. Known: {', '.join(PRESETS)}.")
+    preset = PRESETS[name]
+    study = Study(
+        question="cohort",
+        title=preset.title,
+        base="default",
+        variables=patient_variables(),
+        conditions={"driver": tuple(drivers), "device": tuple(devices)},
+        objectives=(),
+        sampler=Sampler(kind="latin-hypercube", count=patients or preset.patients, seed=seed),
+        options={"seconds": seconds or preset.seconds, "timestep": CohortOptions().timestep},
+    )
+    for driver in drivers:
+        for device in devices:
+            check(study, {}, {"driver": driver, "device": device})
+    return study
+
+
+def check(study: Study, variables: Mapping[str, float], conditions: Mapping[str, Value]) -> Patient:
+    """The patient, once driver and device are known to exist.
+
+    Raises:
+        InvalidOptionError: when the driver is not known.
+        InvalidDesignError: when the device is not known.
+        InvalidStudyError: when something is to differ that patients do not have.
+    """
+    known = {variable.path: variable for variable in patient_variables()}
+    for path in (*study.changes, *(variable.path for variable in study.variables)):
+        if path not in known:
+            raise InvalidStudyError(f"'{path}' is not known. Known: {', '.join(known)}.")
+    if (driver := str(conditions["driver"])) not in DRIVERS:
+        raise InvalidOptionError(f"Driver '{driver}' is not known. Known: {', '.join(DRIVERS)}.")
+    find_design(str(conditions["device"]))
+    changed = {known[path].name: value for path, value in study.changes.items()}
+    return Patient.of({**changed, **variables})
+
+
+QUESTION = Question(
+    scores=SCORES,
+    conditions={
+        "driver": Column("driver", "text", "who drives"),
+        "device": Column("device", "text", "scope: a shipped name, or a file"),
+    },
+    options=CohortOptions,
+    check=check,
+)

@@ -1,0 +1,135 @@
+"""A cohort's patients as worlds of one program: driven, looked at ten times a second, and measured as in a clinic."""
+
+import os
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import groupby
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from haustra.envs.control.endoscopist import ASSISTANT
+from haustra.envs.control.laws import driver_settings
+from haustra.envs.runs.linear_insertions import LinearInsertions
+from haustra.envs.runs.outcome import Outcome
+from haustra.envs.sim.conditions import Conditions
+from haustra.envs.sim.scope_bank import BATCH_OPTIONS
+from haustra.envs.study.clinic_watch import EVERY, ClinicWatch
+from haustra.envs.study.cohort import check
+from haustra.envs.study.patients import Patient, clinic_number, grow_patients
+from haustra.envs.study.questions import Backend, Runner
+from haustra.envs.study.sampling import designs_of
+from haustra.envs.study.study import Job, Result, Study
+from haustra.errors import HaustraError
+from haustra.models.anatomy.colon import Colon
+from haustra.models.devices.scope.files import find_design
+from haustra.models.injury.perforation import perforation_probability
+from haustra.models.scene import build_scene, entry_of
+from haustra.models.wall import mesentery
+from haustra.models.wall.abdomen import Abdomen
+from haustra.models.wall.lumen_table import LumenTable, Tables, lumen_table, on_mesentery, stack
+
+_JOBS = 64
+"""Patients that one call examines: what is lost when it is interrupted."""
+
+
+def _start(study: Study, folder: Path, *, device: Literal["cpu", "cuda"]) -> Runner:
+    def run(jobs: Sequence[Job]) -> Iterable[Result]:
+        def kind(job: Job) -> tuple[str, str]:
+            return str(job.conditions["device"]), str(job.conditions["driver"])
+
+        for (scope, driver), alike in groupby(sorted(jobs, key=kind), kind):
+            yield from _examined(study, scope, driver, list(alike), device)
+
+    return run
+
+
+def _prepare(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
+    """Grow the patients' colons, on every core."""
+    if study.sampler.kind == "latin-hypercube":
+        patients = [Patient.of(design) for design in designs_of(study)]
+        radii = {find_design(str(device)).diameter / 2 for device in study.conditions["device"]}
+
+        def told(done: int) -> None:
+            tell(f"growing patient {done} of {len(patients)}")
+
+        grow_patients(patients, sorted(radii), processes=os.cpu_count() or 1, tell=told)
+
+
+def _examined(
+    study: Study, scope: str, driver: str, jobs: list[Job], device: Literal["cpu", "cuda"]
+) -> Iterable[Result]:
+    """Results of patients whom one driver examines with one scope."""
+    design = find_design(scope)
+    patients, colons, tables, sound = [], [], [], []
+    for job in jobs:
+        try:
+            patient = check(study, job.variables, job.conditions)
+            colon = patient.colon()
+            tables.append(hung_tables(patient, colon, design.diameter / 2))
+        except HaustraError as error:
+            yield Result(job.id, "failed", reason=" ".join(str(error).split()))
+            continue
+        patients.append(patient)
+        colons.append(colon)
+        sound.append(job)
+    if not sound:
+        return
+    options = replace(
+        BATCH_OPTIONS,
+        mesentery=True,
+        timestep=float(study.options["timestep"]),
+        push_limit=clinic_number("hand_push"),
+        torque_limit=clinic_number("hand_torque"),
+    )
+    longest = max(colons, key=lambda colon: colon.centreline.length)
+    batch = LinearInsertions(
+        build_scene(longest, None, design, options, show_lumen=False),
+        together(tables),
+        colons,
+        worlds=len(sound),
+        settings=driver_settings(driver, moves=True),
+        device=device,
+        threads=os.cpu_count() or 1,
+    )
+
+    def each(name: str) -> np.ndarray:
+        return np.array([patient.values[name] for patient in patients])
+
+    conditions = Conditions(each("friction"), each("wall_stiffness"), each("shaft_stiffness"))
+    batch.begin(np.arange(len(sound)), conditions)
+    watch = ClinicWatch(batch, patients, colons)
+    runs = batch.run(seconds=float(study.options["seconds"]), watch=watch, every=EVERY)
+    for index, job in enumerate(sound):
+        if runs.outcome[index] is Outcome.DIVERGED:
+            yield Result(job.id, "diverged", reason=runs.outcome[index].advice)
+            continue
+        torn = float(perforation_probability(runs.load_peak[index]))
+        about = {"outcome": runs.outcome[index].value, "p_perforation": torn}
+        yield Result(job.id, "finished", scores=about | watch.scores(index), curves=watch.curves(index))
+
+
+def hung_tables(patient: Patient, colon: Colon, radius: float) -> list[Tables]:
+    """Tables of a patient's colon for a scope of that radius [m], one for each thing that an assistant may do."""
+    table = lumen_table(colon, device_radius=radius)
+    found = []
+    for asked in ASSISTANT:
+        around: Abdomen = replace(patient.abdomen, posture=asked.posture, pressed=asked.pressed)
+        own = on_mesentery(table.tables, colon, around, changed=patient.mesentery)
+        found.append(LumenTable(own, radius, table.error, table.narrow).seen_from(*entry_of(colon)))
+    return found
+
+
+def together(tables: Sequence[Sequence[Tables]]) -> Tables:
+    """Tables of several patients as one, whose mesenteries come once for each thing that an assistant may do."""
+    base = stack([each[0] for each in tables])
+    hung: list[Any] = [each[asked].mesentery for asked in range(len(ASSISTANT)) for each in tables]
+    return base._replace(mesentery=mesentery.stack(hung))
+
+
+LINEAR = Backend(start=partial(_start, device="cpu"), batch=_JOBS, most_workers=1, prepare=_prepare)
+"""One process, whose threads step all patients of a batch."""
+LINEAR_GPU = Backend(start=partial(_start, device="cuda"), batch=4096, most_workers=1, prepare=_prepare)
+"""One process: it fills the device by itself."""

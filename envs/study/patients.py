@@ -1,0 +1,168 @@
+"""Virtual patients: who is examined, every number drawn from the range that its source gives."""
+
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+from multiprocessing import get_context
+from pathlib import Path
+
+from haustra.assets import asset, assets
+from haustra.envs.study.study import Value, Variable
+from haustra.models.anatomy.colon import Colon
+from haustra.models.anatomy.grown import grow_colon
+from haustra.models.anatomy.store import METADATA, load_colon, save_colon
+from haustra.models.wall.abdomen import Abdomen
+from haustra.models.wall.cache import cache_folder
+from haustra.models.wall.lumen_table import lumen_table
+from haustra.provenance import content_hash
+from haustra.quantity import Quantity, load_quantities
+
+_FORMAT = 1
+"""Raised when the same patient grows another colon."""
+_MESENTERY = {
+    "mesentery_sigmoid": "mesentery.height.sigmoid",
+    "mesentery_transverse": "mesentery.height.transverse",
+    "mesentery_stiffness": "mesentery.stiffness",
+    "attachment": "mesentery.attachment",
+    "support": "mesentery.support",
+    "modulus": "mesentery.modulus",
+    "bending": "mesentery.bending",
+    "pleating": "mesentery.pleating",
+}
+"""Variables that are numbers of the mesentery, by their names there."""
+
+
+@cache
+def numbers() -> Mapping[str, Quantity]:
+    """Every number of assets/numbers, by its name."""
+    return {name: each for path in assets("numbers", ".toml").values() for name, each in load_quantities(path).items()}
+
+
+def clinic_number(name: str) -> float:
+    """Value of a number of assets/numbers/clinic.toml, by its name behind 'clinic.'."""
+    return float(numbers()[f"clinic.{name}"].value)
+
+
+@cache
+def patient_variables() -> tuple[Variable, ...]:
+    """What differs between patients, with bounds and spread, as variables of a study (assets/clinic/patients.toml)."""
+    listed = tomllib.loads(asset("clinic/patients.toml").read_text(encoding="utf-8"))
+    return tuple(_variable(name, entry) for name, entry in listed.items())
+
+
+def _variable(name: str, entry: Mapping) -> Variable:
+    number = numbers().get(entry.get("number", ""))
+    if entry["spread"] == "trait":
+        share = number.value if number else 0.5
+        return Variable(name, f"patient.{name}", "1", share, 0.0, 1.0, "uniform")
+    low, high = entry.get("low", number and number.low), entry.get("high", number and number.high)
+    low = max(low, 1e-3 * high) if entry["spread"] == "log-uniform" else low
+    unit = number.unit if number else entry["unit"]
+    return Variable(name, f"patient.{name}", unit, (low + high) / 2, low, high, entry["spread"])
+
+
+@cache
+def traits() -> Mapping[str, float]:
+    """Share of people who have each trait: a patient has it whose draw from 0 to 1 lies below."""
+    return {each.name: each.nominal for each in patient_variables() if each.name in _TRAITS}
+
+
+_TRAITS = ("sex", "coiled", "mobile_descending", "mobile_ascending", "adhesions")
+
+
+@dataclass(frozen=True)
+class Patient:
+    """One patient: a colon, what it lies in, and how it is to the touch."""
+
+    values: Mapping[str, float]
+    """Value of every variable, by name; traits are draws from 0 to 1."""
+
+    def has(self, trait: str) -> bool:
+        """Whether the patient has a trait."""
+        return self.values[trait] < traits()[trait]
+
+    @property
+    def sex(self) -> str:
+        """Female or male."""
+        return "female" if self.has("sex") else "male"
+
+    @property
+    def abdomen(self) -> Abdomen:
+        """What the colon lies in, on the back, with no hand on the belly."""
+        mobile = tuple(name for name in ("descending", "ascending") if self.has(f"mobile_{name}"))
+        return Abdomen(mobile=mobile, adhesions=("sigmoid",) if self.has("adhesions") else ())
+
+    @property
+    def mesentery(self) -> dict[str, float]:
+        """Numbers of the mesentery that are this patient's own, by their names in assets/numbers."""
+        return {number: self.values[name] for name, number in _MESENTERY.items()}
+
+    def folder(self) -> Path:
+        """Where the colon is kept."""
+        key = content_hash(repr((_FORMAT, *self._grown().items())).encode())
+        return cache_folder() / "patients" / key
+
+    def colon(self) -> Colon:
+        """The colon, grown when it is first asked for.
+
+        Raises:
+            InvalidMeshError: when no course was found for the patient's seed.
+        """
+        folder = self.folder()
+        if not (folder / METADATA).is_file():
+            grow_patient(folder, self._grown())
+        return load_colon(folder)
+
+    def _grown(self) -> dict[str, Value]:
+        return {
+            "seed": int(self.values["seed"]),
+            "sex": self.sex,
+            "pressure": round(self.values["gas_pressure"], 3),
+            "sigmoid": "coiled" if self.has("coiled") else "omega",
+        }
+
+    @classmethod
+    def of(cls, values: Mapping[str, float]) -> "Patient":
+        """The patient of a job's variables; those that it leaves out are as in the middle of their range."""
+        usual = {variable.name: variable.nominal for variable in patient_variables()}
+        return cls({**usual, **{name: float(value) for name, value in values.items()}})
+
+
+def grow_patient(folder: Path, grown: Mapping) -> None:
+    """Grow a colon into a folder, which appears at once."""
+    import os
+    import shutil
+
+    half = folder.with_name(f".{folder.name}.{os.getpid()}")
+    save_colon(grow_colon(**grown), half)
+    shutil.rmtree(folder, ignore_errors=True)
+    half.rename(folder)
+
+
+def grow_patients(
+    patients: Sequence[Patient],
+    radii: Sequence[float],
+    *,
+    processes: int,
+    tell: Callable[[int], None] = lambda done: None,
+) -> None:
+    """Grow and tabulate colons that are missing, on so many processes; what cannot be grown says so when asked for.
+
+    Args:
+        patients: whose colons.
+        radii: of the scopes that they are tabulated for [m].
+        processes: how many.
+        tell: told how many patients are ready.
+    """
+    with ProcessPoolExecutor(min(processes, len(patients)), mp_context=get_context("spawn")) as pool:
+        for done, future in enumerate([pool.submit(_made_ready, one, tuple(radii)) for one in patients]):
+            future.exception()
+            tell(done + 1)
+
+
+def _made_ready(patient: Patient, radii: Sequence[float]) -> None:
+    colon = patient.colon()
+    for radius in radii:
+        lumen_table(colon, device_radius=radius)

@@ -1,0 +1,129 @@
+"""The endoscopist's manoeuvres, one at a time."""
+
+import numpy as np
+import pytest
+
+from haustra.envs.control.endoscopist import ASSISTANT, EndoscopistSettings, rules
+from haustra.envs.control.follower import Sensed, Steering
+from haustra.models.devices.scope.library import named_design
+
+_STEP = 0.1
+
+
+class _Handle:
+    """A handle whose shaft goes where the hand asks; the tip follows as `tip` says, against a force."""
+
+    def __init__(self, **changed) -> None:
+        self.own = EndoscopistSettings(**changed)
+        self.steering = Steering.of(named_design("adult"), self.own)
+        here = dict.fromkeys(("best_arc", "held_arc", "mark_shaft", "straight_arc"), np.array([0.3]))
+        self.memory = self.own.law().begin(np, 1, float)._replace(**here)
+        self.time, self.shaft, self.arc, self.roll = 0.0, 0.3, 0.3, 0.0
+        self.rates: list[float] = []
+
+    def step(self, *, force: float = 0.0, tip: float = 1.0, torque: float = 0.0) -> float:
+        sensed = Sensed(
+            time=np.array([self.time]),
+            arc=np.array([self.arc]),
+            insertion=np.array([self.shaft]),
+            roll=np.array([self.roll]),
+            hand_lead=np.zeros(1),
+            push_force=np.array([force]),
+            torque=np.array([torque]),
+            wall_force=np.full(1, np.nan),
+            tip_force=np.full(1, np.nan),
+            bend=(np.zeros(1), np.zeros(1)),
+            ahead=(np.zeros(1), np.zeros(1), np.full(1, 0.04)),
+        )
+        decision, self.memory = rules(np, self.own, self.steering, sensed, self.memory, interval=_STEP)
+        rate = float(decision.push_rate[0])
+        self.rates.append(rate)
+        self.time += _STEP
+        self.shaft += rate * _STEP
+        self.arc += tip * rate * _STEP
+        self.roll += float(decision.roll_rate[0]) * _STEP
+        return rate
+
+    @property
+    def mode(self) -> float:
+        return float(self.memory.mode[0])
+
+
+def _run(handle: _Handle, seconds: float, **about) -> None:
+    for _ in range(round(seconds / _STEP)):
+        handle.step(**about)
+
+
+def test_it_advances_at_its_own_pace_and_rests_after_each_straightening():
+    """Forces of the wall are not sensed: nothing depends on them, though they are no numbers here."""
+    handle = _Handle()
+    _run(handle, 60.0)
+    rates = np.array(handle.rates)
+    assert rates.max() == pytest.approx(handle.own.advance_rate)
+    assert rates.min() == pytest.approx(-handle.own.withdraw_rate)
+    assert np.mean(rates == 0) > 0.1
+    assert handle.arc > 0.4
+    assert np.isfinite(np.array(handle.memory, float)).all()
+
+
+def test_it_does_not_push_beyond_what_is_gentle():
+    handle = _Handle()
+    assert handle.step(force=handle.own.gentle_force) == 0
+    assert 0 < _Handle().step(force=0.9 * handle.own.gentle_force) < handle.own.advance_rate
+
+
+def test_a_shaft_that_goes_in_while_the_tip_stays_is_pulled_back_beyond_the_tips_place():
+    """The follower stops pulling where the shaft inside is as long as the colon passed; an endoscopist goes on."""
+    handle = _Handle(most_pull=0.3, new_colon=2.0)
+    _run(handle, 5.0, tip=0.0, force=5.0)
+    while handle.mode != 1.0 and handle.time < 20:
+        handle.step(tip=0.0, force=5.0)
+    assert handle.mode == 1.0
+    _run(handle, 8.0, tip=0.0)
+    assert handle.shaft < handle.arc - 0.05
+
+
+def test_pulling_ends_when_the_lumen_slips_away():
+    handle = _Handle(new_colon=2.0)
+    while handle.mode != 1.0:
+        handle.step(tip=0.0)
+    begun = handle.shaft
+    while handle.mode == 1.0:
+        handle.step(tip=1.0)
+    assert 0.9 * handle.own.least_pull < begun - handle.shaft < 3 * handle.own.least_pull
+    assert handle.mode == 2.0
+
+
+def test_pull_and_torque_stand_still_at_their_limits():
+    handle = _Handle()
+    while handle.mode != 1.0:
+        handle.step(tip=0.0)
+    assert handle.step(force=-handle.own.pull_force) == 0
+    turned = handle.roll
+    handle.step(torque=handle.own.torque_limit)
+    assert handle.roll == turned
+
+
+def test_the_assistant_is_asked_when_attempts_have_failed_and_not_before():
+    handle = _Handle()
+    _run(handle, 20.0, tip=0.0, force=5.0)
+    assert float(handle.memory.assist[0]) == 0
+    asked = set()
+    for _ in range(24):
+        _run(handle, 10.0, tip=0.0, force=5.0)
+        asked.add(float(handle.memory.assist[0]))
+    assert len(asked) > 2 and max(asked) < len(ASSISTANT)
+
+
+def test_it_pushes_harder_only_after_failing():
+    """Firm after attempts that failed, never beyond its firmest."""
+    handle = _Handle()
+    memory = handle.memory
+    limits = []
+    for attempts in (0.0, 1.0, 10.0):
+        handle.memory = memory._replace(attempts=np.array([attempts]))
+        force = handle.own.gentle_force + 1
+        limits.append(handle.step(force=force) > 0)
+    assert limits == [False, True, True]
+    handle.memory = memory._replace(attempts=np.array([10.0]))
+    assert handle.step(force=handle.own.firm_force) == 0

@@ -1,0 +1,133 @@
+"""Cohorts: patients within the sources' ranges, observables by hand, and a few patients examined."""
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+
+from haustra.assets import asset
+from haustra.envs.control.laws import DRIVERS, driver_settings
+from haustra.envs.study.clinic_watch import pull_backs
+from haustra.envs.study.cohort import PRESETS, SCORES, cohort_study
+from haustra.envs.study.cohort_table import observables, published, verdicts, wilson
+from haustra.envs.study.patients import Patient, clinic_number, numbers, patient_variables, traits
+from haustra.envs.study.sampling import designs_of, jobs_of
+from haustra.errors import InvalidOptionError
+from haustra.models.anatomy.landmarks import SEGMENTS
+
+
+def test_every_number_of_every_patient_lies_in_its_sourced_range():
+    study = cohort_study("full")
+    designs = designs_of(study)
+    assert len(designs) == PRESETS["full"].patients == 400
+    for variable in study.variables:
+        values = np.array([design[variable.name] for design in designs])
+        assert variable.low <= values.min() and values.max() <= variable.high
+    friction = numbers()["contact.friction"]
+    bounds = next(variable for variable in study.variables if variable.name == "friction")
+    assert friction.low <= bounds.low < bounds.high <= friction.high
+    assert all(not entry.get("number") or _within(entry, numbers()[entry["number"]]) for entry in _listed().values())
+
+
+def _listed() -> dict:
+    return tomllib.loads(asset("clinic/patients.toml").read_text(encoding="utf-8"))
+
+
+def _within(entry: dict, number) -> bool:
+    return number.low <= entry.get("low", number.low) < entry.get("high", number.high) <= number.high
+
+
+def test_a_latin_hypercube_gives_traits_their_share():
+    patients = [Patient.of(design) for design in designs_of(cohort_study("full"))]
+    for trait, share in traits().items():
+        assert np.mean([patient.has(trait) for patient in patients]) == pytest.approx(share, abs=1 / 400)
+
+
+def test_each_driver_and_device_sees_the_same_patients():
+    study = cohort_study("quick", drivers=("follower", "endoscopist"), devices=("adult", "paediatric"), patients=3)
+    jobs = list(jobs_of(study, designs_of(study)))
+    assert len(jobs) == 12
+    seeds = {(*job.conditions.values(),): [] for job in jobs}
+    for job in jobs:
+        seeds[*job.conditions.values(),].append(job.variables["seed"])
+    assert len(seeds) == 4 and len({tuple(each) for each in seeds.values()}) == 1
+    assert Patient.of(jobs[0].variables).values == {**jobs[0].variables}
+
+
+@pytest.mark.parametrize("asked", [{"name": "slow"}, {"drivers": ("ghost",)}, {"devices": ("broom",)}])
+def test_what_is_not_known_is_refused(asked):
+    with pytest.raises(Exception, match=r"not known|broom") as caught:
+        cohort_study(**{"name": "quick", **asked})
+    assert "\n" not in str(caught.value)
+
+
+def test_unknown_drivers_are_refused_by_name():
+    with pytest.raises(InvalidOptionError, match="Known: follower, endoscopist"):
+        driver_settings("ghost", moves=True)
+    assert set(DRIVERS) == {"follower", "endoscopist"}
+
+
+def test_pull_backs_are_counted_once_each():
+    shaft = np.array([0.1, 0.2, 0.3, 0.28, 0.26, 0.24, 0.2, 0.25, 0.3, 0.295, 0.3, 0.2])
+    assert pull_backs(shaft, 0.03) == 2
+    assert pull_backs(np.linspace(0, 1, 50), 0.03) == 0
+
+
+def _patient(**changed) -> dict:
+    usual = {column.name: 0.0 for column in SCORES} | {"sex": "male", "outcome": "time_up", "inserted_m": None}
+    return usual | {f"axial_{name}_N": float(index) for index, name in enumerate(SEGMENTS)} | changed
+
+
+def test_observables_are_what_the_rows_say():
+    rows = [
+        _patient(
+            sex=sex,
+            caecum=1.0,
+            inserted_m=0.8,
+            n_loop=float(i % 2),
+            any_loop=1.0,
+            push_peak_N=20.0 + i,
+            time_s=float(i),
+        )
+        for i, sex in enumerate(["male", "female"] * 20)
+    ]
+    found = {one.name: one for one in observables(rows)}
+    assert found["any_loop"].value == 1.0 and found["any_loop"].inside is False
+    assert found["n_loop"].value == 0.5
+    assert found["force_rises"].value == 5 and found["force_rises"].inside
+    assert 55 < (found["push_peak"].value or 0.0) <= 59  # the largest of 21 of 40
+    assert found["inserted_length"].inside is None
+    assert found["half_metre_men"].value == 0
+    assert [one.name for one in published()] == list(found)
+
+
+def test_women_must_be_behind_men_at_half_a_metre():
+    """Both sexes inside their bands, but in the wrong order: that is outside."""
+    shares = {"male": 0.28, "female": 0.285}
+    rows = [_patient(sex=sex, half_metre=float(i < share * 200)) for sex, share in shares.items() for i in range(200)]
+    found = observables(rows)
+    by_name = {one.name: one for one in found}
+    assert by_name["half_metre_men"].inside and by_name["half_metre_women"].inside
+    assert not verdicts(found)["half_metre"]
+    assert len(verdicts(found)) == 12
+
+
+def test_too_few_patients_have_no_value():
+    found = {one.name: one for one in observables([_patient()])}
+    assert found["loop_and_time"].value is None and found["loop_and_time"].inside is False
+    assert found["inserted_length"].value is None
+    json.dumps([one.to_json() for one in found.values()], allow_nan=False)
+
+
+def test_wilsons_interval():
+    """Published: 34.5 % of 116 men gives 0.27 to 0.44."""
+    low, high = wilson(40, 116)
+    assert (low, high) == pytest.approx((0.2646, 0.4352), abs=2e-3)
+
+
+def test_the_hand_may_do_far_more_than_the_bands():
+    bands = {one.name: one.band or (0.0, 0.0) for one in published()}
+    assert clinic_number("hand_push") >= 2 * bands["push_peak"][1]
+    assert clinic_number("hand_torque") >= 2 * bands["torque_peak"][1]
+    assert not {variable.name for variable in patient_variables()} & {"push_limit", "torque_limit"}
