@@ -7,10 +7,12 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from haustra.envs.console.scope_vehicle import LENS_SIZE
 from haustra.envs.console.stage import Stage
 from haustra.envs.console.vehicle import Surroundings
 from haustra.envs.console.wire import pack
 from haustra.envs.runs.insertion import Trajectory
+from haustra.envs.view.picture.lens import lens_of
 from haustra.files import write_json
 from haustra.models.scene import Scene
 from haustra.models.wall.lumen_table import axis_tables, stack
@@ -33,7 +35,8 @@ def write_motion(path: Path, scene: Scene, seen: Trajectory) -> Path | None:
         return None
     colon, moves = scene.colon, bool(seen.displacement.shape[1])
     tables = stack([axis_tables(colon, scene.options.abdomen)]) if moves else None
-    around = Surroundings(colon, tables, np.zeros(3), np.eye(3), scene.cable.radius, 140.0)
+    lens = lens_of(scene.design.tip, LENS_SIZE, LENS_SIZE)
+    around = Surroundings(colon, tables, np.zeros(3), np.eye(3), scene.cable.radius, lens)
     stage = Stage(around, spacing=_SPACING, corners=_AROUND)
     told: dict[str, Any] = {"kind": "scene", "radius": scene.cable.radius, "name": colon.name}
     messages = [pack(told, {"faces": stage.faces, "stations": stage.stations, "rest": _single(stage.vertices())})]

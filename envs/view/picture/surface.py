@@ -105,6 +105,13 @@ class ColonSurface(LumenSurface):
         if len(path) > 1:
             self._keep_off(*along_device(path, self.line, self.colon.centreline.arc, _APART), radius)
 
+    def widen(self, widths: Float[np.ndarray, " places"]) -> None:
+        """Let the lumen be so wide at even arc lengths, over that at rest [1], as gas holds it."""
+        self._stretch(
+            np.interp(self.arcs, np.linspace(0.0, self.colon.centreline.length, len(widths)), widths)[:, None]
+        )
+        self._fresh[:] = False
+
     def make_room(self, tip: Float[np.ndarray, "3"], ahead: Float[np.ndarray, "3"], arc: float, radius: float) -> None:
         """Keep the wall off a tip of that radius [m] that ends there and points ahead, at that arc length [m]."""
         behind = radius + np.linspace(0.0, 2 * radius, 5)
@@ -127,6 +134,11 @@ class ColonSurface(LumenSurface):
     def _keep_off(self, places: np.ndarray, arcs: np.ndarray, radius: float) -> None:
         self._device = np.ascontiguousarray(places), np.ascontiguousarray(arcs), radius + GAP
         self._fresh[:] = False
+
+    def _stretch(self, share: np.ndarray) -> None:
+        """Let vertices stand off the centreline by a share of what they do at rest."""
+        middle = self._beside(0, len(self.arcs))
+        self._placed = middle + (self.rest - middle) * share
 
     def _carry(self, first: int, last: int) -> None:
         """Take some vertices to where they would be without a device."""
@@ -152,7 +164,7 @@ class MovingSurface(ColonSurface):
         self._cells = node_cell(np, spacing, nodes, self.arcs)
         self._way = node_cell(np, spacing, nodes, self._line.arc)
         self._still = np.asarray(axis_at(np, tables, self.arcs[None]))
-        self._lever = np.ascontiguousarray(((self.rest - origin) @ axes)[None] - self._still)
+        self._lever = self._slim = np.ascontiguousarray(((self.rest - origin) @ axes)[None] - self._still)
         self._axes = np.column_stack([axes, origin])
         one, each, edge = np.zeros((1, nodes)), np.zeros((1, nodes, 3)), np.zeros((1, nodes - 1, 3))
         turns = np.zeros((1, nodes, 4))
@@ -171,6 +183,9 @@ class MovingSurface(ColonSurface):
         at = np.clip(np.searchsorted(self._line.arc, (begin + end) / 2), 0, len(self.line) - 1)
         self._middles, self._reaches = self.line[at], self._wide + STRETCH + _ROOM
         self._fresh[:] = False
+
+    def _stretch(self, share: np.ndarray) -> None:
+        self._lever = np.ascontiguousarray(self._slim * share)
 
     def _carry(self, first: int, last: int) -> None:
         about = self._pose, self._shape, *self._cells, self._still, self._lever, self._axes
