@@ -33,7 +33,7 @@ class Appearance:
             stool: share of the lower wall under residue, from 0 (clean) to 1.
         """
         rng = np.random.default_rng(seed)
-        self.lattice: Float[np.ndarray, "32 32 32"] = rng.random((mucosa.PERIOD,) * 3).astype(np.float32)
+        self.lattice: Float[np.ndarray, "16 16 16"] = rng.random((mucosa.PERIOD,) * 3).astype(np.float32)
         """Random numbers of all patterns."""
         self._surface, line = surface, colon.centreline
         station = np.clip(np.searchsorted(line.arc, surface.arcs), 0, len(line.arc) - 1)

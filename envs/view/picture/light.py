@@ -48,12 +48,10 @@ class Response:
     """Time for which a picture is exposed, for motion blur [s]; 0 for none."""
 
     def curve(self) -> UInt8[np.ndarray, " places"]:
-        """Bytes for light from 0 to 1: linear to the knee, then bent so that highlights keep their shape."""
+        """Bytes for light from 0 to 1."""
         light = np.linspace(0.0, 1.0, _CURVE)
-        knee = 0.55
-        over = np.maximum(light - knee, 0) / (1 - knee)
-        bent = np.where(light <= knee, light, knee + (1 - knee) * (1.6 * over - 0.6 * over * over))
-        return (255 * np.clip(bent, 0, 1) ** (1 / self.gamma) + 0.5).astype(np.uint8)
+        bright = light ** (1 / self.gamma)
+        return (255 * bright + 0.5).astype(np.uint8)
 
     def gain_for(self, radiance: Float[np.ndarray, "height width 3"], last: float | None = None) -> float:
         """Automatic gain: the upper middle of the picture's brightness goes to the target."""

@@ -13,8 +13,8 @@ Nothing here imports haustra, since its tests put type checks on what they impor
 import numpy as np
 from numba import njit
 
-PERIOD = 32
-"""Cells after which noise repeats."""
+PERIOD = 16
+"""Cells after which noise repeats: so few that all stay in the processor's nearest cache."""
 TAENIA, POLYP, DIVERTICULUM, BLOOD, STOOL = range(5)
 """Columns of what is known of each vertex, each from 0 to 1."""
 ORIFICE, VALVE = range(2)
@@ -22,6 +22,8 @@ ORIFICE, VALVE = range(2)
 _RED, _GREEN, _BLUE = 0.16, 1.05, 1.25
 """How strongly blood takes red, green and blue [1 per unit of blood]; oxygenated haemoglobin takes far more of green
 and blue than of red (Prahl, molar extinction), of which broad filters and scattering leave less; engineering choice."""
+_DEEP = 0.12
+"""Distance over which light that other wall has sent on turns red [m]; engineering choice."""
 _PALE = 0.94, 0.86, 0.74
 """What comes back of tissue without blood; engineering choice."""
 
@@ -31,8 +33,8 @@ def noise(lattice, x, y, z):
     """Smooth noise from 0 to 1 and its gradient, over a lattice of random numbers that repeats."""
     fx, fy, fz = np.floor(x), np.floor(y), np.floor(z)
     u, v, w = x - fx, y - fy, z - fz
-    i, j, k = int(fx) & 31, int(fy) & 31, int(fz) & 31
-    i1, j1, k1 = (i + 1) & 31, (j + 1) & 31, (k + 1) & 31
+    i, j, k = int(fx) & 15, int(fy) & 15, int(fz) & 15
+    i1, j1, k1 = (i + 1) & 15, (j + 1) & 15, (k + 1) & 15
     su, sv, sw = u * u * (3 - 2 * u), v * v * (3 - 2 * v), w * w * (3 - 2 * w)
     du, dv, dw = 6 * u * (1 - u), 6 * v * (1 - v), 6 * w * (1 - w)
     a, b = lattice[i, j, k], lattice[i1, j, k]
@@ -79,7 +81,7 @@ def shade(
         rest: places of the vertices at rest [m].
         arcs: arc length of each vertex [m].
         known: of each vertex, columns as named above.
-        lattice: random numbers from 0 to 1 (32, 32, 32).
+        lattice: random numbers from 0 to 1 (16, 16, 16).
         landmarks: kind, place at rest [m], half-width [m] and the direction of its long axis, each.
         rays: of all pixels, in the camera's axes.
         axes: columns are the camera's axes in the world.
@@ -120,20 +122,20 @@ def shade(
             patch, _, _, _ = noise(lattice, x * 45.0, y * 45.0, z * 45.0)
             bend, bx, by, bz = noise(lattice, x * 130.0 + 7.3, y * 130.0 + 1.9, z * 130.0 + 4.1)
             wx, wy, wz = x + 0.0022 * by, y + 0.0022 * bz, z + 0.0022 * bx
-            blood = 0.62 + 0.30 * (patch - 0.5) + 0.16 * (bend - 0.5)
-            blood -= 0.22 * taenia * (1 - polyp)
+            blood = 0.88 + 0.36 * (patch - 0.5) + 0.20 * (bend - 0.5)
+            blood -= 0.30 * taenia * (1 - polyp)
             wide, _, _, _ = noise(lattice, wx * 75.0 + 3.7, wy * 75.0 + 8.8, wz * 75.0 + 2.2)
             blurred = size * 75.0 * 0.7
-            thick = 0.030 * (0.35 + 1.3 * patch) + blurred
-            trunk = np.exp(-(((wide - 0.5) / thick) ** 2)) * (0.030 / (0.030 + blurred))
+            thick = 0.020 * (0.25 + 1.5 * patch) + blurred
+            trunk = np.exp(-(((wide - 0.5) / thick) ** 2)) * (0.022 / (0.022 + blurred))
             presence = min(max(2.6 * bend - 0.55, 0.0), 1.0)
-            vessels = 0.75 * trunk * presence
+            vessels = 1.0 * trunk * presence
             gx, gy, gz = 0.0, 0.0, 0.0
             if size < 4e-4:  # what is finer than a pixel is not drawn
                 clear = 1 - size / 4e-4
                 fine, _, _, _ = noise(lattice, wx * 210.0 + 5.5, wy * 210.0 + 0.6, wz * 210.0 + 9.4)
                 blurred = size * 210.0 * 0.7
-                vessels += 0.5 * clear * np.exp(-(((fine - 0.5) / (0.045 + blurred)) ** 2)) * min(2 * presence, 1.0)
+                vessels += 0.6 * clear * np.exp(-(((fine - 0.5) / (0.045 + blurred)) ** 2)) * min(2 * presence, 1.0)
                 _, gx, gy, gz = noise(lattice, x * 620.0 + 2.5, y * 620.0 + 6.6, z * 620.0 + 3.4)
                 gx, gy, gz = 0.10 * clear * gx, 0.10 * clear * gy, 0.10 * clear * gz
             blood += vessels * (1 - 0.9 * polyp) * (1 - 0.5 * taenia)
@@ -234,8 +236,13 @@ def shade(
             # A lens that presses the wall sees light that has gone through it: red, without shape.
             pressed = min(max((0.0035 - away) / 0.0028, 0.0), 1.0)
             dim = 1.0
-            if vignetting > 0:
+            if vignetting == 1.0:
+                dim = max(-dz, 0.0)
+            elif vignetting > 0:
                 dim = max(-dz, 0.0) ** vignetting
+            # Light that comes from the depth has been sent on by other wall before, and is redder.
+            deep = min(away / _DEEP, 1.5)
+            green, blue = green * (1 - 0.30 * deep), blue * (1 - 0.38 * deep)
             through = 6e3 * pressed
             diffuse, glint = (1 - pressed) * diffuse, (1 - pressed) * glint
             radiance[row, column, 0] = dim * (red * diffuse + glint + 0.60 * through)
