@@ -118,6 +118,9 @@ class Painter:
 def _paint(camera: Camera, pipe: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent is interrupted, and closes the pipe
     eye = Eye(camera)
+    line = camera.around.colon.centreline
+    middle = len(line.arc) // 2
+    eye.draw(Glance(line.points[middle], line.frames[middle], float(line.arc[middle])))  # compiles
     pipe.send_bytes(b"ready")
     while True:
         try:

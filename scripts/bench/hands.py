@@ -36,7 +36,7 @@ while True:
 
 def measure_page(
     colon: Path, configuration: dict[str, Any], *, seconds: float, size: int, picture: Path | None = None
-) -> dict[str, float]:
+) -> dict[str, float | None]:
     """Drive in the page by keys, with a driver that steers.
 
     Args:
@@ -53,7 +53,7 @@ def measure_page(
     return asyncio.run(_page(Drive([Session(make_vehicle(colon, configuration))], size=size), seconds, picture))
 
 
-async def _page(source: Drive, seconds: float, picture: Path | None) -> dict[str, float]:
+async def _page(source: Drive, seconds: float, picture: Path | None) -> dict[str, float | None]:
     server, ends = Server(source), asyncio.Event()
     told: asyncio.Future[str] = asyncio.get_running_loop().create_future()
     running = asyncio.create_task(server.run(told.set_result, ends))
@@ -88,7 +88,7 @@ async def _page(source: Drive, seconds: float, picture: Path | None) -> dict[str
     return {
         "pictures_per_s": rates["pictures"],
         "outside_per_s": rates["outside"],
-        "key_to_picture_ms": float(np.median(waits)) if waits else float("nan"),
+        "key_to_picture_ms": float(np.median(waits)) if waits else None,
         "real_time_factor": rates["simulated"],
         "memory_growth_MB": memory[-1] - early,
         "tip_arc_m": after["arc"],

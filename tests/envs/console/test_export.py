@@ -164,7 +164,7 @@ def test_a_policy_learns_from_demonstrations_before_it_learns_from_rewards(episo
         "layers": (32,),
         "imitate": 0,
     }
-    training = Training(task=task, demonstrations=str(episodes), learning_rate=1e-9, imitate=0, **sizes)
+    training = Training(task=task, demonstrations=str(episodes), learning_rate=1e-9, **sizes)
     train(training, tmp_path / "trained", bank=short_bank(), threads=1)
     policy = load_policy(tmp_path / "trained")
     value = shown.seen
