@@ -35,6 +35,8 @@ class Appearance:
         rng = np.random.default_rng(seed)
         self.lattice: Float[np.ndarray, "16 16 16"] = rng.random((mucosa.PERIOD,) * 3).astype(np.float32)
         """Random numbers of all patterns."""
+        self.wet = 1.0
+        """Brightness of the highlights of the film of water on the wall [1]."""
         self._surface, line = surface, colon.centreline
         station = np.clip(np.searchsorted(line.arc, surface.arcs), 0, len(line.arc) - 1)
         offset = surface.rest - line.points[station]

@@ -66,7 +66,7 @@ class Endoscope:
         light = np.empty((height, width, 3), np.float32)
         pixel = float(1 / np.sqrt(abs(np.linalg.det(lens.stretch)))) * _per_radius(lens)
         seen = self.renderer.rays, view.pose.rotation, view.distance, view.own, view.weights, view.normals
-        known = self.surface.faces, self._rest, self._arcs, looks.known, looks.lattice, looks.landmarks
+        known = self.surface.faces, self._rest, self._arcs, looks.known, looks.lattice, looks.landmarks, looks.wet
         own = lens.vignetting, np.array(self._light.guides), self._light.spread, pixel, light
         self.renderer.each_row(lambda first, last: mucosa.shade(first, last, *known, *seen, *own))
         return light

@@ -60,6 +60,7 @@ def shade(
     known,
     lattice,
     landmarks,
+    wet,
     rays,
     axes,
     distance,
@@ -83,6 +84,7 @@ def shade(
         known: of each vertex, columns as named above.
         lattice: random numbers from 0 to 1 (16, 16, 16).
         landmarks: kind, place at rest [m], half-width [m] and the direction of its long axis, each.
+        wet: brightness of the film's highlights.
         rays: of all pixels, in the camera's axes.
         axes: columns are the camera's axes in the world.
         distance: along the rays [m].
@@ -231,7 +233,7 @@ def shade(
                 shine *= shine
                 shine *= shine  # to the power of 32
                 glint += power * (0.35 * shine * shine + 2.2 * shine**12)
-            glint *= gloss * 0.35
+            glint *= gloss * 0.35 * wet
 
             # A lens that presses the wall sees light that has gone through it: red, without shape.
             pressed = min(max((0.0035 - away) / 0.0028, 0.0), 1.0)
