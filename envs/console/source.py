@@ -124,6 +124,10 @@ class Source(ABC):
         self._publish = publish
         self._thread.start()
 
+    def mute(self) -> None:
+        """Tell nobody any more."""
+        self._publish = lambda what, message: None
+
     def command(self, said: Mapping[str, Any], answer: Callable[[str], None] = lambda said: None) -> None:
         """Obey the page soon; `answer` is told what cannot be done."""
         self._commands.append((said, answer))
