@@ -29,7 +29,7 @@ WATCHDOG = 0.3
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 """Simulated time over time."""
 _MOST_BEHIND = 0.25
-"""Backlog that is given up instead of being caught up with [s]."""
+"""Backlog beyond this is given up instead of being caught up with [s]."""
 _REST = 0.002
 """Sleep of a loop that has nothing to do [s]."""
 
@@ -170,9 +170,9 @@ class Source(ABC):
                 now = time.perf_counter()
                 self._due += 0.0 if self.paused else (now - before) * self.speed
                 before = now
-                if self._due > _MOST_BEHIND * max(self.speed, 1.0):
-                    self.late += self._due
-                    self._due = 0.0
+                most = _MOST_BEHIND * max(self.speed, 1.0)
+                self.late += max(self._due - most, 0.0)
+                self._due = min(self._due, most)
                 gone = 0.0
                 if self.paused:
                     self._due = 0.0
