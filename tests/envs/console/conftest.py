@@ -32,5 +32,5 @@ def scope() -> dict[str, Any]:
 
 @pytest.fixture(scope="session")
 def capsule() -> dict[str, Any]:
-    device: Any = replace(load_device("capsule"), **{"led_by": "wrench", "tether_friction": 0.0, "tether_held": 0.0})
+    device: Any = replace(load_device("capsule"), led_by="wrench", tether_friction=0.0, tether_held=0.0)
     return {"kind": "device", "device": device.describe(), "options": {}}
