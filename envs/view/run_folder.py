@@ -55,8 +55,8 @@ def write_run(
     The numerical error is that of the run itself where it was measured, otherwise that of other runs of its kind.
 
     A run that was there is replaced as a whole. Files: scores.json, trajectory.npz, scene.xml, outside.png, tip.png,
-    forces.png, injury.png, motion.json, report.html; of a scope that was withdrawn also inspection.png and withdrawal.npz, and
-    what was left of the colon by a treatment in the folder `after`.
+    forces.png, injury.png, motion.json, report.html; of a scope that was withdrawn also inspection.png and
+    withdrawal.npz, and what was left of the colon by a treatment in the folder `after`.
 
     Raises:
         OutputError: when the folder cannot be written to.
