@@ -101,7 +101,9 @@ class ColonSurface(LumenSurface):
         self._fresh[:] = False
 
     def indent(self, path: Float[np.ndarray, "nodes 3"], radius: float) -> None:
-        """Keep the wall off a device along `path`, from the anus to where it ends [m], of that radius [m]."""
+        """Keep the wall off a device of that radius [m] along `path`, from the anus on [m]; off none if it is empty."""
+        self._device = None
+        self._fresh[:] = False
         if len(path) > 1:
             self._keep_off(*along_device(path, self.line, self.colon.centreline.arc, _APART), radius)
 
