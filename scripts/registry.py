@@ -26,6 +26,8 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "dataset": f"{_SCRIPTS}.dataset:Dataset",
     },
     "The clinic": {
+        "trials": f"{_SCRIPTS}.trials:Trials",
+        "credibility": f"{_SCRIPTS}.credibility:Credibility",
         "imager export": f"{_SCRIPTS}.imager:ImagerExport",
         "imager score": f"{_SCRIPTS}.imager:ImagerScore",
     },
@@ -61,6 +63,7 @@ BENCHMARKS: Mapping[str, str] = {
     "bench contracts": f"{_BENCH}.contracts:BenchContracts",
     "bench cores": f"{_BENCH}.cores:BenchCores",
     "bench cost": f"{_BENCH}.cost:BenchCost",
+    "bench device": f"{_BENCH}.device:BenchDevice",
     "bench episodes": f"{_BENCH}.episodes:BenchEpisodes",
     "bench errors": f"{_BENCH}.errors:BenchErrors",
     "bench fuzz": f"{_BENCH}.fuzz:BenchFuzz",
