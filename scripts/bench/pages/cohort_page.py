@@ -1,0 +1,54 @@
+"""The page of a cohort in the documentation: `python -m haustra.scripts.bench.pages.cohort_page STORE PAGE`."""
+
+import json
+import sys
+from pathlib import Path
+
+from haustra.envs.study.cohort_table import observables, rows_of
+from haustra.envs.study.store import read_store
+from haustra.envs.view.report.cohort_report import causes_table, cohort_page, draw_cohort
+from haustra.files import write_atomically
+
+_HEAD = """\
+# Validation: a cohort against published colonoscopies
+
+Made by `haustra cohort quick -o DIR` and `python -m haustra.scripts.bench.pages.cohort_page DIR PAGE`; edit
+`scripts/bench/pages/cohort_page.py`, not this page.
+
+**Virtual patients** differ in what [Virtual patients](../how-to/cohort.md) lists, every number drawn from its sourced
+range. The hand may push with 100 N and turn with 3 N m, so that peaks are results of the driver. Loops are what the
+push made, told against the colon at rest; a loop counts that stands for 5 s in all, and a site as painful that hurts
+for so long.
+
+**What is calibrated.** Friction is drawn from the lower part of its range (0.03 to 0.1), and the endoscopist's
+settings were tried on other patients, both by the observables of the half named `choose` (any loop, peaks of push and
+pull, share of the time above 9.8 N, intubation, straightenings, loops and time). Those of the half `judge` chose no
+number; that pain must last for 5 s was said after a first cohort had hurt nearly everybody's sigmoid for an instant.
+The endoscopist's gentle, firm and pulling forces are inputs that peaks follow from closely: peaks say little about
+the model. Nothing else is calibrated.
+"""
+
+
+def main(store: Path, page: Path) -> None:
+    """Write the page of a store, and its figure beside the documentation's pictures."""
+    with read_store(store) as jobs:
+        conditions = jobs.study.conditions
+        found = {
+            (str(driver), str(device)): observables(rows_of(jobs, driver=str(driver), device=str(device)))
+            for driver in conditions["driver"]
+            for device in conditions["device"]
+        }
+        about = {"patients": jobs.study.sampler.count, "study": jobs.study.hash, "jobs": jobs.counts()}
+        first = next(iter(found))
+        moved = causes_table(jobs, found[first], driver=first[0], device=first[1])
+        seconds = json.dumps(jobs.study.options["seconds"])
+    image = page.parent.parent / "images" / "cohort.png"
+    draw_cohort(image, found)
+    text = cohort_page(
+        found, about, image=f"../images/{image.name}", head=_HEAD + f"\nAt most {seconds} s a patient.\n"
+    )
+    write_atomically(page, lambda path: path.write_text(text + moved, encoding="utf-8"))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]))
