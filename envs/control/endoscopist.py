@@ -74,15 +74,15 @@ class EndoscopistSettings:
     """Lumen that slips away before pulling back ends [m]."""
     least_pull: float = number("m", 1e-3, 0.5, default=0.04)
     """Pulling back goes at least this far [m]."""
-    most_pull: float = number("m", 1e-2, 2.0, default=0.15)
+    most_pull: float = number("m", 1e-2, 2.0, default=0.25)
     """And at most this far [m]."""
     twist: float = number("rad", 0.0, 4 * math.pi, default=math.radians(200))
     """Angle that the shaft is turned through while pulling back, clockwise first [rad]."""
     roll_rate: float = number("rad/s", 0.01, 50.0, default=math.radians(60))
     """Rate of turning [rad/s]."""
-    patience: float = number("s", 0.1, 600.0, default=6.0)
+    patience: float = number("s", 0.1, 600.0, default=8.0)
     """Time without lumen passing after which something else is tried [s]."""
-    rest: float = number("s", 0.0, 600.0, default=3.0)
+    rest: float = number("s", 0.0, 600.0, default=6.0)
     """Rest after each manoeuvre [s]."""
     jiggle: float = number("m", 0.0, 0.2, default=0.015)
     """Half the stroke of jiggling [m]."""
@@ -193,7 +193,7 @@ def rules(
     assist = asked - len(ASSISTANT) * xp.floor(asked / len(ASSISTANT))
     # How the hand moves.
     # Firm for a moment before it gives up, and only where something has failed already.
-    firmly = xp.where(time - moved > own.patience / 2, own.firmer * attempts, 0.0)
+    firmly = xp.where(time - moved > 0.75 * own.patience, own.firmer * attempts, 0.0)
     limit = xp.minimum(own.gentle_force + firmly, own.firm_force)
     rate = own.advance_rate * xp.clip(3 * (1 - force / limit), 0.0, 1.0)
     rate = xp.where(mode == _PULL, -own.withdraw_rate * xp.clip(3 * (1 + force / own.pull_force), 0.0, 1.0), rate)
