@@ -80,7 +80,7 @@ def stated_error(options: SceneOptions, colon: str, *, wall: str | None = None) 
     """
     pieces = (wall or "") if options.wall_law == "pieces" else ""
     asked = (options.wall_law, pieces, options.mesentery, preset_of(options), colon)
-    for entry in _shipped():
+    for entry in measured():
         if (entry.wall_law, entry.wall, entry.mesentery, entry.preset, entry.colon) == asked:
             return entry.error
     return NOT_MEASURED
@@ -119,5 +119,6 @@ def _entry(values: Mapping[str, Any], where: str) -> Measured:
 
 
 @cache
-def _shipped() -> tuple[Measured, ...]:
+def measured() -> tuple[Measured, ...]:
+    """Every entry of assets/accuracy.toml."""
     return load_measured(asset("accuracy.toml"))

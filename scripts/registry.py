@@ -26,6 +26,8 @@ GROUPS: Mapping[str, Mapping[str, str]] = {
         "dataset": f"{_SCRIPTS}.dataset:Dataset",
     },
     "The clinic": {
+        "trials": f"{_SCRIPTS}.trials:Trials",
+        "credibility": f"{_SCRIPTS}.credibility:Credibility",
         "imager export": f"{_SCRIPTS}.imager:ImagerExport",
         "imager score": f"{_SCRIPTS}.imager:ImagerScore",
     },

@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 from jaxtyping import install_import_hook
 
-import haustra.envs.view.picture.kernels  # compiled from its source, which the checks would change
+# Compiled from their sources, which the checks would change.
+import haustra.envs.view.picture.kernels
+import haustra.envs.view.picture.mucosa
 
 with suppress(ImportError):  # so is this, for the GPU
     import haustra.envs.runs.warp_kernels  # noqa: F401

@@ -13,10 +13,10 @@ from haustra.envs.learning.stage import stage_of
 from haustra.envs.sim.native_batch import batch_model
 from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.config import Limits
-from haustra.envs.view.picture.camera import looking
-from haustra.envs.view.picture.tip import tip_view
+from haustra.envs.view.picture.endoscope import Endoscope
+from haustra.envs.view.picture.lens import lens_of
+from haustra.envs.view.picture.renderer import CameraPose
 from haustra.files import write_atomically
-from haustra.models.anatomy.colon import Surface
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -29,8 +29,6 @@ _FRAME_MS, _LAST_MS = 100, 2000
 """A frame is shown for half the simulated time that it stands for; the last one stays."""
 _QUALITY = 60
 """Quality of the WebP compression, 0 to 100: some 8 kB a frame."""
-_NEAR = 0.2
-"""Wall farther from the tip is not drawn in its picture [m]: wall at 3 cm sends back forty times as much light."""
 _BEFORE_ANUS = 0.03
 """Length of shaft that is drawn outside the patient [m]."""
 _INK, _PAPER, _RAIL, _FILL, _ALARM = "#30343b", "#ffffff", "#dfe3e8", "#2f6f8f", "#c2413b"
@@ -89,13 +87,14 @@ def _frames(
 
     size = (WIDTH - _SIDE, HEIGHT)
     scope, stage = _Scope(bank), stage_of(bank.cases[recording.case], recording.displacement, size)
-    view = min(bank.design.tip.field_of_view_deg, 170.0)
+    eyes = Endoscope(bank.cases[recording.case].colon(), lens_of(bank.design.tip, _SIDE, _SIDE))
     count, peak = len(recording.time), 0.0
     for index in range(count):
         shape, tip, frame = scope.at(recording.qpos[index])
         picture = Image.new("RGB", (WIDTH, HEIGHT), _PAPER)
         lumen, eye, outside = stage.at(index, tip, float(recording.tip_arc[index]))
-        seen = tip_view(_near(lumen, eye), eye, looking(frame[:, 2], frame[:, 0]), view, size=_SIDE, samples=1)
+        eyes.surface.place(lumen.vertices)
+        seen = eyes.picture(CameraPose.of_tip(eye, frame))
         picture.paste(Image.fromarray(seen), (0, 0))
         drawn = outside.draw(shape, bank.design.diameter / 2, bending_length=bank.design.bending.length)
         picture.paste(Image.fromarray(drawn), (_SIDE, 0))
@@ -103,12 +102,6 @@ def _frames(
         _read_out(picture, recording, index, title, ending if index == count - 1 else "", limits, peak)
         progress(index + 1, count)
         yield picture
-
-
-def _near(lumen: Surface, place: Float[np.ndarray, "3"]) -> Surface:
-    """The part of a surface around a place: all that its picture needs, in a fraction of the time."""
-    close = np.linalg.norm(lumen.vertices - place, axis=1) < _NEAR
-    return Surface(lumen.vertices, lumen.faces[close[lumen.faces].any(axis=1)])
 
 
 class _Scope:

@@ -43,7 +43,7 @@ class ImagerRecording:
     """Places of a scope's coils over time."""
 
     time: Float[np.ndarray, " records"]
-    """Rising times [s]."""
+    """Times that do not fall, and rise over the whole recording [s]."""
     coils: Float[np.ndarray, "records coils 3"]
     """Places of the coils, the tip's first, then away from it [m]; x to the left, y to the back, z up."""
     events: Mapping[str, float] = field(default_factory=dict)
@@ -85,9 +85,9 @@ def read_recording(folder: Path) -> ImagerRecording:
         raise UnreadableFileError(f"The files in '{folder}' are not of one recording: {told}, T {len(time)} moments.")
     if len(time) < 2 or axes[0].shape[1] < 4:
         raise UnreadableFileError(f"'{folder}' holds {len(time)} moments of {axes[0].shape[1]} coils: 2 of 4 at least.")
-    late = next((line for line, (one, after) in enumerate(pairwise(time), start=2) if after <= one), None)
-    if late is not None:
-        raise UnreadableFileError(f"'{folder / 'T.txt'}', line {late}: the time does not rise.")
+    late = next((line for line, (one, after) in enumerate(pairwise(time), start=2) if after < one), None)
+    if late is not None or time[-1] == time[0]:
+        raise UnreadableFileError(f"'{folder / 'T.txt'}', line {late or len(time)}: the time does not rise.")
     places = np.stack(axes, axis=-1) @ _TO_FILE * 1e-3
     log = folder / LOG
     return ImagerRecording(time - time[0], places, _events(log, float(time[-1] - time[0])) if log.is_file() else {})

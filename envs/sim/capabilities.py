@@ -83,7 +83,7 @@ DESIGN = (
     *_in("design.wires", "routing_radius", "pull_limit", "friction", "hysteresis"),
     *_in("design.wires", "slack", "compliance", about=_WHEELS),
     *_in("design.tip", "length"),
-    *_in("design.tip", "field_of_view_deg", about="for pictures only"),
+    *_in("design.tip", "field_of_view_deg", "lens", about="for pictures only"),
 )
 """Fields of `ScopeDesign` and its parts."""
 

@@ -52,6 +52,7 @@ class ClinicWatch:
         self._loops: list[list[frozenset[LoopKind]]] = [[] for _ in patients]
         self._loop_times: list[np.ndarray] = []
         self._hurting = np.zeros((worlds, len(_SITES)))
+        self._tension = np.zeros(worlds)
         self._assist = np.zeros(worlds)
         self._own = self._mesentery()
 
@@ -130,6 +131,7 @@ class ClinicWatch:
             for name in ("painful_wall", "painful_mesentery")
         )
         along, held = axis_tensions(np, own, seen.displacement, radius)
+        self._tension = np.maximum(self._tension, held.max(axis=1))
         forces = np.where(seen.link_arcs > 0, seen.link_forces, 0.0)
         pressed = pressed_tension(forces, self._diameter, self._lengths)
         each = ((arcs, along / wall_limit), (arcs, held / mesentery_limit), (seen.link_arcs, pressed / wall_limit))
@@ -174,6 +176,8 @@ class ClinicWatch:
             "reach": float(min(arc.max() / length, 1.0)),
             "caecum": float(reached),
             "time_s": float(time[-1]),
+            "flexure_s": float(time[arc >= flexure][0]) if (arc >= flexure).any() else None,
+            "mesentery_peak_N_m": float(self._tension[world]),
             "inserted_m": float(shaft[-1]) if reached else None,
             "half_metre": float(half),
             "any_loop": float(each * sum(bool(seen) for seen in loops) >= lasts),

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 from haustra.envs.control.laws import DRIVERS
 from haustra.envs.study.patients import Patient, patient_variables
@@ -23,6 +24,8 @@ SCORES = (
     Column("reach", "1", "how far the tip came, as a share of the colon's length"),
     Column("caecum", "1", "1 where the tip came past the valve"),
     Column("time_s", "s", "time to that, or to the end"),
+    Column("flexure_s", "s", "time to the splenic flexure; nothing where the tip never came there"),
+    Column("mesentery_peak_N_m", "N/m", "largest tension of the mesentery, seen once a second"),
     Column("inserted_m", "m", "shaft inside when the tip came past the valve"),
     Column("half_metre", "1", "1 where the tip was at or past the splenic flexure with 50 cm inside or less"),
     Column("any_loop", "1", "1 where a loop stood for long enough"),
@@ -51,6 +54,8 @@ class CohortOptions:
     """Longest insertion [s]: a caecum reached within 16 min counts as a quality bar."""
     timestep: float = number("s", 1e-5, 0.02, default=0.005)
     """Integration step [s]."""
+    stiffen_in: Literal["never", "descending", "transverse", "ascending"] = "never"
+    """Segment at whose beginning a scope's stiffening ring is turned to its stiffest setting."""
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from haustra.envs.study.cohort import check
 from haustra.envs.study.patients import Patient, clinic_number, grow_patients
 from haustra.envs.study.questions import Backend, Runner
 from haustra.envs.study.sampling import designs_of
+from haustra.envs.study.stiffening import NEVER, StiffeningRing
 from haustra.envs.study.study import Job, Result, Study
 from haustra.errors import HaustraError
 from haustra.models.anatomy.colon import Colon
@@ -101,7 +102,14 @@ def _examined(
     conditions = Conditions(each("friction"), each("wall_stiffness"), each("shaft_stiffness"))
     batch.begin(np.arange(len(sound)), conditions)
     watch = ClinicWatch(batch, patients, colons)
-    runs = batch.run(seconds=float(study.options["seconds"]), watch=watch, every=EVERY)
+    segment = str(study.options.get("stiffen_in", NEVER))
+    ring = StiffeningRing(batch, design, colons, each("shaft_stiffness"), segment=segment)
+
+    def look() -> None:
+        watch()
+        ring()
+
+    runs = batch.run(seconds=float(study.options["seconds"]), watch=look, every=EVERY)
     for index, job in enumerate(sound):
         if runs.outcome[index] is Outcome.DIVERGED:
             yield Result(job.id, "diverged", reason=runs.outcome[index].advice)

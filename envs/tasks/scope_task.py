@@ -211,7 +211,7 @@ class ScopeTask:
 
     def render(self, world: int, size: int) -> np.ndarray:
         """What the camera shows, RGB."""
-        return self.pictures.colour(int(self.case[world]), self._eye(world), size)
+        return self.pictures.colour(*self._before(world), size, self._displaced(world))
 
     def close(self) -> None:
         """End the threads."""
@@ -285,14 +285,17 @@ class ScopeTask:
     def _pixels(self) -> np.ndarray:
         size = self.config.picture_size
         return np.stack(
-            [
-                self.pictures.both(int(self.case[world]), self._eye(world), float(self.seen.tip_arc[world]), size)
-                for world in range(self.worlds)
-            ]
+            [self.pictures.both(*self._before(world), size, self._displaced(world)) for world in range(self.worlds)]
         )
 
-    def _eye(self, world: int) -> tuple[np.ndarray, np.ndarray]:
-        return self.seen.tip[world], self.seen.tip_frame[world]
+    def _before(self, world: int) -> tuple[int, tuple[np.ndarray, np.ndarray], float]:
+        """Case, eye and arc length of a world's camera."""
+        seen = self.seen
+        return int(self.case[world]), (seen.tip[world], seen.tip_frame[world]), float(seen.tip_arc[world])
+
+    def _displaced(self, world: int) -> np.ndarray | None:
+        moved = self.displacement
+        return None if moved is None else moved[world]
 
     def _inserted(self) -> tuple[Snapshot, ...]:
         from haustra.envs.tasks.inserted import inserted_starts
@@ -313,8 +316,6 @@ def require_task(config: TaskConfig, backend: str, *, design: ScopeDesign | None
         MissingDependencyError: when what the backend computes with is not installed.
         UnsupportedSceneError: when the colons are to move and the backend or what is seen of them cannot.
     """
-    if config.mesentery and (config.task == "withdrawal" or "pixels" in seen_by.sizes(config)):
-        raise UnsupportedSceneError(
-            "Colons that move on their mesentery are not drawn in colour, nor withdrawn from: leave mesentery out."
-        )
+    if config.mesentery and config.task == "withdrawal":
+        raise UnsupportedSceneError("Colons that move on their mesentery are not withdrawn from: leave mesentery out.")
     require_task_supported(config, design or named_design(config.design), backend_of(backend).name)

@@ -9,10 +9,12 @@ from jaxtyping import Float, UInt8
 
 from haustra.envs.runs.device_run import DeviceRun, device_scores
 from haustra.envs.view.picture.camera import looking
+from haustra.envs.view.picture.endoscope import Endoscope
 from haustra.envs.view.picture.image import write_png
+from haustra.envs.view.picture.lens import named_lens
 from haustra.envs.view.picture.outside import OutsideView, default_rotation
+from haustra.envs.view.picture.renderer import CameraPose
 from haustra.envs.view.picture.shapes import drawn_shapes
-from haustra.envs.view.picture.tip import tip_view
 from haustra.envs.view.picture.tube import Tube
 from haustra.envs.view.report.run_report import report_run
 from haustra.envs.view.run_folder import write_trajectory
@@ -23,6 +25,9 @@ from haustra.provenance import Provenance
 
 _FROM, _UP = np.array([-0.45, 0.80, 0.40]), np.array([-1.0, 0.0, 0.0])
 """Where one looks from at a device close by, and what is up then, in its tip's frame: over its left shoulder."""
+
+_TIP_SIZE = 480
+"""Rows and columns of the picture that the device's camera sees [pixels]."""
 
 
 def write_device_run(folder: Path, *, colon: Colon, run: DeviceRun) -> dict[str, Any]:
@@ -75,9 +80,10 @@ def _pictures(run: DeviceRun, body: Tube, tip: Any) -> dict[str, UInt8[np.ndarra
     frame: Float[np.ndarray, "3 3"] = tip.xmat.reshape(3, 3)
     whole = OutsideView(lumen, default_rotation(lumen, line))
     beside = frame @ _FROM
+    scope = Endoscope(run.colon, named_lens("cf-hq190l").at(_TIP_SIZE, _TIP_SIZE))
     close = OutsideView(lumen, looking(-beside, frame @ _UP), framed=body.vertices)
     return {
         "outside": whole.draw_body(body),
         "device": close.draw_body(body),
-        "tip": tip_view(lumen, tip.xpos.copy(), looking(frame[:, 2], frame[:, 0])),
+        "tip": scope.picture(CameraPose.of_tip(tip.xpos.copy(), frame)),
     }

@@ -11,12 +11,14 @@ from haustra.envs.runs.insertion import Insertion
 from haustra.envs.runs.measure.injury import stations_of
 from haustra.envs.runs.measure.scores import score
 from haustra.envs.runs.measure.surface import left_behind
-from haustra.envs.view.picture.camera import looking
+from haustra.envs.view.picture.endoscope import Endoscope
 from haustra.envs.view.picture.image import write_png
 from haustra.envs.view.picture.injury_map import injury_map
+from haustra.envs.view.picture.lens import lens_of
 from haustra.envs.view.picture.outside import default_rotation, outside_view
 from haustra.envs.view.picture.plots import time_figure
-from haustra.envs.view.picture.tip import tip_view
+from haustra.envs.view.picture.renderer import CameraPose
+from haustra.envs.view.picture.surface import LumenSurface
 from haustra.envs.view.report.run_report import TRAJECTORY, report_run
 from haustra.files import replaced_together, write_atomically, write_json
 from haustra.models.accuracy import NumericalError
@@ -25,7 +27,11 @@ from haustra.models.anatomy.store import colon_hash
 from haustra.models.presets import preset_of
 from haustra.models.scene import Scene
 from haustra.models.wall.pieces.wall import Wall
+from haustra.models.wall.signed_distance import surface_arcs
 from haustra.provenance import Provenance, backend_record, file_hash
+
+_TIP_SIZE = 480
+"""Rows and columns of the tip's picture [pixels]."""
 
 
 def write_run(
@@ -94,8 +100,10 @@ def _draw(folder: Path, scene: Scene, run: Insertion, colon: Colon, scores: Mapp
         rotation=default_rotation(lumen, colon.centreline.points),
     )
     write_png(folder / "outside.png", outside)
-    # A camera looks along its own -z, with up along y.
-    write_png(folder / "tip.png", tip_view(lumen, run.shape[-1], looking(frame[:, 2], frame[:, 0])))
+    surface = LumenSurface(scene.colon.lumen, surface_arcs(scene.colon))
+    scope = Endoscope(scene.colon, lens_of(scene.design.tip, _TIP_SIZE, _TIP_SIZE), surface=surface)
+    surface.place(lumen.vertices)
+    write_png(folder / "tip.png", scope.picture(CameraPose.of_tip(run.shape[-1], frame)))
     curves = {
         "force [N]": {"hand": seen.push_force, "wall, hardest pressed link": seen.wall_force},
         "torque [N m]": {"hand": seen.torque},

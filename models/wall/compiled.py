@@ -14,7 +14,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from haustra.models.wall import contact_solver, law, lumen_table, moving_colon, plane_pose, planes, sections, vectors
+from haustra.models.wall import (
+    contact_solver,
+    indentation,
+    law,
+    lumen_table,
+    moving_colon,
+    plane_pose,
+    planes,
+    sections,
+    vectors,
+)
+from haustra.models.wall.indentation import REACH, reached
 from haustra.models.wall.law import soft_numbers
 from haustra.models.wall.lumen_table import axis_point, query_point
 from haustra.models.wall.moving_colon import (
@@ -30,6 +41,7 @@ from haustra.models.wall.plane_pose import as_plane_sees, moving_contact, plane_
 from haustra.models.wall.planes import AWAY
 from haustra.models.wall.sections import (
     brought_along,
+    carried,
     carried_rate,
     cell_closing,
     cell_closing_gradient,
@@ -45,6 +57,7 @@ from haustra.models.wall.sections import (
     twist,
     twisted,
 )
+from haustra.models.wall.signed_distance import ANUS
 from haustra.models.wall.vectors import add, between, cross, dot, minus, norm, times, unit_rate
 
 ROOM = 0.01
@@ -60,6 +73,10 @@ class Loops(NamedTuple):
     pressed: Callable[..., None]
     contacts: Callable[..., None]
     step_axis: Callable[..., None]
+    shape: Callable[..., None]
+    carry: Callable[..., None]
+    follow: Callable[..., None]
+    indent: Callable[..., None]
     solve: Callable[..., int]
 
 
@@ -149,6 +166,79 @@ def _shape(own: Any, worlds: Any, pose: Any, shape: Any) -> None:
             )
             shape.flats[world, i] = flat
             _put(shape.acrosses, world, i, across)
+
+
+def _carry(
+    pose: Any, shape: Any, at: Any, share: Any, still: Any, lever: Any, axes: Any, first: int, last: int, out: Any
+) -> None:
+    """Some places of the first world's colon, where they are now (`moving_colon.to_current`), in other axes.
+
+    Args:
+        pose: of the nodes.
+        shape: `_shape` of them.
+        at: node before each place.
+        share: of the way to the next.
+        still: the axis beside each place at rest (1, places, 3) [m].
+        lever: from there to the place at rest (1, places, 3) [m].
+        axes: columns, and as a fourth the origin: where the colon's coordinates lie in those of `out`.
+        first: of the places that are wanted.
+        last: after the last of them.
+        out: places [m].
+    """
+    for p in range(first, last):
+        node, part, v = at[p], share[p], _node(lever, 0, p)
+        before, after = carried(_section(shape, 0, node), v), carried(_section(shape, 0, node + 1), v)
+        moved = add(_node_between(pose, 0, node, part), between(before, after, part))
+        x, y, z = add(_node(still, 0, p), moved)
+        for i in range(3):
+            out[p, i] = axes[i, 0] * x + axes[i, 1] * y + axes[i, 2] * z + axes[i, 3]
+
+
+def _follow(places: Any, stations: Any, reach: int, found: Any) -> None:
+    """Stations of a centreline (1, stations, 3) next to places that follow each other from its beginning on.
+
+    Args:
+        places: (1, places, 3) [m].
+        stations: [m].
+        reach: how many stations may lie between one place's and the next's.
+        found: of each place, into which they are written.
+    """
+    last = 0
+    for p in range(len(found)):
+        here, nearest, begin = _node(places, 0, p), np.inf, max(last - reach, 0)
+        for station in range(begin, min(last + reach + 1, stations.shape[1])):
+            away = minus(_node(stations, 0, station), here)
+            square = dot(away, away)
+            if square < nearest:
+                nearest, found[p] = square, station
+        last = found[p]
+
+
+def _indent(places: Any, at: Any, arcs: Any, middles: Any, radius: float, first: int, last: int, vertices: Any) -> None:
+    """Move some vertices of a surface out of a device's way (`indentation.reached`).
+
+    Args:
+        places: of the device's axis (1, places, 3) [m].
+        at: arc length of each [m].
+        arcs: of each vertex [m].
+        middles: place of the centreline beside each vertex (1, vertices, 3) [m].
+        radius: of the device [m].
+        first: of the vertices.
+        last: after the last of them.
+        vertices: (1, vertices, 3) [m], in place.
+    """
+    for v in range(first, last):
+        middle, here = _node(middles, 0, v), _node(vertices, 0, v)
+        ray = minus(here, middle)
+        length = norm(np, ray)
+        ray = times(1 / length, ray)
+        far = length
+        if arcs[v] > ANUS:  # the lid there is no wall: the device comes in through it
+            for p in range(len(at)):
+                if abs(at[p] - arcs[v]) < REACH:
+                    far = max(far, reached(np, minus(_node(places, 0, p), middle), ray, radius))
+        if far > length:
+            _put(vertices, 0, v, add(middle, times(far, ray)))
 
 
 def _rates(own: Any, world: int, speed: Any, shape: Any, spins: Any, flats: Any, acrosses: Any) -> None:
@@ -552,9 +642,11 @@ def loops() -> Loops:
 
     overload(vectors.where)(lambda xp, condition, yes, no: lambda xp, condition, yes, no: yes if condition else no)
     own = (_node, _put, _put_more, _turn, _put_turn, _section, _cells, _rest_closing, _node_between, _edge_rate)
-    own = (*own, _rates, _shape, _add_springs, _turn_sections)
-    entries = (_query, _query_moved, _place_planes, _pressed, _contacts, _step_axis, contact_solver.solve)
-    laws = (*vectors.PARTS, *law.PARTS, *lumen_table.PARTS, *sections.PARTS, *moving_colon.PARTS, *plane_pose.PARTS)
+    own = (*own, _rates, _add_springs, _turn_sections)
+    entries = (_query, _query_moved, _place_planes, _pressed, _contacts, _step_axis, _shape, _carry, _follow, _indent)
+    entries = (*entries, contact_solver.solve)
+    laws = (*vectors.PARTS, *law.PARTS, *lumen_table.PARTS, *sections.PARTS, *moving_colon.PARTS)
+    laws = (*laws, *plane_pose.PARTS, *indentation.PARTS)
     laws = (*laws, *own, *entries[:-1])
     # Products may be added at once; sums keep their order, or code from the cache would round as no other does.
     options = {"error_model": "numpy", "fastmath": {"contract"}}
@@ -563,7 +655,7 @@ def loops() -> Loops:
     for part, how in each:
         plain = unwrap(part)  # of what checks types at run time
         overload(part, strict=False, jit_options=how)(lambda *_, plain=plain: plain)
-    modules = vectors, law, lumen_table, sections, moving_colon, plane_pose, planes, contact_solver
+    modules = vectors, law, lumen_table, sections, moving_colon, plane_pose, planes, contact_solver, indentation
     files = [Path(str(module.__file__)) for module in modules]
     version = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 

@@ -11,12 +11,15 @@ import numpy as np
 from haustra.envs.control.follower import FollowerSettings, LumenFollower
 from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.sim.linear.single import LinearSingle
-from haustra.envs.view.picture.camera import looking
+from haustra.envs.view.picture.endoscope import Endoscope
 from haustra.envs.view.picture.in_sight import LumenInSight
-from haustra.envs.view.picture.tip import tip_view
+from haustra.envs.view.picture.lens import lens_of
+from haustra.envs.view.picture.renderer import CameraPose
+from haustra.envs.view.picture.surface import MovingSurface
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.design import ScopeDesign
-from haustra.models.scene import build_scene
+from haustra.models.scene import build_scene, entry_of
+from haustra.models.wall.lumen_table import Tables, lumen_table, stack
 from haustra.scripts.bench.cost import options_for
 
 _BEFORE = 200
@@ -54,7 +57,7 @@ def bench_view(
         model = moving.engine.model
         model.vis.global_.offwidth, model.vis.global_.offheight = width, height
         with mujoco.Renderer(model, height, width) as renderer:
-            row: dict[str, Any] = {"joints": count, "triangles": len(colon.lumen.faces)}
+            row: dict[str, Any] = {"renderer": "opengl", "joints": count, "triangles": len(colon.lumen.faces)}
             row["frames_per_s"] = _rate(lambda now=moving: now.picture(renderer, steps=1))
             row["frames_per_s_real_time"] = _rate(lambda now=moving: now.picture(renderer, steps=4))
             row["draw_ms"] = 1e3 / _rate(lambda now=moving: now.picture(renderer))
@@ -68,22 +71,57 @@ def bench_view(
     return rows
 
 
-def software_rate(colon: Colon, *, size: int = 480) -> float:
-    """Pictures a second of the renderer that needs no OpenGL, from 0.2 m into the colon."""
-    line = colon.centreline
-    here = int(np.searchsorted(line.arc, 0.2))
-    rotation = looking(line.frames[here][:, 2], line.frames[here][:, 0])
-    began = time.perf_counter()
-    tip_view(colon.lumen, line.points[here], rotation, size=size)
-    return 1 / (time.perf_counter() - began)
+def bench_rays(
+    colon: Colon,
+    design: ScopeDesign,
+    counts: Sequence[int],
+    *,
+    width: int,
+    height: int,
+    progress: Callable[[int, str], None] = lambda done, note: None,
+) -> list[dict[str, Any]]:
+    """Frames a second without OpenGL in a colon that moves on its mesentery, each a physics step and a picture.
+
+    Args:
+        colon: the colon.
+        design: the scope.
+        counts: numbers of joints.
+        width: columns of a picture.
+        height: rows of a picture.
+        progress: told counts done.
+    """
+    table = lumen_table(colon, device_radius=design.diameter / 2, with_mesentery=True)
+    tables = stack([table.seen_from(*entry_of(colon))])
+    surface = MovingSurface(colon, tables, *entry_of(colon))
+    scope = Endoscope(colon, lens_of(design.tip, width, height), surface=surface)
+    rows = []
+    for count in counts:
+        moving = _Moving(colon, design, count, mesentery=True, tables=tables)
+        for _ in range(_BEFORE):
+            moving.step(4)
+        pose = moving.bring(surface)
+        row: dict[str, Any] = {"renderer": "rays", "joints": count, "triangles": len(colon.lumen.faces)}
+        row["frames_per_s"] = _rate(lambda now=moving: scope.picture(now.bring(surface, steps=1)))
+        row["frames_per_s_real_time"] = _rate(lambda now=moving: scope.picture(now.bring(surface, steps=4)))
+        row["draw_ms"] = 1e3 / _rate(lambda now=moving: scope.picture(now.bring(surface)))
+        row["rays_ms"] = 1e3 / _rate(lambda at=pose: scope.look(at))
+        row["steps_per_s"] = _rate(lambda now=moving: now.step(1))
+        row["colon_moved_mm"] = 1e3 * moving.moved()
+        row["picture_spread"] = float(scope.picture(moving.bring(surface)).std())
+        rows.append(row)
+        progress(len(rows), f"{count} joints")
+    return rows
 
 
 class _Moving:
     """A scope that the lumen follower drives, and what of the lumen its tip may see."""
 
-    def __init__(self, colon: Colon, design: ScopeDesign, joints: int) -> None:
+    def __init__(
+        self, colon: Colon, design: ScopeDesign, joints: int, *, mesentery: bool = False, tables: Tables | None = None
+    ) -> None:
         options = replace(options_for(colon, design, joints), wall_law="table", softening=False, timestep=0.005)
-        self.engine = LinearSingle(build_scene(colon, None, design, options))
+        options = replace(options, mesentery=mesentery)
+        self.engine = LinearSingle(build_scene(colon, None, design, options), tables=tables)
         self.sight = LumenInSight(self.engine.model)
         self._tracker = ArcTracker(colon.centreline, start=options.start_depth)
         self._follower = LumenFollower(
@@ -99,6 +137,22 @@ class _Moving:
         self._tracker.update(seen.tip)
         interval = count * self.engine.scene.options.timestep
         self.engine.step(self._follower.act(seen, self.arc, interval), count)
+
+    def bring(self, surface: MovingSurface, *, steps: int = 0) -> CameraPose:
+        """Step, take the surface to where the colon is then, with the scope in it, and return the camera's pose."""
+        if steps:
+            self.step(steps)
+        seen, engine = self.engine.read(), self.engine
+        surface.move(engine.displacements(engine.rows())[0])
+        cable = engine.scene.cable
+        path = engine.shape()[cable.node_distances < seen.insertion]
+        path[-1] -= cable.radius * seen.tip_frame[:, 2]  # the ball about its end is the tip's rim, not before the lens
+        surface.indent(path, cable.radius)
+        return CameraPose.of_tip(seen.tip, seen.tip_frame)
+
+    def moved(self) -> float:
+        """Farthest that the colon is from where it was at rest [m]."""
+        return float(self.engine.colon_moved(self.engine.rows())[0])
 
     def picture(self, renderer: mujoco.Renderer, *, steps: int = 0, whole: bool = False) -> np.ndarray:
         if steps:

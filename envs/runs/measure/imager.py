@@ -49,7 +49,7 @@ def imager_scores(recording: ImagerRecording) -> dict[str, Any]:
     time, coils = recording.time[judged], recording.coils[judged]
     behind = _distances(recording.coils)
     insertion = inserted_length(coils, behind) if len(time) else np.zeros(0)
-    if not len(time) or insertion.max() < _LEAST:
+    if not len(time) or time[-1] == time[0] or insertion.max() < _LEAST:
         raise InvalidOptionError(
             f"The recording cannot be judged: within {len(time)} moments of insertion the scope never gets "
             f"{_LEAST * 100:.0f} cm in."

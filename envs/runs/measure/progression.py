@@ -49,7 +49,7 @@ def progression_scores(
     """
     if not len(time):
         return dict.fromkeys((_COPS, *_NAMES), 0.0)
-    step = float(np.median(np.diff(time))) if len(time) > 1 else INTERVAL
+    step = float(time[-1] - time[0]) / (len(time) - 1) if len(time) > 1 else INTERVAL
     stride = max(1, round(INTERVAL / step))
     tip, coils, inserted = tip[::stride], coils[::stride], insertion[::stride]
     inside = np.array(behind) < inserted[:, None]

@@ -22,9 +22,6 @@ MASKS = ("segment", "landmark", "polyp")
 PLAIN = ("depth_m", "normals", "flow_px", "occluding", "triangle", "vertices_m")
 """Arrays of a picture's archive, in SI units: `triangle` is -1 for none."""
 
-Painter = Callable[[GroundTruth], UInt8[np.ndarray, "height width 3"]]
-"""Draws what a picture shows in colour."""
-
 
 def require_packages() -> None:
     """Say what to install, before anything is computed.
@@ -46,7 +43,6 @@ def write_clip(
     moments: Moments,
     records: Sequence[int],
     lens: Lens,
-    paint: Painter,
     *,
     progress: Callable[[int], None] = lambda done: None,
 ) -> None:
@@ -66,7 +62,7 @@ def write_clip(
                 before = renderer.look(moments.vertices(records[frame - 1]), moments.camera(records[frame - 1]))
             view = renderer.look(moments.vertices(record), moments.camera(record))
             truth = renderer.truth(view, before)
-            _write_frame(folder, frame, truth, paint(truth), first=frame == 0)
+            _write_frame(folder, frame, truth, renderer.picture(view), first=frame == 0)
             before = view
         else:
             before = None

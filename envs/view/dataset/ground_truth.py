@@ -3,11 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, UInt8
 
 from haustra.envs.view.dataset.formats import DEPTH_MM, TO_C3VD
+from haustra.envs.view.picture.endoscope import Endoscope
 from haustra.envs.view.picture.lens import Lens
 from haustra.envs.view.picture.renderer import CameraPose, RayRenderer, SurfaceView
+from haustra.envs.view.picture.surface import LumenSurface
 from haustra.models.anatomy.colon import Colon, Surface
 from haustra.models.anatomy.landmarks import SEGMENTS
 from haustra.models.anatomy.lesion_surface import lesion_of_triangles
@@ -46,7 +48,8 @@ class TruthRenderer:
     def __init__(self, colon: Colon, arcs: Float[np.ndarray, " vertices"], lens: Lens) -> None:
         """Take a colon at rest with the arc length of each vertex of its surface [m], and a lens."""
         self._colon, self._arcs, self._lens = colon, arcs, lens
-        self._front = RayRenderer(colon.lumen, lens)
+        self._scope = Endoscope(colon, lens, surface=LumenSurface(colon.lumen, arcs))
+        self._front = self._scope.renderer
         self._behind = RayRenderer(Surface(colon.lumen.vertices, colon.lumen.faces[:, ::-1]), lens)
         kinds = np.array([lesion.kind == "polyp" for lesion in colon.lesions] + [False])
         lesions = lesion_of_triangles(colon)
@@ -58,6 +61,10 @@ class TruthRenderer:
         """What a picture's rays meet, of a surface whose vertices are there [m]."""
         self._front.place(vertices)
         return self._front.look(pose)
+
+    def picture(self, view: SurfaceView) -> UInt8[np.ndarray, "height width 3"]:
+        """What a picture shows in colour."""
+        return self._scope.develop(self._scope.radiance(view))
 
     def truth(self, view: SurfaceView, before: SurfaceView | None) -> GroundTruth:
         """All that is known of a picture.

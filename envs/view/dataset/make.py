@@ -13,7 +13,6 @@ from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.runs.linear_insertion import run_linear_insertion
 from haustra.envs.view.dataset.accuracy import DatasetAccuracy, clip_accuracy
 from haustra.envs.view.dataset.clip import MASKS, require_packages, write_clip
-from haustra.envs.view.dataset.colour import paint
 from haustra.envs.view.dataset.moments import Moments
 from haustra.envs.view.dataset.settings import DatasetSettings
 from haustra.envs.view.dataset.sheet import SHEET, data_sheet
@@ -87,7 +86,7 @@ def make_dataset(
         moments, clips = source.moments, []
         for number, records in enumerate(clips_of(moments, settings)):
             clip = folder / f"{source.name}_clip_{number:02d}"
-            write_clip(clip, moments, records, lens, paint, progress=lambda n, d=done, c=clip: progress(d + n, c.name))
+            write_clip(clip, moments, records, lens, progress=lambda n, d=done, c=clip: progress(d + n, c.name))
             done += len(records)
             accuracy = accuracy.joined(clip_accuracy(clip, moments.colon.lumen.faces, lens, seed=number))
             clips.append({"folder": clip.name, "records": records})

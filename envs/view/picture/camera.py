@@ -15,7 +15,7 @@ class Camera:
     rotation: Float[np.ndarray, "3 3"]
     """Columns are the camera's right, up and backward directions in the world."""
     field_of_view_deg: float
-    """Full angle: over the image's height in perspective, over the circle's diameter for a fisheye lens [degrees]."""
+    """Full angle over the image's height [degrees]."""
 
     def perspective(
         self, points: Float[np.ndarray, "points 3"], *, width: int, height: int
@@ -28,23 +28,6 @@ class Camera:
         column = width / 2 + focal * local[:, 0] / ahead
         row = height / 2 - focal * local[:, 1] / ahead
         return np.stack([column, row], axis=1), depth
-
-    def fisheye(
-        self, points: Float[np.ndarray, "points 3"], *, size: int, margin_deg: float = 45.0
-    ) -> tuple[Float[np.ndarray, "points 2"], Float[np.ndarray, " points"]]:
-        """Equidistant fisheye image in a square (column, row) [pixels], and distance [m].
-
-        Endoscopes have such lenses: distance from the image's middle is proportional to the angle off the axis. NaN for
-        points more than `margin_deg` outside the field of view.
-        """
-        local = (points - self.position) @ self.rotation
-        distance = np.linalg.norm(local, axis=1)
-        off_axis = np.hypot(local[:, 0], local[:, 1])
-        angle = np.degrees(np.arctan2(off_axis, -local[:, 2]))
-        half = self.field_of_view_deg / 2
-        reach = np.where(angle <= half + margin_deg, angle / half * size / 2, np.nan)
-        direction = local[:, :2] / np.maximum(off_axis, 1e-12)[:, None]
-        return size / 2 + reach[:, None] * direction * np.array([1.0, -1.0]), distance
 
 
 def looking(direction: Float[np.ndarray, "3"], up: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:

@@ -134,7 +134,7 @@ def find_boxes(faces, first, last, local, image, lens, radii, most, widest, widt
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def cast(first_row, last_row, faces, local, boxes, kept, first, last, rays, distance, triangle):
+def cast(first_row, last_row, faces, local, boxes, kept, ranges, rays, distance, triangle):
     """Rays of some rows against triangles that were kept: the nearest stays.
 
     Args:
@@ -144,38 +144,38 @@ def cast(first_row, last_row, faces, local, boxes, kept, first, last, rays, dist
         local: of the vertices.
         boxes: as `find_boxes` left them.
         kept: see there.
-        first: of those kept.
-        last: after the last of them.
+        ranges: first of those kept, and after the last, of each stretch.
         rays: of all pixels, unit vectors.
         distance: along the ray to what is nearest so far, into which nearer ones are written [m].
         triangle: which triangle that is.
     """
-    for n in range(first, last):
-        top, bottom = max(boxes[n, 2], first_row), min(boxes[n, 3], last_row - 1)
-        if top > bottom:
-            continue
-        face = kept[n]
-        a, b, c = local[faces[face, 0]], local[faces[face, 1]], local[faces[face, 2]]
-        px, py, pz = _cross(b, c)
-        qx, qy, qz = _cross(c, a)
-        rx, ry, rz = _cross(a, b)
-        ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-        vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        ahead = np.float32(a[0] * nx + a[1] * ny + a[2] * nz)
-        p0, p1, p2 = np.float32(px), np.float32(py), np.float32(pz)
-        q0, q1, q2 = np.float32(qx), np.float32(qy), np.float32(qz)
-        r0, r1, r2 = np.float32(rx), np.float32(ry), np.float32(rz)
-        n0, n1, n2 = np.float32(nx), np.float32(ny), np.float32(nz)
-        for row in range(top, bottom + 1):
-            for column in range(boxes[n, 0], boxes[n, 1] + 1):
-                x, y, z = rays[row, column, 0], rays[row, column, 1], rays[row, column, 2]
-                if x * p0 + y * p1 + z * p2 < 0 or x * q0 + y * q1 + z * q2 < 0 or x * r0 + y * r1 + z * r2 < 0:
-                    continue
-                way = ahead / (x * n0 + y * n1 + z * n2)
-                if way >= 0 and way < distance[row, column]:
-                    distance[row, column] = way
-                    triangle[row, column] = face
+    for part in range(len(ranges)):
+        for n in range(ranges[part, 0], ranges[part, 1]):
+            top, bottom = max(boxes[n, 2], first_row), min(boxes[n, 3], last_row - 1)
+            if top > bottom:
+                continue
+            face = kept[n]
+            a, b, c = local[faces[face, 0]], local[faces[face, 1]], local[faces[face, 2]]
+            px, py, pz = _cross(b, c)
+            qx, qy, qz = _cross(c, a)
+            rx, ry, rz = _cross(a, b)
+            ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+            vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+            nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+            ahead = np.float32(a[0] * nx + a[1] * ny + a[2] * nz)
+            p0, p1, p2 = np.float32(px), np.float32(py), np.float32(pz)
+            q0, q1, q2 = np.float32(qx), np.float32(qy), np.float32(qz)
+            r0, r1, r2 = np.float32(rx), np.float32(ry), np.float32(rz)
+            n0, n1, n2 = np.float32(nx), np.float32(ny), np.float32(nz)
+            for row in range(top, bottom + 1):
+                for column in range(boxes[n, 0], boxes[n, 1] + 1):
+                    x, y, z = rays[row, column, 0], rays[row, column, 1], rays[row, column, 2]
+                    if x * p0 + y * p1 + z * p2 < 0 or x * q0 + y * q1 + z * q2 < 0 or x * r0 + y * r1 + z * r2 < 0:
+                        continue
+                    way = ahead / (x * n0 + y * n1 + z * n2)
+                    if way >= 0 and way < distance[row, column]:
+                        distance[row, column] = way
+                        triangle[row, column] = face
 
 
 @njit(nogil=True, cache=True, error_model="numpy")

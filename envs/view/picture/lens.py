@@ -17,9 +17,8 @@ from jaxtyping import Bool, Float
 
 from haustra.assets import asset
 from haustra.errors import InvalidOptionError
+from haustra.models.devices.scope.design import LENSES, ScopeTip
 
-LENS_NAMES = ("cf-hq190l", "endomapper", "equidistant")
-"""Lenses that ship: two calibrated ones, and one whose angles are in proportion to radii."""
 _TABLE = 4096
 """Places of a table by which a model is turned round."""
 _WIDEST = np.radians(125.0)
@@ -168,6 +167,15 @@ def equidistant_lens(field_of_view_deg: float, size: int) -> Lens:
     )
 
 
+def lens_of(tip: ScopeTip, width: int, height: int) -> Lens:
+    """The lens of a tip at that size of the picture, dark beyond the tip's field of view."""
+    if tip.lens == "equidistant":
+        lens = equidistant_lens(min(tip.field_of_view_deg, 2 * np.degrees(_WIDEST)), 1080)
+    else:
+        lens = named_lens(tip.lens)
+    return replace(lens, field_of_view_deg=min(tip.field_of_view_deg, lens.field_of_view_deg)).at(width, height)
+
+
 @cache
 def named_lens(name: str) -> Lens:
     """The shipped lens of that name, at the size of its calibration.
@@ -175,8 +183,8 @@ def named_lens(name: str) -> Lens:
     Raises:
         InvalidOptionError: when there is none; the message lists those there are.
     """
-    if name not in LENS_NAMES:
-        raise InvalidOptionError(f"Lens '{name}' is not known. Known: {', '.join(LENS_NAMES)}.")
+    if name not in LENSES:
+        raise InvalidOptionError(f"Lens '{name}' is not known. Known: {', '.join(LENSES)}.")
     if name == "equidistant":
         return equidistant_lens(_EQUIDISTANT_DEG, 1080)
     entries = tomllib.loads(asset(f"lenses/{name}.toml").read_text(encoding="utf-8"))

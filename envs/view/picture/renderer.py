@@ -14,18 +14,25 @@ all pixels in the camera's axes (MuJoCo's: right, up, backwards), `renderer.lens
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from haustra.envs.view.picture.lens import Lens
+from haustra.envs.view.picture.surface import LumenSurface
+from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import Surface
 
-_BANDS = 8
-"""Parts of a picture and of a surface that threads take one by one."""
+_ROWS = 32
+"""Rows of a picture that a thread takes at a time."""
+_TILE = 16
+"""Rows and columns of a part of a picture that may hide what is behind it [pixels]."""
+_NEAR = 0.05
+"""What is nearer than this is drawn first, and may hide the rest [m]."""
 _RADII = 2048
 """Places of the table of a lens's radii."""
 _MOST = 3.0
@@ -41,6 +48,18 @@ class CameraPose:
     rotation: Float[np.ndarray, "3 3"]
     """Columns are the camera's right, up and backward directions in the world (MuJoCo's: it looks along -z)."""
 
+    def __post_init__(self) -> None:
+        if np.linalg.det(self.rotation) < 0.5:
+            raise InvalidOptionError("A camera's right, up and backward directions must be right-handed unit vectors.")
+
+    @classmethod
+    def of_tip(cls, position: Float[np.ndarray, "3"], frame: Float[np.ndarray, "3 3"]) -> "CameraPose":
+        """The camera at a tip, wire 'up' up, given the tip's frame: wire 'up', wire 'left' and ahead as columns.
+
+        These three are right-handed, so that wire 'left' is on the right of what the camera sees.
+        """
+        return cls(np.asarray(position, float), np.column_stack([frame[:, 1], frame[:, 0], -frame[:, 2]]).astype(float))
+
 
 @dataclass(frozen=True)
 class SurfaceView:
@@ -50,36 +69,46 @@ class SurfaceView:
     """Where the camera was."""
     lens: Lens
     """Whose pixels these are."""
-    faces: Int[np.ndarray, "triangles 3"]
-    """Corners of the surface's triangles."""
+    surface: LumenSurface
+    """What they look at. It may have moved on since."""
     vertices: Float[np.ndarray, "vertices 3"]
-    """Where the vertices were [m]."""
+    """Where the vertices of the surface as it was given were then [m]."""
     distance: Float[np.ndarray, "height width"]
     """Along each pixel's ray [m]; infinite where it meets nothing."""
-    triangle: Int[np.ndarray, "height width"]
-    """Which triangle it meets; -1 for none."""
+    own: Int[np.ndarray, "height width"]
+    """Which of `surface.faces` it meets; -1 for none."""
     weights: Float[np.ndarray, "height width 3"]
     """Barycentric coordinates there; zero for none."""
     normals: Float[np.ndarray, "height width 3"]
     """Unit normals in the camera's axes, into the lumen, smooth from triangle to triangle; zero for none."""
 
     @property
+    def faces(self) -> Int[np.ndarray, "triangles 3"]:
+        """Corners of the triangles of the surface as it was given."""
+        return self.surface.given.faces
+
+    @property
+    def triangle(self) -> Int[np.ndarray, "height width"]:
+        """Which triangle of the surface as it was given each ray meets; -1 for none."""
+        return np.where(self.own >= 0, self.surface.face_order[self.own], -1)
+
+    @property
     def depth(self) -> Float[np.ndarray, "height width"]:
         """Distance along the camera's axis [m], as C3VD has it; infinite where a ray meets nothing."""
         with np.errstate(invalid="ignore"):
             along = -self.lens.grid[..., 2] * self.distance
-        return np.where(self.triangle >= 0, along, np.inf)
+        return np.where(self.own >= 0, along, np.inf)
 
     def points(self) -> Float[np.ndarray, "height width 3"]:
         """Where in the world each ray meets the surface [m]; NaN where it meets nothing."""
-        away = np.where(self.triangle >= 0, self.distance, np.nan)[..., None] * self.lens.grid
+        away = np.where(self.own >= 0, self.distance, np.nan)[..., None] * self.lens.grid
         return self.pose.position + away @ self.pose.rotation.T
 
     def interpolate(self, values: Float[np.ndarray, "vertices ..."]) -> Float[np.ndarray, "height width ..."]:
-        """Values of the vertices where rays meet the surface; NaN where they meet nothing."""
-        corners = values[self.faces[self.triangle]]
+        """Values of the given surface's vertices where rays meet it; NaN where they meet nothing."""
+        corners = values[self.surface.order][self.surface.faces[self.own]]
         found = np.einsum("hwk,hwk...->hw...", self.weights, corners)
-        found[self.triangle < 0] = np.nan
+        found[self.own < 0] = np.nan
         return found
 
 
@@ -101,70 +130,121 @@ class Renderer(ABC):
 class RayRenderer(Renderer):
     """Exact rays on the CPU, without OpenGL, for surfaces that move (`haustra.envs.view.picture.kernels`)."""
 
-    def __init__(self, surface: Surface, lens: Lens, *, threads: int | None = None) -> None:
+    def __init__(self, surface: LumenSurface | Surface, lens: Lens, *, threads: int | None = None) -> None:
         """Take a surface, and a lens at the size of the pictures; as many threads as there are cores when None."""
         self.lens = lens
-        self._surface = surface
-        self._faces = np.ascontiguousarray(surface.faces, np.int32)
-        self._vertices = np.ascontiguousarray(surface.vertices, float)
-        count, triangles = len(surface.vertices), len(surface.faces)
+        self.surface = surface if isinstance(surface, LumenSurface) else LumenSurface(surface)
+        """Where the surface is."""
+        count, triangles = len(self.surface.vertices), len(self.surface.faces)
         self._local, self._image = np.empty((count, 3)), np.empty((count, 3))
         self._boxes, self._kept = np.empty((triangles, 4), np.int32), np.empty(triangles, np.int32)
-        order = np.argsort(self._faces, axis=None, kind="stable")
+        order = np.argsort(self.surface.faces, axis=None, kind="stable")
         self._around = (order // 3).astype(np.int32)
-        self._starts = np.searchsorted(self._faces.ravel()[order], np.arange(count + 1)).astype(np.int32)
+        self._starts = np.searchsorted(self.surface.faces.ravel()[order], np.arange(count + 1)).astype(np.int32)
         self._stamps, self._now, self._normals = np.zeros(count, np.int32), 0, np.empty((count, 3), np.float32)
-        self._rays = np.ascontiguousarray(lens.grid, np.float32)
-        self._rays[~lens.within] = np.nan
+        self.rays = np.ascontiguousarray(lens.grid, np.float32)
+        """Rays of all pixels, in the camera's axes; NaN where the picture is black."""
+        self.rays[~lens.within] = np.nan
+        self._tiles = _Tiles(lens)
         self._placement = np.array([*lens.centre, *np.ravel(lens.stretch)])
         self._radii = _radii(lens)
         self._threads = threads or len(os.sched_getaffinity(0))
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
 
     def place(self, vertices: Float[np.ndarray, "vertices 3"]) -> None:
-        """Take the surface to where its vertices are now [m]; the array is kept, not copied, where it can be."""
-        self._vertices = np.ascontiguousarray(vertices, float)
+        """As `Renderer.place`."""
+        self.surface.place(vertices)
 
     def look(self, pose: CameraPose) -> SurfaceView:
         """As `Renderer.look`."""
         from haustra.envs.view.picture import kernels
 
         self._now += 1
-        height, width = self._rays.shape[:2]
+        surface, (height, width) = self.surface, self.rays.shape[:2]
         eye, axes = np.ascontiguousarray(pose.position, float), np.ascontiguousarray(pose.rotation, float)
         distance, triangle = np.full((height, width), np.inf, np.float32), np.full((height, width), -1, np.int32)
         weights, normals = np.zeros((height, width, 3), np.float32), np.zeros((height, width, 3), np.float32)
         lens = self._placement, self._radii, _MOST
         widest = np.tan(np.radians(min(self.lens.field_of_view_deg, 250.0)) / 4)
 
-        def see(first: int, last: int) -> None:
-            kernels.see_vertices(self._vertices, first, last, eye, axes, *lens, self._local, self._image)
+        def see(stretch: int) -> None:
+            surface.bring(stretch)
+            first, last = int(surface.ends[stretch]), int(surface.ends[stretch + 1])
+            kernels.see_vertices(surface.vertices, first, last, eye, axes, *lens, self._local, self._image)
 
-        def box(first: int, last: int) -> tuple[int, int]:
-            found = self._faces, first, last, self._local, self._image, *lens, widest, width, height
+        def box(stretch: int) -> tuple[int, int]:
+            first, last = int(surface.face_ends[stretch]), int(surface.face_ends[stretch + 1])
+            found = surface.faces, first, last, self._local, self._image, *lens, widest, width, height
             return first, kernels.find_boxes(*found, self._boxes, self._kept)
 
-        self._each(see, len(self._vertices))
-        boxes = self._each(box, len(self._faces))
+        middles, reaches = surface.balls()
+        middles = (middles - eye) @ axes
+        away = np.linalg.norm(middles, axis=1)
+        seen = np.flatnonzero(self._tiles.meets(middles, reaches))
+        near = away[seen] - reaches[seen] < _NEAR
+        brought = np.zeros(0, int)
+        for stretches in (seen[near], seen[~near]):
+            if len(brought):
+                stretches = stretches[self._tiles.meets(middles[stretches], reaches[stretches], distance)]
+            if not len(stretches):
+                continue
+            needed = np.setdiff1d(surface.needed(stretches), brought)
+            self._each(see, needed.tolist())
+            brought = np.union1d(brought, needed)
+            ranges = np.array(self._each(box, stretches.tolist())).reshape(-1, 2)
 
-        def cast(first: int, last: int) -> None:
-            for start, end in boxes:
-                seen = self._faces, self._local, self._boxes, self._kept, start, end
-                kernels.cast(first, last, *seen, self._rays, distance, triangle)
-            about = self._starts, self._around, self._stamps, self._now, self._normals
-            seen = self._faces, self._local, self._rays, triangle
-            kernels.resolve(first, last, *seen, *about, weights, normals)
+            met = surface.faces, self._local, self._boxes, self._kept, ranges, self.rays, distance, triangle
+            self.each_row(lambda first, last, met=met: kernels.cast(first, last, *met))
+        about = self._starts, self._around, self._stamps, self._now, self._normals, weights, normals
+        met = surface.faces, self._local, self.rays, triangle
+        self.each_row(lambda first, last: kernels.resolve(first, last, *met, *about))
+        return SurfaceView(pose, self.lens, surface, surface.given_vertices, distance, triangle, weights, normals)
 
-        self._each(cast, height)
-        return SurfaceView(pose, self.lens, self._surface.faces, self._vertices, distance, triangle, weights, normals)
+    def each_row(self, work: Callable[[int, int], Any]) -> None:
+        """Do work on all rows of a picture, some at a time, from a first one to before a last one."""
+        height = self.lens.height
+        self._each(lambda row: work(row, min(row + _ROWS, height)), range(0, height, _ROWS))
 
-    def _each(self, work: Callable[[int, int], object], count: int) -> list:
-        """Do work on all parts of a range, beside each other."""
-        ends = np.linspace(0, count, (_BANDS if self._pool else 1) + 1).astype(int)
-        parts = zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True)
-        if self._pool is None:
-            return [work(*part) for part in parts]
-        return list(self._pool.map(lambda part: work(*part), parts))
+    def _each(self, work: Callable[[int], Any], parts: Sequence[int]) -> list:
+        """Do work on all parts, beside each other."""
+        return list(map(work, parts) if self._pool is None else self._pool.map(work, parts))
+
+
+class _Tiles:
+    """Parts of a picture, each with a cone around its rays, by which whole stretches of a surface are left out."""
+
+    def __init__(self, lens: Lens) -> None:
+        rays = np.where(lens.within[..., None], lens.grid, 0.0)
+        self._rows, self._columns = (np.arange(0, size, _TILE) for size in (lens.height, lens.width))
+        total = self._folded(np.add, rays)
+        self._used = (total**2).sum(axis=-1) > 0
+        self._axes = total[self._used] / np.linalg.norm(total[self._used], axis=-1, keepdims=True)
+        row, column = (np.arange(size) // _TILE for size in (lens.height, lens.width))
+        spread = np.full((len(self._rows), len(self._columns), 3), 0.0)
+        spread[self._used] = self._axes
+        cosine = np.where(lens.within, (spread[row[:, None], column[None]] * rays).sum(axis=-1), 1.0)
+        self._angles = np.arccos(np.clip(self._folded(np.minimum, cosine)[self._used], -1, 1))
+        self._within = lens.within
+
+    def meets(
+        self,
+        middles: Float[np.ndarray, "balls 3"],
+        radii: Float[np.ndarray, " balls"],
+        distance: Float[np.ndarray, "height width"] | None = None,
+    ) -> np.ndarray:
+        """Which balls in the camera's axes [m] some ray may meet before those distances [m]."""
+        away = np.linalg.norm(middles, axis=1)
+        wide = np.arcsin(np.minimum(radii / np.maximum(away, 1e-9), 1.0))
+        wide[away <= radii] = np.pi
+        off = np.arccos(np.clip(middles @ self._axes.T / np.maximum(away, 1e-9)[:, None], -1, 1))
+        met = off <= wide[:, None] + self._angles
+        if distance is not None:
+            farthest = self._folded(np.maximum, np.where(self._within, distance, 0.0))[self._used]
+            met &= farthest > (away - radii)[:, None]
+        return met.any(axis=1)
+
+    def _folded(self, fold: np.ufunc, values: np.ndarray) -> np.ndarray:
+        return fold.reduceat(fold.reduceat(values, self._rows, axis=0), self._columns, axis=1)
 
 
 def _radii(lens: Lens) -> Float[np.ndarray, " places"]:

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from haustra.errors import InvalidDesignError
-from haustra.fields import number, require_declared, shown
+from haustra.fields import choice, number, require_declared, shown
 from haustra.models.devices.scope.wires import WireSet
 
 
@@ -52,6 +52,11 @@ class BendingLimits:
         return min(self.up, self.left, self.down, self.right)
 
 
+LENSES = ("cf-hq190l", "endomapper", "equidistant")
+"""Lenses that a tip may have (`haustra.envs.view.picture.lens`): two calibrated ones, and one whose angles from the
+axis are in proportion to radii, over the whole field of view."""
+
+
 @dataclass(frozen=True)
 class ScopeTip:
     """The rigid distal end with its camera and light."""
@@ -66,6 +71,8 @@ class ScopeTip:
     """Distance of the camera from the axis, towards wire 'left' [m]."""
     camera_tilt_deg: float = number("degrees", -180.0, 180.0, default=0.0)
     """Angle of the view from the axis, towards wire 'up' [degrees]."""
+    lens: str = choice(*LENSES, default="cf-hq190l")
+    """Lens of the camera: cf-hq190l or endomapper, both calibrated, or equidistant."""
     light: float = number("1", 0.0, 100.0, default=1.0)
     """Brightness of the light, relative to the renderer's default [1]."""
 

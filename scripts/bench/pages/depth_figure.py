@@ -35,7 +35,7 @@ def draw(path: Path) -> Path:
     depth = pictures.depth(numbers, place, frame, arc, _SIZE) * 1e3
     figure, axes = plt.subplots(2, _COLONS, figsize=(2.2 * _COLONS + 0.8, 4.6), layout="constrained")
     for case in numbers:
-        axes[0, case].imshow(pictures.colour(int(case), (place[case], frame[case]), _SIZE))
+        axes[0, case].imshow(pictures.colour(int(case), (place[case], frame[case]), float(arc[case]), _SIZE))
         axes[0, case].set_title(f"grown {case}, {arc[case]:.2f} m in", fontsize=9)
         axes[1, case].imshow(np.where(depth[case] > 0, depth[case], np.nan), vmin=0, vmax=RANGE * 1e3)
     for axis in axes.flat:

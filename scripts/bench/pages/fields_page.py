@@ -15,10 +15,12 @@ from typing import Any
 
 from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.learning.settings import Training
+from haustra.envs.study.credibility import ContextOfUse
 from haustra.envs.study.device import DeviceStudyOptions
 from haustra.envs.study.propulsion import PropulsionStudyOptions
 from haustra.envs.study.scope import ScopeStudyOptions
 from haustra.envs.study.study import Budget, Sampler, Variable
+from haustra.envs.study.trials import Trial
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.device_task import DeviceRules
 from haustra.envs.tasks.tracked_navigation import TrackedRules
@@ -44,6 +46,8 @@ CONFIGURATIONS: Mapping[str, type] = {
     "A study of scopes": ScopeStudyOptions,
     "A study of any device": DeviceStudyOptions,
     "A study of propulsion": PropulsionStudyOptions,
+    "A published trial": Trial,
+    "A context of use": ContextOfUse,
 }
 """Every configuration but the verbs', which `haustra.scripts.registry` lists."""
 

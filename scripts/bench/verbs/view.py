@@ -19,41 +19,31 @@ class BenchView:
     """Columns of a picture [pixels]."""
     height: int = whole(16, 8192, default=480)
     """Rows of a picture [pixels]."""
+    opengl: bool = True
+    """Draw by OpenGL too, where it is there."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 
     def __call__(self) -> dict[str, Any]:
         """Measure; OpenGL is found out about before MuJoCo is loaded, which asks for it once."""
-        from haustra.envs.view.picture.backends import best_backend, probe_backends
-        from haustra.errors import MissingDependencyError
+        from haustra.envs.view.picture.backends import best_backend
 
-        backend = best_backend()
-        if backend is None:
-            reasons = "; ".join(f"{name}: {verdict}" for name, verdict in probe_backends().items())
-            raise MissingDependencyError(f"MuJoCo's renderer works with no OpenGL back-end here ({reasons}).")
-        os.environ["MUJOCO_GL"] = backend
+        backend = best_backend() if self.opengl else None
+        if backend is not None:
+            os.environ["MUJOCO_GL"] = backend
 
-        from haustra.envs.sim.jax_setup import describe_device, use_jax
-
-        device = describe_device(use_jax())
         from haustra.models.anatomy.grown import grow_colon
         from haustra.models.devices.scope.library import named_design
         from haustra.scripts.bench.accuracy.refined_mesh import with_triangles
+        from haustra.scripts.bench.machine import machine
         from haustra.scripts.bench.verbs.rods import joint_counts
-        from haustra.scripts.bench.view import bench_view, software_rate
+        from haustra.scripts.bench.view import bench_rays, bench_view
         from haustra.scripts.console import progress_bar
 
-        counts = joint_counts(self.joints)
-        grown = grow_colon(seed=0)
-        colon = with_triangles(grown, self.triangles)
-        with progress_bar("view", len(counts), unit="sizes") as advance:
-            rows = bench_view(
-                colon, named_design("adult"), counts, width=self.width, height=self.height, progress=advance
-            )
-        return {
-            "rows": rows,
-            "software_frames_per_s": software_rate(grown),
-            "opengl": backend,
-            "pixels": f"{self.width} x {self.height}",
-            "device": device,
-        }
+        counts, design = joint_counts(self.joints), named_design("adult")
+        colon = with_triangles(grow_colon(seed=0), self.triangles)
+        picture = {"width": self.width, "height": self.height}
+        benches = (bench_rays, bench_view) if backend else (bench_rays,)
+        with progress_bar("view", len(counts) * len(benches), unit="sizes") as advance:
+            rows = [row for bench in benches for row in bench(colon, design, counts, **picture, progress=advance)]
+        return {"rows": rows, "opengl": backend, "pixels": f"{self.width} x {self.height}", "machine": machine()}

@@ -52,6 +52,7 @@ def test_files_read_as_the_public_set_reads_its_own(tmp_path: Path) -> None:
         ("Z.txt", "1e9;2;3;4;\n", "line 1"),
         ("X.txt", "1;2;3;4;\n", "not of one recording"),
         ("T.txt", "0;\n" * 30, "does not rise"),
+        ("T.txt", "".join(f"{moment % 20};\n" for moment in range(30)), "line 21: the time does not rise"),
         ("T.txt", "", "is empty"),
         ("X.txt", "1;" * 65, "64 coils"),
         ("LogFile_P.txt", "soon;Endoscopy started;\n", "line 1"),

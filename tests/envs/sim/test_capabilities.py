@@ -141,7 +141,7 @@ DESIGN_CHANGES: Mapping[str, Callable[[ScopeDesign], ScopeDesign]] = {
     "tip.length": lambda d: replace(d, tip=replace(d.tip, length=1.5 * d.tip.length)),
 }
 """Designs in which one field has an effect."""
-NO_EFFECT = {"name", "working_length", "wires.slack", "wires.compliance", "tip.field_of_view_deg"}
+NO_EFFECT = {"name", "working_length", "wires.slack", "wires.compliance", "tip.field_of_view_deg", "tip.lens"}
 """Fields of designs without an effect on motion under pulls; `CAPABILITIES` says where they count."""
 
 

@@ -10,8 +10,10 @@ from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.tasks.case import load_case, save_case
 from haustra.envs.tasks.config import TaskConfig, Weights
 from haustra.envs.tasks.scope_task import ScopeTask
+from haustra.envs.view.picture.lens import lens_of
 from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.landmarks import SEGMENTS
+from haustra.models.devices.scope.library import named_design
 from haustra.models.wall import moving_colon
 from tests.task_bank import DESIGN, hung_bank
 
@@ -89,7 +91,21 @@ def test_a_camera_that_moves_with_the_colon_sees_the_same():
     assert np.abs(drawn[0].astype(int) - drawn[1]).max() <= 1
 
 
-@pytest.mark.parametrize("changed", [{"observation": "pixels"}, {"task": "withdrawal"}])
-def test_what_cannot_be_done_in_colons_that_move_is_refused(changed):
+def test_colons_that_move_are_drawn_in_colour():
+    """The picture goes along with the wall: pushed on without steering, the tip sees other wall, and never outside."""
+    config = TaskConfig(design=DESIGN, observation="pixels", picture_size=32, mesentery=True)
+    task = ScopeTask(config, worlds=1, backend="linear", bank=hung_bank())
+    first = task.reset(seeds=[1], case=np.array([0]))["pixels"]
+    for _ in range(20):
+        task.step(np.array([[0.67, 0.0, 0.0, 0.0]]))
+    seen = task.observe()["pixels"]
+    assert seen.shape == (1, 32, 32, 4) and seen.dtype == np.uint8
+    within = lens_of(named_design(DESIGN).tip, 32, 32).within
+    red, blue, depth = (seen[0, ..., band][within].astype(int) for band in (0, 2, 3))
+    assert depth.min() > 0 and (red > blue).mean() > 0.99
+    assert np.abs(seen.astype(int) - first).max() > 30
+
+
+def test_withdrawal_from_colons_that_move_is_refused():
     with pytest.raises(UnsupportedSceneError, match="mesentery"):
-        ScopeTask(TaskConfig(design=DESIGN, mesentery=True, **changed), backend="linear", bank=hung_bank())
+        ScopeTask(TaskConfig(design=DESIGN, mesentery=True, task="withdrawal"), backend="linear", bank=hung_bank())

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from haustra.assets import asset
-from haustra.envs.view.picture.lens import LENS_NAMES, lens_rays, named_lens
+from haustra.envs.view.picture.lens import lens_rays, named_lens
 from haustra.errors import InvalidOptionError
+from haustra.models.devices.scope.design import LENSES
 
 MOST_DEG = 0.5
 
@@ -48,7 +49,7 @@ def test_every_pixel_of_the_endomapper_looks_where_its_calibration_says() -> Non
     assert np.abs(seen - middles(720, 540))[known].max() < 1e-4 * MOST_DEG
 
 
-@pytest.mark.parametrize("name", LENS_NAMES)
+@pytest.mark.parametrize("name", LENSES)
 def test_from_pixels_to_rays_and_back(name: str) -> None:
     lens = named_lens(name).at(96, 80)
     pixels = middles(96, 80) + 0.3
@@ -80,7 +81,7 @@ def test_jax_sees_as_numpy_does() -> None:
 def test_a_lens_that_is_not_known_is_refused_and_those_that_are_have_sources() -> None:
     with pytest.raises(InvalidOptionError, match=r"Lens 'gopro' is not known. Known: cf-hq190l"):
         named_lens("gopro")
-    for name in LENS_NAMES[:2]:
+    for name in LENSES[:2]:
         assert len(tomllib.loads(asset(f"lenses/{name}.toml").read_text(encoding="utf-8"))["source"]) > 40
 
 

@@ -55,16 +55,6 @@ def test_perspective_of_a_known_point() -> None:
     np.testing.assert_allclose(depth, 2.0)
 
 
-def test_fisheye_is_equidistant() -> None:
-    """The distance from the image's middle is proportional to the angle off the axis."""
-    camera = Camera(np.zeros(3), np.eye(3), 160.0)
-    angles = np.radians([0.0, 20.0, 40.0, 80.0])
-    points = np.stack([np.sin(angles), np.zeros(4), -np.cos(angles)], axis=1)
-    image, distance = camera.fisheye(points, size=400)
-    np.testing.assert_allclose(image[:, 0], [200, 250, 300, 400], atol=1e-9)
-    np.testing.assert_allclose(distance, 1.0)
-
-
 def test_normals_of_a_sphere_are_radial() -> None:
     import trimesh
 

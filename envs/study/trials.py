@@ -1,0 +1,279 @@
+"""Published trials of colonoscopes with known answers, repeated in virtual patients: the same patients for both arms.
+
+A trial is a file in assets/trials: what was published, two arms, an endpoint, and whether the arms were found different
+or equal. Each arm is a study of a cohort (`haustra.envs.study.cohort`) in a store of its own, which trials share that
+ask for the same arm, so that everything can be stopped and goes on. The effect is the mean difference, first arm less
+second, over patients whom both arms examined; its 95 % interval is a bootstrap over patients.
+
+A difference is reproduced when the whole interval lies on the trial's side of zero; equality when the effect lies
+within the trial's own 95 % interval and the caecum is reached in at least half of the insertions: two scopes that
+hardly ever get there are equal for no good reason.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from haustra.assets import asset, assets
+from haustra.envs.study.run import Computing, run_sweep
+from haustra.envs.study.store import read_store
+from haustra.envs.study.study import Sampler, Study
+from haustra.errors import InvalidOptionError, InvalidStudyError
+from haustra.fields import number, read_fields, span, texts
+from haustra.provenance import file_hash
+from haustra.reading import read_document
+
+ARMS = "arms"
+"""Folder of the arms' stores, by the hash of their studies."""
+LEAST_PATIENTS = 3
+"""An effect of fewer patients is not told; engineering choice."""
+LEAST_REACHED = 0.5
+"""Share of insertions that must reach the caecum for an equality to count [1]; engineering choice."""
+_RESAMPLES = 4000
+_CAECUM, _TIME, _FLEXURE_TIME = "caecum", "time_s", "flexure_s"
+
+Statistic = Literal["share of any", "mean", "restricted time", "restricted time from the splenic flexure"]
+"""What is taken of a patient: 1 where any of the scores is, a score itself, the time to the caecum or the longest, or
+that less the time to the splenic flexure."""
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """What two arms are compared by."""
+
+    meaning: str
+    """What the number of a patient or of an arm is."""
+    unit: str
+    """Unit of the effect, '1' when dimensionless."""
+    statistic: Statistic
+    """What is taken of each patient."""
+    scores: tuple = texts(most=10, default=())
+    """Names of the scores of a cohort's study that it is made of; times need none."""
+
+
+@dataclass(frozen=True)
+class Arm:
+    """Who is examined with what."""
+
+    name: str
+    """Name of the arm."""
+    device: str
+    """Shipped scope by its name, or a file beside the trial's."""
+    stiffen_in: Literal["never", "descending", "transverse", "ascending"] = "never"
+    """Segment in which the stiffening ring is turned, once the tip has come to it."""
+    gas_pressure: float | None = number("Pa", 500.0, 6000.0, default=None)
+    """Pressure that all colons are held open by [Pa]; each patient's own when None."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A published trial and its answer."""
+
+    title: str
+    """What was compared."""
+    source: str
+    """Where it was published, and of how many patients."""
+    published: str
+    """Published outcome."""
+    expected: Literal["different", "equal"]
+    """What the trial found."""
+    endpoint: Endpoint
+    arms: tuple[Arm, ...]
+    direction: Literal["less", "more"] | None = None
+    """Whether the first arm had less or more than the second, where they are different."""
+    interval: tuple[float, float] | None = span("1", -1.0, 1.0, default=None)
+    """95 % interval of the trial's own effect, where the arms are equal."""
+    sex: Literal["any", "female", "male"] = "any"
+    """Who took part."""
+    assumed: tuple = texts(most=20, default=())
+    """What is assumed where the publication does not say."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A trial's simulated effect."""
+
+    name: str
+    trial: Trial
+    patients: int
+    """Patients whom both arms examined."""
+    first: float | None
+    """Mean of the first arm; None where there are too few patients."""
+    second: float | None
+    """Mean of the second arm."""
+    effect: float | None
+    low: float | None
+    high: float | None
+    reached: tuple[float, float] | None
+    """Share of the patients in which each arm came to the caecum."""
+
+    @property
+    def reproduced(self) -> bool:
+        """Whether the trial's answer is reproduced."""
+        if self.effect is None or self.low is None or self.high is None:
+            return False
+        if self.trial.expected == "equal":
+            low, high = self.trial.interval or (0.0, 0.0)
+            return low <= self.effect <= high and self.reached is not None and sum(self.reached) >= 2 * LEAST_REACHED
+        return self.high < 0 if self.trial.direction == "less" else self.low > 0
+
+    @property
+    def sign_right(self) -> bool | None:
+        """Whether the effect itself lies on the trial's side of zero; None of a trial that found no difference."""
+        if self.trial.expected == "equal":
+            return None
+        return self.effect is not None and (self.effect < 0 if self.trial.direction == "less" else self.effect > 0)
+
+
+def trial_names() -> tuple[str, ...]:
+    """Names of the trials that ship."""
+    return tuple(assets("trials", ".toml"))
+
+
+def load_trial(name: str) -> tuple[Trial, Path]:
+    """A shipped trial by its name, or one from a file that ends in .toml, and the file.
+
+    Raises:
+        UnreadableFileError: when the file is missing or not TOML.
+        InvalidOptionError: when no trial has that name.
+        InvalidStudyError: when a key is unknown or missing, or a value impossible; the message has its path.
+    """
+    known = trial_names()
+    if not name.endswith(".toml") and name not in known:
+        raise InvalidOptionError(f"Trial '{name}' is not known. Known: {', '.join(known)}; or name a .toml file.")
+    path = Path(name) if name.endswith(".toml") else asset(f"trials/{name}.toml")
+    found: Trial = read_fields(Trial, read_document(path, "trial"), path.name, error=InvalidStudyError)
+    if len(found.arms) != 2:
+        raise InvalidStudyError(f"{path.name}: arms: give two, not {len(found.arms)}.")
+    if (found.direction is None) == (found.expected == "different"):
+        raise InvalidStudyError(f"{path.name}: direction: give it where arms are different, and only there.")
+    if (found.interval is None) == (found.expected == "equal"):
+        raise InvalidStudyError(f"{path.name}: interval: give it where arms are equal, and only there.")
+    needs = found.endpoint.statistic in ("share of any", "mean")
+    if needs != bool(found.endpoint.scores):
+        raise InvalidStudyError(f"{path.name}: endpoint.scores: a share or mean needs them, a time has none.")
+    return found, path
+
+
+def arm_study(
+    trial: Trial, path: Path, arm: Arm, *, patients: int, driver: str, seconds: float, seed: int = 0
+) -> Study:
+    """The study of one arm: patients by a Latin hypercube, the same for both arms.
+
+    Raises:
+        InvalidStudyError: when the endpoint names a score that a cohort's study has not.
+        InvalidDesignError: when the device is not known.
+    """
+    from haustra.envs.study.cohort import SCORES, CohortOptions, check
+    from haustra.envs.study.patients import patient_variables
+
+    known = [column.name for column in SCORES]
+    for name in trial.endpoint.scores:
+        if name not in known:
+            raise InvalidStudyError(f"{path.name}: endpoint.scores: '{name}' is not known. Known: {', '.join(known)}.")
+    changes: dict[str, float] = {}
+    if trial.sex != "any":
+        changes["patient.sex"] = 0.0 if trial.sex == "female" else 1.0
+    fixed = set(changes) | {"patient.gas_pressure" for one in trial.arms if one.gas_pressure is not None}
+    if arm.gas_pressure is not None:
+        changes["patient.gas_pressure"] = arm.gas_pressure
+    device, inputs = arm.device, {}
+    if device.endswith(".toml"):
+        device = str((path.parent / device).resolve())
+        inputs = {device: file_hash(Path(device))}
+    study = Study(
+        question="cohort",
+        title=arm.name,
+        base="default",
+        variables=tuple(variable for variable in patient_variables() if variable.path not in fixed),
+        conditions={"driver": (driver,), "device": (device,)},
+        objectives=(),
+        sampler=Sampler(kind="latin-hypercube", count=patients, seed=seed),
+        changes=changes,
+        options={"seconds": seconds, "timestep": CohortOptions().timestep, "stiffen_in": arm.stiffen_in},
+        inputs=inputs,
+    )
+    check(study, {}, {"driver": driver, "device": device})
+    return study
+
+
+def run_trials(
+    names: Sequence[str],
+    folder: Path,
+    *,
+    patients: int,
+    driver: str,
+    seconds: float,
+    backend: str = "linear",
+    progress: Callable[[int, int, str], None] = lambda done, total, note: None,
+) -> list[Answer]:
+    """Run what is missing of both arms of each trial, and tell their effects.
+
+    Args:
+        names: of shipped trials, or files.
+        folder: for the arms' stores; what is there already is not run again.
+        patients: of each arm.
+        driver: who drives.
+        seconds: longest insertion [s].
+        backend: what steps them: linear, or linear-gpu.
+        progress: told how many arms are done, of how many, and a note.
+
+    Raises:
+        HaustraError: when a trial cannot be read or run.
+    """
+    trials = [(name, *load_trial(name)) for name in names]
+    asked = {"patients": patients, "driver": driver, "seconds": seconds}
+    studies = {
+        (name, arm.name): arm_study(trial, path, arm, **asked) for name, trial, path in trials for arm in trial.arms
+    }
+    computing = Computing(backend=backend)
+    for index, ((name, arm), study) in enumerate(studies.items()):
+        progress(index, len(studies), f"{name}: {arm}")
+        run_sweep(replace(study, title=study.hash), folder / ARMS / study.hash, computing, resume=True, tables=False)
+    progress(len(studies), len(studies), "")
+    return [
+        answered(name, trial, [_finished(folder, studies[name, arm.name]) for arm in trial.arms], seconds=seconds)
+        for name, trial, _ in trials
+    ]
+
+
+def _finished(folder: Path, study: Study) -> dict[int, Mapping[str, Any]]:
+    """Scores of an arm's patients who were examined to an end, by number."""
+    with read_store(folder / ARMS / study.hash) as store:
+        return {row["design"]: row["scores"] for row in store.rows() if row["state"] == "finished"}
+
+
+def answered(name: str, trial: Trial, arms: Sequence[Mapping[int, Mapping[str, Any]]], *, seconds: float) -> Answer:
+    """A trial's effect, from the scores of both arms by patient, and the longest insertion [s]."""
+    both = sorted(set(arms[0]) & set(arms[1]))
+    values = [np.array([_of_patient(trial.endpoint, arm[patient], seconds) for patient in both]) for arm in arms]
+    if len(both) < LEAST_PATIENTS:
+        return Answer(name, trial, len(both), None, None, None, None, None, None)
+    reached = [float(np.mean([arm[patient][_CAECUM] for patient in both])) for arm in arms]
+    low, high = _interval(values[0] - values[1])
+    first, second = (float(each.mean()) for each in values)
+    return Answer(name, trial, len(both), first, second, first - second, low, high, (reached[0], reached[1]))
+
+
+def _of_patient(endpoint: Endpoint, scores: Mapping[str, Any], seconds: float) -> float:
+    """A patient's number; a score that could not be told counts as 0."""
+    if endpoint.statistic == "mean":
+        return float(np.mean([scores[name] or 0.0 for name in endpoint.scores]))
+    if endpoint.statistic == "share of any":
+        return float(any(scores[name] for name in endpoint.scores))
+    time = min(float(scores[_TIME]), seconds) if scores[_CAECUM] else seconds
+    if endpoint.statistic == "restricted time":
+        return time
+    flexure = scores[_FLEXURE_TIME]
+    return seconds if flexure is None else time - min(float(flexure), seconds)
+
+
+def _interval(differences: Float[np.ndarray, " patients"]) -> tuple[float, float]:
+    """95 % interval of the mean, patients resampled."""
+    drawn = np.random.default_rng(0).integers(0, len(differences), (_RESAMPLES, len(differences)))
+    low, high = np.percentile(differences[drawn].mean(axis=1), [2.5, 97.5])
+    return float(low), float(high)

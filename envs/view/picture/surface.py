@@ -1,0 +1,177 @@
+"""The lumen's surface as a renderer takes it: in short stretches, each brought to where it is when it is looked at.
+
+A colon that moves is taken along with its axis (`haustra.models.wall.moving_colon`), and out of the way of the device
+in it (`haustra.models.wall.indentation`). Only stretches that a camera may see are worked out, so that a picture costs
+the same however long and finely meshed the colon is.
+"""
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from haustra.models.anatomy.colon import Colon, Surface
+from haustra.models.wall.compiled import loops
+from haustra.models.wall.indentation import GAP, REACH, along_device
+from haustra.models.wall.lumen_table import Tables, axis_at
+from haustra.models.wall.moving_colon import AT_REST, AxisShape, node_cell
+from haustra.models.wall.signed_distance import surface_arcs
+
+STRETCH = 0.015
+"""Length of colon in one stretch [m]."""
+_APART = 0.002
+"""Distance between the places of a device's axis that indent the wall in a picture [m]."""
+_ROOM = 0.03
+"""Stretches are taken to be wider than at rest by this, for what a device may indent [m]."""
+
+
+class LumenSurface:
+    """A surface, its vertices ordered by arc length; where they are now is worked out stretch by stretch."""
+
+    def __init__(self, surface: Surface, arcs: Float[np.ndarray, " vertices"] | None = None) -> None:
+        """Take a surface and the arc length beside each vertex [m]; one stretch of all when None."""
+        arcs = np.zeros(len(surface.vertices)) if arcs is None else arcs
+        stretch = np.unique(np.floor(arcs / STRETCH), return_inverse=True)[1]
+        self.given = surface
+        """The surface as it was given."""
+        self.given_vertices: Float[np.ndarray, "vertices 3"] = surface.vertices
+        """Where its vertices were put last; of colons that move or are indented, where they would be at rest [m]."""
+        self.order: Int[np.ndarray, " vertices"] = np.argsort(stretch, kind="stable")
+        """Which vertex of the given surface each is."""
+        placed = np.empty(len(arcs), np.int64)
+        placed[self.order] = np.arange(len(arcs))
+        first, last = stretch[surface.faces].min(axis=1), stretch[surface.faces].max(axis=1)
+        self.face_order: Int[np.ndarray, " triangles"] = np.argsort(first, kind="stable")
+        """Which triangle of the given surface each is."""
+        self.faces = np.ascontiguousarray(placed[surface.faces[self.face_order]], np.int32)
+        self.rest = np.ascontiguousarray(surface.vertices[self.order], float)
+        """Where the vertices are at rest [m]."""
+        self.vertices = self.rest.copy()
+        """Where they are now, of the stretches that were brought there [m]."""
+        self.arcs = arcs[self.order]
+        self.count = int(stretch.max()) + 1
+        """Number of stretches."""
+        self.ends = np.searchsorted(stretch[self.order], np.arange(self.count + 1))
+        """First vertex of each stretch, and the end."""
+        self.face_ends = np.searchsorted(first[self.face_order], np.arange(self.count + 1))
+        """First triangle of each stretch, and the end."""
+        self._last = np.arange(self.count)
+        np.maximum.at(self._last, first, last)
+        self._extents()
+
+    def place(self, vertices: Float[np.ndarray, "vertices 3"]) -> None:
+        """Put the vertices of the given surface there [m]."""
+        self.given_vertices = vertices
+        np.take(vertices, self.order, axis=0, out=self.vertices)
+        self._extents()
+
+    def balls(self) -> tuple[Float[np.ndarray, "stretches 3"], Float[np.ndarray, " stretches"]]:
+        """Middles and radii of balls that hold each stretch's triangles now [m]."""
+        beyond = np.linalg.norm(self._middles[self._last] - self._middles, axis=1) + self._reaches[self._last]
+        return self._middles, np.maximum(self._reaches, beyond)
+
+    def needed(self, stretches: Int[np.ndarray, " some"]) -> Int[np.ndarray, " more"]:
+        """Stretches that hold the corners of these stretches' triangles, and of the triangles beside them."""
+        wanted = np.zeros(self.count + 2, bool)
+        for stretch in stretches:
+            wanted[max(stretch - 1, 0) : self._last[stretch] + 2] = True
+        return np.flatnonzero(wanted[: self.count])
+
+    def bring(self, stretch: int) -> None:
+        """Bring the vertices of a stretch to where they are now."""
+
+    def _extents(self) -> None:
+        low, high = (fold.reduceat(self.vertices, self.ends[:-1]) for fold in (np.minimum, np.maximum))
+        self._middles, self._reaches = (low + high) / 2, np.linalg.norm(high - low, axis=1) / 2
+
+
+class ColonSurface(LumenSurface):
+    """The surface of a colon, kept off a device that is in it."""
+
+    def __init__(self, colon: Colon) -> None:
+        """Take a colon, where it is."""
+        self.colon, self.line = colon, colon.centreline.points
+        """The colon as it was given, and where the stations of its centreline are now [m]."""
+        self._device: tuple[np.ndarray, np.ndarray, float] | None = None
+        super().__init__(colon.lumen, surface_arcs(colon))
+        self._placed, self._fresh = self.vertices.copy(), np.zeros(self.count, bool)
+
+    def place(self, vertices: Float[np.ndarray, "vertices 3"]) -> None:
+        """As `LumenSurface.place`; the centreline stays."""
+        super().place(vertices)
+        self._placed = self.vertices.copy()
+        self._fresh[:] = False
+
+    def indent(self, path: Float[np.ndarray, "nodes 3"], radius: float) -> None:
+        """Keep the wall off a device along `path`, from the anus to where it ends [m], of that radius [m]."""
+        if len(path) > 1:
+            self._keep_off(*along_device(path, self.line, self.colon.centreline.arc, _APART), radius)
+
+    def make_room(self, tip: Float[np.ndarray, "3"], ahead: Float[np.ndarray, "3"], arc: float, radius: float) -> None:
+        """Keep the wall off a tip of that radius [m] that ends there and points ahead, at that arc length [m]."""
+        behind = radius + np.linspace(0.0, 2 * radius, 5)
+        self._keep_off(tip - behind[:, None] * ahead, arc - behind, radius)
+
+    def bring(self, stretch: int) -> None:
+        """As `LumenSurface.bring`."""
+        if self._fresh[stretch]:
+            return
+        first, last = int(self.ends[stretch]), int(self.ends[stretch + 1])
+        self._carry(first, last)
+        if self._device is not None:
+            places, at, radius = self._device
+            near = np.abs(at - self.arcs[first]) < REACH + 2 * STRETCH
+            if near.any():
+                now = self._beside(first, last)[None], radius, 0, last - first, self.vertices[None, first:last]
+                loops().indent(places[None, near], at[near], self.arcs[first:last], *now)
+        self._fresh[stretch] = True
+
+    def _keep_off(self, places: np.ndarray, arcs: np.ndarray, radius: float) -> None:
+        self._device = np.ascontiguousarray(places), np.ascontiguousarray(arcs), radius + GAP
+        self._fresh[:] = False
+
+    def _carry(self, first: int, last: int) -> None:
+        """Take some vertices to where they would be without a device."""
+        self.vertices[first:last] = self._placed[first:last]
+
+    def _beside(self, first: int, last: int) -> np.ndarray:
+        """Places of the centreline beside some vertices."""
+        arcs, line = self.arcs[first:last], self.colon.centreline
+        return np.column_stack([np.interp(arcs, line.arc, self.line[:, axis]) for axis in range(3)])
+
+
+class MovingSurface(ColonSurface):
+    """The surface of a colon on its mesentery."""
+
+    def __init__(
+        self, colon: Colon, tables: Tables, origin: Float[np.ndarray, "3"], axes: Float[np.ndarray, "3 3"]
+    ) -> None:
+        """For the colon's own tables, stacked and in coordinates that begin at `origin` [m] with columns `axes`."""
+        super().__init__(colon)
+        assert tables.mesentery is not None
+        self._own, self._line = tables.mesentery, colon.centreline
+        nodes, spacing = self._own.nodes.shape[1], float(np.asarray(self._own.spacing)[0])
+        self._cells = node_cell(np, spacing, nodes, self.arcs)
+        self._way = node_cell(np, spacing, nodes, self._line.arc)
+        self._still = np.asarray(axis_at(np, tables, self.arcs[None]))
+        self._lever = np.ascontiguousarray(((self.rest - origin) @ axes)[None] - self._still)
+        self._axes = np.column_stack([axes, origin])
+        one, each, edge = np.zeros((1, nodes)), np.zeros((1, nodes, 3)), np.zeros((1, nodes - 1, 3))
+        turns = np.zeros((1, nodes, 4))
+        self._shape = AxisShape(edge, one[:, 1:].copy(), each, one.copy(), turns, edge.copy(), one.copy(), each.copy())
+        self._wide = np.maximum.reduceat(np.linalg.norm(self._lever[0], axis=1), self.ends[:-1])
+        self.move(np.tile(np.asarray(AT_REST), (nodes, 1)))
+
+    def move(self, pose: Float[np.ndarray, "nodes 7"]) -> None:
+        """Take the colon to where its nodes have such poses (`haustra.models.wall.moving_colon.AxisDisplacement`)."""
+        self._pose = np.array(pose[None, : self._own.nodes.shape[1]], float)
+        loops().shape(self._own, np.zeros(1, np.int64), self._pose, self._shape)
+        at, share = self._way
+        moved = (1 - share[:, None]) * self._pose[0, at, :3] + share[:, None] * self._pose[0, at + 1, :3]
+        self.line = self._line.points + moved @ self._axes[:, :3].T
+        begin, end = self.arcs[self.ends[:-1]], self.arcs[self.ends[1:] - 1]
+        at = np.clip(np.searchsorted(self._line.arc, (begin + end) / 2), 0, len(self.line) - 1)
+        self._middles, self._reaches = self.line[at], self._wide + STRETCH + _ROOM
+        self._fresh[:] = False
+
+    def _carry(self, first: int, last: int) -> None:
+        about = self._pose, self._shape, *self._cells, self._still, self._lever, self._axes
+        loops().carry(*about, first, last, self.vertices)

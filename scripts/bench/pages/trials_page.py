@@ -1,0 +1,91 @@
+"""Write the page of published trials from the folder that `haustra trials -o DIR` leaves.
+
+`python -m haustra.scripts.bench.pages.trials_page DIR docs/validation/trials.md`.
+"""
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from haustra.files import write_atomically
+from haustra.reading import read_document
+from haustra.scripts.trials import TABLE
+
+_HEAD = """\
+# Validation: trials with known answers
+
+Made by `python -m haustra.scripts.bench.pages.trials_page DIR docs/validation/trials.md` from the folder of
+`{command}`; do not edit.
+
+Each trial is a file in `assets/trials` with its source, arms, endpoint and what is assumed.
+Both arms examine the same virtual patients. A difference counts as reproduced when the whole 95 % interval (bootstrap
+over patients) lies on the trial's side of zero, equality when the effect lies within the trial's own 95 % interval and
+at least half of the insertions reach the caecum: two scopes that hardly ever get there are equal for no good reason.
+
+**{different} of {all_different} differences and {equal} of {all_equal} equalities are reproduced**; of the differences
+{signs} have the right sign, resolved or not. Bar: 5 of 6 signs and 3 of 3 equalities: {verdict}.
+
+| trial | published | endpoint | first arm | second arm | effect (95 %) | caecum, both arms | reproduced |
+| --- | --- | --- | --- | --- | --- | --- | --- |
+"""
+_READ = """
+## How to read it
+
+- Effects are the first arm's less the second's.
+- Times are those of the driver's own pace; who does not reach the caecum counts with {seconds:g} s.
+- Published figures are from abstracts; intervals of equal trials are computed from them (Wald).
+
+## What is assumed
+
+"""
+
+
+def trials_page(table: Mapping[str, Any]) -> str:
+    """The page of a folder's trials.json."""
+    asked, trials = table["asked"], table["trials"]
+    different = [one for one in trials if one["trial"]["expected"] == "different"]
+    equal = [one for one in trials if one["trial"]["expected"] == "equal"]
+    signs = sum(bool(one["sign_right"]) for one in different)
+    alike = sum(one["reproduced"] for one in equal)
+    command = f"haustra trials -o DIR --patients {asked['patients']} --driver {asked['driver']}"
+    head = _HEAD.format(
+        command=f"{command} --seconds {asked['seconds']:g}",
+        different=sum(one["reproduced"] for one in different),
+        all_different=len(different),
+        equal=alike,
+        all_equal=len(equal),
+        signs=signs,
+        verdict="met" if signs >= 5 and alike == len(equal) else "**not met**",
+    )
+    rows = "".join(f"| {' | '.join(_row(one))} |\n" for one in trials)
+    assumed = "".join(
+        f"**{one['trial']['title']}** ({one['trial']['source']}): {'; '.join(one['trial']['assumed'])}.\n\n"
+        for one in trials
+    )
+    return f"{head}{rows}{_READ.format(seconds=asked['seconds'])}{assumed}".rstrip("\n") + "\n"
+
+
+def _row(one: Mapping[str, Any]) -> tuple[str, ...]:
+    trial, reached = one["trial"], one["reached"]
+    if one["effect"] is None:
+        numbers = ("–", "–", f"{one['patients']} patients are too few", "–")
+    else:
+        effect = f"{one['effect']:+.3g} ({one['low']:+.3g} to {one['high']:+.3g})"
+        numbers = (f"{one['first']:.3g}", f"{one['second']:.3g}", effect, f"{reached[0]:.2f}, {reached[1]:.2f}")
+    unit = "" if trial["endpoint"]["unit"] == "1" else f" [{trial['endpoint']['unit']}]"
+    arms = " / ".join(arm["name"] for arm in trial["arms"])
+    verdict = "yes" if one["reproduced"] else "right sign, not resolved" if one["sign_right"] else "**no**"
+    return (
+        f"{one['name']}: {arms}",
+        f"{trial['published']} ({trial['expected']})",
+        f"{trial['endpoint']['meaning']}{unit}",
+        *numbers,
+        verdict,
+    )
+
+
+if __name__ == "__main__":
+    folder, page = Path(sys.argv[1]), Path(sys.argv[2])
+    text = trials_page(read_document(folder / TABLE, "trials"))
+    write_atomically(page, lambda file: file.write_text(text, encoding="utf-8"))

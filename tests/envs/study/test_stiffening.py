@@ -1,0 +1,57 @@
+"""A stiffening ring is turned once the tip has come to a segment, and stays turned."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from haustra.envs.study.stiffening import StiffeningRing
+from haustra.errors import InvalidDesignError
+from haustra.models.devices.scope.library import named_design
+from tests.tube_colon import straight_tube
+
+DESIGN = named_design("adult-variable")
+FACTOR = DESIGN.shaft[0].stiffening
+
+
+def _batch(given: list) -> Any:
+    """Worlds whose tips are where the test says, and what they are given."""
+    backend = SimpleNamespace(driver_numbers=lambda: None, give=lambda name, values: given.append((name, values)))
+    batch = SimpleNamespace(backend=backend, arcs=np.zeros(2))
+    batch.program = SimpleNamespace(tally_of=lambda numbers: SimpleNamespace(tip_arc_max=batch.arcs))
+    return batch
+
+
+def test_the_ring_is_turned_where_the_tip_comes_to_the_segment() -> None:
+    """The tube's sigmoid begins at 0.3 m; a patient's own stiffness is kept, and nothing is given twice."""
+    given: list = []
+    batch, own = _batch(given), np.array([0.9, 1.1])
+    ring = StiffeningRing(batch, DESIGN, [straight_tube()] * 2, own, segment="sigmoid")
+    ring()
+    assert given == []
+    batch.arcs = np.array([0.31, 0.2])
+    ring()
+    ring()
+    assert len(given) == 1 and given[0][0] == "bending"
+    assert given[0][1] == pytest.approx([0.9 * FACTOR, 1.1])
+    batch.arcs = np.array([0.1, 0.5])
+    ring()
+    assert given[-1][1] == pytest.approx(own * FACTOR)
+
+
+def test_a_ring_that_nobody_turns_gives_nothing() -> None:
+    given: list = []
+    batch = _batch(given)
+    ring = StiffeningRing(batch, DESIGN, [straight_tube()] * 2, np.ones(2), segment="never")
+    batch.arcs = np.full(2, 9.0)
+    ring()
+    assert given == []
+
+
+def test_a_shaft_that_stiffens_unevenly_is_refused() -> None:
+    first = replace(DESIGN.shaft[0], length=0.5 * DESIGN.shaft[0].length)
+    uneven = replace(DESIGN, shaft=(first, replace(first, stiffening=1.1)))
+    with pytest.raises(InvalidDesignError, match="different factors"):
+        StiffeningRing(_batch([]), uneven, [straight_tube()], np.ones(1), segment="sigmoid")

@@ -1,0 +1,104 @@
+"""Trials with known answers: shipped files are sound, effects are paired, verdicts follow the stated rule."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from haustra.envs.study.trials import Trial, answered, arm_study, load_trial, trial_names
+from haustra.errors import InvalidOptionError, InvalidStudyError
+
+NAMES = trial_names()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_shipped_trial_asks_the_same_patients_in_both_arms(name: str) -> None:
+    """Arms differ in device, ring or pressure only: the hypercube draws the same variables."""
+    trial, path = load_trial(name)
+    first, second = (arm_study(trial, path, arm, patients=4, driver="follower", seconds=10.0) for arm in trial.arms)
+    assert first.variables == second.variables and first.sampler == second.sampler
+    assert first.hash != second.hash
+    assert trial.source and trial.published and trial.assumed
+
+
+def test_six_trials_found_a_difference_and_three_none() -> None:
+    expected = [load_trial(name)[0].expected for name in NAMES]
+    assert expected.count("different") == 6 and expected.count("equal") == 3
+
+
+def _arm(values: np.ndarray, **scores) -> dict[int, dict]:
+    return {
+        patient: {"caecum": float(value < 100), "time_s": value, "flexure_s": 20.0, "pain_left": 0.0} | scores
+        for patient, value in enumerate(values)
+    }
+
+
+def test_effects_are_paired() -> None:
+    """Patients differ by far more than arms: only pairs resolve two seconds."""
+    trial, _ = load_trial("variable-stiffness")
+    own = np.linspace(20.0, 90.0, 30)
+    found = answered("t", trial, [_arm(own - 2.0), _arm(own)], seconds=100.0)
+    assert found.effect == pytest.approx(-2.0) and found.low == found.high == pytest.approx(-2.0)
+    assert found.reproduced and found.sign_right
+    assert not answered("t", trial, [_arm(own + 2.0), _arm(own)], seconds=100.0).reproduced
+    noisy = own + np.random.default_rng(0).normal(-0.5, 20, 30)
+    unsure = answered("t", trial, [_arm(noisy), _arm(own)], seconds=100.0)
+    assert unsure.low is not None and unsure.high is not None and unsure.low < 0 < unsure.high
+    assert not unsure.reproduced
+
+
+def test_who_does_not_reach_the_caecum_counts_with_the_longest_time() -> None:
+    trial, _ = load_trial("variable-stiffness")
+    found = answered("t", trial, [_arm(np.full(4, 150.0)), _arm(np.full(4, 60.0))], seconds=120.0)
+    assert (found.first, found.second, found.reached) == (120.0, 60.0, (0.0, 1.0))
+    proximal, _ = load_trial("stiffening")
+    later = answered("t", proximal, [_arm(np.full(4, 60.0)), _arm(np.full(4, 60.0), flexure_s=None)], seconds=120.0)
+    assert (later.first, later.second) == (40.0, 120.0)
+
+
+def test_equality_is_held_to_the_trials_own_interval() -> None:
+    trial, _ = load_trial("cf100l-pcf100")
+    assert trial.interval is not None
+    high = [_arm(np.full(100, 50.0)), _arm(np.where(np.arange(100) < 95, 50.0, 150.0))]
+    assert answered("t", trial, high, seconds=200.0).effect == pytest.approx(0.05)
+    assert answered("t", trial, high, seconds=200.0).reproduced
+    assert not answered("t", replace(trial, interval=(-0.01, 0.01)), high, seconds=200.0).reproduced
+    nobody = _arm(np.full(100, 150.0))
+    assert answered("t", trial, [nobody, nobody], seconds=200.0).effect == 0.0
+    assert not answered("t", trial, [nobody, nobody], seconds=200.0).reproduced
+
+
+def test_too_few_patients_tell_nothing() -> None:
+    trial, _ = load_trial("flaccid")
+    arm = _arm(np.full(2, 50.0), pain_sigmoid=1.0, pain_right=0.0)
+    found = answered("t", trial, [arm, arm], seconds=100.0)
+    assert found.effect is None and not found.reproduced and found.patients == 2
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('direction = "less"', "", "direction"),
+        ('expected = "different"', 'expected = "maybe"', "'maybe' is not known"),
+        ('name = "standard"', 'name = "standard"\nwings = 2', "wings"),
+        ('scores = ["pain_sigmoid"', 'scores = ["bliss"', "'bliss' is not known"),
+    ],
+)
+def test_a_trial_that_cannot_be_is_refused_in_one_line(old: str, new: str, said: str, tmp_path: Path) -> None:
+    _, path = load_trial("flaccid")
+    (tmp_path / "designs").symlink_to(path.parent / "designs")
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    changed = tmp_path / "t.toml"
+    changed.write_text(text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(InvalidStudyError, match=said) as found:
+        trial, place = load_trial(str(changed))
+        arm_study(trial, place, trial.arms[0], patients=4, driver="follower", seconds=10.0)
+    assert "\n" not in str(found.value)
+
+
+def test_a_trial_that_is_not_known_is_refused() -> None:
+    with pytest.raises(InvalidOptionError, match="Known: cf100l-pcf100"):
+        load_trial("placebo")
+    assert isinstance(load_trial("water")[0], Trial)
