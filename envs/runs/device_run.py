@@ -49,6 +49,8 @@ class DeviceRun:
     """Radius of the device, to draw it [m]."""
     tip: str
     """Site at its nose, its z axis forwards."""
+    trail: tuple[str, float] | None
+    """Site that its tether hangs on, and the tether's radius [m]; None without one."""
     spec: mujoco.MjSpec
     """The scene that was run, with the lumen as a picture, in the colon's coordinates."""
     wall_clock: float
@@ -120,6 +122,7 @@ def run_device(
         shape=shape[thick],
         radius=scene.handles.samples[-1].radius,
         tip=scene.handles.tip,
+        trail=scene.handles.trail,
         spec=spec,
         wall_clock=time.perf_counter() - began,
         backend=backend.name,

@@ -73,6 +73,8 @@ class Handles:
     """Site at the nose, its z axis forwards."""
     start: float
     """Distance of the tip from the anus at first [m]."""
+    trail: tuple[str, float] | None = None
+    """Site that a tether hangs on, and the tether's radius, for pictures [m]; None without one."""
     patches: Mapping[str, float] = field(default_factory=dict)
     """Diameter of the round patch of wall that a body presses on, by its name, where that is not as wide and as long as
     its spheres lie [m]."""

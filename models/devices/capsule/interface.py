@@ -5,7 +5,7 @@ capsule (`haustra.models.devices.capsule.magnet`), or any force and torque withi
 rear end: friction of what has been drawn in, and what it is wound round (`haustra.models.devices.tether`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any, ClassVar
@@ -34,6 +34,8 @@ from haustra.models.wall.planes import Sample
 SPHERES = 6
 _GRAVITY = 9.81
 _TINY = 1e-9
+_TETHER_RADIUS = 1.25e-3
+"""As the tether is drawn [m]."""
 _LEAST_SHAFT = 1e-4
 """Between the two round ends [m]: MuJoCo takes no shorter capsule, and spheres on one spot say nothing of turning."""
 _SLIP = 2e-3
@@ -166,7 +168,9 @@ class Capsule(Device):
         samples = tuple(
             Sample(self._name("body"), np.array([0, 0, along]), radius) for along in np.linspace(-half, half, SPHERES)
         )
-        return Handles((self._name("body"),), samples, (self._name("shell"),), self._name("tip"), start)
+        _draw(body, self._name, half, radius)
+        trail = self._name("rear"), _TETHER_RADIUS
+        return Handles((self._name("body"),), samples, (self._name("shell"),), self._name("tip"), start, trail)
 
     def control(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State, commands: Any) -> Any:
         """The wrench, and the tether's drag over the speed at which it is drawn in."""
@@ -243,6 +247,18 @@ class Capsule(Device):
 
     def _name(self, part: str) -> str:
         return f"{self.kind}/{part}"
+
+
+def _draw(body: mujoco.MjsBody, name: Callable[[str], str], half: float, radius: float) -> None:
+    """Add what a picture shows beside the shell: the magnet's band, a dome with the lens in it, and lamps."""
+    plain = {"contype": 0, "conaffinity": 0, "mass": 0.0}
+    band = {"type": mujoco.mjtGeom.mjGEOM_CYLINDER, "fromto": [0, 0, -0.6 * half, 0, 0, 0.6 * half]}
+    body.add_geom(name=name("band"), size=[1.01 * radius, 0, 0], rgba=[0.25, 0.35, 0.55, 1], **band, **plain)
+    balls = [("lens", 0.0, 0.78, 0.28, [0.1, 0.12, 0.2, 1]), ("lamp_left", 0.5, 0.72, 0.16, [1, 0.97, 0.8, 1])]
+    balls += [("lamp_right", -0.5, 0.72, 0.16, [1, 0.97, 0.8, 1])]
+    for part, side, along, size, colour in balls:
+        place = [side * radius, 0, half + along * radius]
+        body.add_geom(name=name(part), pos=place, size=[size * radius, 0, 0], rgba=colour, **plain)
 
 
 DEVICE = Capsule

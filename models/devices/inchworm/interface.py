@@ -31,6 +31,8 @@ PADS = 6
 """Pads round each balloon."""
 ENDS = "rear", "front"
 _GRAVITY = 9.81
+_TETHER_RADIUS = 2e-3
+"""As the tether is drawn [m]."""
 _PAD_MASS = 1e-3
 """Mass of a pad [kg]; engineering choice: next to nothing."""
 _PAD_DAMPING = 10.0
@@ -177,18 +179,37 @@ class Inchworm(Device):
             armature=self.drag * timestep,
             damping=[self.drag, 0, 0],
         )
-        slider.add_geom(mass=1e-3, size=[0.4 * self.diameter, 0, 0], contype=0, conaffinity=0, rgba=[0.3, 0.3, 0.35, 1])
+        slider.add_geom(
+            name=self._name("rod"),
+            type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+            fromto=[0, 0, -self.stroke, 0, 0, 0.5 * self.balloon_length],
+            size=[0.25 * self.diameter, 0, 0],
+            mass=1e-3,
+            contype=0,
+            conaffinity=0,
+            rgba=[0.72, 0.74, 0.78, 1],
+        )
         front = slider.add_body(name=self._name("front"), pos=[0, 0, self.balloon_length / 2])
         self._add_bend(front, "front", timestep, at=-self.balloon_length / 2)
         samples += self._add_balloon(spec, front, "front", timestep)
         samples += (Sample(self._name("front"), np.array([0, 0, self._nose]), self._ball),)
         front.add_site(name=self._name("tip"), pos=[0, 0, nose])
+        front.add_geom(
+            name=self._name("lens"),
+            pos=[0, 0, nose],
+            size=[0.2 * self.diameter, 0, 0],
+            mass=0.0,
+            contype=0,
+            conaffinity=0,
+            rgba=[0.1, 0.12, 0.2, 1],
+        )
         rear.add_site(name=self._name("rear_end"), pos=[0, 0, -nose])
         self._add_actuators(spec)
         bodies = tuple(dict.fromkeys(sample.body for sample in samples))
         patch = math.sqrt(4 * self.pad_area / math.pi)
         patches = {body: patch for body in bodies if body != self._name("front")}
-        return Handles(bodies, samples, (), self._name("tip"), start, patches)
+        trail = self._name("rear_end"), _TETHER_RADIUS
+        return Handles(bodies, samples, (), self._name("tip"), start, trail, patches)
 
     def control(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State, commands: Any) -> Any:
         """Pressures on all pads, the body's length, steering, and the tether's drag over the speed of the rear end."""
@@ -252,8 +273,15 @@ class Inchworm(Device):
                 damping=[_PAD_DAMPING, 0, 0],
                 armature=_PAD_DAMPING * timestep,
             )
-            part.add_geom(
-                name=name, size=[self._ball, 0, 0], mass=_PAD_MASS, contype=0, conaffinity=0, rgba=[0.95, 0.7, 0.35, 1]
+            part.add_geom(  # a lobe of the balloon, wider and longer than the sphere that meets the wall
+                name=name,
+                type=mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+                size=[self._ball, 1.6 * self._ball, 0.6 * self.balloon_length],
+                quat=[math.cos(angle / 2), 0, 0, math.sin(angle / 2)],
+                mass=_PAD_MASS,
+                contype=0,
+                conaffinity=0,
+                rgba=[0.95, 0.7, 0.35, 1],
             )
             actuator = spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
             actuator.gainprm = [self.pad_area] + [0.0] * 9

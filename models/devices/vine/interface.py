@@ -124,7 +124,7 @@ class Vine(Device):
 
     def add_to(self, spec: mujoco.MjSpec, pose: Pose, *, timestep: float, start: float) -> Handles:
         """A straight body, its tip past the anus; nothing of it slides on the wall."""
-        handles = self._body.add_to(spec, pose, timestep=timestep, start=start)
+        handles = self.body.add_to(spec, pose, timestep=timestep, start=start)
         # Without a force: its control says what the pressure is.
         inside = spec.add_actuator(name="vine/pressure", target="scope/push", trntype=mujoco.mjtTrn.mjTRN_JOINT)
         inside.gainprm = [0.0] * 10
@@ -141,17 +141,17 @@ class Vine(Device):
         spare = self._left_over(xp, pressure, state) - self._pressing(model, state)
         grows = state.qvel[:, int(model.joint("scope/push").dofadr[0])]
         rate = xp.minimum(rate, xp.maximum(grows + spare / (_HAND_STIFFNESS * _ANSWER), 0.0))
-        bends = xp.stack([up, left], axis=1) * self._body.design.pull_per_angle
+        bends = xp.stack([up, left], axis=1) * self.body.design.pull_per_angle
         pulls = xp.maximum(xp.concatenate([bends, -bends], axis=1), 0.0)
         asked = xp.concatenate([rate[:, None], 0.0 * rate[:, None], pulls], axis=1)
-        controls = self._body.control(xp, model, handles, state, asked)
+        controls = self.body.control(xp, model, handles, state, asked)
         return put(xp, controls, [model.actuator("vine/pressure").id], pressure[:, None])
 
     def read(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State) -> dict[str, Any]:
         """Each of `readings`, (worlds,)."""
         full = self.pressure + xp.zeros_like(state.tip_arc)
         return {
-            "grown": self._body.read(xp, model, handles, state)["insertion"],
+            "grown": self.body.read(xp, model, handles, state)["insertion"],
             "tip_press": self._pressing(model, state),
             "available": self._left_over(xp, full, state),
             "tail_tension": self._tail(xp, state),
@@ -164,8 +164,8 @@ class Vine(Device):
         return drive(xp, seen, memory, limits=limits, safe_force=self.safe_force)
 
     @cached_property
-    def _body(self) -> Scope:
-        """The chain that stands for it."""
+    def body(self) -> Scope:
+        """The chain of a scope that stands for it."""
         rigidity, radius = self.flexural_rigidity, self.diameter / 2
         part = {"flexural_rigidity": rigidity, "torsional_rigidity": _GJ_OVER_EI * rigidity}
         tip = radius
