@@ -29,17 +29,32 @@ class Dataset:
     """Stretches of each run that are shown; that of the data set's name when not given."""
     frames: int | None = whole(2, 9999, default=None)
     """Pictures in each clip; that of the data set's name when not given."""
+    run: Path | None = None
+    """Folder of a run by `haustra run` to take pictures of, instead of growing colons; a withdrawal by --inspect is
+    taken too. Its colon is to be named by --colon."""
+    colon: Path | None = None
+    """Folder of the colon that --run was in."""
     json: bool = False
     """Print one JSON document instead of a table."""
 
     def __call__(self) -> dict[str, Any]:
         """Make it, measure it, and return how exact it is."""
         from haustra.envs.view.dataset.make import make_dataset
+        from haustra.envs.view.dataset.recorded import recorded
         from haustra.envs.view.dataset.settings import find_preset
+        from haustra.errors import InvalidOptionError
+        from haustra.provenance import file_hash
         from haustra.scripts.console import progress_bar
 
         given = {name: value for name in ("colons", "clips", "frames") if (value := getattr(self, name)) is not None}
         settings = replace(find_preset(self.name), **given)
         total = settings.colons * settings.clips * settings.frames
+        own: dict[str, Any] = {}
+        if self.run is not None and self.colon is not None:
+            if self.colons is not None:
+                raise InvalidOptionError("A run is in one colon: leave --colons out.")
+            own = {"sources": recorded(self.run, self.colon), "of": file_hash(self.run / "scores.json")}
+        elif self.run is not None or self.colon is not None:
+            raise InvalidOptionError("Pictures of a recorded run need both: give --run and --colon.")
         with progress_bar("rendering", total, unit="pictures") as advance:
-            return make_dataset(self.output, settings, name=self.name, seed=self.seed, progress=advance)
+            return make_dataset(self.output, settings, name=self.name, seed=self.seed, progress=advance, **own)

@@ -74,6 +74,14 @@ class Run:
     whole_shaft: bool = False
     """Model all of the shaft from the start, as scene.xml does.
     Otherwise shaft outside the patient is added when needed: faster, and nearly the same until a scope jams."""
+    inspect: bool = False
+    """Withdraw the scope afterwards at a constant pull-back, and score what its camera has seen of mucosa, polyps and
+    landmarks: in `inspection` of the scores, and on a map of the colon. Backend linear."""
+    pull_rate: float | None = number("m/s", 5e-4, 0.1, default=None)
+    """Speed of the pull-back of --inspect [m/s]; 4 mm/s when not given."""
+    treat: Literal["none", "snare", "forceps"] = "none"
+    """Stop at each polyp on the way out of --inspect, steer for it, and cut it off or bite into it where the instrument
+    reaches it; the colon that is left is written into the folder `after`."""
     error: bool = False
     """Repeat the run at half the time step and with finer joints, some six times as long, to say how far scores differ.
     Without it scores state what was measured on other colons."""
@@ -86,6 +94,8 @@ class Run:
         from haustra.envs.runs.error import own_error, refinements
         from haustra.envs.runs.insertion import Insertion, run_insertion
         from haustra.envs.runs.linear_insertion import run_linear_insertion
+        from haustra.envs.runs.treatment import Treatment
+        from haustra.envs.runs.withdrawal import insert_and_withdraw
         from haustra.envs.view.run_folder import write_run
         from haustra.errors import InvalidOptionError
         from haustra.files import prepare_folder
@@ -109,6 +119,12 @@ class Run:
         design = device.design
         options = replace(find_preset(self.preset).apply(), **self._options())
         backend = self._chosen_backend(options)
+        if not self.inspect and (self.pull_rate is not None or self.treat != "none"):
+            raise InvalidOptionError(
+                "A pull-back, and treatment on the way out, need a withdrawal: give --inspect too."
+            )
+        if self.inspect and (backend != "linear" or options.gas is not None):
+            raise InvalidOptionError("A withdrawal is inspected on backend linear, without gas: change the options.")
         colon = load_colon(self.colon)
         folder = prepare_folder(self.output)
         wall = None
@@ -120,11 +136,18 @@ class Run:
         settings = driver_settings(self.driver, steer=self.steer, moves=options.mesentery)
         deepest = options.start_depth + settings.advance_rate * self.seconds
 
+        withdrawals: list[tuple[Insertion, Treatment | None]] = []
+
         def drive(what: str, options: SceneOptions) -> tuple[Scene, Insertion]:
             scene = build_scene(colon, wall, design, options, deepest=deepest)
             with progress_bar(what, self.seconds, unit="s") as advance:
                 own: dict[str, Any] = {"seconds": self.seconds, "settings": settings}
                 own["progress"] = lambda time, arc: advance(time, f"tip at {arc:.2f} m")
+                if self.inspect and not withdrawals:
+                    tool = None if self.treat == "none" else Treatment(scene, self.treat)
+                    run, out = insert_and_withdraw(scene, rate=self.pull_rate, treatment=tool, **own)
+                    withdrawals.append((out, tool))
+                    return scene, run
                 if backend == "linear":
                     return scene, run_linear_insertion(scene, **own)
                 return scene, run_insertion(scene, backend=self._native(wall, deepest), **own)
@@ -134,7 +157,9 @@ class Run:
         if self.error:
             error = own_error(run, {name: drive(name, finer)[1] for name, finer in refinements(options).items()})
         touched = wall if options.wall_law == "pieces" else None
-        return write_run(folder, scene=scene, wall=touched, run=run, seconds=self.seconds, error=error)
+        out, tool = withdrawals[0] if withdrawals else (None, None)
+        own = {"scene": scene, "wall": touched, "run": run, "seconds": self.seconds, "error": error}
+        return write_run(folder, withdrawal=out, treatment=tool, **own)
 
     def _native(self, wall, deepest: float):
         """MuJoCo's CPU engine, with all of the shaft or with what is needed."""

@@ -348,7 +348,7 @@ class LumenFollower:
             np,
             self.settings,
             self._steering,
-            _one_world(seen),
+            one_world(seen),
             self.memory,
             time=np.array([seen.time]),
             arc=np.array([arc]),
@@ -378,7 +378,7 @@ class LumenFollower:
         return np.array([np.interp(place, self._line.arc, points[:, axis]) for axis in range(3)])
 
 
-def _one_world(seen: Readings) -> Readings:
+def one_world(seen: Readings) -> Readings:
     """What every backend measures of one scope, as of one world of many."""
     needed = (name for name in Readings._fields if name not in Readings._field_defaults)
     return Readings(**{name: np.asarray(getattr(seen, name))[None] for name in needed})

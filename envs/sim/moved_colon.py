@@ -7,10 +7,20 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from haustra.models.anatomy.colon import Centreline, Colon, Surface
+from haustra.models.scene import Scene, entry_of
 from haustra.models.wall import moving_colon
-from haustra.models.wall.lumen_table import Tables, pick
+from haustra.models.wall.lumen_table import Tables, lumen_table, pick, stack
 from haustra.models.wall.piece_wall import Blocks
 from haustra.models.wall.signed_distance import surface_arcs
+
+
+def current_colon(scene: Scene) -> "CurrentColon | None":
+    """What takes a scene's colon along with its axis; None where the colon is fixed."""
+    if not scene.options.mesentery:
+        return None
+    origin, axes = entry_of(scene.colon)
+    own = {"device_radius": scene.cable.radius, "with_mesentery": True, "abdomen": scene.options.abdomen}
+    return CurrentColon(scene.colon, stack([lumen_table(scene.colon, **own).seen_from(origin, axes)]), origin, axes)
 
 
 class CurrentColon:
@@ -61,6 +71,10 @@ class CurrentColon:
         shape = moving_colon.shape_of(np, self._mesentery, moved)
         rest = moving_colon.to_reference(np, self._tables, moved, shape, seen, np.array([[arc]]))
         return rest[0, 0] @ self._axes.T + self._origin
+
+    def from_scene(self, displacement: Float[np.ndarray, "nodes 7"]) -> Float[np.ndarray, "nodes 7"]:
+        """Poses of the nodes in the tables' coordinates, given those in the scene's, as readings have them."""
+        return moving_colon.poses_seen_from(displacement, self._axes)
 
     def poses(
         self, displacement: Float[np.ndarray, "nodes 7"], blocks: Blocks

@@ -7,13 +7,14 @@ from jaxtyping import Bool, Float
 
 from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.sight import Sight
+from haustra.models.anatomy.surface_landmarks import inspection_number
 
 CELL = 0.005
 """Length of a cell along the colon [m]; it is a twenty-fourth of the circumference wide: about 5 mm."""
 AROUND = 24
 """Cells around the colon."""
-NEAR = 0.06
-"""A cell farther from the camera than this [m] does not count as seen; engineering choice."""
+NEAR = inspection_number("near")
+"""A cell farther from the camera than this [m] does not count as seen."""
 _BETWEEN = np.linspace(0.2, 0.9, 6)
 """Places on the line of sight that must lie in the lumen."""
 

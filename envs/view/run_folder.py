@@ -11,6 +11,8 @@ from haustra.envs.runs.insertion import Insertion
 from haustra.envs.runs.measure.injury import stations_of
 from haustra.envs.runs.measure.scores import score
 from haustra.envs.runs.measure.surface import left_behind
+from haustra.envs.runs.treatment import Treatment
+from haustra.envs.view.inspect import write_inspection
 from haustra.envs.view.picture.endoscope import Endoscope
 from haustra.envs.view.picture.image import write_png
 from haustra.envs.view.picture.injury_map import injury_map
@@ -23,13 +25,15 @@ from haustra.envs.view.report.run_report import TRAJECTORY, report_run
 from haustra.files import replaced_together, write_atomically, write_json
 from haustra.models.accuracy import NumericalError
 from haustra.models.anatomy.colon import Colon
-from haustra.models.anatomy.store import colon_hash
+from haustra.models.anatomy.store import colon_hash, save_colon
 from haustra.models.presets import preset_of
 from haustra.models.scene import Scene
 from haustra.models.wall.pieces.wall import Wall
 from haustra.models.wall.signed_distance import surface_arcs
 from haustra.provenance import Provenance, backend_record, file_hash
 
+AFTER = "after"
+"""Folder of the colon as a treatment has left it."""
 _TIP_SIZE = 480
 """Rows and columns of the tip's picture [pixels]."""
 
@@ -42,13 +46,16 @@ def write_run(
     run: Insertion,
     seconds: float,
     error: NumericalError | None = None,
+    withdrawal: Insertion | None = None,
+    treatment: Treatment | None = None,
 ) -> dict[str, object]:
     """Write a finished run into `folder` and return its scores; `wall` is None where the scene has no pieces.
 
     The numerical error is that of the run itself where it was measured, otherwise that of other runs of its kind.
 
     A run that was there is replaced as a whole. Files: scores.json, trajectory.npz, scene.xml, outside.png, tip.png,
-    forces.png, injury.png, report.html.
+    forces.png, injury.png, report.html; of a scope that was withdrawn also inspection.png and withdrawal.npz, and
+    what was left of the colon by a treatment in the folder `after`.
 
     Raises:
         OutputError: when the folder cannot be written to.
@@ -72,6 +79,11 @@ def write_run(
     arrays |= {f"gas_{name}": values for name, values in (run.gas._asdict() if run.gas else {}).items()}
     with replaced_together(folder) as place:
         scores["trajectory"] = write_trajectory(place, arrays)
+        if withdrawal is not None:
+            scores["inspection"] = write_inspection(place, scene, withdrawal)
+        if treatment is not None:
+            scores["treatment"] = treatment.scores()
+            save_colon(treatment.after(), folder / AFTER)
         scene.save(place / "scene.xml")
         _draw(place, scene, run, left.colon, scores)
         write_json(place / "scores.json", scores)

@@ -115,6 +115,21 @@ def _cut(
     return changed if _whole(changed) else None
 
 
+def cut_open(
+    lumen: Surface, outline: Float[np.ndarray, "corners 2"], foot: Float[np.ndarray, "3"], axis: Float[np.ndarray, "3"]
+) -> Surface | None:
+    """The lumen with a solid of revolution added to it, None where that would leave a handle or an island.
+
+    Args:
+        lumen: a closed surface without handles [m].
+        outline: of the solid, distance from its axis and height along it [m].
+        foot: where its height is zero [m].
+        axis: unit vector.
+    """
+    changed = _solid(lumen) + _placed(outline, foot, axis)
+    return _surface(changed) if _whole(changed) else None
+
+
 def _whole(solid: manifold3d.Manifold) -> bool:
     return len(solid.decompose()) == 1 and solid.genus() == 0
 

@@ -17,7 +17,7 @@ from haustra.quantity import load_quantities
 
 ORIFICE, VERGE = "appendix_orifice", "anal_verge"
 FLEXURES = ("splenic_flexure", "hepatic_flexure")
-LANDMARKS = (VERGE, *FLEXURES, VALVE, ORIFICE)
+LANDMARKS: tuple[str, ...] = (VERGE, *FLEXURES, VALVE, ORIFICE)
 """From anus to caecum; what stands later lies over what stands before."""
 NO_LANDMARK = -1
 """Number of places that belong to none."""
@@ -62,7 +62,7 @@ def orifice_place(colon: Colon) -> WallPlace:
     away = vertices - line.points[-1]
     ahead = away @ line.frames[-1, :, 2]
     aside = np.linalg.norm(away - ahead[:, None] * line.frames[-1, :, 2], axis=1)
-    near = np.where((ahead > 0) & (np.linalg.norm(away, axis=1) < 0.1), ahead - 2 * aside, -np.inf)
+    near = np.where((ahead > -1e-6) & (np.linalg.norm(away, axis=1) < 0.1), ahead - 2 * aside, -np.inf)
     return WallPlace(vertices[int(near.argmax())], line.length, inspection_number("orifice_radius"))
 
 

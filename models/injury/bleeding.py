@@ -9,6 +9,7 @@ Whether it slides is not asked, so this is a bound. Nobody has published what mu
 are an engineering choice (`injury.bleeding_shear`).
 """
 
+import math
 from typing import Any
 
 from haustra.models.injury.numbers import injury_number
@@ -26,3 +27,12 @@ def mucosal_shear(force: Any, friction: Any, diameter: Any, length: Any) -> Any:
 def bleeds(shear: Any) -> Any:
     """Whether mucosa that is sheared by so much [Pa] bleeds."""
     return shear > injury_number("bleeding_shear")
+
+
+def wound_area(width: float) -> float:
+    """Raw surface of a round wound that an instrument has cut [m^2]; all of it is taken to bleed, until it is treated.
+
+    Args:
+        width: of the wound [m].
+    """
+    return math.pi / 4 * width**2

@@ -7,12 +7,10 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.runs.insertion import Trajectory
-from haustra.envs.sim.moved_colon import CurrentColon
+from haustra.envs.sim.moved_colon import CurrentColon, current_colon
 from haustra.models.anatomy.colon import Colon
-from haustra.models.scene import Scene, entry_of
+from haustra.models.scene import Scene
 from haustra.models.wall.indentation import indented
-from haustra.models.wall.lumen_table import lumen_table, stack
-from haustra.models.wall.moving_colon import poses_seen_from
 from haustra.models.wall.signed_distance import surface_arcs
 
 
@@ -46,17 +44,10 @@ class RecordedRun:
     def colon(self, record: int) -> Colon:
         """The colon as it lay on its mesentery and as the scope indented it; gas is left out."""
         colon = self.scene.colon
-        if self.scene.options.mesentery:
-            colon = self._moved.colon(poses_seen_from(self.trajectory.displacement[record], self._axes))
+        if self._moved is not None:
+            colon = self._moved.colon(self._moved.from_scene(self.trajectory.displacement[record]))
         return indented(colon, self.arcs, self.path(record), radius=self.scene.cable.radius)
 
     @cached_property
-    def _axes(self) -> Float[np.ndarray, "3 3"]:
-        return entry_of(self.scene.colon)[1]
-
-    @cached_property
-    def _moved(self) -> CurrentColon:
-        colon, abdomen = self.scene.colon, self.scene.options.abdomen
-        origin, axes = entry_of(colon)
-        table = lumen_table(colon, device_radius=self.scene.cable.radius, with_mesentery=True, abdomen=abdomen)
-        return CurrentColon(colon, stack([table.seen_from(origin, axes)]), origin, axes)
+    def _moved(self) -> CurrentColon | None:
+        return current_colon(self.scene)

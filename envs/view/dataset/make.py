@@ -3,7 +3,7 @@
 import json
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,8 @@ from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.runs.linear_insertion import run_linear_insertion
 from haustra.envs.view.dataset.accuracy import DatasetAccuracy, clip_accuracy
 from haustra.envs.view.dataset.clip import MASKS, require_packages, write_clip
-from haustra.envs.view.dataset.moments import Moments
+from haustra.envs.view.dataset.contact import contact_sheet
+from haustra.envs.view.dataset.moments import Moments, Source
 from haustra.envs.view.dataset.settings import DatasetSettings
 from haustra.envs.view.dataset.sheet import SHEET, data_sheet
 from haustra.envs.view.picture.lens import named_lens
@@ -27,7 +28,7 @@ from haustra.models.anatomy.store import colon_hash
 from haustra.models.anatomy.surface_landmarks import LANDMARKS
 from haustra.models.devices.scope.library import named_design
 from haustra.models.presets import find_preset
-from haustra.models.scene import Scene, build_scene
+from haustra.models.scene import build_scene
 from haustra.provenance import Provenance, backend_record
 from haustra.reading import read_document
 
@@ -41,15 +42,6 @@ Progress = Callable[[int, str], None]
 """Called with the number of pictures done and where they are."""
 
 
-@dataclass(frozen=True)
-class Source:
-    """A colon and a run in it, by name."""
-
-    name: str
-    scene: Scene
-    moments: Moments
-
-
 def make_dataset(
     folder: Path,
     settings: DatasetSettings,
@@ -57,6 +49,7 @@ def make_dataset(
     name: str,
     seed: int = 0,
     sources: Iterator[Source] | None = None,
+    of: str = "seeds",
     progress: Progress = lambda done, note: None,
 ) -> dict[str, Any]:
     """Make a data set, or go on with one that was interrupted; pictures that are there are kept.
@@ -67,6 +60,7 @@ def make_dataset(
         name: of the data set.
         seed: of the first colon; each further colon has the next.
         sources: runs that are there already; grown and run from seeds when None.
+        of: what the sources are, for the record; a folder that holds another's pictures is refused.
         progress: told how far it is.
 
     Raises:
@@ -78,7 +72,7 @@ def make_dataset(
     began = time.perf_counter()
     prepare_folder(folder)
     lens = named_lens(LENS).at(settings.width, settings.height)
-    made_of = {"name": name, "seed": seed, "settings": asdict(settings), "lens": lens.name}
+    made_of = {"name": name, "seed": seed, "settings": asdict(settings), "lens": lens.name, "of": of}
     _require_same(folder, made_of)
     write_json(folder / RECORD, {**made_of, "finished": False})
     accuracy, colons, done = DatasetAccuracy(0.0, 0.0, 0.0, 0.0, 0), [], 0
@@ -104,9 +98,9 @@ def make_dataset(
     provenance = Provenance(inputs=inputs, configuration=made_of, backend=backend_record("linear"))
     masks = dict(zip(MASKS, (SEGMENTS, LANDMARKS, "index in the colon's lesions"), strict=True))
     whole = {**made_of, "finished": True, "accuracy": result, "masks": masks, "colons": colons}
-    write_json(
-        folder / RECORD, {**whole, "provenance": replace(provenance, backend=backend_record("linear")).to_json()}
-    )
+    whole["provenance"] = provenance.to_json()
+    write_json(folder / RECORD, whole)
+    contact_sheet(folder, [(clip["folder"], len(clip["records"])) for colon in colons for clip in colon["clips"]])
     write_atomically(folder / SHEET, lambda path: path.write_text(data_sheet(whole, lens), encoding="utf-8"))
     return {**result, "folder": str(folder)}
 
@@ -117,7 +111,9 @@ def clips_of(moments: Moments, settings: DatasetSettings) -> list[list[int]]:
     Raises:
         InvalidOptionError: when the run is shorter than a clip.
     """
-    span = (settings.frames - 1) * settings.every + 1
+    time = moments.trajectory.time
+    every = settings.every(float(time[1] - time[0])) if len(time) > 1 else 1
+    span = (settings.frames - 1) * every + 1
     if len(moments) < span:
         raise InvalidOptionError(
             f"The run has {len(moments)} records, {span} are needed for {settings.frames} pictures: "
@@ -125,7 +121,7 @@ def clips_of(moments: Moments, settings: DatasetSettings) -> list[list[int]]:
         )
     middles = (np.arange(settings.clips) + 0.5) / settings.clips
     starts = np.clip(np.rint(middles * len(moments) - span / 2), 0, len(moments) - span).astype(int)
-    return [list(range(int(start), int(start) + span, settings.every)) for start in starts]
+    return [list(range(int(start), int(start) + span, every)) for start in starts]
 
 
 def _grown(settings: DatasetSettings, seed: int) -> Iterator[Source]:

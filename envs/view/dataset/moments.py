@@ -1,6 +1,7 @@
 """A recorded run as cameras see it: where the tip looked from at each record, and where the colon's surface was."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -12,6 +13,18 @@ from haustra.envs.view.picture.renderer import CameraPose
 from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene
+
+
+@dataclass(frozen=True)
+class Source:
+    """A run in a colon, by name."""
+
+    name: str
+    """What clips of it are called by."""
+    scene: Scene
+    """Colon and scope."""
+    moments: "Moments"
+    """What was recorded."""
 
 
 class Moments:

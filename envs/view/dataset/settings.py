@@ -22,7 +22,7 @@ class DatasetSettings:
     height: int = whole(64, 2160, default=270)
     """Rows of a picture [pixels]."""
     rate: float = number("1/s", 0.1, 50.0, default=25.0)
-    """Pictures a second; a whole part of the 50 records of a run."""
+    """Pictures a second; a whole part of a run's records, 50 of an insertion and 10 of a withdrawal."""
     seconds: float = number("s", 1.0, 600.0, default=60.0)
     """Longest insertion, in simulated time [s]."""
     difficulty: str = "easy"
@@ -33,10 +33,9 @@ class DatasetSettings:
     def __post_init__(self) -> None:
         require_declared(self)
 
-    @property
-    def every(self) -> int:
-        """Records of a run from one picture to the next."""
-        return max(1, round(50.0 / self.rate))
+    def every(self, interval: float) -> int:
+        """Records of a run from one picture to the next, by the time between two records [s]."""
+        return max(1, round(1 / (self.rate * interval)))
 
 
 _POLYPS = ("sigmoid:small", "sigmoid:diminutive:flat", "descending:small", "transverse:large:pedunculated")

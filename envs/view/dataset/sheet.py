@@ -37,12 +37,16 @@ def data_sheet(record: Mapping[str, Any], lens: Lens) -> str:
     """The sheet as Markdown, from what dataset.json holds."""
     found, settings = record["accuracy"], record["settings"]
     files = "\n".join(f"| `{name}` | {about} |" for name, about in _FILES.items())
+    made_by = f"haustra dataset {record['name']} --seed {record['seed']}"
+    if record["of"] != "seeds":
+        made_by += " --run RUN --colon COLON"
     clips = sum(len(colon["clips"]) for colon in record["colons"])
     return f"""# {record["name"]}: a colonoscopy data set with mechanics
 
 {found["frames"]} pictures of {lens.width} x {lens.height} pixels in {clips} clips, {settings["rate"]:g} a second, from
-{len(record["colons"])} simulated colon(s). Made by `haustra dataset {record["name"]} --seed {record["seed"]}`; the same
-command makes the same geometry again. `dataset.json` holds all options, colons, lesions and versions.
+{len(record["colons"])} simulated run(s). Made by `{made_by}`; the same command makes the same geometry again.
+`dataset.json` holds all options, colons, lesions and versions; `contact.png` shows one picture of each clip: colour,
+depth, normals, flow, occlusion, segment, landmark, polyp.
 
 ## What is in a clip's folder
 

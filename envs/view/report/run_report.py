@@ -57,6 +57,10 @@ _PICTURES = {
         "Tension of wall or mesentery over that which is assumed to hurt, along the colon and over time; beside it the "
         "largest force on each place. Dashed: where the wall is likeliest torn.",
     ),
+    "inspection": (
+        "What was inspected",
+        "The colon unrolled: mucosa that was in view for long enough on the way out, and polyps seen and missed.",
+    ),
     "scene": ("As MuJoCo sees it", "The compiled scene, drawn by MuJoCo's own renderer."),
 }
 

@@ -104,6 +104,13 @@ def test_masks_name_what_is_seen(clip, source):
     assert ((segment > 0) == (triangles >= 0)).all()
 
 
+def test_a_contact_sheet_shows_colour_and_seven_ground_truths(folder):
+    shown = np.asarray(Image.open(folder / "contact.png"))
+    assert shown.shape == (77, 8 * 96, 3)
+    for part in range(6):  # neither landmark nor polyp is in view of this clip for sure
+        assert shown[:, part * 96 : (part + 1) * 96].std() > 1, part
+
+
 def test_tables_hold_forces_and_hands_of_each_picture(clip):
     import polars
 
