@@ -15,8 +15,8 @@ from haustra.files import write_atomically
 _HEAD = """\
 # Validation: a cohort against published colonoscopies
 
-Made by `haustra cohort quick -o DIR` (patients and seconds as said below) and `python -m haustra.scripts.bench.pages.cohort_page DIR PAGE`; edit
-`scripts/bench/pages/cohort_page.py`, not this page.
+Made by `haustra cohort quick -o DIR` (patients and seconds as said below) and `python -m
+haustra.scripts.bench.pages.cohort_page DIR PAGE`; edit `scripts/bench/pages/cohort_page.py`, not this page.
 
 **Virtual patients** differ in what [Virtual patients](../how-to/cohort.md) lists, every number drawn from its sourced
 range. The hand may push with 100 N and turn with 3 N m, so that peaks are results of the driver. Loops are what the
@@ -66,9 +66,11 @@ def main(store: Path, page: Path) -> None:
         seconds = json.dumps(jobs.study.options["seconds"])
     image = page.parent.parent / "images" / "cohort.png"
     draw_cohort(image, found)
-    text = cohort_page(
-        found, about, image=f"../images/{image.name}", head=_HEAD + f"\nAt most {seconds} s a patient.\n"
-    )
+    head = _HEAD + f"\nAt most {seconds} s a patient (`--patients {about['patients']} --seconds {seconds}`).\n"
+    if gathered:
+        shares = f"{np.median(gathered):.2f} (median) and {min(gathered):.2f} (least)"
+        head += f"Past half a metre of colon, shaft inside over colon passed fell to {shares}.\n"
+    text = cohort_page(found, about, image=f"../images/{image.name}", head=head)
     write_atomically(page, lambda path: path.write_text(text + moved, encoding="utf-8"))
 
 
