@@ -1,7 +1,7 @@
 """How a scene runs: backends, measures, environments.
 
-Importing this registers the Gymnasium ids Haustra/Colonoscopy-v0, Haustra/Withdrawal-v0,
-Haustra/TrackedColonoscopy-v0 and Haustra/Device-v0, where Gymnasium is installed (extra `rl`).
+Importing this registers the Gymnasium ids Haustra/Colonoscopy-v0, Haustra/Withdrawal-v0
+and Haustra/Device-v0, where Gymnasium is installed (extra `rl`).
 """
 
 from importlib.util import find_spec

@@ -25,6 +25,9 @@ HONOURED = (
     "start_depth",
     "gravity",
     "abdomen",
+    "gas",
+    "gas_flow",
+    "gas_start",
 )
 """Scene options that scenes of any device take; the others are refused by name where they are not the usual ones."""
 

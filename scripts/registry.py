@@ -75,6 +75,7 @@ BENCHMARKS: Mapping[str, str] = {
     "bench profile": f"{_BENCH}.profile:BenchProfile",
     "bench linear": f"{_BENCH}.linear:BenchLinear",
     "bench pushes": f"{_BENCH}.pushes:BenchPushes",
+    "bench reach": f"{_BENCH}.reach:BenchReach",
     "bench rigs": f"{_BENCH}.rigs:BenchRigs",
     "bench rods": f"{_BENCH}.rods:BenchRods",
     "bench skip": f"{_BENCH}.skip:BenchSkip",

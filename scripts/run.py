@@ -178,24 +178,28 @@ class Run:
         fast = options.wall_law == "table" and not self.whole_shaft
         return self.backend or ("linear" if fast else "native")
 
-    def _options(self) -> dict[str, Any]:
+    def patient_options(self) -> dict[str, Any]:
+        """Scene options of the patient around the device: gas, and what the colon lies in."""
         from haustra.errors import InvalidOptionError
         from haustra.models.wall.abdomen import Abdomen
 
-        names = ("wall_law", "friction", "wall_stiffness", "push_limit", "timestep", "largest_bend_deg", "gravity")
-        names += ("gas_flow", "gas_start")
-        chosen = {name: value for name in names if (value := getattr(self, name)) is not None}
+        names = ("gas_flow", "gas_start")
+        chosen: dict[str, Any] = {name: value for name in names if (value := getattr(self, name)) is not None}
         if self.insufflate is not None:
             from haustra.models.anatomy.insufflation import pressure_from
 
             chosen["gas"] = pressure_from(self.insufflate)
-        elif self.gas_flow is not None or self.gas_start is not None:
+        elif chosen:
             raise InvalidOptionError("A flow or pressure of gas needs gas: give --insufflate 25mmHg too.")
+        around = Abdomen(self.posture, self.mobile, self.adhesions, self.pressed)
+        return chosen if around == Abdomen() else {**chosen, "abdomen": around}
+
+    def _options(self) -> dict[str, Any]:
+        names = ("wall_law", "friction", "wall_stiffness", "push_limit", "timestep", "largest_bend_deg", "gravity")
+        chosen = {name: value for name in names if (value := getattr(self, name)) is not None}
+        chosen |= self.patient_options()
         chosen.setdefault("wall_law", "planes" if self.segment_stiffness else "table")
         chosen["mesentery"] = chosen["wall_law"] != "planes" and not self.fixed
-        around = Abdomen(self.posture, self.mobile, self.adhesions, self.pressed)
-        if around != Abdomen():
-            chosen["abdomen"] = around
         if self.segment_stiffness:
             from haustra.models.scene import usual_segment_stiffness
 

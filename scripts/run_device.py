@@ -10,6 +10,7 @@ if TYPE_CHECKING:
 
 _ALWAYS = ("colon", "output", "device", "seconds", "friction", "fixed", "json")
 _TABLE = ("wall_law", "wall_stiffness", "timestep", "gravity")
+_PATIENT = ("insufflate", "gas_flow", "gas_start", "posture", "mobile", "adhesions", "pressed")
 """Options of `haustra run` that all devices honour; `start` is honoured by those that stand in the colon."""
 
 
@@ -27,8 +28,9 @@ def run_any(asked: Any, device: "Device") -> dict[str, Any]:
     from haustra.scripts.console import progress_bar
 
     stands = "start_depth" in device.usual
-    _require_honoured(asked, device, (*_ALWAYS, *_TABLE, *(("start",) if stands else ())))
+    _require_honoured(asked, device, (*_ALWAYS, *_TABLE, *_PATIENT, *(("start",) if stands else ())))
     changed = {name: value for name in ("friction", *_TABLE) if (value := getattr(asked, name)) is not None}
+    changed |= asked.patient_options()
     changed["mesentery"] = not asked.fixed
     if asked.start is not None:
         changed["start_depth"] = asked.start

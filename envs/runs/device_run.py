@@ -14,7 +14,7 @@ from haustra.envs.runs.measure.device_burden import DeviceMeter
 from haustra.envs.runs.measure.injury import by_site, perforation_scores
 from haustra.envs.runs.measure.progress import segment_at
 from haustra.envs.runs.outcome import CAECUM_MARGIN, ESCAPE_DEPTH, Outcome
-from haustra.envs.sim.device_native import NativeDevice
+from haustra.envs.sim.device_native import DeviceGas, NativeDevice
 from haustra.envs.sim.moved_colon import CurrentColon
 from haustra.models.accuracy import NumericalError
 from haustra.models.anatomy.colon import Colon
@@ -85,6 +85,8 @@ def run_device(
     scene = build_device_scene(device, options, pose=pose_in(colon, device, options))
     tables = device_tables(scene, [colon])
     backend = NativeDevice(scene, tables)
+    if options.gas is not None:
+        backend.fill(DeviceGas(colon, options, tables))
     steps = max(1, round(CONTROL_INTERVAL / options.timestep))
     meter, rows = DeviceMeter(scene, colon), list[dict[str, Any]]()
     furthest, since = -np.inf, 0.0
@@ -113,6 +115,10 @@ def run_device(
     spec = scene.spec.copy()
     if (moved := backend.displacement) is not None:
         colon = CurrentColon(colon, pick(tables, np.zeros(1, int)), np.zeros(3), np.eye(3)).colon(moved[0])
+    if backend.gas is not None:
+        colon = backend.gas.run.colon(colon)
+        filled = backend.gas.run.record(len(rows))._asdict()
+        records = {**records, **{f"gas_{name}": values for name, values in filled.items()}}
     thick = scene.groups == scene.groups[-1]
     add_lumen(spec, colon, group=1)
     return DeviceRun(

@@ -126,6 +126,8 @@ TRACKED = (
     *_in("tracked.worm", "efficiency", "torque_limit"),
     *_in("tracked.shaft", "onset_speed", "efficiency", "stall_excess"),
     *_in("tracked.bellows", "stiffness", "preload", "pressure", "area"),
+    *_in("tracked.bellows", "lowest_pressure", "highest_pressure", "response", about="where bellows are regulated"),
+    *_in("tracked.tether", "mass_per_length", "friction", "held", about="in a colon"),
     *_in("tracked.speed_friction", "peak_speed", "exponent"),
     *_in("tracked", "nominal_diameter", "smallest_diameter", "largest_diameter"),
     *_in("tracked", "core_length", "core_diameter", "mass"),

@@ -8,17 +8,41 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from mujoco.batch import Batch
 
+from haustra.envs.sim.gas import RunGas
 from haustra.envs.sim.log import log_to_stderr_only
 from haustra.envs.sim.native import FATAL_WARNINGS
 from haustra.envs.sim.state import SPEED_LIMIT
 from haustra.envs.sim.table_planes import TablePlanes
+from haustra.models.anatomy.colon import Colon
 from haustra.models.device_scene import DeviceScene
 from haustra.models.devices.base import BENDS, LOOK_AHEAD, DeviceReadings, State
-from haustra.models.wall.lumen_table import Tables, pick
+from haustra.models.scene import SceneOptions
+from haustra.models.wall.lumen_table import Tables, pick, put_distended
 from haustra.models.wall.moving_colon import axis_at
 
 TREAD_INTERVAL = 4e-3
 """Time between two looks at what treads do [s]; engineering choice: a fraction of any time in which they answer."""
+
+
+class DeviceGas:
+    """Gas in the colon of one world, which the device lets in at its tip; it moves the tables of all its spheres."""
+
+    def __init__(self, colon: Colon, options: SceneOptions, tables: Tables) -> None:
+        """Fill a colon that is one table a radius of the device's spheres, stacked."""
+        first, count = np.asarray(tables.first), np.asarray(tables.count)
+        self._walls = [tables.wall[begin : begin + size] for begin, size in zip(first, count, strict=True)]
+        self._rest, self._radii = [wall.copy() for wall in self._walls], np.asarray(tables.device_radius, float)
+        self.run = RunGas(colon, options, self._rest[-1], device_radius=float(self._radii[-1]))
+
+    def advance(self, tip_arc: float, seconds: float) -> bool:
+        """Let gas in where the tip is, and let it move; says whether the wall is another than before."""
+        return self.run.advance(tip_arc, seconds)
+
+    def place(self) -> float:
+        """Put the tables where gas holds the wall; returns the wall's stiffness [N/m]."""
+        for wall, rest, radius in zip(self._walls, self._rest, self._radii, strict=True):
+            put_distended(wall, rest, self.run.widths, device_radius=float(radius))
+        return self.run.stiffness
 
 
 class NativeDevice:
@@ -75,6 +99,8 @@ class NativeDevice:
             self._surface, self._xmat = batch.expand("geom_surfacevel"), batch.bind("geom_xmat")
         self._nose = self._wall.radius[-1]
         self._bends: Float[np.ndarray, "worlds places"] | None = None
+        self.gas: DeviceGas | None = None
+        """What fills the colon, where it is filled."""
         self._start_state = batch.state[0].copy()
         self.healthy: Bool[np.ndarray, " worlds"] = np.ones(worlds, bool)
         options = scene.options
@@ -103,6 +129,11 @@ class NativeDevice:
         self._batch.forward(np.sort(worlds))
         self._wall.begin(worlds)
 
+    def fill(self, gas: DeviceGas) -> None:
+        """Let gas hold the colon of the only world."""
+        self.gas = gas
+        self._yield_to_gas()
+
     def step(self, commands: Float[np.ndarray, "worlds channels"], count: int) -> Bool[np.ndarray, " worlds"]:
         """Advance by `count` time steps; False for worlds that are lost, which stand still at their start from then.
 
@@ -111,7 +142,9 @@ class NativeDevice:
         sound = np.asarray(np.isfinite(commands).all(axis=1))
         self._lose(self.healthy & ~sound)
         commands = np.where(sound[:, None], commands, 0.0)
-        device = self.scene.device
+        device, self._bends = self.scene.device, None
+        if self.gas and self.gas.advance(float(self._arc()[0]), count * self.model.opt.timestep):
+            self._yield_to_gas()
         for number in range(count):
             if number == 0 or (device.has_treads and number % self._treads_every == 0):
                 self._command(commands)
@@ -147,6 +180,14 @@ class NativeDevice:
         """Resultant normal force of the wall on each body that meets it [N]."""
         return np.linalg.norm(np.einsum("wsi,sb->wbi", self._wall.forces(), self.scene.members), axis=2)
 
+    def loads(self) -> Float[np.ndarray, "worlds spheres"]:
+        """Normal force of the wall on each sphere in the last step, where the device is told what the wall does [N]."""
+        return self._wall.felt()[0]
+
+    def tendons(self) -> Float[np.ndarray, "worlds tendons"]:
+        """Lengths of the scene's tendons at the beginning of the last step [m]."""
+        return self._batch.bind("ten_length").copy()
+
     def body_arcs(self) -> Float[np.ndarray, "worlds bodies"]:
         """Mean arc length of each body's spheres [m]."""
         return self._wall.arcs @ (self.scene.members / self.scene.members.sum(axis=0))
@@ -175,6 +216,11 @@ class NativeDevice:
     def world_data(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Model and data of one world as MuJoCo's own values, to draw or to check."""
         return self._batch.get_model(world), self._batch.get_data(world)
+
+    def _yield_to_gas(self) -> None:
+        if self.gas:
+            friction, stiffness = np.full(1, float(self.scene.options.friction)), np.full(1, self.gas.place())
+            self._wall.set_contact(np.zeros(1, int), friction, stiffness)
 
     def _command(self, commands: Float[np.ndarray, "worlds channels"]) -> None:
         """Set the device's actuators, and let its treads run."""

@@ -97,6 +97,8 @@ class WarpDevice:
                 f"The backend 'warp' cannot honour the treads of a device of kind '{kind}'; 'native' can."
             )
         _require_alike(scene)
+        if scene.options.gas is not None:
+            raise UnsupportedSceneError("The backend 'warp' cannot honour the option gas of a device: 'native' can.")
         moves, what = scene.options.mesentery, f"a device of kind '{kind}'"
         wall = WarpPlanes.of(scene.compile(), len(samples), moves=moves, what=what)
         data = mujoco.MjData(wall.host)

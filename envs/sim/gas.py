@@ -13,7 +13,7 @@ from haustra.models.anatomy.landmarks import SEGMENTS, segment_names
 from haustra.models.gas.compartments import filled, filling, gas_volumes, segment_volumes, step_gas, typical_colon
 from haustra.models.gas.law import tension_stiffness, wall_tension
 from haustra.models.gas.numbers import gas_numbers
-from haustra.models.scene import Scene
+from haustra.models.scene import SceneOptions
 from haustra.models.wall.lumen_table import put_distended
 from haustra.models.wall.signed_distance import surface_arcs
 
@@ -44,30 +44,38 @@ class GasRecord(NamedTuple):
 class RunGas:
     """The gas of one colon, of a typical person, in which a scope lets in gas up to a set point."""
 
-    def __init__(self, scene: Scene, wall: Float[np.ndarray, "stations angles 4"], *, device_radius: float) -> None:
+    def __init__(
+        self,
+        colon: Colon,
+        options: SceneOptions,
+        wall: Float[np.ndarray, "stations angles 4"],
+        *,
+        device_radius: float,
+    ) -> None:
         """Fill the colon to the pressure at the start.
 
         Args:
-            scene: whose options name the set point.
+            colon: as it was given.
+            options: name the set point.
             wall: table of the colon's wall as it was given, `haustra.models.wall.lumen_table.Tables.wall`.
             device_radius: that the table is for [m].
 
         Raises:
             InvalidOptionError: when the colon's segments are not the usual ones.
         """
-        options, line = scene.options, scene.colon.centreline
+        line = colon.centreline
         assert options.gas is not None
         self._set_point, self._flow, self._device = options.gas, options.gas_flow, device_radius
         self.tissue_stiffness = options.wall_stiffness
         """Stiffness of a contact with the wall where nothing makes it taut [N/m]."""
-        volumes = segment_volumes(scene.colon)
-        own = scene.colon.provenance.configuration.get("pressure")  # what it was grown at
+        volumes = segment_volumes(colon)
+        own = colon.provenance.configuration.get("pressure")  # what it was grown at
         given = own if isinstance(own, int | float) else gas_numbers()["full_pressure"]
         self._person = typical_colon(volumes, pressure=given)
         self._given = filling(np, self._person, np.full(len(SEGMENTS), float(given)))
         self._state = filled(np, self._person, options.gas_start)
         self._arcs = np.linspace(0.0, line.length, len(wall))
-        self._number = _numbers(segment_names(scene.colon.segments, self._arcs))
+        self._number = _numbers(segment_names(colon.segments, self._arcs))
         inside = (self._number[:, None] == np.arange(len(SEGMENTS))) & (self._arcs > ANAL_CANAL)[:, None]
         self._weights = gaussian_filter1d(inside.astype(float), TAPER / self._arcs[1], axis=0, mode="nearest")
         lengths = np.bincount(self._number, minlength=len(SEGMENTS)) * self._arcs[1]

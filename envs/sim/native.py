@@ -110,7 +110,7 @@ class NativeEngine:
         if self.table is not None and scene.options.gas is not None:
             assert isinstance(self._wall, TableWall)
             self._stiffness = stiffness = np.zeros(model.ngeom)
-            self.gas = RunGas(scene, self._wall.table, device_radius=self.table.device_radius)
+            self.gas = RunGas(scene.colon, scene.options, self._wall.table, device_radius=self.table.device_radius)
         self._energies = EnergyMeter(model, wall_stiffness=stiffness)
         self._yield_to_gas(anew=True)
         mujoco.mj_forward(self.model, self.data)

@@ -54,6 +54,8 @@ class DeviceStudyOptions:
     """Integration step [s]."""
     mesentery: bool = False
     """Let colons move on their mesentery."""
+    patience: float = number("s", 0.0, 3600.0, default=0.0)
+    """A run that comes no further for so long is stuck, and ends [s]; 0 to wait for the end. Natively."""
 
 
 def build_setup(
@@ -125,7 +127,8 @@ def _start(study: Study, folder: Path) -> Runner:
     def answer(job: Job) -> Result:
         device, options = build_setup(study, job.variables, job.conditions)
         colon = _colon(str(job.conditions["colon"]))
-        run = run_device(device, colon, options, seconds=seconds)
+        patience = float(study.options["patience"]) or None
+        run = run_device(device, colon, options, seconds=seconds, patience=patience)
         return result_of(job, device, run.outcome, run.records, colon, run.radius)
 
     return one_by_one(answer)

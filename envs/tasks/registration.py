@@ -15,10 +15,6 @@ def register_environments() -> None:
                 vector_entry_point="haustra.envs.tasks.vector:NavigationVectorEnv",
                 kwargs=options,
             )
-    if "Haustra/TrackedColonoscopy-v0" not in registry:
-        register(
-            id="Haustra/TrackedColonoscopy-v0", entry_point="haustra.envs.tasks.tracked_navigation:TrackedNavigationEnv"
-        )
     if "Haustra/Drive-v0" not in registry:
         register(id="Haustra/Drive-v0", entry_point="haustra.envs.console.env:DriveEnv")
     if "Haustra/Device-v0" not in registry:

@@ -14,7 +14,6 @@ from gymnasium.utils.env_checker import check_env
 from haustra.envs.tasks.config import OBSERVATIONS
 from haustra.envs.tasks.device_task import DeviceEnv
 from haustra.envs.tasks.navigation import NavigationEnv
-from haustra.envs.tasks.tracked_navigation import TrackedNavigationEnv
 
 _PICTURES = {"picture_size": 36}
 """Rows of pictures: networks for pictures take no fewer."""
@@ -39,7 +38,7 @@ def every_environment(**own: Mapping[str, Any]) -> Iterator[tuple[str, Make]]:
     """Every id in every mode of observation, by name.
 
     Args:
-        own: keywords of all environments of an id: 'scope', 'withdrawal', 'tracked', 'device'.
+        own: keywords of all environments of an id: 'scope', 'withdrawal', 'device'.
     """
     modes: list[dict[str, Any]] = [{"observation": mode} for mode in OBSERVATIONS]
     full = {
@@ -56,8 +55,7 @@ def every_environment(**own: Mapping[str, Any]) -> Iterator[tuple[str, Make]]:
             options = {"task": task, **_PICTURES, **mode, **own.get(key, {})}
             name = "dict, all of it" if mode is full else mode["observation"]
             yield f"{task}, {name}", lambda options=options: NavigationEnv(render_mode="rgb_array", **options)
-    yield "tracked robot", lambda: TrackedNavigationEnv(**own.get("tracked", {}))
-    for device in ("adult", "capsule", "tracked"):
+    for device in ("adult", "capsule", "tracked-steered"):
         yield f"device {device}", lambda device=device: DeviceEnv(device, **own.get("device", {}))
 
 

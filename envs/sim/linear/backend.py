@@ -159,7 +159,9 @@ class LinearBackend(AbstractBackend):
         for name, value in values.items():
             self._put("worlds", worlds, WORLD.index(name), value)
         if options.gas is not None:
-            self.gas = RunGas(self.scene, self.tables.wall, device_radius=float(self.tables.device_radius[0]))
+            self.gas = RunGas(
+                self.scene.colon, options, self.tables.wall, device_radius=float(self.tables.device_radius[0])
+            )
             self._yield_to_gas(anew=True)
         self._run(0)
 

@@ -71,10 +71,33 @@ class Bellows:
     """Pressure in the bellows above that of the atmosphere [Pa]. Published: closed off at atmospheric pressure."""
     area: float = number("m^2", 1e-8, 0.1, default=NUMBERS["tracked.bellows.area"].value)
     """Effective area of the bellows over the strut's gearing [m^2]. Assumed."""
+    lowest_pressure: float = number("Pa", -1e5, 0.0, default=NUMBERS["tracked.bellows.lowest_pressure"].value)
+    """Lowest pressure that a regulator may set, below that of the atmosphere [Pa]. Assumed."""
+    highest_pressure: float = number("Pa", 0.0, 1e6, default=NUMBERS["tracked.bellows.highest_pressure"].value)
+    """Highest pressure that a regulator may set [Pa]. Assumed."""
+    response: float = number("s", 0.0, 60.0, default=NUMBERS["tracked.bellows.response"].value)
+    """Time within which the pressure in a bellows answers to its regulator [s]. Assumed: air through a thin line."""
 
     def force(self, extension: float) -> float:
         """Outward force at a radial extension from the nominal radius [N]."""
         return self.preload - self.stiffness * extension - self.area * self.pressure
+
+    def regulated(self, extension: Any, press: Any) -> Any:
+        """Pressure that makes the outward force `press` [N] at an extension, as far as the limits let it [Pa]."""
+        wanted = (self.preload - self.stiffness * extension - press) / self.area
+        return np.clip(wanted, self.lowest_pressure, self.highest_pressure)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tether:
+    """What the device trails: the flexible shaft in its sheath, air lines, wires."""
+
+    mass_per_length: float = number("kg/m", 0.0, 20.0, default=NUMBERS["tracked.tether.mass_per_length"].value)
+    """Mass per length [kg/m]. Assumed."""
+    friction: float = number("1", 0.0, 2.0, default=NUMBERS["tracked.tether.friction"].value)
+    """Coulomb's coefficient between tether and wall [1]. Assumed."""
+    held: float = number("N", 0.0, 100.0, default=NUMBERS["tracked.tether.held"].value)
+    """Tension with which it is paid out outside the patient [N]. Assumed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,6 +143,7 @@ class TrackedDesign:
     worm: Worm = field(default_factory=Worm)
     shaft: FlexibleShaft = field(default_factory=FlexibleShaft)
     bellows: Bellows = field(default_factory=Bellows)
+    tether: Tether = field(default_factory=Tether)
     speed_friction: SpeedFriction = field(default_factory=SpeedFriction)
     nominal_diameter: float = number("m", 0.001, 1.0, default=NUMBERS["tracked.device.nominal_diameter"].value)
     """Diameter from track to track at which the bellows press with their preload [m]. Published."""
@@ -179,6 +203,9 @@ class TrackedDesign:
                 stiffness=self.bellows.stiffness * s,
                 preload=self.bellows.preload * s**2,
                 area=self.bellows.area * s**2,
+            ),
+            tether=replace(
+                self.tether, mass_per_length=self.tether.mass_per_length * s**2, held=self.tether.held * s**2
             ),
             speed_friction=replace(self.speed_friction, peak_speed=self.speed_friction.peak_speed * s),
             nominal_diameter=self.nominal_diameter * s,

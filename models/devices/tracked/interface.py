@@ -32,6 +32,7 @@ from haustra.models.devices.base import (
     Treads,
     put,
 )
+from haustra.models.devices.tether import tether_tension
 from haustra.models.devices.tracked.design import SCALE, TRACKS, TrackedDesign
 from haustra.models.devices.tracked.device import Tracked, add_tracked, pad_stiffness
 from haustra.models.devices.tracked.drive import WormState
@@ -39,10 +40,16 @@ from haustra.models.devices.tracked.loop import CORE_FRICTION
 from haustra.models.devices.tracked.standing import require_fit
 from haustra.models.wall.planes import Sample
 
+_GRAVITY = 9.81
+_SLIP = 1e-3
+"""Speed below which the tether's drag fades, so that it holds and does not chatter [m/s]; engineering choice."""
+_LARGEST_PRESS = 4.0
+"""Largest force that may be commanded of a bellows, over its preload [1]; engineering choice."""
 _WAYS = ("used_along", "used_around")
-_FELT, _FILM = TRACKS, TRACKS + 1
-"""Activations, after how far each tread ran: what they ask of the worm, and what share of mu N they use, both ways."""
-_OWN = ("name", "rpm", "friction", "steering")
+_FELT, _FILM, _AIR = TRACKS, TRACKS + 1, TRACKS + 3
+"""Activations, after how far each tread ran: what they ask of the worm, what share of mu N they use, both ways, and the
+pressure in each bellows over that of closed ones."""
+_OWN = ("name", "rpm", "friction", "steering", "regulation")
 _LARGEST_RPM = 1000.0
 _SPACING = 1 / 8
 """Largest distance between spheres of a tread and of the core, over the core's length; engineering choice: beyond the
@@ -70,7 +77,7 @@ class TrackedRobot(Device):
     kind: ClassVar[str] = "tracked"
     has_treads: ClassVar[bool] = True
     left_out: ClassVar[Mapping[str, str]] = {
-        "flexible shaft": "its losses and torque limit count; its twist, its whirl and its drag in the colon do not",
+        "flexible shaft": "its losses, torque limit and drag count; its twist, its whirl and its pull on bends do not",
     }
 
     design: TrackedDesign
@@ -81,6 +88,9 @@ class TrackedRobot(Device):
     steering: str = choice("none", "each tread", default="none")
     """Whether treads have speeds of their own: the paper's device has one worm for all, each its own takes four
     motors."""
+    regulation: str = choice("closed", "held", "each", default="closed")
+    """What sets the pressure in the bellows: 'closed' off as the paper's, 'held' so that each track presses by its
+    preload at any width, or by a force that is commanded for 'each' track."""
 
     @classmethod
     def from_toml(cls, table: Mapping[str, Any], where: str) -> "TrackedRobot":
@@ -111,10 +121,13 @@ class TrackedRobot(Device):
 
     @property
     def controls(self) -> tuple[Channel, ...]:
-        """Speed of the worm, or of each tread as if it had a worm of its own."""
+        """Speed of the worm, or of each tread as if it had a worm of its own; force of each bellows where they have."""
         treads = range(TRACKS) if self._steers else range(1)
         name = "tread_speed_{}" if self._steers else "worm_speed"
-        return tuple(Channel(name.format(n), "1/min", 0.0, _LARGEST_RPM, f"tracked/tread{n}") for n in treads)
+        speeds = tuple(Channel(name.format(n), "1/min", 0.0, _LARGEST_RPM, f"tracked/tread{n}") for n in treads)
+        most = _LARGEST_PRESS * self.design.bellows.preload
+        each = range(TRACKS) if self.regulation == "each" else ()
+        return speeds + tuple(Channel(f"press_{n}", "N", 0.0, most, f"tracked/bellows{n}") for n in each)
 
     @property
     def readings(self) -> tuple[Reading, ...]:
@@ -125,6 +138,9 @@ class TrackedRobot(Device):
             Reading("traction", "N", "friction of the wall on all treads along the core; forwards is positive"),
             Reading("normal", "N", "force of all treads on the wall"),
             Reading("core_force", "N", "force of the core on the wall"),
+            Reading("tether_drag", "N", "what the tether pulls back with"),
+            Reading("bellows_pressure", "Pa", "mean over the bellows, above that of the atmosphere"),
+            Reading("width", "m", "from track to track, mean of both pairs"),
         )
 
     def add_to(self, spec: mujoco.MjSpec, pose: Pose, *, timestep: float, start: float) -> Handles:
@@ -154,6 +170,15 @@ class TrackedRobot(Device):
         for name, within in (("felt", _ANSWER), *((way, _FILM_ANSWER) for way in _WAYS)):
             felt = spec.add_actuator(name=f"tracked/{name}", target="tracked/centre", trntype=mujoco.mjtTrn.mjTRN_SITE)
             felt.dyntype, felt.dynprm, felt.gainprm = mujoco.mjtDyn.mjDYN_FILTEREXACT, [within] + [0.0] * 9, [0.0] * 10
+        own = self.design.bellows
+        for track in range(TRACKS):
+            press = spec.add_actuator(name=f"tracked/bellows{track}", target=f"tracked/strut{track}")
+            press.trntype, press.dyntype = mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtDyn.mjDYN_FILTEREXACT
+            press.dynprm, press.gainprm = [max(own.response, timestep)] + [0.0] * 9, [-own.area] + [0.0] * 9
+        # A damper along the core at its rear whose coefficient is the control: MuJoCo is implicit in it.
+        tether = spec.add_actuator(name="tracked/tether", target=tracked.tow, trntype=mujoco.mjtTrn.mjTRN_SITE)
+        tether.gear, tether.gaintype = [1, 0, 0, 0, 0, 0], mujoco.mjtGain.mjGAIN_AFFINE
+        tether.gainprm = [0, 0, -1] + [0.0] * 7
         samples = tuple(sphere for sphere, _, _ in self._spheres(tracked))
         struts = tuple(f"tracked/strut{track}" for track in range(TRACKS))
         pads = tuple(pad.geom for pad in tracked.pads)
@@ -161,7 +186,7 @@ class TrackedRobot(Device):
         return Handles((tracked.core, *struts, *pads), samples, geoms, "tracked/tip", start)
 
     def control(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State, commands: Any) -> Any:
-        """How fast the treads run, the tooth phase over each tip, and the worm's torque on the core."""
+        """Speed of treads, tooth phase over each tip, the worm's torque on the core, air in bellows, tether's drag."""
         tracked = self._tracked
         controls = xp.zeros((len(commands), model.nu))
         phases = tracked.phase_controls_each(state.act[:, :TRACKS])
@@ -171,6 +196,15 @@ class TrackedRobot(Device):
         )
         put(xp, controls, [model.actuator(f"tracked/{way}").id for way in _WAYS], self._used(state))
         put(xp, controls, [model.actuator(pad.actuator).id for pad in tracked.pads], phases)
+        put(
+            xp,
+            controls,
+            [model.actuator(f"tracked/bellows{n}").id for n in range(TRACKS)],
+            self._air(model, state, commands),
+        )
+        speed = self._forwards(model, state)
+        damper = xp.where(speed > 0, self._tension(xp, state) / xp.maximum(speed, _SLIP), 0.0)  # it cannot push
+        put(xp, controls, [model.actuator("tracked/tether").id], damper[:, None])
         return put(xp, controls, [model.actuator(tracked.roll_motor).id], self._worm(state).torque[:, None])
 
     def treads(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State, commands: Any) -> Treads:
@@ -200,12 +234,17 @@ class TrackedRobot(Device):
             "traction": self._traction(state),
             "normal": state.pressed[:, on_tread].sum(axis=1),
             "core_force": state.pressed[:, ~on_tread].sum(axis=1),
+            "tether_drag": -state.actuator_force[:, model.actuator("tracked/tether").id],
+            "bellows_pressure": self.design.bellows.pressure + state.act[:, _AIR : _AIR + TRACKS].mean(axis=1),
+            "width": self.design.nominal_diameter + 2 * self._struts(model, state).mean(axis=1),
         }
 
     def drive(self, xp: ModuleType, seen: DeviceReadings, memory: Any) -> tuple[Any, Any]:
         """The worm at its speed; treads that have their own turn towards the lumen ahead."""
+        press = xp.full((len(seen.time), len(self.controls) - (TRACKS if self._steers else 1)), 0.0)
+        press = press + self.design.bellows.preload
         if not self._steers:
-            return xp.full((len(seen.time), 1), self.rpm), memory
+            return xp.concatenate([xp.full((len(seen.time), 1), self.rpm), press], axis=1), memory
         ahead = xp.einsum("wji,wj->wi", seen.tip_frame, LOOK_AHEAD * seen.ahead)
         forwards, side = self._nose + ahead[:, 2], ahead[:, :2]
         # The circle along the core's axis through the target has curvature 2 y / d^2 (Coulter 1992, pure pursuit).
@@ -214,7 +253,7 @@ class TrackedRobot(Device):
         # Of each track in the tip's frame, whose x is down and y left: track 0 is up.
         outwards = np.stack([-np.cos(azimuth), -np.sin(azimuth)])
         share = 1 - self.design.nominal_diameter / 2 * curvature @ outwards
-        return self.rpm * xp.clip(share, 0.0, _LARGEST_SHARE), memory
+        return xp.concatenate([self.rpm * xp.clip(share, 0.0, _LARGEST_SHARE), press], axis=1), memory
 
     @property
     def _steers(self) -> bool:
@@ -260,8 +299,31 @@ class TrackedRobot(Device):
 
     def _speeds(self, state: State, commands: Any) -> Any:
         """Speeds of the treads (worlds, tracks) [m/s]: as asked, as far as the worm's torque goes."""
-        asked = self.design.tread_speed(1.0) * np.clip(commands, 0.0, _LARGEST_RPM)
+        asked = self.design.tread_speed(1.0) * np.clip(commands[:, : TRACKS if self._steers else 1], 0.0, _LARGEST_RPM)
         return np.broadcast_to(asked * self._worm(state).speed_share[:, None], (len(commands), TRACKS))
+
+    def _air(self, model: mujoco.MjModel, state: State, commands: Any) -> Any:
+        """Pressure that each bellows' regulator asks for, over that of the closed bellows (worlds, tracks) [Pa]."""
+        own = self.design.bellows
+        if self.regulation == "closed":
+            return np.zeros((len(commands), TRACKS))
+        press = np.full((len(commands), TRACKS), own.preload) if self.regulation == "held" else commands[:, -TRACKS:]
+        return own.regulated(self._struts(model, state), press) - own.pressure
+
+    def _tension(self, xp: ModuleType, state: State) -> Any:
+        """Tension of a tether as long as the way from the anus to the robot's rear (worlds,) [N]."""
+        own, length = self.design.tether, state.tip_arc - 2 * self._nose
+        weight = own.mass_per_length * _GRAVITY
+        return tether_tension(xp, state.bends, length, friction=own.friction, weight=weight, held=own.held)
+
+    def _forwards(self, model: mujoco.MjModel, state: State) -> Any:
+        """Speed of the core along itself (worlds,) [m/s]."""
+        first = int(model.joint("tracked/free").dofadr[0])
+        return np.einsum("wi,wi->w", state.qvel[:, first : first + 3], state.tip_frame[..., 2])
+
+    def _struts(self, model: mujoco.MjModel, state: State) -> Any:
+        """How far each track is out from its nominal radius (worlds, tracks) [m]."""
+        return state.qpos[:, [int(model.joint(f"tracked/strut{n}").qposadr[0]) for n in range(TRACKS)]]
 
     def _used(self, state: State) -> Any:
         """Friction on all treads over the largest, along the core and around it (worlds, 2) [1]."""

@@ -1,7 +1,5 @@
 """A tracked robot standing in a colon, its struts spread to the local lumen."""
 
-from dataclasses import replace
-
 import mujoco
 import numpy as np
 from jaxtyping import Float
@@ -11,7 +9,6 @@ from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.tracked.design import TRACKS, TrackedDesign
 from haustra.models.devices.tracked.device import Tracked, add_tracked
 from haustra.models.devices.tracked.loop import add_contact_sensor
-from haustra.models.wall.pieces.wall import Wall
 
 
 def stand_in_colon(
@@ -106,11 +103,6 @@ def places_that_fit(
 ) -> Float[np.ndarray, " fitting"]:
     """Those of some arc lengths [m] at which the tracks reach the wall on both sides."""
     return np.array([arc for arc in arcs if _fits(design, track_radii(colon, design, float(arc)))])
-
-
-def wall_near(wall: Wall, low: float, high: float) -> Wall:
-    """The pieces of a wall from one arc length to another [m]: a robot touches no others."""
-    return replace(wall, pieces=tuple(piece for piece in wall.pieces if piece.end >= low and piece.start <= high))
 
 
 def _widths(radii: Float[np.ndarray, " tracks"]) -> Float[np.ndarray, "2"]:

@@ -23,7 +23,6 @@ from haustra.envs.study.study import Budget, Sampler, Variable
 from haustra.envs.study.trials import Trial
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.device_task import DeviceRules
-from haustra.envs.tasks.tracked_navigation import TrackedRules
 from haustra.fields import Declaration, declared_fields
 from haustra.files import write_atomically
 from haustra.models.devices.base import device_class, kinds
@@ -34,7 +33,6 @@ from haustra.scripts.registry import VERBS, load_verb
 CONFIGURATIONS: Mapping[str, type] = {
     "Episodes of scopes": TaskConfig,
     "Episodes of any device": DeviceRules,
-    "Episodes of the tracked robot": TrackedRules,
     "Training": Training,
     "Scenes": SceneOptions,
     "Scope designs": ScopeDesign,

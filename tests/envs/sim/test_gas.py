@@ -54,7 +54,7 @@ def scene_of(colon: Colon, **changed) -> Scene:
 def gas_of(colon: Colon, **changed) -> tuple[RunGas, np.ndarray]:
     scene = scene_of(colon, **changed)
     wall = lumen_table(colon, device_radius=scene.cable.radius).tables.wall
-    return RunGas(scene, wall, device_radius=scene.cable.radius), wall
+    return RunGas(scene.colon, scene.options, wall, device_radius=scene.cable.radius), wall
 
 
 def test_a_wider_lumens_wall_is_further_out_by_that_share(colon: Colon):

@@ -14,16 +14,13 @@ import haustra.envs
 from haustra.envs.tasks.calls import checked_action, whole_steps
 from haustra.envs.tasks.device_task import DeviceEnv
 from haustra.envs.tasks.navigation import NavigationEnv
-from haustra.envs.tasks.tracked_navigation import TrackedNavigationEnv
 from haustra.envs.tasks.vector import NavigationVectorEnv
 from haustra.errors import InvalidOptionError
 from haustra.scripts.bench.contracts import check, every_environment
-from tests.ring_wall import bent_colon, ring_wall
+from tests.ring_wall import bent_colon
 from tests.task_bank import short_bank
 from tests.tube_colon import straight_tube
 
-COLON = bent_colon(bend=0.06, length=0.3)
-RULES = {"distance": 0.02, "start": [0.03, 0.032]}
 ASKED: list[tuple[dict[str, Any], str]] = [
     ({"limits": {"seconds": float("nan")}}, "limits.seconds is nan; give 0.002 to 36000 s"),
     ({"limits": {"perforation_force": float("nan")}}, "limits.perforation_force is nan; give 0.01 to 10000 N"),
@@ -55,8 +52,7 @@ def test_rules_that_no_episode_can_keep_are_refused(options: dict[str, Any], mes
 
 
 def environments() -> list[gymnasium.Env]:
-    tracked = TrackedNavigationEnv(COLON, ring_wall(COLON), rules=RULES)
-    return [NavigationEnv(bank=short_bank()), tracked, DeviceEnv("capsule", colons=[straight_tube(0.3)])]
+    return [NavigationEnv(bank=short_bank()), DeviceEnv("capsule", colons=[straight_tube(0.3)])]
 
 
 @pytest.mark.parametrize("environment", environments(), ids=lambda one: type(one).__name__)
@@ -101,19 +97,9 @@ def test_an_interval_is_a_whole_number_of_steps() -> None:
     assert checked_action([np.nan, 1], (2,)).shape == (2,)
 
 
-def test_the_tracked_robot_begins_in_every_episode_of_its_usual_colon() -> None:
-    environment = TrackedNavigationEnv()
-    for seed in range(40):
-        seen, _ = environment.reset(seed=seed)
-        assert environment.observation_space.contains(seen)
-    with pytest.raises(InvalidOptionError, match=r"fits nowhere in colon 'grown-0' from start\[0\] = 0.561 m"):
-        TrackedNavigationEnv(environment._colon, environment._wall, rules={"start": [0.561, 0.567]})
-
-
 OWN: dict[str, dict[str, Any]] = {
     "scope": {"bank": short_bank()},
     "withdrawal": {"bank": short_bank()},
-    "tracked": {"colon": COLON, "wall": ring_wall(COLON), "rules": RULES},
     "device": {"colons": [bent_colon(bend=0.06, length=0.6)]},
 }
 

@@ -12,6 +12,7 @@ from haustra.envs.study.run import Computing, run_sweep
 from haustra.envs.study.study_file import load_study
 from haustra.envs.tasks.device_task import DeviceEnv, DeviceRules
 from haustra.errors import HaustraError, UnsupportedSceneError
+from haustra.models.anatomy.colon import Colon, ColonSegment
 from haustra.models.anatomy.store import save_colon
 from haustra.models.device_scene import build_device_scene, device_options, device_tables, pose_in
 from haustra.models.devices.base import load_device
@@ -33,17 +34,30 @@ def robot(**changed: object) -> TrackedRobot:
 
 
 def with_worm(**changed: float) -> TrackedRobot:
-    design = robot().design
+    design = slack().design
     return robot(design=replace(design, worm=replace(design.worm, **changed)))
 
 
-def driven(device: TrackedRobot, *, seconds: float = 1.0, **options: object) -> tuple[NativeDevice, dict[str, float]]:
+def slack(**changed: object) -> TrackedRobot:
+    """A robot whose tether weighs nothing."""
+    design = robot().design
+    return robot(**{"design": replace(design, tether=replace(design.tether, mass_per_length=0.0)), **changed})
+
+
+def driven(
+    device: TrackedRobot,
+    *,
+    seconds: float = 1.0,
+    colon: Colon = COLON,
+    press: tuple[float, ...] = (),
+    **options: object,
+) -> tuple[NativeDevice, dict[str, float]]:
     """A robot that drives for a while, and means of what is read over the last half; `headway` is its own [m]."""
     asked = device_options(device, **{"start_depth": 0.1, **options})
-    scene = build_device_scene(device, asked, pose=pose_in(COLON, device, asked))
-    one, rows = NativeDevice(scene, device_tables(scene, [COLON])), []
+    scene = build_device_scene(device, asked, pose=pose_in(colon, device, asked))
+    one, rows = NativeDevice(scene, device_tables(scene, [colon])), []
     for _ in range(round(seconds / 0.02)):
-        assert one.step(np.array([[device.rpm]]), round(0.02 / asked.timestep)).all()
+        assert one.step(np.array([[device.rpm, *press]]), round(0.02 / asked.timestep)).all()
         rows.append({name: float(value[0]) for name, value in one.readings().items()})
         rows[-1]["arc"] = float(one.read().tip_arc[0])
     late = rows[len(rows) // 2 :]
@@ -69,7 +83,7 @@ def pose_in_any():
 
 @pytest.mark.parametrize("timestep", [1e-3, 2e-3])
 def test_it_runs_at_the_speed_of_its_treads_and_presses_as_bellows_and_tissue_say(timestep: float) -> None:
-    one, seen = driven(robot(), timestep=timestep)
+    one, seen = driven(slack(), timestep=timestep)
     ran = robot().design.tread_speed(robot().rpm) * 0.02 * 24
     assert seen["headway"] == pytest.approx(ran, rel=0.005)
     assert seen["normal"] == pytest.approx(4 * track_normal(robot().design, DIAMETER), rel=0.005)
@@ -81,7 +95,7 @@ def test_it_runs_at_the_speed_of_its_treads_and_presses_as_bellows_and_tissue_sa
 @pytest.mark.parametrize("timestep", [1e-3, 2e-3])
 def test_uphill_its_treads_pull_its_weight_and_the_worm_its_lever_of_that(timestep: float) -> None:
     """t = F lead / (2 pi eta), which turns the core, too."""
-    one, seen = driven(robot(), timestep=timestep, gravity=(0.0, 0.0, -UPHILL))
+    one, seen = driven(slack(), timestep=timestep, gravity=(0.0, 0.0, -UPHILL))
     assert seen["traction"] == pytest.approx(weight_uphill(), rel=0.002)
     assert seen["worm_torque"] == pytest.approx(worm_lever(robot().design) * weight_uphill(), rel=0.01)
     assert seen["worm_share"] == 1.0
@@ -99,7 +113,7 @@ def test_a_worm_at_its_torque_limit_slows_down_and_beyond_it_holds() -> None:
 
 
 def test_uphill_its_treads_slide_at_the_speed_whose_friction_is_its_weight() -> None:
-    _, seen = driven(robot(), gravity=(0.0, 0.0, -UPHILL))
+    _, seen = driven(slack(), gravity=(0.0, 0.0, -UPHILL))
     slid = robot().design.tread_speed(robot().rpm) - seen["headway"] / (0.02 * 24)
     assert slid == pytest.approx(sliding_uphill(), rel=0.06)
     design = robot().design
@@ -118,17 +132,20 @@ def test_what_the_shaft_loses_friction_lacks() -> None:
     assert driven(robot(design=design), **uphill)[1]["headway"] < -0.001
 
 
-def test_it_follows_a_bend_and_steered_treads_follow_it_better() -> None:
-    colon, ways = bent_colon(bend=0.04, leg=0.11, length=0.3), {}
-    for steering in ("none", "each tread"):
-        device = robot(steering=steering)
-        run = run_device(device, colon, device_options(device, start_depth=0.1, timestep=2e-3), seconds=8.0)
+def test_it_goes_round_a_right_angle_of_60_mm_radius_in_a_tube_of_its_width_and_steered_it_does_better() -> None:
+    colon = bent_colon(bend=0.06, leg=0.11, length=0.36, radius=robot().design.nominal_diameter / 2)
+    ways, soon = {}, 4.0
+    for steering, seconds in (("none", 12.0), ("each tread", soon)):
+        device = robot(steering=steering, rpm=300.0)
+        run = run_device(device, colon, device_options(device, start_depth=0.1), seconds=seconds)
         assert run.records["core_force"].max() < 1.0 and run.wall_law == "table"
         along = np.diff(run.shape, axis=0) @ (run.shape[-1] - run.shape[0])
         assert (along > 0).all() and run.radius == device.design.core_diameter / 2
-        ways[steering] = run.records["tip_arc"][-1] - 0.1
-    ran = 8.0 * robot().design.tread_speed(robot().rpm)
-    assert 0.8 * ran < ways["none"] < ways["each tread"] < 1.02 * ran
+        ways[steering] = run.records["tip_arc"] - 0.1
+    round_it = 0.01 + 0.06 * np.pi / 2 + robot().design.core_length + robot().design.core_diameter
+    assert round_it < ways["none"][-1] < 12.0 * robot().design.tread_speed(300.0)
+    after = len(ways["each tread"]) - 1
+    assert ways["none"][after] < ways["each tread"][after] < 1.02 * soon * robot().design.tread_speed(300.0)
 
 
 def test_a_study_and_an_environment_run_it(tmp_path: Path) -> None:
@@ -185,10 +202,43 @@ def test_what_a_scene_of_it_does_not_honour_is_refused_by_name(options: dict, me
 
 
 def test_on_its_mesentery_a_colon_gives_way_to_treads_and_core_and_they_press_as_much() -> None:
-    one, seen = driven(robot(), mesentery=True, gravity=(0.0, 0.0, -UPHILL))
+    one, seen = driven(slack(), mesentery=True, gravity=(0.0, 0.0, -UPHILL))
     assert one.displacement is not None and np.abs(one.displacement[0, :, :3]).max() > 1e-4
     assert seen["traction"] == pytest.approx(weight_uphill(), rel=0.02)
     assert seen["normal"] == pytest.approx(4 * track_normal(robot().design, DIAMETER), rel=0.01)
+
+
+def test_bellows_hold_each_track_by_its_preload_at_any_width_and_as_far_as_their_pressure_goes() -> None:
+    """Closed bellows press less the further out they stand, by their stiffness; a regulator makes up for it."""
+    wide, design = bent_colon(bend=0.06, leg=0.3, length=0.4, radius=0.0183), slack().design
+    own = replace(design.bellows, response=0.02)
+    design = replace(design, bellows=own)
+    held = {"seconds": 0.5, "colon": wide, "friction": 0.1}
+    _, closed = driven(slack(design=design), **held)
+    assert closed["normal"] < 0.7 * 4 * own.preload
+    _, found = driven(slack(regulation="held", design=design), **held)
+    assert found["normal"] == pytest.approx(4 * own.preload, rel=0.03)
+    extension = (found["width"] - robot().design.nominal_diameter) / 2
+    assert found["bellows_pressure"] == pytest.approx(-own.stiffness * extension / own.area, rel=0.03)
+    weak = replace(design, bellows=replace(own, lowest_pressure=-1000.0))
+    _, found = driven(slack(regulation="held", design=weak), **held)
+    assert found["bellows_pressure"] == pytest.approx(-1000.0, rel=0.01)
+    press = (2 * own.preload, own.preload, 2 * own.preload, own.preload)
+    _, found = driven(slack(regulation="each", design=design), press=press, **held)
+    assert found["normal"] == pytest.approx(sum(press), rel=0.05)
+
+
+def test_its_tether_pulls_as_the_capstan_says() -> None:
+    """Behind a bend by 90 degrees the tension outside is greater by exp(mu pi / 2)."""
+    colon, design = bent_colon(bend=0.06, leg=0.12, length=0.45), robot().design
+    drags = []
+    for friction in (0.0, 0.5):
+        tether = replace(design.tether, mass_per_length=0.0, held=0.02, friction=friction)
+        device = robot(design=replace(design, tether=tether))
+        _, seen = driven(device, colon=colon, start_depth=0.33, seconds=0.3)
+        drags.append(seen["tether_drag"])
+    assert drags[0] == pytest.approx(0.02, rel=0.01)
+    assert drags[1] / drags[0] == pytest.approx(np.exp(0.5 * np.pi / 2), rel=0.03)
 
 
 def test_warp_refuses_it_by_name() -> None:
@@ -198,3 +248,15 @@ def test_warp_refuses_it_by_name() -> None:
     scene = build_device_scene(robot(), pose=pose_in_any())
     with pytest.raises(UnsupportedSceneError, match="'warp' cannot honour the treads of a device of kind 'tracked'"):
         WarpDevice.of(scene, device_tables(scene, [COLON]))
+
+
+def test_gas_widens_the_lumen_about_it_and_it_presses_less() -> None:
+    """A sigmoid given at 3 kPa is narrower at 2.5 kPa, and squeezes closed bellows; all tables of the robot move."""
+    colon = replace(COLON, segments=(ColonSegment("sigmoid", 0.0, COLON.centreline.length),))
+    device, pressed = slack(), []
+    for pressure in (2500.0, 3000.0):
+        options = device_options(device, start_depth=0.1, gas=pressure, gas_start=pressure)
+        run = run_device(device, colon, options, seconds=0.3)
+        assert run.records["gas_pressure"].shape[0] == len(run.records["time"])
+        pressed.append((run.records["normal"][-1], run.records["width"][-1], run.colon.radius.mean()))
+    assert pressed[0][0] > 1.1 * pressed[1][0] and pressed[0][1] < pressed[1][1] and pressed[0][2] < pressed[1][2]

@@ -1,0 +1,64 @@
+"""The page of how far tracked robots come, from what `haustra bench reach` found."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+
+def reach_page(found: Mapping[str, Mapping[str, Any]], *, seconds: float) -> str:
+    """The page as Markdown; the first robot is what the others are compared with."""
+    first = next(iter(found))
+    base = found[first]["summary"]
+    lines = [
+        "# How far the tracked robot comes",
+        "",
+        f"`haustra bench reach -o DIR`: {base['colons']} grown colons from seed 300000 on, on their mesentery, each "
+        f"run up to {seconds:g} s, from where the robot fits first, by its own driver; a run that comes no further "
+        "for 10 s is over. Nothing here was measured on a real robot.",
+        "",
+        "| robot | colons | came, mean (median) | of the colon, mean | force a track, mean | largest wall force, mean |"
+        " work of slip | way over the first's, same colons |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for name, each in found.items():
+        got = each["summary"]
+        ratio = _ratio(found[first]["runs"], each["runs"])
+        lines.append(
+            f"| {name} | {got['colons']} | {got['came_mean_m']:.3f} m ({got['came_median_m']:.3f}) | "
+            f"{100 * got['reach_mean']:.0f} % | {got['track_force_mean_N']:.2f} N | {got['wall_force_peak_N']:.2f} N | "
+            f"{1e3 * got['slip_work_mean_J']:.0f} mJ | {ratio:.2f} x |"
+        )
+    lines += ["", "What stopped them:", "", "| robot | by |", "|---|---|"]
+    for name, each in found.items():
+        reasons = ", ".join(f"{reason} ({count})" for reason, count in each["summary"]["stopped_by"].items())
+        lines.append(f"| {name} | {reasons} |")
+    lines += [
+        "",
+        "## Held by a string in a straight tube",
+        "",
+        "The robot that drives in colons, in a tube of its nominal diameter, against the closed form of the rigs "
+        "(`drive_point`; the rigs agree with it within 0.1 %). Ripple: of the string's force, and of one track's "
+        "normal force at the tooth-passing frequency; struts on bellows give way, so it goes into their motion. "
+        "Stress: of the belt above a tip at the tip's mean load, from the finite elements. Slip: friction's work on "
+        "the wall.",
+        "",
+        "| robot | surface | rpm | string | against closed form | ripple, string | ripple, track | "
+        "stress, mean (peak) | slip |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for name, each in found.items():
+        for row in each["held"]:
+            lines.append(
+                f"| {name} | {row['surface']} | {row['rpm']:g} | {1e3 * row['force_N']:.1f} mN | "
+                f"{100 * row['difference']:+.1f} % | {100 * row['ripple']:.1f} % | "
+                f"{100 * row['track_ripple']:.1f} % | {row['stress_mean_kPa']:.0f} ({row['stress_peak_kPa']:.0f}) kPa "
+                f"| {1e3 * row['slip_power_W']:.2f} mW |"
+            )
+    return "\n".join(lines) + "\n"
+
+
+def _ratio(first: Sequence[Mapping[str, Any]], other: Sequence[Mapping[str, Any]]) -> float:
+    """Way that another robot came over the first's, in the colons that both were driven in."""
+    ways = {row["seed"]: row["came_m"] for row in first}
+    both = [(ways[row["seed"]], row["came_m"]) for row in other if row["seed"] in ways]
+    before, after = (sum(column) for column in zip(*both, strict=True)) if both else (0.0, 0.0)
+    return after / before if before else float("nan")

@@ -1,0 +1,199 @@
+"""What the whole tracked robot pulls, how far it comes in grown colons by its own driver, and what stops it there."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from haustra.envs.runs.device_batch import run_devices
+from haustra.envs.runs.device_run import Records, common_scores
+from haustra.envs.runs.outcome import Outcome
+from haustra.envs.sim.device_native import NativeDevice
+from haustra.files import write_json
+from haustra.models.anatomy.colon import Colon
+from haustra.models.anatomy.grown import grow_colon
+from haustra.models.device_scene import device_options, device_tables
+from haustra.models.devices.tracked.design import TRACKS, TrackedDesign
+from haustra.models.devices.tracked.drive import drive_point
+from haustra.models.devices.tracked.held import held_scene, tension
+from haustra.models.devices.tracked.implied import SPEEDS_RPM
+from haustra.models.devices.tracked.interface import TrackedRobot
+from haustra.models.devices.tracked.law import load_table
+from haustra.models.devices.tracked.published import SURFACES
+from haustra.models.devices.tracked.standing import places_that_fit
+from haustra.reading import read_document
+
+FIRST_SEED = 300_000
+"""First seed of the grown colons, which nothing was trained on."""
+AT_ONCE = 10
+"""Colons that are run together."""
+HELD_TIMESTEP, HELD_SECONDS, HELD_SETTLED = 2e-3, 1.6, 0.6
+"""Time step, length, and time until steady of a run that is held by a string [s]."""
+LATE = 5.0
+"""Readings over this last time of a run tell what stopped it [s]."""
+EARLIEST = 0.10
+"""The robot stands where it fits first beyond this arc length [m]: behind the anal canal and the rectum's folds."""
+WIDE, HELD, FORCED = 0.97, 0.5, 0.25
+"""A robot stands in a lumen that is too wide where its tracks stand out to this share of their reach; its worm is held
+where that runs at less than this share of its speed; the core blocks it where it bears more than this share of the
+treads' load. Engineering choices."""
+
+
+def reach_in(
+    device: TrackedRobot, seeds: Sequence[int], *, seconds: float, mesentery: bool = True
+) -> list[dict[str, Any]]:
+    """Runs in grown colons: where each began, how far it came, what it pressed with, and what stopped it."""
+    colons = {seed: grow_colon(seed=seed) for seed in seeds}
+    begin = {seed: first_place(device, colon) for seed, colon in colons.items()}
+    fits = {seed: start for seed, start in begin.items() if start is not None}
+    options = device_options(device, mesentery=mesentery)
+    nowhere: dict[str, Any] = {"start_m": None, "came_m": 0.0, "reach": 0.0, "stopped_by": "it fits nowhere"}
+    rows = {seed: {"seed": seed, **nowhere} for seed in seeds}
+    if fits:
+        runs = run_devices(
+            device, [colons[seed] for seed in fits], options, seconds=seconds, starts=list(fits.values())
+        )
+        for (seed, start), (outcome, records) in zip(fits.items(), runs, strict=True):
+            rows[seed] = {"seed": seed, "start_m": start, **_row(device, colons[seed], start, outcome, records)}
+    return list(rows.values())
+
+
+def _row(device: TrackedRobot, colon: Colon, start: float, outcome: Outcome, records: Records) -> dict[str, Any]:
+    scores = common_scores(outcome, records, device.readings, colon, device.design.core_diameter / 2)
+    return {
+        "came_m": scores["tip_arc_max_m"] - start,
+        "reach": scores["reach"],
+        "simulated_s": scores["simulated_s"],
+        "track_force_peak_N": scores["normal_peak_N"] / TRACKS,
+        "track_force_mean_N": scores["normal_mean_N"] / TRACKS,
+        "wall_force_peak_N": scores["wall_force_peak_N"],
+        "p_perforation": scores["p_perforation"],
+        "slip_work_J": slip_work(device, records),
+        "stopped_by": stopped_by(device, outcome, records),
+    }
+
+
+def first_place(device: TrackedRobot, colon: Colon) -> float | None:
+    """Arc length of the nose where the robot fits first [m]; None when it fits nowhere."""
+    line, design = colon.centreline, device.design
+    nose, half = (design.core_length + design.core_diameter) / 2, design.core_length / 2
+    inside = line.arc[(line.arc >= max(EARLIEST, half)) & (line.arc <= line.length - half - nose)]
+    fits = places_that_fit(colon, design, inside)
+    return float(fits[0]) + nose if len(fits) else None
+
+
+def stopped_by(device: TrackedRobot, outcome: Outcome, records: Records) -> str:
+    """What the readings of the last seconds say ended a run's way."""
+    if outcome is Outcome.REACHED_CAECUM:
+        return "the caecum"
+    if outcome in (Outcome.DIVERGED, Outcome.ESCAPED):
+        return outcome.value
+    late = records["time"] > records["time"][-1] - LATE
+    mean = {name: float(records[name][late].mean()) for name in ("width", "normal", "core_force", "worm_share")}
+    if mean["worm_share"] < HELD:
+        return "the worm's torque limit"
+    if outcome is Outcome.TIME_UP:
+        return "time"
+    if mean["core_force"] > FORCED * mean["normal"]:
+        return "the core against the wall"
+    return "a lumen too wide" if mean["width"] > WIDE * device.design.largest_diameter else "treads that slip"
+
+
+def slip_work(device: TrackedRobot, records: Records) -> float:
+    """Work of the treads' friction on the wall by sliding [J]: of treads that run further than the robot goes."""
+    if len(records["time"]) < 2:
+        return 0.0
+    step = np.diff(records["time"])
+    slid = device.design.tread_speed(device.rpm) * records["worm_share"][1:] - np.diff(records["tip_arc"]) / step
+    return float((np.abs(records["traction"][1:]) * np.maximum(slid, 0.0) * step).sum())
+
+
+def bench_reach(
+    device: TrackedRobot, folder: Path, *, colons: int, seconds: float, progress: Any = lambda done, note: None
+) -> list[dict[str, Any]]:
+    """Runs in that many colons, one file each, so that what is done is not done again."""
+    asked = json.loads(json.dumps({"device": device.describe(), "seconds": seconds}))
+    paths = {FIRST_SEED + number: folder / f"{device.name}-{FIRST_SEED + number}.json" for number in range(colons)}
+    rows = {}
+    for seed, path in paths.items():
+        known = read_document(path, "result") if path.is_file() else {}
+        if known.get("asked") == asked:
+            rows[seed] = known["row"]
+    missing = [seed for seed in paths if seed not in rows]
+    for first in range(0, len(missing), AT_ONCE):
+        progress(len(rows), device.name)
+        for row in reach_in(device, missing[first : first + AT_ONCE], seconds=seconds):
+            rows[row["seed"]] = row
+            write_json(paths[row["seed"]], {"asked": asked, "row": row})
+    return [rows[seed] for seed in paths]
+
+
+def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Mean way and reach, what was pressed, and how often each thing stopped the robot."""
+    ran = [row for row in rows if "wall_force_peak_N" in row]
+    reasons: Mapping[str, int] = {
+        reason: sum(row["stopped_by"] == reason for row in rows) for reason in {row["stopped_by"] for row in rows}
+    }
+
+    def mean(name: str) -> float:
+        return float(np.mean([row[name] for row in ran])) if ran else 0.0
+
+    return {
+        "colons": len(rows),
+        "came_mean_m": float(np.mean([row["came_m"] for row in rows])),
+        "came_median_m": float(np.median([row["came_m"] for row in rows])),
+        "reach_mean": float(np.mean([row["reach"] for row in rows])),
+        "track_force_mean_N": mean("track_force_mean_N"),
+        "wall_force_peak_N": mean("wall_force_peak_N"),
+        "slip_work_mean_J": mean("slip_work_J"),
+        "stopped_by": dict(sorted(reasons.items(), key=lambda item: -item[1])),
+    }
+
+
+def held_rows(device: TrackedRobot) -> list[dict[str, Any]]:
+    """The robot held by a string in a straight tube of its nominal diameter, at the paper's speeds on both surfaces."""
+    return [
+        {"surface": surface, **held_run(device, friction, rpm)}
+        for surface, friction in SURFACES.items()
+        for rpm in SPEEDS_RPM
+    ]
+
+
+def held_run(device: TrackedRobot, friction: float, rpm: float) -> dict[str, Any]:
+    """Force, ripple, stress and slip of one speed, once steady, and how far the force is off the closed form's."""
+    design = device.design
+    scene, tube = held_scene(device, diameter=design.nominal_diameter, friction=friction, timestep=HELD_TIMESTEP)
+    backend = NativeDevice(scene, device_tables(scene, [tube]))
+    commands, rows = np.full((1, len(device.controls)), design.bellows.preload), []
+    commands[:, 0] = rpm
+    for number in range(round(HELD_SECONDS / HELD_TIMESTEP)):
+        backend.step(commands, 1)
+        if number * HELD_TIMESTEP >= HELD_SETTLED:
+            rows.append((*backend.tendons()[0], *backend.loads()[0, : 2 * TRACKS]))
+    lengths, loads = np.array(rows)[:, 0], np.array(rows)[:, 1:]
+    pulled, point = tension(scene, lengths), drive_point(design, friction, rpm)
+    cycle = 60 / (rpm * design.worm.starts) / HELD_TIMESTEP
+    whole = round(int(len(rows) / cycle) * cycle)
+    track = loads[:whole, :2].sum(axis=1)
+    angles = np.exp(-2j * np.pi / cycle * np.arange(whole))
+    stresses = tip_stresses(design, float(loads.mean()))
+    return {
+        "rpm": rpm,
+        "force_N": float(pulled.mean()),
+        "difference": float(pulled.mean() / point.force - 1),
+        "ripple": float(pulled.std() / pulled.mean()),
+        "track_ripple": float(2 * abs(((track - track.mean()) * angles).mean()) / track.mean()),
+        "stress_mean_kPa": float(stresses.mean()) / 1e3,
+        "stress_peak_kPa": float(stresses.max()) / 1e3,
+        "slip_power_W": float(pulled.mean()) * point.speed,
+    }
+
+
+def tip_stresses(design: TrackedDesign, load: float) -> Float[np.ndarray, " phases"]:
+    """Stress of the belt above a tip that presses with a load [N], at each tooth phase of the reference [Pa]."""
+    table = load_table(design.tread)
+    rows = zip(table.forces, table.stresses, strict=True)
+    return np.array([np.interp(load, np.r_[0.0, forces], np.r_[0.0, stresses]) for forces, stresses in rows])

@@ -1,0 +1,72 @@
+"""What `haustra bench reach` measures: the robot at a string pulls as the rigs say; runs, reasons and the page."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from haustra.envs.runs.outcome import Outcome
+from haustra.models.devices.base import load_device
+from haustra.models.devices.tracked.interface import TrackedRobot
+from haustra.models.devices.tracked.published import STRESSES_KPA
+from haustra.scripts.bench.pages.reach_page import reach_page
+from haustra.scripts.bench.reach import FIRST_SEED, bench_reach, held_run, slip_work, stopped_by, summary
+
+
+def robot() -> TrackedRobot:
+    found = load_device("tracked")
+    assert isinstance(found, TrackedRobot)
+    return found
+
+
+@pytest.mark.parametrize(("friction", "rpm"), [(0.4, 75.0), (0.4, 300.0), (0.2, 150.0)])
+def test_the_robot_that_drives_in_colons_pulls_in_a_straight_tube_as_on_the_rigs(friction: float, rpm: float) -> None:
+    """Within 2 % over the paper's speeds; struts on bellows let the string's ripple be small."""
+    row = held_run(robot(), friction, rpm)
+    assert abs(row["difference"]) < 0.02
+    assert row["ripple"] < 0.1 and 0.0 < row["track_ripple"] < 0.25
+    low, high = STRESSES_KPA["between"]["high"], STRESSES_KPA["front"]["low"]
+    assert low < row["stress_mean_kPa"] < high < row["stress_peak_kPa"] * 1.2
+
+
+def test_readings_tell_what_stopped_it_and_what_its_treads_rubbed() -> None:
+    time = np.linspace(0.02, 20.0, 1000)
+    still = {"time": time, "tip_arc": np.full(1000, 0.3), "traction": np.full(1000, 0.1), "worm_share": np.ones(1000)}
+    still |= {"width": np.full(1000, 0.03), "normal": np.ones(1000), "core_force": np.zeros(1000)}
+    told = {
+        "treads that slip": {},
+        "the core against the wall": {"core_force": np.full(1000, 0.5)},
+        "a lumen too wide": {"width": np.full(1000, 0.0379)},
+        "the worm's torque limit": {"worm_share": np.zeros(1000)},
+    }
+    for reason, changed in told.items():
+        assert stopped_by(robot(), Outcome.STUCK, {**still, **changed}) == reason
+    assert stopped_by(robot(), Outcome.REACHED_CAECUM, still) == "the caecum"
+    assert slip_work(robot(), still) == pytest.approx(0.1 * robot().design.tread_speed(150) * 19.98)
+
+
+def test_runs_are_kept_and_the_page_holds_them(tmp_path: Path) -> None:
+    row = {"seed": FIRST_SEED, "came_m": 0.1, "reach": 0.2, "stopped_by": "time", "wall_force_peak_N": 0.3}
+    row |= {"track_force_mean_N": 0.1, "slip_work_J": 0.002}
+    asked = {"device": json.loads(json.dumps(robot().describe())), "seconds": 2.0}
+    (tmp_path / f"tracked-{FIRST_SEED}.json").write_text(json.dumps({"asked": asked, "row": row}))
+    rows = bench_reach(robot(), tmp_path, colons=1, seconds=2.0)
+    assert rows == [row]
+    other = {**row, "came_m": 0.3}
+    held = {"surface": "tissue", "rpm": 150, "force_N": 0.19, "difference": 0.01, "ripple": 0.02, "track_ripple": 0.1}
+    held |= {"stress_mean_kPa": 80.0, "stress_peak_kPa": 110.0, "slip_power_W": 1e-3}
+    found = {
+        "tracked": {"summary": summary(rows), "held": [held], "runs": [*rows, {**row, "seed": 1, "came_m": 9.0}]},
+        "longer": {"summary": summary([other]), "held": [], "runs": [other]},
+    }
+    page = reach_page(found, seconds=2.0)
+    assert "| 3.00 x |" in page and "time (1)" in page and "| 190.0 mN | +1.0 % |" in page
+
+
+def test_a_run_in_a_grown_colon_says_where_it_began_and_how_far_it_came(tmp_path: Path) -> None:
+    fast = replace(robot(), rpm=300.0)
+    row = bench_reach(fast, tmp_path, colons=1, seconds=0.2)[0]
+    assert row["stopped_by"] == "time" and row["start_m"] > 0.1
+    assert 0.0 < row["came_m"] <= 0.25 * fast.design.tread_speed(300.0)
