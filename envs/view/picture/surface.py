@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 
 from haustra.models.anatomy.colon import Colon, Surface
 from haustra.models.wall.compiled import loops
-from haustra.models.wall.indentation import GAP, REACH, along_device
+from haustra.models.wall.indentation import FALL, GAP, along_device, tops
 from haustra.models.wall.lumen_table import Tables, axis_at
 from haustra.models.wall.moving_colon import AT_REST, AxisShape, node_cell
 from haustra.models.wall.signed_distance import surface_arcs
@@ -90,9 +90,11 @@ class ColonSurface(LumenSurface):
         """Take a colon, where it is."""
         self.colon, self.line = colon, colon.centreline.points
         """The colon as it was given, and where the stations of its centreline are now [m]."""
-        self._device: tuple[np.ndarray, np.ndarray, float] | None = None
+        self._device: tuple[np.ndarray, np.ndarray, np.ndarray, float] | None = None
         super().__init__(colon.lumen, surface_arcs(colon))
         self._placed, self._fresh = self.vertices.copy(), np.zeros(self.count, bool)
+        wide = np.linalg.norm(self.vertices - self._line_at(self.arcs), axis=1)
+        self._narrow = np.minimum.reduceat(wide, self.ends[:-1]) / 2  # sections may flatten, and be placed anew
 
     def place(self, vertices: Float[np.ndarray, "vertices 3"]) -> None:
         """As `LumenSurface.place`; the centreline stays."""
@@ -101,7 +103,9 @@ class ColonSurface(LumenSurface):
         self._fresh[:] = False
 
     def indent(self, path: Float[np.ndarray, "nodes 3"], radius: float) -> None:
-        """Keep the wall off a device along `path`, from the anus to where it ends [m], of that radius [m]."""
+        """Keep the wall off a device of that radius [m] along `path`, from the anus on [m]; off none if it is empty."""
+        self._device = None
+        self._fresh[:] = False
         if len(path) > 1:
             self._keep_off(*along_device(path, self.line, self.colon.centreline.arc, _APART), radius)
 
@@ -124,15 +128,17 @@ class ColonSurface(LumenSurface):
         first, last = int(self.ends[stretch]), int(self.ends[stretch + 1])
         self._carry(first, last)
         if self._device is not None:
-            places, at, radius = self._device
-            near = np.abs(at - self.arcs[first]) < REACH + 2 * STRETCH
+            places, at, top, radius = self._device
+            near = top - FALL * (np.abs(at - self.arcs[first]) - 2 * STRETCH) > self._narrow[stretch]
             if near.any():
-                now = self._beside(first, last)[None], radius, 0, last - first, self.vertices[None, first:last]
-                loops().indent(places[None, near], at[near], self.arcs[first:last], *now)
+                middles = self._line_at(self.arcs[first:last])[None]
+                now = self.arcs[first:last], middles, radius, 0, last - first, self.vertices[None, first:last]
+                loops().indent(places[None, near], at[near], top[near], *now)
         self._fresh[stretch] = True
 
     def _keep_off(self, places: np.ndarray, arcs: np.ndarray, radius: float) -> None:
-        self._device = np.ascontiguousarray(places), np.ascontiguousarray(arcs), radius + GAP
+        high = tops(places, self._line_at(arcs), radius + GAP)
+        self._device = np.ascontiguousarray(places), np.ascontiguousarray(arcs), high, radius + GAP
         self._fresh[:] = False
 
     def _stretch(self, share: np.ndarray) -> None:
@@ -144,10 +150,10 @@ class ColonSurface(LumenSurface):
         """Take some vertices to where they would be without a device."""
         self.vertices[first:last] = self._placed[first:last]
 
-    def _beside(self, first: int, last: int) -> np.ndarray:
-        """Places of the centreline beside some vertices."""
-        arcs, line = self.arcs[first:last], self.colon.centreline
-        return np.column_stack([np.interp(arcs, line.arc, self.line[:, axis]) for axis in range(3)])
+    def _line_at(self, arcs: np.ndarray) -> np.ndarray:
+        """Places of the centreline at arc lengths, where it is now."""
+        along = self.colon.centreline.arc
+        return np.column_stack([np.interp(arcs, along, self.line[:, axis]) for axis in range(3)])
 
 
 class MovingSurface(ColonSurface):
