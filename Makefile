@@ -8,7 +8,7 @@ LOCKED := --disable-pip-version-check --quiet --require-hashes
 UV_COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
 	--no-emit-package haustra --custom-compile-command 'make lock' $(UPGRADE) pyproject.toml -
 
-.PHONY: help demo test bench lint format types docs wheel lock clean
+.PHONY: help demo test bench lint format types docs wheel page lock clean
 .DELETE_ON_ERROR:
 
 help:
@@ -18,6 +18,7 @@ help:
 	@echo 'make docs    build the documentation into site/'
 	@echo 'make wheel   build the wheel and try it in an empty environment'
 	@echo 'make format  format and fix what ruff can'
+	@echo 'make page    build the console page from its source (needs npm; its result is committed)'
 	@echo 'make lock    renew the lock files from pyproject.toml (UPGRADE=--upgrade for newer versions)'
 	@echo 'make clean   remove the environment and everything that was built'
 
@@ -63,6 +64,9 @@ wheel: $(VENV)/.installed-dev
 	build/empty/bin/python -m pip install $(LOCKED) -r requirements.lock
 	build/empty/bin/python -m pip install --disable-pip-version-check --quiet --no-deps dist/*.whl
 	cd build && empty/bin/haustra doctor
+
+page:
+	cd envs/console/page/source && npm ci --ignore-scripts=false && npm run build
 
 lock: $(VENV)/.created
 	$(BIN)/python -m pip install --quiet uv

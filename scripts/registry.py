@@ -70,6 +70,7 @@ BENCHMARKS: Mapping[str, str] = {
     "bench gas": f"{_BENCH}.gas:BenchGas",
     "bench gradients": f"{_BENCH}.gradients:BenchGradients",
     "bench grown": f"{_BENCH}.grown:BenchGrown",
+    "bench hands": f"{_BENCH}.hands:BenchHands",
     "bench injury": f"{_BENCH}.injury:BenchInjury",
     "bench motion": f"{_BENCH}.motion:BenchMotion",
     "bench profile": f"{_BENCH}.profile:BenchProfile",

@@ -29,6 +29,9 @@ class Train:
     """Seed of all random draws."""
     imitate: int | None = whole(0, 10**12, default=None)
     """Number of steps in which the policy first learns from the lumen follower; 0 for none."""
+    from_demonstrations: Path | None = None
+    """Folder of recordings that the policy first learns from, instead of --imitate: `haustra record --task` or
+    `haustra drive --task` makes them, by a hand or any driver."""
     design: str | None = None
     """Name of a scope design."""
     difficulty: Literal["any", "easy", "moderate", "difficult", "hard"] | None = None
@@ -63,6 +66,7 @@ class Train:
         require_learning()
         from haustra.envs.learning.settings import changed
         from haustra.envs.learning.train import train
+        from haustra.errors import InvalidOptionError
 
         training = self._training()
         task = training.task
@@ -84,8 +88,11 @@ class Train:
             backend=self.backend,
             device=self.device,
             seed=self.seed,
-            imitate=self.imitate,
+            imitate=0 if self.from_demonstrations is not None else self.imitate,
+            demonstrations=None if self.from_demonstrations is None else str(self.from_demonstrations),
         )
+        if self.from_demonstrations is not None and self.imitate:
+            raise InvalidOptionError("A policy first learns from --from-demonstrations or by --imitate: give one.")
         with progress_bar("train", training.steps, unit="steps") as advance:
             return train(
                 training,

@@ -27,7 +27,7 @@ class Trials:
     """Number of patients, each examined by both arms."""
     driver: str = "endoscopist"
     """Who drives: endoscopist or follower."""
-    seconds: float = number("s", 1.0, 3600.0, default=300.0)
+    seconds: float = number("s", 1.0, 3600.0, default=600.0)
     """Longest insertion [s]."""
     backend: str = "linear"
     """What computes: linear, or linear-gpu."""

@@ -6,10 +6,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.console.scope_vehicle import LENS_SIZE
 from haustra.envs.console.vehicle import Condition, Lever, Look, Repeating, Surroundings, digest
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.measure.injury import stations_of
 from haustra.envs.sim.device_native import NativeDevice
+from haustra.envs.view.picture.lens import equidistant_lens
 from haustra.models.anatomy.colon import Colon
 from haustra.models.device_scene import DeviceScene, build_device_scene, device_options, device_tables, pose_in
 from haustra.models.devices.base import Device
@@ -107,7 +109,8 @@ def device_surroundings(colon: Colon, scene: DeviceScene) -> Surroundings:
     """The colon of a device."""
     options = scene.options
     tables = stack([axis_tables(colon, options.abdomen)]) if options.mesentery else None
-    return Surroundings(colon, tables, np.zeros(3), np.eye(3), scene.handles.samples[-1].radius, _VIEW_DEG)
+    lens = equidistant_lens(_VIEW_DEG, LENS_SIZE)
+    return Surroundings(colon, tables, np.zeros(3), np.eye(3), scene.handles.samples[-1].radius, lens)
 
 
 def _given(values: np.ndarray | None) -> Iterator[np.ndarray]:

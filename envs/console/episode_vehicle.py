@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.console.scope_vehicle import LENS_SIZE
 from haustra.envs.console.vehicle import Lever, Look, Repeating, Surroundings, digest
 from haustra.envs.runs.measure.injury import stations_of
 from haustra.envs.sim.native_batch import batch_model
@@ -15,6 +16,7 @@ from haustra.envs.tasks.bank import ColonSet, folder_bank
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.drivers import FollowerDriver
 from haustra.envs.tasks.scope_task import ScopeTask, Step
+from haustra.envs.view.picture.lens import lens_of
 from haustra.models.anatomy.store import load_colon
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import entry_of
@@ -153,5 +155,5 @@ def episode_surroundings(bank: ColonSet) -> Surroundings:
     """The one colon of a bank, as its table knows it."""
     colon, design = bank.cases[0].colon(), bank.design
     tables = bank.tables if bank.options.mesentery else None
-    view = min(design.tip.field_of_view_deg, 170.0)
-    return Surroundings(colon, tables, *entry_of(colon), design.diameter / 2, view)
+    lens = lens_of(design.tip, LENS_SIZE, LENS_SIZE)
+    return Surroundings(colon, tables, *entry_of(colon), design.diameter / 2, lens)

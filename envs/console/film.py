@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import UInt8
 
-from haustra.envs.console.painter import Camera, Eye, Glance
+from haustra.envs.console.painter import Camera, Eye
 from haustra.envs.console.recording import COLON, Recording
-from haustra.envs.console.source import moment
+from haustra.envs.console.source import glance_at, moment
 from haustra.envs.console.stage import Stage
 from haustra.envs.console.vehicles import surroundings
 from haustra.envs.runs.measure.progress import segment_at
@@ -58,12 +58,6 @@ def write_film(
     write = _write_mp4 if path.suffix == ".mp4" else _write_gif
     write_atomically(path, lambda file: write(file, _pictures(recording, times, progress), fps))
     return {"film": str(path), "pictures": len(times), "seconds": len(times) / fps}
-
-
-def glance_at(row: Any, frame: Any) -> Glance:
-    """Where the camera is in a row and what is drawn with it."""
-    given = {name: np.asarray(frame[name], float) for name in ("displacement", "widths") if name in frame}
-    return Glance(np.asarray(row["tip"], float), np.asarray(row["tip_frame"], float), float(row["tip_arc"]), **given)
 
 
 def _pictures(recording: Recording, times: np.ndarray, progress: Callable[[int, int], None]) -> Iterator["Image"]:

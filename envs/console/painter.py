@@ -11,15 +11,13 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from haustra.envs.console.vehicle import Surroundings
-from haustra.envs.sim.moved_colon import CurrentColon
-from haustra.envs.view.picture.inside import lens_inside
-from haustra.envs.view.picture.lens import camera_axes
-from haustra.envs.view.picture.tip import tip_view
-from haustra.models.anatomy.colon import Surface
-from haustra.models.wall.signed_distance import surface_arcs
+from haustra.envs.view.picture.endoscope import Endoscope
+from haustra.envs.view.picture.light import Response
+from haustra.envs.view.picture.renderer import CameraPose
+from haustra.envs.view.picture.surface import ColonSurface, MovingSurface
 
-_BEHIND, _BEFORE = 0.08, 0.35
-"""Wall that is drawn: from this far behind the tip to this far before it, along the colon [m]."""
+_INERTIA = 0.8
+"""Share of the last picture's exposure that stays: it does not flicker [1]; engineering choice."""
 _QUALITY = 80
 """Quality of the JPEG compression, 0 to 100."""
 
@@ -53,48 +51,25 @@ class Eye:
     """Draws glances one by one."""
 
     def __init__(self, camera: Camera) -> None:
-        """Find out which wall is where along the colon."""
-        around, self._size = camera.around, camera.size
+        """Take the colon's surface."""
+        around = self._around = camera.around
         colon = around.colon
-        self._around = around
-        self._arcs = surface_arcs(colon)
-        self._face_arcs = self._arcs[colon.lumen.faces].mean(axis=1)
-        tables = around.tables
-        self._moved = None if tables is None else CurrentColon(colon, tables, around.origin, around.axes)
+        if around.tables is None:
+            self._surface = ColonSurface(colon)
+        else:
+            self._surface = MovingSurface(colon, around.tables, around.origin, around.axes)
+        lens = around.lens.at(camera.size, camera.size)
+        self._scope = Endoscope(colon, lens, surface=self._surface, response=Response(inertia=_INERTIA))
 
     def draw(self, glance: Glance) -> UInt8[np.ndarray, "size size 3"]:
-        """What the camera sees."""
-        lumen, view = self._wall(glance), self._around.field_of_view_deg
-        return tip_view(lumen, self._lens(glance), camera_axes(glance.frame), view, size=self._size, samples=1)
-
-    def _lens(self, glance: Glance) -> Float[np.ndarray, "3"]:
-        """Where the picture is drawn from."""
-        colon, arc = self._around.colon, glance.arc
-        line = colon.centreline
-        moved = self._moved if glance.displacement is not None else None
-        tip, radius = glance.tip, colon.radius
+        """What the camera sees; the wall makes room for the tip."""
+        surface = self._surface
         if glance.widths is not None:
-            rows = np.linspace(0.0, line.length, len(glance.widths))
-            radius = radius * np.interp(line.arc, rows, glance.widths)[:, None]
-        if moved is None or glance.displacement is None:
-            return lens_inside(line.points, line.frames, line.arc, radius, tip, arc)
-        rest = moved.to_reference(glance.displacement, tip, arc)
-        rest = lens_inside(line.points, line.frames, line.arc, radius, rest, arc)
-        return moved.to_current(glance.displacement, rest, arc)
-
-    def _wall(self, glance: Glance) -> Surface:
-        """Wall around the tip, where it is now."""
-        lumen, line = self._around.colon.lumen, self._around.colon.centreline
-        near = (self._face_arcs > glance.arc - _BEHIND) & (self._face_arcs < glance.arc + _BEFORE)
-        used, faces = np.unique(lumen.faces[near], return_inverse=True)
-        points, arcs = lumen.vertices[used], self._arcs[used]
-        if glance.widths is not None:
-            middle = np.stack([np.interp(arcs, line.arc, line.points[:, axis]) for axis in range(3)], axis=1)
-            share = np.interp(arcs, np.linspace(0.0, line.length, len(glance.widths)), glance.widths)
-            points = middle + (points - middle) * share[:, None]
-        if glance.displacement is not None and self._moved is not None:
-            points = self._moved.to_current_all(glance.displacement, points, arcs)
-        return Surface(points, faces.reshape(-1, 3))
+            surface.widen(glance.widths)
+        if glance.displacement is not None and isinstance(surface, MovingSurface):
+            surface.move(glance.displacement)
+        surface.make_room(glance.tip, glance.frame[:, 2], glance.arc, self._around.radius)
+        return self._scope.picture(CameraPose.of_tip(glance.tip, glance.frame))
 
 
 class Painter:
@@ -143,6 +118,9 @@ class Painter:
 def _paint(camera: Camera, pipe: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent is interrupted, and closes the pipe
     eye = Eye(camera)
+    line = camera.around.colon.centreline
+    middle = len(line.arc) // 2
+    eye.draw(Glance(line.points[middle], line.frames[middle], float(line.arc[middle])))  # compiles
     pipe.send_bytes(b"ready")
     while True:
         try:

@@ -16,6 +16,7 @@ from haustra.envs.runs.outcome import LEFT_OUTSIDE
 from haustra.envs.sim.linear.single import LinearSingle
 from haustra.envs.sim.physics.hand import HAND_STIFFNESS
 from haustra.envs.sim.state import Controls
+from haustra.envs.view.picture.lens import lens_of
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
@@ -23,6 +24,8 @@ from haustra.models.wall import mesentery
 from haustra.models.wall.abdomen import DOWN
 from haustra.models.wall.lumen_table import axis_tables, lumen_table, seen_from, stack
 
+LENS_SIZE = 480
+"""Rows and columns that lenses are given at; pictures have their own [pixels]."""
 PUSH_RATE, ROLL_RATE = 0.06, math.radians(90.0)
 """Fastest push [m/s] and turn [rad/s] of the hand; engineering choices, those of episodes."""
 LEAST_INSERTION = 0.02
@@ -224,8 +227,7 @@ def scope_surroundings(colon: Colon, design: ScopeDesign, options: SceneOptions)
     if options.mesentery:
         axis = axis_tables(colon, options.abdomen)
         tables = stack([seen_from(axis, origin, axes)])
-    view = min(design.tip.field_of_view_deg, 170.0)
-    return Surroundings(colon, tables, origin, axes, design.diameter / 2, view)
+    return Surroundings(colon, tables, origin, axes, design.diameter / 2, lens_of(design.tip, LENS_SIZE, LENS_SIZE))
 
 
 def _levers(options: SceneOptions) -> tuple[Lever, ...]:

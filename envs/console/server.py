@@ -101,7 +101,8 @@ class Server:
             loop = asyncio.get_running_loop()
 
             def publish(what: str, message: bytes) -> None:
-                loop.call_soon_threadsafe(self._spread, what, message)
+                with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
+                    loop.call_soon_threadsafe(self._spread, what, message)
 
             self.source.start(publish)
             while not self.source.ready and not ends.is_set() and self.source.failed is None:
@@ -111,6 +112,7 @@ class Server:
             ready(self.url)
             await ends.wait()
         finally:
+            self.source.mute()
             for client in list(self._clients):
                 await client.socket.close(code=WSCloseCode.GOING_AWAY)
             await runner.cleanup()
@@ -136,7 +138,7 @@ class Server:
         return web.Response(text=self._page, content_type="text/html", headers=_HEADERS)
 
     async def _talk(self, request: web.Request) -> web.WebSocketResponse:
-        socket = web.WebSocketResponse(max_msg_size=LONGEST, heartbeat=5.0, compress=False)
+        socket = web.WebSocketResponse(max_msg_size=LONGEST, heartbeat=15.0, compress=False)
         await socket.prepare(request)
         client = _Client(socket)
         for number, scene in enumerate(self.source.scenes()):

@@ -29,7 +29,7 @@ WATCHDOG = 0.3
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 """Simulated time over time."""
 _MOST_BEHIND = 0.25
-"""Backlog that is given up instead of being caught up with [s]."""
+"""Backlog beyond this is given up instead of being caught up with [s]."""
 _REST = 0.002
 """Sleep of a loop that has nothing to do [s]."""
 
@@ -75,7 +75,7 @@ class View:
 
     def glance(self, row: Mapping[str, Any], frame: Mapping[str, Any], about: Any) -> None:
         """Ask for a picture, if none is being drawn."""
-        self.painter.ask(_glance(row, frame), about)
+        self.painter.ask(glance_at(row, frame), about)
 
     def picture(self) -> bytes | None:
         """A picture that is done."""
@@ -87,7 +87,8 @@ class View:
         return pack(header, {"jpeg": np.frombuffer(content, np.uint8)})
 
 
-def _glance(row: Mapping[str, Any], frame: Mapping[str, Any]) -> Glance:
+def glance_at(row: Mapping[str, Any], frame: Mapping[str, Any]) -> Glance:
+    """Where the camera is in a row and what is drawn with it."""
     given = {name: np.asarray(frame[name], float) for name in ("displacement", "widths") if name in frame}
     return Glance(np.asarray(row["tip"], float), np.asarray(row["tip_frame"], float), float(row["tip_arc"]), **given)
 
@@ -122,6 +123,10 @@ class Source(ABC):
         """Begin."""
         self._publish = publish
         self._thread.start()
+
+    def mute(self) -> None:
+        """Tell nobody any more."""
+        self._publish = lambda what, message: None
 
     def command(self, said: Mapping[str, Any], answer: Callable[[str], None] = lambda said: None) -> None:
         """Obey the page soon; `answer` is told what cannot be done."""
@@ -165,9 +170,9 @@ class Source(ABC):
                 now = time.perf_counter()
                 self._due += 0.0 if self.paused else (now - before) * self.speed
                 before = now
-                if self._due > _MOST_BEHIND * max(self.speed, 1.0):
-                    self.late += self._due
-                    self._due = 0.0
+                most = _MOST_BEHIND * max(self.speed, 1.0)
+                self.late += max(self._due - most, 0.0)
+                self._due = min(self._due, most)
                 gone = 0.0
                 if self.paused:
                     self._due = 0.0

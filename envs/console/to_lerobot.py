@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from haustra.envs.console.env import observed, observed_names
-from haustra.envs.console.film import Mp4, glance_at
+from haustra.envs.console.film import Mp4
 from haustra.envs.console.painter import Camera, Eye
 from haustra.envs.console.recording import COLON, FRAME_RATE, Recording
-from haustra.envs.console.source import moment
+from haustra.envs.console.source import glance_at, moment
 from haustra.envs.console.to_minari import _row
 from haustra.envs.console.vehicles import surroundings
 from haustra.errors import InvalidOptionError, MissingDependencyError

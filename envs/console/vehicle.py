@@ -9,6 +9,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.view.picture.lens import Lens
 from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.wall.lumen_table import Tables
@@ -73,8 +74,8 @@ class Surroundings:
     axes: Float[np.ndarray, "3 3"]
     radius: float
     """Radius of the device [m]."""
-    field_of_view_deg: float
-    """Full angle of its camera [degrees]."""
+    lens: Lens
+    """Lens of its camera."""
 
 
 class Grasp(NamedTuple):

@@ -45,8 +45,8 @@ class EndoscopistSettings:
 
     look_ahead: float = number("m", 0.005, 0.5, default=0.045)
     """Distance ahead of the tip of the lumen that it is steered towards [m]."""
-    advance_rate: float = number("m/s", 1e-4, 1.0, default=0.02)
-    """Insertion speed in free lumen [m/s]: 0.9 m in 45 s of motion; a whole insertion takes 5 to 15 min (Shah 2000)."""
+    advance_rate: float = number("m/s", 1e-4, 1.0, default=0.03)
+    """Insertion speed in free lumen [m/s]: 0.9 m in 30 s of motion; a whole insertion takes 5 to 15 min (Shah 2000)."""
     steer_gain: float = number("1/s", 0.0, 100.0, default=3.0)
     """Bending rate per angle off the lumen's axis [1/s]."""
     steer_limit_deg: float = number("degrees", 1.0, 360.0, default=130.0)
@@ -64,25 +64,25 @@ class EndoscopistSettings:
     """Pull at which withdrawal stands still [N]."""
     torque_limit: float = number("N m", 1e-3, 10.0, default=0.8)
     """Torque at which turning stands still [N m]."""
-    withdraw_rate: float = number("m/s", 1e-4, 1.0, default=0.03)
+    withdraw_rate: float = number("m/s", 1e-4, 1.0, default=0.04)
     """Speed of pulling back [m/s]."""
-    lost_shaft: float = number("m", 0.005, 1.0, default=0.08)
+    lost_shaft: float = number("m", 0.005, 1.0, default=0.12)
     """Shaft that goes in without lumen passing before a loop is felt [m]."""
-    new_colon: float = number("m", 0.01, 2.0, default=0.14)
+    new_colon: float = number("m", 0.01, 2.0, default=0.25)
     """New colon after which the shaft is straightened in any case [m]."""
     slip: float = number("m", 1e-3, 0.5, default=0.03)
     """Lumen that slips away before pulling back ends [m]."""
     least_pull: float = number("m", 1e-3, 0.5, default=0.04)
     """Pulling back goes at least this far [m]."""
-    most_pull: float = number("m", 1e-2, 2.0, default=0.2)
+    most_pull: float = number("m", 1e-2, 2.0, default=0.25)
     """And at most this far [m]."""
-    twist: float = number("rad", 0.0, 4 * math.pi, default=math.radians(120))
+    twist: float = number("rad", 0.0, 4 * math.pi, default=math.radians(200))
     """Angle that the shaft is turned through while pulling back, clockwise first [rad]."""
     roll_rate: float = number("rad/s", 0.01, 50.0, default=math.radians(60))
     """Rate of turning [rad/s]."""
-    patience: float = number("s", 0.1, 600.0, default=4.0)
+    patience: float = number("s", 0.1, 600.0, default=8.0)
     """Time without lumen passing after which something else is tried [s]."""
-    rest: float = number("s", 0.0, 600.0, default=4.0)
+    rest: float = number("s", 0.0, 600.0, default=6.0)
     """Rest after each manoeuvre [s]."""
     jiggle: float = number("m", 0.0, 0.2, default=0.015)
     """Half the stroke of jiggling [m]."""
@@ -185,14 +185,16 @@ def rules(
     since = xp.where(changed, time, memory.since)
     begins = gives_up | rested
     held, moved, mark = (xp.where(begins, new, old) for new, old in ((arc, held), (time, moved), (shaft, mark)))
-    straight = xp.where(over, arc, memory.straight_arc)
+    straight = xp.where(over, best, memory.straight_arc)
     odd = attempts - 2 * xp.floor(attempts / 2)
     turn = own.twist * xp.where(odd == 1.0, -1.0, 1.0)
     roll_goal = xp.where(gives_up & ~jiggles, turn, xp.where(rested & (attempts == 0), 0.0, memory.roll_goal))
     asked = xp.floor(attempts / 3)
     assist = asked - len(ASSISTANT) * xp.floor(asked / len(ASSISTANT))
     # How the hand moves.
-    limit = xp.minimum(own.gentle_force + own.firmer * attempts, own.firm_force)
+    # Firm for a moment before it gives up, and only where something has failed already.
+    firmly = xp.where(time - moved > 0.75 * own.patience, own.firmer * attempts, 0.0)
+    limit = xp.minimum(own.gentle_force + firmly, own.firm_force)
     rate = own.advance_rate * xp.clip(3 * (1 - force / limit), 0.0, 1.0)
     rate = xp.where(mode == _PULL, -own.withdraw_rate * xp.clip(3 * (1 + force / own.pull_force), 0.0, 1.0), rate)
     stroke = own.jiggle * own.jiggle_rate

@@ -66,18 +66,19 @@ def imitate(
                 seen = task.reset(np.flatnonzero(over))
                 teacher.begin(over)
                 pupil = np.where(over, random.random(task.worlds) < own, pupil)
-        loss = _fit(mean_action, optimiser, np.concatenate(views), np.concatenate(answers), random)
+        loss = fit(mean_action, optimiser, np.concatenate(views), np.concatenate(answers), random)
         progress((turn + 1) * per_round * task.worlds, loss)
     return loss
 
 
-def _fit(
+def fit(
     mean_action: Callable[[torch.Tensor], torch.Tensor],
     optimiser: torch.optim.Optimizer,
     views: np.ndarray,
     answers: np.ndarray,
     random: np.random.Generator,
 ) -> float:
+    """Fit a policy to answers by some passes in random batches; the last batch's mean squared error."""
     seen, wanted = torch.as_tensor(views), torch.as_tensor(answers)
     loss = torch.tensor(float("nan"))
     for _ in range(_EPOCHS):

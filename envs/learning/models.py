@@ -9,6 +9,7 @@ from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.vec_env import VecNormalize
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 
+from haustra.envs.learning.demonstrations import clone, load_demonstrations
 from haustra.envs.learning.imitate import imitate
 from haustra.envs.learning.policy import MlpPolicy
 from haustra.envs.learning.settings import Training
@@ -114,7 +115,7 @@ def policy_of(model: Any, training: Training, about: dict[str, Any], worlds: Any
 
 
 def warm_up(model: Any, training: Training, task: ScopeTask, progress: Any) -> None:
-    """Learn from the follower before learning from reward."""
+    """Learn from the follower, or from demonstrations, before learning from reward."""
     device = model.device
     if training.algorithm == "ppo":
         policy = model.policy
@@ -130,6 +131,14 @@ def warm_up(model: Any, training: Training, task: ScopeTask, progress: Any) -> N
             return torch.tanh(actor.mu(actor.latent_pi(seen.to(device)))).cpu()
 
         parameters = [*actor.latent_pi.parameters(), *actor.mu.parameters()]
+    if training.demonstrations is not None:
+        shown = load_demonstrations(Path(training.demonstrations), training.task)
+
+        def tell(done: int, loss: float) -> None:
+            progress(0, f"learning from {shown.episodes} demonstrations: {done} rounds, error {loss:.3f}")
+
+        clone(mean, parameters, shown, seed=training.seed, progress=tell)
+        return
     imitate(
         mean,
         parameters,
@@ -145,6 +154,6 @@ def hold_actor(model: Any, training: Training, leg: int) -> None:
     if training.algorithm != "ppo":
         return
     policy = model.policy
-    held = bool(training.imitate) and leg == 0 and training.steps > training.leg
+    held = bool(training.imitate or training.demonstrations) and leg == 0 and training.steps > training.leg
     for part in (*policy.mlp_extractor.policy_net.parameters(), *policy.action_net.parameters(), policy.log_std):
         part.requires_grad_(not held)

@@ -38,6 +38,8 @@ class Training:
     """Seed of all random draws."""
     imitate: int = whole(0, 10**12, default=60_000)
     """Number of steps in which the policy first learns from the lumen follower, driving itself (DAgger); 0 for none."""
+    demonstrations: str | None = None
+    """Folder of recordings of episodes that the policy first learns from (behaviour cloning), instead of `imitate`."""
     layers: tuple[int, ...] = several("1", 1, 8192, default=(128, 128), least=1, most=16, whole=True)
     """Widths of the networks' hidden layers."""
     learning_rate: float = number("1", 1e-9, 1.0, default=3e-4)
@@ -75,7 +77,9 @@ class Training:
         require_declared(self)
         if set(sizes(self.task)) & set(IN_BYTES):
             raise InvalidOptionError("The shipped training has no network for pictures: choose state, lumen or dict.")
-        if self.normalise and (self.imitate or self.algorithm != "ppo"):
+        if self.demonstrations is not None and self.imitate:
+            raise InvalidOptionError("A policy first learns from demonstrations or by imitate: set imitate to 0.")
+        if self.normalise and (self.imitate or self.demonstrations or self.algorithm != "ppo"):
             raise InvalidOptionError("normalise is for PPO without imitation, which learns from bare observations.")
         if self.ease and self.ease[0] < self.task.limits.perforation_force:
             raise InvalidOptionError(

@@ -123,7 +123,7 @@ class _Run:
         self.leg = 0
         if document is None:
             write_json(folder / "training.json", training.to_json())
-            if training.imitate:
+            if training.imitate or training.demonstrations:
                 warm_up(self.model, training, task, progress)
         else:
             restore(folder, self.model, document)

@@ -51,7 +51,7 @@ class ClinicWatch:
         self._looks: list[tuple[np.ndarray, ...]] = []
         self._loops: list[list[frozenset[LoopKind]]] = [[] for _ in patients]
         self._loop_times: list[np.ndarray] = []
-        self._pain = np.zeros((worlds, len(_SITES)))
+        self._hurting = np.zeros((worlds, len(_SITES)))
         self._tension = np.zeros(worlds)
         self._assist = np.zeros(worlds)
         self._own = self._mesentery()
@@ -123,7 +123,8 @@ class ClinicWatch:
         return own, np.array(radii), arcs
 
     def _look_for_pain(self, seen: Any) -> None:
-        """Note the largest tension over what hurts each patient, at each site."""
+        """Count for how long tension has hurt each patient at each site [s]."""
+        going = seen.time > (self._looks[-1 - _LOOPS_EVERY][0] if len(self._looks) > _LOOPS_EVERY else 0.0)
         own, radius, arcs = self._own
         wall_limit, mesentery_limit = (
             np.array([patient.values[name] for patient in self._patients])[:, None]
@@ -137,9 +138,11 @@ class ClinicWatch:
         near = clinic_number("flexure_site")
         for column, site in enumerate(_SITES):
             low, high = self._site(site, near)
+            hurt = np.zeros(len(low), bool)
             for places, hurts in each:
                 inside = (places >= low[:, None]) & (places < high[:, None])
-                self._pain[:, column] = np.maximum(self._pain[:, column], np.where(inside, hurts, 0.0).max(axis=1))
+                hurt |= (inside & (hurts > 1)).any(axis=1)
+            self._hurting[:, column] += SECONDS * _LOOPS_EVERY * (hurt & going)
 
     def _site(self, site: str, near: float) -> tuple[np.ndarray, np.ndarray]:
         if site == "sigmoid":
@@ -167,7 +170,7 @@ class ClinicWatch:
             f"axial_{name}_N": float(np.abs(force[segment == index]).mean()) if (segment == index).any() else None
             for index, name in enumerate(SEGMENTS)
         }
-        hurts = self._pain[world] > 1
+        hurts = self._hurting[world] >= clinic_number("pain_lasts")
         return {
             "sex": self._patients[world].sex,
             "reach": float(min(arc.max() / length, 1.0)),

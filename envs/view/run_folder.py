@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from haustra.envs.console.motion import MOTION, write_motion
 from haustra.envs.runs.insertion import Insertion
 from haustra.envs.runs.measure.injury import stations_of
 from haustra.envs.runs.measure.scores import score
@@ -54,8 +55,8 @@ def write_run(
     The numerical error is that of the run itself where it was measured, otherwise that of other runs of its kind.
 
     A run that was there is replaced as a whole. Files: scores.json, trajectory.npz, scene.xml, outside.png, tip.png,
-    forces.png, injury.png, report.html; of a scope that was withdrawn also inspection.png and withdrawal.npz, and
-    what was left of the colon by a treatment in the folder `after`.
+    forces.png, injury.png, motion.json, report.html; of a scope that was withdrawn also inspection.png and
+    withdrawal.npz, and what was left of the colon by a treatment in the folder `after`.
 
     Raises:
         OutputError: when the folder cannot be written to.
@@ -86,6 +87,7 @@ def write_run(
             save_colon(treatment.after(), folder / AFTER)
         scene.save(place / "scene.xml")
         _draw(place, scene, run, left.colon, scores)
+        write_motion(place / MOTION, scene, run.trajectory)
         write_json(place / "scores.json", scores)
         report_run(place)
     return scores

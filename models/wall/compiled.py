@@ -25,7 +25,7 @@ from haustra.models.wall import (
     sections,
     vectors,
 )
-from haustra.models.wall.indentation import REACH, reached
+from haustra.models.wall.indentation import FALL, reached
 from haustra.models.wall.law import soft_numbers
 from haustra.models.wall.lumen_table import axis_point, query_point
 from haustra.models.wall.moving_colon import (
@@ -214,12 +214,15 @@ def _follow(places: Any, stations: Any, reach: int, found: Any) -> None:
         last = found[p]
 
 
-def _indent(places: Any, at: Any, arcs: Any, middles: Any, radius: float, first: int, last: int, vertices: Any) -> None:
+def _indent(
+    places: Any, at: Any, tops: Any, arcs: Any, middles: Any, radius: float, first: int, last: int, vertices: Any
+) -> None:
     """Move some vertices of a surface out of a device's way (`indentation.reached`).
 
     Args:
         places: of the device's axis (1, places, 3) [m].
         at: arc length of each [m].
+        tops: how far from the centreline its tent stands there [m] (`indentation.tops`).
         arcs: of each vertex [m].
         middles: place of the centreline beside each vertex (1, vertices, 3) [m].
         radius: of the device [m].
@@ -235,7 +238,7 @@ def _indent(places: Any, at: Any, arcs: Any, middles: Any, radius: float, first:
         far = length
         if arcs[v] > ANUS:  # the lid there is no wall: the device comes in through it
             for p in range(len(at)):
-                if abs(at[p] - arcs[v]) < REACH:
+                if tops[p] - FALL * abs(at[p] - arcs[v]) > far:
                     far = max(far, reached(np, minus(_node(places, 0, p), middle), ray, radius))
         if far > length:
             _put(vertices, 0, v, add(middle, times(far, ray)))

@@ -21,8 +21,8 @@ GAP = 5e-4
 are 4.5 mm long."""
 SLOPE = 0.5
 """How steeply the indented wall rises beside the device [1]; engineering choice, so that no triangle turns over."""
-REACH = 0.08
-"""The tent over a place of the device reaches no farther along the colon than this [m]: 40 mm high at that slope."""
+FALL = SLOPE / 2
+"""A tent falls at least so steeply along the colon, on the inside of bends too [1]; engineering choice."""
 _WINDOW = 0.03
 """A place of the device is next to a station at most so far from the place before it [m]."""
 
@@ -46,7 +46,9 @@ def indented(
     places, at = along_device(path, line.points, line.arc, APART)
     middles = np.column_stack([np.interp(arcs, line.arc, line.points[:, axis]) for axis in range(3)])
     vertices = colon.lumen.vertices.copy()
-    loops().indent(places[None], at, arcs, middles[None], radius + GAP, 0, len(vertices), vertices[None])
+    beside = np.column_stack([np.interp(at, line.arc, line.points[:, axis]) for axis in range(3)])
+    about = places[None], at, tops(places, beside, radius + GAP), arcs, middles[None]
+    loops().indent(*about, radius + GAP, 0, len(vertices), vertices[None])
     return replace(colon, lumen=Surface(vertices, colon.lumen.faces))
 
 
@@ -74,6 +76,19 @@ def along_device(
         places[None], np.ascontiguousarray(stations)[None], int(np.ceil(_WINDOW / (arcs[1] - arcs[0]))), found
     )
     return places, arcs[found]
+
+
+def tops(
+    places: Float[np.ndarray, "places 3"], beside: Float[np.ndarray, "places 3"], radius: float
+) -> Float[np.ndarray, " places"]:
+    """How far from the centreline the tents over places of a device stand at most [m].
+
+    Args:
+        places: of the device's axis [m].
+        beside: of the centreline beside them [m].
+        radius: of the device [m].
+    """
+    return np.linalg.norm(places - beside, axis=1) + np.sqrt(1 + SLOPE**2) * radius
 
 
 def reached(xp: Any, away: Vector, ray: Vector, radius: Any) -> Any:

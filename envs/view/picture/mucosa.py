@@ -22,6 +22,8 @@ ORIFICE, VALVE = range(2)
 _RED, _GREEN, _BLUE = 0.16, 1.05, 1.25
 """How strongly blood takes red, green and blue [1 per unit of blood]; oxygenated haemoglobin takes far more of green
 and blue than of red (Prahl, molar extinction), of which broad filters and scattering leave less; engineering choice."""
+_FINE = 1.6e-4
+"""Fine vessels and ripples are drawn where a pixel sees less of the wall than this [m]."""
 _DEEP = 0.12
 """Distance over which light that other wall has sent on turns red [m]; engineering choice."""
 _PALE = 0.94, 0.86, 0.74
@@ -133,8 +135,8 @@ def shade(
             presence = min(max(2.6 * bend - 0.55, 0.0), 1.0)
             vessels = 1.0 * trunk * presence
             gx, gy, gz = 0.0, 0.0, 0.0
-            if size < 4e-4:  # what is finer than a pixel is not drawn
-                clear = 1 - size / 4e-4
+            if size < _FINE:  # what is finer than a pixel is not drawn
+                clear = 1 - size / _FINE
                 fine, _, _, _ = noise(lattice, wx * 210.0 + 5.5, wy * 210.0 + 0.6, wz * 210.0 + 9.4)
                 blurred = size * 210.0 * 0.7
                 vessels += 0.6 * clear * np.exp(-(((fine - 0.5) / (0.045 + blurred)) ** 2)) * min(2 * presence, 1.0)
@@ -223,7 +225,7 @@ def shade(
                 lx, ly, lz = lx * scale, ly * scale, lz * scale
                 power = share * np.exp(-spread * (1 - lz)) / square
                 facing = mx * lx + my * ly + mz * lz
-                diffuse += power * max((facing + 0.15) / 1.15, 0.0)
+                diffuse += power * max((facing + 0.15) / 1.15, 0.03)
                 hx, hy, hz = lx - dx, ly - dy, lz - dz
                 scale = 1 / np.sqrt(hx * hx + hy * hy + hz * hz)
                 shine = max((mx * hx + my * hy + mz * hz) * scale, 0.0)

@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 
 from haustra.models.anatomy.colon import Colon, Surface
 from haustra.models.wall.compiled import loops
-from haustra.models.wall.indentation import GAP, REACH, along_device
+from haustra.models.wall.indentation import FALL, GAP, along_device, tops
 from haustra.models.wall.lumen_table import Tables, axis_at
 from haustra.models.wall.moving_colon import AT_REST, AxisShape, node_cell
 from haustra.models.wall.signed_distance import surface_arcs
@@ -90,9 +90,11 @@ class ColonSurface(LumenSurface):
         """Take a colon, where it is."""
         self.colon, self.line = colon, colon.centreline.points
         """The colon as it was given, and where the stations of its centreline are now [m]."""
-        self._device: tuple[np.ndarray, np.ndarray, float] | None = None
+        self._device: tuple[np.ndarray, np.ndarray, np.ndarray, float] | None = None
         super().__init__(colon.lumen, surface_arcs(colon))
         self._placed, self._fresh = self.vertices.copy(), np.zeros(self.count, bool)
+        wide = np.linalg.norm(self.vertices - self._line_at(self.arcs), axis=1)
+        self._narrow = np.minimum.reduceat(wide, self.ends[:-1]) / 2  # sections may flatten, and be placed anew
 
     def place(self, vertices: Float[np.ndarray, "vertices 3"]) -> None:
         """As `LumenSurface.place`; the centreline stays."""
@@ -101,9 +103,18 @@ class ColonSurface(LumenSurface):
         self._fresh[:] = False
 
     def indent(self, path: Float[np.ndarray, "nodes 3"], radius: float) -> None:
-        """Keep the wall off a device along `path`, from the anus to where it ends [m], of that radius [m]."""
+        """Keep the wall off a device of that radius [m] along `path`, from the anus on [m]; off none if it is empty."""
+        self._device = None
+        self._fresh[:] = False
         if len(path) > 1:
             self._keep_off(*along_device(path, self.line, self.colon.centreline.arc, _APART), radius)
+
+    def widen(self, widths: Float[np.ndarray, " places"]) -> None:
+        """Let the lumen be so wide at even arc lengths, over that at rest [1], as gas holds it."""
+        self._stretch(
+            np.interp(self.arcs, np.linspace(0.0, self.colon.centreline.length, len(widths)), widths)[:, None]
+        )
+        self._fresh[:] = False
 
     def make_room(self, tip: Float[np.ndarray, "3"], ahead: Float[np.ndarray, "3"], arc: float, radius: float) -> None:
         """Keep the wall off a tip of that radius [m] that ends there and points ahead, at that arc length [m]."""
@@ -117,25 +128,32 @@ class ColonSurface(LumenSurface):
         first, last = int(self.ends[stretch]), int(self.ends[stretch + 1])
         self._carry(first, last)
         if self._device is not None:
-            places, at, radius = self._device
-            near = np.abs(at - self.arcs[first]) < REACH + 2 * STRETCH
+            places, at, top, radius = self._device
+            near = top - FALL * (np.abs(at - self.arcs[first]) - 2 * STRETCH) > self._narrow[stretch]
             if near.any():
-                now = self._beside(first, last)[None], radius, 0, last - first, self.vertices[None, first:last]
-                loops().indent(places[None, near], at[near], self.arcs[first:last], *now)
+                middles = self._line_at(self.arcs[first:last])[None]
+                now = self.arcs[first:last], middles, radius, 0, last - first, self.vertices[None, first:last]
+                loops().indent(places[None, near], at[near], top[near], *now)
         self._fresh[stretch] = True
 
     def _keep_off(self, places: np.ndarray, arcs: np.ndarray, radius: float) -> None:
-        self._device = np.ascontiguousarray(places), np.ascontiguousarray(arcs), radius + GAP
+        high = tops(places, self._line_at(arcs), radius + GAP)
+        self._device = np.ascontiguousarray(places), np.ascontiguousarray(arcs), high, radius + GAP
         self._fresh[:] = False
+
+    def _stretch(self, share: np.ndarray) -> None:
+        """Let vertices stand off the centreline by a share of what they do at rest."""
+        middle = self._beside(0, len(self.arcs))
+        self._placed = middle + (self.rest - middle) * share
 
     def _carry(self, first: int, last: int) -> None:
         """Take some vertices to where they would be without a device."""
         self.vertices[first:last] = self._placed[first:last]
 
-    def _beside(self, first: int, last: int) -> np.ndarray:
-        """Places of the centreline beside some vertices."""
-        arcs, line = self.arcs[first:last], self.colon.centreline
-        return np.column_stack([np.interp(arcs, line.arc, self.line[:, axis]) for axis in range(3)])
+    def _line_at(self, arcs: np.ndarray) -> np.ndarray:
+        """Places of the centreline at arc lengths, where it is now."""
+        along = self.colon.centreline.arc
+        return np.column_stack([np.interp(arcs, along, self.line[:, axis]) for axis in range(3)])
 
 
 class MovingSurface(ColonSurface):
@@ -152,7 +170,7 @@ class MovingSurface(ColonSurface):
         self._cells = node_cell(np, spacing, nodes, self.arcs)
         self._way = node_cell(np, spacing, nodes, self._line.arc)
         self._still = np.asarray(axis_at(np, tables, self.arcs[None]))
-        self._lever = np.ascontiguousarray(((self.rest - origin) @ axes)[None] - self._still)
+        self._lever = self._slim = np.ascontiguousarray(((self.rest - origin) @ axes)[None] - self._still)
         self._axes = np.column_stack([axes, origin])
         one, each, edge = np.zeros((1, nodes)), np.zeros((1, nodes, 3)), np.zeros((1, nodes - 1, 3))
         turns = np.zeros((1, nodes, 4))
@@ -171,6 +189,9 @@ class MovingSurface(ColonSurface):
         at = np.clip(np.searchsorted(self._line.arc, (begin + end) / 2), 0, len(self.line) - 1)
         self._middles, self._reaches = self.line[at], self._wide + STRETCH + _ROOM
         self._fresh[:] = False
+
+    def _stretch(self, share: np.ndarray) -> None:
+        self._lever = np.ascontiguousarray(self._slim * share)
 
     def _carry(self, first: int, last: int) -> None:
         about = self._pose, self._shape, *self._cells, self._still, self._lever, self._axes

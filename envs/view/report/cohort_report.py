@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from haustra.envs.study.cohort_causes import causes
 from haustra.envs.study.cohort_table import GROUP, Observable, Published, observables, published, rows_of, verdicts
 from haustra.envs.study.store import SweepStore
 from haustra.files import write_atomically, write_json
@@ -35,7 +36,9 @@ def write_cohort(store: SweepStore, folder: Path, *, seconds: float | None = Non
         "found": {" ".join(key): [one.to_json() for one in each] for key, each in found.items()},
     }
     write_json(numbers, about)
+    driver, device = next(iter(found))
     text = cohort_page(found, about, image=figure.name)
+    text += causes_table(store, found[driver, device], driver=driver, device=device)
     write_atomically(page, lambda path: path.write_text(text, encoding="utf-8"))
     return {"page": page, "figure": figure, "numbers": numbers}
 
@@ -68,6 +71,32 @@ def cohort_page(
         "",
     ]
     return "\n".join(lines)
+
+
+def causes_table(store: SweepStore, found: Sequence[Observable], *, driver: str, device: str) -> str:
+    """What moves the observables that are outside, as Markdown; nothing where too few patients tell."""
+    lines = []
+    for about, one in zip(published(), found, strict=True):
+        if one.inside is not False:
+            continue
+        for cause in causes(store, about, driver=driver, device=device):
+            said = "yes" if cause.allowed else "no"
+            numbers = f"{cause.correlation:+.2f} | {cause.low:.3g} | {cause.high:.3g} | {said}"
+            lines.append(f"| {about.name} | {cause.variable} | {numbers} |")
+    if not lines:
+        return ""
+    return "\n".join(
+        (
+            f"\n## What moves those outside ({driver}, {device})\n",
+            "Rank correlation over patients with their numbers, the strongest three; means in the lowest and the",
+            "highest third of the number, or of patients with and without a trait; and whether either third alone is",
+            "inside, so that a value within the sourced range would do.\n",
+            "| observable | number | correlation | lowest third | highest third | inside somewhere |",
+            "|---|---|---|---|---|---|",
+            *lines,
+            "",
+        )
+    )
 
 
 def _cell(one: Observable) -> str:

@@ -1,14 +1,27 @@
 """One HTML file that works offline: scripts, styles and pictures are inside it."""
 
 import base64
+import json
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from html import escape
 from importlib.resources import files
 from pathlib import Path
 
+from haustra.envs.console.motion import player_script
 from haustra.envs.view.report.chart import chart_html, figure_html, plotly_script
-from haustra.envs.view.report.sections import Chart, Gallery, Highlights, Picture, Plot, Section, Table, Text, Warnings
+from haustra.envs.view.report.sections import (
+    Chart,
+    Gallery,
+    Highlights,
+    Picture,
+    Player,
+    Plot,
+    Section,
+    Table,
+    Text,
+    Warnings,
+)
 from haustra.errors import UnreadableFileError
 from haustra.files import write_atomically
 
@@ -52,6 +65,8 @@ def _section(section: Section, index: int) -> str:
     match section:
         case Highlights():
             return _highlights(section)
+        case Player():
+            return _titled(section.title, _player(section))
         case Text():
             paragraphs = "".join(f"<p>{escape(paragraph)}</p>" for paragraph in section.paragraphs)
             return _titled(section.title, paragraphs)
@@ -69,6 +84,14 @@ def _section(section: Section, index: int) -> str:
             return _titled(section.title, chart_html(section, f"chart-{index}"))
         case Plot():
             return _titled(section.title, figure_html(section.figure, f"chart-{index}") + _note(section.note))
+
+
+def _player(section: Player) -> str:
+    motion = json.dumps(list(section.motion)).replace("<", "\\u003c")
+    return (
+        f'<div class="player"><script type="application/json">{motion}</script></div>{_note(section.note)}'
+        f"<script>{player_script()}</script>"
+    )
 
 
 def _titled(title: str, content: str) -> str:

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.console.motion import MOTION
 from haustra.envs.view.report.page import write_report
-from haustra.envs.view.report.sections import Chart, Gallery, Highlights, Picture, Section, Table, Warnings
+from haustra.envs.view.report.sections import Chart, Gallery, Highlights, Picture, Player, Section, Table, Warnings
 from haustra.envs.view.report.values import flat, name_and_unit, provenance_table, score_table, shown
 from haustra.errors import UnreadableFileError
 from haustra.provenance import file_hash
@@ -81,6 +82,7 @@ def report_run(folder: Path) -> Path:
         raise UnreadableFileError(f"The files in '{folder}' are of two runs: run it again, into a new folder.")
     sections: list[Section] = [Highlights(_highlights(scores))]
     sections.append(Warnings([str(message) for message in scores.get("warnings", ())]))
+    sections += _player(folder / MOTION)
     if pictures := _pictures(folder):
         sections.append(Gallery("The end of the run", pictures))
     if chart := _chart(folder / TRAJECTORY):
@@ -113,6 +115,16 @@ def _highlights(scores: Mapping[str, object]) -> dict[str, str]:
         for key, label in _HIGHLIGHTS.items()
         if key in scores
     }
+
+
+def _player(path: Path) -> list[Section]:
+    """The run as it went, where its folder holds that."""
+    if not path.is_file():
+        return []
+    motion = read_document(path, "motion of a run", largest=LARGEST_RECORD)
+    if not isinstance(motion, list) or not all(isinstance(one, str) for one in motion):
+        raise UnreadableFileError(f"'{path}' holds no motion of a run: run it again.")
+    return [Player("The run", motion, "Drag to turn. The wall is red where a link presses with 15 N or more.")]
 
 
 def _numerical_error(stated: object) -> list[Section]:

@@ -90,4 +90,15 @@ class Plot:
     """Plain text below it."""
 
 
-Section: TypeAlias = Highlights | Text | Warnings | Table | Picture | Gallery | Chart | Plot
+@dataclass(frozen=True)
+class Player:
+    """A run that a reader plays, turns and stops."""
+
+    title: str
+    motion: Sequence[str]
+    """Messages as `haustra.envs.console.motion` writes them."""
+    note: str = ""
+    """Plain text below it."""
+
+
+Section: TypeAlias = Highlights | Player | Text | Warnings | Table | Picture | Gallery | Chart | Plot

@@ -7,7 +7,7 @@ import numpy as np
 
 _SIZE, _SAMPLES = 320, 2
 """Rows and columns of a view [pixels], and how many times finer it is drawn along each side."""
-_SEED, _COLLAPSED = 5, 150.0
+_SEED, _COLLAPSED = 5, 700.0
 """Seed of the colon, and gas pressure at which one view is collapsed [Pa]."""
 
 
@@ -48,17 +48,19 @@ def draw(path: Path) -> Path:
     def within(name: str, share: float) -> float:
         return segments[name].start + share * (segments[name].end - segments[name].start)
 
-    def lesion(kind: str, shape: str, back: float) -> CameraPose:
+    def lesion(kind: str, shape: str, back: float, aside: float = 0.0) -> CameraPose:
         found = next(each for each in colon.lesions if each.kind == kind and each.type == shape)
         place, middle = np.array(found.position), line.points[station(found.arc)]
-        return towards(place + min(0.5 * found.extent, 0.004) * unit(middle - place), found.arc, back)
+        pose = towards(place + min(0.5 * found.extent, 0.004) * unit(middle - place), found.arc, back)
+        moved = pose.position + aside * unit(middle - place)
+        return CameraPose(moved, looking(place - moved, pose.rotation[:, 1]))
 
     orifice, valve = (row[1:4] for row in scope.appearance.landmarks)
     caecum, end = segments["caecum"].start, line.length
     views = {
         "anal canal, dentate line": along(0.004, 0.03),
         "rectum": along(0.07),
-        "sigmoid: diverticulum": lesion("diverticulum", "sac", 0.022),
+        "sigmoid: diverticulum": lesion("diverticulum", "sac", 0.012, 0.008),
         "descending: sessile polyp": lesion("polyp", "sessile", 0.024),
         "splenic flexure": along(within("descending", 0.93), 0.04),
         "transverse: taeniae, folds": along(within("transverse", 0.7)),
@@ -74,6 +76,7 @@ def draw(path: Path) -> Path:
     pictures = []
     for name, pose in views.items():
         surface.place(colon.lumen.vertices)
+        surface.indent(np.zeros((0, 3)), 0.0)
         scope.appearance.known[:, 3] = 0.0
         if name.startswith("blood"):
             wall = colon.lumen.vertices - bleeding
@@ -90,6 +93,7 @@ def draw(path: Path) -> Path:
             shrunk = np.empty_like(colon.lumen.vertices)
             shrunk[surface.order] = middles + share * (surface.rest - middles)
             surface.place(shrunk)
+            surface.make_room(pose.position, -pose.rotation[:, 2], within("descending", 0.2), 0.0064)
         fine = scope.picture(pose).reshape(_SIZE, _SAMPLES, _SIZE, _SAMPLES, 3)
         pictures.append((name, fine.mean(axis=(1, 3)).astype(np.uint8)))
     sheet = Image.new("RGB", (4 * _SIZE, 3 * _SIZE), "black")

@@ -32,4 +32,5 @@ def scope() -> dict[str, Any]:
 
 @pytest.fixture(scope="session")
 def capsule() -> dict[str, Any]:
-    return {"kind": "device", "device": load_device("capsule").describe(), "options": {}}
+    device: Any = replace(load_device("capsule"), led_by="wrench", tether_friction=0.0, tether_held=0.0)
+    return {"kind": "device", "device": device.describe(), "options": {}}

@@ -136,3 +136,43 @@ def test_a_demonstration_shows_what_a_learner_sees(episodes):
     assert one.about["seed"] == 6 and one.about["vehicle"]["policy"] == "follower"
     assert one.rows["observation"].dtype == np.float32
     assert len(one.rows["observation"]) == len(one.rows["levers"]) == 26
+
+
+def test_a_policy_learns_from_demonstrations_before_it_learns_from_rewards(episodes, tmp_path):
+    """What it does where the driver was is what the driver did, to a third of how much that varies."""
+    pytest.importorskip("stable_baselines3")
+    from dataclasses import replace
+
+    from haustra.envs.learning.demonstrations import load_demonstrations
+    from haustra.envs.learning.policy import load_policy
+    from haustra.envs.learning.settings import Training
+    from haustra.envs.learning.train import train
+    from haustra.envs.tasks.config import TaskConfig
+    from haustra.errors import InvalidOptionError
+    from tests.task_bank import short_bank
+
+    task = TaskConfig()
+    shown = load_demonstrations(episodes, task)
+    assert shown.episodes == 2 and shown.done.shape == (50, 4)
+    sizes = {
+        "steps": 64,
+        "leg": 64,
+        "worlds": 2,
+        "rollout": 16,
+        "batch": 32,
+        "epochs": 1,
+        "layers": (32,),
+        "imitate": 0,
+    }
+    training = Training(task=task, demonstrations=str(episodes), learning_rate=1e-9, **sizes)
+    train(training, tmp_path / "trained", bank=short_bank(), threads=1)
+    policy = load_policy(tmp_path / "trained")
+    value = shown.seen
+    for layer, (weight, bias) in enumerate(zip(policy.weights, policy.biases, strict=True)):
+        value = value @ weight.T + bias
+        value = np.tanh(value) if layer < len(policy.weights) - 1 else value
+    assert ((value - shown.done) ** 2).mean() < 0.33 * shown.done.var(axis=0).mean()
+    with pytest.raises(InvalidOptionError, match="set imitate to 0"):
+        replace(training, imitate=10)
+    with pytest.raises(InvalidOptionError, match="shows 45 numbers"):
+        load_demonstrations(episodes, replace(task, imager=True))

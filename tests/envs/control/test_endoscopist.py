@@ -116,14 +116,17 @@ def test_the_assistant_is_asked_when_attempts_have_failed_and_not_before():
 
 
 def test_it_pushes_harder_only_after_failing():
-    """Firm after attempts that failed, never beyond its firmest."""
+    """Firm after attempts that failed, for a moment before it gives up again, never beyond its firmest."""
     handle = _Handle()
-    memory = handle.memory
+    waits = np.array([-0.9 * handle.own.patience])
+    memory = handle.memory._replace(moved_time=waits)
     limits = []
     for attempts in (0.0, 1.0, 10.0):
         handle.memory = memory._replace(attempts=np.array([attempts]))
         force = handle.own.gentle_force + 1
         limits.append(handle.step(force=force) > 0)
     assert limits == [False, True, True]
+    handle.memory = memory._replace(attempts=np.array([1.0]), moved_time=np.zeros(1))
+    assert handle.step(force=handle.own.gentle_force + 1) == 0
     handle.memory = memory._replace(attempts=np.array([10.0]))
     assert handle.step(force=handle.own.firm_force) == 0

@@ -12,6 +12,7 @@ from haustra.envs.study.clinic_watch import pull_backs
 from haustra.envs.study.cohort import PRESETS, SCORES, cohort_study
 from haustra.envs.study.cohort_table import observables, published, verdicts, wilson
 from haustra.envs.study.patients import Patient, clinic_number, numbers, patient_variables, traits
+from haustra.envs.study.questions import find_backend
 from haustra.envs.study.sampling import designs_of, jobs_of
 from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.landmarks import SEGMENTS
@@ -131,3 +132,20 @@ def test_the_hand_may_do_far_more_than_the_bands():
     assert clinic_number("hand_push") >= 2 * bands["push_peak"][1]
     assert clinic_number("hand_torque") >= 2 * bands["torque_peak"][1]
     assert not {variable.name for variable in patient_variables()} & {"push_limit", "torque_limit"}
+
+
+def test_patients_are_examined_side_by_side_and_kept(tmp_path):
+    """Two patients for two seconds: advanced at the follower's pace, no loop yet, nothing torn; colons are kept."""
+    study = cohort_study("quick", drivers=("follower",), patients=2, seconds=2.0)
+    jobs = list(jobs_of(study, designs_of(study)))
+    found = {result.job: result for result in find_backend("cohort", "linear").start(study, tmp_path)(jobs)}
+    assert [found[job.id].state for job in jobs] == ["finished", "finished"]
+    for job in jobs:
+        patient, scores = Patient.of(job.variables), found[job.id].scores
+        assert set(scores) == {column.name for column in SCORES}
+        assert scores["sex"] == patient.sex and (patient.folder() / "colon.json").is_file()
+        assert scores["time_s"] == pytest.approx(2.0, abs=0.05)
+        assert 0.05 < found[job.id].curves["insertion_m"][-1] < 0.13
+        assert scores["caecum"] == scores["any_loop"] == scores["half_metre"] == 0
+        assert float(scores["p_perforation"] or 0.0) < 0.01
+        assert scores["axial_rectum_N"] != 0 and scores["axial_caecum_N"] is None

@@ -53,8 +53,10 @@ export class Outside {
 
   update({ vertices, shape, pressed, pain, gas }) {
     const place = this.colon.attributes.position;
-    place.array.set(vertices);
-    place.needsUpdate = true;
+    if (vertices) {
+      place.array.set(vertices);
+      place.needsUpdate = true;
+    }
     const values = { pressed, pain, gas }[this.shows] || pressed;
     const colours = this.colon.attributes.color, mixed = new Color();
     for (let i = 0; i < this.stations.length; i++) {
@@ -63,7 +65,7 @@ export class Outside {
       colours.setXYZ(i, mixed.r, mixed.g, mixed.b);
     }
     colours.needsUpdate = true;
-    this.colon.computeVertexNormals();
+    if (vertices || !this.colon.attributes.normal) this.colon.computeVertexNormals();
     this._tube(shape);
     this.draw();
   }
