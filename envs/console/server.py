@@ -26,6 +26,8 @@ except ImportError as error:  # pragma: no cover - what is missing is named
 
 LONGEST = 4096
 """Most that a page says at once [bytes]."""
+PATIENCE = 0.5
+"""A page that has not said for so long that it has drawn what it was sent is sent more [s]; engineering choice."""
 _HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
     "img-src blob: data:; connect-src 'self'",
@@ -46,12 +48,17 @@ def page() -> str:
 
 
 class _Client:
-    """One page; of what it has not been sent yet, the newest of each kind waits."""
+    """One page; of what it has not been sent yet, the newest of each kind waits.
+
+    A page that says what it has drawn is sent more only then: otherwise seconds of pictures would queue in the
+    buffers between a quick server and a slow browser, and hands would see the past.
+    """
 
     def __init__(self, socket: web.WebSocketResponse) -> None:
         self.socket = socket
         self._waiting: dict[str, bytes] = {}
-        self._woken = asyncio.Event()
+        self._woken, self._drawn = asyncio.Event(), asyncio.Event()
+        self._owed, self._says = 0, False
 
     def tell(self, what: str, message: bytes) -> None:
         self._waiting[what] = message
@@ -63,8 +70,19 @@ class _Client:
             await self._woken.wait()
             self._woken.clear()
             waiting, self._waiting = self._waiting, {}
+            self._drawn.clear()
             for message in waiting.values():
+                self._owed += 1
                 await self.socket.send_bytes(message)
+            if self._says and self._owed:
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(self._drawn.wait(), PATIENCE)
+
+    def drew(self) -> None:
+        """Hear that the page has drawn one more of what it was sent."""
+        self._says, self._owed = True, max(self._owed - 1, 0)
+        if not self._owed:
+            self._drawn.set()
 
 
 class Server:
@@ -173,6 +191,9 @@ class Server:
             said = None
         if not isinstance(said, dict):
             answer("that is no message")
+            return
+        if said.get("drawn") is True:
+            client.drew()
             return
         if client is self._clients[-1]:  # the page that came last has the hand
             self.source.command(said, answer)

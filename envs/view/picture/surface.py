@@ -143,7 +143,7 @@ class ColonSurface(LumenSurface):
 
     def _stretch(self, share: np.ndarray) -> None:
         """Let vertices stand off the centreline by a share of what they do at rest."""
-        middle = self._beside(0, len(self.arcs))
+        middle = self._line_at(self.arcs)
         self._placed = middle + (self.rest - middle) * share
 
     def _carry(self, first: int, last: int) -> None:

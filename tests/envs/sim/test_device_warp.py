@@ -128,7 +128,7 @@ def test_spheres_with_a_law_of_their_own_on_a_colon_that_moves_are_refused_by_na
     pytest.importorskip("warp", reason="MuJoCo Warp is not installed")
     scene = build_device_scene(capsule(Held), device_options(mesentery=True))
     with pytest.raises(UnsupportedSceneError, match="stiffness or friction of their own"):
-        load_device_worlds("warp", scene, device_tables(scene, COLONS[:1]))
+        load_device_worlds("warp", scene, device_tables(scene, list(COLONS[:1])))
 
 
 def test_an_unknown_backend_is_named() -> None:

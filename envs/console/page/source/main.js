@@ -105,7 +105,8 @@ class Console {
     this.socket = new WebSocket(`ws://${location.host}/socket?token=${encodeURIComponent(token)}`);
     this.socket.binaryType = "arraybuffer";
     this.socket.onopen = () => { this.veil.hidden = true; };
-    this.socket.onmessage = (event) => this.hear(unpack(event.data));
+    // The server sends more once this is drawn, so that nothing waits in between.
+    this.socket.onmessage = async (event) => { await this.hear(unpack(event.data)); this.say({ drawn: true }); };
     this.socket.onclose = () => {
       this.veil.textContent = "The connection is lost. The hand has let go; the drive waits.";
       this.veil.hidden = false;
@@ -138,7 +139,7 @@ class Console {
           this.echo = message.echo;
           this.stats.latencies = [...this.stats.latencies.slice(-999), performance.now() - message.echo];
         }
-        if (view) view.picture(message);
+        if (view) return view.picture(message);
         break;
       case "refused":
         this.stats.refused.push(message.say);

@@ -1,6 +1,6 @@
 // The colon with the device in it, from outside, that can be turned.
 import {
-  AmbientLight, BufferAttribute, BufferGeometry, Color, DirectionalLight, DoubleSide, Mesh, MeshStandardMaterial,
+  AmbientLight, BufferAttribute, BufferGeometry, Color, DirectionalLight, DoubleSide, Mesh, MeshLambertMaterial,
   PerspectiveCamera, Scene, Vector3, WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
@@ -9,12 +9,22 @@ const AROUND = 12; // corners of the device's rings
 const FLESH = new Color(0xe59a90), RED = new Color(0xd01510), BLUE = new Color(0x3355dd);
 const MOST = { pressed: 15, pain: 2, gas: 4000 }; // where colours end: N, 1, Pa
 
+// Whether WebGL is drawn by the processor, which then has better things to do than many and smooth pixels.
+const drawnBySoftware = () => {
+  const gl = document.createElement("canvas").getContext("webgl");
+  const about = gl && gl.getExtension("WEBGL_debug_renderer_info");
+  const name = about ? gl.getParameter(about.UNMASKED_RENDERER_WEBGL) : "";
+  if (gl && gl.getExtension("WEBGL_lose_context")) gl.getExtension("WEBGL_lose_context").loseContext();
+  return /swiftshader|llvmpipe|software|basic render/i.test(name);
+};
+
 export class Outside {
   constructor(canvas, scene) {
     this.canvas = canvas;
     this.shows = "pressed";
-    this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true });
-    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 1.5));
+    const slow = drawnBySoftware();
+    this.renderer = new WebGLRenderer({ canvas, antialias: !slow, alpha: true });
+    this.renderer.setPixelRatio(slow ? 0.5 : Math.min(window.devicePixelRatio, 1.5));
     this.scene = new Scene();
     this.scene.add(new AmbientLight(0xffffff, 1.6));
     this.light = new DirectionalLight(0xffffff, 1.8);
@@ -27,10 +37,10 @@ export class Outside {
     this.colon.setAttribute("position", new BufferAttribute(new Float32Array(rest), 3));
     this.colon.setAttribute("color", new BufferAttribute(new Float32Array(rest.length).fill(1), 3));
     this.colon.setIndex(new BufferAttribute(new Uint32Array(scene.arrays.faces), 1));
-    const wall = { vertexColors: true, transparent: true, depthWrite: false, roughness: 0.6, side: DoubleSide };
-    this.scene.add(new Mesh(this.colon, new MeshStandardMaterial({ ...wall, opacity: 0.38 })));
+    const wall = { vertexColors: true, transparent: true, depthWrite: false, side: DoubleSide };
+    this.scene.add(new Mesh(this.colon, new MeshLambertMaterial({ ...wall, opacity: 0.38 })));
     this.device = new BufferGeometry();
-    const skin = new Mesh(this.device, new MeshStandardMaterial({ vertexColors: true, roughness: 0.4 }));
+    const skin = new Mesh(this.device, new MeshLambertMaterial({ vertexColors: true }));
     skin.frustumCulled = false;
     skin.renderOrder = -1;
     this.scene.add(skin);
