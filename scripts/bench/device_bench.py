@@ -7,6 +7,8 @@ optics follow from the design by the laws that runs use.
 
 import math
 from collections.abc import Sequence
+from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 import mujoco
@@ -15,9 +17,6 @@ from jaxtyping import Float
 
 from haustra.envs.sim.physics.wires import yielded_pulls
 from haustra.models.devices.base import Device
-from haustra.models.devices.capsule.interface import Capsule
-from haustra.models.devices.capsule.magnet import PERMEABILITY
-from haustra.models.devices.inchworm.interface import PADS, Inchworm
 from haustra.models.devices.scope.cable import add_scope
 from haustra.models.devices.scope.cells import Cell, cut_into_cells
 from haustra.models.devices.scope.design import ScopeDesign
@@ -27,6 +26,7 @@ from haustra.models.devices.scope.wires import passed_part
 from haustra.models.devices.tracked.drive import drive_point
 from haustra.models.devices.tracked.interface import TrackedRobot
 from haustra.models.devices.vine.interface import Vine
+from haustra.scripts.bench.devices import row
 from haustra.scripts.bench.reference.chain import Load
 from haustra.scripts.bench.reference.rod import static_shape
 
@@ -65,15 +65,8 @@ def bench_device(device: Device) -> dict[str, Any]:
         return {"rows": [*found["rows"], *_growth(device)], "curves": found["curves"] | _growth_curves(device)}
     if isinstance(device, TrackedRobot):
         return _traction(device)
-    if isinstance(device, Capsule):
-        return _magnet(device)
-    if isinstance(device, Inchworm):
-        return _anchors(device)
-    return {"rows": [], "curves": {}}
-
-
-def _row(quantity: str, value: float | str | None, unit: str, published: str = "") -> dict[str, Any]:
-    return {"quantity": quantity, "value": value, "unit": unit, "published": published}
+    found = find_spec(f"haustra.scripts.bench.devices.{device.kind}")
+    return import_module(found.name).figures(device) if found else {"rows": [], "curves": {}}
 
 
 def _tube(design: ScopeDesign, *, wires: bool = True) -> dict[str, Any]:
@@ -86,22 +79,22 @@ def _tube(design: ScopeDesign, *, wires: bool = True) -> dict[str, Any]:
     loop = 2 * math.pi * LOOP_RADIUS
     gj_shaft = float(gj[shaft].mean()) / _CM2 / _PER_DEGREE
     rows = [
-        _row("largest insertion width (ISO 8600-4)", 1e3 * design.diameter, "mm"),
-        _row("EI of the shaft, least", float(ei[shaft].min()), "N cm^2", "260 to 400 (CF-140S, Wehrmeyer)"),
-        _row("EI of the shaft, largest", float(ei[shaft].max()), "N cm^2", "260 to 400"),
-        _row("EI of the bending section", float(ei[~shaft].mean()), "N cm^2"),
-        _row("GJ of the shaft, mean", float(gj[shaft].mean()), "N cm^2/deg", "68 to 88, mean 76"),
-        _row("GJ clockwise over anticlockwise", 1.0, "1", "0.9: the model has no handedness"),
-        _row("EI at 37 over 24 degrees", float((warm["EI_N_cm2"] / ei)[shaft].mean()), "1", "0.83"),
-        _row("GJ at 37 over 24 degrees", float((warm["GJ_N_cm2_deg"] / gj)[shaft].mean()), "1", "0.93"),
-        _row(
+        row("largest insertion width (ISO 8600-4)", 1e3 * design.diameter, "mm"),
+        row("EI of the shaft, least", float(ei[shaft].min()), "N cm^2", "260 to 400 (CF-140S, Wehrmeyer)"),
+        row("EI of the shaft, largest", float(ei[shaft].max()), "N cm^2", "260 to 400"),
+        row("EI of the bending section", float(ei[~shaft].mean()), "N cm^2"),
+        row("GJ of the shaft, mean", float(gj[shaft].mean()), "N cm^2/deg", "68 to 88, mean 76"),
+        row("GJ clockwise over anticlockwise", 1.0, "1", "0.9: the model has no handedness"),
+        row("EI at 37 over 24 degrees", float((warm["EI_N_cm2"] / ei)[shaft].mean()), "1", "0.83"),
+        row("GJ at 37 over 24 degrees", float((warm["GJ_N_cm2_deg"] / gj)[shaft].mean()), "1", "0.93"),
+        row(
             f"lag of the tip behind the handle through a loop of {1e3 * LOOP_RADIUS:.0f} mm at {TIP_TORQUE:g} N m",
             math.degrees(TIP_TORQUE * loop / gj_shaft),
             "degrees",
         ),
-        _row("torque at the tip over that at the handle, loop without friction", 1.0, "1"),
-        _row("least bend radius, bending section", 1e3 * _bend_radius(design), "mm"),
-        _row("buckling force of 0.2 m free, pinned", float(np.interp(0.2, lengths, buckling)), "N", "8.1 (EI 0.033)"),
+        row("torque at the tip over that at the handle, loop without friction", 1.0, "1"),
+        row("least bend radius, bending section", 1e3 * _bend_radius(design), "mm"),
+        row("buckling force of 0.2 m free, pinned", float(np.interp(0.2, lengths, buckling)), "N", "8.1 (EI 0.033)"),
         *_optics(design),
     ]
     curves = {
@@ -115,12 +108,10 @@ def _tube(design: ScopeDesign, *, wires: bool = True) -> dict[str, Any]:
         up, down = tip[:half], np.interp(knob[:half], knob[half:][::-1], tip[half:][::-1])
         idle = np.abs(knob[:half])[np.maximum(np.abs(up), np.abs(down)) < _STILL_DEG]
         rows += [
-            _row("tip force, bent by 90 degrees", float(np.interp(90.0, angle, force)), "N"),
-            _row(
-                "largest tip angle", float(np.abs(tip).max()), "degrees", "2 of 20 used scopes reach the stated angle"
-            ),
-            _row("hysteresis of the tip, largest", float(np.abs(up - down).max()), "degrees"),
-            _row("slack of the knob, either way", float(idle.max(initial=0.0)), "degrees of the tip asked for"),
+            row("tip force, bent by 90 degrees", float(np.interp(90.0, angle, force)), "N"),
+            row("largest tip angle", float(np.abs(tip).max()), "degrees", "2 of 20 used scopes reach the stated angle"),
+            row("hysteresis of the tip, largest", float(np.abs(up - down).max()), "degrees"),
+            row("slack of the knob, either way", float(idle.max(initial=0.0)), "degrees of the tip asked for"),
         ]
         curves["tip_force"] = {"angle_deg": angle.tolist(), "force_N": force.tolist()}
         curves["knob"] = {"knob_deg": knob.tolist(), "tip_deg": tip.tolist()}
@@ -230,17 +221,17 @@ def _optics(design: ScopeDesign) -> list[dict[str, Any]]:
     half = math.radians(min(design.tip.field_of_view_deg, 175.0) / 2)
     seen = (TARGET + PUPIL) * math.tan(half)
     return [
-        _row("field of view, method B (from the entrance pupil)", design.tip.field_of_view_deg, "degrees"),
-        _row("field of view, method A (from the distal window)", 2 * math.degrees(math.atan(seen / TARGET)), "degrees"),
-        _row("direction of view", design.tip.camera_tilt_deg, "degrees"),
+        row("field of view, method B (from the entrance pupil)", design.tip.field_of_view_deg, "degrees"),
+        row("field of view, method A (from the distal window)", 2 * math.degrees(math.atan(seen / TARGET)), "degrees"),
+        row("direction of view", design.tip.camera_tilt_deg, "degrees"),
     ]
 
 
 def _growth(device: Vine) -> list[dict[str, Any]]:
     return [
-        _row("tip force at the anus", float(_left(device, np.zeros(1))[0]), "N"),
-        _row("tip force behind four turns of 180 degrees", float(_left(device, np.array([4 * math.pi]))[0]), "N"),
-        _row("bend at which the tail holds it", _holds(device), "degrees"),
+        row("tip force at the anus", float(_left(device, np.zeros(1))[0]), "N"),
+        row("tip force behind four turns of 180 degrees", float(_left(device, np.array([4 * math.pi]))[0]), "N"),
+        row("bend at which the tail holds it", _holds(device), "degrees"),
     ]
 
 
@@ -282,10 +273,10 @@ def _traction(device: TrackedRobot) -> dict[str, Any]:
         "width": {"width_mm": (1e3 * width).tolist(), "force_N": forces([(*usual[:2], each) for each in width])},
     }
     rows = [
-        _row("largest insertion width (ISO 8600-4), treads drawn in", 1e3 * design.smallest_diameter, "mm"),
-        _row("works in lumens from", 1e3 * design.smallest_diameter, "mm"),
-        _row("works in lumens to", 1e3 * design.largest_diameter, "mm"),
-        _row("propulsion at 150 rpm, nominal width", _force(design, *usual), "N"),
+        row("largest insertion width (ISO 8600-4), treads drawn in", 1e3 * design.smallest_diameter, "mm"),
+        row("works in lumens from", 1e3 * design.smallest_diameter, "mm"),
+        row("works in lumens to", 1e3 * design.largest_diameter, "mm"),
+        row("propulsion at 150 rpm, nominal width", _force(design, *usual), "N"),
     ]
     return {"rows": rows, "curves": curves}
 
@@ -297,30 +288,3 @@ def _force(design: Any, friction: float, rpm: float, diameter: float) -> float |
         return float(drive_point(design, friction, rpm, diameter=diameter).force)
     except HaustraError:
         return None
-
-
-def _magnet(device: Capsule) -> dict[str, Any]:
-    """Largest pull against distance."""
-    distance = np.linspace(0.05, 0.3, 26)
-    pull = 6 * PERMEABILITY * device.moment * device.outside_moment / (4 * math.pi * distance**4)
-    turn = 2 * PERMEABILITY * device.moment * device.outside_moment / (4 * math.pi * distance**3)
-    rows = [
-        _row("largest insertion width (ISO 8600-4)", 1e3 * device.diameter, "mm"),
-        _row("pull at the stand-off, in line", float(np.interp(device.standoff, distance, pull)), "N"),
-        _row("torque at the stand-off, in line", float(np.interp(device.standoff, distance, turn)), "N m"),
-    ]
-    return {"rows": rows, "curves": {"magnet": {"distance_m": distance.tolist(), "force_N": pull.tolist()}}}
-
-
-def _anchors(device: Inchworm) -> dict[str, Any]:
-    """What a balloon holds with, and speed without slip."""
-    grip = np.linspace(0.05, 0.8, 16)
-    normal = PADS * device.pad_area * device.pressure
-    rows = [
-        _row("largest insertion width (ISO 8600-4), balloons empty", 1e3 * device.diameter, "mm"),
-        _row("works in lumens to", 1e3 * device.balloon_diameter, "mm"),
-        _row("force of a balloon on the wall", normal, "N"),
-        _row("holding force of a balloon", device.grip * normal, "N"),
-        _row("speed without slip", 1e3 * device.stroke / device.gait.period, "mm/s"),
-    ]
-    return {"rows": rows, "curves": {"anchor": {"grip": grip.tolist(), "force_N": (grip * normal).tolist()}}}

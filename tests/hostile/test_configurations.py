@@ -4,8 +4,10 @@ No observation and no reward is NaN, and nothing ends in a traceback: an error t
 the test.
 """
 
+import tomllib
 from dataclasses import asdict, replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,8 @@ from hypothesis import strategies as st
 from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.runs.insertion import run_insertion
 from haustra.envs.sim.native import NativeEngine
+from haustra.envs.study.credibility import ContextOfUse
+from haustra.envs.study.trials import Trial
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.device_task import DeviceEnv, DeviceRules
 from haustra.envs.tasks.navigation import NavigationEnv, observation_space
@@ -37,6 +41,7 @@ FEW = settings(deadline=None, derandomize=True, database=None, suppress_health_c
 SLOW = settings(FEW, phases=[Phase.explicit, Phase.generate])
 """A case that takes seconds is not made smaller: that would take minutes."""
 TITLES = sorted(CONFIGURATIONS)
+FILES = {ContextOfUse: "docs/examples/credibility/insertion-tubes.toml", Trial: "assets/trials/flaccid.toml"}
 STEPS = 2
 
 
@@ -44,7 +49,11 @@ STEPS = 2
 def base(kind: type) -> dict[str, Any]:
     """A configuration that runs, as a parsed file."""
     known: dict[type, Any] = {ScopeDesign: named_design("adult")}
-    known |= {type(device): device for device in map(load_device, ("adult", "capsule", "tracked"))}
+    known |= {type(device): device for device in map(load_device, ("adult", "capsule", "tracked", "vine", "inchworm"))}
+    if kind in FILES:
+        more = {"points": [{"name": "x", "file": "x.md", "category": 3, "values": {"friction": 0.1}}]}
+        table = tomllib.loads((Path(__file__).parents[2] / FILES[kind]).read_text(encoding="utf-8"))
+        return table | (more if kind is ContextOfUse else {})
     variable = {"name": "x", "path": "design.diameter", "unit": "m", "nominal": 1.0, "low": 0.0, "high": 2.0}
     return asdict(known[kind]) if kind in known else variable if "nominal" in kind.__dataclass_fields__ else {}
 

@@ -28,8 +28,8 @@ settings were tried half a dozen times, by observables of the half named `choose
 share of the time above 9.8 N, intubation, straightenings, loops and time), on the very patients below: no others were
 left to judge by. That pain must last for 5 s was said after a first cohort had hurt nearly everybody's sigmoid for an
 instant. All figures, those of the half named `judge` too, were read meanwhile: that half is no clean test, and other
-seeds have to be judged. The endoscopist's gentle, firm and pulling forces are inputs that peaks follow from closely: peaks say little
-about the model. Nothing else is calibrated.
+seeds have to be judged. The endoscopist's gentle, firm and pulling forces are inputs that peaks follow from closely:
+peaks say little about the model. Nothing else is calibrated.
 
 **What it shows.** The bar, nine of twelve observables, is not met: see the table. A driver that pulls back beyond the
 tip's place gathers the colon on the shaft, as endoscopists do; but most insertions are still under way when their

@@ -34,7 +34,8 @@ def study(tmp_path: Path) -> Study:
         ),
         conditions={"colon": (str(colon),), "friction": (0.1,)},
         objectives=(Objective("reach", "maximise"),),
-        options={"seconds": 6.0, "wall": "prism", "timestep": 0.005, "preset": "balanced", "mesentery": False},
+        options={"seconds": 6.0, "wall": "prism", "timestep": 0.005, "preset": "balanced"}
+        | {"mesentery": False, "driver": "follower"},
     )
 
 
