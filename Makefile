@@ -8,12 +8,13 @@ LOCKED := --disable-pip-version-check --quiet --require-hashes
 UV_COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
 	--no-emit-package haustra --custom-compile-command 'make lock' $(UPGRADE) pyproject.toml -
 
-.PHONY: help demo test bench lint format types docs wheel page lock clean
+.PHONY: help demo test thorough bench lint format types docs wheel page lock clean
 .DELETE_ON_ERROR:
 
 help:
 	@echo 'make demo    grow a colon, build its wall, run a colonoscope through it, write a report'
 	@echo 'make test    lint, types and tests, as the project checks itself'
+	@echo 'make thorough  tests that repeat others with more values, or at length'
 	@echo 'make bench   run time against error, stability, skipping: some ten minutes, one page'
 	@echo 'make docs    build the documentation into site/'
 	@echo 'make wheel   build the wheel and try it in an empty environment'
@@ -32,7 +33,10 @@ demo: $(VENV)/.installed
 
 # A process a core, up to four since each takes a gigabyte, and one thread for numpy's BLAS: on small matrices and two cores, more of them wait for each other far longer than they compute.
 test: lint types
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 $(PYTEST_ARGUMENTS)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not thorough" --numprocesses auto --maxprocesses 4 $(PYTEST_ARGUMENTS)
+
+thorough: $(VENV)/.installed-dev
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m thorough --numprocesses auto --maxprocesses 4
 
 bench: $(VENV)/.installed-dev
 	$(BIN)/haustra bench --quick -o bench

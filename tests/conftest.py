@@ -3,9 +3,10 @@
 import os
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
-from jaxtyping import install_import_hook
+from jaxtyping import config, install_import_hook
 
 # Compiled from their sources, which the checks would change.
 import haustra.envs.view.picture.kernels
@@ -15,6 +16,26 @@ with suppress(ImportError):  # so is this, for the GPU
     import haustra.envs.runs.warp_kernels  # noqa: F401
 
 install_import_hook("haustra", "runtime_types.check")
+
+
+def _written_without_checks() -> None:
+    """Write programs of linear time without checks: laws call each other a hundred thousand times a program, and the
+    same laws are checked wherever they compute with arrays."""
+    from haustra.envs.sim.linear import compile as programs
+
+    written = programs._step
+
+    def step(*arguments: Any) -> None:
+        config.update("jaxtyping_disable", True)
+        try:
+            written(*arguments)
+        finally:
+            config.update("jaxtyping_disable", False)
+
+    programs._step = step
+
+
+_written_without_checks()
 
 _SHARED_DATA = Path(__file__).parents[2] / "shared" / "data"
 

@@ -79,7 +79,7 @@ def listed(kind: type) -> list[tuple[str, Declaration]]:
     return [(path, declared) for path, declared, *_ in declared_fields(kind)]
 
 
-@settings(FEW, max_examples=900)
+@settings(FEW, max_examples=400)
 @given(st.data())
 def test_a_value_outside_its_range_is_refused_by_its_path(data: st.DataObject) -> None:
     kind = CONFIGURATIONS[data.draw(st.sampled_from(TITLES))]
@@ -91,7 +91,7 @@ def test_a_value_outside_its_range_is_refused_by_its_path(data: st.DataObject) -
     assert path.rpartition(".")[2] in str(refusal.value)
 
 
-@settings(FEW, max_examples=900)
+@settings(FEW, max_examples=400)
 @given(st.data())
 def test_a_value_inside_its_range_is_taken_or_refused_with_its_reason(data: st.DataObject) -> None:
     kind = CONFIGURATIONS[data.draw(st.sampled_from(TITLES))]

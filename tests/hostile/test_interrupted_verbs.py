@@ -77,7 +77,9 @@ def test_a_run_says_in_one_line_that_it_was_interrupted(after: float, colon: Pat
     assert not out.exists()
 
 
-@pytest.mark.parametrize("after", [1.0, 3.0, 6.0, 9.0])
+@pytest.mark.parametrize(
+    "after", [1.0, pytest.param(3.0, marks=pytest.mark.thorough), 6.0, pytest.param(9.0, marks=pytest.mark.thorough)]
+)
 def test_a_sweep_says_so_too_and_goes_on_afterwards(after: float, colon: Path, tmp_path: Path) -> None:
     study, out = tmp_path / "study.toml", tmp_path / "sweep"
     study.write_text(_STUDY.replace("COLON", str(colon)), encoding="utf-8")

@@ -72,7 +72,12 @@ def test_a_run_in_a_colon_that_moves(colon_folder, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("options", "preset"), [([], "fast"), (["--timestep", "0.0025"], "custom"), (["--wall-law", "planes"], "fast")]
+    ("options", "preset"),
+    [
+        ([], "fast"),
+        (["--timestep", "0.0025"], "custom"),
+        pytest.param(["--wall-law", "planes"], "fast", marks=pytest.mark.thorough),
+    ],
 )
 def test_a_run_says_its_preset_its_wall_and_what_was_measured_of_its_error(
     options, preset, colon_folder, tmp_path, capsys

@@ -134,6 +134,7 @@ def test_a_folder_with_a_run_is_not_overwritten(tmp_path):
         run(SMALL, tmp_path / "empty", resume=True)
 
 
+@pytest.mark.thorough
 def test_a_short_training_beats_chance(tmp_path):
     training = replace(SMALL, steps=2048, leg=2048, worlds=8, imitate=4800, layers=(64,), rollout=64, batch=256)
     run(training, tmp_path)

@@ -102,7 +102,7 @@ def pressed_sphere(colon: Colon, *, radius: float, arc: float, force: float, opt
     return wall.displacement[:, :3].copy()
 
 
-@pytest.mark.parametrize("force", [0.3, 0.9])
+@pytest.mark.parametrize("force", [pytest.param(0.3, marks=pytest.mark.thorough), 0.9])
 def test_a_pressed_capsule_displaces_the_colon_as_a_scopes_sphere_with_that_force_does(force):
     """Six spheres in one place share the force of one: without friction the axis comes to the same place.
 

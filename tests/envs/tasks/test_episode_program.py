@@ -16,7 +16,7 @@ def program(config: TaskConfig) -> EpisodeProgram:
     return EpisodeProgram(rules=EpisodeRules(config, 0.04), steps=8, coils=tuple(range(8)))
 
 
-@pytest.mark.parametrize("config", [PLAIN, EVERYTHING])
+@pytest.mark.parametrize("config", [pytest.param(PLAIN, marks=pytest.mark.thorough), EVERYTHING])
 def test_a_gpu_takes_it_without_calling_anything_else(config):
     """NVIDIA's driver has no library of mathematics: whatever is called must be in the text."""
     about = {"real": np.float32, "timestep": 0.005, "angles": 64, "one_design": True, "moving": True}

@@ -77,7 +77,7 @@ def beside(config: TaskConfig, steps: int, **own: Any) -> tuple[dict[str, float]
     return worst, ended
 
 
-@pytest.mark.parametrize("moves", [False, True])
+@pytest.mark.parametrize("moves", [False, pytest.param(True, marks=pytest.mark.thorough)])
 def test_a_program_makes_the_episodes_that_numpy_makes(monkeypatch, moves):
     """In double precision, to 1e-9 over a hundred steps of contact; observations are in single precision."""
     monkeypatch.setitem(unwrap(LinearBackend.__init__).__kwdefaults__, "real", np.float64)

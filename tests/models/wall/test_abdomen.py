@@ -38,7 +38,10 @@ def test_a_colon_lies_as_it_was_imaged_on_the_back() -> None:
     assert np.abs(_settled(_hung(), 10)).max() < 1e-8
 
 
-@pytest.mark.parametrize("posture", ["prone", "left", "right"])
+@pytest.mark.parametrize(
+    "posture",
+    ["prone", pytest.param("left", marks=pytest.mark.thorough), pytest.param("right", marks=pytest.mark.thorough)],
+)
 def test_a_hanging_chain_sags_as_statics_says(posture: str) -> None:
     """Two held ends and a weight per length w: the tension's component along it times the sag is w L^2 / 8."""
     length, count, weight = 0.2, 21, 3.0

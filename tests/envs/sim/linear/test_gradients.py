@@ -29,7 +29,7 @@ def rolled(directions, *, worlds=WORLDS, seconds=3.0, mesentery=False):
     return last
 
 
-@pytest.mark.parametrize("mesentery", [False, True])
+@pytest.mark.parametrize("mesentery", [pytest.param(False, marks=pytest.mark.thorough), True])
 def test_derivatives_are_those_of_central_differences(mesentery):
     """Exact for the discrete step; what is left is of the differences: 2e-7 was seen. With a thousandth of a parameter
     spheres begin and cease to touch on the way, so that differences are off by as much as the derivative."""
