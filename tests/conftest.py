@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from jaxtyping import config, install_import_hook
+from jaxtyping import install_import_hook
+from runtime_types import unchecked
 
 # Compiled from their sources, which the checks would change.
 import haustra.envs.view.picture.kernels
@@ -26,11 +27,8 @@ def _written_without_checks() -> None:
     written = programs._step
 
     def step(*arguments: Any) -> None:
-        config.update("jaxtyping_disable", True)
-        try:
+        with unchecked():
             written(*arguments)
-        finally:
-            config.update("jaxtyping_disable", False)
 
     programs._step = step
 

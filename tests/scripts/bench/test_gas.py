@@ -8,7 +8,7 @@ from haustra.scripts.main import SUCCESS, main
 def test_page_picture_and_table_of_few_people(tmp_path, capsys):
     folder = tmp_path / "gas"
     assert (
-        main(["bench", "gas", "-o", str(folder), "--people", "60", "--grown", "1", "--seconds", "1", "--json"])
+        main(["bench", "gas", "-o", str(folder), "--people", "60", "--grown", "2", "--seconds", "1", "--json"])
         == SUCCESS
     )
     found = json.loads(capsys.readouterr().out)
