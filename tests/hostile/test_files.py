@@ -176,6 +176,7 @@ def test_import_of_nothing_is_one_line_on_the_command_line(tmp_path: Path, capsy
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="limits of child processes are POSIX")
+@pytest.mark.thorough
 def test_seven_hundred_fuzzed_files_crash_and_hang_nothing():
     found = {"meshes": fuzz("meshes", 400), "maps": fuzz("maps", 100), "documents": fuzz("documents", 200)}
     for counts in found.values():

@@ -164,6 +164,7 @@ def test_a_run_that_is_interrupted_leaves_the_one_before_and_nothing_else(colon_
     assert not (tmp_path / "made").exists()
 
 
+@pytest.mark.thorough
 def test_warnings_of_a_colon_reach_scores_and_report(tmp_path, capsys):
     colon = replace(straight_tube(), warnings=("The end is <b>blind</b>.",))
     save_colon(colon, tmp_path / "colon")

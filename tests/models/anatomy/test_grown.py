@@ -35,6 +35,7 @@ def test_same_seed_same_colon_and_another_seed_another(colon: Colon):
     assert colon_hash(grow_colon(seed=1)) != colon_hash(colon)
 
 
+@pytest.mark.thorough
 def test_a_machine_with_other_vector_instructions_grows_the_same(colon: Colon):
     """Without dispatched instruction sets and with the oldest BLAS kernel, numpy differs in the last bits."""
     from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__

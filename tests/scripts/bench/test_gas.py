@@ -2,9 +2,12 @@
 
 import json
 
+import pytest
+
 from haustra.scripts.main import SUCCESS, main
 
 
+@pytest.mark.thorough
 def test_page_picture_and_table_of_few_people(tmp_path, capsys):
     folder = tmp_path / "gas"
     assert (

@@ -21,6 +21,7 @@ def rows(folder: Path) -> list[dict]:
     return measure_cases(folder, SEEDS)
 
 
+@pytest.mark.thorough
 def test_no_grown_colon_crosses_itself(rows: list[dict]):
     assert len(rows) == len(SEEDS)
     assert not [row for row in rows if "failed" in row or row["crossings"]]

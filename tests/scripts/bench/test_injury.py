@@ -2,9 +2,12 @@
 
 import json
 
+import pytest
+
 from haustra.scripts.main import SUCCESS, main
 
 
+@pytest.mark.thorough
 def test_page_pictures_and_table_of_few_runs(tmp_path, capsys):
     folder = tmp_path / "injury"
     arguments = ["bench", "injury", "-o", str(folder), "--colons", "2", "--seconds", "2", "--json"]

@@ -29,6 +29,7 @@ def test_changes_are_those_of_the_same_colon_and_escapes_must_be_said() -> None:
     assert (sound["escaped"], sound["escaped_unsaid"], sound["turned_over_max_share"]) == (1, 1, 0.02)
 
 
+@pytest.mark.thorough
 def test_it_runs_and_leaves_a_page(tmp_path, capsys) -> None:
     words = ["bench", "motion", "-o", str(tmp_path), "--colons", "2", "--seconds", "2", "--json"]
     assert main(words) == SUCCESS

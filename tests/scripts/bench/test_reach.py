@@ -65,6 +65,7 @@ def test_runs_are_kept_and_the_page_holds_them(tmp_path: Path) -> None:
     assert "| 3.00 x |" in page and "time (1)" in page and "| 190.0 mN | +1.0 % |" in page
 
 
+@pytest.mark.thorough
 def test_a_run_in_a_grown_colon_says_where_it_began_and_how_far_it_came(tmp_path: Path) -> None:
     fast = replace(robot(), rpm=300.0)
     row = bench_reach(fast, tmp_path, colons=1, seconds=0.2)[0]

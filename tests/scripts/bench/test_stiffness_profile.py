@@ -37,6 +37,7 @@ def test_derivatives_hold_over_a_short_insertion(problem):
     assert early.good == 1.0
 
 
+@pytest.mark.thorough
 def test_following_derivatives_lowers_the_force(problem):
     before, _ = problem.value(np.zeros(ZONES))
     found = by_gradient(problem, seconds=12.0)

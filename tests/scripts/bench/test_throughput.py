@@ -9,6 +9,7 @@ from haustra.scripts.bench.worlds_accuracy import compare_with_native
 from tests.bent_colon import bent_colon
 
 
+@pytest.mark.thorough
 def test_scopes_are_timed_against_the_wall_and_stay_near_a_fine_one() -> None:
     colon, design = bent_colon([(0.1, 0.0), (0.1, 0.8), (0.1, 0.0)])[0], named_design("adult")
     bank = build_bank([colon], design, BATCH_OPTIONS)

@@ -54,6 +54,7 @@ def test_a_step_is_the_dense_step(kind, wheels):
     assert largest_difference(_bank(kind), worlds=20, instants=6, wheels=wheels) < 1e-10
 
 
+@pytest.mark.thorough
 def test_a_step_in_a_colon_that_moves_is_the_dense_step():
     assert largest_difference(_bank("worn", True), worlds=8, instants=3, wheels=True) < 1e-10
 

@@ -132,6 +132,7 @@ def test_what_the_shaft_loses_friction_lacks() -> None:
     assert driven(robot(design=design), **uphill)[1]["headway"] < -0.001
 
 
+@pytest.mark.thorough
 def test_it_goes_round_a_right_angle_of_60_mm_radius_in_a_tube_of_its_width_and_steered_it_does_better() -> None:
     colon = bent_colon(bend=0.06, leg=0.11, length=0.36, radius=robot().design.nominal_diameter / 2)
     ways, soon = {}, 4.0

@@ -109,6 +109,7 @@ def test_finished_rows_are_not_run_again(tmp_path):
     assert asked == [0, 1, 2, 3, 4, 0, 1]
 
 
+@pytest.mark.thorough
 def test_time_that_is_up_leaves_rows_for_the_next_call_and_says_so(tmp_path):
     def run(deadline: float):
         rows = Rows(tmp_path / "rows.jsonl", {})
