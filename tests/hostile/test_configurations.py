@@ -137,7 +137,7 @@ def drawn(data: st.DataObject, kind: type, most: int, *, leave: tuple[str, ...] 
     return table
 
 
-@settings(SLOW, max_examples=90)
+@settings(SLOW, max_examples=45)
 @given(st.data())
 def test_an_episode_of_a_scope_is_sound(data: st.DataObject) -> None:
     table = drawn(data, TaskConfig, 4, leave=("task", "design", "seeds", "difficulty", "mesentery", "picture_size"))

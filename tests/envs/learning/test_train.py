@@ -33,7 +33,7 @@ def run(training: Training, folder: Path, **options) -> dict:
     return train(training, folder, bank=short_bank(), threads=1, **options)
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+@pytest.mark.parametrize("algorithm", ["ppo", pytest.param("sac", marks=pytest.mark.thorough)])
 def test_a_resumed_run_is_the_same_run_and_leaves_no_logs_elsewhere(tmp_path, monkeypatch, algorithm):
     (tmp_path / "temporary").mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
