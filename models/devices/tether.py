@@ -17,6 +17,8 @@ from typing import Any
 
 from jaxtyping import Float
 
+from haustra.models.wall.abdomen import FALL
+
 
 def tether_tension(
     xp: ModuleType,
@@ -24,7 +26,7 @@ def tether_tension(
     length: Float[Any, " worlds"],
     *,
     friction: float,
-    weight: float = 0.0,
+    mass_per_length: float = 0.0,
     held: float = 0.0,
 ) -> Float[Any, " worlds"]:
     """Tension at the inner end of a tether that is drawn in [N].
@@ -34,9 +36,9 @@ def tether_tension(
         bends: angle that it has turned through at places evenly spaced from the anus to its inner end [rad].
         length: of the tether inside [m]; before the anus it is 0.
         friction: Coulomb's coefficient between tether and wall [1].
-        weight: weight per length [N/m].
+        mass_per_length: its mass per length, whose weight presses it on the wall [kg/m].
         held: tension outside the patient [N].
     """
     grown = xp.exp(friction * (bends[:, -1:] - bends))
     dragged = (grown[:, :-1] + grown[:, 1:]).sum(axis=1) / (2 * (bends.shape[1] - 1))
-    return held * grown[:, 0] + friction * weight * xp.maximum(length, 0.0) * dragged
+    return held * grown[:, 0] + friction * (mass_per_length * FALL) * xp.maximum(length, 0.0) * dragged

@@ -6,7 +6,6 @@ optics follow from the design by the laws that runs use.
 """
 
 import math
-from collections.abc import Sequence
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
@@ -20,12 +19,8 @@ from haustra.models.devices.base import Device
 from haustra.models.devices.scope.cable import add_scope
 from haustra.models.devices.scope.cells import Cell, cut_into_cells
 from haustra.models.devices.scope.design import ScopeDesign
-from haustra.models.devices.scope.interface import Scope
 from haustra.models.devices.scope.library import at_body_temperature
 from haustra.models.devices.scope.wires import passed_part
-from haustra.models.devices.tracked.drive import drive_point
-from haustra.models.devices.tracked.interface import TrackedRobot
-from haustra.models.devices.vine.interface import Vine
 from haustra.scripts.bench.devices import row
 from haustra.scripts.bench.reference.chain import Load
 from haustra.scripts.bench.reference.rod import static_shape
@@ -58,19 +53,12 @@ _CM2, _PER_DEGREE = 1e4, math.pi / 180
 
 def bench_device(device: Device) -> dict[str, Any]:
     """Figures (`rows`: quantity, value, unit, published) and `curves` of a design, as JSON values."""
-    if isinstance(device, Scope):
-        return _tube(device.design)
-    if isinstance(device, Vine):
-        found = _tube(device.body.design, wires=False)
-        return {"rows": [*found["rows"], *_growth(device)], "curves": found["curves"] | _growth_curves(device)}
-    if isinstance(device, TrackedRobot):
-        return _traction(device)
     found = find_spec(f"haustra.scripts.bench.devices.{device.kind}")
     return import_module(found.name).figures(device) if found else {"rows": [], "curves": {}}
 
 
-def _tube(design: ScopeDesign, *, wires: bool = True) -> dict[str, Any]:
-    """Figures of an insertion tube with a bending section."""
+def tube(design: ScopeDesign, *, wires: bool = True) -> dict[str, Any]:
+    """Figures of an insertion tube with a bending section, and of its wires where it has any."""
     profile, warm = stiffness_profile(design), stiffness_profile(at_body_temperature(design))
     shaft = profile["along_m"] < design.length - design.bending.length - design.tip.length
     ei, gj = profile["EI_N_cm2"], profile["GJ_N_cm2_deg"]
@@ -225,66 +213,3 @@ def _optics(design: ScopeDesign) -> list[dict[str, Any]]:
         row("field of view, method A (from the distal window)", 2 * math.degrees(math.atan(seen / TARGET)), "degrees"),
         row("direction of view", design.tip.camera_tilt_deg, "degrees"),
     ]
-
-
-def _growth(device: Vine) -> list[dict[str, Any]]:
-    return [
-        row("tip force at the anus", float(_left(device, np.zeros(1))[0]), "N"),
-        row("tip force behind four turns of 180 degrees", float(_left(device, np.array([4 * math.pi]))[0]), "N"),
-        row("bend at which the tail holds it", _holds(device), "degrees"),
-    ]
-
-
-def _left(device: Vine, turned: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """What the pressure leaves for the tip behind bends [N], a metre inside."""
-    from haustra.models.devices.tether import tether_tension
-
-    bends = turned[:, None] * np.linspace(0.0, 1.0, 65)
-    law = {"friction": device.tail_friction, "weight": device.tail_mass_per_length * 9.81, "held": device.tail_held}
-    tail = tether_tension(np, bends, np.ones(len(turned)), **law)
-    return (device.pressure - device.eversion_pressure) * device.area - tail
-
-
-def _holds(device: Vine) -> float:
-    turned = np.linspace(0.0, 100.0, 2001)
-    left = _left(device, turned)
-    return float(np.degrees(turned[np.argmax(left <= 0)])) if (left <= 0).any() else math.inf
-
-
-def _growth_curves(device: Vine) -> dict[str, Any]:
-    turned = np.linspace(0.0, 12 * math.pi, 60)
-    force = np.maximum(_left(device, turned), 0.0)
-    return {"growth": {"turned_deg": np.degrees(turned).tolist(), "force_N": force.tolist()}}
-
-
-def _traction(device: TrackedRobot) -> dict[str, Any]:
-    """Propulsion against friction, width and speed, by the balance of the rigs."""
-    design = device.design
-    width = np.linspace(design.smallest_diameter, design.largest_diameter, 9)[1:-1]
-
-    def forces(points: Sequence[tuple[float, float, float]]) -> list[float | None]:
-        return [_force(design, *point) for point in points]
-
-    frictions, speeds = np.linspace(0.05, 0.6, 12), np.array([75.0, 112.5, 150.0, 225.0, 300.0])
-    usual = device.friction, 150.0, design.nominal_diameter
-    curves = {
-        "friction": {"friction": frictions.tolist(), "force_N": forces([(mu, *usual[1:]) for mu in frictions])},
-        "speed": {"rpm": speeds.tolist(), "force_N": forces([(usual[0], rpm, usual[2]) for rpm in speeds])},
-        "width": {"width_mm": (1e3 * width).tolist(), "force_N": forces([(*usual[:2], each) for each in width])},
-    }
-    rows = [
-        row("largest insertion width (ISO 8600-4), treads drawn in", 1e3 * design.smallest_diameter, "mm"),
-        row("works in lumens from", 1e3 * design.smallest_diameter, "mm"),
-        row("works in lumens to", 1e3 * design.largest_diameter, "mm"),
-        row("propulsion at 150 rpm, nominal width", _force(design, *usual), "N"),
-    ]
-    return {"rows": rows, "curves": curves}
-
-
-def _force(design: Any, friction: float, rpm: float, diameter: float) -> float | None:
-    from haustra.errors import HaustraError
-
-    try:
-        return float(drive_point(design, friction, rpm, diameter=diameter).force)
-    except HaustraError:
-        return None

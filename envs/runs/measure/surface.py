@@ -12,7 +12,6 @@ from haustra.models.anatomy.colon import Colon, Surface
 from haustra.models.anatomy.winding import winding_numbers
 from haustra.models.scene import Scene
 from haustra.models.wall.indentation import indented
-from haustra.models.wall.signed_distance import surface_arcs
 
 _WITHIN = 0.5
 """Points that a surface winds around at least so often are within it [1]."""
@@ -54,13 +53,13 @@ def left_behind(scene: Scene, run: Insertion, *, records: int = _RECORDS) -> Lef
         run: how it ended.
         records: how many surfaces are judged, evenly over the run, its end among them.
     """
-    arcs, recorded = surface_arcs(scene.colon), run.trajectory
+    recorded, before = run.trajectory, RecordedRun(scene, run.trajectory)
+    arcs = before.arcs
     inside = recorded.insertion[-1] if len(recorded.time) else scene.options.start_depth
     path = run.shape[scene.cable.node_distances < inside]
     now = indented(run.colon, arcs, path, radius=scene.cable.radius)
     judged = [surface_figures(scene.colon, now, arcs, path)]
     if run.gas is None and len(recorded.time) > 1:  # widths under gas are not recorded
-        before = RecordedRun(scene, recorded)
         for record in np.unique(np.linspace(0, len(recorded.time) - 1, records).astype(int))[:-1].tolist():
             judged.append(surface_figures(scene.colon, before.colon(record), arcs, before.path(record)))
     worst = SurfaceFigures(max(each.outside for each in judged), max(each.turned_over for each in judged), len(judged))

@@ -32,7 +32,6 @@ from haustra.models.devices.tether import tether_tension
 from haustra.models.wall.planes import Sample
 
 SPHERES = 6
-_GRAVITY = 9.81
 _TINY = 1e-9
 _TETHER_RADIUS = 1.25e-3
 """As the tether is drawn [m]."""
@@ -225,7 +224,7 @@ class Capsule(Device):
             state.bends,
             state.tip_arc,
             friction=self.tether_friction,
-            weight=self.tether_mass_per_length * _GRAVITY,
+            mass_per_length=self.tether_mass_per_length,
             held=self.tether_held,
         )
 

@@ -30,7 +30,6 @@ from haustra.models.wall.planes import Sample
 PADS = 6
 """Pads round each balloon."""
 ENDS = "rear", "front"
-_GRAVITY = 9.81
 _TETHER_RADIUS = 2e-3
 """As the tether is drawn [m]."""
 _PAD_MASS = 1e-3
@@ -347,7 +346,7 @@ class Inchworm(Device):
             state.bends,
             state.tip_arc,
             friction=self.tether_friction,
-            weight=self.tether_mass_per_length * _GRAVITY,
+            mass_per_length=self.tether_mass_per_length,
             held=self.tether_held,
         )
 

@@ -40,7 +40,6 @@ from haustra.models.devices.tracked.loop import CORE_FRICTION
 from haustra.models.devices.tracked.standing import require_fit
 from haustra.models.wall.planes import Sample
 
-_GRAVITY = 9.81
 _SLIP = 1e-3
 """Speed below which the tether's drag fades, so that it holds and does not chatter [m/s]; engineering choice."""
 _LARGEST_PRESS = 4.0
@@ -313,8 +312,8 @@ class TrackedRobot(Device):
     def _tension(self, xp: ModuleType, state: State) -> Any:
         """Tension of a tether as long as the way from the anus to the robot's rear (worlds,) [N]."""
         own, length = self.design.tether, state.tip_arc - 2 * self._nose
-        weight = own.mass_per_length * _GRAVITY
-        return tether_tension(xp, state.bends, length, friction=own.friction, weight=weight, held=own.held)
+        law = {"friction": own.friction, "mass_per_length": own.mass_per_length, "held": own.held}
+        return tether_tension(xp, state.bends, length, **law)
 
     def _forwards(self, model: mujoco.MjModel, state: State) -> Any:
         """Speed of the core along itself (worlds,) [m/s]."""

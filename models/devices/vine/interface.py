@@ -33,7 +33,6 @@ from haustra.models.devices.scope.wires import WIRE_NAMES, WireSet
 from haustra.models.devices.tether import tether_tension
 from haustra.models.devices.vine.driver import drive
 
-_GRAVITY = 9.81
 _ANSWER = 0.1
 """Within which growth stops when the pressure is used up [s]; engineering choice: five control intervals."""
 _HAND_STIFFNESS = 4000.0
@@ -196,7 +195,7 @@ class Vine(Device):
             state.bends,
             state.tip_arc,
             friction=self.tail_friction,
-            weight=self.tail_mass_per_length * _GRAVITY,
+            mass_per_length=self.tail_mass_per_length,
             held=self.tail_held,
         )
 

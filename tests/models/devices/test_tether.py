@@ -26,10 +26,11 @@ def test_round_bends_it_is_a_capstan(theta):
 
 def test_its_weight_counts_where_it_lies():
     """T = w R (exp(mu theta) - 1) of a tether of weight w per length round a bend of radius R; straight, mu w s."""
-    theta, radius, weight = 4 * np.pi, 0.1, 0.05
-    found = tether_tension(np, bends(theta), np.array([radius * theta]), friction=MU, weight=weight)
+    theta, radius, mass = 4 * np.pi, 0.1, 0.005
+    weight = 9.81 * mass
+    found = tether_tension(np, bends(theta), np.array([radius * theta]), friction=MU, mass_per_length=mass)
     np.testing.assert_allclose(found, weight * radius * (np.exp(MU * theta) - 1), rtol=3e-3)
-    straight = tether_tension(np, bends(0.0), np.array([2.0]), friction=MU, weight=weight)
+    straight = tether_tension(np, bends(0.0), np.array([2.0]), friction=MU, mass_per_length=mass)
     np.testing.assert_allclose(straight, MU * weight * 2.0, rtol=1e-12)
 
 

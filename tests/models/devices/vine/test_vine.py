@@ -47,6 +47,6 @@ def test_the_pressure_leaves_what_eversion_and_tail_do_not_take(tube):
         assert one.step(np.array([[0.03, 3500.0, 0, 0], [0.03, 20000.0, 0, 0]]), 4).all()
     tip = one.read().tip_arc
     assert abs(tip[0] - 0.03) < 2e-3 and tip[1] - 0.03 == pytest.approx(0.03, rel=0.1)
-    tail = tether_tension(np, np.zeros((2, BENDS)), tip, friction=0.5, weight=0.04 * 9.81, held=0.5)
+    tail = tether_tension(np, np.zeros((2, BENDS)), tip, friction=0.5, mass_per_length=0.04, held=0.5)
     np.testing.assert_allclose(one.readings()["tail_tension"], tail, rtol=1e-3)
     np.testing.assert_allclose(one.readings()["available"], (20000.0 - 3000.0) * device.area - tail, rtol=1e-3)
