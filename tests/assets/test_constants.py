@@ -16,6 +16,8 @@ ROOT = Path(__file__).parents[2]
 FROZEN = Path(__file__).with_name("constants.txt")
 UNIT = re.compile(r"\[(?!(?:1|pixels?|bytes?|turns?)\])[^\]\[\"']{1,20}\]")
 """A unit in a docstring; shares and counts are no physical numbers."""
+CONSTANT = re.compile(r'^[A-Z_][^=\n]*= .*\n"""', re.MULTILINE)
+"""Looks at a file for a constant with a docstring, which is cheaper than to parse it."""
 EXCUSED = re.compile(r"engineering choice|tolerance", re.IGNORECASE)
 
 
@@ -47,11 +49,15 @@ def _holds_numbers(value: ast.expr) -> bool:
 
 
 def _found() -> set[str]:
+    rooms = {"haustra": "*.py"} | dict.fromkeys(("assets", "models", "envs"), "**/*.py")
+    sources = {
+        path: path.read_text(encoding="utf-8") for room, files in rooms.items() for path in (ROOT / room).glob(files)
+    }
     return {
         f"{path.relative_to(ROOT).as_posix()} {name}"
-        for room in ("haustra", "assets", "models", "envs")
-        for path in ((ROOT / room).glob("*.py") if room == "haustra" else (ROOT / room).rglob("*.py"))
-        for name in physical_constants(path.read_text(encoding="utf-8"))
+        for path, source in sources.items()
+        if CONSTANT.search(source)
+        for name in physical_constants(source)
     }
 
 
