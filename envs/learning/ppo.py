@@ -103,7 +103,9 @@ class Ppo(nn.Module):
         action = mean + self.log_std.exp() * torch.randn_like(mean)
         return action, self._chance(mean, action)
 
-    def take_in(self, seen: Float[Tensor, "some entries"], returns: Float[Tensor, "some kinds"], *, keep: bool) -> None:
+    def take_in(
+        self, seen: Float[Tensor, "looks entries"], returns: Float[Tensor, "steps kinds"], *, keep: bool
+    ) -> None:
         """Let scales follow what is seen and paid.
 
         Args:

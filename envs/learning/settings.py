@@ -104,16 +104,16 @@ class Training:
 
     def __post_init__(self) -> None:
         require_declared(self)
+        if self.learner == "device":
+            self._require_device()
+        elif others := [name for name in _ON_DEVICE if getattr(self, name) != getattr(Training, name)]:
+            raise InvalidOptionError(f"{others[0]} is for the learner 'device': leave it out, or set learner.")
         if set(sizes(self.task)) & set(IN_BYTES):
             raise InvalidOptionError("The shipped training has no network for pictures: choose state, lumen or dict.")
         if self.demonstrations is not None and self.imitate:
             raise InvalidOptionError("A policy first learns from demonstrations or by imitate: set imitate to 0.")
         if self.normalise and (self.imitate or self.demonstrations or self.algorithm != "ppo"):
             raise InvalidOptionError("normalise is for PPO without imitation, which learns from bare observations.")
-        if self.learner == "device":
-            self._require_device()
-        elif others := [name for name in _ON_DEVICE if getattr(self, name) != getattr(Training, name)]:
-            raise InvalidOptionError(f"{others[0]} is for the learner 'device': leave it out, or set learner.")
         if self.ease and self.ease[0] < self.task.limits.perforation_force:
             raise InvalidOptionError(
                 f"ease is {self.ease}: give at least the task's limit, {self.task.limits.perforation_force:g} N."

@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("torch")
 pytest.importorskip("safetensors")
 
-from haustra.envs.learning.device_run import DeviceRun
+from haustra.envs.learning.device_run import DeviceRun, _fitting
 from haustra.envs.learning.policy import load_policy
 from haustra.envs.learning.settings import Training, shipped
 from haustra.envs.learning.train import train
@@ -85,7 +85,7 @@ def test_a_run_begins_as_a_trained_policy(tmp_path):
     np.testing.assert_allclose(one.deviation, other.deviation, rtol=1e-6)
     for wrong in (replace(held, layers=(8,)), replace(held, task=replace(SMALL.task, imager=True))):
         with pytest.raises(InvalidOptionError, match="set the same"):
-            run(wrong, tmp_path / "third")
+            _fitting(wrong)
 
 
 def test_what_the_device_does_not_do_is_refused():

@@ -33,6 +33,11 @@ TRAINING = Training(
 SEEN = 18
 
 
+@pytest.fixture(autouse=True)
+def one_thread():
+    torch.set_num_threads(1)
+
+
 def rollout(paid: Any, *, over: Any = (), terminated: Any = (), began: Any = (), seen: Any = None) -> Rollout:
     """One world; times at which something is so."""
     steps = len(paid)
@@ -89,7 +94,7 @@ def test_a_policy_finds_what_pays_best_within_a_limit(limited):
     """Pay is -(a - 0.6)^2 in each of four actions; the first may not come to more than 0.2 on average."""
     torch.manual_seed(1)
     learner = Ppo(TRAINING, seen=SEEN, limits=int(limited))
-    for _ in range(60):
+    for _ in range(40):
         seen = torch.randn(2, 512, SEEN)
         with torch.no_grad():
             action, chance = learner.draw(seen[0])
