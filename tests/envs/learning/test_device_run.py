@@ -82,7 +82,7 @@ def test_a_run_begins_as_a_trained_policy(tmp_path):
     one, other = (load_policy(tmp_path / name) for name in ("first", "second"))
     seen = {"state": np.ones((3, 18)), "lumen": np.linspace(0, 1, 81).reshape(3, 27)}
     np.testing.assert_allclose(one.act(seen), other.act(seen), atol=1e-4)
-    np.testing.assert_allclose(one.deviation, other.deviation, rtol=1e-6)
+    assert one.deviation == pytest.approx(other.deviation, rel=1e-6)
     for wrong in (replace(held, layers=(8,)), replace(held, task=replace(SMALL.task, imager=True))):
         with pytest.raises(InvalidOptionError, match="set the same"):
             _fitting(wrong)

@@ -50,12 +50,18 @@ def rollout(paid: Any, *, over: Any = (), terminated: Any = (), began: Any = (),
     )
 
 
+def _always(learner: Ppo, value: float) -> None:
+    """A critic that says this of everything."""
+    last: Any = learner.critic[-1]
+    last.weight.zero_()
+    last.bias.fill_(value)
+
+
 def test_advantages_end_where_episodes_do():
     """By hand: a critic that always says 2; an episode that ends by itself, and one that the clock cuts."""
     learner = Ppo(TRAINING, seen=SEEN)
     with torch.no_grad():
-        learner.critic[-1].weight.zero_()
-        learner.critic[-1].bias.fill_(2.0)
+        _always(learner, 2.0)
     found, value = learner._advantages(
         rollout([1.0, 1.0, 0.0, 1.0, 0.0, 1.0], over=(1, 3), terminated=(1,), began=(2, 4))
     )
@@ -68,7 +74,7 @@ def test_advantages_end_where_episodes_do():
 def test_a_price_is_taken_off_and_what_is_paid_is_scaled():
     learner = Ppo(TRAINING, seen=SEEN, limits=1)
     with torch.no_grad():
-        learner.critic[-1].weight.zero_()
+        _always(learner, 0.0)
         learner.prices.fill_(0.5)
         learner.paid_var.copy_(torch.tensor([4.0, 0.25]))
     found, _ = learner._advantages(rollout([[1.0, 3.0]], over=(0,), terminated=(0,)))
