@@ -13,7 +13,7 @@ from haustra.envs.learning.checkpoint import restore, save_checkpoint
 from haustra.envs.learning.curve import EPISODE, Curve
 from haustra.envs.learning.policy import MlpPolicy, load_policy, policy_folder, save_policy
 from haustra.envs.learning.ppo import Ppo, Rollout
-from haustra.envs.learning.schedule import learning_rate, perforation_force
+from haustra.envs.learning.schedule import SAVE_EVERY, learning_rate, perforation_force
 from haustra.envs.learning.settings import Training
 from haustra.envs.tasks.observation import sizes
 from haustra.envs.tasks.scope_task import ScopeTask
@@ -22,8 +22,6 @@ from haustra.files import write_json
 from haustra.models.injury.perforation import perforation_probability
 from haustra.provenance import Provenance, backend_record
 
-_SAVE_EVERY = 120.0
-"""What is lost to an interruption at most [s]."""
 _HELD = 8
 """Rollouts in which only the critic learns, where the policy knows something and the critic nothing."""
 
@@ -83,7 +81,7 @@ class DeviceRun:
             while self.steps < goal and not late:
                 self._improve()
                 late = deadline is not None and time.monotonic() > deadline
-                if training.backend != "linear" and time.monotonic() > kept + _SAVE_EVERY:
+                if training.backend != "linear" and time.monotonic() > kept + SAVE_EVERY:
                     self.leg += 1  # whoever goes on from here draws other episodes
                     self._save()
                     kept = time.monotonic()

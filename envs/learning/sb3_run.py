@@ -16,7 +16,7 @@ from haustra.envs.learning.curve import EPISODE, Curve
 from haustra.envs.learning.models import build_model, hold_actor, normalised, policy_of, warm_up
 from haustra.envs.learning.policy import save_policy
 from haustra.envs.learning.sb3_state import buffer_of, packed, refill, unpack
-from haustra.envs.learning.schedule import learning_rate, perforation_force
+from haustra.envs.learning.schedule import SAVE_EVERY, learning_rate, perforation_force
 from haustra.envs.learning.settings import Training
 from haustra.envs.tasks.sb3 import ScopeVecEnv
 from haustra.envs.tasks.scope_task import ScopeTask
@@ -25,8 +25,6 @@ from haustra.provenance import Provenance, backend_record
 
 Progress = Callable[[int, str], None]
 """Told environment steps done, and a note."""
-_SAVE_EVERY = 120.0
-"""On other backends than 'native' what is lost to an interruption at most [s]."""
 
 
 class Sb3Run:
@@ -141,7 +139,7 @@ class _Watch(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         self._run.ease()
-        if self._run.training.backend != "native" and time.monotonic() > self._kept + _SAVE_EVERY:
+        if self._run.training.backend != "native" and time.monotonic() > self._kept + SAVE_EVERY:
             self._run.leg += 1  # whoever goes on from here draws other episodes
             self._run.save()
             self._run.save_policy()

@@ -4,6 +4,8 @@ from haustra.envs.learning.settings import Training
 
 LEAST_DEVIATION = 0.1
 """An observation is divided by no less: entries are scaled to about one, and some hardly ever change."""
+SAVE_EVERY = 120.0
+"""Within a leg, on other backends than 'native', what is lost to an interruption at most [s]; an engineering choice."""
 _LEAST_RATE = 0.1
 """Learning rate at the end of annealing, as a share of the first."""
 
