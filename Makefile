@@ -3,12 +3,12 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
-LEARNING := gymnasium stable-baselines3 torch tensorboard safetensors
+LEARNING := gymnasium stable-baselines3 torch tensorboard
 LOCKED := --disable-pip-version-check --quiet --require-hashes
 UV_COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
 	--no-emit-package haustra --custom-compile-command 'make lock' $(UPGRADE) pyproject.toml -
 
-.PHONY: help demo test thorough bench lint format types docs wheel page lock clean
+.PHONY: help demo test thorough bench lint format types docs wheel wheels page lock clean
 .DELETE_ON_ERROR:
 
 help:
@@ -18,6 +18,7 @@ help:
 	@echo 'make bench   run time against error, stability, skipping: some ten minutes, one page'
 	@echo 'make docs    build the documentation into site/'
 	@echo 'make wheel   build the wheel and try it in an empty environment'
+	@echo 'make wheels  try it with each extra, too, each in an empty environment'
 	@echo 'make format  format and fix what ruff can'
 	@echo 'make page    build the console page from its source (needs npm; its result is committed)'
 	@echo 'make lock    renew the lock files from pyproject.toml (UPGRADE=--upgrade for newer versions)'
@@ -68,6 +69,9 @@ wheel: $(VENV)/.installed-dev
 	build/empty/bin/python -m pip install $(LOCKED) -r requirements.lock
 	build/empty/bin/python -m pip install --disable-pip-version-check --quiet --no-deps dist/*.whl
 	cd build && empty/bin/haustra doctor
+
+wheels: wheel
+	PYTHON=$(PYTHON) .ci/wheels
 
 page:
 	cd envs/console/page/source && npm ci --ignore-scripts=false && npm run build

@@ -11,7 +11,7 @@ def require_learning() -> None:
     """
     from haustra.errors import MissingDependencyError
 
-    missing = [name for name in ("gymnasium", "stable_baselines3", "torch", "safetensors") if not find_spec(name)]
+    missing = [name for name in ("gymnasium", "stable_baselines3", "torch") if not find_spec(name)]
     if missing:
         raise MissingDependencyError(
             f"Learning needs {', '.join(missing)}: install haustra[rl] (CPU torch: docs/how-to/navigation.md)."
