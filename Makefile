@@ -12,7 +12,7 @@ UV_COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --g
 .DELETE_ON_ERROR:
 
 help:
-	@echo 'make demo    grow a colon, build its wall, run a colonoscope through it, write a report'
+	@echo 'make demo    grow a colon, build its wall, let a policy drive a scope to the caecum: a report and a film'
 	@echo 'make test    lint, types and tests, as the project checks itself'
 	@echo 'make thorough  tests that repeat others with more values, or at length'
 	@echo 'make bench   run time against error, stability, skipping: some ten minutes, one page'
@@ -25,12 +25,11 @@ help:
 	@echo 'make clean   remove the environment and everything that was built'
 
 demo: $(VENV)/.installed
-	$(BIN)/haustra colon grow --seed 0 -o demo/colon
-	$(BIN)/haustra run --colon demo/colon --device adult -o demo/run
+	$(BIN)/haustra colon grow --seed 100000 -o demo/colon
 	$(BIN)/haustra wall demo/colon --method coacd
-	$(BIN)/haustra run --colon demo/colon --device adult --wall-law pieces -o demo/run-pieces
+	$(BIN)/haustra run --colon demo/colon --driver insertion-mesentery --film -o demo/run
 	@echo
-	@echo 'Open $(CURDIR)/demo/run/report.html and $(CURDIR)/demo/run-pieces/report.html'
+	@echo 'Open $(CURDIR)/demo/run/report.html, which plays the run, and demo/run/film.webp'
 
 # A process a core, up to four since each takes a gigabyte, and one thread for numpy's BLAS: on small matrices and two cores, more of them wait for each other far longer than they compute.
 test: lint types
