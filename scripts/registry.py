@@ -71,6 +71,7 @@ BENCHMARKS: Mapping[str, str] = {
     "bench cores": f"{_BENCH}.cores:BenchCores",
     "bench cost": f"{_BENCH}.cost:BenchCost",
     "bench device": f"{_BENCH}.device:BenchDevice",
+    "bench drivers": f"{_BENCH}.drivers:BenchDrivers",
     "bench episodes": f"{_BENCH}.episodes:BenchEpisodes",
     "bench errors": f"{_BENCH}.errors:BenchErrors",
     "bench fuzz": f"{_BENCH}.fuzz:BenchFuzz",
