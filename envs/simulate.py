@@ -28,7 +28,8 @@ def simulate(
 
     Args:
         scene: colon and scope, from `haustra.models.scene.Scene.of` or `build_scene`.
-        driver: 'follower', 'endoscopist', the name of a policy that ships, or a policy's folder.
+        driver: 'follower', 'endoscopist', a TOML file of settings of one of them, the name of a policy that ships, or a
+            policy's folder.
         seconds: longest run, in simulated time [s].
         steer: what bends the tip, 'pulls' or 'wheels'; a policy asks for pulls.
         seed: of the actions that a policy draws.
@@ -54,11 +55,13 @@ def find_policy(name: str) -> MlpPolicy | None:
         InvalidOptionError: when there is no such driver.
         UnreadableFileError: when the folder holds no policy.
     """
-    if name in DRIVERS:
+    if name in DRIVERS or name.endswith(".toml"):
         return None
     if name not in SHIPPED_POLICIES and not (Path(name) / ABOUT).is_file():
         known = ", ".join((*DRIVERS, *SHIPPED_POLICIES))
-        raise InvalidOptionError(f"Driver '{name}' is not known. Known: {known}, or the folder of a policy.")
+        raise InvalidOptionError(
+            f"Driver '{name}' is not known. Known: {known}, a TOML file, or the folder of a policy."
+        )
     return load_policy(policy_folder(name))
 
 

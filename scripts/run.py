@@ -58,7 +58,8 @@ class Run:
     """Integration step [s]; that of the preset when not given."""
     driver: str = "follower"
     """Name of who drives a scope: the lumen follower, which knows wall forces (follower), one that works as
-    endoscopists do, from what they sense (endoscopist), or a policy, by the name of one that ships or by its folder.
+    endoscopists do, from what they sense (endoscopist), either by a TOML file of settings, or a policy, by the name of
+    one that ships or by its folder.
     What an endoscopist asks of an assistant is left undone here: --posture and --pressed set it."""
     seed: int = whole(0, 2**31 - 1, default=0)
     """Seed of the actions that a policy draws, as it did in training."""
