@@ -65,7 +65,7 @@ def test_a_run_in_a_colon_that_moves(colon_folder, tmp_path, capsys, monkeypatch
     call = ["run", "--colon", str(colon_folder), "--preset", "fast", "--seconds", "2"]
     assert main([*call, "-o", str(tmp_path), "--json", "--film"]) == SUCCESS
     with Image.open(tmp_path / "film.webp") as film:
-        assert film.n_frames == 2 and film.size == (640, 344)
+        assert getattr(film, "n_frames", 1) == 2 and film.size == (640, 344)
     printed = json.loads(capsys.readouterr().out)
     assert printed["colon_moved_peak_mm"] > 0 and printed["pieces"] == 0
     options = printed["provenance"]["configuration"]["options"]
