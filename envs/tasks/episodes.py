@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from haustra.envs.runs.measure.load import largest_load
+from haustra.envs.runs.measure.load import largest_load, largest_pain
 from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.conditions import Conditions, Snapshot
 from haustra.envs.sim.state import Controls, Readings
@@ -19,6 +19,7 @@ from haustra.envs.tasks.moment import Dealt, Kept, Sensed, begun
 from haustra.envs.tasks.senses import Senses, Wheels
 from haustra.errors import UnsupportedSceneError
 from haustra.models.wall import vectors
+from haustra.models.wall.lumen_table import pick
 
 _LOOK_EVERY = 5
 """Control steps from one look for coverage to the next: 0.2 s, in which a tip moves by 12 mm at most."""
@@ -37,6 +38,8 @@ class Drawn(NamedTuple):
     """Pull that arrives over pull asked for [1]."""
     slack: Float[np.ndarray, " begun"]
     """Share of a wheel's travel that does nothing [1]."""
+    bears: float
+    """Largest wall force on one link that does not perforate [N]."""
 
 
 class InPlace(NamedTuple):
@@ -55,6 +58,8 @@ class InPlace(NamedTuple):
     """(worlds, 1): 1 or 0."""
     truncated: Any
     """(worlds, 1): 1 or 0."""
+    told: dict[str, Any]
+    """All that is told of episodes (`haustra.envs.tasks.episode.concluded`), each (worlds, 1)."""
 
 
 class Episodes(ABC):
@@ -158,7 +163,8 @@ class HostEpisodes(Episodes):
         """As `Episodes.begin`."""
         worlds, case, bank = drawn.worlds, drawn.case, self._bank
         self._case[worlds] = case
-        dealt = drawn.gain, drawn.slack, drawn.conditions.friction, bank.lengths[case], bank.valves[case]
+        lengths = bank.lengths[case], bank.valves[case]
+        dealt = drawn.gain, drawn.slack, drawn.conditions.friction, *lengths, drawn.bears
         for array, values in zip(self._dealt, dealt, strict=True):
             array[worlds] = values
         self.backend.reset(worlds, case, drawn.conditions)
@@ -239,7 +245,15 @@ class HostEpisodes(Episodes):
         facing = self._facing() if self._rules.config.weights.facing else np.ones(len(self._case))
         force = seen.link_forces.max(axis=1)
         load = largest_load(np, seen, **about)
-        return Sensed(seen.tip_arc, seen.insertion, force, *load, facing=facing, coverage=self._share.copy())
+        pained = {"pain": self._pain(), "facing": facing, "coverage": self._share.copy()}
+        return Sensed(seen.tip_arc, seen.insertion, force, *load, **pained)
+
+    def _pain(self) -> np.ndarray:
+        bank, own = self._bank, self._bank.tables.mesentery
+        about: dict[str, Any] = {"diameter": bank.design.diameter, "lengths": -np.diff(bank.scene.cable.node_distances)}
+        if own is not None:
+            about |= {"own": pick(bank.tables, self._case).mesentery, "radius": bank.node_widths[self._case]}
+        return largest_pain(np, self._seen, **about)[0]
 
     def _facing(self) -> np.ndarray:
         behind, ahead = map(vectors.of, self.backend.way_ahead(np.array(seen_by.BESIDE)).swapaxes(0, 1))

@@ -201,7 +201,7 @@ def test_an_option_out_of_its_range_is_refused_and_leaves_nothing(words, said, t
 def test_a_driver_that_is_not_known_or_does_not_honour_an_option_is_refused_in_one_line(colon_folder, tmp_path, capsys):
     call = ["run", "--colon", str(colon_folder), "-o", str(tmp_path / "run")]
     refused = {
-        "Driver 'nobody' is not known. Known: follower, endoscopist, insertion-easy": ["--driver", "nobody"],
+        "Driver 'nobody' is not known. Known: follower, endoscopist, insertion": ["--driver", "nobody"],
         "draws nothing: leave the seed out": ["--seed", "3"],
         "A policy asks for pulls": ["--driver", "insertion-easy", "--steer", "wheels"],
         "A policy inserts on the backend linear": ["--driver", "insertion-easy", "--backend", "native"],
