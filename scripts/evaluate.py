@@ -56,9 +56,6 @@ class Evaluate:
     def __call__(self) -> dict[str, Any]:
         """Evaluate all, write everything."""
         from haustra.scripts.console import progress_bar
-        from haustra.scripts.learning_extra import require_learning
-
-        require_learning("safetensors")
         from haustra.envs.learning.evaluate import evaluate
         from haustra.envs.tasks.scope_task import require_task
         from haustra.files import prepare_folder
@@ -140,7 +137,6 @@ class Evaluate:
         from haustra.envs.learning.drivers import PolicyDriver
         from haustra.envs.learning.policy import load_policy, policy_folder
         from haustra.envs.tasks.drivers import FollowerDriver, PushDriver, RandomDriver
-        from haustra.scripts.learning_extra import require_learning
 
         simple = {"random": RandomDriver, "push": PushDriver}
         simple |= {law: partial(FollowerDriver, law=law) for law in DRIVERS}
