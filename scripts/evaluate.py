@@ -55,13 +55,10 @@ class Evaluate:
 
     def __call__(self) -> dict[str, Any]:
         """Evaluate all, write everything."""
-        from haustra.scripts.console import progress_bar
-        from haustra.scripts.learning_extra import require_learning
-
-        require_learning("safetensors")
         from haustra.envs.learning.evaluate import evaluate
         from haustra.envs.tasks.scope_task import require_task
         from haustra.files import prepare_folder
+        from haustra.scripts.console import progress_bar
 
         found = [self._driver(name) for name in self.drivers]
         config = self._config(next((task for _, task in found if task), None))
@@ -140,7 +137,6 @@ class Evaluate:
         from haustra.envs.learning.drivers import PolicyDriver
         from haustra.envs.learning.policy import load_policy, policy_folder
         from haustra.envs.tasks.drivers import FollowerDriver, PushDriver, RandomDriver
-        from haustra.scripts.learning_extra import require_learning
 
         simple = {"random": RandomDriver, "push": PushDriver}
         simple |= {law: partial(FollowerDriver, law=law) for law in DRIVERS}
@@ -148,6 +144,8 @@ class Evaluate:
             return simple[name], None
         path = policy_folder(name)
         if path.suffix == ".zip":
+            from haustra.scripts.learning_extra import require_learning
+
             require_learning("stable_baselines3", "torch")
             from haustra.envs.learning.sb3_zip import load_zip
             from haustra.envs.learning.settings import Training

@@ -66,7 +66,7 @@ class Train:
         from haustra.scripts.learning_extra import require_learning
 
         training = self._training()
-        require_learning("torch", "safetensors", *(("stable_baselines3",) if training.learner == "sb3" else ()))
+        require_learning("torch", *(("stable_baselines3",) if training.learner == "sb3" else ()))
         from haustra.envs.learning.settings import changed
         from haustra.envs.learning.train import train
         from haustra.errors import InvalidOptionError
