@@ -11,6 +11,7 @@ from pathlib import Path
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
+from haustra import _HOME
 from haustra.scripts.registry import BENCHMARKS, GROUPS, VERBS, load_verb
 
 _ROOT = Path(__file__).parents[3]
@@ -46,7 +47,16 @@ def api_page(package: str) -> str:
     folder = _ROOT.joinpath(*package.split(".")[1:]) if package != "haustra" else _ROOT / "haustra"
     modules = sorted(path.stem for path in folder.glob("*.py") if not path.stem.startswith("_"))
     body = "".join(f"\n::: {package}.{module}\n" for module in modules)
-    return f"# {package}\n\n::: {package}\n    options:\n      show_root_heading: false\n      members: false\n{body}"
+    about = f"# {package}\n\n::: {package}\n    options:\n      show_root_heading: false\n      members: false\n"
+    return about + (_first_names() if package == "haustra" else "") + body
+
+
+def _first_names() -> str:
+    """The names that `import haustra` gives, with links to where they are described."""
+    rows = "".join(
+        f"| [`haustra.{name}`][{module}.{name}] | `{module}` |\n" for module, names in _HOME.items() for name in names
+    )
+    return f"\n## Names at the top\n\n| name | stands in |\n|---|---|\n{rows}"
 
 
 def command_line_page() -> str:
@@ -71,20 +81,34 @@ def _verb(name: str) -> str:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # the one way to the parser itself
         parser = tyro.extras.get_parser(load_verb(name), prog=f"haustra {name}")
-    rows = "".join(_option(action) for action in parser._actions if action.dest != "help")
-    usage = " ".join(parser.format_usage().removeprefix("usage: ").split())
-    head = f"### haustra {name}\n\n{parser.description or ''}\n\n```text\n{usage}\n```\n\n"
-    return f"{head}| option | value | |\n|---|---|---|\n{rows}"
+    actions = [action for action in parser._actions if action.dest != "help"]
+    needed = [_given(action) for action in actions if not action.option_strings or "(required)" in str(action.help)]
+    usage = " ".join([f"haustra {name}", *needed, "[options]" if len(needed) < len(actions) else ""]).rstrip()
+    rows = "".join(f"| `{_name(action)}` | {_value(action)} | {_about(action)} |\n" for action in actions)
+    about = (parser.description or "").replace("<", "&lt;")
+    return f"### haustra {name}\n\n{about}\n\n```text\n{usage}\n```\n\n| option | value | |\n|---|---|---|\n{rows}"
 
 
-def _option(action: Action) -> str:
-    name = ", ".join(f"`{option}`" for option in action.option_strings) or f"`{str(action.metavar).lower()}`"
-    value = "" if action.metavar is None else f"`{action.metavar}`"
-    return f"| {name} | {_cell(value)} | {_cell(str(action.help or ''))} |\n"
+def _name(action: Action) -> str:
+    """Its names on the command line, without the `--no-` of a switch; in capitals when it is given by its place."""
+    return ", ".join(name for name in action.option_strings if not name.startswith("--no-")) or action.dest.upper()
 
 
-def _cell(text: str) -> str:
-    return " ".join(text.split()).replace("|", "\\|").replace("<", "&lt;")
+def _given(action: Action) -> str:
+    """What a call cannot do without: a word in its place, or an option with its value."""
+    return f"{action.option_strings[0]} {action.metavar}" if action.option_strings else action.dest.upper()
+
+
+def _value(action: Action) -> str:
+    value = "" if action.metavar is None else str(action.metavar).replace("{None}|", "").replace("{None,", "{")
+    return f"`{value}`" if value else ""
+
+
+def _about(action: Action) -> str:
+    said = " ".join(str(action.help or "").split())
+    for nothing in ("(default: )", "(default: None)", "(default: False)"):
+        said = said.replace(nothing, "")
+    return said.strip().replace("|", "\\|").replace("<", "&lt;")
 
 
 def _page_of(package: str) -> str:
