@@ -203,16 +203,15 @@ class DualLanes(Lanes):
             slopes = builder.insert_element(slopes, builder.load(where, typ=program.real), ir.Constant(INDEX, place))
         return Dual(program, found.written, slopes)
 
-    def add_at(self, slot: Value, value: Value) -> None:
-        """Add to the number there, where each lane has a slot of its own."""
-        super().add_at(slot, value)
+    def scatter(self, slot: Value, value: Number) -> None:
+        """Put a number there, where each lane has a slot of its own."""
+        super().scatter(slot, value)
         program, builder = self._program, self._program.builder
-        if program.lanes == 1:
+        if slot.lanes == 1:
             return
         slopes = program.slopes_of(value)
         for place, where in self._each_slope(slot):
-            more = builder.extract_element(slopes, ir.Constant(INDEX, place))
-            builder.store(builder.fadd(builder.load(where, typ=program.real), more), where)
+            builder.store(builder.extract_element(slopes, ir.Constant(INDEX, place)), where)
 
     def _at(self, slot: Number) -> Any:
         program = self._program
