@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple
 
-from haustra.envs.sim.linear.layout import AXIS, WORLD, Layout
+from haustra.envs.sim.linear.layout import AXIS, NODE, WORLD, Layout
 from haustra.envs.sim.linear.memory import Lanes, Rows
 from haustra.envs.sim.linear.sweep import Before, NodeNumbers, Nodes, along, in_turn, kept_numbers
 from haustra.envs.sim.linear.trace import Changing, Program, Value
@@ -104,6 +104,7 @@ class Axis:
             with along(program, self.nodes, 1, beyond + 2) as i:
                 # Beside the edge before node i, the node and the cell before that edge.
                 node, cell = i.back(1), i.back(2)
+                self._state.fetch(i.first + 2, 0, NODE)
                 place, speed = self._now(i), self._state.vector(i, POSE)
                 before = at_node(*place, *speed)
                 edge, change = self._edge(i, minus(place, before[:3])), self._edge(i, minus(speed, before[3:]))
@@ -228,6 +229,8 @@ class Axis:
         moved, spun = kept_numbers(program, *[0.0] * 5), kept_numbers(program, *[0.0] * 3)
         with along(program, self.nodes, 1, self.nodes + 3) as i:
             node, cell, own = i.back(1), i.back(2), i.back(3)
+            self._state.fetch(i.first + 2, 0, POSE)
+            room.fetch(i.first, _GRIPPED, 1)
             place = self._now(i)
             edge = self._edge(i, minus(place, places(*place)))
             length = norm(xp, edge)
@@ -311,6 +314,8 @@ class Axis:
         program, xp = self.program, self.program.xp
         beyond, worst = kept_numbers(program, *[0.0] * 4), program.variable(0.0)
         with along(program, self.nodes, 0, self.nodes, backwards=True) as i:
+            self._state.fetch(i.first - 3, 0, POSE)
+            self._room.fetch(i.first - 3, _MOVING, 6)
             shares = self._room.load(i, _MOVING), self._room.load(i, _SPINNING)
             alone = self._room.vector(i, _MOVING + 1), self._room.load(i, _SPINNING + 1)
             given = shares[0], *alone[0], shares[1], alone[1]

@@ -111,7 +111,7 @@ def write_kernel(
 ) -> str:
     """A control step of worlds on a graphics processor; `last` of `COUNTS` is how many worlds there are."""
     program, arrays, counts, (steps, row, _, worlds) = _begun(1, real, approximate=True)
-    program.function.calling_convention = "ptx_kernel"
+    program.function.calling_convention, program.fetches = "ptx_kernel", True
     builder = program.builder
     block, size, thread = (
         builder.call(ir.Function(program.module, ir.FunctionType(INDEX, []), f"llvm.nvvm.read.ptx.sreg.{name}.x"), [])

@@ -95,6 +95,12 @@ class Lanes:
                 own = builder.add(own, ir.Constant(INDEX, lane))
             yield lane, builder.gep(self._base, [own], source_etype=program.real)
 
+    def fetch(self, slot: Number, count: int = 1) -> None:
+        """Ask memory ahead for that many numbers, where that helps; there need not be any."""
+        if self._program.fetches:
+            for more in range(count):
+                self._program.fetch(self._place(slot + more))
+
     def vector(self, slot: Number) -> tuple[Value, Value, Value]:
         """Three numbers from there on."""
         return self.load(slot), self.load(slot + 1), self.load(slot + 2)

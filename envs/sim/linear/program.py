@@ -264,6 +264,7 @@ class ScopeProgram:
                 self.room.put(self.joint_slot(0) + 7, direction)
                 link.slide(direction, state.load(0), state.load(self.layout.speeds))
             with program.loop(*self.hinges_of(body)) as dof:
+                self._fetch_joint(dof + 1)
                 local = self._axis(dof)
                 direction = link.direction(local)
                 self.room.put(self.joint_slot(dof) + 7, direction)
@@ -322,6 +323,8 @@ class ScopeProgram:
         program, xp, state, room, layout = self.program, self.program.xp, self.state, self.room, self.layout
         along = times(self.sphere_place(sphere), link.axis)
         centre, slot = add(link.place, along), layout.arcs + sphere
+        state.fetch(slot + 2)
+        state.fetch(layout.normals + sphere + 2)
         arc, rest = self.nearest(centre, state.load(slot))
         state.store(slot, arc)
         where, carried = self._sphere(sphere), state.load(layout.normals + sphere) > 0
@@ -433,8 +436,11 @@ class ScopeProgram:
             self.wires.begin()
         with program.loop(0, self.bodies, backwards=True) as body:
             own = self._body(body)
+            room.fetch(self._body(body - 1), BODY_ROOM)
             sums.now = tuple(total + room.load(own + i) for i, total in enumerate(sums.now))
             with program.loop(*self.hinges_of(body), backwards=True) as dof:
+                self._fetch_joint(dof - 1)
+                room.fetch(self.joint_slot(dof - 1) + 7, 3)
                 self._free(dof, sums, pulls, hinge_force, 0)
             with program.when(body == 0):
                 self._free(program.index(0), sums, pulls, slide_force, 1)
@@ -465,6 +471,10 @@ class ScopeProgram:
             self.wires.free(dof, driven, inverse, (turn, push), slides)
         self.room.put(own, (*turn, *push, driven * inverse))
         sums.now = (*_flat(inertia), *add(torque, times(driven, turn)), *add(force, times(driven, push)))
+
+    def _fetch_joint(self, dof: Value) -> None:
+        self.state.fetch(dof)
+        self.state.fetch(self.layout.speeds + dof)
 
     def _driven(self, dof: Value, pulls: Any, slides: int) -> tuple[Value, Value]:
         """Torque of springs, stops, locks, wires and hand on a joint; and its armature, with what a step is damped."""
@@ -505,6 +515,8 @@ class ScopeProgram:
 
         def move(dof: Value, along: Changing) -> None:
             own = self.joint_slot(dof)
+            self._fetch_joint(dof + 1)
+            room.fetch(self.joint_slot(dof + 1), JOINT_ROOM)
             gives = dot(room.vector(own), turning.now) + dot(room.vector(own + 3), moving.now)
             rate = room.load(own + 6) - gives
             if self.wires:
@@ -528,6 +540,7 @@ class ScopeProgram:
     def _leave(self, sphere: Value, turning_rate: Vector, moving_rate: Vector) -> None:
         """Normal force at the step's end, by the speed at which the surface then leaves the wall."""
         program, room, own = self.program, self.room, self._sphere(sphere)
+        room.fetch(self._sphere(sphere + 2) + 9)
         spring, slot = room.load(own + 9), self.layout.normals + sphere
         self.state.store(slot, 0.0)
         with program.when(spring > 0):

@@ -62,6 +62,11 @@ class NodeNumbers:
         for more, value in enumerate(values):
             self._lanes.store_next(self._slot(at.slot, number + more), value)
 
+    def fetch(self, node: Any, number: int, count: int) -> None:
+        """Ask memory ahead for numbers of a node, from one on; there need not be such a node."""
+        for more in range(count):
+            self._lanes.fetch(self._slot(node, number + more))
+
     def gather(self, node: Value, number: int) -> Value:
         """A number of a node, which may be another one in each lane."""
         return self._lanes.gather(self._slot(node, number))

@@ -135,6 +135,8 @@ class Program:
             approximate: whether quotients and roots may be off in their last digits, as graphics processors have them.
         """
         self.lanes, self.flags = lanes, (*_FREE, *(("afn",) if approximate else ()))
+        self.fetches = False
+        """Whether memory is asked ahead for what will be read soon."""
         self.abreast = 1
         """How many things of one world its lanes hold now (`side_by_side`)."""
         self.real = ir.DoubleType() if np.dtype(real) == np.float64 else ir.FloatType()
@@ -214,6 +216,11 @@ class Program:
         for lane, value in enumerate(values):
             found = self.builder.insert_element(found, value.written, ir.Constant(INDEX, lane))
         return Value(self, found)
+
+    def fetch(self, place: Any) -> None:
+        """Let what is in memory there come nearer, on a graphics processor."""
+        kind = ir.FunctionType(ir.VoidType(), [ir.PointerType()])
+        self.builder.call(self._declared("llvm.nvvm.prefetch.L1", kind), [place])
 
     def total(self, value: Value) -> Value:
         """The sum of what stands side by side."""
