@@ -252,7 +252,7 @@ class Axis:
             self._state.put(node, _TURN, kept)
             upright = self._number(node, "upright")
             tilt, lean = twist(xp, STILL, turn, (at_rest, tangent), STILL)
-            righting = upright * tilt
+            righting = xp.where(inside, upright * tilt, 0.0)
             work, torque = times(-righting, lean), -righting
             gripped = xp.where(node.each < beyond, room.load(node, _GRIPPED), 0.0)
             pressed = Changing(program, [0.0] * 10)

@@ -360,8 +360,10 @@ class ScopeProgram:
         """Arc length next to a place that was near `arc`, and where the place stands in the colon at rest."""
         rest = Changing(self.program, place)
         if self.axis:
-            with self.program.when(arc > -_BEFORE):
-                rest.now = self.axis.reference(place, arc)
+            near, where = arc > -_BEFORE, self.program.xp.where
+            with self.program.when(near):
+                found = zip(self.axis.reference(place, arc), place, strict=True)
+                rest.now = tuple(where(near, back, still) for back, still in found)
         return nearest_arc(self.program.xp, self.tables, *self._stations(), rest.now, arc), rest.now
 
     def wall(self, rest: Vector, arc: Value) -> tuple[Value, Vector, Vector, Vector]:
