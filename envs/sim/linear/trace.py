@@ -219,8 +219,9 @@ class Program:
 
     def fetch(self, place: Any) -> None:
         """Let what is in memory there come nearer, on a graphics processor."""
-        kind = ir.FunctionType(ir.VoidType(), [ir.PointerType()])
-        self.builder.call(self._declared("llvm.nvvm.prefetch.L1", kind), [place])
+        address = self.builder.ptrtoint(place, ir.IntType(64))
+        kind = ir.FunctionType(ir.VoidType(), [address.type])
+        self.builder.asm(kind, "prefetch.L1 [$0];", "l", [address], side_effect=True)
 
     def total(self, value: Value) -> Value:
         """The sum of what stands side by side."""
