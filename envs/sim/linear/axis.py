@@ -40,8 +40,8 @@ from haustra.models.wall.sections import (
 )
 from haustra.models.wall.vectors import Vector, add, between, cross, dot, minus, norm, times, unit_rate
 
-_CLOSING, _LENGTH, _FLAT, _ACROSS, _GRIPPED, _PULLED, _COUPLES, _SPIN, _FLAT_RATE, _ACROSS_RATE = (
-    0, 3, 4, 5, 8, 10, 13, 22, 25, 26
+_CLOSING, _LENGTH, _SECTION, _GRIPPED, _PULLED, _COUPLES, _SPIN, _FLAT_RATE, _ACROSS_RATE = (
+    0, 3, 4, 12, 14, 17, 26, 29, 30
 )  # fmt: skip
 """What each node's room holds, and the cell behind it; `_MOVING` takes the place of the rates."""
 _MOVING, _SPINNING = _SPIN, _SPIN + 4
@@ -133,8 +133,8 @@ class Axis:
                 flat, across = flattening(xp, own, rest, width)
                 changing = node_closing_rate(*beside, tangents[0], *rates, moving[0])
                 flat_rate, across_rate = flattening_rate(xp, own, rest, width, changing, cross(spin, rest))
-                self._state.put(cell, _TURN, (turn[0], *turn[1]))
-                room.put(cell, _CLOSING, (*closing, stretch[0], flat, *across, 0.0, 0.0))
+                section = turn[0], *turn[1], flat, *across
+                room.put(cell, _CLOSING, (*closing, stretch[0], *section, 0.0, 0.0))
                 room.put(cell, _SPIN, (*spin, flat_rate, *across_rate))
         return beyond
 
@@ -158,7 +158,7 @@ class Axis:
     def most_depth(self, arc: Value, depth: Value, radius: Value) -> Value:
         """A bound of the depth of a sphere in the wall as it is now, given that at rest [m], as `touched` finds it."""
         xp, cell = self.program.xp, self._cell(arc)
-        flat = xp.maximum(*(self._room.gather(cell.at + end, _FLAT) for end in range(2)))
+        flat = xp.maximum(*(self._room.gather(cell.at + end, _SECTION + 4) for end in range(2)))
         return xp.maximum(depth, (1 - flat) * depth + flat * radius)
 
     def touched(
@@ -235,7 +235,8 @@ class Axis:
             edge = self._edge(i, minus(place, places(*place)))
             length = norm(xp, edge)
             unit = times(1 / length, edge)
-            *unit_before, length_before = edges(*unit, length)
+            before = edges(*unit, length)
+            unit_before, length_before = before[:3], before[3]
             total = add(unit, unit_before)
             size = norm(xp, total)
             tangent, at_rest = times(1 / size, total), self._vector(node, "tangent")
@@ -280,7 +281,8 @@ class Axis:
             # What that does to the node before the edge, whose work is done, and so to the edge before that.
             work, bend = unit_rate(tangents[0], size, work), bends(*bend)
             over = add(lower(*minus(work, bend)), add(work, bend))
-            *unit, length = earlier(*unit_before, length_before)
+            before = earlier(*unit_before, length_before)
+            unit, length = before[:3], before[3]
             (shortening,) = shortened(bent.now[6])
             rest, tension, torsion, stiffness_before = stiffer(rest, tension, torsion, stiffness)
             pull = edge_tension(xp, length, rest, tension, self._of_world("pleating")) - shortening
@@ -336,11 +338,11 @@ class Axis:
         Of the ends' two cells the one that there is has both.
         """
         xp, room, last = self.program.xp, self._room, self.nodes - 1
-        rows = tuple(self._where(pressed, room.vector(node, _COUPLES + 3 * row)) for row in range(3))
+        x, y, z = (self._where(pressed, room.vector(node, _COUPLES + 3 * row)) for row in range(3))
         cells = self._beside(node, room.vector(node.back(1), _CLOSING), room.vector(node, _CLOSING))
-        section = *turn, room.load(node, _FLAT), room.vector(node, _ACROSS)
+        section = *turn, room.load(node, _SECTION + 4), room.vector(node, _SECTION + 5)
         closed = self._vector(node, "closing"), self._number(node, "width")
-        work, torque, before, after = section_gradient(xp, section, tangent, cells, *closed, rows)
+        work, torque, before, after = section_gradient(xp, section, tangent, cells, *closed, (x, y, z))
         both, first, end = add(before, after), node.each > 0, node.each < last
         before, after = self._where(first, before), self._where(end, after)
         before, after = self._where(end, before, both), self._where(first, after, both)
@@ -393,13 +395,12 @@ class Axis:
 
     def _sections(self, cell: Cell) -> tuple[Section, Section]:
         """Cross-sections at the nodes before and after a place; lanes may be in different cells."""
-        state, room, (first, second) = self._state, self._room, (cell.at + i for i in range(2))
-        return (
-            (state.gather(first, _TURN), state.gather_vector(first, _TURN + 1), room.gather(first, _FLAT),
-             room.gather_vector(first, _ACROSS)),
-            (state.gather(second, _TURN), state.gather_vector(second, _TURN + 1), room.gather(second, _FLAT),
-             room.gather_vector(second, _ACROSS)),
-        )  # fmt: skip
+
+        def section(node: Value) -> Section:
+            numbers = [self._room.gather(node, _SECTION + i) for i in range(8)]
+            return numbers[0], (numbers[1], numbers[2], numbers[3]), numbers[4], (numbers[5], numbers[6], numbers[7])
+
+        return section(cell.at), section(cell.at + 1)
 
     def _axis(self, arc: Value) -> Vector:
         return axis_point(self.program.xp, self._tables, *self._stations, arc)

@@ -13,7 +13,7 @@ from haustra.envs.sim.conditions import Conditions, Snapshot
 from haustra.envs.sim.gas import RunGas
 from haustra.envs.sim.linear.compile import Driver, lanes_of
 from haustra.envs.sim.linear.dual import with_slopes
-from haustra.envs.sim.linear.layout import AXIS, NODE, SEEN, WORLD, seen_slot
+from haustra.envs.sim.linear.layout import AXIS, LEAST, NODE, SEEN, WORLD, seen_slot
 from haustra.envs.sim.linear.pack import pack_axis, pack_design, pack_tables, structure_of
 from haustra.envs.sim.linear.place import CpuPlace, GpuPlace, Place
 from haustra.envs.sim.link_places import link_arcs, middle_spheres
@@ -26,7 +26,7 @@ from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.devices.scope.wires import travel_of_wheels
 from haustra.models.scene import Scene
 from haustra.models.wall import moving_colon
-from haustra.models.wall.lumen_table import Tables, pick
+from haustra.models.wall.lumen_table import Tables, least_radius, pick
 from haustra.models.wall.mesentery import Mesentery
 from haustra.models.wall.moving_colon import POSE, AxisDisplacement
 
@@ -341,7 +341,9 @@ class LinearBackend(AbstractBackend):
     def _yield_to_gas(self, *, anew: bool = False) -> None:
         """Put the wall where gas holds it, as stiff as it makes it."""
         assert self.gas is not None
-        self.gas.place(self._held["wall"].change(), anew=anew)
+        wall = self._held["wall"].change()
+        self.gas.place(wall, anew=anew)
+        self._held["stations"].change()[:, LEAST] = least_radius(wall)
         self.give("stiffness", self.gas.stiffness)
 
     def _first(self, slot: int) -> float:

@@ -32,7 +32,10 @@ AXIS = ("place", "y", "z", "turn", "tangent", "tangent_y", "tangent_z", "upright
 """Numbers of each node of the axis of a colon that moves: a row of `haustra.models.wall.mesentery.Mesentery`."""
 
 STATION = 16
-"""Numbers of a row of a colon's station: point and width, first normal, second normal and tangent, each of four."""
+"""Numbers of a row of a colon's station: point and least radius, first normal and width, second normal, and tangent,
+each of four."""
+LEAST = 3
+"""Where the least radius is."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +149,7 @@ SPHERE_ROOM = 14
 """Normal, lever, speed against the wall (9), spring, drag, lever at which a colon that moves is held (3)."""
 NODE = 11
 """Pose and speed (`haustra.models.wall.moving_colon.AxisDisplacement`)."""
-NODE_ROOM = 29
+NODE_ROOM = 33
 """`haustra.envs.sim.linear.axis`."""
 WIRE_ROOM = 2
 """`haustra.envs.sim.linear.wires`."""

@@ -45,7 +45,15 @@ from haustra.envs.sim.physics.wires import borne_pulls, joint_angle
 from haustra.envs.sim.state import SPEED_LIMIT
 from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.wall.law import normal_force, place_contact, place_force
-from haustra.models.wall.lumen_table import WINDOW, Tables, axis_point, nearest_arc, station_width, wall_beside
+from haustra.models.wall.lumen_table import (
+    WINDOW,
+    Tables,
+    axis_point,
+    depth_bound,
+    nearest_arc,
+    station_width,
+    wall_beside,
+)
 from haustra.models.wall.moving_colon import AT_REST
 from haustra.models.wall.vectors import Vector, add, cross, dot, minus, times
 
@@ -299,7 +307,7 @@ class ScopeProgram:
         room.put(self._body(body), sums.now)
 
     @contextmanager
-    def _spheres_beside(self, body: Value) -> Iterator[tuple[Value, Value | bool]]:
+    def _spheres_beside(self, body: Value) -> Iterator[tuple[Value, Value | None]]:
         """Each sphere of a link, or several side by side: then the last one again where there are no more.
 
         Whether they count comes with them.
@@ -308,18 +316,18 @@ class ScopeProgram:
         abreast = min(self.layout.abreast, _BESIDE)
         if abreast == 1:
             with program.loop(first, last) as sphere:
-                yield sphere, True
+                yield sphere, None
             return
         with program.side_by_side(abreast), program.loop(0, (last - first + (abreast - 1)).over(abreast)) as group:
             each = program.numbered(first + group * abreast)
             counts = each < last
             yield program.xp.where(counts, each, last - 1), counts
 
-    def _summed(self, value: Value, counts: Value | bool) -> Value:
+    def _summed(self, value: Value, counts: Value | None) -> Value:
         """The sum over the spheres that stand side by side, of those that count."""
-        return value if counts is True else self.program.total(self.program.xp.where(counts, value, 0.0))
+        return value if counts is None else self.program.total(self.program.xp.where(counts, value, 0.0))
 
-    def _touch(self, sphere: Value, counts: Value | bool, link: "Link", sums: Changing) -> None:
+    def _touch(self, sphere: Value, counts: Value | None, link: "Link", sums: Changing) -> None:
         program, xp, state, room, layout = self.program, self.program.xp, self.state, self.room, self.layout
         along = times(self.sphere_place(sphere), link.axis)
         centre, slot = add(link.place, along), layout.arcs + sphere
@@ -330,7 +338,7 @@ class ScopeProgram:
         where, carried = self._sphere(sphere), state.load(layout.normals + sphere) > 0
         room.store(where + 9, 0.0)
         with program.when(arc > 0):
-            depth, normal, held, leaving = self.wall(rest, arc)
+            depth, normal, held, leaving = self.wall(rest, arc, near=True)
             lever = minus(along, times(self.scope("radius"), normal))
             speed = minus(add(link.moving, cross(link.turning, lever)), leaving)
             damper = self._damper()
@@ -364,28 +372,37 @@ class ScopeProgram:
             with self.program.when(near):
                 found = zip(self.axis.reference(place, arc), place, strict=True)
                 rest.now = tuple(where(near, back, still) for back, still in found)
-        return nearest_arc(self.program.xp, self.tables, *self._stations(), rest.now, arc), rest.now
+        back: Any = rest.now
+        return nearest_arc(self.program.xp, self.tables, *self._stations(), back, arc), back
 
-    def wall(self, rest: Vector, arc: Value) -> tuple[Value, Vector, Vector, Vector]:
+    def wall(self, rest: Vector, arc: Value, *, near: bool) -> tuple[Value, Vector, Vector, Vector]:
         """Depth of a sphere in the wall, the inward normal, its lever on a colon that moves and that wall's speed.
 
-        Where a sphere does not touch a colon that moves, a bound of its depth is found, and the rest is of no meaning.
+        Where a sphere does not touch, a bound of its depth may be found, and the rest is of no meaning.
 
         Args:
             rest: the sphere's middle, in the colon at rest.
             arc: there.
+            near: whether depths matter only of spheres that touch; else of all in colons that are fixed.
         """
-        xp, radius = self.program.xp, self.scope("radius")
-        depth, normal = wall_beside(xp, self.tables, *self._stations(), rest, arc)
-        depth = xp.where(arc > 0, depth + (radius - self.world("device_radius")), -1.0)
-        if not self.axis:
-            return depth, normal, _NONE, _NONE
-        most = self.axis.most_depth(arc, depth, radius)
-        found = Changing(self.program, (most, *normal, *_NONE, *_NONE))
+        xp, radius, stations = self.program.xp, self.scope("radius"), self._stations()
+        wider = radius - self.world("device_radius")
+
+        def bound(depth: Value) -> Value:
+            depth = xp.where(arc > 0, depth + wider, -1.0)
+            return self.axis.most_depth(arc, depth, radius) if self.axis else depth
+
+        most = bound(depth_bound(xp, self.tables, *stations, rest, arc)) if near else self.program.constant(1.0)
+        found = Changing(self.program, (most, *_NONE * 3))
         with self.program.when(most > 0):
-            depth, normal, held, leaving = self.axis.touched(arc, rest, depth, normal, radius)
-            found.now = depth, *normal, *held, *leaving
-        now = found.now
+            depth, normal = wall_beside(xp, self.tables, *stations, rest, arc)
+            found.now = bound(depth), *normal, *_NONE * 2
+            if self.axis:
+                with self.program.when(found.now[0] > 0):
+                    depth = xp.where(arc > 0, depth + wider, -1.0)
+                    depth, normal, held, leaving = self.axis.touched(arc, rest, depth, normal, radius)
+                    found.now = depth, *normal, *held, *leaving
+        now: Any = found.now
         return now[0], now[1:4], now[4:7], now[7:]
 
     def station(self, arc: Value) -> tuple[Vector, Value]:
@@ -603,11 +620,11 @@ class ScopeProgram:
         """Where the middle of a sphere is [m]."""
         return add(link.place, times(self.sphere_place(sphere), link.axis))
 
-    def _press(self, sphere: Value, counts: Value | bool, link: "Link", pressed: Changing, deepest: Variable) -> None:
+    def _press(self, sphere: Value, counts: Value | None, link: "Link", pressed: Changing, deepest: Variable) -> None:
         program, xp, layout = self.program, self.program.xp, self.layout
         arc, rest = self.nearest(self._middle(sphere, link), self.state.load(layout.arcs + sphere))
         with program.when(arc > 0):
-            depth, normal, _, _ = self.wall(rest, arc)
+            depth, normal, _, _ = self.wall(rest, arc, near=False)
             for each in program.apart(depth):
                 deepest.value = xp.maximum(deepest.value, each)
             force = xp.where(arc > 0, self.state.load(layout.normals + sphere), 0.0)

@@ -100,7 +100,7 @@ class Before:
         """`start`: those of the node before the first."""
         self._program, self._kept = program, [program.variable(number) for number in start]
 
-    def __call__(self, *values: Number) -> tuple[Value, ...]:
+    def __call__(self, *values: Number) -> Any:
         """Those of the nodes before; keep these for the next."""
         found = tuple(each.value for each in self._kept)
         for each, value in zip(self._kept, values, strict=True):
@@ -119,7 +119,7 @@ def in_turn(
     given: Sequence[Value],
     *,
     backwards: bool = False,
-) -> tuple[Value, ...]:
+) -> Any:
     """What follows node from node: found one by one where nodes stand side by side.
 
     Args:

@@ -219,7 +219,7 @@ class Program:
 
     def fetch(self, place: Any) -> None:
         """Let what is in memory there come nearer, on a graphics processor."""
-        address = self.builder.ptrtoint(place, ir.IntType(64))
+        address: Any = self.builder.ptrtoint(place, ir.IntType(64))
         kind = ir.FunctionType(ir.VoidType(), [address.type])
         self.builder.asm(kind, "prefetch.L1 [$0];", "l", [address], side_effect=True)
 
