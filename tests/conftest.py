@@ -10,6 +10,7 @@ from jaxtyping import install_import_hook
 from runtime_types import unchecked
 
 # Compiled from their sources, which the checks would change.
+import haustra.envs.view.picture.cover
 import haustra.envs.view.picture.kernels
 import haustra.envs.view.picture.mucosa
 
