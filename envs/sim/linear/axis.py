@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple
 
-from haustra.envs.sim.linear.layout import AXIS, NODE, WORLD, Layout
+from haustra.envs.sim.linear.layout import AXIS, NODE, NODE_ROOM, WORLD, Layout
 from haustra.envs.sim.linear.memory import Lanes, Rows
 from haustra.envs.sim.linear.sweep import Before, NodeNumbers, Nodes, along, in_turn, kept_numbers
 from haustra.envs.sim.linear.trace import Changing, Program, Value
@@ -81,7 +81,9 @@ class Axis:
         """
         self.program, self.layout, self.nodes = program, layout, layout.nodes
         state, self._world, room = arrays
-        self._state, self._room = NodeNumbers(state, layout.node_state), NodeNumbers(room, layout.node_slot)
+        apart = (NODE, NODE_ROOM) if layout.abreast == 1 else (1, 1)
+        self._state = NodeNumbers(state, layout.node_state, apart[0])
+        self._room = NodeNumbers(room, layout.node_slot, apart[1])
         self._rows, self._first_row = rows, {}
         self._tables, self._stations = tables
 

@@ -97,16 +97,16 @@ class Layout:
         """Slots of the state."""
         return self.axis + self.row * NODE
 
-    def node_state(self, node: Any, number: int) -> Any:
-        """Slot of a number of a node's pose and speed."""
-        return self.axis + self._of_node(node, number, NODE)
+    def node_state(self, number: int) -> Any:
+        """Where a number of the nodes' poses and speeds is counted from."""
+        return self.axis + self._of_number(number)
 
-    def node_slot(self, node: Any, number: int) -> Any:
-        """Slot of a number of a node's room."""
-        return self.node_room + self._of_node(node, number, NODE_ROOM)
+    def node_slot(self, number: int) -> Any:
+        """Where a number of the nodes' rooms is counted from."""
+        return self.node_room + self._of_number(number)
 
-    def _of_node(self, node: Any, number: int, numbers: int) -> Any:
-        return node * numbers + number if self.abreast == 1 else node + (self.row * number + self.abreast)
+    def _of_number(self, number: int) -> Any:
+        return number if self.abreast == 1 else self.row * number + self.abreast
 
     # Room to work in begins with a copy of the state.
 

@@ -60,40 +60,34 @@ class Lanes:
         """These numbers, counted from a slot on."""
         return Lanes(self._program, self._place(slot), self._stride)
 
-    def gather(self, slot: Any) -> Value:
-        """The number there, where each lane has a slot of its own."""
+    def gather(self, slot: Any, start: Number = 0) -> Value:
+        """The number there, where each lane has a slot of its own, counted from one that all share."""
         program, builder = self._program, self._program.builder
         if not _differ(slot):
-            return self.load(slot)
+            return self.load(slot + start)
         found: Any = ir.Constant(ir.VectorType(program.real, program.lanes), ir.Undefined)
-        for lane, place in self._each(slot):
+        for lane, place in self._each(slot, start):
             number = builder.load(place, typ=program.real)
             found = builder.insert_element(found, number, ir.Constant(INDEX, lane))
         return Value(program, found)
 
-    def scatter(self, slot: Any, value: Number) -> None:
-        """Put a number there, where each lane has a slot of its own."""
+    def scatter(self, slot: Any, value: Number, start: Number = 0) -> None:
+        """Put a number there, where each lane has a slot of its own, counted from one that all share."""
         program, builder = self._program, self._program.builder
         if not _differ(slot):
-            self.store(slot, value)
+            self.store(slot + start, value)
             return
         spread = program.spread(value)
-        for lane, place in self._each(slot):
+        for lane, place in self._each(slot, start):
             builder.store(builder.extract_element(spread, ir.Constant(INDEX, lane)), place)
 
-    def gather_vector(self, slot: Value) -> tuple[Value, Value, Value]:
-        """Three numbers from there on."""
-        return self.gather(slot), self.gather(slot + 1), self.gather(slot + 2)
-
-    def _each(self, slot: Value) -> Iterator[tuple[int, Any]]:
+    def _each(self, slot: Value, start: Number) -> Iterator[tuple[int, Any]]:
         """Lanes, and the place of each one's own slot."""
-        program, builder = self._program, self._program.builder
-        offset = (slot * self._stride).written
-        for lane in range(program.lanes):
-            own = builder.extract_element(offset, ir.Constant(INDEX, lane))
-            if self._lanes > 1:  # worlds lie side by side
-                own = builder.add(own, ir.Constant(INDEX, lane))
-            yield lane, builder.gep(self._base, [own], source_etype=program.real)
+        program, base, own = self._program, self._place(start), slot * self._stride
+        if self._lanes > 1:  # worlds lie side by side
+            own = own + Value(program, ir.Constant(own.written.type, list(range(own.lanes))))
+        for lane, offset in enumerate(program.indices(own)):
+            yield lane, program.builder.gep(base, [offset], source_etype=program.real)
 
     def fetch(self, slot: Number, count: int = 1) -> None:
         """Ask memory ahead for that many numbers, where that helps; there need not be any."""
@@ -162,22 +156,24 @@ class Rows:
         program = self._program
         key = (program.builder.block, row.written, column // 4)
         if key not in self._seen:
-            self._seen[key] = self._four(row * self._fours + column // 4)
+            self._seen[key] = self._four(row * (4 * self._fours), column // 4 * 4)
         return self._seen[key][column % 4]
 
-    def _four(self, place: Value) -> list[Value]:
+    def _four(self, row: Value, column: int) -> list[Value]:
         program, builder = self._program, self._program.builder
-        four = ir.VectorType(program.real, 4)
+        four, base = ir.VectorType(program.real, 4), self._base
+        if column:
+            base = builder.gep(base, [ir.Constant(INDEX, column)], source_etype=program.real)
 
         def loaded(at: Any) -> Any:
-            pointer = builder.gep(self._base, [at], source_etype=four)
+            pointer = builder.gep(base, [at], source_etype=program.real)
             return builder.load(pointer, typ=four, align=4 * size_of(program))
 
-        lanes = place.lanes
+        lanes = row.lanes
         if lanes == 1:
-            whole = loaded(place.written)
+            whole = loaded(row.written)
             return [Value(program, builder.extract_element(whole, ir.Constant(INDEX, i))) for i in range(4)]
-        parts = [loaded(builder.extract_element(place.written, ir.Constant(INDEX, lane))) for lane in range(lanes)]
+        parts = [loaded(each) for each in program.indices(row)]
         # Side by side, those of lanes k, k + 4, k + 8, ...; then turned, fours by fours: shuffles within 16 bytes.
         sides = [self._joined(parts[k::4]) for k in range(4)]
         low = [self._picked(sides[k], sides[k + 1], _TURN_LOW, lanes) for k in (0, 2)]

@@ -190,7 +190,7 @@ class ScopeProgram:
                     put(layout.arcs + sphere, start.value + self.sphere_place(sphere))
             put(layout.arcs + self.spheres, start.value + self.scope("tip"))
             with program.loop(0, layout.nodes) as node:
-                put(layout.node_state(node, AT_REST.index(1.0)), 1.0)
+                put(layout.node_state(AT_REST.index(1.0)) + node * (slots.NODE if layout.abreast == 1 else 1), 1.0)
             for slot in (1, layout.hand + 1):
                 put(slot, self.world("start_roll"))
             self.ask("begins", 0.0)

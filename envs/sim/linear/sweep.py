@@ -45,13 +45,19 @@ class Nodes:
 class NodeNumbers:
     """Numbers of nodes in one of a world's arrays."""
 
-    def __init__(self, lanes: Lanes, slot: Callable[[Any, int], Any]) -> None:
-        """`slot`: of a node's number (`haustra.envs.sim.linear.layout.Layout`)."""
-        self._lanes, self._slot = lanes, slot
+    def __init__(self, lanes: Lanes, start: Callable[[int], Any], apart: int) -> None:
+        """Bind them.
+
+        Args:
+            lanes: the array.
+            start: slot from which a number is counted (`haustra.envs.sim.linear.layout.Layout`).
+            apart: slots from a node to the next.
+        """
+        self._lanes, self._start, self._apart = lanes, start, apart
 
     def load(self, at: Nodes, number: int) -> Value:
         """A number of these nodes."""
-        return self._lanes.load_next(self._slot(at.slot, number))
+        return self._lanes.load_next(at.slot * self._apart + self._start(number))
 
     def vector(self, at: Nodes, number: int) -> Vector:
         """Three numbers of these nodes."""
@@ -60,16 +66,16 @@ class NodeNumbers:
     def put(self, at: Nodes, number: int, values: Sequence[Number]) -> None:
         """Put numbers of these nodes, from one on."""
         for more, value in enumerate(values):
-            self._lanes.store_next(self._slot(at.slot, number + more), value)
+            self._lanes.store_next(at.slot * self._apart + self._start(number + more), value)
 
     def fetch(self, node: Any, number: int, count: int) -> None:
         """Ask memory ahead for numbers of a node, from one on; there need not be such a node."""
         for more in range(count):
-            self._lanes.fetch(self._slot(node, number + more))
+            self._lanes.fetch(node * self._apart + self._start(number + more))
 
     def gather(self, node: Value, number: int) -> Value:
         """A number of a node, which may be another one in each lane."""
-        return self._lanes.gather(self._slot(node, number))
+        return self._lanes.gather(node * self._apart, self._start(number))
 
     def gather_vector(self, node: Value, number: int) -> Vector:
         """Three numbers of such a node."""
@@ -77,7 +83,7 @@ class NodeNumbers:
 
     def scatter(self, node: Value, number: int, value: Number) -> None:
         """Put a number of such a node."""
-        self._lanes.scatter(self._slot(node, number), value)
+        self._lanes.scatter(node * self._apart, value, self._start(number))
 
 
 @contextmanager

@@ -148,7 +148,7 @@ class Program:
         self._entry = self.function.append_basic_block("entry")
         self.builder = ir.IRBuilder(self.function.append_basic_block("begin"))
         self.xp = Mathematics(self)
-        self._known: dict[Any, Value] = {}
+        self._known: dict[Any, Any] = {}
 
     def finish(self) -> str:
         """The function in LLVM's language."""
@@ -208,6 +208,14 @@ class Program:
         spread, builder = self.spread(value), self.builder
         return [Value(self, builder.extract_element(spread, ir.Constant(INDEX, lane))) for lane in range(self.abreast)]
 
+    def indices(self, value: Value) -> list[Any]:
+        """LLVM's values of a whole number that differs by lane, as wide as addresses are."""
+        if ("indices", value.written) not in self._known:
+            builder, lanes = self.builder, range(value.lanes)
+            own = [builder.extract_element(value.written, ir.Constant(INDEX, lane)) for lane in lanes]
+            self._known["indices", value.written] = [builder.sext(each, ir.IntType(64)) for each in own]
+        return self._known["indices", value.written]
+
     def together(self, values: Sequence[Value]) -> Value:
         """What `apart` took apart."""
         if self.abreast == 1:
@@ -263,10 +271,10 @@ class Program:
             if Value(self, a).whole:
                 a, b = (self._as_real(Value(self, each)).written for each in (a, b))
             return Value(self, getattr(self.builder, f"f{what}")(a, b, flags=self.flags))
-        # Whole numbers are rows of tables: the same one is to be known again.
+        # Whole numbers are rows of tables: the same one is to be known again. None is as large as to wrap around.
         key = (what, str(a) if isinstance(a, ir.Constant) else a, str(b) if isinstance(b, ir.Constant) else b)
         if key not in self._known:
-            self._known[key] = Value(self, getattr(self.builder, what)(a, b))
+            self._known[key] = Value(self, getattr(self.builder, what)(a, b, flags=("nsw",)))
         return self._known[key]
 
     def compare(self, what: str, first: Any, second: Any) -> Value:
