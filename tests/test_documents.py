@@ -136,6 +136,13 @@ def test_every_program_compiles_and_imports_what_is_there(place: str, program: s
             assert [each.name for each in node.names if not _defines(node.module, each.name)] == []
 
 
+def test_files_of_python_in_the_text_are_there() -> None:
+    rooms = (ROOT, ROOT / "models", ROOT / "envs", ROOT / "scripts", ROOT / "tests")
+    found = [(page, said) for page in TODAY for said in re.findall(r"`((?:[\w-]+/)+[\w-]+\.py)\b", _text(page))]
+    assert found
+    assert not [f"{_name(page)}: {said}" for page, said in found if not any((room / said).is_file() for room in rooms)]
+
+
 def test_names_in_the_text_are_those_of_modules() -> None:
     """`haustra.x.y` on a page of today is a module, or a name in one."""
     unknown = []

@@ -15,6 +15,8 @@ from haustra.files import write_atomically
 _HEAD = """\
 # Validation: a cohort against published colonoscopies
 
+**Question.** Do virtual patients, examined by a simulated endoscopist, show what published colonoscopies showed?
+
 Made by `haustra cohort quick -o DIR` (patients and seconds as said below) and `python -m
 haustra.scripts.bench.pages.cohort_page DIR PAGE`; edit `scripts/bench/pages/cohort_page.py`, not this page.
 

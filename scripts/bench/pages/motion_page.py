@@ -7,6 +7,8 @@ from haustra.scripts.bench.motion import COMPARED, DESIGN, FIRST_SEED, PLAIN, ef
 
 _HEAD = """# Validation: colons that move
 
+**Question.** Does the surface of a colon that moves stay a surface, and how much does the patient around it matter?
+
 Made by `haustra bench motion -o DIR`; edit `scripts/bench/pages/motion_page.py`, not this page.
 
 The model is told in [mesentery](../theory/mesentery.md). No figure here has been compared with a patient's colon: the

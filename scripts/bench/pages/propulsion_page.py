@@ -15,6 +15,8 @@ def write_page(path: Path, result: dict[str, Any]) -> Path:
 
 _HEAD = """# Validation: the tracked robot
 
+**Question.** Does the model of the tracked robot pull, ripple and stress its tread as its papers say?
+
 Made by `haustra propulsion --page docs/validation/tracked.md`; do not edit. What is modelled, assumed and fitted is in
 [the theory](../theory/tracked.md). One number was fitted to a force: the indentation that gives four tracks 3 N on
 tissue. Tooth, belt and tips are assumed, chosen so that ripple and stress ratio come out as published; so those two

@@ -11,6 +11,7 @@ from pathlib import Path
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
+from haustra import _HOME
 from haustra.scripts.registry import BENCHMARKS, GROUPS, VERBS, load_verb
 
 _ROOT = Path(__file__).parents[3]
@@ -46,7 +47,16 @@ def api_page(package: str) -> str:
     folder = _ROOT.joinpath(*package.split(".")[1:]) if package != "haustra" else _ROOT / "haustra"
     modules = sorted(path.stem for path in folder.glob("*.py") if not path.stem.startswith("_"))
     body = "".join(f"\n::: {package}.{module}\n" for module in modules)
-    return f"# {package}\n\n::: {package}\n    options:\n      show_root_heading: false\n      members: false\n{body}"
+    about = f"# {package}\n\n::: {package}\n    options:\n      show_root_heading: false\n      members: false\n"
+    return about + (_first_names() if package == "haustra" else "") + body
+
+
+def _first_names() -> str:
+    """The names that `import haustra` gives, with links to where they are described."""
+    rows = "".join(
+        f"| [`haustra.{name}`][{module}.{name}] | `{module}` |\n" for module, names in _HOME.items() for name in names
+    )
+    return f"\n## Names at the top\n\n| name | stands in |\n|---|---|\n{rows}"
 
 
 def command_line_page() -> str:

@@ -15,6 +15,8 @@ from haustra.scripts.trials import TABLE
 _HEAD = """\
 # Validation: trials with known answers
 
+**Question.** Do published trials of colonoscopes end here as they ended in patients?
+
 Made by `python -m haustra.scripts.bench.pages.trials_page DIR docs/validation/trials.md` from the folder of
 `{command}`; do not edit.
 
