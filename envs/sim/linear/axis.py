@@ -47,7 +47,7 @@ _CLOSING, _LENGTH, _SECTION, _GRIPPED, _PULLED, _COUPLES, _SPIN, _FLAT_RATE, _AC
 _MOVING, _SPINNING = _SPIN, _SPIN + 4
 """Velocity of a node while those behind it are not known, and its share of theirs; the same of the turn."""
 _TURN, _TURNING = 3, POSE + 3
-"""Of the state of a node: how its section is turned, and its angular velocity about the axis."""
+"""How a node's section is turned, and its angular velocity about the axis, in its state."""
 
 
 class Cell(NamedTuple):

@@ -25,9 +25,9 @@ class Nodes:
     within: Value
     """Number of each, or of the end that it is beyond."""
     slot: Value
-    """Of the first, where its numbers lie; where nodes stand side by side, there is room beyond the ends."""
+    """Where the first one's numbers lie; where nodes stand side by side, there is room beyond the ends."""
     count: Value
-    """Of the whole axis."""
+    """How many the axis has."""
 
     @classmethod
     def at(cls, program: Program, first: Value, count: Value) -> "Nodes":
@@ -107,7 +107,7 @@ class Before:
         self._program, self._kept = program, [program.variable(number) for number in start]
 
     def __call__(self, *values: Number) -> Any:
-        """Those of the nodes before; keep these for the next."""
+        """Numbers of the nodes before; keep these for the next."""
         found = tuple(each.value for each in self._kept)
         for each, value in zip(self._kept, values, strict=True):
             each.value = value
