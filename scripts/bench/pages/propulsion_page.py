@@ -102,8 +102,8 @@ def _full_range(result: dict[str, Any]) -> str:
         lines.append(
             f"- {surface}: RMSE {rmse['median_percent']:.1f} % of the measured mean (median over all curves the paper "
             f"allows; {rmse['low_percent']:.1f} to {rmse['high_percent']:.1f} %, 95 % of them below "
-            f"{rmse['p95_percent']:.1f} %). The bar of 12 % holds for {100 * rmse['within_12_percent_share']:.0f} % of "
-            "those curves. No curve whatever could promise less than "
+            f"{rmse['p95_percent']:.1f} %). The bound of 12 % holds for {100 * rmse['within_12_percent_share']:.0f} % "
+            "of those curves. No curve whatever could promise less than "
             f"{rmse['best_guaranteed_percent']:.1f} % against all of them. The paper's own: "
             f"{found['paper_rmse_percent']:.1f} %."
         )
