@@ -20,6 +20,17 @@ _LEFT_OUT = "haustra.scripts"
 """Verbs have the page of commands; benchmarks are not meant to be imported."""
 
 
+_ABOUT = """\
+# {package}
+
+::: {package}
+    options:
+      show_root_heading: false
+      show_root_toc_entry: false
+      members: false
+"""
+
+
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Put the pages of packages into the navigation, below the page that introduces them."""
     reference = next(group["Reference"] for group in config.nav or () if "Reference" in group)
@@ -47,7 +58,7 @@ def api_page(package: str) -> str:
     folder = _ROOT.joinpath(*package.split(".")[1:]) if package != "haustra" else _ROOT / "haustra"
     modules = sorted(path.stem for path in folder.glob("*.py") if not path.stem.startswith("_"))
     body = "".join(f"\n::: {package}.{module}\n" for module in modules)
-    about = f"# {package}\n\n::: {package}\n    options:\n      show_root_heading: false\n      members: false\n"
+    about = _ABOUT.format(package=package)
     return about + (_first_names() if package == "haustra" else "") + body
 
 
