@@ -32,7 +32,9 @@ from haustra.models.wall.moving_colon import (
     bend_gradient,
     edge_resistance,
     edge_tension,
+    grip_resistance,
     hold_force,
+    lean_resistance,
     node_cell,
     node_resistance,
     node_turn_resistance,
@@ -46,8 +48,10 @@ from haustra.models.wall.sections import (
     cell_closing,
     cell_closing_gradient,
     cell_closing_rate,
+    cell_closing_reach,
     flattening,
     flattening_rate,
+    flattening_reach,
     node_closing,
     node_closing_rate,
     section_gradient,
@@ -508,7 +512,12 @@ def _step_axis(
     """One time step of the axes of these worlds, in place."""
     _shape(own, worlds, pose, shape)
     count = pose.shape[1]
-    pulled, couples, torque = np.empty((1, count, 3)), np.empty((count, 3, 3)), np.empty(count)
+    pulled, couples, torque, leaning = (
+        np.empty((1, count, 3)),
+        np.empty((count, 3, 3)),
+        np.empty(count),
+        np.empty(count),
+    )
     gripped, gripped_turn, diagonal, tie = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
     for world in worlds:
         pulled[:], couples[:], gripped[:], gripped_turn[:] = 0.0, 0.0, 0.0, 0.0
@@ -520,13 +529,15 @@ def _step_axis(
             held = _node(lever, world, p)
             for later in range(2):
                 node, part = at + later, share if later else 1 - share
-                gripped[node] += part * damping[world, p]
-                gripped_turn[node] += part * damping[world, p] * dot(held, held)
+                resists = part * grip_resistance(damping[world, p])
+                gripped[node] += resists
+                gripped_turn[node] += resists * dot(held, held)
                 _put_more(pulled, 0, node, times(part, f))
                 for i in range(3):
                     for j in range(3):
                         couples[node, i, j] += part * f[i] * held[j]
         _add_springs(own, world, shape, couples, pulled, torque)
+        _lean(own, world, shape, gripped_turn, leaning)
         for i in range(count):
             at = _node(pose, world, i)
             _put_more(pulled, 0, i, times(gripped[i], _node(speed, world, i)))
@@ -544,7 +555,14 @@ def _step_axis(
         for i in range(count - 1):
             before = own.bending[world, i] + own.upright[world, i]
             after = own.bending[world, i + 1] + own.upright[world, i + 1]
-            tie[i] = edge_resistance(np, own.tension[world, i], before, after, own.lengths[world, i], h)
+            length, rest = shape.lengths[world, i], own.lengths[world, i]
+            tie[i], along = edge_resistance(np, length, rest, own.tension[world, i], before, after, h)
+            held = (leaning[i] + leaning[i + 1]) / length**2
+            unit, apart = _node(shape.units, world, i), minus(_node(speed, world, i + 1), _node(speed, world, i))
+            kept = add(times(held, apart), times(along * dot(unit, apart), unit))
+            _put_more(pulled, 0, i, kept)
+            _put_more(pulled, 0, i + 1, times(-1.0, kept))
+            tie[i] += held
             diagonal[i] += tie[i]
             diagonal[i + 1] += tie[i]
         # Thomas's algorithm; off the diagonal stands -tie.
@@ -560,6 +578,28 @@ def _step_axis(
             _put(speed, world, i, moving)
             _put_more(pose, world, i, times(h, moving))
         _turn_sections(own, world, pose, speed, shape, torque, gripped_turn, h)
+
+
+def _lean(own: Any, world: int, shape: Any, gripped: Any, leaning: Any) -> None:
+    """Write what changes of the edges' directions meet at nodes: contacts on sections that lean and flatten."""
+    last = shape.lengths.shape[1]
+    reach = np.zeros(last)
+    for i in range(last + 1):
+        if gripped[i] > 0:
+            cells = _cells(shape.closings, world, i)
+            closing = node_closing(cells[0], cells[1], _node(shape.tangents, world, i))
+            rest = turned(*_turn(shape.turns, world, i, 0), _node(own.closings, world, i))
+            each = gripped[i] * flattening_reach(np, closing, rest, own.widths[world, i]) ** 2
+            reach[max(i - 1, 0)] += each
+            reach[min(i, last - 1)] += each
+    leaning[:] = gripped
+    for i in range(last):
+        now = _node(shape.tangents, world, i), _node(shape.tangents, world, i + 1)
+        both = 2 * reach[i] * cell_closing_reach(np, now[0], now[1], shape.lengths[world, i]) ** 2
+        leaning[i] += both
+        leaning[i + 1] += both
+    for i in range(last + 1):
+        leaning[i] = lean_resistance(leaning[i], shape.sums[world, i])
 
 
 def _turn_sections(
@@ -645,7 +685,7 @@ def loops() -> Loops:
 
     overload(vectors.where)(lambda xp, condition, yes, no: lambda xp, condition, yes, no: yes if condition else no)
     own = (_node, _put, _put_more, _turn, _put_turn, _section, _cells, _rest_closing, _node_between, _edge_rate)
-    own = (*own, _rates, _add_springs, _turn_sections)
+    own = (*own, _rates, _add_springs, _lean, _turn_sections)
     entries = (_query, _query_moved, _place_planes, _pressed, _contacts, _step_axis, _shape, _carry, _follow, _indent)
     entries = (*entries, contact_solver.solve)
     laws = (*vectors.PARTS, *law.PARTS, *lumen_table.PARTS, *sections.PARTS, *moving_colon.PARTS)

@@ -12,7 +12,9 @@ from haustra.models.wall.moving_colon import (
     bend_gradient,
     edge_resistance,
     edge_tension,
+    grip_resistance,
     hold_force,
+    lean_resistance,
     node_cell,
     node_resistance,
     node_turn_resistance,
@@ -26,8 +28,10 @@ from haustra.models.wall.sections import (
     cell_closing,
     cell_closing_gradient,
     cell_closing_rate,
+    cell_closing_reach,
     flattening,
     flattening_rate,
+    flattening_reach,
     node_closing,
     node_closing_rate,
     section_gradient,
@@ -44,6 +48,7 @@ _SPIN, _FLAT_RATE, _ACROSS_RATE = 19, 22, 23
 _COUPLES, _PULLED, _GRIPPED, _DIAGONAL, _TIE, _OVER = 26, 35, 38, 40, 41, 42
 """What each node's room holds, and the edge behind it."""
 _WORK, _OVER_CELL, _TORQUE, _TURN_RESISTS = _SPIN, _FLAT_RATE, _ACROSS_RATE + 2, _FLAT
+_LEANS, _REACH = _DIAGONAL, _TIE
 """What a step puts in the place of what is not needed any more."""
 
 
@@ -181,12 +186,12 @@ class Axis:
 
     def press(self, arc: Value, held: Vector, force: Vector, damping: Value) -> None:
         """Let a force on the wall [N] act, damped by so much [N s/m], where its lever is held."""
-        cell = self._cell(arc)
+        cell, resists = self._cell(arc), grip_resistance(damping)
         for later in range(2):
             slot, part = self._node(cell.at + later), cell.share if later else 1 - cell.share
             shared = times(part, force)
             values = [*(shared[i] * held[j] for i in range(3) for j in range(3)), *shared]
-            values += [part * damping, part * damping * dot(held, held)]
+            values += [part * resists, part * resists * dot(held, held)]
             for more, value in enumerate(values):
                 self._room.add_at(slot + (_COUPLES + more), value)
 
@@ -254,7 +259,17 @@ class Axis:
         before, after = (self._number(node, "bending") + self._number(node, "upright") for node in (i, i + 1))
         tension = edge_tension(xp, length, rest, stiffness, self._of_world("pleating")) - room.load(own + _OVER_CELL)
         pull = minus(times(tension, unit), unit_rate(unit, length, room.vector(own + _OVER)))
-        return pull, edge_resistance(xp, stiffness, before, after, rest, h)
+        tie, along = edge_resistance(xp, length, rest, stiffness, before, after, h)
+        after = xp.where(i < self.nodes - 1, i + 1, i)
+        held = (self._leans(own) + self._leans(self._node(after))) / (length * length)
+        apart = minus(self.speed(after), self.speed(i))
+        kept = add(times(held, apart), times(along * dot(unit, apart), unit))
+        return add(pull, kept), tie + held
+
+    def _leans(self, own: Value) -> Value:
+        """What changes of the edges' directions meet at a node [N m s]: contacts on sections that lean and flatten."""
+        room = self._room
+        return lean_resistance(room.load(own + _GRIPPED + 1) + room.load(own + _LEANS), room.load(own + _SUM))
 
     def _bend(self) -> None:
         """What bending, twisting and carried cross-sections do to the edges' directions and lengths."""
@@ -263,6 +278,7 @@ class Axis:
         with program.loop(0, self.nodes) as i:
             room.put(self._node(i) + _OVER, [0.0] * 3)
             room.put(self._node(i) + _OVER_CELL, [0.0] * 3)
+            room.put(self._node(i) + _LEANS, [0.0] * 2)
         with program.loop(0, self.nodes) as i:
             own, tangent, rest = self._node(i), self._tangent(i), self._vector(i, "tangent")
             tilt, lean = twist(xp, STILL, self._turn(own), (rest, tangent), STILL)
@@ -304,6 +320,10 @@ class Axis:
             room.put(cell + _OVER_CELL, add(room.vector(cell + _OVER_CELL), more))
         room.put(own + _WORK, add(room.vector(own + _WORK), work))
         room.store(own + _TORQUE, room.load(own + _TORQUE) + torque)
+        closing = node_closing(*cells, tangent), turned(*self._turn(own), closed[0]), closed[1]
+        reach = flattening_reach(self.program.xp, *closing)
+        for cell in (before, here):
+            room.store(cell + _REACH, room.load(cell + _REACH) + room.load(own + _GRIPPED + 1) * reach * reach)
 
     def _press_cell(self, own: Value, after: Value) -> None:
         """What they do to the bend between two nodes."""
@@ -312,8 +332,11 @@ class Axis:
         over, length = room.vector(own + _OVER_CELL), room.load(own + _LENGTH)
         first, later, shortening = cell_closing_gradient(xp, *now, length, over)
         room.store(own + _OVER_CELL, shortening)
+        reach = cell_closing_reach(xp, *now, length)
+        leans = 2 * room.load(own + _REACH) * reach * reach
         for node, more in ((own, first), (after, later)):
             room.put(node + _WORK, add(room.vector(node + _WORK), more))
+            room.store(node + _LEANS, room.load(node + _LEANS) + leans)
 
     def tensions(self, node: Value, radius: Value) -> tuple[Value, Value]:
         """Tensions of the wall along the colon behind a node, and of its mesentery [N/m] (`axis_tensions`).

@@ -21,7 +21,7 @@ from haustra.models.wall import mesentery, moving_colon
 from haustra.models.wall.lumen_table import Tables, axis_at, lumen_table, pick, query, stack
 from haustra.models.wall.mesentery import Mesentery, hang
 from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
-from haustra.models.wall.sections import carried, twisted
+from haustra.models.wall.sections import SHORTEST, carried, twisted
 from haustra.models.wall.table_wall import TableWalls
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
@@ -87,6 +87,35 @@ def test_a_pulled_tube_stretches_and_a_pushed_one_pleats_more() -> None:
     assert pulled == pytest.approx(5.0 * length / 100.0, rel=1e-3)
     pushed = _creep(own, _only(count, -1, [0, 0, -0.5]), 4000)[-1, 2]
     assert pushed == pytest.approx(-0.5 * length / (100.0 * float(own.pleating[0])), rel=1e-3)
+
+
+def _telescope(force: float, steps: int) -> tuple[Mesentery, AxisDisplacement, np.ndarray]:
+    """A tube of a colon's wall, held at the anus and pushed together from its end [N], and energies meanwhile [J]."""
+    arcs = np.linspace(0.0, 0.1, 50)
+    own = hang(arcs[:, None] * [0.0, 0.0, 1.0], arcs, np.full(50, 0.02), ())
+    count = len(own.nodes)
+    anchored, none = np.zeros(count), np.zeros(count)
+    anchored[0] = 1e6
+    own = mesentery.stack([own._replace(hold=anchored, support=none, upright=none)])
+    grip = AttachmentPoints(np.maximum(arcs[-1] * np.linspace(0, 1, count), 1e-9)[None], np.zeros((1, count, 3)))
+    now, forces, energies = moving_colon.at_rest(np, own, 1, float), _only(count, -1, [0, 0, -force])[None], []
+    for _ in range(steps):
+        now = moving_colon.step_axis(np, own, now, grip, forces, np.zeros((1, count)), _STEP)
+        energies.append(float(moving_colon.energy(np, own, now.pose)[0]) + force * float(now.pose[0, -1, 2]))
+    return own, now, np.array(energies)
+
+
+@pytest.mark.parametrize("force", [8.0, 30.0])
+def test_folds_that_lie_against_each_other_are_pressed_like_a_solid(force: float) -> None:
+    """Of a neo-Hookean ring with the wall's volume, F = E A/3 (1/s^2 - s) less what pleats resist; no energy gained."""
+    own, now, energies = _telescope(force, 250)
+    stretch = float((moving_colon.shape_of(np, own, now.pose).lengths / own.lengths)[0, 5])
+    left, tension, pleating = stretch / SHORTEST, float(own.tension[0, 0]), float(own.pleating[0])
+    pressed = tension / SHORTEST / 3 * (1 / left**2 - left) + tension * pleating * (1 - stretch)
+    assert stretch < SHORTEST
+    assert pressed == pytest.approx(force, rel=0.01)
+    assert np.abs(now.speed).max() < 1e-3
+    assert np.diff(energies).max() < 1e-9
 
 
 def test_a_clamped_tube_bends_like_a_beam() -> None:
@@ -203,8 +232,8 @@ def _poses(place: np.ndarray, random: np.random.Generator) -> np.ndarray:
     return np.concatenate([place, turns[None]], axis=-1)
 
 
-def _random_bend() -> tuple[Mesentery, np.ndarray, np.random.Generator]:
-    """A bent colon, pulled about by up to its slack, and twisted."""
+def _random_bend(gathered: float = 1.0) -> tuple[Mesentery, np.ndarray, np.random.Generator]:
+    """A bent colon, pulled about by up to its slack, and twisted; or gathered to about a share of its length."""
     random = np.random.default_rng(3)
     colon = swept_colon(winding([(0.08, 0.0), (0.1, 1.6), (0.1, 0.0)]), name="bend")
     tables = stack([lumen_table(colon, device_radius=0.006, with_mesentery=True).tables])
@@ -212,7 +241,8 @@ def _random_bend() -> tuple[Mesentery, np.ndarray, np.random.Generator]:
     assert own is not None
     own = own._replace(slack=0.5 * random.uniform(0, 0.01, own.slack.shape), widths=own.widths + 0.01)
     own = own._replace(load=random.normal(size=own.load.shape) * 0.1)
-    return own, _poses(random.normal(size=own.nodes.shape) * 0.004, random), random
+    moved = random.normal(size=own.nodes.shape) * 0.004 * gathered
+    return own, _poses(moved + (gathered - 1) * (own.nodes - own.nodes[:, :1]), random), random
 
 
 def _settled(own: Mesentery, pose: np.ndarray) -> np.ndarray:
@@ -229,9 +259,10 @@ def _changed(own: Mesentery, pose: np.ndarray, place: Any, angle: Any) -> Any:
     return jnp.concatenate([place, real[..., None], jnp.stack(part, axis=-1)], axis=-1)
 
 
-def test_spring_forces_are_the_slope_of_the_energy_and_couples_that_of_their_work() -> None:
+@pytest.mark.parametrize("gathered", [1.0, 0.35])
+def test_spring_forces_are_the_slope_of_the_energy_and_couples_that_of_their_work(gathered: float) -> None:
     """Against automatic differentiation: -dE/dx of the energy, and d/dx of sum f . R(x) v for forces on the wall."""
-    own, pose, random = _random_bend()
+    own, pose, random = _random_bend(gathered)
     pose = _settled(own, pose)
     place, still = jnp.asarray(pose[..., :3]), jnp.zeros(pose.shape[:2])
     none = np.zeros((*pose.shape[:2], 3, 3))
