@@ -429,7 +429,7 @@ def _pressed(
         h: time step [s].
         load: normal force of each sphere, into which it is written [N].
         force: on the wall, into which it is written [N].
-        damping: [N s/m].
+        damping: along the normal and across it [N s/m].
     """
     for world in worlds:
         for p in range(points.shape[1]):
@@ -445,7 +445,8 @@ def _pressed(
             load[world, p] = pressed
             _put(force, world, p, minus(rubbed, times(pressed, normal)))
             drag = np.hypot(one, other) / max(np.sqrt(dot(slip, slip)), least_slip)
-            damping[world, p] = stiffness[world, p] * ahead[world] + drag if pressed > 0 else 0.0
+            damping[world, p, 0] = stiffness[world, p] * ahead[world] if pressed > 0 else 0.0
+            damping[world, p, 1] = drag if pressed > 0 else 0.0
 
 
 def _contacts(
@@ -474,7 +475,7 @@ def _contacts(
         damper: of a contact along its normal, with what a step of its spring adds [N s/m].
         least_slip: friction damps as where it slides at least so fast [m/s].
         force: on the wall, into which it is written [N].
-        damping: [N s/m].
+        damping: along the normal and across it [N s/m].
     """
     force[:], damping[:] = 0.0, 0.0
     for c in range(len(rows)):
@@ -482,14 +483,14 @@ def _contacts(
         if row < 0 or efc_force[row] <= 0:
             continue
         sphere = sphere_of[geoms[c, 1]]
-        damping[0, sphere] += damper
+        damping[0, sphere, 0] += damper
         for axis in range(3 if friction else 1):
             for i in range(3):
                 force[0, sphere, i] -= efc_force[row + axis] * frames[c, 3 * axis + i]
         if friction:
             drag = np.hypot(efc_force[row + 1], efc_force[row + 2])
             slip = np.hypot(efc_speed[row + 1], efc_speed[row + 2])
-            damping[0, sphere] += drag / max(slip, least_slip)
+            damping[0, sphere, 1] += drag / max(slip, least_slip)
 
 
 def _edge_rate(shape: Any, speed: Any, world: int, edge: int) -> Any:
@@ -520,24 +521,26 @@ def _step_axis(
     )
     gripped, gripped_turn, diagonal, tie = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
     for world in worlds:
-        pulled[:], couples[:], gripped[:], gripped_turn[:] = 0.0, 0.0, 0.0, 0.0
+        pulled[:], couples[:], gripped[:], gripped_turn[:], leaning[:] = 0.0, 0.0, 0.0, 0.0, 0.0
         for p in range(arcs.shape[1]):
             f = _node(force, world, p)
-            if arcs[world, p] <= 0 or (f[0] == 0 and f[1] == 0 and f[2] == 0 and damping[world, p] == 0):
+            if arcs[world, p] <= 0 or (f[0] == 0 and f[1] == 0 and f[2] == 0 and damping[world, p, 0] == 0):
                 continue
             at, share = node_cell(np, own.spacing[world], count, arcs[world, p])
             held = _node(lever, world, p)
             for later in range(2):
                 node, part = at + later, share if later else 1 - share
-                resists = part * grip_resistance(damping[world, p])
+                pressed = part * grip_resistance(damping[world, p, 0])
+                resists = pressed + part * damping[world, p, 1]
                 gripped[node] += resists
                 gripped_turn[node] += resists * dot(held, held)
+                leaning[node] += pressed * dot(held, held)
                 _put_more(pulled, 0, node, times(part, f))
                 for i in range(3):
                     for j in range(3):
                         couples[node, i, j] += part * f[i] * held[j]
         _add_springs(own, world, shape, couples, pulled, torque)
-        _lean(own, world, shape, gripped_turn, leaning)
+        _lean(own, world, shape, leaning)
         for i in range(count):
             at = _node(pose, world, i)
             _put_more(pulled, 0, i, times(gripped[i], _node(speed, world, i)))
@@ -580,19 +583,18 @@ def _step_axis(
         _turn_sections(own, world, pose, speed, shape, torque, gripped_turn, h)
 
 
-def _lean(own: Any, world: int, shape: Any, gripped: Any, leaning: Any) -> None:
-    """Write what changes of the edges' directions meet at nodes: contacts on sections that lean and flatten."""
+def _lean(own: Any, world: int, shape: Any, leaning: Any) -> None:
+    """From what contacts resist at nodes to what changes of the edges' directions meet: sections lean and flatten."""
     last = shape.lengths.shape[1]
     reach = np.zeros(last)
     for i in range(last + 1):
-        if gripped[i] > 0:
+        if leaning[i] > 0:
             cells = _cells(shape.closings, world, i)
             closing = node_closing(cells[0], cells[1], _node(shape.tangents, world, i))
             rest = turned(*_turn(shape.turns, world, i, 0), _node(own.closings, world, i))
-            each = gripped[i] * flattening_reach(np, closing, rest, own.widths[world, i]) ** 2
+            each = leaning[i] * flattening_reach(np, closing, rest, own.widths[world, i]) ** 2
             reach[max(i - 1, 0)] += each
             reach[min(i, last - 1)] += each
-    leaning[:] = gripped
     for i in range(last):
         now = _node(shape.tangents, world, i), _node(shape.tangents, world, i + 1)
         both = 2 * reach[i] * cell_closing_reach(np, now[0], now[1], shape.lengths[world, i]) ** 2

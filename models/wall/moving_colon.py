@@ -157,12 +157,13 @@ def edge_resistance(xp: Any, length: Any, rest: Any, tension: Any, before: Any, 
 
 
 def grip_resistance(damping: Any) -> Any:
-    """What changes of a step's speeds meet where a contact of that damping holds on [N s/m].
+    """What changes of a step's speeds meet where a contact is damped so much along its normal [N s/m].
 
-    A place of the wall moves by what the axis moves, its section turns, and it leans and flattens: three parts, whose
-    sum squared is at most three times the sum of their squares. A step is stable that resists by half of that.
+    A place of the wall moves by what the axis moves and its section turns, leans and flattens: four parts, whose sum
+    squared is at most four times the sum of their squares. A step is stable that resists by half of that. Friction is
+    bounded, and needs less.
     """
-    return 1.5 * damping
+    return 2 * damping
 
 
 def lean_resistance(leaning: Any, sums: Any) -> Any:
@@ -376,22 +377,25 @@ def step_axis(
         displacement: where the axes are.
         grip: where the device holds on to the wall.
         force: on the wall there, at the end of the step as the device sees it (worlds, points, 3) [N].
-        damping: of each contact, at least that in any direction (worlds, points) [N s/m].
+        damping: of each contact along its normal, and at least that across it (worlds, points, 2) [N s/m].
         h: time step [s].
     """
     inside = grip.arcs > 0
-    force, damping = xp.where(inside[..., None], force, 0.0), xp.where(inside, grip_resistance(damping), 0.0)
+    force, damping = (xp.where(inside[..., None], part, 0.0) for part in (force, damping))
+    pressed = grip_resistance(damping[..., 0])
+    resists, square = pressed + damping[..., 1], (grip.lever**2).sum(-1)
     cell = _cell(xp, own, grip.arcs)
     couples = _onto_nodes(xp, own, cell, force[..., :, None] * grip.lever[..., None, :])
-    gripped = _onto_nodes(xp, own, cell, damping)
-    gripped_turn = _onto_nodes(xp, own, cell, damping * (grip.lever**2).sum(-1))
+    gripped, gripped_turn, leaning = (
+        _onto_nodes(xp, own, cell, part) for part in (resists, resists * square, pressed * square)
+    )
     springs, turning, shape = _forces(xp, own, displacement.pose, couples)
     pulled = _onto_nodes(xp, own, cell, force) + springs + gripped[..., None] * displacement.speed[..., :3]
     place = vectors.of(displacement.pose)
     diagonal = node_resistance(xp, place, own.slack, own.hold, own.support, own.drag, gripped, h)
     stiff = own.bending + own.upright
     tie, along = edge_resistance(xp, shape.lengths, own.lengths, own.tension, stiff[:, :-1], stiff[:, 1:], h)
-    leaning = lean_resistance(_leaning(xp, own, shape, gripped_turn), shape.sums)
+    leaning = lean_resistance(_leaning(xp, own, shape, leaning), shape.sums)
     held = (leaning[:, 1:] + leaning[:, :-1]) / shape.lengths**2
     apart = displacement.speed[:, 1:, :3] - displacement.speed[:, :-1, :3]
     kept = held[..., None] * apart + (along * (shape.units * apart).sum(-1))[..., None] * shape.units

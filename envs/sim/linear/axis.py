@@ -45,7 +45,7 @@ from haustra.models.wall.vectors import Vector, add, between, cross, dot, minus,
 
 _UNIT, _LENGTH, _TANGENT, _SUM, _TURN, _CLOSING, _FLAT, _ACROSS = 0, 3, 4, 7, 8, 12, 15, 16
 _SPIN, _FLAT_RATE, _ACROSS_RATE = 19, 22, 23
-_COUPLES, _PULLED, _GRIPPED, _DIAGONAL, _TIE, _OVER = 26, 35, 38, 40, 41, 42
+_COUPLES, _PULLED, _GRIPPED, _DIAGONAL, _TIE, _OVER = 26, 35, 38, 41, 42, 43
 """What each node's room holds, and the edge behind it."""
 _WORK, _OVER_CELL, _TORQUE, _TURN_RESISTS = _SPIN, _FLAT_RATE, _ACROSS_RATE + 2, _FLAT
 _LEANS, _REACH = _DIAGONAL, _TIE
@@ -121,7 +121,7 @@ class Axis:
             longer = dot(room.vector(own + _UNIT), longer)
             room.put(own + _OVER, cell_closing_rate(xp, *now, length, before, after, longer))
         with program.loop(0, self.nodes) as i:
-            room.put(self._node(i) + _COUPLES, [0.0] * 14)
+            room.put(self._node(i) + _COUPLES, [0.0] * 15)
         with program.loop(0, beyond) as i:
             own, (_, here, before) = self._node(i), self._edges(i)
             tangent, spin = self._tangent(i), room.vector(own + _SPIN)
@@ -184,14 +184,18 @@ class Axis:
 
         return depth, normal, held, between(speed(cell.at, before), speed(cell.at + 1, after), cell.share)
 
-    def press(self, arc: Value, held: Vector, force: Vector, damping: Value) -> None:
-        """Let a force on the wall [N] act, damped by so much [N s/m], where its lever is held."""
-        cell, resists = self._cell(arc), grip_resistance(damping)
+    def press(self, arc: Value, held: Vector, force: Vector, damper: Value, drag: Value) -> None:
+        """Let a force on the wall [N] act, damped by so much along the normal and across it [N s/m].
+
+        Its lever is `held` there.
+        """
+        cell, pressed = self._cell(arc), grip_resistance(damper)
+        resists, square = pressed + drag, dot(held, held)
         for later in range(2):
             slot, part = self._node(cell.at + later), cell.share if later else 1 - cell.share
             shared = times(part, force)
             values = [*(shared[i] * held[j] for i in range(3) for j in range(3)), *shared]
-            values += [part * resists, part * resists * dot(held, held)]
+            values += [part * resists, part * resists * square, part * pressed * square]
             for more, value in enumerate(values):
                 self._room.add_at(slot + (_COUPLES + more), value)
 
@@ -269,7 +273,7 @@ class Axis:
     def _leans(self, own: Value) -> Value:
         """What changes of the edges' directions meet at a node [N m s]: contacts on sections that lean and flatten."""
         room = self._room
-        return lean_resistance(room.load(own + _GRIPPED + 1) + room.load(own + _LEANS), room.load(own + _SUM))
+        return lean_resistance(room.load(own + _GRIPPED + 2) + room.load(own + _LEANS), room.load(own + _SUM))
 
     def _bend(self) -> None:
         """What bending, twisting and carried cross-sections do to the edges' directions and lengths."""
@@ -323,7 +327,7 @@ class Axis:
         closing = node_closing(*cells, tangent), turned(*self._turn(own), closed[0]), closed[1]
         reach = flattening_reach(self.program.xp, *closing)
         for cell in (before, here):
-            room.store(cell + _REACH, room.load(cell + _REACH) + room.load(own + _GRIPPED + 1) * reach * reach)
+            room.store(cell + _REACH, room.load(cell + _REACH) + room.load(own + _GRIPPED + 2) * reach * reach)
 
     def _press_cell(self, own: Value, after: Value) -> None:
         """What they do to the bend between two nodes."""

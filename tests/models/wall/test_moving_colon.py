@@ -56,7 +56,7 @@ def _creep(own: Mesentery, force: np.ndarray, steps: int) -> np.ndarray:
     arcs = jnp.arange(own.nodes.shape[1])[None] * own.spacing[:, None]
     # A force right at the anus counts as before it.
     grip = AttachmentPoints(jnp.maximum(arcs, 1e-9), jnp.zeros_like(own.nodes))
-    none = jnp.zeros_like(arcs)
+    none = jnp.zeros((*arcs.shape, 2))
 
     def step(_: int, displacement: AxisDisplacement) -> AxisDisplacement:
         return moving_colon.step_axis(jnp, own, displacement, grip, jnp.asarray(force)[None], none, _STEP)
@@ -100,7 +100,7 @@ def _telescope(force: float, steps: int) -> tuple[Mesentery, AxisDisplacement, n
     grip = AttachmentPoints(np.maximum(arcs[-1] * np.linspace(0, 1, count), 1e-9)[None], np.zeros((1, count, 3)))
     now, forces, energies = moving_colon.at_rest(np, own, 1, float), _only(count, -1, [0, 0, -force])[None], []
     for _ in range(steps):
-        now = moving_colon.step_axis(np, own, now, grip, forces, np.zeros((1, count)), _STEP)
+        now = moving_colon.step_axis(np, own, now, grip, forces, np.zeros((1, count, 2)), _STEP)
         energies.append(float(moving_colon.energy(np, own, now.pose)[0]) + force * float(now.pose[0, -1, 2]))
     return own, now, np.array(energies)
 
@@ -173,7 +173,7 @@ def test_a_twisted_tube_turns_by_torque_over_stiffness() -> None:
 
     def step(_: int, displacement: AxisDisplacement) -> AxisDisplacement:
         grip = AttachmentPoints(arcs, lever)
-        return moving_colon.step_axis(jnp, own, displacement, grip, force, jnp.zeros((1, 2)), _STEP)
+        return moving_colon.step_axis(jnp, own, displacement, grip, force, jnp.zeros((1, 2, 2)), _STEP)
 
     end = jax.lax.fori_loop(0, 500, step, moving_colon.at_rest(jnp, own, 1, jnp.float64))
     turn = Rotation.from_quat(np.asarray(end.pose[0, :, 3:]), scalar_first=True).as_rotvec()
@@ -219,7 +219,7 @@ def test_forces_on_the_wall_do_the_work_that_its_motion_says() -> None:
     force = jnp.asarray(random.normal(size=(1, 50, 3)))
     own = own._replace(pleating=0 * own.pleating)
     moved = moving_colon.step_axis(
-        jnp, own, AxisDisplacement(place, jnp.zeros((1, count, 4))), grip, force, jnp.zeros((1, 50)), _STEP
+        jnp, own, AxisDisplacement(place, jnp.zeros((1, count, 4))), grip, force, jnp.zeros((1, 50, 2)), _STEP
     )
     felt = moving_colon.wall_speeds(jnp, own, AxisDisplacement(place, moved.speed), grip)
     lost = (own.drag[..., None] * moved.speed[..., :3] ** 2).sum() + (own.turn_drag * moved.speed[..., 3] ** 2).sum()
@@ -310,7 +310,7 @@ def test_numpy_and_jax_step_alike() -> None:
     own, pose, random = _random_bend()
     grip = AttachmentPoints(random.uniform(-0.01, 0.25, (1, 40)), random.normal(size=(1, 40, 3)) * 0.015)
     displacement = AxisDisplacement(pose, random.normal(size=(*pose.shape[:2], 4)) * 0.01)
-    force, damping = random.normal(size=(1, 40, 3)), random.uniform(0, 20, (1, 40))
+    force, damping = random.normal(size=(1, 40, 3)), random.uniform(0, 20, (1, 40, 2))
     one, other = (moving_colon.step_axis(xp, own, displacement, grip, force, damping, _STEP) for xp in (np, jnp))
     for mine, theirs in zip(one, other, strict=True):
         assert np.abs(mine - np.asarray(theirs)).max() < 1e-12 + 1e-10 * np.abs(mine).max()
@@ -335,7 +335,7 @@ def test_compiled_loops_are_the_law() -> None:
     speeds = moving_colon.wall_speeds(np, own, displacement, grip)
     for mine, theirs in zip((walls.arcs, walls.depth, walls.inwards, walls.wall_speed), (*found, speeds), strict=True):
         assert np.abs(mine - theirs).max() < 1e-12
-    force, damping = random.normal(size=(1, 60, 3)), random.uniform(0, 20, (1, 60))
+    force, damping = random.normal(size=(1, 60, 3)), random.uniform(0, 20, (1, 60, 2))
     expected = moving_colon.step_axis(np, own, displacement, grip, force, damping, _STEP)
     walls.give_way(world, force, damping, _STEP)
     assert np.abs(displacement.pose - expected.pose).max() < 1e-12
