@@ -34,6 +34,7 @@ from haustra.models.wall.moving_colon import (
     edge_tension,
     grip_resistance,
     hold_force,
+    lean_grip,
     lean_resistance,
     node_cell,
     node_resistance,
@@ -513,34 +514,33 @@ def _step_axis(
     """One time step of the axes of these worlds, in place."""
     _shape(own, worlds, pose, shape)
     count = pose.shape[1]
-    pulled, couples, torque, leaning = (
-        np.empty((1, count, 3)),
-        np.empty((count, 3, 3)),
-        np.empty(count),
-        np.empty(count),
-    )
-    gripped, gripped_turn, diagonal, tie = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
+    pulled, couples, torque = np.empty((1, count, 3)), np.empty((count, 3, 3)), np.empty(count)
+    gripped, gripped_turn = np.empty(count), np.empty(count)
+    flattened, leaning = np.empty(count), np.empty(count)
+    diagonal, tie = np.empty(count), np.empty(count)
     for world in worlds:
-        pulled[:], couples[:], gripped[:], gripped_turn[:], leaning[:] = 0.0, 0.0, 0.0, 0.0, 0.0
+        pulled[:], couples[:], gripped[:], gripped_turn[:] = 0.0, 0.0, 0.0, 0.0
+        flattened[:], leaning[:] = 0.0, 0.0
         for p in range(arcs.shape[1]):
             f = _node(force, world, p)
             if arcs[world, p] <= 0 or (f[0] == 0 and f[1] == 0 and f[2] == 0 and damping[world, p, 0] == 0):
                 continue
             at, share = node_cell(np, own.spacing[world], count, arcs[world, p])
-            held = _node(lever, world, p)
+            held, pressed = _node(lever, world, p), grip_resistance(damping[world, p, 0])
+            resists, leans = pressed + damping[world, p, 1], lean_grip(np, f, pressed, damping[world, p, 1])
             for later in range(2):
                 node, part = at + later, share if later else 1 - share
-                pressed = part * grip_resistance(damping[world, p, 0])
-                resists = pressed + part * damping[world, p, 1]
-                gripped[node] += resists
-                gripped_turn[node] += resists * dot(held, held)
-                leaning[node] += pressed * dot(held, held)
+                square = part * dot(held, held)
+                gripped[node] += part * resists
+                gripped_turn[node] += square * resists
+                flattened[node] += square * pressed
+                leaning[node] += square * leans
                 _put_more(pulled, 0, node, times(part, f))
                 for i in range(3):
                     for j in range(3):
                         couples[node, i, j] += part * f[i] * held[j]
         _add_springs(own, world, shape, couples, pulled, torque)
-        _lean(own, world, shape, leaning)
+        _lean(own, world, shape, flattened, leaning)
         for i in range(count):
             at = _node(pose, world, i)
             _put_more(pulled, 0, i, times(gripped[i], _node(speed, world, i)))
@@ -583,16 +583,17 @@ def _step_axis(
         _turn_sections(own, world, pose, speed, shape, torque, gripped_turn, h)
 
 
-def _lean(own: Any, world: int, shape: Any, leaning: Any) -> None:
+def _lean(own: Any, world: int, shape: Any, flattened: Any, leaning: Any) -> None:
     """From what contacts resist at nodes to what changes of the edges' directions meet: sections lean and flatten."""
     last = shape.lengths.shape[1]
     reach = np.zeros(last)
     for i in range(last + 1):
-        if leaning[i] > 0:
+        if flattened[i] > 0:
             cells = _cells(shape.closings, world, i)
             closing = node_closing(cells[0], cells[1], _node(shape.tangents, world, i))
-            rest = turned(*_turn(shape.turns, world, i, 0), _node(own.closings, world, i))
-            each = leaning[i] * flattening_reach(np, closing, rest, own.widths[world, i]) ** 2
+            turn = _turn(shape.turns, world, i, 0)
+            rest = turned(turn[0], turn[1], _node(own.closings, world, i))
+            each = flattened[i] * flattening_reach(np, closing, rest, own.widths[world, i]) ** 2
             reach[max(i - 1, 0)] += each
             reach[min(i, last - 1)] += each
     for i in range(last):

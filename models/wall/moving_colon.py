@@ -47,6 +47,10 @@ from haustra.models.wall.vectors import Vector, add, between, cross, dot, minus,
 
 Array: TypeAlias = Any
 
+LEANS = 10.0
+"""Most that friction counts for against the leaning of sections, over the force of a contact [s/m]: as where it slides
+at 10 mm/s with a coefficient of 0.1; engineering choice: what still trembles does so by less than 0.05 mm a step."""
+
 POSE = 7
 """Numbers of a node's pose: displacement from rest [m], and the unit quaternion that has turned its cross-section."""
 
@@ -166,6 +170,20 @@ def grip_resistance(damping: Any) -> Any:
     return 2 * damping
 
 
+def lean_grip(xp: Any, force: Vector, damping: Any, drag: Any) -> Any:
+    """What changes of a section's leaning meet at a contact of that force [N s/m].
+
+    Friction that sticks would hold up a section that rolls about the contact: it counts for `LEANS` at most.
+
+    Args:
+        xp: numpy or jax.numpy.
+        force: of the contact [N].
+        damping: along its normal, as `grip_resistance` [N s/m].
+        drag: across it [N s/m].
+    """
+    return damping + xp.minimum(drag, LEANS * norm(xp, force))
+
+
 def lean_resistance(leaning: Any, sums: Any) -> Any:
     """What changes of either edge's direction at a node meet [N m s], given what those of its tangent do."""
     return 2 * leaning / (sums * sums)
@@ -187,6 +205,7 @@ PARTS = (
     node_turn_resistance,
     edge_resistance,
     grip_resistance,
+    lean_grip,
     lean_resistance,
     node_cell,
 )
@@ -386,16 +405,16 @@ def step_axis(
     resists, square = pressed + damping[..., 1], (grip.lever**2).sum(-1)
     cell = _cell(xp, own, grip.arcs)
     couples = _onto_nodes(xp, own, cell, force[..., :, None] * grip.lever[..., None, :])
-    gripped, gripped_turn, leaning = (
-        _onto_nodes(xp, own, cell, part) for part in (resists, resists * square, pressed * square)
-    )
+    leans = lean_grip(xp, vectors.of(force), pressed, damping[..., 1])
+    parts = resists, resists * square, pressed * square, leans * square
+    gripped, gripped_turn, flattened, leaning = (_onto_nodes(xp, own, cell, part) for part in parts)
     springs, turning, shape = _forces(xp, own, displacement.pose, couples)
     pulled = _onto_nodes(xp, own, cell, force) + springs + gripped[..., None] * displacement.speed[..., :3]
     place = vectors.of(displacement.pose)
     diagonal = node_resistance(xp, place, own.slack, own.hold, own.support, own.drag, gripped, h)
     stiff = own.bending + own.upright
     tie, along = edge_resistance(xp, shape.lengths, own.lengths, own.tension, stiff[:, :-1], stiff[:, 1:], h)
-    leaning = lean_resistance(_leaning(xp, own, shape, leaning), shape.sums)
+    leaning = lean_resistance(leaning + _flattening(xp, own, shape, flattened), shape.sums)
     held = (leaning[:, 1:] + leaning[:, :-1]) / shape.lengths**2
     apart = displacement.speed[:, 1:, :3] - displacement.speed[:, :-1, :3]
     kept = held[..., None] * apart + (along * (shape.units * apart).sum(-1))[..., None] * shape.units
@@ -471,13 +490,13 @@ def _forces(xp: Any, own: Mesentery, pose: Array, couples: Array) -> tuple[Array
     return held + own.load + _from_edges(xp, pull), turning, shape
 
 
-def _leaning(xp: Any, own: Mesentery, shape: AxisShape, gripped: Array) -> Array:
-    """What changes of the nodes' tangents meet (worlds, nodes) [N m s]: contacts on sections that lean and flatten."""
+def _flattening(xp: Any, own: Mesentery, shape: AxisShape, gripped: Array) -> Array:
+    """What changes of the nodes' tangents meet (worlds, nodes) [N m s], of contacts on sections that flatten."""
     closing = node_closing(*_beside(xp, shape.closings), vectors.of(shape.tangents))
     reach = gripped * flattening_reach(xp, closing, _turned(shape, own.closings), own.widths) ** 2
     cells = _onto_cells(xp, reach[..., None], reach[..., None])[..., 0]
     cells = 2 * cells * cell_closing_reach(xp, *_at_ends(shape.tangents), shape.lengths) ** 2
-    return gripped + xp.pad(cells, ((0, 0), (0, 1))) + xp.pad(cells, ((0, 0), (1, 0)))
+    return xp.pad(cells, ((0, 0), (0, 1))) + xp.pad(cells, ((0, 0), (1, 0)))
 
 
 def _from_edges(xp: Any, pull: Array) -> Array:

@@ -54,7 +54,7 @@ class TableWalls:
         self.begin(np.arange(worlds), self.colon, self.arcs)
         none = np.zeros(0, int)  # what is compiled is compiled before the first step
         self.look(none, self.inwards)
-        self.give_way(none, self.inwards, self.inwards, 0.0)
+        self.give_way(none, self.inwards, np.zeros((*self.depth.shape, 2)), 0.0)
 
     @property
     def table(self) -> Float[np.ndarray, "stations angles 4"]:

@@ -14,6 +14,7 @@ from haustra.models.wall.moving_colon import (
     edge_tension,
     grip_resistance,
     hold_force,
+    lean_grip,
     lean_resistance,
     node_cell,
     node_resistance,
@@ -45,7 +46,7 @@ from haustra.models.wall.vectors import Vector, add, between, cross, dot, minus,
 
 _UNIT, _LENGTH, _TANGENT, _SUM, _TURN, _CLOSING, _FLAT, _ACROSS = 0, 3, 4, 7, 8, 12, 15, 16
 _SPIN, _FLAT_RATE, _ACROSS_RATE = 19, 22, 23
-_COUPLES, _PULLED, _GRIPPED, _DIAGONAL, _TIE, _OVER = 26, 35, 38, 41, 42, 43
+_COUPLES, _PULLED, _GRIPPED, _DIAGONAL, _TIE, _OVER = 26, 35, 38, 42, 43, 44
 """What each node's room holds, and the edge behind it."""
 _WORK, _OVER_CELL, _TORQUE, _TURN_RESISTS = _SPIN, _FLAT_RATE, _ACROSS_RATE + 2, _FLAT
 _LEANS, _REACH = _DIAGONAL, _TIE
@@ -121,7 +122,7 @@ class Axis:
             longer = dot(room.vector(own + _UNIT), longer)
             room.put(own + _OVER, cell_closing_rate(xp, *now, length, before, after, longer))
         with program.loop(0, self.nodes) as i:
-            room.put(self._node(i) + _COUPLES, [0.0] * 15)
+            room.put(self._node(i) + _COUPLES, [0.0] * 16)
         with program.loop(0, beyond) as i:
             own, (_, here, before) = self._node(i), self._edges(i)
             tangent, spin = self._tangent(i), room.vector(own + _SPIN)
@@ -191,11 +192,12 @@ class Axis:
         """
         cell, pressed = self._cell(arc), grip_resistance(damper)
         resists, square = pressed + drag, dot(held, held)
+        leans = lean_grip(self.program.xp, force, pressed, drag)
         for later in range(2):
             slot, part = self._node(cell.at + later), cell.share if later else 1 - cell.share
             shared = times(part, force)
             values = [*(shared[i] * held[j] for i in range(3) for j in range(3)), *shared]
-            values += [part * resists, part * resists * square, part * pressed * square]
+            values += [part * resists, part * resists * square, part * pressed * square, part * leans * square]
             for more, value in enumerate(values):
                 self._room.add_at(slot + (_COUPLES + more), value)
 
@@ -273,7 +275,7 @@ class Axis:
     def _leans(self, own: Value) -> Value:
         """What changes of the edges' directions meet at a node [N m s]: contacts on sections that lean and flatten."""
         room = self._room
-        return lean_resistance(room.load(own + _GRIPPED + 2) + room.load(own + _LEANS), room.load(own + _SUM))
+        return lean_resistance(room.load(own + _GRIPPED + 3) + room.load(own + _LEANS), room.load(own + _SUM))
 
     def _bend(self) -> None:
         """What bending, twisting and carried cross-sections do to the edges' directions and lengths."""
