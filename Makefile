@@ -3,33 +3,33 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
-LEARNING := gymnasium stable-baselines3 torch tensorboard safetensors
+LEARNING := gymnasium stable-baselines3 torch tensorboard
 LOCKED := --disable-pip-version-check --quiet --require-hashes
 UV_COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
 	--no-emit-package haustra --custom-compile-command 'make lock' $(UPGRADE) pyproject.toml -
 
-.PHONY: help demo test thorough bench lint format types docs wheel page lock clean
+.PHONY: help demo test thorough bench lint format types docs wheel wheels page lock clean
 .DELETE_ON_ERROR:
 
 help:
-	@echo 'make demo    grow a colon, build its wall, run a colonoscope through it, write a report'
+	@echo 'make demo    grow a colon, build its wall, let a policy drive a scope to the caecum: a report and a film'
 	@echo 'make test    lint, types and tests, as the project checks itself'
 	@echo 'make thorough  tests that repeat others with more values, or at length'
 	@echo 'make bench   run time against error, stability, skipping: some ten minutes, one page'
 	@echo 'make docs    build the documentation into site/'
 	@echo 'make wheel   build the wheel and try it in an empty environment'
+	@echo 'make wheels  try it with each extra, too, each in an empty environment'
 	@echo 'make format  format and fix what ruff can'
 	@echo 'make page    build the console page from its source (needs npm; its result is committed)'
 	@echo 'make lock    renew the lock files from pyproject.toml (UPGRADE=--upgrade for newer versions)'
 	@echo 'make clean   remove the environment and everything that was built'
 
 demo: $(VENV)/.installed
-	$(BIN)/haustra colon grow --seed 0 -o demo/colon
-	$(BIN)/haustra run --colon demo/colon --device adult -o demo/run
+	$(BIN)/haustra colon grow --seed 100000 -o demo/colon
 	$(BIN)/haustra wall demo/colon --method coacd
-	$(BIN)/haustra run --colon demo/colon --device adult --wall-law pieces -o demo/run-pieces
+	$(BIN)/haustra run --colon demo/colon --driver insertion --film -o demo/run
 	@echo
-	@echo 'Open $(CURDIR)/demo/run/report.html and $(CURDIR)/demo/run-pieces/report.html'
+	@echo 'Open $(CURDIR)/demo/run/report.html, which plays the run, and demo/run/film.webp'
 
 # A process a core, up to four since each takes a gigabyte, and one thread for numpy's BLAS: on small matrices and two cores, more of them wait for each other far longer than they compute.
 test: lint types
@@ -68,6 +68,9 @@ wheel: $(VENV)/.installed-dev
 	build/empty/bin/python -m pip install $(LOCKED) -r requirements.lock
 	build/empty/bin/python -m pip install --disable-pip-version-check --quiet --no-deps dist/*.whl
 	cd build && empty/bin/haustra doctor
+
+wheels: wheel
+	PYTHON=$(PYTHON) .ci/wheels
 
 page:
 	cd envs/console/page/source && npm ci --ignore-scripts=false && npm run build

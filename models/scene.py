@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
@@ -19,6 +19,8 @@ from haustra.models.anatomy.lumen_meshes import add_lumen
 from haustra.models.devices.scope.cable import Cable, add_scope
 from haustra.models.devices.scope.cells import Cell, CellSize, cut_into_cells
 from haustra.models.devices.scope.design import ScopeDesign
+from haustra.models.devices.scope.interface import Scope
+from haustra.models.devices.scope.library import named_design
 from haustra.models.devices.scope.outside import Outside, leave_out
 from haustra.models.devices.scope.spacing import adaptive_spacing
 from haustra.models.devices.scope.stops import apply_stops
@@ -155,6 +157,23 @@ class Scene:
     """Where the wall's pieces stand on mocap bodies, in a colon that moves."""
     left_out: Mapping[str, str] = field(default_factory=dict)
     """What the scene does not model, and why that is sound."""
+
+    @classmethod
+    def of(cls, colon: Colon, scope: Scope | str = "adult", *, wall: Wall | None = None, **changed: Any) -> "Scene":
+        """A scope in a colon that moves on its mesentery, as `haustra run` builds it.
+
+        Args:
+            colon: the colon.
+            scope: a scope, from `haustra.models.devices.base.load_device`, or the name of one that ships.
+            wall: the colon's wall of convex pieces, for MuJoCo to step; a table of the lumen when None, in linear time.
+            changed: fields of `SceneOptions` that differ from the usual.
+
+        Raises:
+            InvalidOptionError: when the scope does not fit through the entry, or an option cannot be honoured.
+        """
+        design = named_design(scope) if isinstance(scope, str) else scope.design
+        usual = {"wall_law": "table" if wall is None else "pieces", "mesentery": changed.get("wall_law") != "planes"}
+        return build_scene(colon, wall, design, SceneOptions(**{**usual, **changed}))
 
     def compile(self) -> mujoco.MjModel:
         """The compiled model."""

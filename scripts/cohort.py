@@ -18,7 +18,8 @@ class Cohort:
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for the cohort's patients and results."""
     driver: tuple[str, ...] = ("endoscopist",)
-    """Who examines them: endoscopist, follower; each sees the same patients. The first is held against the clinic."""
+    """Who examines them: endoscopist, follower, or TOML files of settings (`law`, and what differs from the usual).
+    Each sees the same patients. The first is held against the clinic."""
     device: tuple[str, ...] = ("adult",)
     """Scopes by name or file; each sees the same patients. The first is held against the clinic."""
     patients: int | None = whole(1, 1_000_000, default=None)

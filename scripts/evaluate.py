@@ -14,10 +14,9 @@ class Evaluate:
     """Let drivers insert a scope into held-out grown colons, or yours; the same episodes for all; compare them."""
 
     drivers: Annotated[tuple[str, ...], tyro.conf.Positional] = texts(least=1, most=100)
-    """Folders of policies, or names: insertion-easy and insertion-mesentery, which ship, random, push, follower,
-    endoscopist."""
-    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
-    """Folder for the table, the episodes and pictures."""
+    """Folders of policies, or names: insertion and insertion-easy, which ship, random, push, follower, endoscopist."""
+    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
+    """Folder for the table, the episodes and pictures; nothing is written when not given."""
     colons: int = whole(1, 1_000_000, default=80)
     """Number of held-out colons, grown from seed 100000 on."""
     colon_folders: tuple[Path, ...] = ()
@@ -32,45 +31,42 @@ class Evaluate:
     """Range of Coulomb's coefficient that episodes draw from [1]; that of the first policy's task when not given."""
     mesentery: bool | None = None
     """Let colons move on their mesentery; as the first policy's when not given."""
-    seconds: float = number("s", 0.002, 3600.0, default=90.0)
+    seconds: float = number("s", 0.002, 3600.0, default=300.0)
     """Longest episode, in simulated time [s]."""
-    backend: Literal["native", "linear", "linear-gpu", "warp"] = "native"
+    backend: Literal["native", "linear", "linear-gpu", "warp"] | None = None
     """What computes the physics: MuJoCo on threads (native), the linear-time model on threads (linear) or on an NVIDIA
-    GPU (linear-gpu), or MuJoCo Warp on one (warp)."""
+    GPU (linear-gpu), or MuJoCo Warp on one (warp); linear for insertions and native for withdrawals when not given."""
     threads: int = whole(1, 4096, default=2)
     """Number of threads for physics on the CPU."""
     processes: int = whole(1, 4096, default=2)
     """Number of processes that grow those colons which are not in the cache."""
-    sampled: bool = False
-    """Draw the actions of policies as in training, from the same seed, instead of taking their means."""
+    sampled: bool | None = None
+    """Draw the actions of policies as in training, from the same seed, instead of taking their means; so do policies
+    that know how far their actions varied, when not given."""
     algorithm: Literal["ppo", "sac"] = "ppo"
     """Algorithm that trained a policy given as a Stable-Baselines3 file."""
     trust: bool = False
     """Load Stable-Baselines3's .zip files, which run code that they contain."""
     video: bool = True
-    """Draw the best episode of each driver as animated WebP.
+    """Draw the best episode of each driver as animated WebP into the folder.
     Drawing takes about a minute for each minute driven, and several where the colon moves."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 
     def __call__(self) -> dict[str, Any]:
         """Evaluate all, write everything."""
-        from haustra.scripts.console import progress_bar
-        from haustra.scripts.learning_extra import require_learning
-
-        require_learning()
         from haustra.envs.learning.evaluate import evaluate
-        from haustra.envs.learning.figures import draw_evaluations
         from haustra.envs.tasks.scope_task import require_task
-        from haustra.files import prepare_folder, write_json
-        from haustra.provenance import Provenance, backend_record
+        from haustra.files import prepare_folder
+        from haustra.scripts.console import progress_bar
 
         found = [self._driver(name) for name in self.drivers]
         config = self._config(next((task for _, task in found if task), None))
         seen = [_seeing(config, own) if own else config for _, own in found]
+        backend = self.backend or ("linear" if config.task == "insertion" else "native")
         for seeing in seen:
-            require_task(seeing, self.backend)
-        folder = prepare_folder(self.output)
+            require_task(seeing, backend)
+        folder = None if self.output is None else prepare_folder(self.output)
         bank = self._bank(config)
         done = []
         for name, (make, _), seeing in zip(self.drivers, found, seen, strict=True):
@@ -83,26 +79,34 @@ class Evaluate:
                         bank,
                         episodes=self.episodes,
                         threads=self.threads,
-                        backend=self.backend,
-                        record=self.video,
+                        backend=backend,
+                        record=self.video and folder is not None,
                         progress=lambda count, _, tell=advance: tell(count, ""),
                     )
                 )
+        if folder is not None:
+            self._write(folder, done, config, bank, backend)
+        own = bool(self.colon_folders)
+        return {one.driver: _row(one.summary()) | ({"colons": one.by_colon()} if own else {}) for one in done}
+
+    def _write(self, folder: Path, done: list[Any], config: Any, bank: Any, backend: str) -> None:
+        from haustra.envs.learning.figures import draw_evaluations
+        from haustra.files import write_json
+        from haustra.provenance import Provenance, backend_record
+
         result = {
             "task": config.to_json(),
             "drivers": [one.summary() | {"by_colon": one.by_colon()} for one in done],
         }
         colons = [str(path) for path in self.colon_folders] or self.colons
         asked = {"task": config.to_json(), "colons": colons}
-        provenance = Provenance(inputs={}, configuration=asked, backend=backend_record(self.backend))
+        provenance = Provenance(inputs={}, configuration=asked, backend=backend_record(backend))
         write_json(folder / "evaluation.json", result | {"provenance": provenance.to_json()})
         write_json(folder / "episodes.json", {one.driver: one.rows() for one in done})
         draw_evaluations(done, folder / "evaluation.png")
         if self.video:
             for number, one in enumerate(done, start=1):
                 _draw_video(folder / f"video-{number}-{Path(one.driver).resolve().stem}.webp", one, bank, config)
-        own = bool(self.colon_folders)
-        return {one.driver: _row(one.summary()) | ({"colons": one.by_colon()} if own else {}) for one in done}
 
     def _bank(self, config: Any) -> Any:
         """The colons to drive in."""
@@ -132,8 +136,6 @@ class Evaluate:
         from haustra.envs.control.laws import DRIVERS
         from haustra.envs.learning.drivers import PolicyDriver
         from haustra.envs.learning.policy import load_policy, policy_folder
-        from haustra.envs.learning.sb3_zip import load_zip
-        from haustra.envs.learning.settings import Training
         from haustra.envs.tasks.drivers import FollowerDriver, PushDriver, RandomDriver
 
         simple = {"random": RandomDriver, "push": PushDriver}
@@ -142,10 +144,17 @@ class Evaluate:
             return simple[name], None
         path = policy_folder(name)
         if path.suffix == ".zip":
+            from haustra.scripts.learning_extra import require_learning
+
+            require_learning("stable_baselines3", "torch")
+            from haustra.envs.learning.sb3_zip import load_zip
+            from haustra.envs.learning.settings import Training
+
             policy = load_zip(path, Training(algorithm=self.algorithm), trust=self.trust)
         else:
             policy = load_policy(path)
-        return (lambda task: PolicyDriver(policy, sampled=self.sampled)), policy.config
+        sampled = policy.deviation is not None if self.sampled is None else self.sampled
+        return (lambda task: PolicyDriver(policy, sampled=sampled)), policy.config
 
     def _config(self, own: Any) -> Any:
         from haustra.envs.tasks.config import Limits, TaskConfig
@@ -192,6 +201,8 @@ def _row(summary: dict[str, Any]) -> dict[str, Any]:
         "progress",
         "seconds_when_reached",
         "peak_force_N",
+        "p_perforation",
+        "pain",
     )
     return {
         name: summary[name]

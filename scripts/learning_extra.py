@@ -3,15 +3,18 @@
 from importlib.util import find_spec
 
 
-def require_learning() -> None:
+def require_learning(*names: str) -> None:
     """Say in one line what is missing.
+
+    Args:
+        names: packages that are needed.
 
     Raises:
         MissingDependencyError: naming the extra.
     """
     from haustra.errors import MissingDependencyError
 
-    missing = [name for name in ("gymnasium", "stable_baselines3", "torch", "safetensors") if not find_spec(name)]
+    missing = [name for name in names if not find_spec(name)]
     if missing:
         raise MissingDependencyError(
             f"Learning needs {', '.join(missing)}: install haustra[rl] (CPU torch: docs/how-to/navigation.md)."

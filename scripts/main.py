@@ -11,7 +11,7 @@ from typing import Any
 
 from haustra.errors import HaustraError
 from haustra.scripts.console import one_line, summary
-from haustra.scripts.registry import BENCHMARKS, GROUPS, VERBS, first_sentence, load_verb
+from haustra.scripts.registry import BENCHMARKS, FURTHER, GROUPS, VERBS, first_sentence, load_verb
 
 SUCCESS, BAD_INPUT, DIVERGED, INTERRUPTED = 0, 2, 3, 130
 PROGRAM = "haustra"
@@ -122,7 +122,7 @@ def verb_of(words: Sequence[str]) -> str | None:
 def _overview(words: Sequence[str]) -> int:
     """Say which verbs there are: on request, else as an error."""
     if list(words) in ([], ["-h"], ["--help"]):
-        return _say([*ABOUT, *_listed(GROUPS), HINT], SUCCESS if words else BAD_INPUT)
+        return _say([*ABOUT, *_listed(GROUPS), *_named(FURTHER), HINT], SUCCESS if words else BAD_INPUT)
     if list(words) == [BENCH, LIST]:
         return _say(_listed({"Benchmarks": BENCHMARKS}), SUCCESS)
     known = {name: name for name in VERBS if name.split()[0] == words[0]} or VERBS
@@ -141,6 +141,11 @@ def _listed(groups: Mapping[str, Mapping[str, str]]) -> list[str]:
             lines += [f"  {name:<17} {about[0]}", *(f"  {'':<17} {more}" for more in about[1:])]
         lines.append("")
     return lines
+
+
+def _named(groups: Mapping[str, Mapping[str, str]]) -> list[str]:
+    """Lines that name the verbs of each group, and no more."""
+    return ["More verbs:", *(f"  {title:<17} {', '.join(verbs)}" for title, verbs in groups.items()), ""]
 
 
 def _say(lines: Sequence[str], code: int) -> int:

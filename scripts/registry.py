@@ -13,48 +13,55 @@ from typing import Any
 _SCRIPTS, _BENCH = "haustra.scripts", "haustra.scripts.bench.verbs"
 
 GROUPS: Mapping[str, Mapping[str, str]] = {
-    "Colons and their walls": {
+    "Make a colon": {
         "colon grow": f"{_SCRIPTS}.grow:ColonGrow",
         "colon import": f"{_SCRIPTS}.colon:ColonImport",
-        "colon check": f"{_SCRIPTS}.colon_check:ColonCheck",
         "wall": f"{_SCRIPTS}.wall:WallBuild",
     },
-    "Runs": {
+    "Drive a device through it": {
         "run": f"{_SCRIPTS}.run:Run",
-        "report": f"{_SCRIPTS}.report:Report",
-        "view": f"{_SCRIPTS}.view:View",
-        "dataset": f"{_SCRIPTS}.dataset:Dataset",
-    },
-    "The clinic": {
-        "trials": f"{_SCRIPTS}.trials:Trials",
-        "credibility": f"{_SCRIPTS}.credibility:Credibility",
-        "imager export": f"{_SCRIPTS}.imager:ImagerExport",
-        "imager score": f"{_SCRIPTS}.imager:ImagerScore",
-    },
-    "Hands on": {
         "drive": f"{_SCRIPTS}.drive:Drive",
-        "record": f"{_SCRIPTS}.record:Record",
-        "replay": f"{_SCRIPTS}.replay:Replay",
+        "view": f"{_SCRIPTS}.view:View",
         "export": f"{_SCRIPTS}.export:Export",
     },
-    "Studies of designs": {
+    "Compare and improve designs": {
         "compare": f"{_SCRIPTS}.compare:Compare",
         "sweep": f"{_SCRIPTS}.sweep:Sweep",
+    },
+    "Let policies learn to drive": {
+        "train": f"{_SCRIPTS}.train:Train",
+        "evaluate": f"{_SCRIPTS}.evaluate:Evaluate",
+    },
+    "This machine": {"doctor": f"{_SCRIPTS}.doctor:Doctor"},
+}
+"""Verbs that a newcomer needs, in the order of the overview: module and class of each. The class is a frozen dataclass
+of options; calling an instance does the work and returns JSON values, or None where it has said all there is."""
+
+FURTHER: Mapping[str, Mapping[str, str]] = {
+    "colons": {"colon check": f"{_SCRIPTS}.colon_check:ColonCheck"},
+    "runs": {
+        "report": f"{_SCRIPTS}.report:Report",
+        "record": f"{_SCRIPTS}.record:Record",
+        "replay": f"{_SCRIPTS}.replay:Replay",
+        "dataset": f"{_SCRIPTS}.dataset:Dataset",
+    },
+    "studies": {
         "optimise": f"{_SCRIPTS}.sweep:Optimise",
         "sensitivity": f"{_SCRIPTS}.sweep:Sensitivity",
         "cohort": f"{_SCRIPTS}.cohort:Cohort",
         "propulsion": f"{_SCRIPTS}.propulsion:Propulsion",
         "tread fem": f"{_SCRIPTS}.tread:TreadFem",
     },
-    "Learning to drive": {
-        "train": f"{_SCRIPTS}.train:Train",
-        "train curves": f"{_SCRIPTS}.train_curves:TrainCurves",
-        "evaluate": f"{_SCRIPTS}.evaluate:Evaluate",
+    "learning": {"train curves": f"{_SCRIPTS}.train_curves:TrainCurves"},
+    "the clinic": {
+        "trials": f"{_SCRIPTS}.trials:Trials",
+        "credibility": f"{_SCRIPTS}.credibility:Credibility",
+        "imager export": f"{_SCRIPTS}.imager:ImagerExport",
+        "imager score": f"{_SCRIPTS}.imager:ImagerScore",
     },
-    "This machine": {"doctor": f"{_SCRIPTS}.doctor:Doctor"},
+    "this shell": {"completion": f"{_SCRIPTS}.completion:Completion"},
 }
-"""Verbs in the order of the overview: module and class of each. The class is a frozen dataclass of options; calling an
-instance does the work and returns JSON values."""
+"""Verbs for those who know these: the overview names them, and each says by --help what it does."""
 
 BENCHMARKS: Mapping[str, str] = {
     "bench": f"{_BENCH}.all:BenchAll",
@@ -64,6 +71,7 @@ BENCHMARKS: Mapping[str, str] = {
     "bench cores": f"{_BENCH}.cores:BenchCores",
     "bench cost": f"{_BENCH}.cost:BenchCost",
     "bench device": f"{_BENCH}.device:BenchDevice",
+    "bench drivers": f"{_BENCH}.drivers:BenchDrivers",
     "bench episodes": f"{_BENCH}.episodes:BenchEpisodes",
     "bench errors": f"{_BENCH}.errors:BenchErrors",
     "bench fuzz": f"{_BENCH}.fuzz:BenchFuzz",
@@ -87,7 +95,9 @@ BENCHMARKS: Mapping[str, str] = {
 }
 """Benchmarks likewise; `bench` alone runs those whose results the documentation shows."""
 
-VERBS: Mapping[str, str] = {name: place for group in (*GROUPS.values(), BENCHMARKS) for name, place in group.items()}
+VERBS: Mapping[str, str] = {
+    name: place for group in (*GROUPS.values(), *FURTHER.values(), BENCHMARKS) for name, place in group.items()
+}
 
 
 def load_verb(name: str) -> type[Any]:

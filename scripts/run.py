@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from haustra.fields import Number, number, texts, vector
+from haustra.fields import Number, number, texts, vector, whole
 
 
 @dataclass(frozen=True)
@@ -17,8 +17,9 @@ class Run:
     """Folder of a colon, from `haustra colon import` or `haustra colon grow`."""
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for the run's results."""
-    device: str = "adult"
+    device: str | None = None
     """Name of a shipped device (adult, paediatric, adult-worn, adult-variable, those in assets/devices) or a TOML file.
+    Adult, or the scope that a policy was trained with, when not given.
     Options that a device does not honour are refused by name."""
     start: float | None = number("m", 1e-3, 5.0, default=None)
     """Distance of the tip from the anus at the start, for a device that begins inside the colon [m]."""
@@ -55,9 +56,13 @@ class Run:
     """Largest force that the hand pushes with [N]; the sourced default when not given."""
     timestep: float | None = number("s", 1e-5, 0.02, default=None)
     """Integration step [s]; that of the preset when not given."""
-    driver: Literal["follower", "endoscopist"] = "follower"
-    """Who drives a scope: the lumen follower, which knows wall forces, or one that works as endoscopists do, from what
-    they sense. What an endoscopist asks of an assistant is left undone here: --posture and --pressed set it."""
+    driver: str = "follower"
+    """Name of who drives a scope: the lumen follower, which knows wall forces (follower), one that works as
+    endoscopists do, from what they sense (endoscopist), either by a TOML file of settings, or a policy, by the name of
+    one that ships or by its folder.
+    What an endoscopist asks of an assistant is left undone here: --posture and --pressed set it."""
+    seed: int = whole(0, 2**31 - 1, default=0)
+    """Seed of the actions that a policy draws, as it did in training."""
     steer: Literal["pulls", "wheels"] = "pulls"
     """What bends the tip: pulls as asked for, or the hand wheels, whose wires have slack, stretch and friction."""
     largest_bend_deg: float | None = number("degrees", 0.5, 180.0, default=None)
@@ -85,17 +90,18 @@ class Run:
     error: bool = False
     """Repeat the run at half the time step and with finer joints, some six times as long, to say how far scores differ.
     Without it scores state what was measured on other colons."""
+    film: bool = False
+    """Draw the run as film.webp, too: what the tip sees beside the colon from outside; some 20 seconds of one core."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 
     def __call__(self) -> dict[str, Any]:
         """Build the scene, run it, write everything."""
-        from haustra.envs.control.laws import driver_settings
         from haustra.envs.runs.error import own_error, refinements
         from haustra.envs.runs.insertion import Insertion, run_insertion
-        from haustra.envs.runs.linear_insertion import run_linear_insertion
         from haustra.envs.runs.treatment import Treatment
         from haustra.envs.runs.withdrawal import insert_and_withdraw
+        from haustra.envs.simulate import find_policy, settings_of, simulate
         from haustra.envs.view.run_folder import write_run
         from haustra.errors import InvalidOptionError
         from haustra.files import prepare_folder
@@ -109,7 +115,8 @@ class Run:
         from haustra.scripts.console import progress_bar
         from haustra.scripts.wall import wall_bar
 
-        device = load_device(self.device)
+        policy = find_policy(self.driver)
+        device = load_device(self.device or (policy.config.design if policy else "adult"))
         if not isinstance(device, Scope):
             from haustra.scripts.run_device import run_any
 
@@ -123,8 +130,13 @@ class Run:
             raise InvalidOptionError(
                 "A pull-back, and treatment on the way out, need a withdrawal: give --inspect too."
             )
+        if policy is not None and (backend != "linear" or self.inspect):
+            raise InvalidOptionError(
+                "A policy inserts on the backend linear: leave --backend, --wall-law, --whole-shaft and --inspect out."
+            )
         if self.inspect and (backend != "linear" or options.gas is not None):
             raise InvalidOptionError("A withdrawal is inspected on backend linear, without gas: change the options.")
+        settings = settings_of(self.driver, policy, moves=options.mesentery, steer=self.steer, seed=self.seed)
         colon = load_colon(self.colon)
         folder = prepare_folder(self.output)
         wall = None
@@ -133,7 +145,6 @@ class Run:
                 wall = wall_of(self.colon, colon, self.wall, progress=tell)
         elif options.mesentery and (wall_folder(self.colon, self.wall) / METADATA).is_file():
             wall = wall_of(self.colon, colon, self.wall)  # as a picture in scene.xml
-        settings = driver_settings(self.driver, steer=self.steer, moves=options.mesentery)
         deepest = options.start_depth + settings.advance_rate * self.seconds
 
         withdrawals: list[tuple[Insertion, Treatment | None]] = []
@@ -141,16 +152,17 @@ class Run:
         def drive(what: str, options: SceneOptions) -> tuple[Scene, Insertion]:
             scene = build_scene(colon, wall, design, options, deepest=deepest)
             with progress_bar(what, self.seconds, unit="s") as advance:
-                own: dict[str, Any] = {"seconds": self.seconds, "settings": settings}
+                own: dict[str, Any] = {"seconds": self.seconds}
                 own["progress"] = lambda time, arc: advance(time, f"tip at {arc:.2f} m")
+                law = {"settings": settings, **own}
                 if self.inspect and not withdrawals:
                     tool = None if self.treat == "none" else Treatment(scene, self.treat)
-                    run, out = insert_and_withdraw(scene, rate=self.pull_rate, treatment=tool, **own)
+                    run, out = insert_and_withdraw(scene, rate=self.pull_rate, treatment=tool, **law)
                     withdrawals.append((out, tool))
                     return scene, run
-                if backend == "linear":
-                    return scene, run_linear_insertion(scene, **own)
-                return scene, run_insertion(scene, backend=self._native(wall, deepest), **own)
+                if backend == "native":
+                    return scene, run_insertion(scene, backend=self._native(wall, deepest), **law)
+                return scene, simulate(scene, driver=self.driver, steer=self.steer, seed=self.seed, **own)
 
         scene, run = drive("simulate", options)
         error = None
@@ -159,7 +171,11 @@ class Run:
         touched = wall if options.wall_law == "pieces" else None
         out, tool = withdrawals[0] if withdrawals else (None, None)
         own = {"scene": scene, "wall": touched, "run": run, "seconds": self.seconds, "error": error}
-        return write_run(folder, withdrawal=out, treatment=tool, **own)
+        if not self.film:
+            return write_run(folder, withdrawal=out, treatment=tool, **own)
+        with progress_bar("film", 1, unit="films") as advance:
+            tell = lambda done, total: advance(done / total, f"{done} of {total} pictures")  # noqa: E731
+            return write_run(folder, withdrawal=out, treatment=tool, film=tell, **own)
 
     def _native(self, wall, deepest: float):
         """MuJoCo's CPU engine, with all of the shaft or with what is needed."""

@@ -11,7 +11,7 @@ from haustra.fields import number, whole
 
 @dataclass(frozen=True)
 class Train:
-    """Train a policy with Stable-Baselines3; leave checkpoints, the learning curve and the policy in a folder.
+    """Train a policy; leave checkpoints, the learning curve and the policy in a folder.
 
     Options that are not given are as the training in --config has them.
     """
@@ -19,14 +19,16 @@ class Train:
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for checkpoints, learning curve and policy."""
     config: str = "insertion-ppo"
-    """A shipped training (insertion-ppo, insertion-gpu, insertion-mesentery, insertion-easy, insertion-sac, quick),
-    or a JSON file like the training.json that a training leaves."""
+    """A shipped training (insertion, insertion-ppo, insertion-gpu, insertion-mesentery, insertion-easy, insertion-sac,
+    quick), or a JSON file like the training.json that a training leaves."""
     steps: int | None = whole(1, 10**12, default=None)
     """Length of the training in environment steps, counted over all worlds."""
     worlds: int | None = whole(1, 1_000_000, default=None)
     """Number of scopes that are stepped at once."""
     seed: int | None = whole(0, 2**32 - 1, default=None)
     """Seed of all random draws."""
+    start: str | None = None
+    """Policy to begin as, where the training's learner is 'device': a shipped one's name, or a folder."""
     imitate: int | None = whole(0, 10**12, default=None)
     """Number of steps in which the policy first learns from the lumen follower; 0 for none."""
     from_demonstrations: Path | None = None
@@ -63,12 +65,12 @@ class Train:
         from haustra.scripts.console import progress_bar
         from haustra.scripts.learning_extra import require_learning
 
-        require_learning()
+        training = self._training()
+        require_learning("torch", *(("stable_baselines3",) if training.learner == "sb3" else ()))
         from haustra.envs.learning.settings import changed
         from haustra.envs.learning.train import train
         from haustra.errors import InvalidOptionError
 
-        training = self._training()
         task = training.task
         if self.colons is not None:
             task = replace(task, seeds=(0, self.colons))
@@ -88,6 +90,7 @@ class Train:
             backend=self.backend,
             device=self.device,
             seed=self.seed,
+            start=self.start,
             imitate=0 if self.from_demonstrations is not None else self.imitate,
             demonstrations=None if self.from_demonstrations is None else str(self.from_demonstrations),
         )

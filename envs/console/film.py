@@ -1,17 +1,18 @@
 """Recordings as films: the endoscope's picture beside the colon from outside, in H.264 or as a GIF."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 
 from haustra.envs.console.painter import Camera, Eye
 from haustra.envs.console.recording import COLON, Recording
 from haustra.envs.console.source import glance_at, moment
 from haustra.envs.console.stage import Stage
+from haustra.envs.console.vehicle import Surroundings
 from haustra.envs.console.vehicles import surroundings
 from haustra.envs.runs.measure.progress import segment_at
 from haustra.envs.view.picture.outside import OutsideView, default_rotation
@@ -55,22 +56,36 @@ def write_film(
     if path.suffix not in (".mp4", ".gif"):
         raise InvalidOptionError(f"Cannot write a film as '{path.name}': use .mp4 or .gif.")
     times = np.arange(0.0, float(recording.rows["time"][-1]) + 1e-9, speed / fps)
+    around = surroundings(recording.folder / COLON, recording.about["vehicle"])
+    pictures = draw_pictures(around, times, lambda at: moment(recording, at), progress)
     write = _write_mp4 if path.suffix == ".mp4" else _write_gif
-    write_atomically(path, lambda file: write(file, _pictures(recording, times, progress), fps))
+    write_atomically(path, lambda file: write(file, pictures, fps))
     return {"film": str(path), "pictures": len(times), "seconds": len(times) / fps}
 
 
-def _pictures(recording: Recording, times: np.ndarray, progress: Callable[[int, int], None]) -> Iterator["Image"]:
+def draw_pictures(
+    around: Surroundings,
+    times: Float[np.ndarray, " pictures"],
+    moment: Callable[[float], tuple[Mapping[str, Any], Mapping[str, Any]]],
+    progress: Callable[[int, int], None] = lambda done, pictures: None,
+) -> Iterator["Image"]:
+    """Draw what a device's camera sees beside the colon from outside, one picture after the other.
+
+    Args:
+        around: the colon, and the device's lens.
+        times: simulated time of each picture [s].
+        moment: gives the row and the frame of a time, as `haustra.envs.console.vehicle.Look` has them.
+        progress: told pictures done and their number.
+    """
     from PIL import Image, ImageDraw, ImageFont
 
-    around = surroundings(recording.folder / COLON, recording.about["vehicle"])
     eye, stage = Eye(Camera(around, SIDE)), Stage(around)
     colon, font = around.colon, ImageFont.load_default(13)
     rotation = default_rotation(colon.lumen, colon.centreline.points)
-    some = [moment(recording, float(at))[1] for at in times[:: max(1, len(times) // 4)]]
+    some = [moment(float(at))[1] for at in times[:: max(1, len(times) // 4)]]
     framed = np.vstack([stage.vertices(frame.get("displacement")) for frame in some])
     for number, at in enumerate(times):
-        row, frame = moment(recording, float(at))
+        row, frame = moment(float(at))
         picture = Image.new("RGB", (2 * SIDE, SIDE + _LINE), "#ffffff")
         picture.paste(Image.fromarray(eye.draw(glance_at(row, frame))), (0, 0))
         rings = Surface(stage.vertices(frame.get("displacement"), frame.get("widths")), stage.faces)

@@ -34,10 +34,7 @@ def write_motion(path: Path, scene: Scene, seen: Trajectory) -> Path | None:
     if not len(seen.time):
         return None
     colon, moves = scene.colon, bool(seen.displacement.shape[1])
-    tables = stack([axis_tables(colon, scene.options.abdomen)]) if moves else None
-    lens = lens_of(scene.design.tip, LENS_SIZE, LENS_SIZE)
-    around = Surroundings(colon, tables, np.zeros(3), np.eye(3), scene.cable.radius, lens)
-    stage = Stage(around, spacing=_SPACING, corners=_AROUND)
+    stage = Stage(run_surroundings(scene, seen), spacing=_SPACING, corners=_AROUND)
     told: dict[str, Any] = {"kind": "scene", "radius": scene.cable.radius, "name": colon.name}
     messages = [pack(told, {"faces": stage.faces, "stations": stage.stations, "rest": _single(stage.vertices())})]
     model = scene.compile()
@@ -53,6 +50,14 @@ def write_motion(path: Path, scene: Scene, seen: Trajectory) -> Path | None:
         row = {name: round(float(getattr(seen, name)[moment]), 5) for name in ("time", "tip_arc", "wall_force")}
         messages.append(pack({"kind": "frame", "row": row}, {name: _single(part) for name, part in arrays.items()}))
     return write_json(path, [base64.b64encode(message).decode("ascii") for message in messages])
+
+
+def run_surroundings(scene: Scene, seen: Trajectory) -> Surroundings:
+    """What a run took place in, in the coordinates of its scene."""
+    moves = bool(seen.displacement.shape[1])
+    tables = stack([axis_tables(scene.colon, scene.options.abdomen)]) if moves else None
+    lens = lens_of(scene.design.tip, LENS_SIZE, LENS_SIZE)
+    return Surroundings(scene.colon, tables, np.zeros(3), np.eye(3), scene.cable.radius, lens)
 
 
 def _single(values: np.ndarray) -> np.ndarray:

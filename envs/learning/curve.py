@@ -4,14 +4,15 @@ import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from haustra.errors import InvalidOptionError, UnreadableFileError
 
-COLUMNS = ("steps", "episodes", "return", "progress", "reached", "perforated", "seconds")
+EPISODE = ("return", "progress", "reached", "perforated", "seconds", "p_perforation", "pain")
+"""What is noted of an episode that has ended."""
+COLUMNS = ("steps", "episodes", *EPISODE)
 _MOST_BINS = 40
 """Largest number of bins in a common grid of steps: finer bins show the chance of single episodes."""
 
@@ -22,17 +23,14 @@ class Curve:
     def __init__(self, path: Path, *, fresh: bool, episodes_a_row: int = 16) -> None:
         """Go on with the file, or begin a `fresh` one; a row is written once that many episodes have ended."""
         self._path, self._enough = path, episodes_a_row
-        self._recent: list[list[float]] = []
+        self._recent: list[Sequence[float]] = []
         if fresh:
             path.write_text(",".join(COLUMNS) + "\n", encoding="utf-8")
 
-    def add(self, steps: int, ended: list[dict[str, Any]]) -> None:
-        """Note episodes that have ended after `steps`; with none, write what is left."""
-        self._recent += [
-            [one["episode"]["r"], one["progress"], float(one["reached"]), float(one["perforated"]), one["time"]]
-            for one in ended
-        ]
-        if len(self._recent) >= self._enough or (not ended and self._recent):
+    def add(self, steps: int, ended: Sequence[Sequence[float]]) -> None:
+        """Note episodes that have ended after `steps`, each as `EPISODE`; with none, write what is left."""
+        self._recent.extend(ended)
+        if len(self._recent) >= self._enough or (not len(ended) and self._recent):
             means = np.mean(self._recent, axis=0)
             with self._path.open("a", encoding="utf-8", newline="") as file:
                 csv.writer(file).writerow([steps, len(self._recent), *(f"{value:.5g}" for value in means)])
@@ -44,7 +42,7 @@ class Curve:
             rows = list(csv.DictReader(file))
         if not rows:
             return {}
-        return {f"last_{name}": float(rows[-1][name]) for name in ("return", "progress", "reached", "perforated")}
+        return {f"last_{name}": float(rows[-1][name]) for name in EPISODE}
 
 
 def read_curve(path: Path) -> dict[str, np.ndarray]:

@@ -50,6 +50,8 @@ class Episode:
     """Share of people whose colon would have been perforated [1] (`haustra.models.injury`)."""
     perforation_arc_m: float
     """Where along the colon that is likeliest [m]."""
+    pain: float
+    """Largest tension of wall or mesentery over that which hurts [1] (`haustra.models.injury.pain`)."""
     safe: bool
     """Reached, not perforated, and never over `Limits.safe_force`."""
     reason: str
@@ -82,7 +84,7 @@ class Evaluation:
             rows[f"{name}_wilson"] = [low, high]
             rows[f"{name}_bootstrap"] = self._over_colons(found[column])
         forces = "peak_force_N", "mean_force_N", "share_over_2N", "share_over_safe"
-        for column in ("progress", *forces, "p_perforation", "tip_ahead_m"):
+        for column in ("progress", *forces, "p_perforation", "pain", "tip_ahead_m"):
             rows[column] = float(found[column].mean())
             rows[f"{column}_bootstrap"] = self._over_colons(found[column])
         done = found["seconds"][found["reached"]]
@@ -251,6 +253,7 @@ class _Record:
             perforated=perforated,
             p_perforation=float(last["p_perforation"]),
             perforation_arc_m=float(last["perforation_arc"]),
+            pain=float(last["pain"]),
             safe=reached and not perforated and bool(force.max() <= limits.safe_force),
             reason=_reason(last, history[1], task),
             failed_at_m=float(last["tip_arc"]),

@@ -12,15 +12,11 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 from haustra.envs.learning.demonstrations import clone, load_demonstrations
 from haustra.envs.learning.imitate import imitate
 from haustra.envs.learning.policy import MlpPolicy
+from haustra.envs.learning.schedule import LEAST_DEVIATION
 from haustra.envs.learning.settings import Training
 from haustra.envs.tasks.actions import ACTIONS
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import UnsupportedSceneError
-
-_LEAST_DEVIATION = 0.1
-"""An observation is divided by no less: entries are scaled to about one, and some hardly ever change."""
-_LEAST_RATE = 0.1
-"""Learning rate at the end of annealing, as a share of the first."""
 
 
 def normalised(training: Training, worlds: VecEnv) -> Any:
@@ -28,7 +24,7 @@ def normalised(training: Training, worlds: VecEnv) -> Any:
     if not training.normalise:
         return None
     # Observations are bounded, so that they need no clipping, which plain layers could not take over.
-    return VecNormalize(worlds, gamma=training.gamma, epsilon=_LEAST_DEVIATION**2, clip_obs=np.inf)
+    return VecNormalize(worlds, gamma=training.gamma, epsilon=LEAST_DEVIATION**2, clip_obs=np.inf)
 
 
 def build_model(training: Training, worlds: VecEnv, log: Path | None) -> Any:
@@ -73,21 +69,6 @@ def build_model(training: Training, worlds: VecEnv, log: Path | None) -> Any:
         with torch.no_grad():
             model.policy.action_net.bias[ACTIONS.index("push")] = training.first_push
     return model
-
-
-def learning_rate(training: Training, steps: int) -> float:
-    """After that many steps of the whole run."""
-    share = min(1.0, steps / training.steps) if training.anneal else 0.0
-    return training.learning_rate * (1 - (1 - _LEAST_RATE) * share)
-
-
-def perforation_force(training: Training, steps: int) -> float:
-    """The limit after that many steps of the whole run [N]."""
-    last = training.task.limits.perforation_force
-    if training.ease is None:
-        return last
-    first, share = training.ease
-    return last + (first - last) * max(0.0, 1 - steps / (share * training.steps))
 
 
 def policy_of(model: Any, training: Training, about: dict[str, Any], worlds: Any = None) -> MlpPolicy:

@@ -13,7 +13,16 @@ from haustra.fields import Number, choice, number, read_fields, require_declared
 
 ALGORITHMS = ("ppo", "sac")
 DEVICES = ("cpu", "cuda")
-SHIPPED = ("insertion-ppo", "insertion-gpu", "insertion-mesentery", "insertion-easy", "insertion-sac", "quick")
+LEARNERS = ("sb3", "device")
+SHIPPED = (
+    "insertion",
+    "insertion-ppo",
+    "insertion-gpu",
+    "insertion-mesentery",
+    "insertion-easy",
+    "insertion-sac",
+    "quick",
+)
 """Configurations in assets/training."""
 
 
@@ -23,6 +32,9 @@ class Training:
 
     algorithm: str = choice(*ALGORITHMS, default="ppo")
     """Learning algorithm: proximal policy optimisation ('ppo') or soft actor-critic ('sac')."""
+    learner: str = choice(*LEARNERS, default="sb3")
+    """Who learns: Stable-Baselines3 ('sb3'), or PPO whose arrays stay where the physics has them ('device'), on
+    'linear-gpu' and 'linear' alone."""
     steps: int = whole(1, 10**12, default=2_000_000)
     """Length of the training in environment steps, counted over all worlds."""
     leg: int = whole(1, 10**12, default=200_000)
@@ -69,12 +81,33 @@ class Training:
     """Cut the first episodes of a leg at even chances, so that worlds do not all stand at the same depth."""
     ease: tuple[float, float] | None = vector(Number("N", 0.01, 1e4), Number("1", 0.001, 1.0), default=None)
     """Perforation limit at the start [N], and share of the steps over which it falls evenly to the task's."""
+    trace: float = number("1", 0.0, 1.0, default=0.95)
+    """PPO on the device: how far advantages look beyond one step before they trust the critic (lambda) [1]."""
+    start: str | None = None
+    """PPO on the device: policy to begin as, a shipped one's name or a folder."""
+    critic_knows: bool = False
+    """PPO on the device: the critic also reads what no device knows (`task.privileged`); the policy does not."""
+    most_p_perforation: float | None = number("1", 1e-6, 1.0, default=None)
+    """PPO on the device: limit of the mean share of people whose colon an episode would tear [1]."""
+    most_pain: float | None = number("1", 1e-3, 1e3, default=None)
+    """PPO on the device: limit of the mean largest pain of an episode, 1 where it is taken to begin [1]."""
+    prices: tuple[float, float] = vector(Number("1", 1e-4, 1e4), Number("1", 1e-4, 1e4), default=(0.1, 2.0))
+    """Price of each limit at the start, and the highest it may rise to [1]: what a deviation of its cost takes off, in
+    deviations of the reward."""
+    price_rate: float = number("1", 0.0, 10.0, default=0.03)
+    """Share by which a price rises or falls in a rollout while episodes cost twice the limit, or nothing [1]."""
+    least_reached: float = number("1", 0.0, 1.0, default=0.0)
+    """Share of episodes that must reach the end for prices to rise; while fewer do, they fall [1]."""
     buffer: int = whole(1, 10**9, default=300_000)
     """SAC: number of transitions remembered."""
     task: TaskConfig = field(default_factory=TaskConfig)
 
     def __post_init__(self) -> None:
         require_declared(self)
+        if self.learner == "device":
+            self._require_device()
+        elif others := [name for name in _ON_DEVICE if getattr(self, name) != getattr(Training, name)]:
+            raise InvalidOptionError(f"{others[0]} is for the learner 'device': leave it out, or set learner.")
         if set(sizes(self.task)) & set(IN_BYTES):
             raise InvalidOptionError("The shipped training has no network for pictures: choose state, lumen or dict.")
         if self.demonstrations is not None and self.imitate:
@@ -85,6 +118,22 @@ class Training:
             raise InvalidOptionError(
                 f"ease is {self.ease}: give at least the task's limit, {self.task.limits.perforation_force:g} N."
             )
+
+    def _require_device(self) -> None:
+        """Refuse what PPO on the device does not do."""
+        linear = self.backend.startswith("linear")
+        if self.algorithm != "ppo" or not linear or self.imitate or self.demonstrations or not self.normalise:
+            raise InvalidOptionError(
+                "The learner 'device' is for PPO on the backends 'linear' and 'linear-gpu', normalised and without "
+                "imitation: set these, or use the learner 'sb3'."
+            )
+        if (self.backend == "linear-gpu") != (self.device == "cuda"):
+            raise InvalidOptionError("The learner 'device' learns where the physics is: 'linear-gpu' goes with 'cuda'.")
+
+    @property
+    def shown(self) -> TaskConfig:
+        """The task with all that is read in training."""
+        return replace(self.task, privileged=True) if self.critic_knows else self.task
 
     def to_json(self) -> dict[str, Any]:
         """As plain JSON values."""
@@ -98,6 +147,12 @@ class Training:
             InvalidOptionError: naming a value that is not known or out of its range.
         """
         return read_fields(cls, values)
+
+
+_ON_DEVICE = (
+    *("trace", "start", "critic_knows", "most_p_perforation", "most_pain", "prices", "price_rate", "least_reached"),
+)
+"""What only PPO on the device reads."""
 
 
 def shipped(name: str) -> Training:

@@ -1,42 +1,22 @@
-"""Training with Stable-Baselines3 on the worlds of one process."""
+"""Training on the worlds of one process: which colons, where from, and who learns."""
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
-from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.logger import Logger
-from stable_baselines3.common.utils import set_random_seed
 
-from haustra.envs.learning.checkpoint import load_checkpoint, restore, save_checkpoint
-from haustra.envs.learning.curve import Curve
-from haustra.envs.learning.models import (
-    build_model,
-    hold_actor,
-    learning_rate,
-    normalised,
-    perforation_force,
-    policy_of,
-    warm_up,
-)
-from haustra.envs.learning.policy import save_policy
+from haustra.envs.learning.checkpoint import load_checkpoint
 from haustra.envs.learning.settings import Training
 from haustra.envs.tasks.bank import ColonSet, grown_bank
-from haustra.envs.tasks.sb3 import ScopeVecEnv
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import InvalidOptionError
-from haustra.files import prepare_folder, write_json
+from haustra.files import prepare_folder
 from haustra.models.devices.scope.library import named_design
-from haustra.provenance import Provenance, backend_record
 
 Progress = Callable[[int, str], None]
 """Told environment steps done, and a note."""
-_SAVE_EVERY = 120.0
-"""On other backends than 'native' what is lost to an interruption at most [s]."""
 
 
 def train(
@@ -71,8 +51,11 @@ def train(
         What it came to, as JSON values.
 
     Raises:
-        InvalidOptionError: when the folder holds another run and `resume` is not set.
+        InvalidOptionError: when the folder holds another run and `resume` is not set, or for TensorBoard's logs of a
+            learner that writes none.
     """
+    if tensorboard and training.learner == "device":
+        raise InvalidOptionError("The learner 'device' writes curve.csv only: leave --tensorboard out.")
     deadline = None if minutes is None else time.monotonic() + 60 * minutes
     prepare_folder(folder)
     torch.set_num_threads(1)
@@ -91,136 +74,14 @@ def train(
         processes=processes,
         progress=lambda done: progress(0, f"{done} colons grown"),
     )
-    task = ScopeTask(own, worlds=training.worlds, threads=threads, backend=training.backend, bank=bank)
+    task = ScopeTask(training.shown, worlds=training.worlds, threads=threads, backend=training.backend, bank=bank)
     try:
-        run = _Run(training, folder, task, document, tensorboard, progress)
-        return run.go(deadline)
+        if training.learner == "device":
+            from haustra.envs.learning.device_run import DeviceRun
+
+            return DeviceRun(training, folder, task, document, progress).go(deadline)
+        from haustra.envs.learning.sb3_run import Sb3Run
+
+        return Sb3Run(training, folder, task, document, tensorboard, progress).go(deadline)
     finally:
         task.close()
-
-
-class _Run:
-    """One model and its worlds."""
-
-    def __init__(
-        self,
-        training: Training,
-        folder: Path,
-        task: ScopeTask,
-        document: dict[str, Any] | None,
-        tensorboard: bool,
-        progress: Progress,
-    ) -> None:
-        self.training, self.folder, self.task, self.progress = training, folder, task, progress
-        worlds = ScopeVecEnv(task, flat=True, stagger=training.stagger)
-        self.normaliser = normalised(training, worlds)
-        self.worlds = self.normaliser or worlds
-        set_random_seed(training.seed)
-        self.model = build_model(training, self.worlds, folder / "tensorboard" if tensorboard else None)
-        if not tensorboard:
-            self.model.set_logger(Logger(None, []))  # left to itself it makes a temporary folder that nobody removes
-        self.model.lr_schedule = lambda _: learning_rate(training, self.model.num_timesteps)
-        self.leg = 0
-        if document is None:
-            write_json(folder / "training.json", training.to_json())
-            if training.imitate or training.demonstrations:
-                warm_up(self.model, training, task, progress)
-        else:
-            restore(folder, self.model, document)
-            self.leg = int(document["leg"])
-            self._take_up(document.get("normaliser"))
-        # Thousands of worlds end episodes at every step: rows of a few seconds each.
-        enough = max(16, training.worlds // 4)
-        self.curve = Curve(folder / "curve.csv", fresh=document is None, episodes_a_row=enough)
-
-    def go(self, deadline: float | None) -> dict[str, Any]:
-        """Learn leg by leg until the steps are done or time is up."""
-        training, model = self.training, self.model
-        watch = _Watch(self, deadline)
-        while model.num_timesteps < training.steps and not watch.late:
-            set_random_seed(training.seed + 1000 * (self.leg + 1), using_cuda=training.device == "cuda")
-            hold_actor(model, training, self.leg)
-            self.worlds.seed(training.seed + 1_000_000 * (self.leg + 1))
-            model._last_obs = None
-            count = min(training.leg, training.steps - model.num_timesteps)
-            model.learn(count, callback=watch, reset_num_timesteps=False, progress_bar=False)
-            self.leg += 1
-            self.save()
-        self.save_policy()
-        done = {"steps": model.num_timesteps, "legs": self.leg, "policy": str(self.folder), "time_up": watch.late}
-        return done | {"steps_per_second": watch.rate(), **self.curve.last()}
-
-    def save(self) -> None:
-        """Write a checkpoint from which the next leg can begin."""
-        document: dict[str, Any] = {
-            "steps_done": self.model.num_timesteps,
-            "leg": self.leg,
-            "training": self.training.to_json(),
-        }
-        if self.normaliser is not None:
-            seen, paid = self.normaliser.obs_rms, self.normaliser.ret_rms
-            document["normaliser"] = {
-                "seen": [seen.mean.tolist(), seen.var.tolist(), float(seen.count)],
-                "paid": [float(paid.mean), float(paid.var), float(paid.count)],
-            }
-        save_checkpoint(self.folder, self.model, document)
-
-    def save_policy(self) -> None:
-        """Write the policy as it is now."""
-        about = {
-            "training": self.training.to_json(),
-            "steps": self.model.num_timesteps,
-            "provenance": Provenance({}, {}, backend=backend_record(self.training.backend)).to_json(),
-        }
-        save_policy(self.folder, policy_of(self.model, self.training, about, self.normaliser))
-
-    def ease(self) -> None:
-        """Set the perforation limit for the steps that come."""
-        own = self.training.task
-        force = perforation_force(self.training, self.model.num_timesteps)
-        self.task.config = replace(own, limits=replace(own.limits, perforation_force=force))
-
-    def _take_up(self, kept: dict[str, Any] | None) -> None:
-        if self.normaliser is None or kept is None:
-            return
-        for entry, values in ((self.normaliser.obs_rms, kept["seen"]), (self.normaliser.ret_rms, kept["paid"])):
-            entry.mean, entry.var, entry.count = np.array(values[0]), np.array(values[1]), float(values[2])
-
-
-class _Watch(BaseCallback):
-    """Notes episodes that end, says how far it is, keeps what was learned, and stops when time is up."""
-
-    def __init__(self, run: _Run, deadline: float | None) -> None:
-        super().__init__()
-        self._run, self._deadline = run, deadline
-        self._began = self._kept = time.monotonic()
-        self._steps = run.model.num_timesteps
-        self.late = False
-
-    def rate(self) -> float:
-        """Environment steps in a second of wall clock, learning included."""
-        return (self._run.model.num_timesteps - self._steps) / (time.monotonic() - self._began)
-
-    def _on_rollout_start(self) -> None:
-        self._run.ease()
-        if self._run.training.backend != "native" and time.monotonic() > self._kept + _SAVE_EVERY:
-            self._run.leg += 1  # whoever goes on from here draws other episodes
-            self._run.save()
-            self._run.save_policy()
-            self._kept = time.monotonic()
-
-    def _on_rollout_end(self) -> None:
-        self.late = self._deadline is not None and time.monotonic() > self._deadline
-
-    def _on_step(self) -> bool:
-        ended = [info for info in self.locals["infos"] if "episode" in info]
-        if ended:
-            self._run.curve.add(self.num_timesteps, ended)
-            best = np.mean([info["progress"] for info in ended])
-            self._run.progress(self.num_timesteps, f"progress {best:.2f}")
-        elif self.n_calls % 20 == 0:
-            self._run.progress(self.num_timesteps, "")
-        return not self.late
-
-    def _on_training_end(self) -> None:
-        self._run.curve.add(self.num_timesteps, [])

@@ -157,7 +157,7 @@ def ended(row: Mapping[str, Any], length: float) -> Outcome | None:
     """Why a run ends with this record in a colon of that length [m]; None while it goes on."""
     if row["deepest"] > ESCAPE_DEPTH:
         return Outcome.ESCAPED
-    return Outcome.REACHED_CAECUM if row["tip_arc"] >= length - CAECUM_MARGIN else None
+    return Outcome.COMPLETED if row["tip_arc"] >= length - CAECUM_MARGIN else None
 
 
 def time_is_up(records: Records) -> Outcome:

@@ -19,10 +19,16 @@ from haustra.envs.runs.tally import Measured, Tally, counted
 from haustra.envs.sim.linear.layout import seen_slot
 from haustra.envs.sim.linear.memory import Lanes
 from haustra.envs.sim.linear.program import ScopeProgram
-from haustra.envs.sim.linear.sensing import hand_lead, inserted_length, largest_force, largest_load, tip_arc
+from haustra.envs.sim.linear.sensing import (
+    hand_lead,
+    inserted_length,
+    largest_force,
+    largest_load,
+    largest_pain,
+    tip_arc,
+)
 from haustra.envs.sim.linear.trace import Value
 from haustra.models.devices.scope.wires import WIRE_NAMES
-from haustra.models.injury.pain import pain, pressed_tension
 from haustra.models.wall.vectors import Vector, dot, minus
 
 STATION_STEP = 0.01
@@ -159,28 +165,10 @@ class InsertionProgram:
         ended = ending(xp, outside=outside, arc=arc, length=scopes.length(), insertion=insertion, modelled=modelled)
         wall, _ = largest_force(scopes)
         hand = scopes.reading("push_force"), scopes.reading("torque")
-        measured = Measured(arc, insertion, *hand, wall, *largest_load(scopes), *self._largest_pain(scopes))
+        measured = Measured(arc, insertion, *hand, wall, *largest_load(scopes), *largest_pain(scopes))
         for slot, (new, old) in enumerate(zip(counted(xp, tally, measured, ended), tally, strict=True)):
             numbers.store(self._tally + slot, xp.where(still, new, old))
         numbers.store(self._outside_slot, xp.where(still, outside, numbers.load(self._outside_slot)))
-
-    def _largest_pain(self, scopes: ScopeProgram) -> tuple[Value, Value]:
-        """Largest tension of wall or mesentery over that which hurts [1], and arc length there [m]."""
-        program, xp, diameter = scopes.program, scopes.program.xp, 2 * scopes.scope("radius")
-        most, where = program.variable(0.0), program.variable(0.0)
-
-        def judge(hurts: Value, arc: Value) -> None:
-            where.value = xp.where(hurts > most.value, xp.maximum(arc, 0.0), where.value)
-            most.value = xp.maximum(most.value, hurts)
-
-        with program.loop(0, scopes.bodies) as body:
-            wall = pressed_tension(scopes.link_force(body), diameter, scopes.link_length(body))
-            judge(pain(xp, wall, program.constant(0.0)), scopes.link_arc(body))
-        if axis := scopes.axis:
-            with program.loop(0, axis.nodes) as node:
-                arc = program.real_of(node) * scopes.world("spacing")
-                judge(pain(xp, *axis.tensions(node, scopes.station(arc)[1])), arc)
-        return most.value, where.value
 
     def _outside(self, scopes: ScopeProgram, room: Lanes, arc: Value, insertion: Value) -> Value:
         """How far the scope stands outside the lumen [m], or, where that does not matter, a bound above it."""

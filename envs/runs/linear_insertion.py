@@ -8,7 +8,7 @@ import numpy as np
 from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.runs.insertion import CONTROL_INTERVAL, Insertion, Progress, Trajectory
 from haustra.envs.runs.insertion_program import InsertionProgram
-from haustra.envs.runs.linear_insertions import station_widths
+from haustra.envs.runs.measure.containment import lumen_widths, station_widths
 from haustra.envs.runs.measure.injury import InjuryMeter
 from haustra.envs.runs.outcome import outcome_of
 from haustra.envs.sim.gas import gas_pressures
@@ -96,7 +96,7 @@ def _program(scene: Scene, tables: Tables, settings: Any) -> InsertionProgram:
 
 
 def _backend(scene: Scene, tables: Tables, settings: Any, program: InsertionProgram) -> LinearSingle:
-    width = station_widths(tables, [scene.colon])
+    width = station_widths(tables, [lumen_widths(scene.colon)])
     backend = LinearSingle(scene, driver=program, tables=tables, width=width, wheels=program.wheels)
     backend.many.tell_driver(0, program.numbers_of([settings], scene.options.start_depth))
     return backend

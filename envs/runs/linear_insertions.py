@@ -4,11 +4,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.insertion_program import InsertionProgram
-from haustra.envs.runs.measure.containment import lumen_widths
+from haustra.envs.runs.measure.containment import lumen_widths, station_widths
 from haustra.envs.runs.tally import Insertions
 from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.linear.backend import LinearBackend
@@ -77,7 +77,12 @@ class LinearInsertions:
         arrangement: dict[str, Any] = {"threads": threads, "device": device, "real": real, "scopes": scopes}
         arrangement |= {"wheels": program.wheels}
         self.backend = LinearBackend(
-            scene, tables, worlds=worlds, driver=program, width=station_widths(tables, colons), **arrangement
+            scene,
+            tables,
+            worlds=worlds,
+            driver=program,
+            width=station_widths(tables, map(lumen_widths, colons)),
+            **arrangement,
         )
 
     def begin(
@@ -130,9 +135,3 @@ class LinearInsertions:
             simulated=seen.time,
             insertion=seen.insertion,
         )
-
-
-def station_widths(tables: Tables, colons: Sequence[Colon]) -> Float[np.ndarray, " rows"]:
-    """How wide each colon's lumen is at each row of the stacked tables [m]."""
-    rows = zip(tables.step, tables.count, map(lumen_widths, colons), strict=True)
-    return np.concatenate([np.interp(step * np.arange(count), *widths) for step, count, widths in rows])

@@ -17,7 +17,7 @@ class Outcome(Enum):
     """The one reason why a run stopped; `advice` says what a user can do about it."""
 
     TIME_UP = "time_up"
-    REACHED_CAECUM = "reached_caecum"
+    COMPLETED = "completed"
     STUCK = "stuck"
     FULLY_INSERTED = "fully_inserted"
     WITHDRAWN = "withdrawn"
@@ -32,7 +32,7 @@ class Outcome(Enum):
 
 _ADVICE = {
     Outcome.TIME_UP: "The time asked for is over; ask for more with --seconds.",
-    Outcome.REACHED_CAECUM: "The tip is in the caecum.",
+    Outcome.COMPLETED: "The tip is in the caecum.",
     Outcome.STUCK: "The tip made no progress in spite of repeated attempts; see where the wall force acts.",
     Outcome.FULLY_INSERTED: "The whole working length is inside; a longer scope would go further.",
     Outcome.WITHDRAWN: "The tip is back at the anus.",
@@ -41,7 +41,7 @@ _ADVICE = {
 }
 
 
-ENDINGS = (None, Outcome.ESCAPED, Outcome.REACHED_CAECUM, Outcome.FULLY_INSERTED, Outcome.WITHDRAWN)
+ENDINGS = (None, Outcome.ESCAPED, Outcome.COMPLETED, Outcome.FULLY_INSERTED, Outcome.WITHDRAWN)
 """What the numbers of `ending` and `withdrawn` mean; None: the run goes on."""
 
 

@@ -143,8 +143,8 @@ TRACKED_ON: Mapping[str, str] = {
 
 DEVICE = (
     *_in("device", *(name for name in HONOURED if name != "mesentery")),
-    *_in("device", "mesentery", about="under spheres of one radius, whose stiffness and friction are the wall's"),
-    *_in("device", "treads", only=_only(False, backends=("warp",)), about="in a colon that stands still"),
+    *_in("device", "mesentery", about="on warp under spheres of one radius, whose law is the wall's"),
+    *_in("device", "treads", only=_only(False, backends=("warp",))),
 )
 """Options of scenes of any device (`haustra.models.device_scene`), and treads; which backends step devices, says
 `haustra.envs.sim.device_worlds`."""

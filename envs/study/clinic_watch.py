@@ -1,22 +1,22 @@
 """What a clinic would have measured of patients that are examined side by side."""
 
 from collections.abc import Sequence
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
-from haustra.envs.runs.measure.looping import DOWN, FRONT_TO_BACK
-from haustra.envs.runs.measure.loops import LoopKind, Rest, find_loops
+from haustra.envs.runs.measure.loops import LoopKind
 from haustra.envs.sim.chain import pose
 from haustra.envs.sim.scope_reading import read_chain, read_scope
+from haustra.envs.study.clinic_loops import Seen, all_loops
 from haustra.envs.study.patients import Patient, clinic_number, numbers
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.landmarks import SEGMENTS
 from haustra.models.injury.pain import axis_tensions, pressed_tension
-from haustra.models.scene import entry_of
 
 if TYPE_CHECKING:
     from haustra.envs.runs.linear_insertions import LinearInsertions
@@ -34,23 +34,38 @@ _CURVE_POINTS = 240
 class ClinicWatch:
     """Looks at all patients of a batch after every `EVERY` control intervals."""
 
-    def __init__(self, batch: "LinearInsertions", patients: Sequence[Patient], colons: Sequence[Colon]) -> None:
-        """Get to know them; a patient's world is its place in both lists."""
-        self._batch, self._patients, self._colons = batch, patients, colons
+    def __init__(
+        self,
+        batch: "LinearInsertions",
+        patients: Sequence[Patient],
+        colons: Sequence[Colon],
+        case: Int[np.ndarray, " worlds"],
+    ) -> None:
+        """Get to know them.
+
+        Args:
+            batch: worlds that are stepped.
+            patients: each world's.
+            colons: each world's.
+            case: which of the batch's colons each world has; the batch has all of them once for each thing that an
+                assistant may do.
+        """
+        self._batch, self._patients, self._colons, self._case = batch, patients, colons, case
         scene, worlds = batch.backend.scene, len(patients)
         self._chain, scope = read_chain(scene).chain, read_scope(scene)
         self._pose = jax.jit(partial(pose, self._chain, scope.links))
         self._tip, self._diameter = scope.tip_place[0, 0], 2 * float(scope.radius[0])
         self._behind = np.concatenate([scene.cable.node_distances, [0.0]])[-len(self._chain.last_dof) - 1 :]
         self._lengths = np.append(scope.links.offset[0, 1:, 2], self._tip[2])
-        self._entries = [entry_of(colon) for colon in colons]
         self._borders = {
             name: np.array([next(part.start for part in colon.segments if part.name == name) for colon in colons])
             for name in SEGMENTS
         }
         self._looks: list[tuple[np.ndarray, ...]] = []
-        self._loops: list[list[frozenset[LoopKind]]] = [[] for _ in patients]
-        self._loop_times: list[np.ndarray] = []
+        self._shapes: list[Float[np.ndarray, "worlds points 3"]] = []
+        self._beside: list[Float[np.ndarray, "worlds points"]] = []
+        self._inserted: list[Float[np.ndarray, " worlds"]] = []
+        self._loop_times: list[Float[np.ndarray, " worlds"]] = []
         self._hurting = np.zeros((worlds, len(_SITES)))
         self._tension = np.zeros(worlds)
         self._assist = np.zeros(worlds)
@@ -74,47 +89,44 @@ class ClinicWatch:
         if asked is None or (asked == self._assist).all():
             return
         self._assist = asked.copy()
-        cases, nodes = len(self._patients), backend.tables.mesentery.nodes.shape[1]  # type: ignore[union-attr]
-        backend.give("first_node", (asked * cases + np.arange(cases)) * nodes)
+        cases, nodes = self._case.max() + 1, backend.tables.mesentery.nodes.shape[1]  # type: ignore[union-attr]
+        backend.give("first_node", (asked * cases + self._case) * nodes)
 
     def _look_at_shapes(self, seen: Any) -> None:
-        """Name the loops that stand now."""
-        backend = self._batch.backend
-        where = self._pose(backend.positions().astype(np.float32))
-        origin, rotation = np.asarray(where.origin, float), np.asarray(where.rotation, float)
-        tips = origin[:, -1] + rotation[:, -1] @ self._tip
-        points = np.concatenate([origin, tips[:, None]], axis=1)
-        middle = np.concatenate([seen.link_arcs[:, :1], (seen.link_arcs[:, 1:] + seen.link_arcs[:, :-1]) / 2], axis=1)
-        beside = np.concatenate([middle, seen.tip_arc[:, None]], axis=1)
-        before = self._looks[-1 - _LOOPS_EVERY][0] if len(self._looks) > _LOOPS_EVERY else np.zeros(len(points))
-        going = seen.time > before
+        """Keep the scopes' shapes, whose loops are named at the end."""
+        where = self._pose(self._batch.backend.positions().astype(np.float32))
+        origin, rotation = np.asarray(where.origin), np.asarray(where.rotation)
+        tips = origin[:, -1] + rotation[:, -1] @ self._tip.astype(np.float32)
+        arcs = seen.link_arcs
+        middle = np.concatenate([arcs[:, :1], (arcs[:, 1:] + arcs[:, :-1]) / 2, seen.tip_arc[:, None]], axis=1)
+        self._shapes.append(np.concatenate([origin, tips[:, None]], axis=1))
+        self._beside.append(middle.astype(np.float32))
+        self._inserted.append(np.array(seen.insertion))
         self._loop_times.append(seen.time.copy())
-        for world in range(len(points)):
-            kinds = self._loops[world]
-            kinds.append(self._named(world, points[world], beside[world], seen) if going[world] else frozenset())
 
-    def _named(self, world: int, points: np.ndarray, beside: np.ndarray, seen: Any) -> frozenset[LoopKind]:
-        inside = self._behind < seen.insertion[world]
-        if inside.sum() < 4:
-            return frozenset()
-        (place, axes), line = self._entries[world], self._colons[world].centreline
-        shape, arcs = points[inside] @ axes.T + place, np.maximum.accumulate(np.clip(beside[inside], 0.0, line.length))
-        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(shape, axis=0), axis=1))])
-        regions = {
-            part.name: (float(np.interp(part.start, arcs, along)), float(np.interp(part.end, arcs, along)))
-            for part in self._colons[world].segments
-            if part.start < arcs[-1]
-        }
-        rest = Rest(line.points, line.arc, arcs)
-        return frozenset(
-            loop.kind for loop in find_loops(shape, view=FRONT_TO_BACK, regions=regions, down=DOWN, rest=rest)
-        )
+    @cached_property
+    def _loops(self) -> list[list[frozenset[LoopKind]]]:
+        """Loops of each patient, at those looks at shapes before which its examination went on."""
+        if not self._shapes:
+            return [[] for _ in self._patients]
+        looks = []
+        for world in range(len(self._patients)):
+            fresh = self._fresh(world)
+            shapes, beside, inserted = (
+                np.array([each[world] for each in part])[fresh] for part in (self._shapes, self._beside, self._inserted)
+            )
+            looks.append(Seen(shapes, beside, inserted))
+        return all_loops(looks, list(self._colons), self._behind)
+
+    def _fresh(self, world: int) -> Bool[np.ndarray, " looks"]:
+        """Looks at shapes at which more time had passed than at the one before."""
+        return np.diff([each[world] for each in self._loop_times], prepend=0.0) > 0
 
     def _mesentery(self) -> Any:
         """Each patient's own, as it is without an assistant, and the lumen's radius at its nodes."""
         hung = self._batch.backend.tables.mesentery
         assert hung is not None
-        own = type(hung)(*(np.asarray(part)[: len(self._patients)] for part in hung))
+        own = type(hung)(*(np.asarray(part)[self._case] for part in hung))
         arcs = own.spacing[:, None] * np.arange(own.nodes.shape[1])
         radii = [
             np.interp(arc, colon.centreline.arc, np.median(colon.radius, axis=1))
@@ -203,12 +215,11 @@ class ClinicWatch:
         self, world: int, last: float, passed: np.ndarray
     ) -> tuple[list[frozenset[LoopKind]], frozenset[LoopKind] | None]:
         """Loops at each look up to a time [s], and those when the tip first was past the splenic flexure."""
-        times = np.array([each[world] for each in self._loop_times])
-        fresh = np.concatenate([[True], np.diff(times) > 0])[: len(times)]
-        seen = [kinds for kinds, t, new in zip(self._loops[world], times, fresh, strict=True) if new and t <= last]
+        times = np.array([each[world] for each in self._loop_times])[self._fresh(world)]
+        seen = [kinds for kinds, t in zip(self._loops[world], times, strict=True) if t <= last]
         if not len(passed) or not seen:
             return seen, None
-        first = min(int(np.searchsorted(times[fresh], passed[0])), len(seen) - 1)
+        first = min(int(np.searchsorted(times, passed[0])), len(seen) - 1)
         return seen, seen[first]
 
     def _course(self, world: int) -> tuple[np.ndarray, ...]:

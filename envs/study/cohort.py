@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from haustra.envs.control.laws import DRIVERS
+from haustra.envs.control.laws import driver_settings
 from haustra.envs.study.patients import Patient, patient_variables
 from haustra.envs.study.questions import Question
 from haustra.envs.study.study import Column, Sampler, Study, Value
@@ -86,7 +86,7 @@ def cohort_study(
 
     Args:
         name: quick or full.
-        drivers: who drives, of `haustra.envs.control.laws.DRIVERS`.
+        drivers: who drives: names of `haustra.envs.control.laws.DRIVERS`, or files of their settings.
         devices: names of scopes, or their files.
         patients: how many; as the preset has when None.
         seconds: longest insertion [s]; as the preset has when None.
@@ -118,7 +118,7 @@ def check(study: Study, variables: Mapping[str, float], conditions: Mapping[str,
     """The patient, once driver and device are known to exist.
 
     Raises:
-        InvalidOptionError: when the driver is not known.
+        InvalidOptionError: when the driver is not known, or its settings are out of range.
         InvalidDesignError: when the device is not known.
         InvalidStudyError: when something is to differ that patients do not have.
     """
@@ -126,8 +126,7 @@ def check(study: Study, variables: Mapping[str, float], conditions: Mapping[str,
     for path in (*study.changes, *(variable.path for variable in study.variables)):
         if path not in known:
             raise InvalidStudyError(f"'{path}' is not known. Known: {', '.join(known)}.")
-    if (driver := str(conditions["driver"])) not in DRIVERS:
-        raise InvalidOptionError(f"Driver '{driver}' is not known. Known: {', '.join(DRIVERS)}.")
+    driver_settings(str(conditions["driver"]), moves=True)
     find_design(str(conditions["device"]))
     changed = {known[path].name: value for path, value in study.changes.items()}
     return Patient.of({**changed, **variables})
@@ -136,7 +135,7 @@ def check(study: Study, variables: Mapping[str, float], conditions: Mapping[str,
 QUESTION = Question(
     scores=SCORES,
     conditions={
-        "driver": Column("driver", "text", "who drives"),
+        "driver": Column("driver", "text", "who drives: a name, or a file of settings"),
         "device": Column("device", "text", "scope: a shipped name, or a file"),
     },
     options=CohortOptions,

@@ -39,12 +39,16 @@ _JOBS = 64
 def _start(study: Study, folder: Path, *, device: Literal["cpu", "cuda"]) -> Runner:
     def run(jobs: Sequence[Job]) -> Iterable[Result]:
         def kind(job: Job) -> tuple[str, str]:
-            return str(job.conditions["device"]), str(job.conditions["driver"])
+            return str(job.conditions["device"]), type(_settings(job)).__name__
 
-        for (scope, driver), alike in groupby(sorted(jobs, key=kind), kind):
-            yield from _examined(study, scope, driver, list(alike), device)
+        for (scope, _), alike in groupby(sorted(jobs, key=kind), kind):
+            yield from _examined(study, scope, list(alike), device)
 
     return run
+
+
+def _settings(job: Job) -> Any:
+    return driver_settings(str(job.conditions["driver"]), moves=True)
 
 
 def _prepare(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
@@ -59,22 +63,18 @@ def _prepare(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
         grow_patients(patients, sorted(radii), processes=os.cpu_count() or 1, tell=told)
 
 
-def _examined(
-    study: Study, scope: str, driver: str, jobs: list[Job], device: Literal["cpu", "cuda"]
-) -> Iterable[Result]:
-    """Results of patients whom one driver examines with one scope."""
+def _examined(study: Study, scope: str, jobs: list[Job], device: Literal["cpu", "cuda"]) -> Iterable[Result]:
+    """Results of patients who are examined with one scope, by drivers of one kind."""
     design = find_design(scope)
-    patients, colons, tables, sound = [], [], [], []
+    own, patients, sound = _Colons(design.diameter / 2), [], []
     for job in jobs:
         try:
             patient = check(study, job.variables, job.conditions)
-            colon = patient.colon()
-            tables.append(hung_tables(patient, colon, design.diameter / 2))
+            own.take(patient)
         except HaustraError as error:
             yield Result(job.id, "failed", reason=" ".join(str(error).split()))
             continue
         patients.append(patient)
-        colons.append(colon)
         sound.append(job)
     if not sound:
         return
@@ -85,13 +85,13 @@ def _examined(
         push_limit=clinic_number("hand_push"),
         torque_limit=clinic_number("hand_torque"),
     )
-    longest = max(colons, key=lambda colon: colon.centreline.length)
+    longest = max(own.colons, key=lambda colon: colon.centreline.length)
     batch = LinearInsertions(
         build_scene(longest, None, design, options, show_lumen=False),
-        together(tables),
-        colons,
+        together(own.tables),
+        own.colons,
         worlds=len(sound),
-        settings=driver_settings(driver, moves=True),
+        settings=[_settings(job) for job in sound],
         device=device,
         threads=os.cpu_count() or 1,
     )
@@ -100,8 +100,10 @@ def _examined(
         return np.array([patient.values[name] for patient in patients])
 
     conditions = Conditions(each("friction"), each("wall_stiffness"), each("shaft_stiffness"))
-    batch.begin(np.arange(len(sound)), conditions)
-    watch = ClinicWatch(batch, patients, colons)
+    case = np.array(own.case)
+    batch.begin(case, conditions)
+    colons = [own.colons[which] for which in case]
+    watch = ClinicWatch(batch, patients, colons, case)
     segment = str(study.options.get("stiffen_in", NEVER))
     ring = StiffeningRing(batch, design, colons, each("shaft_stiffness"), segment=segment)
 
@@ -117,6 +119,27 @@ def _examined(
         torn = float(perforation_probability(runs.load_peak[index]))
         about = {"outcome": runs.outcome[index].value, "p_perforation": torn}
         yield Result(job.id, "finished", scores=about | watch.scores(index), curves=watch.curves(index))
+
+
+class _Colons:
+    """Colons of patients, each once whoever examines it."""
+
+    def __init__(self, radius: float) -> None:
+        self._radius, self._seen = radius, dict[tuple, int]()
+        self.colons: list[Colon] = []
+        self.tables: list[list[Tables]] = []
+        self.case: list[int] = []
+        """Which colon each patient that was taken has."""
+
+    def take(self, patient: Patient) -> None:
+        """Tabulate a patient's colon, unless that was done."""
+        known = tuple(sorted(patient.values.items()))
+        if known not in self._seen:
+            colon = patient.colon()
+            self.tables.append(hung_tables(patient, colon, self._radius))
+            self.colons.append(colon)
+            self._seen[known] = len(self._seen)
+        self.case.append(self._seen[known])
 
 
 def hung_tables(patient: Patient, colon: Colon, radius: float) -> list[Tables]:

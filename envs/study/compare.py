@@ -191,7 +191,7 @@ def _scores(
     sites: Mapping[str, float] = borne["pain_by_site"]
     worst = max(sites, key=lambda site: sites[site])
     return {
-        "intubation": float(common["outcome"] == Outcome.REACHED_CAECUM.value),
+        "intubation": float(common["outcome"] == Outcome.COMPLETED.value),
         "reach": common["reach"],
         "gained_m": gained,
         "time_s": common["simulated_s"],

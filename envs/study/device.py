@@ -29,7 +29,7 @@ BATCH = 1024
 _BASE = "adult"
 
 SCORES = (
-    Column("outcome", "text", "why the run ended: reached_caecum, stuck, time_up or escaped"),
+    Column("outcome", "text", "why the run ended: completed, stuck, time_up or escaped"),
     Column("reach", "1", "how far the tip came, as a share of the colon's length"),
     Column("tip_arc_max_m", "m", "the same as a length along the colon"),
     Column("wall_force_peak_N", "N", "largest resultant wall force on one body, at 50 Hz"),

@@ -67,7 +67,7 @@ _MEASURED = {
 """Taken from `haustra.envs.runs.measure.scores.score` as they are: unit, meaning."""
 
 SCORES = (
-    Column("outcome", "text", "why the run ended: reached_caecum, stuck, time_up, fully_inserted or escaped"),
+    Column("outcome", "text", "why the run ended: completed, stuck, time_up, fully_inserted or escaped"),
     Column("reach", "1", "how far the tip came, as a share of the colon's length"),
     Column("tip_arc_max_m", "m", "the same as a length along the colon"),
     Column("push_force_mean_N", "N", "mean size of the hand's push"),

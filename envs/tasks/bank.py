@@ -9,8 +9,10 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from haustra.assets import asset
+from haustra.envs.runs.measure.containment import LumenWidths, widths_along
 from haustra.envs.tasks.case import TabulatedColon, case_of, load_case, save_case
 from haustra.errors import HaustraError, InvalidOptionError
 from haustra.models.anatomy.colon import Colon
@@ -70,6 +72,19 @@ class ColonSet:
     def valves(self) -> np.ndarray:
         """Arc length at which the caecum begins, behind the ileocaecal valve [m]; not a number where not known."""
         return np.array([case.borders[-2] if len(case.borders) else np.nan for case in self.cases])
+
+    @cached_property
+    def widths(self) -> tuple[LumenWidths, ...]:
+        """How wide each colon's lumen is along its centreline."""
+        return tuple(widths_along(case.line.arc, case.sight) for case in self.cases)
+
+    @cached_property
+    def node_widths(self) -> Float[np.ndarray, "colons nodes"]:
+        """How wide each colon's lumen is at the nodes of its axis [m], where colons move."""
+        own = self.tables.mesentery
+        assert own is not None, "axes of colons that stand still"
+        arcs = np.asarray(own.spacing)[:, None] * np.arange(own.nodes.shape[1])
+        return np.stack([np.interp(each, *widths) for each, widths in zip(arcs, self.widths, strict=True)])
 
     @cached_property
     def scene(self) -> Scene:

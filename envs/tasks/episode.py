@@ -37,7 +37,7 @@ class EpisodeRules:
     @property
     def told(self) -> tuple[str, ...]:
         """Names of all that `concluded` tells."""
-        return (*self.paid, "age", *_PLACE, "reached", "perforated", "in_caecum", "load", "load_arc")
+        return (*self.paid, "age", *_PLACE, "reached", "perforated", "in_caecum", "load", "load_arc", "pain")
 
 
 def concluded(
@@ -74,4 +74,5 @@ def concluded(
         "in_caecum": later.in_caecum,
         "load": later.load,
         "load_arc": later.load_arc,
+        "pain": later.pain,
     }

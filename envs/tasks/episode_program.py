@@ -12,7 +12,14 @@ from typing import Any, final
 from haustra.envs.sim.linear.layout import BEGUN, seen_slot
 from haustra.envs.sim.linear.memory import Lanes
 from haustra.envs.sim.linear.program import ScopeProgram
-from haustra.envs.sim.linear.sensing import hand_lead, inserted_length, largest_force, largest_load, tip_arc
+from haustra.envs.sim.linear.sensing import (
+    hand_lead,
+    inserted_length,
+    largest_force,
+    largest_load,
+    largest_pain,
+    tip_arc,
+)
 from haustra.envs.sim.linear.trace import Value
 from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.actions import ACTIONS, Wires, asked, within
@@ -26,7 +33,7 @@ REST, ACT, BEGIN = 0.0, 1.0, 2.0
 """What a world is to do in a launch: stay as it is, act, or begin anew."""
 TURN = len(ACTIONS)
 """Row of what drivers are asked that says so; actions come before it."""
-DEALT = ("gain", "slack", "valve", *BEGUN)
+DEALT = ("gain", "slack", "valve", "bears", *BEGUN)
 """Rows behind it: what the episode was dealt, and numbers of its world."""
 IN_PROGRAM = ("state", "lumen", "imager", "recent", "privileged")
 """Parts of an observation that the program makes."""
@@ -116,8 +123,8 @@ class EpisodeProgram:
         arc = tip_arc(scopes)
         kept = begun(xp, own.begins, Kept(*(own.numbers.load(slot) for slot in range(len(Kept._fields)))), arc)
         kept = kept._replace(age=kept.age + xp.where(own.acts, 1.0, 0.0))
-        gain, slack, valve = (scopes.asked.load(_row(name)) for name in ("gain", "slack", "valve"))
-        dealt = Dealt(gain, slack, scopes.world("friction"), scopes.length(), valve)
+        gain, slack, valve, bears = (scopes.asked.load(_row(name)) for name in DEALT[: -len(BEGUN)])
+        dealt = Dealt(gain, slack, scopes.world("friction"), scopes.length(), valve, bears)
         placed = self._placed(scopes)
         kept, told = concluded(xp, rules, dealt, kept, self._sense(scopes, placed), scopes.world("alive") > 0)
         told |= {name: xp.where(own.acts & told[name], 1.0, 0.0) for name in ("terminated", "truncated")}
@@ -189,7 +196,9 @@ class EpisodeProgram:
             facing = seen_by.facing(xp, placed.frame[2], behind, ahead)
         force, _ = largest_force(scopes)
         nothing = scopes.program.constant(0.0)
-        return Sensed(arc, inserted_length(scopes), force, *largest_load(scopes), facing=facing, coverage=nothing)
+        hurts, _ = largest_pain(scopes)
+        about = {"pain": hurts, "facing": facing, "coverage": nothing}
+        return Sensed(arc, inserted_length(scopes), force, *largest_load(scopes), **about)
 
 
 @dataclass(frozen=True)

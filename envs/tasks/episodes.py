@@ -6,18 +6,20 @@ from typing import Any, NamedTuple, final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from haustra.envs.runs.measure.load import largest_load
+from haustra.envs.runs.measure.load import largest_load, largest_pain
 from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.conditions import Conditions, Snapshot
 from haustra.envs.sim.state import Controls, Readings
 from haustra.envs.tasks import observation as seen_by
-from haustra.envs.tasks.actions import ACTIONS, Wires, asked, within
+from haustra.envs.tasks.actions import Wires, asked, within
 from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.coverage import Coverage
 from haustra.envs.tasks.episode import EpisodeRules, concluded
 from haustra.envs.tasks.moment import Dealt, Kept, Sensed, begun
+from haustra.envs.tasks.senses import Senses, Wheels
 from haustra.errors import UnsupportedSceneError
 from haustra.models.wall import vectors
+from haustra.models.wall.lumen_table import pick
 
 _LOOK_EVERY = 5
 """Control steps from one look for coverage to the next: 0.2 s, in which a tip moves by 12 mm at most."""
@@ -36,6 +38,8 @@ class Drawn(NamedTuple):
     """Pull that arrives over pull asked for [1]."""
     slack: Float[np.ndarray, " begun"]
     """Share of a wheel's travel that does nothing [1]."""
+    bears: float
+    """Largest wall force on one link that does not perforate [N]."""
 
 
 class InPlace(NamedTuple):
@@ -54,6 +58,8 @@ class InPlace(NamedTuple):
     """(worlds, 1): 1 or 0."""
     truncated: Any
     """(worlds, 1): 1 or 0."""
+    told: dict[str, Any]
+    """All that is told of episodes (`haustra.envs.tasks.episode.concluded`), each (worlds, 1)."""
 
 
 class Episodes(ABC):
@@ -130,14 +136,12 @@ class HostEpisodes(Episodes):
         """
         worlds, config = backend.worlds, rules.config
         self._rules, self.backend, self._bank, self._steps = rules, backend, bank, steps
-        self._coverage, self._sizes = coverage, seen_by.sizes(config)
+        self._coverage = coverage
         self._kept = Kept(*np.zeros((len(Kept._fields), worlds)))
         self._dealt = Dealt(*np.ones((len(Dealt._fields), worlds)))
-        self._case, self._action = np.zeros(worlds, int), np.zeros((worlds, len(ACTIONS)))
-        self._speed, self._tip_velocity = np.zeros(worlds), np.zeros((worlds, 3))
-        self._memory = seen_by.Memory(config.memory, worlds, seen_by.measured_size(config), rules.interval)
+        self._case = np.zeros(worlds, int)
         self._share, self._seen = np.zeros(worlds), backend.read()
-        self._measured, self._told = self._measure(), {}
+        self._senses, self._told = Senses(config, rules.interval, self._seen), {}
         self._conclude(np.ones(worlds, bool))
 
     @property
@@ -159,25 +163,22 @@ class HostEpisodes(Episodes):
         """As `Episodes.begin`."""
         worlds, case, bank = drawn.worlds, drawn.case, self._bank
         self._case[worlds] = case
-        dealt = drawn.gain, drawn.slack, drawn.conditions.friction, bank.lengths[case], bank.valves[case]
+        lengths = bank.lengths[case], bank.valves[case]
+        dealt = drawn.gain, drawn.slack, drawn.conditions.friction, *lengths, drawn.bears
         for array, values in zip(self._dealt, dealt, strict=True):
             array[worlds] = values
         self.backend.reset(worlds, case, drawn.conditions)
         if starts:
             for world in worlds:
                 self.backend.restore(int(world), starts[self._case[world]])
-        for array in (self._action, self._speed, self._tip_velocity):
-            array[worlds] = 0
         begins = np.isin(np.arange(len(self._case)), worlds)
         self._seen = self.backend.read()
         self._kept = begun(np, begins, self._kept, self._seen.tip_arc)
-        self._measured = self._measure()
+        self._senses.begin(worlds, self._seen, self._wheels)
         if self._coverage:
             for world in worlds:
                 self._coverage.begin(int(world), int(self._case[world]))
                 self._look(int(world))
-        if self._rules.config.memory:
-            self._memory.begin(worlds, self._remembered())
         self._conclude(np.ones(len(begins), bool), worlds)
 
     def step(
@@ -187,30 +188,28 @@ class HostEpisodes(Episodes):
         starts: tuple[Snapshot, ...] | None = None,
     ) -> None:
         """As `Episodes.step`."""
-        rules, insertion, tip = self._rules, self._seen.insertion, self._seen.tip
+        rules = self._rules
         sound, within_limits = within(np, tuple(action.T))
         wires = Wires(self._dealt.gain, self._dealt.slack, self._bank.design.wires.pull_limit)
-        hand = {"lead": self._seen.hand_lead, "outside": self._bank.scene.cable.length - insertion}
-        wheels = self._kept.wheel_up, self._kept.wheel_left
+        hand = {"lead": self._seen.hand_lead, "outside": self._bank.scene.cable.length - self._seen.insertion}
         drive = rules.config.drive
-        inputs = asked(np, drive, rules.interval, within_limits, sound, wheels, wires, **hand)
+        inputs = asked(np, drive, rules.interval, within_limits, sound, self._wheels, wires, **hand)
         pulls = np.stack(inputs.pulls, axis=1)
         healthy = self.backend.step(Controls(inputs.push_rate, inputs.roll_rate, pulls), self._steps)
-        self._action = np.column_stack(within_limits)
         up, left = inputs.wheels
         self._kept = self._kept._replace(age=self._kept.age + 1, wheel_up=up, wheel_left=left)
         self._seen = self.backend.read()
-        self._speed = (self._seen.insertion - insertion) / rules.interval
-        self._tip_velocity = (self._seen.tip - tip) / rules.interval
-        self._measured = self._measure()
+        self._senses.acted(self._seen, np.column_stack(within_limits), self._wheels)
         if self._coverage:
             for world in np.flatnonzero(self._kept.age % _LOOK_EVERY == 0):
                 self._look(int(world))
-        if rules.config.memory:
-            self._memory.add(self._remembered())
         self._conclude(healthy)
         if drawn is not None:
             self.begin(drawn, starts)
+
+    @property
+    def _wheels(self) -> Wheels:
+        return self._kept.wheel_up, self._kept.wheel_left
 
     @property
     def in_place(self) -> InPlace:
@@ -237,12 +236,8 @@ class HostEpisodes(Episodes):
             told = {name: _renewed(self._told[name], values, begun) for name, values in told.items()}
             kept = Kept(*(_renewed(old, new, begun) for old, new in zip(self._kept, kept, strict=True)))
         self._kept, self._told = kept, told
-        made = {
-            "recent": lambda: self._memory.recent(self._remembered()),
-            "privileged": self._privileged,
-            **{name: lambda own=part: own for name, part in self._measured.items()},
-        }
-        self._parts: seen_by.Observation = {name: made[name]() for name in self._sizes if name in made}
+        own = {"privileged": self._privileged()} if self._rules.config.privileged else {}
+        self._parts: seen_by.Observation = self._senses.parts | own
 
     def _sense(self) -> Sensed:
         seen, bank = self._seen, self._bank
@@ -250,22 +245,19 @@ class HostEpisodes(Episodes):
         facing = self._facing() if self._rules.config.weights.facing else np.ones(len(self._case))
         force = seen.link_forces.max(axis=1)
         load = largest_load(np, seen, **about)
-        return Sensed(seen.tip_arc, seen.insertion, force, *load, facing=facing, coverage=self._share.copy())
+        pained = {"pain": self._pain(), "facing": facing, "coverage": self._share.copy()}
+        return Sensed(seen.tip_arc, seen.insertion, force, *load, **pained)
+
+    def _pain(self) -> np.ndarray:
+        bank, own = self._bank, self._bank.tables.mesentery
+        about: dict[str, Any] = {"diameter": bank.design.diameter, "lengths": -np.diff(bank.scene.cable.node_distances)}
+        if own is not None:
+            about |= {"own": pick(bank.tables, self._case).mesentery, "radius": bank.node_widths[self._case]}
+        return largest_pain(np, self._seen, **about)[0]
 
     def _facing(self) -> np.ndarray:
         behind, ahead = map(vectors.of, self.backend.way_ahead(np.array(seen_by.BESIDE)).swapaxes(0, 1))
         return seen_by.facing(np, vectors.of(self._seen.tip_frame[:, :, 2]), behind, ahead)
-
-    def _measure(self) -> dict[str, np.ndarray]:
-        """What the device itself measures now."""
-        wheels, action = (self._kept.wheel_up, self._kept.wheel_left), tuple(self._action.T)
-        measured = {"state": seen_by.state(np, seen_by.Felt.of(self._seen), wheels, action, self._speed)}
-        if self._rules.config.imager:
-            measured["imager"] = seen_by.imager(seen_by.Placed.of(self._seen), vectors.of(self._tip_velocity))
-        return {name: seen_by.arrayed(entries) for name, entries in measured.items()}
-
-    def _remembered(self) -> np.ndarray:
-        return np.concatenate(list(self._measured.values()), axis=1)
 
     def _privileged(self) -> np.ndarray:
         placed, told = seen_by.Placed.of(self._seen), self._told

@@ -5,6 +5,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from haustra.envs.runs.measure.containment import station_widths
 from haustra.envs.sim.conditions import Snapshot
 from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.linear.pack import structure_of
@@ -55,6 +56,7 @@ class LinearEpisodes(Episodes):
             threads=threads,
             device="cuda" if backend == "linear-gpu" else "cpu",
             driver=self._program,
+            width=station_widths(bank.tables, bank.widths),
             lookup=lookup_of(sight) if "lumen" in self._rows else None,
         )
         self._seen: Readings | None = None
@@ -116,6 +118,7 @@ class LinearEpisodes(Episodes):
             reward=columns("told", rows["reward"]),
             terminated=columns("told", rows["terminated"]),
             truncated=columns("told", rows["truncated"]),
+            told={name: columns("told", rows[name]) for name in self._program.rules.told},
         )
 
     def advance(self, drawn: Drawn | None = None) -> Bool[np.ndarray, " worlds"]:
@@ -136,7 +139,8 @@ class LinearEpisodes(Episodes):
         if drawn is None:
             return
         values = linear.deal(drawn.worlds, drawn.case, drawn.conditions)
-        values |= {"gain": drawn.gain, "slack": drawn.slack, "valve": self._bank.valves[drawn.case]}
+        values |= {"gain": drawn.gain, "slack": drawn.slack, "bears": drawn.bears}
+        values |= {"valve": self._bank.valves[drawn.case]}
         asked[TURN, drawn.worlds] = BEGIN
         for row, name in enumerate(DEALT, start=TURN + 1):
             asked[row, drawn.worlds] = values[name]

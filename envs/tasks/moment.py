@@ -22,6 +22,8 @@ class Dealt(NamedTuple):
     """Length of the colon's centreline [m]."""
     valve: Any
     """Arc length at which the caecum begins [m]; not a number where not known."""
+    bears: Any
+    """Largest wall force on one link that does not perforate [N] (`Limits.perforation_force`)."""
 
 
 class Kept(NamedTuple):
@@ -41,6 +43,8 @@ class Kept(NamedTuple):
     """Largest load of the wall over the median person's strength [1]."""
     load_arc: Any
     """Arc length there [m]."""
+    pain: Any
+    """Largest pain so far [1] (`haustra.models.injury.pain`)."""
     age: Any
     """Control steps since it began."""
     wheel_up: Any
@@ -62,6 +66,8 @@ class Sensed(NamedTuple):
     """Largest load of the wall over the median person's strength [1]."""
     load_arc: Any
     """Arc length there [m]."""
+    pain: Any
+    """Largest tension of wall or mesentery over that which hurts [1]."""
     facing: Any
     """Cosine between the viewing direction and the way; 1 when nothing is paid for it [1]."""
     coverage: Any
@@ -118,7 +124,7 @@ def moment(xp: Any, config: TaskConfig, dealt: Dealt, kept: Kept, sensed: Sensed
         excess=sensed.insertion - arc,
         coverage=sensed.coverage,
         reached=reached & healthy,
-        perforated=(sensed.wall_force > limits.perforation_force) & healthy,
+        perforated=(sensed.wall_force > dealt.bears) & healthy,
     )
     return now, kept._replace(
         progress=progress,
@@ -127,6 +133,7 @@ def moment(xp: Any, config: TaskConfig, dealt: Dealt, kept: Kept, sensed: Sensed
         in_caecum=xp.where(healthy & (arc >= dealt.valve), 1.0, kept.in_caecum),
         load=xp.where(healthy, load, kept.load),
         load_arc=xp.where(healthy, load_arc, kept.load_arc),
+        pain=xp.where(healthy, xp.maximum(kept.pain, sensed.pain), kept.pain),
     )
 
 

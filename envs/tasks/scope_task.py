@@ -48,7 +48,8 @@ class Step:
     """Time is up."""
     info: dict[str, np.ndarray]
     """Ground truth that no device knows, terms of the reward, and why an episode ended. `p_perforation` is the share
-    of people whose colon the episode has torn so far (`haustra.models.injury`), `perforation_arc` where [m]."""
+    of people whose colon the episode has torn so far (`haustra.models.injury`), `perforation_arc` where [m]; `pain` is
+    the largest so far, 1 where it is taken to begin."""
 
 
 class ScopeTask:
@@ -85,6 +86,8 @@ class ScopeTask:
             if said := _SOME.wrong(value):
                 raise InvalidOptionError(f"{name}{said}.")
         self.config, self.worlds = config, worlds
+        self.bears = config.limits.perforation_force
+        """Perforation limit of the episodes that begin from now on [N]."""
         design = named_design(config.design)
         timestep = (bank.options if bank else TASK_OPTIONS).timestep
         require_task(config, backend, design=bank.design if bank else design)
@@ -243,7 +246,8 @@ class ScopeTask:
         if self.config.task == "withdrawal":
             self._starts = self._starts or self._inserted()
         conditions = Conditions(table[:, 1], table[:, 2], table[:, 3], table[:, 6])
-        return Drawn(worlds, self.case[worlds], conditions, gain=table[:, 4], slack=table[:, 5])
+        dealt = {"gain": table[:, 4], "slack": table[:, 5], "bears": self.bears}
+        return Drawn(worlds, self.case[worlds], conditions, **dealt)
 
     def _draw(self, random: np.random.Generator) -> list[float]:
         ranges = self.config.randomisation
@@ -260,6 +264,7 @@ class ScopeTask:
             "in_caecum": told["in_caecum"] > 0,
             "p_perforation": perforation_probability(told["load"]),
             "perforation_arc": told["load_arc"],
+            "pain": told["pain"],
             "time_up": told["truncated"],
             **{name: told[name] for name in self.rules.terms},
         }

@@ -1,6 +1,6 @@
 """A run on disk: scores, trajectory, scene, pictures and report."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ import numpy as np
 from haustra.envs.console.motion import MOTION, write_motion
 from haustra.envs.runs.insertion import Insertion
 from haustra.envs.runs.measure.injury import stations_of
-from haustra.envs.runs.measure.scores import score
+from haustra.envs.runs.measure.scores import provenance_of, score
 from haustra.envs.runs.measure.surface import left_behind
 from haustra.envs.runs.treatment import Treatment
 from haustra.envs.view.inspect import write_inspection
@@ -23,15 +23,15 @@ from haustra.envs.view.picture.plots import time_figure
 from haustra.envs.view.picture.renderer import CameraPose
 from haustra.envs.view.picture.surface import LumenSurface
 from haustra.envs.view.report.run_report import TRAJECTORY, report_run
+from haustra.envs.view.run_film import FILM, write_run_film
 from haustra.files import replaced_together, write_atomically, write_json
 from haustra.models.accuracy import NumericalError
 from haustra.models.anatomy.colon import Colon
-from haustra.models.anatomy.store import colon_hash, save_colon
-from haustra.models.presets import preset_of
+from haustra.models.anatomy.store import save_colon
 from haustra.models.scene import Scene
 from haustra.models.wall.pieces.wall import Wall
 from haustra.models.wall.signed_distance import surface_arcs
-from haustra.provenance import Provenance, backend_record, file_hash
+from haustra.provenance import file_hash
 
 AFTER = "after"
 """Folder of the colon as a treatment has left it."""
@@ -43,38 +43,30 @@ def write_run(
     folder: Path,
     *,
     scene: Scene,
-    wall: Wall | None,
     run: Insertion,
-    seconds: float,
+    wall: Wall | None = None,
+    seconds: float | None = None,
     error: NumericalError | None = None,
     withdrawal: Insertion | None = None,
     treatment: Treatment | None = None,
+    film: Callable[[int, int], None] | None = None,
 ) -> dict[str, object]:
-    """Write a finished run into `folder` and return its scores; `wall` is None where the scene has no pieces.
+    """Write a finished run into `folder` and return its scores; `wall` is None where the scope met no pieces.
 
     The numerical error is that of the run itself where it was measured, otherwise that of other runs of its kind.
 
     A run that was there is replaced as a whole. Files: scores.json, trajectory.npz, scene.xml, outside.png, tip.png,
-    forces.png, injury.png, motion.json, report.html; of a scope that was withdrawn also inspection.png and
-    withdrawal.npz, and what was left of the colon by a treatment in the folder `after`.
+    forces.png, injury.png, motion.json, report.html; film.webp where `film` is given, which is told pictures done and
+    their number; of a scope that was withdrawn also inspection.png and withdrawal.npz, and what was left of the colon
+    by a treatment in the folder `after`.
 
     Raises:
         OutputError: when the folder cannot be written to.
     """
-    provenance = Provenance(
-        inputs={"colon": colon_hash(scene.colon), "colon_name": scene.colon.name},
-        configuration={
-            **scene.configuration(),
-            "preset": preset_of(scene.options),
-            "wall": wall.method if wall else None,
-            "driver": asdict(run.settings),
-            "seconds": seconds,
-            "shaft_added_s": list(run.shaft_added),
-        },
-        backend=backend_record(run.backend),
-    )
+    pieces = wall.method if wall else None
+    provenance = provenance_of(scene, run, wall=pieces, seconds=seconds)
     left = left_behind(scene, run)
-    scores = score(scene, run, provenance, wall=wall.method if wall else None, error=error, left=left)
+    scores = score(scene, run, provenance, wall=pieces, error=error, left=left)
     arrays = {**asdict(run.trajectory), "shape": run.shape, "tip_frame": run.tip_frame}
     arrays["displacement"] = arrays["displacement"].astype(np.float32)  # exact to a hundredth of a micrometre
     arrays |= {f"gas_{name}": values for name, values in (run.gas._asdict() if run.gas else {}).items()}
@@ -88,6 +80,8 @@ def write_run(
         scene.save(place / "scene.xml")
         _draw(place, scene, run, left.colon, scores)
         write_motion(place / MOTION, scene, run.trajectory)
+        if film is not None and len(run.trajectory.time):
+            write_run_film(place / FILM, scene, run.trajectory, progress=film)
         write_json(place / "scores.json", scores)
         report_run(place)
     return scores

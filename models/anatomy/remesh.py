@@ -2,7 +2,7 @@
 
 After the virtual-reality simulator's colon model, whose triangles take their edges from the local radius of curvature.
 There a front of triangles grows over points; here the surface that exists is split, collapsed and relaxed, which keeps
-it closed and keeps its handles: Botsch, Kobbelt 2004, A remeshing approach to multiresolution modeling.
+it closed and keeps its handles: Botsch, Kobbelt 2004, A Remeshing Approach to Multiresolution Modeling.
 """
 
 from dataclasses import replace

@@ -94,8 +94,14 @@ def bursting_pressure(segment: str) -> float:
     return injury_number(f"rupture.{segment if segment in known else 'caecum'}")
 
 
-def perforation_probability(load: Float[np.ndarray, "*runs"] | float) -> Any:
-    """Share of people whose wall is torn by the largest load over median strength of a run [1]."""
+def perforation_probability(load: Any, *, log: Any = np.log, share_below: Any = ndtr) -> Any:
+    """Share of people whose wall is torn by the largest load over median strength of a run [1].
+
+    Args:
+        load: that load [1]: one number, or an array.
+        log: the natural logarithm, of the library that the array is of.
+        share_below: its distribution function of the unit normal.
+    """
     with np.errstate(divide="ignore"):
-        deviation = np.log(load) / SIGMA
-    return ndtr(deviation)
+        deviation = log(load) / SIGMA
+    return share_below(deviation)

@@ -119,7 +119,7 @@ def _share(rows: Sequence[Mapping[str, Any]], holds: Callable[[Mapping[str, Any]
 
 
 def _arrived(row: Mapping[str, Any]) -> bool:
-    return row["outcome"] in ("reached_caecum", "fully_inserted")
+    return row["outcome"] in ("completed", "fully_inserted")
 
 
 def _median(rows: Sequence[Mapping[str, Any]], name: str) -> float:

@@ -87,7 +87,7 @@ def first_place(device: TrackedRobot, colon: Colon) -> float | None:
 
 def stopped_by(device: TrackedRobot, outcome: Outcome, records: Records) -> str:
     """What the readings of the last seconds say ended a run's way."""
-    if outcome is Outcome.REACHED_CAECUM:
+    if outcome is Outcome.COMPLETED:
         return "the caecum"
     if outcome in (Outcome.DIVERGED, Outcome.ESCAPED):
         return outcome.value

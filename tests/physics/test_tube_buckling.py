@@ -1,4 +1,4 @@
-"""A heavy rod pushed through a horizontal tube: it snakes at 2 sqrt(EI w/r), winds up from 2.83 sqrt(EI w/r).
+"""A heavy rod pushed through a horizontal tube: sinusoidal buckling at 2 sqrt(EI w/r), helical from 2.83 sqrt(EI w/r).
 
 Sources: `haustra.scripts.bench.accuracy.tube`; contact force of a helix r F^2 / 4 EI: Lubinski et al., J. Petroleum
 Technology 14 (1962) 655.
@@ -15,8 +15,8 @@ def rod():
     return TubeRod()
 
 
-def test_it_snakes_at_the_load_of_dawson_and_paslay(rod, compare):
-    compare("tube: onset of snaking, Dawson and Paslay [N]", rod.snaking(), 2 * UNIT, within=0.1)
+def test_it_buckles_sinusoidally_at_the_load_of_dawson_and_paslay(rod, compare):
+    compare("tube: sinusoidal buckling load, Dawson and Paslay [N]", rod.sinusoidal_load(), 2 * UNIT, within=0.1)
 
 
 def test_a_helix_presses_on_the_wall_as_lubinski_says(rod, compare):
@@ -31,4 +31,4 @@ def test_a_helix_presses_on_the_wall_as_lubinski_says(rod, compare):
 
 
 def test_helix_and_straight_rod_have_equal_energy_at_the_load_of_chen(rod, compare):
-    compare("tube: onset of winding up, Chen [N]", rod.winding(), np.sqrt(8) * UNIT, within=0.1)
+    compare("tube: helical buckling load, Chen [N]", rod.helical_load(), np.sqrt(8) * UNIT, within=0.1)

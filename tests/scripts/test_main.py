@@ -33,6 +33,7 @@ def test_every_verb_loads_and_says_what_it_does(name: str) -> None:
 def test_the_overview_names_verbs_and_the_list_benchmarks(capsys) -> None:
     assert main(["--help"]) == SUCCESS
     overview = capsys.readouterr().out
+    assert sum(line.startswith("  ") for line in overview.partition("More verbs:")[0].splitlines()) <= 20
     assert all(name in overview for name in VERBS if name not in BENCHMARKS)
     assert main(["bench", "--list"]) == SUCCESS
     benchmarks = capsys.readouterr().out
@@ -70,3 +71,21 @@ def test_an_interruption_is_one_line_before_a_verb_begins_and_while_modules_load
     monkeypatch.setattr(load_verb("doctor"), "__call__", loading)
     assert main(call) == INTERRUPTED
     assert capsys.readouterr().err == "haustra: interrupted; nothing was written.\n" * 2
+
+
+def test_shells_are_offered_verbs_options_and_choices(capsys) -> None:
+    assert main(["completion", "bash"]) == SUCCESS
+    script = capsys.readouterr().out
+    typed = {
+        "haustra co": "colon",
+        "haustra colon g": "grow",
+        "haustra run --preset f": "fast",
+        "haustra bench g": "gas",
+    }
+    ask = "COMP_WORDS=({}); COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1)); _haustra; echo ${{COMPREPLY[@]}}"
+    program = "\n".join([script, *map(ask.format, typed)])
+    offered = subprocess.run(["bash", "-c", program], capture_output=True, text=True, check=True).stdout.splitlines()
+    assert len(offered) == len(typed)
+    assert all(word in line.split() for line, word in zip(offered, typed.values(), strict=True))
+    assert main(["completion", "fish"]) == SUCCESS
+    assert "__haustra_verb run' -l preset -xa 'fast balanced accurate'" in capsys.readouterr().out

@@ -1,11 +1,14 @@
 """`haustra run` as a user calls it."""
 
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
+from haustra.envs.runs.measure.scores import score
 from haustra.models.anatomy.store import save_colon
 from haustra.models.wall.pieces.store import save_wall
 from haustra.provenance import Provenance
@@ -56,10 +59,13 @@ def test_a_run_leaves_scores_trajectory_scene_pictures_and_a_report(colon_folder
         assert (tmp_path / name).stat().st_size > 1000, name
 
 
-def test_a_run_in_a_colon_that_moves(colon_folder, tmp_path, capsys):
+def test_a_run_in_a_colon_that_moves(colon_folder, tmp_path, capsys, monkeypatch):
     """Without options: in linear time, by the lumen's table."""
+    monkeypatch.setattr("haustra.envs.view.run_film._PICTURES", 2)
     call = ["run", "--colon", str(colon_folder), "--preset", "fast", "--seconds", "2"]
-    assert main([*call, "-o", str(tmp_path), "--json"]) == SUCCESS
+    assert main([*call, "-o", str(tmp_path), "--json", "--film"]) == SUCCESS
+    with Image.open(tmp_path / "film.webp") as film:
+        assert getattr(film, "n_frames", 1) == 2 and film.size == (640, 344)
     printed = json.loads(capsys.readouterr().out)
     assert printed["colon_moved_peak_mm"] > 0 and printed["pieces"] == 0
     options = printed["provenance"]["configuration"]["options"]
@@ -190,3 +196,32 @@ def test_an_option_out_of_its_range_is_refused_and_leaves_nothing(words, said, t
     assert main(call) == BAD_INPUT
     assert capsys.readouterr().err == f"haustra: {said}\n"
     assert not (tmp_path / "a").exists()
+
+
+def test_a_driver_that_is_not_known_or_does_not_honour_an_option_is_refused_in_one_line(colon_folder, tmp_path, capsys):
+    call = ["run", "--colon", str(colon_folder), "-o", str(tmp_path / "run")]
+    refused = {
+        "Driver 'nobody' is not known. Known: follower, endoscopist, insertion": ["--driver", "nobody"],
+        "draws nothing: leave the seed out": ["--seed", "3"],
+        "A policy asks for pulls": ["--driver", "insertion-easy", "--steer", "wheels"],
+        "A policy inserts on the backend linear": ["--driver", "insertion-easy", "--backend", "native"],
+        "colons of fixed width": ["--driver", "insertion-easy", "--insufflate", "25mmHg"],
+    }
+    for message, options in refused.items():
+        assert main([*call, *options]) == BAD_INPUT
+        said = capsys.readouterr().err
+        assert message in said and said.splitlines()[-1].startswith("haustra: ")
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_policy_drives_the_scope_that_it_was_trained_with(colon_folder, tmp_path, capsys, monkeypatch):
+    """Without torch, of which nothing is needed."""
+    monkeypatch.setattr("haustra.envs.view.run_folder.write_run", lambda folder, scene, run, **_: score(scene, run))
+    monkeypatch.setitem(sys.modules, "torch", None)
+    call = ["run", "--colon", str(colon_folder), "--driver", "insertion-easy", "--seconds", "0.5"]
+    assert main([*call, "-o", str(tmp_path), "--json"]) == SUCCESS
+    printed = json.loads(capsys.readouterr().out)
+    made = printed["provenance"]["configuration"]
+    assert printed["outcome"] == "time_up" and printed["simulated_s"] == pytest.approx(0.5, abs=0.12)
+    assert made["design"]["name"] == "paediatric-long" and made["driver"]["policy"] == "insertion-easy"
+    assert made["driver"]["sampled"] and len(made["driver"]["weights"]) > 8

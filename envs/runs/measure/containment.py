@@ -1,6 +1,6 @@
 """Whether the scope is still inside the colon."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from haustra.models.anatomy.colon import Colon
+from haustra.models.wall.lumen_table import Tables
 
 _LARGEST_RADIUS = 0.06
 """Radii above this are looks along the lumen, not across [m]."""
@@ -38,11 +39,21 @@ class LumenWidths(NamedTuple):
 
 def lumen_widths(colon: Colon) -> LumenWidths:
     """Largest radius of a colon's lumen within a centimetre of each station of its centreline."""
-    line = colon.centreline
-    widest = np.minimum(colon.radius, _LARGEST_RADIUS).max(axis=1)
-    reach = int(np.ceil(_BLUR / (line.arc[1] - line.arc[0])))
+    return widths_along(colon.centreline.arc, colon.radius)
+
+
+def widths_along(arcs: Float[np.ndarray, " stations"], radius: Float[np.ndarray, "stations angles"]) -> LumenWidths:
+    """Largest of radii that a lumen has at stations [m] within a centimetre of each."""
+    widest = np.minimum(radius, _LARGEST_RADIUS).max(axis=1)
+    reach = int(np.ceil(_BLUR / (arcs[1] - arcs[0])))
     windows = np.lib.stride_tricks.sliding_window_view(np.pad(widest, reach, mode="edge"), 2 * reach + 1)
-    return LumenWidths(line.arc, windows.max(axis=1))
+    return LumenWidths(arcs, windows.max(axis=1))
+
+
+def station_widths(tables: Tables, colons: Iterable[LumenWidths]) -> Float[np.ndarray, " rows"]:
+    """How wide each colon's lumen is at each row of the stacked tables [m]."""
+    rows = zip(tables.step, tables.count, colons, strict=True)
+    return np.concatenate([np.interp(step * np.arange(count), *widths) for step, count, widths in rows])
 
 
 def stack_widths(colons: Sequence[Colon]) -> LumenWidths:

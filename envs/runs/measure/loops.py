@@ -22,7 +22,9 @@ from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial.distance import pdist
 
+from haustra.envs.runs.measure.crossings import crossings
 from haustra.errors import InvalidOptionError
 
 _BOW = np.radians(60.0)
@@ -117,7 +119,7 @@ def find_loops(
     flat, height = _project(line, np.asarray(view, dtype=float) / size)
     loops = [
         Loop(_kind(start, end, sign, regions), start, end, _extent(line, arc, start, end))
-        for start, end, sign in _crossed(_crossings(flat, height, arc))
+        for start, end, sign in _crossed(crossings(flat, height, arc))
     ]
     last = (regions or {}).get("descending", (0.0, arc[-1]))[1]
     free = [(start, min(end, last)) for start, end in _gaps(loops, arc[-1]) if start < last]
@@ -154,8 +156,9 @@ def _is_pushed(
         assert down is not None
         return bool((line[inside] @ down).max() > (own @ down).max() + _PUSHED)
     kinds = CROSSING if loop.kind in CROSSING else (loop.kind,)
-    had = any(form.kind in kinds for form in find_loops(near, view=view))
-    return not had or reach(line[inside]) > reach(own) + _PUSHED
+    if reach(line[inside]) > reach(own) + _PUSHED:
+        return True
+    return not any(form.kind in kinds for form in find_loops(near, view=view))
 
 
 def _deep(
@@ -211,27 +214,6 @@ def _project(line: np.ndarray, view: np.ndarray) -> tuple[np.ndarray, np.ndarray
     first /= np.linalg.norm(first)
     second = np.cross(view, first)
     return line @ np.column_stack([first, second]), line @ view
-
-
-def _crossings(flat: np.ndarray, height: np.ndarray, arc: np.ndarray) -> list[tuple[float, float, float]]:
-    """Arc lengths of both strands of each crossing, and its sign."""
-    step = np.diff(flat, axis=0)
-    found = []
-    for one in range(len(step) - 2):
-        others = np.arange(one + 2, len(step))
-        gap = flat[others] - flat[one]
-        denominator = step[one, 0] * step[others, 1] - step[one, 1] * step[others, 0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            along_one = (gap[:, 0] * step[others, 1] - gap[:, 1] * step[others, 0]) / denominator
-            along_other = (gap[:, 0] * step[one, 1] - gap[:, 1] * step[one, 0]) / denominator
-        crossing = (along_one >= 0) & (along_one < 1) & (along_other >= 0) & (along_other < 1)
-        for other, s, t, turn in zip(
-            others[crossing], along_one[crossing], along_other[crossing], denominator[crossing], strict=True
-        ):
-            above = (height[one] + s * np.diff(height)[one]) - (height[other] + t * np.diff(height)[other])
-            where = [arc[k] + part * (arc[k + 1] - arc[k]) for k, part in ((one, s), (other, t))]
-            found.append((float(where[0]), float(where[1]), float(np.sign(turn * above))))
-    return found
 
 
 def _crossed(crossings: list[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
@@ -307,7 +289,7 @@ def _alternating_turns(heading: np.ndarray) -> list[tuple[int, int, float]]:
 
 def _extent(line: np.ndarray, arc: np.ndarray, start: float, end: float) -> float:
     part = line[(arc >= start) & (arc <= end)]
-    return float(np.linalg.norm(part[:, None] - part[None], axis=2).max()) if len(part) else 0.0
+    return float(pdist(part).max()) if len(part) > 1 else 0.0
 
 
 def _region_at(place: float, regions: Mapping[str, tuple[float, float]]) -> str | None:

@@ -35,10 +35,18 @@ class RecordedRun:
         self.data.qpos[:] = self.trajectory.qpos[record]
         mujoco.mj_kinematics(self.model, self.data)
 
+    def shape(self, record: int) -> Float[np.ndarray, "nodes 3"]:
+        """Points along the scope's axis, from the handle end of the modelled part to the tip [m]."""
+        self.place(record)
+        return np.vstack([self.data.xpos[self._links], self.data.site_xpos[self._tip]])
+
+    def tip_frame(self) -> Float[np.ndarray, "3 3"]:
+        """Columns: wire 'up', wire 'left' and the viewing direction, at the record that was placed last."""
+        return self.data.site_xmat[self._tip].reshape(3, 3).copy()
+
     def path(self, record: int) -> Float[np.ndarray, "nodes 3"]:
         """Points along the scope's axis past the anus, from there to the tip [m]."""
-        self.place(record)
-        shape = np.vstack([self.data.xpos[self._links], self.data.site_xpos[self._tip]])
+        shape = self.shape(record)
         return shape[self.scene.cable.node_distances < self.trajectory.insertion[record]]
 
     def colon(self, record: int) -> Colon:

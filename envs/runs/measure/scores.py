@@ -2,6 +2,7 @@
 
 import resource
 import sys
+from dataclasses import asdict
 
 import numpy as np
 
@@ -12,16 +13,17 @@ from haustra.envs.runs.measure.progress import segment_at
 from haustra.envs.runs.measure.progression import progression_scores
 from haustra.envs.runs.measure.surface import LeftBehind, left_behind
 from haustra.models.accuracy import NumericalError, kind_of, stated_error
+from haustra.models.anatomy.store import colon_hash
 from haustra.models.gas.law import MMHG
 from haustra.models.presets import preset_of
 from haustra.models.scene import Scene
-from haustra.provenance import Provenance
+from haustra.provenance import Provenance, backend_record
 
 
 def score(
     scene: Scene,
     run: Insertion,
-    provenance: Provenance,
+    provenance: Provenance | None = None,
     *,
     wall: str | None = None,
     error: NumericalError | None = None,
@@ -51,7 +53,7 @@ def score(
     Args:
         scene: colon, wall and scope.
         run: what happened.
-        provenance: where the numbers come from.
+        provenance: where the numbers come from; what scene and run say of it when None.
         wall: how the pieces of the wall were made, if there are any.
         error: measured on this run; what was measured on others for this wall law, preset and kind of colon when None.
         left: the colon as the scope has left it, where it is known already.
@@ -112,8 +114,32 @@ def score(
         "mesentery": scene.options.mesentery,
         "numerical_error": error.to_json(),
         "peak_memory_MB": peak_memory() / 1e6,
-        "provenance": provenance.to_json(),
+        "provenance": (provenance or provenance_of(scene, run, wall=wall)).to_json(),
     }
+
+
+def provenance_of(scene: Scene, run: Insertion, *, wall: str | None = None, seconds: float | None = None) -> Provenance:
+    """What a run was made of.
+
+    Args:
+        scene: colon, wall and scope.
+        run: what happened.
+        wall: how the pieces of the wall were made, if there are any.
+        seconds: longest run that was asked for, in simulated time [s]; as long as it was when None.
+    """
+    lasted = float(run.trajectory.time[-1]) if len(run.trajectory.time) else 0.0
+    return Provenance(
+        inputs={"colon": colon_hash(scene.colon), "colon_name": scene.colon.name},
+        configuration={
+            **scene.configuration(),
+            "preset": preset_of(scene.options),
+            "wall": wall,
+            "driver": asdict(run.settings),
+            "seconds": lasted if seconds is None else seconds,
+            "shaft_added_s": list(run.shaft_added),
+        },
+        backend=backend_record(run.backend),
+    )
 
 
 def _gas(run: Insertion) -> dict[str, object]:

@@ -1,7 +1,8 @@
-"""What drivers within a program look up: places, wall forces and loads of scopes when they were last read off."""
+"""What drivers within a program look up: places, wall forces, loads and pain when scopes were last read off."""
 
 from haustra.envs.sim.linear.program import ScopeProgram
 from haustra.envs.sim.linear.trace import Value
+from haustra.models.injury.pain import pain, pressed_tension
 from haustra.models.injury.perforation import link_load
 
 
@@ -42,4 +43,26 @@ def largest_load(scopes: ScopeProgram) -> tuple[Value, Value]:
         load = link_load(xp, scopes.link_force(body), bend, scopes.of_tip(body), diameter)
         where.value = xp.where(load > most.value, xp.maximum(scopes.link_arc(body), 0.0), where.value)
         most.value = xp.maximum(most.value, load)
+    return most.value, where.value
+
+
+def largest_pain(scopes: ScopeProgram) -> tuple[Value, Value]:
+    """Largest tension of wall or mesentery over that which hurts [1], and arc length there [m].
+
+    Backends must know how wide colons that move are (`LinearBackend`'s `width`).
+    """
+    program, xp, diameter = scopes.program, scopes.program.xp, 2 * scopes.scope("radius")
+    most, where = program.variable(0.0), program.variable(0.0)
+
+    def judge(hurts: Value, arc: Value) -> None:
+        where.value = xp.where(hurts > most.value, xp.maximum(arc, 0.0), where.value)
+        most.value = xp.maximum(most.value, hurts)
+
+    with program.loop(0, scopes.bodies) as body:
+        wall = pressed_tension(scopes.link_force(body), diameter, scopes.link_length(body))
+        judge(pain(xp, wall, program.constant(0.0)), scopes.link_arc(body))
+    if axis := scopes.axis:
+        with program.loop(0, axis.nodes) as node:
+            arc = program.real_of(node) * scopes.world("spacing")
+            judge(pain(xp, *axis.tensions(node, scopes.station(arc)[1])), arc)
     return most.value, where.value

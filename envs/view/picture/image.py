@@ -16,6 +16,4 @@ def write_png(path: Path, picture: UInt8[np.ndarray, "height width 3"]) -> Path:
     """
     from PIL import Image
 
-    return write_atomically(
-        path, lambda temporary: Image.fromarray(picture).save(temporary, format="PNG", optimize=True)
-    )
+    return write_atomically(path, lambda temporary: Image.fromarray(picture).save(temporary, format="PNG"))

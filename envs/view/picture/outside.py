@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int, UInt8
 
 from haustra.envs.view.picture.camera import Camera, looking, unit
+from haustra.envs.view.picture.cover import add_layers, thin_wall
 from haustra.envs.view.picture.raster import DepthBuffer, fragments, vertex_normals
 from haustra.envs.view.picture.tube import Tube, tube
 from haustra.models.anatomy.colon import Surface
@@ -97,7 +98,7 @@ class OutsideView:
         camera = _framing(lumen.vertices if framed is None else framed, rotation, width / height)
         self._canvas = _Canvas(camera, width * _SAMPLES, height * _SAMPLES)
         self._wall = _wall_of(self._canvas, lumen)
-        self._empty = self._wall.over(self._canvas.background(), np.arange(len(self._wall.gloss)))
+        self._empty = self._wall.over(self._canvas.background(), np.full(len(self._wall.gloss), np.inf))
 
     def draw(
         self, points: Float[np.ndarray, "points 3"] | None, radius: float, *, bending_length: float
@@ -110,9 +111,9 @@ class OutsideView:
         colour = self._empty
         if body is not None:
             scope = _draw_body(self._canvas, body)
-            hit = np.flatnonzero(np.isfinite(scope.depth))
-            colour = self._empty.copy()
-            colour[hit] = self._wall.before(scope.depth).over(scope.colour[hit], hit)
+            hit = np.isfinite(scope.depth)
+            behind = self._wall.over(scope.colour, np.where(hit, scope.depth, -np.inf))
+            colour = np.where(hit[:, None], behind, self._empty)
         shape = (self._height, _SAMPLES, self._width, _SAMPLES, 3)
         fine = np.clip(colour, 0, 1).reshape(shape).mean(axis=(1, 3))
         return (255 * fine + 0.5).astype(np.uint8)
@@ -155,21 +156,15 @@ class _Wall:
     gloss: Float[np.ndarray, " pixels"]
     """Gloss of the nearest layer, which is added to the pixel's colour."""
 
-    def before(self, depth: Float[np.ndarray, " pixels"]) -> "_Wall":
-        """The layers that are nearer than something finite in their pixel."""
-        limit = depth[self.pixel]
-        kept = np.isfinite(limit) & (self.depth < limit)
-        return _Wall(
-            self.pixel[kept], self.depth[kept], self.colour[kept], self.opacity[kept], self.weight[kept], self.gloss
-        )
-
-    def over(self, below: Float[np.ndarray, "hit 3"], hit: Int[np.ndarray, " hit"]) -> Float[np.ndarray, "hit 3"]:
-        """Colours of the pixels `hit`, given what is below the layers there."""
+    def over(
+        self, below: Float[np.ndarray, "pixels 3"], limit: Float[np.ndarray, " pixels"]
+    ) -> Float[np.ndarray, "pixels 3"]:
+        """Colours of all pixels, given what is below, through the layers that are nearer than that."""
         count = len(self.gloss)
-        weight = np.bincount(self.pixel, self.weight, count)[hit]
-        through = np.exp(-np.bincount(self.pixel, -np.log1p(-self.opacity), count)[hit])[:, None]
-        colour = np.stack([np.bincount(self.pixel, part * self.weight, count)[hit] for part in self.colour.T], axis=1)
-        return below * through + colour / np.maximum(weight, 1e-12)[:, None] * (1 - through) + self.gloss[hit, None]
+        total, through, sums = np.zeros(count), np.zeros(count), np.zeros((count, 3))
+        add_layers(self.pixel, self.depth, self.colour, self.opacity, self.weight, limit, total, through, sums)
+        let = np.exp(through)[:, None]
+        return below * let + sums / np.maximum(total, 1e-12)[:, None] * (1 - let) + self.gloss[:, None]
 
 
 @dataclass(frozen=True)
@@ -206,10 +201,11 @@ def _wall_of(canvas: _Canvas, lumen: Surface) -> _Wall:
     front = DepthBuffer(width=canvas.width, height=canvas.height)
     parts = []
     for batch in fragments(image[lumen.faces], width=canvas.width, height=canvas.height):
-        at = np.einsum("fk,fkc->fc", batch.weights, values[lumen.faces[batch.triangle]])
-        front.add(batch, at[:, 0])
-        opacity, colour = _layer(at)
-        parts.append((batch.pixel, at[:, 0], colour, opacity, opacity * np.exp(2.5 * at[:, 5])))
+        count = len(batch.pixel)
+        layers = np.empty(count), np.empty((count, 3)), np.empty(count), np.empty(count)
+        thin_wall(lumen.faces, values, batch.triangle, batch.weights, _LIGHT, _SHADE, _FLESH, *layers)
+        front.add(batch, layers[0])
+        parts.append((batch.pixel, *layers))
     hit = np.flatnonzero(np.isfinite(front.depth))
     gloss = np.zeros(canvas.width * canvas.height)
     gloss[hit] = 0.30 * np.clip(unit(front.interpolate(lumen.faces, local, hit)) @ _HALFWAY, 0, 1) ** 50
@@ -218,14 +214,3 @@ def _wall_of(canvas: _Canvas, lumen: Surface) -> _Wall:
         return _Wall(np.zeros(0, int), none, np.zeros((0, 3)), none, none, gloss)
     pixel, own_depth, colour, opacity, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
     return _Wall(pixel, own_depth, colour, opacity, weight, gloss)
-
-
-def _layer(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Opacity and colour of a thin wall: denser where the line of sight grazes it."""
-    grazing = 1 - np.clip(np.abs(at[:, 1]), 0, 1)
-    opacity = 0.10 + 0.55 * grazing**2.2
-    towards = np.where(at[:, 1:2] < 0, -at[:, 2:5], at[:, 2:5])
-    lit = np.clip(0.55 + 0.5 * (towards @ _LIGHT), 0, 1)[:, None]
-    edge = (grazing**1.5)[:, None]
-    colour = (_SHADE + (_FLESH - _SHADE) * lit) * (1 - 0.35 * edge) + 0.12 * lit
-    return opacity, np.clip(colour, 0, 1)

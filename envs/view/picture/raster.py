@@ -1,10 +1,12 @@
-"""Triangles to pixels in numpy: what a picture needs where there is no OpenGL."""
+"""Triangles to pixels: what a picture needs where there is no OpenGL."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
+
+from haustra.envs.view.picture.cover import cover, keep_nearest
 
 _CANDIDATES = 1 << 20  # pixel tests at a time: bounds the memory to some 100 MB
 
@@ -43,48 +45,14 @@ def fragments(corners: Float[np.ndarray, "triangles 3 2"], *, width: int, height
     visible = np.flatnonzero(seen)
     first = low[visible].astype(np.int64)
     size = high[visible].astype(np.int64) - first + 1
-    # Triangles of like size share one grid of candidate pixels.
-    side = np.maximum(1, 2 ** np.ceil(np.log2(size.max(axis=1, initial=1))).astype(np.int64))
-    for extent in np.unique(side):
-        members = np.flatnonzero(side == extent)
-        batch = max(1, _CANDIDATES // int(extent) ** 2)
-        for start in range(0, len(members), batch):
-            chosen = members[start : start + batch]
-            yield _cover(corners, visible[chosen], first[chosen], size[chosen], int(extent), width)
-
-
-def _cover(
-    corners: np.ndarray, triangle: np.ndarray, first: np.ndarray, size: np.ndarray, extent: int, width: int
-) -> Fragments:
-    """Test every pixel of each triangle's bounding box."""
-    step = np.arange(extent)
-    column, row = first[:, 0, None] + step, first[:, 1, None] + step
-    a, b, c = np.moveaxis(corners[triangle], 1, 0)
-    twice_area = _cross(b - a, c - a)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        # A barycentric coordinate is linear in column and row: one outer sum each.
-        at_b = _linear(a, c - a, column, row, -1.0 / twice_area)
-        at_c = _linear(a, b - a, column, row, 1.0 / twice_area)
-        at_a = 1.0 - at_b - at_c
-        inside = (at_a >= 0.0) & (at_b >= 0.0) & (at_c >= 0.0)
-    inside &= (step < size[:, 1, None])[:, :, None] & (step < size[:, 0, None])[:, None, :]
-    which, down, across = np.nonzero(inside)
-    return Fragments(
-        pixel=row[which, down] * width + column[which, across],
-        triangle=triangle[which],
-        weights=np.stack([at_a[inside], at_b[inside], at_c[inside]], axis=1),
-    )
-
-
-def _cross(u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    return u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-
-
-def _linear(origin: np.ndarray, edge: np.ndarray, column: np.ndarray, row: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Cross product of `edge` with the way from `origin` to each pixel centre, times `scale`."""
-    x = column + 0.5 - origin[:, 0, None]
-    y = row + 0.5 - origin[:, 1, None]
-    return scale[:, None, None] * (edge[:, 0, None, None] * y[:, :, None] - edge[:, 1, None, None] * x[:, None, :])
+    boxes = np.cumsum(size.prod(axis=1))
+    start = 0
+    while start < len(visible):  # one triangle at least, and as many more as the bound allows
+        before = boxes[start - 1] if start else 0
+        end = max(int(np.searchsorted(boxes, before + _CANDIDATES, side="right")), start + 1)
+        part = slice(start, end)
+        yield Fragments(*cover(corners, visible[part], first[part], size[part], width, int(boxes[end - 1] - before)))
+        start = end
 
 
 class DepthBuffer:
@@ -100,11 +68,8 @@ class DepthBuffer:
 
     def add(self, batch: Fragments, depth: Float[np.ndarray, " fragments"]) -> None:
         """Keep each fragment that is nearer than what its pixel holds."""
-        np.minimum.at(self.depth, batch.pixel, depth)
-        nearest = np.flatnonzero(depth == self.depth[batch.pixel])
-        hit = batch.pixel[nearest]
-        self.triangle[hit] = batch.triangle[nearest]
-        self.weights[hit] = batch.weights[nearest]
+        parts = batch.pixel, depth, batch.triangle, batch.weights
+        keep_nearest(self.depth, self.triangle, self.weights, *parts)
 
     def interpolate(
         self, faces: Int[np.ndarray, "triangles 3"], values: Float[np.ndarray, "vertices ..."], hit: np.ndarray

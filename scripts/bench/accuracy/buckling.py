@@ -1,4 +1,4 @@
-"""Question: at what push does a rod in a tube snake and wind up? Bounds: 10 % of Dawson-Paslay and of Chen."""
+"""Question: at what push does a rod in a tube buckle, to a wave and to a helix? Bounds: 10 % of Dawson-Paslay, Chen."""
 
 import numpy as np
 
@@ -8,33 +8,33 @@ from haustra.scripts.bench.accuracy.tube import UNIT, TubeRod
 from haustra.scripts.bench.result import Criterion
 
 BOUND = 0.1
-"""Relative error of either onset at the finest number of joints."""
+"""Relative error of either load at the finest number of joints."""
 
 
 def answer(effort: Effort) -> Answer:
     """Sweep the number of joints in four metres of rod."""
     counts = (40, 80) if effort.quick else (40, 60, 80, 120)
-    onsets = {"snaking (Dawson, Paslay)": ("snaking", 2.0), "winding up (Chen)": ("winding", np.sqrt(8))}
+    loads = {"sinusoidal": ("sinusoidal_load", 2.0), "helical": ("helical_load", np.sqrt(8))}
     fronts, bars = [], []
     rods = {count: TubeRod(count) for count in counts}
-    for title, (method, units) in onsets.items():
+    for title, (method, units) in loads.items():
         candidates = []
         for count, rod in rods.items():
             effort.tell(f"{title}: {count} joints")
-            onset = getattr(rod, method)
-            error = abs(float(onset() / (units * UNIT)) - 1)
-            block = lambda onset=onset: processor_seconds(onset)  # noqa: E731
+            load = getattr(rod, method)
+            error = abs(float(load() / (units * UNIT)) - 1)
+            block = lambda load=load: processor_seconds(load)  # noqa: E731
             candidates.append(Candidate(f"joints={count}", error, "joints", block))
         fronts.append(
             timed_front(
-                f"onset of {title}",
+                f"{title} buckling load",
                 candidates,
                 reference=f"{units:.4g} sqrt(EI w / r), itself for a long rod",
                 error_unit="relative error of the push",
-                cost_unit="processor s / onset",
+                cost_unit="processor s / load",
                 repeats=1,
             )
         )
         error = next(each.error for each in candidates if each.setting == f"joints={counts[-1]}")
-        bars.append(Criterion(f"error of the onset of {title}, {counts[-1]} joints", error, BOUND, "1", "at most"))
+        bars.append(Criterion(f"error of the {title} buckling load, {counts[-1]} joints", error, BOUND, "1", "at most"))
     return Answer(fronts, bars=bars)

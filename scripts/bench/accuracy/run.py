@@ -24,7 +24,7 @@ QUESTIONS: Mapping[str, str] = {
     "wires": "the bending section's angle for a pull",
     "press": "a press on a soft wall against F = K d",
     "capstan": "a rope round a drum against the capstan equation",
-    "buckling": "onset of snaking and winding up in a tube",
+    "buckling": "sinusoidal and helical buckling loads in a tube",
     "propulsion": "force and ripple of the tracked robot",
     "insertion": "a scripted insertion against a converged one",
     "field": "a table of the lumen in linear time against pieces in MuJoCo, in ten colons",

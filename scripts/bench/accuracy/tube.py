@@ -1,4 +1,4 @@
-"""A heavy rod pushed through a horizontal tube, in equilibrium: snaking and winding up.
+"""A heavy rod pushed through a horizontal tube, in equilibrium: how it buckles.
 
 Sources: Dawson and Paslay, J. Petroleum Technology 36 (1984) 1734; Chen, Lin and Cheatham, J. Energy Resources Tech.
 112 (1990) 149 (energy of straight and helical states equal); Lubinski et al., J. Petroleum Technology 14 (1962) 655
@@ -25,7 +25,7 @@ WALL, PIN = 2e4, 1e5
 MASS, GRAVITY = 0.4, np.array([-9.81, 0.0, 0.0])
 """Mass per length [kg/m] and gravity [m/s^2]."""
 UNIT = float(np.sqrt(EI * MASS * 9.81 / CLEARANCE))
-"""sqrt(EI w / r) [N]: snaking sets in at 2 of them (Dawson and Paslay), winding up at sqrt(8) (Chen)."""
+"""sqrt(EI w / r) [N]: the sinusoidal buckling load is 2 of them (Dawson and Paslay), the helical one sqrt(8) (Chen)."""
 ROD = UniformRod(length=LENGTH, radius=0.0064, flexural_rigidity=EI, torsional_rigidity=0.435, mass_per_length=MASS)
 _ZERO = np.zeros(3)
 
@@ -46,7 +46,7 @@ class TubeRod:
         self.names = [self.model.joint(joint).name for joint in range(self.model.njnt)]
         self.tip = np.array([0, 0, LENGTH / joints / 2])
 
-    def snaking(self) -> float:
+    def sinusoidal_load(self) -> float:
         """Push at which the straight rod becomes unstable [N]."""
 
         def softest(push: float) -> float:
@@ -55,7 +55,7 @@ class TubeRod:
 
         return float(np.asarray(brentq(softest, 1.5 * UNIT, 2.6 * UNIT, xtol=0.01 * UNIT)))
 
-    def winding(self) -> float:
+    def helical_load(self) -> float:
         """Push at which a helix has as much energy as the straight rod [N]."""
 
         def difference(push: float) -> float:

@@ -1,8 +1,8 @@
-"""Write the page on run time against error, and its picture, from what the benchmark measured.
+"""Write the page on run time against error, the log of all its fronts and tables, and its picture.
 
 haustra bench accuracy -o DIR --rods RODS --colons COLON
 python -m haustra.scripts.bench.pages.accuracy_page DIR/accuracy.json … docs/validation/accuracy.md
-docs/images/accuracy.png
+docs/log/accuracy.md docs/images/accuracy.png
 
 Of several files the first that holds a question counts.
 """
@@ -19,10 +19,24 @@ from haustra.models.presets import PRESETS
 _HEAD = """\
 # Validation: run time against error
 
-Made by `haustra/scripts/bench/pages/accuracy_page.py` from `haustra bench accuracy`; do not edit. Each question turns
-one knob at a time around the defaults, and errors stand against an analytic solution where there is one, else against a
-converged run whose own uncertainty is stated. Costs are processor time, all settings of a front in turn, medians, so
-that ratios hold on a machine that other work shares; a cost of 0.1 is ten times real time.
+**Claim.** For every setting this page says what it costs and how far it is off. Each question turns one knob at a time
+around the defaults. Errors stand against an analytic solution where there is one, otherwise against a converged run
+whose own uncertainty is stated.
+
+    haustra bench accuracy -o DIR --rods RODS --colons COLON
+
+Costs are processor time, the median of all settings of a front taken in turn, so that ratios hold on a machine that
+other work shares; a cost of 0.1 is ten times real time. [All fronts and tables](../log/accuracy.md) stand in the log.
+This page is made by `haustra.scripts.bench.pages.accuracy_page`; edit that, not this page.
+
+"""
+
+_LOG = """\
+# Run time against error: all fronts and tables
+
+What `haustra bench accuracy` measured in full; the criteria and the presets stand in
+[Run time against error](../validation/accuracy.md). A front holds the settings that no other beats in both error and
+cost, cheapest first.
 
 """
 
@@ -31,7 +45,7 @@ _PRESETS = """\
 
 `haustra run --preset NAME`, and `preset` among the options of a study of scopes. These are the errors in single colons
 of an insertion driven by one script of hand and wires, against a converged run; runs state ranges over ten colons and
-more, measured by `haustra bench errors`. *Speed* is simulated over processor time.
+more, measured by `haustra bench errors` ([errors](errors.md)). *Speed* is simulated over processor time.
 
 """
 
@@ -39,16 +53,16 @@ _COLOURS = ("#2f5d8a", "#c9731b", "#4b8b4b", "#8a5cb8", "#b03a48", "#5a5a5a", "#
 
 
 def accuracy_page(result: Mapping[str, Any]) -> str:
-    """The page as Markdown."""
-    parts = [
-        _HEAD,
-        _where(result["machine"]),
-        _efforts(result.get("full", [])),
-        "![Fronts](../images/accuracy.png)\n\n",
-    ]
-    parts += ["## Bars\n\n", _bars(result["bars"]), "\n", _PRESETS, _presets(result), "\n## How it was measured\n\n"]
-    parts += [f"* {line}\n" for line in result["summary"][1:]]
-    parts += ["\n## Fronts\n\n", "Settings that no other beats in both error and cost, cheapest first.\n\n"]
+    """The page on criteria and presets as Markdown."""
+    parts = [_HEAD, _where(result["machine"]), "## Criteria\n\n", _bars(result["bars"]), "\n"]
+    parts += [_PRESETS, _presets(result), "\n![Fronts](../images/accuracy.png)\n"]
+    parts += ["\n## How it was measured\n\n", *(f"* {line}\n" for line in result["summary"][1:])]
+    return "".join(parts).rstrip() + "\n"
+
+
+def accuracy_log(result: Mapping[str, Any]) -> str:
+    """All fronts and tables as Markdown."""
+    parts = [_LOG, _where(result["machine"]), _efforts(result.get("full", [])), "## Fronts\n\n"]
     parts += [_front(front) for front in result["fronts"]]
     parts += ["## Tables\n\n", *(_table(table) for table in result["tables"])]
     return "".join(parts).rstrip() + "\n"
@@ -99,7 +113,7 @@ def _bars(bars: Sequence[Mapping[str, Any]]) -> str:
         [bar["what"], _number(bar["measured"]), f"{bar['sense']} {_number(bar['bound'])}", bar["unit"], _met(bar)]
         for bar in bars
     ]
-    return _rows(["bar", "measured", "bound", "unit", ""], rows)
+    return _rows(["criterion", "full run", "bound", "unit", "verdict"], rows)
 
 
 def _met(bar: Mapping[str, Any]) -> str:
@@ -209,8 +223,8 @@ def _panel(axis: Any, front: Mapping[str, Any]) -> None:
 
 
 if __name__ == "__main__":
-    *sources, target, picture = map(Path, sys.argv[1:])
+    *sources, target, log, picture = map(Path, sys.argv[1:])
     measured = merged([json.loads(source.read_text(encoding="utf-8")) for source in sources])
-    page = accuracy_page(measured)
-    write_atomically(target, lambda temporary: temporary.write_text(page, encoding="utf-8"))
+    for path, page in ((target, accuracy_page(measured)), (log, accuracy_log(measured))):
+        write_atomically(path, lambda temporary, page=page: temporary.write_text(page, encoding="utf-8"))
     draw(picture, measured["fronts"])

@@ -15,6 +15,8 @@ from haustra.scripts.bench.gas import table
 _HEAD = """\
 # Validation: gas in the colon
 
+**Question.** Does gas open grown colons as it opens people's, and does the model neither lose nor make any?
+
 Made by `haustra bench gas -o DIR`; edit `scripts/bench/pages/gas_page.py`, not this page.
 
 **The law.** A segment holds V = Vmax exp(−κ p^−β) (`haustra.models.gas.law`), the power exponential that Bharucha

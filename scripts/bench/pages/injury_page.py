@@ -15,6 +15,8 @@ from haustra.scripts.bench.injury import table
 _HEAD = """\
 # Validation: perforation, bleeding and pain
 
+**Question.** How much harm do insertions do by laws from published tissue tests, and how far is that from patients?
+
 Made by `haustra bench injury -o DIR`; edit `scripts/bench/pages/injury_page.py`, not this page.
 
 **Perforation** is a distribution over people (`haustra.models.injury.perforation`). Median strength depends on the

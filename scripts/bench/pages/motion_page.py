@@ -7,6 +7,8 @@ from haustra.scripts.bench.motion import COMPARED, DESIGN, FIRST_SEED, PLAIN, ef
 
 _HEAD = """# Validation: colons that move
 
+**Question.** Does the surface of a colon that moves stay a surface, and how much does the patient around it matter?
+
 Made by `haustra bench motion -o DIR`; edit `scripts/bench/pages/motion_page.py`, not this page.
 
 The model is told in [mesentery](../theory/mesentery.md). No figure here has been compared with a patient's colon: the
@@ -23,7 +25,7 @@ def motion_page(rows: Sequence[Mapping[str, Any]], *, seconds: float) -> str:
         f"## The surface, in {sound['runs']} runs of {seconds:g} s\n",
         f"Scope {DESIGN}, lumen follower, {colons} grown colons from seed {FIRST_SEED} on in each patient below"
         f"{_others(rows)}. At the end of each run, with the scope's own indentation:\n",
-        "| figure | found | bar |",
+        "| figure | found | bound |",
         "| --- | --- | --- |",
         f"| largest share of triangles turned over against their own axis | {sound['turned_over_max_share']:.2%} | 0 |",
         f"| furthest that the scope's axis stands outside, by winding numbers"

@@ -15,6 +15,8 @@ def write_page(path: Path, result: dict[str, Any]) -> Path:
 
 _HEAD = """# Validation: the tracked robot
 
+**Question.** Does the model of the tracked robot pull, ripple and stress its tread as its papers say?
+
 Made by `haustra propulsion --page docs/validation/tracked.md`; do not edit. What is modelled, assumed and fitted is in
 [the theory](../theory/tracked.md). One number was fitted to a force: the indentation that gives four tracks 3 N on
 tissue. Tooth, belt and tips are assumed, chosen so that ripple and stress ratio come out as published; so those two
@@ -100,8 +102,8 @@ def _full_range(result: dict[str, Any]) -> str:
         lines.append(
             f"- {surface}: RMSE {rmse['median_percent']:.1f} % of the measured mean (median over all curves the paper "
             f"allows; {rmse['low_percent']:.1f} to {rmse['high_percent']:.1f} %, 95 % of them below "
-            f"{rmse['p95_percent']:.1f} %). The bar of 12 % holds for {100 * rmse['within_12_percent_share']:.0f} % of "
-            "those curves. No curve whatever could promise less than "
+            f"{rmse['p95_percent']:.1f} %). The bound of 12 % holds for {100 * rmse['within_12_percent_share']:.0f} % "
+            "of those curves. No curve whatever could promise less than "
             f"{rmse['best_guaranteed_percent']:.1f} % against all of them. The paper's own: "
             f"{found['paper_rmse_percent']:.1f} %."
         )

@@ -1,6 +1,7 @@
-"""Put figures into the page on stability, all or those named.
+"""Put figures into a page on stability: the largest steps into the page itself, bars and shocks into the log.
 
-python -m haustra.scripts.bench.pages.stability_page stability.json docs/validation/stability.md [bars] [steps] [shocks]
+python -m haustra.scripts.bench.pages.stability_page stability.json docs/validation/stability.md steps
+python -m haustra.scripts.bench.pages.stability_page stability.json docs/log/stability.md bars shocks
 
 They stand between `<!-- NAME -->` and `<!-- /NAME -->`; the rest of the page is written by hand.
 """

@@ -21,7 +21,7 @@ class BenchContracts:
         """Check all, and list what was found."""
         from haustra.scripts.learning_extra import require_learning
 
-        require_learning()
+        require_learning("gymnasium", "stable_baselines3", "torch")
         from haustra.scripts.bench.contracts import check, every_environment
         from haustra.scripts.console import progress_bar
 

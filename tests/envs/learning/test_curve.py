@@ -22,7 +22,7 @@ def write_run(folder: Path, seed: int, rows: np.ndarray, **training) -> Path:
 def rising(slope: float, *, last: int, every: int) -> np.ndarray:
     """Rows whose progress is `slope` times the steps, of 20 episodes each."""
     steps = np.arange(every, last + 1, every)
-    return np.stack([steps, 20 + 0 * steps, steps, slope * steps, *np.zeros((3, len(steps)))], axis=1)
+    return np.stack([steps, 20 + 0 * steps, steps, slope * steps, *np.zeros((len(COLUMNS) - 4, len(steps)))], axis=1)
 
 
 @pytest.fixture
@@ -44,7 +44,8 @@ def test_seeds_are_compared_at_the_same_steps(runs):
 
 
 def test_rows_count_by_their_episodes():
-    few, many = [100.0, 10.0, 0.0, 1.0, 0.0, 0.0, 0.0], [200.0, 30.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    rest = [0.0] * (len(COLUMNS) - 4)
+    few, many = [100.0, 10.0, 0.0, 1.0, *rest], [200.0, 30.0, 0.0, 0.0, *rest]
     one: dict[str, np.ndarray] = dict(zip(COLUMNS, np.array([few, many]).T, strict=True))
     short = {name: values[-1:] for name, values in one.items()}
     assert seed_curves([one, short]).columns["progress"].tolist() == [[0.25], [0.0]]
@@ -76,7 +77,12 @@ def test_rubbish_is_no_curve(text, tmp_path):
     with pytest.raises(UnreadableFileError, match="curve"):
         read_curve(tmp_path / "curve.csv")
     header = ",".join(COLUMNS)
-    for rows in ("5,2,0,0,0,0,0\n4,2,0,0,0,0,0", "5,2,0,nan,0,0,0", "5,2,0,much,0,0,0"):
+    for rows in (
+        "5,2,0,0,0,0,0,0,0\n4,2,0,0,0,0,0,0,0",
+        "5,2,0,nan,0,0,0,0,0",
+        "5,2,0,much,0,0,0,0,0",
+        "5,2,0,0,0,0,0",
+    ):
         (tmp_path / "curve.csv").write_text(f"{header}\n{rows}\n")
         with pytest.raises(UnreadableFileError, match="no learning curve"):
             read_curve(tmp_path / "curve.csv")

@@ -14,8 +14,8 @@ pytest.importorskip("safetensors")
 
 from haustra.envs.learning.drivers import PolicyDriver
 from haustra.envs.learning.evaluate import evaluate
-from haustra.envs.learning.models import learning_rate, perforation_force
 from haustra.envs.learning.policy import load_policy, save_policy
+from haustra.envs.learning.schedule import learning_rate, perforation_force
 from haustra.envs.learning.settings import SHIPPED, Training, shipped
 from haustra.envs.learning.train import train
 from haustra.envs.tasks.config import Limits, TaskConfig

@@ -16,6 +16,7 @@ from haustra.envs.study.questions import find_backend
 from haustra.envs.study.sampling import designs_of, jobs_of
 from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.landmarks import SEGMENTS
+from haustra.scripts.bench.drivers import settings_files
 
 
 def test_every_number_of_every_patient_lies_in_its_sourced_range():
@@ -132,6 +133,39 @@ def test_the_hand_may_do_far_more_than_the_bands():
     assert clinic_number("hand_push") >= 2 * bands["push_peak"][1]
     assert clinic_number("hand_torque") >= 2 * bands["torque_peak"][1]
     assert not {variable.name for variable in patient_variables()} & {"push_limit", "torque_limit"}
+
+
+def test_drivers_of_ones_own_examine_the_same_patients_in_one_batch(tmp_path):
+    """Two drivers who differ in their pace alone; the colons are laid out once. Faster goes deeper in two seconds."""
+    for name, rate in (("slow", 0.02), ("quick", 0.04)):
+        (tmp_path / f"{name}.toml").write_text(f'law = "follower"\nadvance_rate = {rate}\n', encoding="utf-8")
+    drivers = tuple(str(tmp_path / f"{name}.toml") for name in ("slow", "quick"))
+    study = cohort_study("quick", drivers=drivers, patients=2, seconds=2.0)
+    jobs = list(jobs_of(study, designs_of(study)))
+    found = {result.job: result for result in find_backend("cohort", "linear").start(study, tmp_path)(jobs)}
+    depth = {(job.conditions["driver"], job.design): found[job.id].curves["insertion_m"][-1] for job in jobs}
+    for design in {job.design for job in jobs}:
+        assert depth[drivers[1], design] > depth[drivers[0], design] + 0.02
+
+
+def test_settings_out_of_range_are_refused_by_name(tmp_path):
+    path = tmp_path / "driver.toml"
+    path.write_text('law = "endoscopist"\nadvance_rate = 3.0\n', encoding="utf-8")
+    with pytest.raises(InvalidOptionError, match=r"driver\.toml: advance_rate"):
+        driver_settings(str(path), moves=True)
+    path.write_text('law = "ghost"\n', encoding="utf-8")
+    with pytest.raises(InvalidOptionError, match="law 'ghost' is not known"):
+        driver_settings(str(path), moves=True)
+
+
+def test_endoscopists_who_are_tried_lie_within_their_bounds(tmp_path):
+    bounds = tomllib.loads(asset("clinic/endoscopists.toml").read_text(encoding="utf-8"))
+    usual, *others = settings_files(tmp_path, 5, seed=3)
+    assert driver_settings(str(usual), moves=True) == driver_settings("endoscopist", moves=True)
+    for path in others:
+        settings = driver_settings(str(path), moves=True)
+        assert all(each["low"] <= getattr(settings, name) <= each["high"] for name, each in bounds.items())
+    assert len({path.read_text(encoding="utf-8") for path in others}) == 4
 
 
 def test_patients_are_examined_side_by_side_and_kept(tmp_path):

@@ -191,3 +191,18 @@ def test_at_once_too():
     np.testing.assert_allclose(seen[:, 9], 0.03, atol=1e-6)
     assert info["final_obs"][0][9] > 0.031
     vector.close()
+
+
+@pytest.mark.parametrize("on_host", [False, True])
+def test_what_a_wall_bears_holds_from_an_episode_s_beginning(on_host):
+    """World 0 began when walls bore little, and is torn; world 1 began when they bore all."""
+    task = make(TaskConfig(design=DESIGN, observation="state"), worlds=2, on_host=on_host)
+    task.reset(seeds=[0, 0])
+    task.bears = 1e-3
+    task.reset(np.array([0]), [0])
+    task.bears = 1e4
+    torn = np.zeros(2, bool)
+    for _ in range(60):
+        torn |= task.step(np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))).info["perforated"]
+    task.close()
+    assert torn.tolist() == [True, False]

@@ -43,7 +43,7 @@ def test_readings_tell_what_stopped_it_and_what_its_treads_rubbed() -> None:
     }
     for reason, changed in told.items():
         assert stopped_by(robot(), Outcome.STUCK, {**still, **changed}) == reason
-    assert stopped_by(robot(), Outcome.REACHED_CAECUM, still) == "the caecum"
+    assert stopped_by(robot(), Outcome.COMPLETED, still) == "the caecum"
     assert slip_work(robot(), still) == pytest.approx(0.1 * robot().design.tread_speed(150) * 19.98)
 
 

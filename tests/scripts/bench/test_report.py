@@ -1,9 +1,7 @@
 """The page of benchmarks says what was measured, and what was not reached first of all."""
 
-import json
 from pathlib import Path
 
-from haustra.scripts.bench.pages.validation_page import main
 from haustra.scripts.bench.report import report_bench, said
 from tests.scripts.bench.test_result import BENCH
 
@@ -19,13 +17,3 @@ def test_the_page_holds_bars_fronts_and_tables(tmp_path: Path) -> None:
 
 def test_a_bar_in_one_line() -> None:
     assert said(BENCH.bars[0]) == "order: 1.99, at least 1.8"
-
-
-def test_the_overview_is_written_from_the_same_numbers(tmp_path: Path) -> None:
-    source = tmp_path / "bench.json"
-    source.write_text(json.dumps({"benches": [BENCH.to_json()]}), encoding="utf-8")
-    main(source, tmp_path / "validation.md")
-    text = (tmp_path / "validation.md").read_text(encoding="utf-8")
-    assert "| order | 1.99 | at least 1.8 | met |" in text
-    assert "| joints=40 | 0.06 | 0.4 |" in text
-    assert "**not met**" in text

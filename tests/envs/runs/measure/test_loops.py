@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from haustra.envs.runs.measure.crossings import crossings
 from haustra.envs.runs.measure.loops import LoopKind, Rest, find_loops, writhe
 from haustra.errors import InvalidOptionError
 
@@ -30,6 +31,18 @@ def test_the_crossing_tells_alpha_from_reversed_alpha_from_any_side(handed, kind
     assert loop.end - loop.start == pytest.approx(2 * np.pi * 0.06, rel=0.15)
     assert loop.size == pytest.approx(0.12, rel=0.1)
     assert np.sign(writhe(curl(handed))) == handed
+
+
+def test_many_crossings_are_all_found():
+    """A curve that winds outwards for 4.7 turns and then comes straight back crosses itself four times."""
+    s = np.linspace(0, 4.7, 400)
+    coil = np.stack([(0.05 + 0.01 * s) * np.cos(2 * np.pi * s), (0.05 + 0.01 * s) * np.sin(2 * np.pi * s)], axis=1)
+    inwards = np.linspace(coil[-1], 0.2 * coil[-1], 30)[1:]
+    flat = np.vstack([coil, inwards])
+    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(flat, axis=0), axis=1))])
+    found = crossings(flat, np.where(np.arange(len(flat)) < 400, 0.0, 0.01), arc)
+    assert len(found) == 4
+    assert {sign for *_, sign in found} in ({1.0}, {-1.0})
 
 
 def test_a_crossing_in_the_transverse_colon_is_gamma():
@@ -61,7 +74,7 @@ def test_writhe_of_a_helix():
         s = np.linspace(0, 2 * np.pi * turns, 60 * turns)
         return writhe(np.stack([0.05 * np.cos(s), 0.05 * np.sin(s), 0.1 * s / (2 * np.pi)], axis=1))
 
-    assert (turned(20) - turned(10)) / 10 == pytest.approx(1 - 0.1 / np.hypot(0.1, 2 * np.pi * 0.05), rel=0.01)
+    assert (turned(12) - turned(6)) / 6 == pytest.approx(1 - 0.1 / np.hypot(0.1, 2 * np.pi * 0.05), rel=0.01)
 
 
 @pytest.mark.parametrize("handed", [1.0, -1.0])

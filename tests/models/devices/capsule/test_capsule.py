@@ -153,7 +153,7 @@ def test_values_out_of_range_are_refused():
 
 def test_its_driver_takes_it_through(tube):
     run = run_device(capsule(led_by="magnet"), tube, seconds=20.0)
-    assert run.outcome.value == "reached_caecum"
+    assert run.outcome.value == "completed"
     assert run.records["tip_arc"].max() > 0.165 and run.records["deepest"].max() < 1e-3
 
 
@@ -280,5 +280,5 @@ def test_it_is_a_gymnasium_environment(tube):
         gained += float(reward)
         if over:
             break
-    assert over and info["outcome"] == "reached_caecum"
+    assert over and info["outcome"] == "completed"
     assert gained == pytest.approx(100 * (info["progress"] - 0.15), abs=3)

@@ -1,0 +1,25 @@
+"""What changes over a training: the learning rate and the perforation limit."""
+
+from haustra.envs.learning.settings import Training
+
+LEAST_DEVIATION = 0.1
+"""An observation is divided by no less: entries are scaled to about one, and some hardly ever change."""
+SAVE_EVERY = 120.0
+"""Within a leg, on other backends than 'native', what is lost to an interruption at most [s]; an engineering choice."""
+_LEAST_RATE = 0.1
+"""Learning rate at the end of annealing, as a share of the first."""
+
+
+def learning_rate(training: Training, steps: int) -> float:
+    """After that many steps of the whole run."""
+    share = min(1.0, steps / training.steps) if training.anneal else 0.0
+    return training.learning_rate * (1 - (1 - _LEAST_RATE) * share)
+
+
+def perforation_force(training: Training, steps: int) -> float:
+    """The limit after that many steps of the whole run [N]."""
+    last = training.task.limits.perforation_force
+    if training.ease is None:
+        return last
+    first, share = training.ease
+    return last + (first - last) * max(0.0, 1 - steps / (share * training.steps))

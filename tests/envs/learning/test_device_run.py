@@ -1,0 +1,98 @@
+"""Training where the physics is, at a size for tests, on the CPU."""
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+pytest.importorskip("safetensors")
+
+from haustra.envs.learning.device_run import DeviceRun, _fitting
+from haustra.envs.learning.policy import load_policy
+from haustra.envs.learning.settings import Training, shipped
+from haustra.envs.learning.train import train
+from haustra.envs.tasks.config import Limits, TaskConfig
+from haustra.envs.tasks.scope_task import ScopeTask
+from haustra.errors import InvalidOptionError
+from tests.task_bank import DESIGN, short_bank
+
+SMALL = Training(
+    learner="device",
+    backend="linear",
+    steps=768,
+    leg=256,
+    worlds=16,
+    rollout=8,
+    batch=64,
+    epochs=2,
+    layers=(16,),
+    imitate=0,
+    normalise=True,
+    stagger=True,
+    critic_knows=True,
+    most_p_perforation=0.002,
+    most_pain=0.01,
+    log_std=-0.7,
+    first_push=0.4,
+    task=TaskConfig(design=DESIGN, limits=Limits(seconds=1.0)),
+)
+
+
+def run(training: Training, folder: Path, **options) -> dict:
+    return train(training, folder, bank=short_bank(), threads=1, **options)
+
+
+def test_a_resumed_run_is_the_same_run(tmp_path):
+    whole = run(SMALL, tmp_path / "whole")
+    run(replace(SMALL, steps=256), tmp_path / "parts")
+    parts = run(SMALL, tmp_path / "parts", resume=True)
+    assert whole["steps"] == parts["steps"] == 768 and whole["price_pain"] == parts["price_pain"] > 0.1
+    for name in ("policy.safetensors", "curve.csv"):
+        assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "parts" / name).read_bytes()
+    policy = load_policy(tmp_path / "whole")
+    assert policy.config == SMALL.task, "the policy does not read what only the critic knows"
+    with (tmp_path / "whole" / "curve.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert sum(int(row["episodes"]) for row in rows) > 16 and all(float(row["seconds"]) <= 1.0 for row in rows)
+
+
+def test_costs_of_an_episode_come_to_what_it_did(tmp_path):
+    """Every step costs what was added to P(perforation) and the largest pain: their sums are the episode's own."""
+    task = ScopeTask(SMALL.shown, worlds=SMALL.worlds, backend="linear", bank=short_bank())
+    learns = DeviceRun(replace(SMALL, rollout=24, stagger=False), tmp_path, task, None, lambda done, note: None)
+    learns._begin(0)
+    began = learns._before.clone()
+    rollout, _, ended = learns._drive()
+    task.close()
+    assert not rollout.over.any() and len(ended) == 0
+    info = task.info()
+    found = (began + rollout.paid[:, :, 1:].sum(0)).numpy()
+    np.testing.assert_allclose(found, np.stack([info["p_perforation"], info["pain"]], axis=1), rtol=1e-4, atol=1e-6)
+    assert found[:, 1].min() > 0
+    np.testing.assert_array_equal(rollout.seen[-1, :, :-18], learns._looked()[:, :-18])
+
+
+def test_a_run_begins_as_a_trained_policy(tmp_path):
+    run(replace(SMALL, steps=256), tmp_path / "first")
+    held = replace(SMALL, steps=256, start=str(tmp_path / "first"))  # two rollouts, in which only the critic learns
+    run(held, tmp_path / "second")
+    one, other = (load_policy(tmp_path / name) for name in ("first", "second"))
+    seen = {"state": np.ones((3, 18)), "lumen": np.linspace(0, 1, 81).reshape(3, 27)}
+    np.testing.assert_allclose(one.act(seen), other.act(seen), atol=1e-4)
+    assert one.deviation == pytest.approx(other.deviation, rel=1e-6)
+    for wrong in (replace(held, layers=(8,)), replace(held, task=replace(SMALL.task, imager=True))):
+        with pytest.raises(InvalidOptionError, match="set the same"):
+            _fitting(wrong)
+
+
+def test_what_the_device_does_not_do_is_refused():
+    for name, value in (("algorithm", "sac"), ("backend", "native"), ("imitate", 10), ("device", "cuda")):
+        with pytest.raises(InvalidOptionError, match="'device'"):
+            replace(SMALL, **{name: value})
+    with pytest.raises(InvalidOptionError, match="most_pain is for the learner 'device'"):
+        Training(most_pain=1.0)
+    own = shipped("insertion")
+    assert own.learner == "device" and own.most_p_perforation == 0.002
