@@ -1,26 +1,21 @@
 """The validation page of the tracked robot, written from a study's own numbers."""
 
-from pathlib import Path
 from typing import Any
 
 
-def write_page(path: Path, result: dict[str, Any]) -> Path:
-    """Write the page as Markdown; the same study writes the same page."""
-    from haustra.files import prepare_folder, write_atomically
-
-    prepare_folder(path.parent)
-    text = "\n\n".join([_HEAD, _rows(result), _stresses(result), _full_range(result), _redesign(result)])
-    return write_atomically(path, lambda temporary: temporary.write_text(text + "\n", encoding="utf-8"))
+def propulsion_page(result: dict[str, Any]) -> str:
+    """The page as Markdown, from what `haustra propulsion --json` prints."""
+    return "\n\n".join([_HEAD, _rows(result), _stresses(result), _full_range(result), _redesign(result)]) + "\n"
 
 
 _HEAD = """# Validation: the tracked robot
 
 **Question.** Does the model of the tracked robot pull, ripple and stress its tread as its papers say?
 
-Made by `haustra propulsion --page docs/validation/tracked.md`; do not edit. What is modelled, assumed and fitted is in
-[the theory](../theory/tracked.md). One number was fitted to a force: the indentation that gives four tracks 3 N on
-tissue. Tooth, belt and tips are assumed, chosen so that ripple and stress ratio come out as published; so those two
-columns show that a plausible tread explains the paper, and not that its tread is this one."""
+Made from docs/validation/data/tracked.json, which `haustra propulsion --json` prints; do not edit. What is modelled,
+assumed and fitted is in [the theory](../theory/tracked.md). One number was fitted to a force: the indentation that
+gives four tracks 3 N on tissue. Tooth, belt and tips are assumed, chosen so that ripple and stress ratio come out as
+published; so those two columns show that a plausible tread explains the paper, and not that its tread is this one."""
 
 
 def _rows(result: dict[str, Any]) -> str:

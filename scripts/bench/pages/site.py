@@ -10,6 +10,7 @@ from pathlib import Path
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
 
 from haustra import _HOME
 from haustra.scripts.registry import BENCHMARKS, GROUPS, VERBS, load_verb
@@ -45,6 +46,13 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for path, text in made.items():
         files.append(File.generated(config, path, content=text))
     return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Let the search find guides before lists of names and notes of days that are over."""
+    if page.file.src_uri.startswith(("log/", "reference/python/")):
+        page.meta["search"] = {"boost": 0.2}
+    return markdown
 
 
 def packages() -> list[str]:
