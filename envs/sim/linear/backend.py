@@ -446,22 +446,17 @@ class LinearBackend(AbstractBackend):
         return self._of_worlds("state", 0, self._layout.dofs)
 
     def snapshot(self, world: int) -> Snapshot:
-        """Not kept.
-
-        Raises:
-            UnsupportedSceneError: always.
-        """
-        raise UnsupportedSceneError(
-            "Withdrawal begins where scopes stood, which the backend 'linear' does not keep: use 'native'."
-        )
+        """Where one world is now, its colon too; `state` is a row of the program's own."""
+        layout, row = self._layout, self._of_worlds("state", 0, self._layout.state)[world]
+        tip = layout.arcs + layout.spheres
+        row[layout.time] = 0.0
+        return Snapshot(row, row[layout.arcs : tip], row[layout.pulls : layout.time])
 
     def restore(self, world: int, snapshot: Snapshot) -> None:
-        """Not kept.
-
-        Raises:
-            UnsupportedSceneError: always.
-        """
-        self.snapshot(world)
+        """Put one world, which was reset to the same colon, where another was."""
+        block, lane = divmod(world, self._place.lanes)
+        self._held["state"].change()[block, : self._layout.state, lane] = snapshot.state
+        self._run(0)
 
     def world_data(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Model and data of one world as MuJoCo's own values, to draw or to check."""
