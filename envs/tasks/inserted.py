@@ -1,7 +1,7 @@
 """Scopes that are already in the caecum, for withdrawal: somebody brings each colon's there once.
 
-In colons that move the shipped policy `insertion` drives, which comes to the caecum of nearly all of them; in colons
-that stand still the lumen follower does, which knows any scope.
+In linear time the shipped policy `insertion` drives, some times in each colon, and the farthest counts; in MuJoCo,
+where that would take too long, the lumen follower does, once.
 """
 
 import json
@@ -20,8 +20,8 @@ from haustra.provenance import content_hash
 
 _SECONDS = 240.0
 """Longest insertion [s]."""
-_POLICY = "insertion"
-"""Who drives in colons that move."""
+_POLICY, _TRIES = "insertion", 6
+"""Who drives in linear time, and how often in each colon."""
 _PARTS = tuple(entry.name for entry in fields(Snapshot))
 _SLIPPERY = Randomisation(
     friction=(0.01, 0.01),
@@ -65,37 +65,40 @@ def inserted_starts(config: TaskConfig, bank: ColonSet, backend: str) -> tuple[S
 def _insert(config: TaskConfig, bank: ColonSet, backend: str) -> tuple[Snapshot, ...]:
     from haustra.envs.tasks.scope_task import ScopeTask
 
-    about, make = _driver(config)
+    about, make, tries = _driver(config, backend)
     rules = replace(about, randomisation=_SLIPPERY, limits=Limits(seconds=_SECONDS))
-    worlds = len(bank.cases)
+    worlds = tries * len(bank.cases)
+    colon = np.arange(worlds) % len(bank.cases)
     task = ScopeTask(rules, worlds=worlds, bank=bank, backend=backend)
-    seen = task.reset(seeds=list(range(worlds)), case=np.arange(worlds))
+    seen = task.reset(seeds=list(range(worlds)), case=colon)
     driver = make(task)
     driver.begin(np.ones(worlds, bool))
-    best = np.full(worlds, -1.0)
-    starts: list[Snapshot] = [task.backend.snapshot(world) for world in range(worlds)]
+    best = np.full(len(bank.cases), -1.0)
+    starts: list[Snapshot] = [task.backend.snapshot(world) for world in range(len(bank.cases))]
     for _ in range(round(_SECONDS / task.interval)):
         done = task.step(driver.act(seen))
         seen, told = done.observation, done.info
-        further = (told["progress"] > best + 0.02) & ~told["diverged"]
-        for world in np.flatnonzero(further | (told["reached"] & (best < 1))):
-            starts[world], best[world] = task.backend.snapshot(int(world)), told["progress"][world]
+        place = np.where(told["diverged"] | told["perforated"], -1.0, told["progress"])
+        for world in np.flatnonzero((place > best[colon] + 0.02) | ((place == 1) & (best[colon] < 1))):
+            if place[world] > best[colon[world]]:
+                starts[colon[world]] = task.backend.snapshot(int(world))
+                best[colon[world]] = place[world]
         if (best >= 0.98).all():
             break
     task.close()
     return tuple(starts)
 
 
-def _driver(config: TaskConfig) -> tuple[TaskConfig, Callable[[Any], Any]]:
-    """Rules of the insertion, and who drives."""
-    if not config.mesentery:
+def _driver(config: TaskConfig, backend: str) -> tuple[TaskConfig, Callable[[Any], Any], int]:
+    """Rules of the insertion, who drives, and how often in each colon."""
+    if not backend.startswith("linear"):
         from haustra.envs.tasks.drivers import FollowerDriver
 
         own = replace(config, task="insertion", observation="state", privileged=False, imager=False, memory=())
-        return replace(own, drive=Drive(), weights=Weights()), FollowerDriver
+        return replace(own, drive=Drive(), weights=Weights()), FollowerDriver, 1
     from haustra.envs.learning.drivers import PolicyDriver
     from haustra.envs.learning.policy import load_policy, policy_folder
 
     policy = load_policy(policy_folder(_POLICY))
-    own = replace(policy.config, design=config.design, mesentery=True)
-    return own, lambda task: PolicyDriver(policy, sampled=True)
+    own = replace(policy.config, design=config.design, mesentery=config.mesentery)
+    return own, lambda task: PolicyDriver(policy, sampled=True), _TRIES
