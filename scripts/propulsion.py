@@ -48,9 +48,13 @@ class Propulsion:
 
             result["written"] = [str(path) for path in draw(prepare_folder(self.output), design, result)]
         if self.page is not None:
-            from haustra.scripts.bench.pages.propulsion_page import write_page
+            from haustra.files import prepare_folder, write_atomically
+            from haustra.scripts.bench.pages.propulsion_page import propulsion_page
 
-            result["page"] = str(write_page(self.page, result))
+            page = propulsion_page(result)
+            prepare_folder(self.page.parent)
+            write_atomically(self.page, lambda temporary: temporary.write_text(page, encoding="utf-8"))
+            result["page"] = str(self.page)
         return result
 
     def _design(self):

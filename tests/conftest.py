@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from jaxtyping import install_import_hook
-from runtime_types import unchecked
+from runtime_types import check_anew, unchecked
 
 # Compiled from their sources, which the checks would change.
 import haustra.envs.view.picture.cover
@@ -35,6 +35,12 @@ def _written_without_checks() -> None:
 
 
 _written_without_checks()
+
+
+@pytest.fixture(autouse=True)
+def _first_calls_are_checked() -> None:
+    check_anew()
+
 
 _SHARED_DATA = Path(__file__).parents[2] / "shared" / "data"
 

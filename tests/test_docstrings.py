@@ -11,7 +11,7 @@ from haustra.scripts.bench.pages.fields_page import fields_page
 from haustra.scripts.registry import VERBS
 
 ROOT = Path(__file__).parents[1]
-ROOMS = ("haustra", "assets", "models", "envs", "scripts", "tests")
+ROOMS = ("haustra", "assets", "models", "envs", "scripts", "tests", "docs")
 RIDDLE = re.compile(r"(?:Of|The same|That)\b")
 """Beginnings that leave the subject to the line above: 'Of everything random' for 'Seed of all random draws'."""
 LOOSE = re.compile(r"(?:About|Above|Along|As|At|Between|For|From|In|On|Once|Over|Then|Their|Whose)\b|\[|$")

@@ -56,6 +56,6 @@ def look_around(
             ways = (xp.where(missed, part, 0.0) for part in cell.way)
             sums.now = tuple(total + part for total, part in zip(sums.now, (*counts, *ways), strict=True))
             bit.value = 2 * power
-        rows.add_at(slot, fresh.value)
+        rows.scatter(slot, mask + fresh.value)
     new, near, missed, *ways = sums.now
     return new / (cells * AROUND), unseen(xp.maximum(near, 1.0), missed, (ways[0], ways[1], ways[2]))

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.sim.linear.layout import NODE
 from haustra.envs.sim.linear.program import ScopeProgram
 from haustra.envs.sim.linear.sensing import tip_arc
 from haustra.envs.sim.linear.trace import Value
@@ -41,11 +42,18 @@ def lookup_of(sight: Sight, starts: Float[np.ndarray, "colons slots"] | None = N
 
 def begin_from(scopes: ScopeProgram, begins: Value, case: Value) -> None:
     """Put scopes that begin, and their colons, where the looked-up state of their colon has them."""
-    program, whole = scopes.program, scopes.program.xp.int32
-    first, count = whole(case), scopes.layout.state
-    with program.loop(0, count) as slot:
-        start = scopes.lookup.gather(first * count + slot + 1)
-        scopes.state.store(slot, program.xp.where(begins, start, scopes.state.load(slot)))
+    program, xp, layout = scopes.program, scopes.program.xp, scopes.layout
+    first = xp.int32(case) * (layout.axis + layout.nodes * NODE) + 1
+
+    def put(slot: Value, place: Value) -> None:
+        scopes.state.store(slot, xp.where(begins, scopes.lookup.gather(first + place), scopes.state.load(slot)))
+
+    with program.loop(0, layout.axis) as slot:
+        put(slot, slot)
+    with program.loop(0, layout.nodes) as node:
+        for number in range(NODE):
+            slot = layout.node_state(number) + node * (NODE if layout.abreast == 1 else 1)
+            put(slot, layout.axis + node * NODE + number)
 
 
 def lumens_of(scopes: ScopeProgram) -> SimpleNamespace:

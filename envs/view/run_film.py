@@ -15,9 +15,9 @@ from haustra.models.scene import Scene
 
 FILM = "film.webp"
 """File of a run's folder."""
-_PICTURES = 96
+_PICTURES = 72
 """Pictures of a film: few enough for a page to load at once."""
-_SHOWN_MS, _LAST_MS = 120, 2500
+_SHOWN_MS, _LAST_MS = 140, 2500
 """How long a picture is shown, and the last one [ms]; engineering choice: what the eye follows."""
 _QUALITY = 60
 """Quality of the WebP compression, 0 to 100."""
@@ -30,7 +30,7 @@ def write_run_film(
     *,
     progress: Callable[[int, int], None] = lambda done, pictures: None,
 ) -> Path:
-    """Draw a run that has records as a film of some twelve seconds.
+    """Draw a run that has records as a film of some ten seconds.
 
     Raises:
         OutputError: when the file cannot be written.

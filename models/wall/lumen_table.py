@@ -376,6 +376,23 @@ def wall_beside(
     return (radius - edge) * slope, inwards
 
 
+def depth_bound(xp: Any, tables: Tables, step: Any, first: Any, count: Any, point: Vector, arc: Any) -> Any:
+    """A bound of what `wall_beside` finds as depth [m], by the least radius of the lumen at the stations beside it.
+
+    That stands behind their points (`least_radius`). The frames' axes are across each other to a hundredth between
+    stations, by which a point may be further out along them.
+    """
+    j, u = _cell(xp, step, first, count, arc)
+    offset = minus(point, _line(tables, j, u))
+    outside = 1.01 * xp.sqrt(dot(offset, offset)) - xp.minimum(tables.points[j, 3], tables.points[j + 1, 3])
+    return where(xp, outside < 0, LEAST_SLOPE * outside, outside)
+
+
+def least_radius(wall: Float[np.ndarray, "stations angles 4"]) -> Float[np.ndarray, " stations"]:
+    """Radius of the lumen where it is narrowest, at each station [m]."""
+    return wall[..., 0].min(axis=1)
+
+
 def axis_at(xp: Any, tables: Tables, arcs: Float[Any, "..."]) -> Float[Any, "..."]:
     """Points of the centreline at arc lengths [m]; the last one beyond its end."""
     return vectors.stacked(xp, axis_point(xp, tables, tables.step, tables.first, tables.count, arcs))
@@ -388,10 +405,10 @@ def axis_point(xp: Any, tables: Tables, step: Any, first: Any, count: Any, arc: 
 
 
 def station_width(xp: Any, tables: Tables, step: Any, first: Any, count: Any, arc: Any) -> Any:
-    """What stations hold beside their points, at an arc length [m]; the colon's stations as in `query_point`."""
+    """What stations hold behind their first axes, at an arc length [m]; the colon's stations as in `query_point`."""
     j, u = _cell(xp, step, first, count, arc)
     u = xp.minimum(xp.maximum(u, 0.0), 1.0)
-    return (1 - u) * tables.points[j, 3] + u * tables.points[j + 1, 3]
+    return (1 - u) * tables.frames[j, 3, 0] + u * tables.frames[j + 1, 3, 0]
 
 
 def _cell(xp: Any, step: Any, first: Any, count: Any, arc: Any) -> tuple[Any, Any]:

@@ -4,7 +4,8 @@ from typing import Any, NamedTuple
 
 from haustra.envs.sim.linear.layout import AXIS, NODE, NODE_ROOM, WORLD, Layout
 from haustra.envs.sim.linear.memory import Lanes, Rows
-from haustra.envs.sim.linear.trace import Program, Value
+from haustra.envs.sim.linear.sweep import Before, NodeNumbers, Nodes, along, in_turn, kept_numbers
+from haustra.envs.sim.linear.trace import Changing, Program, Value
 from haustra.models.injury.pain import axial_tension, mesentery_tension
 from haustra.models.wall.lumen_table import Tables, axis_point
 from haustra.models.wall.moving_colon import (
@@ -39,12 +40,14 @@ from haustra.models.wall.sections import (
 )
 from haustra.models.wall.vectors import Vector, add, between, cross, dot, minus, norm, times, unit_rate
 
-_UNIT, _LENGTH, _TANGENT, _SUM, _TURN, _CLOSING, _FLAT, _ACROSS = 0, 3, 4, 7, 8, 12, 15, 16
-_SPIN, _FLAT_RATE, _ACROSS_RATE = 19, 22, 23
-_COUPLES, _PULLED, _GRIPPED, _DIAGONAL, _TIE, _OVER = 26, 35, 38, 40, 41, 42
-"""What each node's room holds, and the edge behind it."""
-_WORK, _OVER_CELL, _TORQUE, _TURN_RESISTS = _SPIN, _FLAT_RATE, _ACROSS_RATE + 2, _FLAT
-"""What a step puts in the place of what is not needed any more."""
+_CLOSING, _LENGTH, _SECTION, _GRIPPED, _PULLED, _COUPLES, _SPIN, _FLAT_RATE, _ACROSS_RATE = (
+    0, 3, 4, 12, 14, 17, 26, 29, 30
+)  # fmt: skip
+"""What each node's room holds, and the cell behind it; `_MOVING` takes the place of the rates."""
+_MOVING, _SPINNING = _SPIN, _SPIN + 4
+"""Velocity of a node while those behind it are not known, and its share of theirs; the same of the turn."""
+_TURN, _TURNING = 3, POSE + 3
+"""How a node's section is turned, and its angular velocity about the axis, in its state."""
 
 
 class Cell(NamedTuple):
@@ -77,80 +80,87 @@ class Axis:
             tables: with the stations of the world's colon.
         """
         self.program, self.layout, self.nodes = program, layout, layout.nodes
-        self._state, self._world, self._room = arrays
-        self._rows = rows
+        state, self._world, room = arrays
+        apart = (NODE, NODE_ROOM) if layout.abreast == 1 else (1, 1)
+        self._state = NodeNumbers(state, layout.node_state, apart[0])
+        self._room = NodeNumbers(room, layout.node_slot, apart[1])
+        self._rows, self._first_row = rows, {}
         self._tables, self._stations = tables
 
-    def shape(self, reached: Value) -> None:
+    def shape(self, reached: Value) -> Value:
         """Find how the axes lie and their sections go along, and let nothing press on them.
 
-        How sections flatten is found up to the arc length that is reached by what may touch them [m].
+        Args:
+            reached: arc length up to which something may touch them [m].
+
+        Returns:
+            The node from which on none was looked at, since nothing reaches there.
         """
         program, xp, room = self.program, self.program.xp, self._room
-        last = self.nodes - 1
-        beyond = program.most(self._cell(reached).at) + 2
-        with program.loop(0, last) as i:
-            edge = minus(self._now(i + 1), self._now(i))
-            length = norm(xp, edge)
-            unit = times(1 / length, edge)
-            rate = unit_rate(unit, length, minus(self.speed(i + 1), self.speed(i)))
-            room.put(self._node(i) + _UNIT, (*unit, length))
-            room.put(self._node(i) + _OVER, rate)
-        with program.loop(0, self.nodes) as i:
-            inner, here, before = self._edges(i)
-            total, rate = (
-                add(room.vector(here + slot), times(inner, room.vector(before + slot))) for slot in (_UNIT, _OVER)
-            )
-            size, state = norm(xp, total), self._place(i)
-            tangent = times(1 / size, total)
-            kept = self._state.load(state + 3), self._state.vector(state + 4)
-            real, part = brought_along(xp, kept, self._vector(i, "tangent"), tangent)
-            room.put(self._node(i) + _TANGENT, (*tangent, size, real, *part))
-            spin = cross(tangent, unit_rate(tangent, size, rate))
-            room.put(self._node(i) + _SPIN, add(spin, times(self._state.load(state + POSE + 3), tangent)))
-        with program.loop(0, xp.where(beyond < last, beyond, last)) as i:
-            own, longer = self._node(i), minus(self.speed(i + 1), self.speed(i))
-            now, length = (self._tangent(i), self._tangent(i + 1)), room.load(own + _LENGTH)
-            before, after = (cross(room.vector(self._node(i + end) + _SPIN), now[end]) for end in range(2))
-            room.put(own + _CLOSING, cell_closing(xp, *now, length))
-            longer = dot(room.vector(own + _UNIT), longer)
-            room.put(own + _OVER, cell_closing_rate(xp, *now, length, before, after, longer))
-        with program.loop(0, self.nodes) as i:
-            room.put(self._node(i) + _COUPLES, [0.0] * 14)
-        with program.loop(0, beyond) as i:
-            own, (_, here, before) = self._node(i), self._edges(i)
-            tangent, spin = self._tangent(i), room.vector(own + _SPIN)
-            cells = room.vector(before + _CLOSING), room.vector(here + _CLOSING)
-            rates = room.vector(before + _OVER), room.vector(here + _OVER)
-            closing = node_closing(*cells, tangent)
-            rest, width = turned(*self._turn(own), self._vector(i, "closing")), self._number(i, "width")
-            flat, across = flattening(xp, closing, rest, width)
-            room.put(own + _FLAT, (flat, *across))
-            changing = node_closing_rate(*cells, tangent, *rates, cross(spin, tangent))
-            flat_rate, across_rate = flattening_rate(xp, closing, rest, width, changing, cross(spin, rest))
-            room.put(own + _FLAT_RATE, (flat_rate, *across_rate))
+        beyond, first = program.most(self._cell(reached).at) + 2, self._at(0)
+        start = self._now(first), self._state.vector(first, POSE)
+        with program.side_by_side(self.layout.abreast):
+            at_node, edges = Before(program, *start[0], *start[1]), Before(program, *[0.0] * 6, 1.0, 0.0)
+            nodes = Before(program, *[0.0] * 3, 1.0, *[0.0] * 9)
+            cells = Before(program, *[0.0] * 6)
+            with along(program, self.nodes, 1, beyond + 2) as i:
+                # Beside the edge before node i, the node and the cell before that edge.
+                node, cell = i.back(1), i.back(2)
+                self._state.fetch(i.first + 2, 0, NODE)
+                place, speed = self._now(i), self._state.vector(i, POSE)
+                before = at_node(*place, *speed)
+                edge, change = self._edge(i, minus(place, before[:3])), self._edge(i, minus(speed, before[3:]))
+                length = norm(xp, edge)
+                unit = times(1 / length, edge)
+                rate, longer = unit_rate(unit, length, change), dot(unit, change)
+                before = edges(*unit, *rate, length, longer)
+                stretch = before[6], before[7]
+                total, rate = add(unit, before[:3]), add(rate, before[3:6])
+                size = norm(xp, total)
+                tangent = times(1 / size, total)
+                real, part = brought_along(xp, self._turn(node), self._vector(node, "tangent"), tangent)
+                spin = cross(tangent, unit_rate(tangent, size, rate))
+                spin = add(spin, times(self._state.load(node, _TURNING), tangent))
+                moving = cross(spin, tangent)
+                before = nodes(*tangent, real, *part, *spin, *moving)
+                tangents, turn = (before[:3], tangent), (before[3], before[4:7])
+                spin, moving = before[7:10], (before[10:], moving)
+                closing = cell_closing(xp, *tangents, stretch[0])
+                changing = cell_closing_rate(xp, *tangents, stretch[0], *moving, stretch[1])
+                before = cells(*closing, *changing)
+                beside = self._beside(cell, before[:3], closing)
+                rates = self._beside(cell, before[3:], changing)
+                rest, width = turned(*turn, self._vector(cell, "closing")), self._number(cell, "width")
+                own = node_closing(*beside, tangents[0])
+                flat, across = flattening(xp, own, rest, width)
+                changing = node_closing_rate(*beside, tangents[0], *rates, moving[0])
+                flat_rate, across_rate = flattening_rate(xp, own, rest, width, changing, cross(spin, rest))
+                section = turn[0], *turn[1], flat, *across
+                room.put(cell, _CLOSING, (*closing, stretch[0], *section, 0.0, 0.0))
+                room.put(cell, _SPIN, (*spin, flat_rate, *across_rate))
+        return beyond
 
     def reference(self, place: Vector, arc: Value) -> Vector:
         """Where a place near an arc length stands in the colon at rest."""
         xp, cell = self.program.xp, self._cell(arc)
         axis, moved = self._axis(arc), self.moved(arc)
-        along, rest = (self._vector(cell.at, "tangent"), self._vector(cell.at + 1, "tangent")), cell.at
-        length, own = self._number(rest, "length"), self._node(cell.at)
-        closings = cell_closing(xp, *along, length), self._room.gather_vector(own + _CLOSING)
-        stretch = self._room.gather(own + _LENGTH) / length
+        along = self._row_vector(cell.at, "tangent"), self._row_vector(cell.at + 1, "tangent")
+        length = self._row(cell.at, "length")
+        closings = cell_closing(xp, *along, length), self._room.gather_vector(cell.at, _CLOSING)
+        stretch = self._room.gather(cell.at, _LENGTH) / length
         offset = minus(minus(place, axis), moved)
         return add(axis, taken_back(xp, offset, stretch, along, closings, *self._sections(cell), cell.share))
 
     def moved(self, arc: Value) -> Vector:
         """How far the axis has moved from rest at an arc length [m]."""
         cell = self._cell(arc)
-        before, after = (self._state.gather_vector(self._place(cell.at + i)) for i in range(2))
+        before, after = (self._state.gather_vector(cell.at + i, 0) for i in range(2))
         return between(before, after, cell.share)
 
     def most_depth(self, arc: Value, depth: Value, radius: Value) -> Value:
         """A bound of the depth of a sphere in the wall as it is now, given that at rest [m], as `touched` finds it."""
         xp, cell = self.program.xp, self._cell(arc)
-        flat = xp.maximum(*(self._room.gather(self._node(cell.at + end) + _FLAT) for end in range(2)))
+        flat = xp.maximum(*(self._room.gather(cell.at + end, _SECTION + 4) for end in range(2)))
         return xp.maximum(depth, (1 - flat) * depth + flat * radius)
 
     def touched(
@@ -165,155 +175,180 @@ class Axis:
             normal: of the wall there.
             radius: of the sphere.
         """
-        xp, cell = self.program.xp, self._cell(arc)
+        xp, cell, room = self.program.xp, self._cell(arc), self._room
         before, after = self._sections(cell)
         depth, normal, surface = touched(xp, depth, normal, radius, before, after, cell.share)
         held = minus(add(rest, surface), self._axis(arc))
 
         def speed(node: Value, section: Section) -> Vector:
-            slot = self._node(node)
-            rates = self._room.gather_vector(slot + _SPIN), self._room.gather(slot + _FLAT_RATE)
-            moving = self._state.gather_vector(self._place(node) + POSE)
-            rates = *rates, self._room.gather_vector(slot + _ACROSS_RATE)
-            return add(moving, carried_rate(section, rates, held))
+            rates = room.gather_vector(node, _SPIN), room.gather(node, _FLAT_RATE)
+            moving = self._state.gather_vector(node, POSE)
+            return add(moving, carried_rate(section, (*rates, room.gather_vector(node, _ACROSS_RATE)), held))
 
         return depth, normal, held, between(speed(cell.at, before), speed(cell.at + 1, after), cell.share)
 
     def press(self, arc: Value, held: Vector, force: Vector, damping: Value) -> None:
         """Let a force on the wall [N] act, damped by so much [N s/m], where its lever is held."""
-        cell = self._cell(arc)
+        xp, cell, room = self.program.xp, self._cell(arc), self._room
         for later in range(2):
-            slot, part = self._node(cell.at + later), cell.share if later else 1 - cell.share
+            node, part = cell.at + later, cell.share if later else 1 - cell.share
             shared = times(part, force)
-            values = [*(shared[i] * held[j] for i in range(3) for j in range(3)), *shared]
-            values += [part * damping, part * damping * dot(held, held)]
+            pressed = room.gather(node, _GRIPPED) > 0  # what else is there was left by earlier steps
+            values = [part * damping, part * damping * dot(held, held), *shared]
+            values += [shared[i] * held[j] for i in range(3) for j in range(3)]
             for more, value in enumerate(values):
-                self._room.add_at(slot + (_COUPLES + more), value)
+                there = xp.where(pressed, room.gather(node, _GRIPPED + more), 0.0)
+                room.scatter(node, _GRIPPED + more, there + value)
 
-    def step(self, h: float, fastest: Any, limit: float) -> None:
-        """Let the axes give way for a time step [s]; `fastest` keeps what is faster than a limit."""
+    def step(self, h: float, fastest: Any, limit: float, beyond: Value) -> None:
+        """Let the axes give way for a time step.
+
+        Args:
+            h: time step [s].
+            fastest: keeps what is faster than a limit.
+            limit: of speeds [m/s, rad/s].
+            beyond: from which node on nothing presses (`shape`).
+        """
+        start = self._now(self._at(0))
+        with self.program.side_by_side(self.layout.abreast):
+            self._outwards(start, h, beyond)
+            self._back(h, fastest, limit)
+
+    def _outwards(self, start: Vector, h: float, beyond: Value) -> None:
+        """Forces and resistances of node after node, of which Thomas's algorithm takes away those before."""
         program, xp, room = self.program, self.program.xp, self._room
-        self._bend()
         last = self.nodes - 1
-        pulls, right = ([program.variable(0.0) for _ in range(3)] for _ in range(2))
-        tied, resisted, turn_tied, turn_resisted, torque = (
-            program.variable(start) for start in (0.0, 1.0, 0.0, 1.0, 0.0)
+        places, edges, earlier = (
+            Before(program, *start),
+            Before(program, *[0.0] * 3, 1.0),
+            Before(program, *[0.0] * 3, 1.0),
         )
+        turns = Before(program, *[0.0] * 3, 1.0, 1.0, *[0.0] * 3)
+        stiff, stiffer = (Before(program, 1.0, 0.0, 0.0, 0.0) for _ in range(2))
+        grips, gripping = Before(program, 0.0), Before(program, 0.0)
+        closings, works, torques = Before(program, *[0.0] * 3), Before(program, *[0.0] * 4), Before(program, 0.0)
+        bends, lower, shortened, pulls = (Before(program, *[0.0] * count) for count in (3, 3, 1, 3))
+        moved, spun = kept_numbers(program, *[0.0] * 5), kept_numbers(program, *[0.0] * 3)
+        with along(program, self.nodes, 1, self.nodes + 3) as i:
+            node, cell, own = i.back(1), i.back(2), i.back(3)
+            self._state.fetch(i.first + 2, 0, POSE)
+            room.fetch(i.first, _GRIPPED, 1)
+            place = self._now(i)
+            edge = self._edge(i, minus(place, places(*place)))
+            length = norm(xp, edge)
+            unit = times(1 / length, edge)
+            before = edges(*unit, length)
+            unit_before, length_before = before[:3], before[3]
+            total = add(unit, unit_before)
+            size = norm(xp, total)
+            tangent, at_rest = times(1 / size, total), self._vector(node, "tangent")
+            inner = (node.each > 0) & (node.each < last)
+            bend = bend_gradient(
+                xp, minus(unit, unit_before), self._number(node, "turn"), self._number(node, "bending")
+            )
+            bend = self._where(inner, bend)
+            # How the node's section is turned, what holds it from turning, and what presses on it.
+            kept = self._turn(node)
+            turn = brought_along(xp, kept, at_rest, tangent)
+            inside = node.each <= last
+            kept = xp.where(inside, turn[0], kept[0]), *self._where(inside, turn[1], kept[1])
+            self._state.put(node, _TURN, kept)
+            upright = self._number(node, "upright")
+            tilt, lean = twist(xp, STILL, turn, (at_rest, tangent), STILL)
+            righting = xp.where(inside, upright * tilt, 0.0)
+            work, torque = times(-righting, lean), -righting
+            gripped = xp.where(node.each < beyond, room.load(node, _GRIPPED), 0.0)
+            pressed = Changing(program, [0.0] * 10)
+            with program.when(gripped > 0):
+                pressed.now = self._press_section(node, gripped > 0, turn, tangent)
+            work, torque = add(work, pressed.now[:3]), torque + pressed.now[3]
+            over_cell = add(closings(*pressed.now[7:]), pressed.now[4:7])
+            # The edge before it, and the cell there.
+            before = turns(*tangent, size, kept[0], *kept[1:])
+            tangents, size, turn_before = (before[:3], tangent), before[3], (before[4], before[5:])
+            own_stiffness = self._number(node, "torsion"), self._number(node, "bending") + upright
+            rest, tension, torsion, stiffness = stiff(
+                self._number(node, "length"), self._number(node, "tension"), *own_stiffness
+            )
+            sine, binormal = twist(xp, turn_before, turn, tangents, self._way(cell))
+            moment = xp.where(inside, torsion * sine, 0.0)
+            twisting = times(moment, binormal)
+            (gripped_before,) = grips(gripped)
+            bent = Changing(program, [0.0] * 7)
+            with program.when(gripped + gripped_before > 0):
+                first, later, shortening = cell_closing_gradient(xp, *tangents, length_before, over_cell)
+                bent.now = *first, *later, shortening
+            before = works(*add(minus(work, twisting), bent.now[3:6]), torque - moment)
+            work, torque = add(minus(before[:3], twisting), bent.now[:3]), before[3] + moment
+            # What that does to the node before the edge, whose work is done, and so to the edge before that.
+            work, bend = unit_rate(tangents[0], size, work), bends(*bend)
+            over = add(lower(*minus(work, bend)), add(work, bend))
+            before = earlier(*unit_before, length_before)
+            unit, length = before[:3], before[3]
+            (shortening,) = shortened(bent.now[6])
+            rest, tension, torsion, stiffness_before = stiffer(rest, tension, torsion, stiffness)
+            pull = edge_tension(xp, length, rest, tension, self._of_world("pleating")) - shortening
+            pull = minus(times(pull, unit), unit_rate(unit, length, over))
+            inside = (own.each >= 0) & (own.each < last)
+            pull = self._where(inside, pull)
+            tie = xp.where(inside, edge_resistance(xp, tension, stiffness_before, stiffness, rest, h), 0.0)
+            # The node before that one, which all forces of are known now.
+            (gripped,), (torque,) = gripping(gripped_before), torques(torque)
+            held = Changing(program, [0.0] * 5)
+            with program.when(gripped > 0):
+                speed = self._state.vector(own, POSE)
+                pushed = self._where(gripped > 0, room.vector(own, _PULLED))
+                resisted = xp.where(gripped > 0, room.load(own, _GRIPPED + 1), 0.0)
+                held.now = *add(pushed, times(gripped, speed)), resisted, resisted * self._state.load(own, _TURNING)
+            place, drag = self._state.vector(own, 0), self._number(own, "drag")
+            springs = self._number(own, "slack"), self._number(own, "hold"), self._number(own, "support")
+            force = add(add(held.now[:3], self._vector(own, "load")), hold_force(xp, place, *springs))
+            force = add(force, minus(pull, pulls(*pull)))
+            resists = node_resistance(xp, place, *springs, drag, gripped, h)
+            found = in_turn(program, _eliminated, moved, (resists, tie, *force))
+            room.put(own, _MOVING, found)
+            turns_by = self._number(own, "upright"), self._number(own, "turn_drag")
+            resists = node_turn_resistance(*turns_by, held.now[3], h)
+            tie = xp.where(inside, h * torsion, 0.0)
+            found = in_turn(program, _eliminated, spun, (resists, tie, torque + held.now[4]))
+            room.put(own, _SPINNING, found)
 
-        def now(parts: list[Any]) -> Vector:
-            return parts[0].value, parts[1].value, parts[2].value
+    def _back(self, h: float, fastest: Any, limit: float) -> None:
+        """Velocities of node before node, and where they take it."""
+        program, xp = self.program, self.program.xp
+        beyond, worst = kept_numbers(program, *[0.0] * 4), program.variable(0.0)
+        with along(program, self.nodes, 0, self.nodes, backwards=True) as i:
+            self._state.fetch(i.first - 3, 0, POSE)
+            self._room.fetch(i.first - 3, _MOVING, 6)
+            shares = self._room.load(i, _MOVING), self._room.load(i, _SPINNING)
+            alone = self._room.vector(i, _MOVING + 1), self._room.load(i, _SPINNING + 1)
+            given = shares[0], *alone[0], shares[1], alone[1]
+            speed = in_turn(program, _followed, beyond, given, backwards=True)
+            for value in speed:
+                size = xp.where(i.each < self.nodes, xp.abs(value), 0.0)
+                worst.value = xp.where(size < limit, worst.value, size)
+            turn = self._turn(i)
+            turn = twisted(turn, turned(*turn, self._vector(i, "tangent")), h * speed[3])
+            place = add(self._state.vector(i, 0), times(h, speed[:3]))
+            self._state.put(i, 0, (*place, turn[0], *turn[1], *speed))
+        for value in program.apart(worst.value):
+            fastest.value = xp.where(value < limit, fastest.value, value)
 
-        # Outwards: forces and resistances of node after node, of which Thomas's algorithm takes away those before;
-        # off the diagonal stands -tie. Beside it the same for turns about the axis.
-        with program.loop(0, self.nodes) as i:
-            own, place, speed = self._node(i), self._state.vector(self._place(i)), self.speed(i)
-            springs = self._number(i, "slack"), self._number(i, "hold"), self._number(i, "support")
-            gripped, inside = room.load(own + _GRIPPED), i < last
-            pull, tie = self._edge(i, h)
-            pull = xp.where(inside, pull[0], 0.0), xp.where(inside, pull[1], 0.0), xp.where(inside, pull[2], 0.0)
-            tie, before = xp.where(inside, tie, 0.0), tied.value
-            held = add(times(gripped, speed), hold_force(xp, place, *springs))
-            total = add(add(room.vector(own + _PULLED), held), minus(pull, now(pulls)))
-            resists = node_resistance(xp, place, *springs, self._number(i, "drag"), gripped, h)
-            share = before / resisted.value
-            total = add(total, times(share, now(right)))
-            resists = resists + tie + before - share * before
-            room.put(own + _PULLED, total)
-            room.put(own + _DIAGONAL, (resists, tie))
-            for parts, values in ((pulls, pull), (right, total), ([tied, resisted], (tie, resists))):
-                for part, value in zip(parts, values, strict=True):
-                    part.value = value
-            gripped, before = room.load(own + _GRIPPED + 1), turn_tied.value
-            turns = self._number(i, "upright"), self._number(i, "turn_drag")
-            share, tie = before / turn_resisted.value, xp.where(inside, h * self._number(i, "torsion"), 0.0)
-            spin = self._state.load(self._place(i) + POSE + 3)
-            torque.value = room.load(own + _TORQUE) + gripped * spin + share * torque.value
-            turn_resisted.value = node_turn_resistance(*turns, gripped, h) + tie + before - share * before
-            turn_tied.value = tie
-            room.store(own + _TORQUE, torque.value)
-            room.store(own + _TURN_RESISTS, turn_resisted.value)
-        beyond, spun = [program.variable(0.0) for _ in range(3)], program.variable(0.0)
-        with program.loop(0, self.nodes, backwards=True) as i:
-            own, slot = self._node(i), self._place(i)
-            total = add(room.vector(own + _PULLED), times(room.load(own + _TIE), now(beyond)))
-            moving = times(1 / room.load(own + _DIAGONAL), total)
-            tie = xp.where(i < last, h * self._number(i, "torsion"), 0.0)
-            spun.value = (room.load(own + _TORQUE) + tie * spun.value) / room.load(own + _TURN_RESISTS)
-            for part, value in zip([*beyond, spun], (*moving, spun.value), strict=True):
-                part.value = value
-                fastest.value = xp.where(xp.abs(value) < limit, fastest.value, xp.abs(value))
-            real, part = twisted(self._turn(own), room.vector(own + _TANGENT), h * spun.value)
-            place = add(self._state.vector(slot), times(h, moving))
-            self._state.put(slot, (*place, real, *part, *moving, spun.value))
+    def _press_section(self, node: Nodes, pressed: Value, turn: Turn, tangent: Vector) -> tuple[Any, ...]:
+        """What forces on the wall about a node do to its section: work, torque and gradients over the cells beside it.
 
-    def _edge(self, i: Value, h: float) -> tuple[Vector, Value]:
-        """Force with which an edge pulls the node before it, and what ties both; of no meaning behind the last node."""
-        xp, room, own = self.program.xp, self._room, self._node(i)
-        unit, length, rest = room.vector(own + _UNIT), room.load(own + _LENGTH), self._number(i, "length")
-        stiffness = self._number(i, "tension")
-        before, after = (self._number(node, "bending") + self._number(node, "upright") for node in (i, i + 1))
-        tension = edge_tension(xp, length, rest, stiffness, self._of_world("pleating")) - room.load(own + _OVER_CELL)
-        pull = minus(times(tension, unit), unit_rate(unit, length, room.vector(own + _OVER)))
-        return pull, edge_resistance(xp, stiffness, before, after, rest, h)
-
-    def _bend(self) -> None:
-        """What bending, twisting and carried cross-sections do to the edges' directions and lengths."""
-        program, xp, room = self.program, self.program.xp, self._room
-        last = self.nodes - 1
-        with program.loop(0, self.nodes) as i:
-            room.put(self._node(i) + _OVER, [0.0] * 3)
-            room.put(self._node(i) + _OVER_CELL, [0.0] * 3)
-        with program.loop(0, self.nodes) as i:
-            own, tangent, rest = self._node(i), self._tangent(i), self._vector(i, "tangent")
-            tilt, lean = twist(xp, STILL, self._turn(own), (rest, tangent), STILL)
-            righting = self._number(i, "upright") * tilt
-            room.put(own + _WORK, times(-righting, lean))
-            room.store(own + _TORQUE, -righting)
-            room.put(own + _PULLED, add(room.vector(own + _PULLED), self._vector(i, "load")))
-            with program.when(room.load(own + _GRIPPED) > 0):
-                self._press_section(i)
-        with program.loop(0, last) as i:
-            own, after = self._node(i), self._node(i + 1)
-            now, way = (self._tangent(i), self._tangent(i + 1)), self._way(i)
-            sine, binormal = twist(xp, self._turn(own), self._turn(after), now, way)
-            moment = self._number(i, "torsion") * sine
-            for node, sign in ((own, 1.0), (after, -1.0)):
-                room.put(node + _WORK, minus(room.vector(node + _WORK), times(moment, binormal)))
-                room.store(node + _TORQUE, room.load(node + _TORQUE) + sign * moment)
-            with program.when(room.load(own + _GRIPPED) + room.load(after + _GRIPPED) > 0):
-                self._press_cell(own, after)
-        with program.loop(0, self.nodes) as i:
-            own, (inner, here, before) = self._node(i), self._edges(i)
-            work = unit_rate(self._tangent(i), room.load(own + _SUM), room.vector(own + _WORK))
-            change = minus(room.vector(here + _UNIT), room.vector(before + _UNIT))
-            bend = times(inner, bend_gradient(xp, change, self._number(i, "turn"), self._number(i, "bending")))
-            room.put(here + _OVER, add(room.vector(here + _OVER), minus(work, bend)))
-            more = times(inner, add(work, bend))
-            room.put(before + _OVER, add(room.vector(before + _OVER), more))
-
-    def _press_section(self, i: Value) -> None:
-        """What forces on the wall about a node do to its section."""
-        room, own, (_, here, before) = self._room, self._node(i), self._edges(i)
-        first, tangent = own + _COUPLES, self._tangent(i)
-        rows = room.vector(first), room.vector(first + 3), room.vector(first + 6)
-        cells = room.vector(before + _CLOSING), room.vector(here + _CLOSING)
-        closed = self._vector(i, "closing"), self._number(i, "width")
-        found = section_gradient(self.program.xp, self._section(own), tangent, cells, *closed, rows)
-        work, torque, over, over_next = found
-        for cell, more in ((before, over), (here, over_next)):
-            room.put(cell + _OVER_CELL, add(room.vector(cell + _OVER_CELL), more))
-        room.put(own + _WORK, add(room.vector(own + _WORK), work))
-        room.store(own + _TORQUE, room.load(own + _TORQUE) + torque)
-
-    def _press_cell(self, own: Value, after: Value) -> None:
-        """What they do to the bend between two nodes."""
-        xp, room = self.program.xp, self._room
-        now = room.vector(own + _TANGENT), room.vector(after + _TANGENT)
-        over, length = room.vector(own + _OVER_CELL), room.load(own + _LENGTH)
-        first, later, shortening = cell_closing_gradient(xp, *now, length, over)
-        room.store(own + _OVER_CELL, shortening)
-        for node, more in ((own, first), (after, later)):
-            room.put(node + _WORK, add(room.vector(node + _WORK), more))
+        Of the ends' two cells the one that there is has both.
+        """
+        xp, room, last = self.program.xp, self._room, self.nodes - 1
+        x, y, z = (self._where(pressed, room.vector(node, _COUPLES + 3 * row)) for row in range(3))
+        cells = self._beside(node, room.vector(node.back(1), _CLOSING), room.vector(node, _CLOSING))
+        section = *turn, room.load(node, _SECTION + 4), room.vector(node, _SECTION + 5)
+        closed = self._vector(node, "closing"), self._number(node, "width")
+        work, torque, before, after = section_gradient(xp, section, tangent, cells, *closed, (x, y, z))
+        both, first, end = add(before, after), node.each > 0, node.each < last
+        before, after = self._where(first, before), self._where(end, after)
+        before, after = self._where(end, before, both), self._where(first, after, both)
+        return *work, torque, *before, *after
 
     def tensions(self, node: Value, radius: Value) -> tuple[Value, Value]:
         """Tensions of the wall along the colon behind a node, and of its mesentery [N/m] (`axis_tensions`).
@@ -322,55 +357,52 @@ class Axis:
             node: which.
             radius: of the lumen there [m].
         """
-        xp, room, place = self.program.xp, self._room, self._state.vector(self._place(node))
-        names = "length", "tension", "slack", "hold", "support"
-        rest, tension, slack, hold, support = (self._number(node, name) for name in names)
-        lengths = room.load(self._node(node) + _LENGTH), rest
+        xp, at = self.program.xp, self._at(node)
+        place, names = self._state.vector(at, 0), ("length", "tension", "slack", "hold", "support")
+        rest, tension, slack, hold, support = (self._number(at, name) for name in names)
+        lengths = norm(xp, minus(self._now(at.back(-1)), self._now(at))), rest
         along = axial_tension(xp, *lengths, tension, self._of_world("pleating"), radius)
         held = mesentery_tension(xp, place, slack, hold, support, self._of_world("spacing"))
         return xp.where(node < self.nodes - 1, along, 0.0), held
 
-    def speed(self, node: Value) -> Vector:
-        """Velocity of a node [m/s]."""
-        return self._state.vector(self._place(node) + POSE)
+    def _at(self, node: Any) -> Nodes:
+        return Nodes.at(self.program, self.program.index(node), self.nodes)
 
-    def _now(self, node: Value) -> Vector:
-        return add(self._vector(node, "place"), self._state.vector(self._place(node)))
+    def _now(self, at: Nodes) -> Vector:
+        return add(self._vector(at, "place"), self._state.vector(at, 0))
 
-    def _edges(self, node: Value) -> tuple[Value, Value, Value]:
-        """1 for nodes between two edges and 0 for ends, and the rooms of the edges after and before."""
-        where, last = self.program.xp.where, self.nodes - 1
-        inner = (node > 0) & (node < last)
-        after = where(node < last, node, last - 1)
-        return where(inner, 1.0, 0.0), self._node(after), self._node(where(node > 0, node - 1, 0))
+    def _edge(self, end: Nodes, change: Vector) -> Vector:
+        """What changes along the edge before a node; nothing does behind the last."""
+        return self._where(end.each < self.nodes, change)
+
+    def _beside(self, node: Nodes, before: Vector, after: Vector) -> tuple[Vector, Vector]:
+        """What there is in the cells before and after a node; at the ends that of the one there is, twice."""
+        return self._where(node.each > 0, before, after), self._where(node.each < self.nodes - 1, after, before)
+
+    def _where(self, condition: Value, yes: Vector, no: Vector = (0.0, 0.0, 0.0)) -> Vector:
+        where = self.program.xp.where
+        return where(condition, yes[0], no[0]), where(condition, yes[1], no[1]), where(condition, yes[2], no[2])
 
     def _cell(self, arc: Value) -> Cell:
         return Cell(*node_cell(self.program.xp, self._of_world("spacing"), self.nodes, arc))
 
-    def _tangent(self, node: Value) -> Vector:
-        return self._room.vector(self._node(node) + _TANGENT)
+    def _turn(self, at: Nodes) -> Turn:
+        return self._state.load(at, _TURN), self._state.vector(at, _TURN + 1)
 
-    def _turn(self, own: Value) -> Turn:
-        return self._room.load(own + _TURN), self._room.vector(own + _TURN + 1)
-
-    def _way(self, node: Value) -> Turn:
+    def _way(self, at: Nodes) -> Turn:
         """Brings the direction at rest of a node to that of the next."""
-        first, column = self.program.xp.int32(self._of_world("first_node")), AXIS.index("way")
-        x, y, z = (self._rows.read(first + node, column + 1 + i) for i in range(3))
-        return self._rows.read(first + node, column), (x, y, z)
-
-    def _section(self, own: Value) -> Section:
-        return *self._turn(own), self._room.load(own + _FLAT), self._room.vector(own + _ACROSS)
+        column = AXIS.index("way")
+        x, y, z = (self._read(at.within, column + 1 + i) for i in range(3))
+        return self._read(at.within, column), (x, y, z)
 
     def _sections(self, cell: Cell) -> tuple[Section, Section]:
         """Cross-sections at the nodes before and after a place; lanes may be in different cells."""
-        room, (first, second) = self._room, (self._node(cell.at + i) for i in range(2))
-        return (
-            (room.gather(first + _TURN), room.gather_vector(first + _TURN + 1), room.gather(first + _FLAT),
-             room.gather_vector(first + _ACROSS)),
-            (room.gather(second + _TURN), room.gather_vector(second + _TURN + 1), room.gather(second + _FLAT),
-             room.gather_vector(second + _ACROSS)),
-        )  # fmt: skip
+
+        def section(node: Value) -> Section:
+            numbers = [self._room.gather(node, _SECTION + i) for i in range(8)]
+            return numbers[0], (numbers[1], numbers[2], numbers[3]), numbers[4], (numbers[5], numbers[6], numbers[7])
+
+        return section(cell.at), section(cell.at + 1)
 
     def _axis(self, arc: Value) -> Vector:
         return axis_point(self.program.xp, self._tables, *self._stations, arc)
@@ -378,16 +410,44 @@ class Axis:
     def _of_world(self, name: str) -> Value:
         return self._world.load(WORLD.index(name))
 
-    def _number(self, node: Value, name: str) -> Value:
-        first = self.program.xp.int32(self._of_world("first_node"))
-        return self._rows.read(first + node, AXIS.index(name))
+    def _number(self, at: Nodes, name: str) -> Value:
+        return self._row(at.within, name)
 
-    def _vector(self, node: Value, name: str) -> Vector:
-        first, column = self.program.xp.int32(self._of_world("first_node")), AXIS.index(name)
-        return tuple(self._rows.read(first + node, column + i) for i in range(3))  # type: ignore[return-value]
+    def _vector(self, at: Nodes, name: str) -> Vector:
+        return self._row_vector(at.within, name)
 
-    def _place(self, node: Value) -> Value:
-        return self.layout.axis + node * NODE
+    def _row(self, node: Value, name: str) -> Value:
+        return self._read(node, AXIS.index(name))
 
-    def _node(self, node: Value) -> Value:
-        return self.layout.node_room + node * NODE_ROOM
+    def _row_vector(self, node: Value, name: str) -> Vector:
+        column = AXIS.index(name)
+        return self._read(node, column), self._read(node, column + 1), self._read(node, column + 2)
+
+    def _read(self, node: Value, column: int) -> Value:
+        block = self.program.builder.block
+        if block not in self._first_row:  # once where it is known to be, so that the same row is known again
+            self._first_row = {block: self.program.xp.int32(self._of_world("first_node"))}
+        return self._rows.read(self._first_row[block] + node, column)
+
+
+def _eliminated(kept: Any, given: Any) -> Any:
+    """A row of a tridiagonal system without the unknown before: what of the next is in its own, and what else.
+
+    Args:
+        kept: off the diagonal before stands - tie; the share of the unknown in the one before, and the rest of that.
+        given: what the row resists by itself, its own tie, and its right side, of one number or more.
+    """
+    (tie_before, share, *alone), (resists, tie, *right) = kept, given
+    inverse = 1 / (resists + tie + tie_before - share * tie_before)
+    found = tuple((force + tie_before * before) * inverse for force, before in zip(right, alone, strict=True))
+    share = tie * inverse
+    return (tie, share, *found), (share, *found)
+
+
+def _followed(beyond: Any, given: Any) -> Any:
+    """Unknowns from those of the next row (`_eliminated`)."""
+    *next_move, next_spin = beyond
+    share, x, y, z, spin_share, spin = given
+    moving = (own + share * after for own, after in zip((x, y, z), next_move, strict=True))
+    found = *moving, spin + spin_share * next_spin
+    return found, found

@@ -11,9 +11,9 @@ from jaxtyping import Bool, Float, Int
 from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.conditions import Conditions, Snapshot
 from haustra.envs.sim.gas import RunGas
-from haustra.envs.sim.linear.compile import Driver
+from haustra.envs.sim.linear.compile import Driver, lanes_of
 from haustra.envs.sim.linear.dual import with_slopes
-from haustra.envs.sim.linear.layout import AXIS, NODE, SEEN, WORLD, seen_slot
+from haustra.envs.sim.linear.layout import AXIS, LEAST, NODE, SEEN, WORLD, seen_slot
 from haustra.envs.sim.linear.pack import pack_axis, pack_design, pack_tables, structure_of
 from haustra.envs.sim.linear.place import CpuPlace, GpuPlace, Place
 from haustra.envs.sim.link_places import link_arcs, middle_spheres
@@ -26,7 +26,7 @@ from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.devices.scope.wires import travel_of_wheels
 from haustra.models.scene import Scene
 from haustra.models.wall import moving_colon
-from haustra.models.wall.lumen_table import Tables, pick
+from haustra.models.wall.lumen_table import Tables, least_radius, pick
 from haustra.models.wall.mesentery import Mesentery
 from haustra.models.wall.moving_colon import POSE, AxisDisplacement
 
@@ -101,7 +101,8 @@ class LinearBackend(AbstractBackend):
         self._middle = middle_spheres(self._chain.sample_body, structure.layout.bodies)
         moving = tables.mesentery
         nodes = 0 if moving is None else moving.nodes.shape[1]
-        self._layout, self._coils = replace(structure.layout, nodes=nodes), structure.coils
+        abreast = lanes_of(real) if worlds == 1 and device == "cpu" and not directions else 1
+        self._layout, self._coils = replace(structure.layout, nodes=nodes, abreast=abreast), structure.coils
         self._places = int(structure.coils.max()) + 1
         self._first_link = seen_slot("coils") + 3 * self._places
         if scene.options.gas is not None and (worlds > 1 or len(tables.count) > 1 or directions):
@@ -115,6 +116,7 @@ class LinearBackend(AbstractBackend):
         program: dict[str, Any] = {"real": real, "timestep": scene.options.timestep, "worlds": worlds}
         program |= {"threads": min(threads, worlds)} if device == "cpu" else {}
         program |= {"angles": tables.wall.shape[1], "one_design": not self._one_each, "moving": moving is not None}
+        program |= {"abreast": abreast} if abreast > 1 else {}
         program |= {"driver": driver, **({"directions": directions} if directions else {})}
         self._program = program
         self._made: dict[bool, Place] = {}
@@ -339,7 +341,9 @@ class LinearBackend(AbstractBackend):
     def _yield_to_gas(self, *, anew: bool = False) -> None:
         """Put the wall where gas holds it, as stiff as it makes it."""
         assert self.gas is not None
-        self.gas.place(self._held["wall"].change(), anew=anew)
+        wall = self._held["wall"].change()
+        self.gas.place(wall, anew=anew)
+        self._held["stations"].change()[:, LEAST] = least_radius(wall)
         self.give("stiffness", self.gas.stiffness)
 
     def _first(self, slot: int) -> float:
@@ -360,8 +364,7 @@ class LinearBackend(AbstractBackend):
         read = self.readings(state[..., : layout.axis], seen, start=0.0)
         if not layout.nodes:
             return read
-        axes = state[..., layout.axis :].reshape(*state.shape[:2], layout.nodes, NODE)
-        return read._replace(displacement=axes[..., :POSE])
+        return read._replace(displacement=self.axes(state)[..., :POSE])
 
     def row(self) -> "Row":
         """All numbers of the first world, as they lie in memory."""
@@ -414,9 +417,13 @@ class LinearBackend(AbstractBackend):
         both = self.axes(self._of_worlds("state", 0, self._layout.state))
         return both[..., :POSE], both[..., POSE:]
 
-    def axes(self, state: Float[np.ndarray, "rows slots"]) -> Float[np.ndarray, "rows nodes 11"]:
+    def axes(self, state: Float[np.ndarray, "*rows slots"]) -> Float[np.ndarray, "*rows nodes 11"]:
         """Poses and speeds of the colons' axes, in rows of states."""
-        return state[:, self._layout.axis :].reshape(len(state), self._layout.nodes, NODE)
+        layout, numbers = self._layout, state[..., self._layout.axis :]
+        if layout.abreast == 1:
+            return numbers.reshape(*state.shape[:-1], layout.nodes, NODE)
+        own = numbers.reshape(*state.shape[:-1], NODE, layout.row)[..., layout.abreast :][..., : layout.nodes]
+        return np.swapaxes(own, -1, -2)
 
     def normals(self, state: Float[np.ndarray, "rows slots"]) -> Float[np.ndarray, "rows spheres"]:
         """Normal force of each sphere at the end of the last step [N], in rows of states."""
@@ -446,16 +453,19 @@ class LinearBackend(AbstractBackend):
         return self._of_worlds("state", 0, self._layout.dofs)
 
     def snapshot(self, world: int) -> Snapshot:
-        """Where one world is now, its colon too; `state` is a row of the program's own."""
+        """Where one world is now, its colon too; `state` is a row of the program's own, its axis node by node."""
         layout, row = self._layout, self._of_worlds("state", 0, self._layout.state)[world]
-        tip = layout.arcs + layout.spheres
-        row[layout.time] = 0.0
-        return Snapshot(row, row[layout.arcs : tip], row[layout.pulls : layout.time])
+        row[layout.time], tip = 0.0, layout.arcs + layout.spheres
+        state = np.concatenate([row[: layout.axis], self.axes(row).ravel()])
+        return Snapshot(state, row[layout.arcs : tip], row[layout.pulls : layout.time])
 
     def restore(self, world: int, snapshot: Snapshot) -> None:
         """Put one world, which was reset to the same colon, where another was."""
-        block, lane = divmod(world, self._place.lanes)
-        self._held["state"].change()[block, : self._layout.state, lane] = snapshot.state
+        layout, (block, lane) = self._layout, divmod(world, self._place.lanes)
+        row = np.zeros(layout.state)
+        row[: layout.axis] = snapshot.state[: layout.axis]
+        self.axes(row)[:] = snapshot.state[layout.axis :].reshape(layout.nodes, NODE)
+        self._held["state"].change()[block, : layout.state, lane] = row
         self._run(0)
 
     def world_data(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:

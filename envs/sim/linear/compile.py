@@ -69,6 +69,7 @@ def write_program(
     wheels: bool = False,
     driver: Driver | None = None,
     directions: int = 0,
+    abreast: int = 1,
 ) -> str:
     """A control step of blocks of worlds on a CPU, in LLVM's language.
 
@@ -82,12 +83,14 @@ def write_program(
         wheels: whether hands ask for travel of wires, which are springs then, instead of pulls.
         driver: who decides what the hands ask for; None: that is given. `steps` of `COUNTS` are then decisions.
         directions: along how many the derivatives of all numbers are carried.
+        abreast: things of one world, nodes or spheres, that one instruction serves where that world is alone.
     """
     program, arrays, counts, (steps, row, first, last) = _begun(lanes, real, directions=directions)
     with program.loop(first, last) as block:
-        own = _Worlds(program, arrays, counts, driver, wheels=wheels, block=block, stride=lanes, row=row)
+        layout = Layout(*counts[:-1], wheels=wheels, abreast=abreast)
+        own = _Worlds(program, arrays, (layout, counts[-1]), driver, block=block, stride=lanes, row=row)
         given = own.arrays(angles, one_design, moving, room_of_block=False)
-        _step(program, ScopeProgram(program, given, counts, timestep=timestep, wheels=wheels), given, steps, driver)
+        _step(program, ScopeProgram(program, given, layout, counts[-1], timestep=timestep), given, steps, driver)
     return program.finish()
 
 
@@ -108,7 +111,7 @@ def write_kernel(
 ) -> str:
     """A control step of worlds on a graphics processor; `last` of `COUNTS` is how many worlds there are."""
     program, arrays, counts, (steps, row, _, worlds) = _begun(1, real, approximate=True)
-    program.function.calling_convention = "ptx_kernel"
+    program.function.calling_convention, program.fetches = "ptx_kernel", True
     builder = program.builder
     block, size, thread = (
         builder.call(ir.Function(program.module, ir.FunctionType(INDEX, []), f"llvm.nvvm.read.ptx.sreg.{name}.x"), [])
@@ -118,9 +121,10 @@ def write_kernel(
     with program.when(world < worlds):
         lane = world % WARP
         place: dict[str, Any] = {"block": (world - lane).over(WARP), "stride": WARP, "lane": lane, "row": row}
-        own = _Worlds(program, arrays, counts, driver, wheels=wheels, **place)
+        layout = Layout(*counts[:-1], wheels=wheels)
+        own = _Worlds(program, arrays, (layout, counts[-1]), driver, **place)
         given = own.arrays(angles, one_design, moving, room_of_block=True)
-        _step(program, ScopeProgram(program, given, counts, timestep=timestep, wheels=wheels), given, steps, driver)
+        _step(program, ScopeProgram(program, given, layout, counts[-1], timestep=timestep), given, steps, driver)
     return program.finish()
 
 
@@ -157,10 +161,9 @@ class _Worlds:
         self,
         program: Program,
         arrays: dict[str, Any],
-        counts: Any,
+        counts: tuple[Layout, Value],
         driver: Driver | None,
         *,
-        wheels: bool,
         block: Value,
         stride: int,
         row: Value,
@@ -168,15 +171,14 @@ class _Worlds:
     ) -> None:
         self._program, self._arrays, self._block, self._stride, self._lane = program, arrays, block, stride, lane
         self._row = row
-        *parts, coils = counts
-        layout = Layout(*parts, wheels=wheels)
+        layout, coils = counts
         self._sizes = {
             "state": layout.state,
             "worlds": program.index(len(WORLD)),
             "seen": coils * 3 + seen_slot("coils") + layout.bodies,
             "room": layout.room + (driver.room if driver else 0),
             "driver": program.index(driver.slots if driver else 1),
-            "design": design_slots(*parts[:3])[-1],
+            "design": design_slots(layout.dofs, layout.bodies, layout.spheres)[-1],
         }
 
     def arrays(self, angles: int, one_design: bool, moving: bool, *, room_of_block: bool) -> dict[str, Any]:

@@ -192,27 +192,26 @@ class DualLanes(Lanes):
         super().store(slot, value)
         program.builder.store(program.slopes_of(value), self._at(slot), align=size_of(program))
 
-    def gather(self, slot: Value) -> Value:
-        """The number there, where each lane has a slot of its own."""
+    def gather(self, slot: Value, start: Number = 0) -> Value:
+        """The number there, where each lane has a slot of its own, counted from one that all share."""
         program, builder = self._program, self._program.builder
-        found = super().gather(slot)
+        found = super().gather(slot, start)
         if isinstance(found, Dual):
             return found
         slopes: Any = ir.Constant(program.slopes, ir.Undefined)
-        for place, where in self._each_slope(slot):
+        for place, where in self._each_slope(slot + start):
             slopes = builder.insert_element(slopes, builder.load(where, typ=program.real), ir.Constant(INDEX, place))
         return Dual(program, found.written, slopes)
 
-    def add_at(self, slot: Value, value: Value) -> None:
-        """Add to the number there, where each lane has a slot of its own."""
-        super().add_at(slot, value)
+    def scatter(self, slot: Value, value: Number, start: Number = 0) -> None:
+        """Put a number there, where each lane has a slot of its own, counted from one that all share."""
+        super().scatter(slot, value, start)
         program, builder = self._program, self._program.builder
-        if program.lanes == 1:
+        if slot.lanes == 1:
             return
         slopes = program.slopes_of(value)
-        for place, where in self._each_slope(slot):
-            more = builder.extract_element(slopes, ir.Constant(INDEX, place))
-            builder.store(builder.fadd(builder.load(where, typ=program.real), more), where)
+        for place, where in self._each_slope(slot + start):
+            builder.store(builder.extract_element(slopes, ir.Constant(INDEX, place)), where)
 
     def _at(self, slot: Number) -> Any:
         program = self._program

@@ -26,13 +26,16 @@ BEGUN = ("step", "first", "count", "device_radius", "first_node", "spacing", "pl
          "gravity_z", "bending", "stiffness", "friction", "start_roll", "alive", "begins")  # fmt: skip
 """Those of them that a world which begins anew is given."""
 
-AXIS = ("place", "y", "z", "turn", "tangent", "tangent_y", "tangent_z", "length", "tension", "bending", "slack", "hold",
-        "support", "drag", "width", "torsion", "upright", "turn_drag", "closing", "closing_y", "closing_z", "load",
-        "load_y", "load_z", "way", "way_x", "way_y", "way_z")  # fmt: skip
+AXIS = ("place", "y", "z", "turn", "tangent", "tangent_y", "tangent_z", "upright", "closing", "closing_y", "closing_z",
+        "width", "way", "way_x", "way_y", "way_z", "length", "tension", "torsion", "bending", "slack", "hold",
+        "support", "drag", "load", "load_y", "load_z", "turn_drag")  # fmt: skip
 """Numbers of each node of the axis of a colon that moves: a row of `haustra.models.wall.mesentery.Mesentery`."""
 
 STATION = 16
-"""Numbers of a row of a colon's station: point and width, first normal, second normal and tangent, each of four."""
+"""Numbers of a row of a colon's station: point and least radius, first normal and width, second normal, and tangent,
+each of four."""
+LEAST = 3
+"""Where the least radius is."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,8 @@ class Layout:
     """Nodes of the axis of a colon that moves."""
     wheels: bool = False
     """Whether wheels steer, so that wires are springs."""
+    abreast: int = 1
+    """Nodes of one axis that stand side by side; their numbers then lie by what they are, and else by node."""
 
     @property
     def speeds(self) -> Any:
@@ -83,9 +88,25 @@ class Layout:
         return self.time + 1
 
     @property
+    def row(self) -> Any:
+        """Numbers of one kind that follow each other where nodes stand side by side: some before and behind too."""
+        return self.nodes if self.abreast == 1 else self.nodes + 3 * self.abreast
+
+    @property
     def state(self) -> Any:
         """Slots of the state."""
-        return self.axis + self.nodes * NODE
+        return self.axis + self.row * NODE
+
+    def node_state(self, number: int) -> Any:
+        """Where a number of the nodes' poses and speeds is counted from."""
+        return self.axis + self._of_number(number)
+
+    def node_slot(self, number: int) -> Any:
+        """Where a number of the nodes' rooms is counted from."""
+        return self.node_room + self._of_number(number)
+
+    def _of_number(self, number: int) -> Any:
+        return number if self.abreast == 1 else self.row * number + self.abreast
 
     # Room to work in begins with a copy of the state.
 
@@ -112,7 +133,7 @@ class Layout:
     @property
     def wire_room(self) -> Any:
         """`WIRE_ROOM` slots a joint, where wheels steer."""
-        return self.node_room + self.nodes * NODE_ROOM
+        return self.node_room + self.row * NODE_ROOM
 
     @property
     def room(self) -> Any:
@@ -128,7 +149,7 @@ SPHERE_ROOM = 14
 """Normal, lever, speed against the wall (9), spring, drag, lever at which a colon that moves is held (3)."""
 NODE = 11
 """Pose and speed (`haustra.models.wall.moving_colon.AxisDisplacement`)."""
-NODE_ROOM = 45
+NODE_ROOM = 33
 """`haustra.envs.sim.linear.axis`."""
 WIRE_ROOM = 2
 """`haustra.envs.sim.linear.wires`."""

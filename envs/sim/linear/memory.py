@@ -23,56 +23,77 @@ class Lanes:
         """`base` points at slot 0 of the program's lanes; slots are `stride` numbers apart."""
         self._program, self._base = program, base
         self._stride: Any = stride
+        self._lanes = program.lanes
 
     def load(self, slot: Number) -> Value:
         """The number there."""
+        return self.gather(slot) if _differ(slot) else self._loaded(slot, self._lanes)
+
+    def load_next(self, slot: Number) -> Value:
+        """As many numbers from there on as stand side by side; where nothing does, the number there."""
+        abreast = self._program.abreast
+        return self.load(slot) if abreast == 1 else self._loaded(slot, abreast)
+
+    def _loaded(self, slot: Number, lanes: int) -> Value:
         program = self._program
-        kind = program.real if program.lanes == 1 else ir.VectorType(program.real, program.lanes)
+        kind = program.real if lanes == 1 else ir.VectorType(program.real, lanes)
         return Value(program, program.builder.load(self._place(slot), typ=kind, align=size_of(program)))
 
     def store(self, slot: Number, value: Number) -> None:
         """Put a number there."""
-        program = self._program
-        program.builder.store(program.spread(value), self._place(slot), align=size_of(program))
+        if _differ(slot):
+            self.scatter(slot, value)
+        else:
+            self._stored(slot, self._program.alone(value) if self._lanes == 1 else self._program.spread(value))
+
+    def store_next(self, slot: Number, value: Number) -> None:
+        """Put as many numbers there and behind as stand side by side; where nothing does, one."""
+        if self._program.abreast == 1:
+            self.store(slot, value)
+        else:
+            self._stored(slot, self._program.spread(value))
+
+    def _stored(self, slot: Number, written: Any) -> None:
+        self._program.builder.store(written, self._place(slot), align=size_of(self._program))
 
     def from_slot(self, slot: Number) -> "Lanes":
         """These numbers, counted from a slot on."""
         return Lanes(self._program, self._place(slot), self._stride)
 
-    def gather(self, slot: Value) -> Value:
-        """The number there, where each lane has a slot of its own."""
+    def gather(self, slot: Any, start: Number = 0) -> Value:
+        """The number there, where each lane has a slot of its own, counted from one that all share."""
         program, builder = self._program, self._program.builder
-        if program.lanes == 1 or slot.lanes == 1:
-            return self.load(slot)
+        if not _differ(slot):
+            return self.load(slot + start)
         found: Any = ir.Constant(ir.VectorType(program.real, program.lanes), ir.Undefined)
-        for lane, place in self._each(slot):
+        for lane, place in self._each(slot, start):
             number = builder.load(place, typ=program.real)
             found = builder.insert_element(found, number, ir.Constant(INDEX, lane))
         return Value(program, found)
 
-    def gather_vector(self, slot: Value) -> tuple[Value, Value, Value]:
-        """Three numbers from there on."""
-        return self.gather(slot), self.gather(slot + 1), self.gather(slot + 2)
-
-    def add_at(self, slot: Value, value: Value) -> None:
-        """Add to the number there, where each lane has a slot of its own."""
+    def scatter(self, slot: Any, value: Number, start: Number = 0) -> None:
+        """Put a number there, where each lane has a slot of its own, counted from one that all share."""
         program, builder = self._program, self._program.builder
-        if program.lanes == 1:
-            self.store(slot, self.load(slot) + value)
+        if not _differ(slot):
+            self.store(slot + start, value)
             return
         spread = program.spread(value)
-        for lane, place in self._each(slot):
-            more = builder.extract_element(spread, ir.Constant(INDEX, lane))
-            builder.store(builder.fadd(builder.load(place, typ=program.real), more), place)
+        for lane, place in self._each(slot, start):
+            builder.store(builder.extract_element(spread, ir.Constant(INDEX, lane)), place)
 
-    def _each(self, slot: Value) -> Iterator[tuple[int, Any]]:
+    def _each(self, slot: Value, start: Number) -> Iterator[tuple[int, Any]]:
         """Lanes, and the place of each one's own slot."""
-        program, builder = self._program, self._program.builder
-        offset = (slot * self._stride).written
-        for lane in range(program.lanes):
-            own = builder.extract_element(offset, ir.Constant(INDEX, lane))
-            own = builder.add(own, ir.Constant(INDEX, lane))
-            yield lane, builder.gep(self._base, [own], source_etype=program.real)
+        program, base, own = self._program, self._place(start), slot * self._stride
+        if self._lanes > 1:  # worlds lie side by side
+            own = own + Value(program, ir.Constant(own.written.type, list(range(own.lanes))))
+        for lane, offset in enumerate(program.indices(own)):
+            yield lane, program.builder.gep(base, [offset], source_etype=program.real)
+
+    def fetch(self, slot: Number, count: int = 1) -> None:
+        """Ask memory ahead for that many numbers, where that helps; there need not be any."""
+        if self._program.fetches:
+            for more in range(count):
+                self._program.fetch(self._place(slot + more))
 
     def vector(self, slot: Number) -> tuple[Value, Value, Value]:
         """Three numbers from there on."""
@@ -98,21 +119,28 @@ class Shared:
         self._kind = INDEX if whole else program.real
 
     def load(self, slot: Number) -> Value:
-        """The number there, the same in all lanes."""
+        """The number there, the same in all lanes where they do not have slots of their own."""
+        if _differ(slot):
+            return self.gather(slot)
         program = self._program
         place = program.builder.gep(self._base, [program.index(slot).written], source_etype=self._kind)
         return Value(program, program.builder.load(place, typ=self._kind))
 
-    def gather(self, slot: Value) -> Value:
+    def gather(self, slot: Any) -> Value:
         """The number there, where each lane has a slot of its own."""
         program, builder = self._program, self._program.builder
-        if slot.lanes == 1:
+        if not _differ(slot):
             return self.load(slot)
         found: Any = ir.Constant(ir.VectorType(self._kind, slot.lanes), ir.Undefined)
         for lane in range(slot.lanes):
             number = self.load(Value(program, builder.extract_element(slot.written, ir.Constant(INDEX, lane))))
             found = builder.insert_element(found, number.written, ir.Constant(INDEX, lane))
         return Value(program, found)
+
+
+def _differ(slot: Any) -> bool:
+    """Whether each lane has a slot of its own."""
+    return isinstance(slot, Value) and slot.lanes > 1
 
 
 class Rows:
@@ -128,22 +156,24 @@ class Rows:
         program = self._program
         key = (program.builder.block, row.written, column // 4)
         if key not in self._seen:
-            self._seen[key] = self._four(row * self._fours + column // 4)
+            self._seen[key] = self._four(row * (4 * self._fours), column // 4 * 4)
         return self._seen[key][column % 4]
 
-    def _four(self, place: Value) -> list[Value]:
+    def _four(self, row: Value, column: int) -> list[Value]:
         program, builder = self._program, self._program.builder
-        four = ir.VectorType(program.real, 4)
+        four, base = ir.VectorType(program.real, 4), self._base
+        if column:
+            base = builder.gep(base, [ir.Constant(INDEX, column)], source_etype=program.real)
 
         def loaded(at: Any) -> Any:
-            pointer = builder.gep(self._base, [at], source_etype=four)
+            pointer = builder.gep(base, [at], source_etype=program.real)
             return builder.load(pointer, typ=four, align=4 * size_of(program))
 
-        lanes = place.lanes
+        lanes = row.lanes
         if lanes == 1:
-            whole = loaded(place.written)
+            whole = loaded(row.written)
             return [Value(program, builder.extract_element(whole, ir.Constant(INDEX, i))) for i in range(4)]
-        parts = [loaded(builder.extract_element(place.written, ir.Constant(INDEX, lane))) for lane in range(lanes)]
+        parts = [loaded(each) for each in program.indices(row)]
         # Side by side, those of lanes k, k + 4, k + 8, ...; then turned, fours by fours: shuffles within 16 bytes.
         sides = [self._joined(parts[k::4]) for k in range(4)]
         low = [self._picked(sides[k], sides[k + 1], _TURN_LOW, lanes) for k in (0, 2)]

@@ -11,7 +11,7 @@ from haustra.envs.sim.scope_reading import ScopeChain
 from haustra.envs.sim.scope_values import Scope
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.devices.scope.wires import WIRE_NAMES
-from haustra.models.wall.lumen_table import Tables
+from haustra.models.wall.lumen_table import Tables, least_radius
 from haustra.models.wall.mesentery import Mesentery
 
 _STRAIGHT = 1e-9
@@ -94,8 +94,8 @@ def pack_design(scope: Scope, own: ScopeChain) -> Float[np.ndarray, "designs slo
 def pack_tables(tables: Tables, width: Any = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Rows of stations and of the wall, of colons stacked one after the other; `width` of the lumen at each [m]."""
     rows = np.zeros((len(tables.points), 4, 4))
-    rows[:, 0, :3], rows[:, 0, 3] = tables.points, width
-    rows[:, 1:, :3] = np.swapaxes(tables.frames, 1, 2)
+    rows[:, 0, :3], rows[:, 0, 3] = tables.points, least_radius(tables.wall)
+    rows[:, 1:, :3], rows[:, 1, 3] = np.swapaxes(tables.frames, 1, 2), width
     return rows.reshape(-1, STATION), np.asarray(tables.wall)
 
 

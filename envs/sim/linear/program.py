@@ -5,7 +5,8 @@ accelerations, and with them positions, speeds and the forces of the wall at the
 that the other backends call.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from inspect import unwrap
 from typing import Any
 
@@ -35,7 +36,7 @@ from haustra.envs.sim.linear.layout import (
     seen_slot,
 )
 from haustra.envs.sim.linear.memory import Lanes, Rows, Shared, Slots
-from haustra.envs.sim.linear.trace import Changing, Program, Value
+from haustra.envs.sim.linear.trace import Changing, Program, Value, Variable
 from haustra.envs.sim.linear.wires import SprungWires
 from haustra.envs.sim.physics.hand import HAND_DAMPING, HAND_STIFFNESS, held_force
 from haustra.envs.sim.physics.lock import lock_activation
@@ -44,7 +45,15 @@ from haustra.envs.sim.physics.wires import borne_pulls, joint_angle
 from haustra.envs.sim.state import SPEED_LIMIT
 from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.wall.law import normal_force, place_contact, place_force
-from haustra.models.wall.lumen_table import WINDOW, Tables, axis_point, nearest_arc, station_width, wall_beside
+from haustra.models.wall.lumen_table import (
+    WINDOW,
+    Tables,
+    axis_point,
+    depth_bound,
+    nearest_arc,
+    station_width,
+    wall_beside,
+)
 from haustra.models.wall.moving_colon import AT_REST
 from haustra.models.wall.vectors import Vector, add, cross, dot, minus, times
 
@@ -60,6 +69,8 @@ _lock_activation, _stop_torque = unwrap(lock_activation), unwrap(stop_torque)
 
 _HAND_LIMITS = ("push_limit", "torque_limit")
 _NONE: Vector = (0.0, 0.0, 0.0)
+_BESIDE = 4
+"""Spheres of a link that stand side by side at most: few links have more."""
 _BEFORE = 0.02
 """So far before the anus, nothing of a colon that moves is near [m]: twice as far as a sphere may move in a step."""
 
@@ -71,23 +82,23 @@ class ScopeProgram:
         self,
         program: Program,
         arrays: dict[str, Any],
-        counts: tuple[Value, ...],
+        layout: Layout,
+        coils: Value,
         *,
         timestep: float,
-        wheels: bool = False,
     ) -> None:
         """Bind arrays and counts.
 
         Args:
             program: to write to.
             arrays: by the names of `ARGUMENTS`.
-            counts: joints, links, spheres, nodes of the axis and coils.
+            layout: of what each world holds.
+            coils: how many the imager has.
             timestep: [s].
-            wheels: whether hands ask for travel of wires, which are springs then, instead of pulls.
         """
         self.program, self.h = program, timestep
-        self.dofs, self.bodies, self.spheres, _, self.coils = counts
-        self.layout = Layout(*counts[:4], wheels=wheels)
+        self.layout, self.coils = layout, coils
+        self.dofs, self.bodies, self.spheres = layout.dofs, layout.bodies, layout.spheres
         self.state: Lanes = arrays["state"]
         self.seen: Lanes = arrays["seen"]
         self.room: Lanes = arrays["room"]
@@ -100,9 +111,9 @@ class ScopeProgram:
         stations, wall = arrays["stations"], arrays["wall"]
         parts = _Points(stations), _Frames(stations), _Wall(wall)
         self.tables = Tables(*parts, step=None, first=None, count=None, axes=None, device_radius=None)
-        self._links, self._places, self._scope, _ = slots.design_slots(*counts[:3])
+        self._links, self._places, self._scope, _ = slots.design_slots(self.dofs, self.bodies, self.spheres)
         self._scales = self.bodies * STRUCTURE
-        self.wires = SprungWires(self) if wheels else None
+        self.wires = SprungWires(self) if layout.wheels else None
         self.axis: Axis | None = None
         if rows := arrays["axis"]:
             own = self.state, self._world, self.room
@@ -179,7 +190,7 @@ class ScopeProgram:
                     put(layout.arcs + sphere, start.value + self.sphere_place(sphere))
             put(layout.arcs + self.spheres, start.value + self.scope("tip"))
             with program.loop(0, layout.nodes) as node:
-                put(layout.axis + node * slots.NODE + AT_REST.index(1.0), 1.0)
+                put(layout.node_state(AT_REST.index(1.0)) + node * (slots.NODE if layout.abreast == 1 else 1), 1.0)
             for slot in (1, layout.hand + 1):
                 put(slot, self.world("start_roll"))
             self.ask("begins", 0.0)
@@ -200,11 +211,12 @@ class ScopeProgram:
             self._let_pulls_arrive()
         fastest = program.variable(0.0)
         with program.loop(0, count):
+            beyond = self.axis.shape(self._reached()) if self.axis else None
             self._outwards()
             self._inwards()
             self._accelerate(fastest)
-            if self.axis:
-                self.axis.step(self.h, fastest, SPEED_LIMIT)
+            if self.axis and beyond is not None:
+                self.axis.step(self.h, fastest, SPEED_LIMIT, beyond)
             for side, rate in enumerate(("push_rate", "roll_rate")):
                 aim = layout.hand + side
                 self.state.store(aim, self.state.load(aim) + self.h * self.world(rate))
@@ -260,6 +272,7 @@ class ScopeProgram:
                 self.room.put(self.joint_slot(0) + 7, direction)
                 link.slide(direction, state.load(0), state.load(self.layout.speeds))
             with program.loop(*self.hinges_of(body)) as dof:
+                self._fetch_joint(dof + 1)
                 local = self._axis(dof)
                 direction = link.direction(local)
                 self.room.put(self.joint_slot(dof) + 7, direction)
@@ -275,8 +288,6 @@ class ScopeProgram:
         return furthest.value + WINDOW
 
     def _outwards(self) -> None:
-        if self.axis:
-            self.axis.shape(self._reached())
         tip = self.chain(self._meet)
         slot = self.layout.arcs + self.spheres
         place = add(tip.place, times(self.scope("tip"), tip.axis))
@@ -291,20 +302,43 @@ class ScopeProgram:
         torque, force = link_bias(own, link.axis, link.turning, link.moving, rates)
         inertia = link_inertia(link.axis, *own)
         sums = Changing(program, (*_flat(inertia), *torque, *force))
-        with program.loop(*self.spheres_of(body)) as sphere:
-            self._touch(sphere, link, sums)
+        with self._spheres_beside(body) as (sphere, counts):
+            self._touch(sphere, counts, link, sums)
         room.put(self._body(body), sums.now)
 
-    def _touch(self, sphere: Value, link: "Link", sums: Changing) -> None:
+    @contextmanager
+    def _spheres_beside(self, body: Value) -> Iterator[tuple[Value, Value | None]]:
+        """Each sphere of a link, or several side by side: then the last one again where there are no more.
+
+        Whether they count comes with them.
+        """
+        program, (first, last) = self.program, self.spheres_of(body)
+        abreast = min(self.layout.abreast, _BESIDE)
+        if abreast == 1:
+            with program.loop(first, last) as sphere:
+                yield sphere, None
+            return
+        with program.side_by_side(abreast), program.loop(0, (last - first + (abreast - 1)).over(abreast)) as group:
+            each = program.numbered(first + group * abreast)
+            counts = each < last
+            yield program.xp.where(counts, each, last - 1), counts
+
+    def _summed(self, value: Value, counts: Value | None) -> Value:
+        """The sum over the spheres that stand side by side, of those that count."""
+        return value if counts is None else self.program.total(self.program.xp.where(counts, value, 0.0))
+
+    def _touch(self, sphere: Value, counts: Value | None, link: "Link", sums: Changing) -> None:
         program, xp, state, room, layout = self.program, self.program.xp, self.state, self.room, self.layout
         along = times(self.sphere_place(sphere), link.axis)
         centre, slot = add(link.place, along), layout.arcs + sphere
+        state.fetch(slot + 2)
+        state.fetch(layout.normals + sphere + 2)
         arc, rest = self.nearest(centre, state.load(slot))
         state.store(slot, arc)
         where, carried = self._sphere(sphere), state.load(layout.normals + sphere) > 0
         room.store(where + 9, 0.0)
         with program.when(arc > 0):
-            depth, normal, held, leaving = self.wall(rest, arc)
+            depth, normal, held, leaving = self.wall(rest, arc, near=True)
             lever = minus(along, times(self.scope("radius"), normal))
             speed = minus(add(link.moving, cross(link.turning, lever)), leaving)
             damper = self._damper()
@@ -325,7 +359,7 @@ class ScopeProgram:
                 felt = place_inertia(lever, normal, self.h * damper, self.h * drag)
                 force = place_force(spring, damper, drag, normal, speed)
                 more = (*_flat(felt), *times(-1.0, cross(lever, force)), *times(-1.0, force))
-                sums.now = tuple(x + y for x, y in zip(sums.now, more, strict=True))
+                sums.now = tuple(x + self._summed(y, counts) for x, y in zip(sums.now, more, strict=True))
 
     def _damper(self) -> Value:
         return self.world("stiffness") * (self.world("damping_time") + self.h)
@@ -334,30 +368,41 @@ class ScopeProgram:
         """Arc length next to a place that was near `arc`, and where the place stands in the colon at rest."""
         rest = Changing(self.program, place)
         if self.axis:
-            with self.program.when(arc > -_BEFORE):
-                rest.now = self.axis.reference(place, arc)
-        return nearest_arc(self.program.xp, self.tables, *self._stations(), rest.now, arc), rest.now
+            near, where = arc > -_BEFORE, self.program.xp.where
+            with self.program.when(near):
+                found = zip(self.axis.reference(place, arc), place, strict=True)
+                rest.now = tuple(where(near, back, still) for back, still in found)
+        back: Any = rest.now
+        return nearest_arc(self.program.xp, self.tables, *self._stations(), back, arc), back
 
-    def wall(self, rest: Vector, arc: Value) -> tuple[Value, Vector, Vector, Vector]:
+    def wall(self, rest: Vector, arc: Value, *, near: bool) -> tuple[Value, Vector, Vector, Vector]:
         """Depth of a sphere in the wall, the inward normal, its lever on a colon that moves and that wall's speed.
 
-        Where a sphere does not touch a colon that moves, a bound of its depth is found, and the rest is of no meaning.
+        Where a sphere does not touch, a bound of its depth may be found, and the rest is of no meaning.
 
         Args:
             rest: the sphere's middle, in the colon at rest.
             arc: there.
+            near: whether depths matter only of spheres that touch; else of all in colons that are fixed.
         """
-        xp, radius = self.program.xp, self.scope("radius")
-        depth, normal = wall_beside(xp, self.tables, *self._stations(), rest, arc)
-        depth = xp.where(arc > 0, depth + (radius - self.world("device_radius")), -1.0)
-        if not self.axis:
-            return depth, normal, _NONE, _NONE
-        most = self.axis.most_depth(arc, depth, radius)
-        found = Changing(self.program, (most, *normal, *_NONE, *_NONE))
+        xp, radius, stations = self.program.xp, self.scope("radius"), self._stations()
+        wider = radius - self.world("device_radius")
+
+        def bound(depth: Value) -> Value:
+            depth = xp.where(arc > 0, depth + wider, -1.0)
+            return self.axis.most_depth(arc, depth, radius) if self.axis else depth
+
+        most = bound(depth_bound(xp, self.tables, *stations, rest, arc)) if near else self.program.constant(1.0)
+        found = Changing(self.program, (most, *_NONE * 3))
         with self.program.when(most > 0):
-            depth, normal, held, leaving = self.axis.touched(arc, rest, depth, normal, radius)
-            found.now = depth, *normal, *held, *leaving
-        now = found.now
+            depth, normal = wall_beside(xp, self.tables, *stations, rest, arc)
+            found.now = bound(depth), *normal, *_NONE * 2
+            if self.axis:
+                with self.program.when(found.now[0] > 0):
+                    depth = xp.where(arc > 0, depth + wider, -1.0)
+                    depth, normal, held, leaving = self.axis.touched(arc, rest, depth, normal, radius)
+                    found.now = depth, *normal, *held, *leaving
+        now: Any = found.now
         return now[0], now[1:4], now[4:7], now[7:]
 
     def station(self, arc: Value) -> tuple[Vector, Value]:
@@ -410,8 +455,11 @@ class ScopeProgram:
             self.wires.begin()
         with program.loop(0, self.bodies, backwards=True) as body:
             own = self._body(body)
+            room.fetch(self._body(body - 1), BODY_ROOM)
             sums.now = tuple(total + room.load(own + i) for i, total in enumerate(sums.now))
             with program.loop(*self.hinges_of(body), backwards=True) as dof:
+                self._fetch_joint(dof - 1)
+                room.fetch(self.joint_slot(dof - 1) + 7, 3)
                 self._free(dof, sums, pulls, hinge_force, 0)
             with program.when(body == 0):
                 self._free(program.index(0), sums, pulls, slide_force, 1)
@@ -442,6 +490,10 @@ class ScopeProgram:
             self.wires.free(dof, driven, inverse, (turn, push), slides)
         self.room.put(own, (*turn, *push, driven * inverse))
         sums.now = (*_flat(inertia), *add(torque, times(driven, turn)), *add(force, times(driven, push)))
+
+    def _fetch_joint(self, dof: Value) -> None:
+        self.state.fetch(dof)
+        self.state.fetch(self.layout.speeds + dof)
 
     def _driven(self, dof: Value, pulls: Any, slides: int) -> tuple[Value, Value]:
         """Torque of springs, stops, locks, wires and hand on a joint; and its armature, with what a step is damped."""
@@ -482,6 +534,8 @@ class ScopeProgram:
 
         def move(dof: Value, along: Changing) -> None:
             own = self.joint_slot(dof)
+            self._fetch_joint(dof + 1)
+            room.fetch(self.joint_slot(dof + 1), JOINT_ROOM)
             gives = dot(room.vector(own), turning.now) + dot(room.vector(own + 3), moving.now)
             rate = room.load(own + 6) - gives
             if self.wires:
@@ -505,6 +559,7 @@ class ScopeProgram:
     def _leave(self, sphere: Value, turning_rate: Vector, moving_rate: Vector) -> None:
         """Normal force at the step's end, by the speed at which the surface then leaves the wall."""
         program, room, own = self.program, self.room, self._sphere(sphere)
+        room.fetch(self._sphere(sphere + 2) + 9)
         spring, slot = room.load(own + 9), self.layout.normals + sphere
         self.state.store(slot, 0.0)
         with program.when(spring > 0):
@@ -541,7 +596,11 @@ class ScopeProgram:
             self.room.put(self.origin_slot(body), link.place)
             pressed = Changing(program, _NONE)
             with program.loop(*self.spheres_of(body)) as sphere:
-                self._press(sphere, link, pressed, deepest)
+                coil = self.structure.load(self._scales + self.dofs + sphere)
+                with program.when(coil >= 0):
+                    self.seen.put(coil * 3 + seen_slot("coils"), self._middle(sphere, link))
+            with self._spheres_beside(body) as (sphere, counts):
+                self._press(sphere, counts, link, pressed, deepest)
             size = program.xp.sqrt(dot(pressed.now, pressed.now))
             seen.store(seen_slot("coils") + self.coils * 3 + body, size)
             with program.when(self.of_tip(body)):
@@ -557,18 +616,20 @@ class ScopeProgram:
             held = self._hand(side, state.load(side), state.load(self.layout.speeds + side))
             seen.store(seen_slot(name), held)
 
-    def _press(self, sphere: Value, link: "Link", pressed: Changing, deepest: Any) -> None:
+    def _middle(self, sphere: Value, link: "Link") -> Vector:
+        """Where the middle of a sphere is [m]."""
+        return add(link.place, times(self.sphere_place(sphere), link.axis))
+
+    def _press(self, sphere: Value, counts: Value | None, link: "Link", pressed: Changing, deepest: Variable) -> None:
         program, xp, layout = self.program, self.program.xp, self.layout
-        centre = add(link.place, times(self.sphere_place(sphere), link.axis))
-        coil = self.structure.load(self._scales + self.dofs + sphere)
-        with program.when(coil >= 0):
-            self.seen.put(coil * 3 + seen_slot("coils"), centre)
-        arc, rest = self.nearest(centre, self.state.load(layout.arcs + sphere))
+        arc, rest = self.nearest(self._middle(sphere, link), self.state.load(layout.arcs + sphere))
         with program.when(arc > 0):
-            depth, normal, _, _ = self.wall(rest, arc)
-            deepest.value = xp.maximum(deepest.value, depth)
+            depth, normal, _, _ = self.wall(rest, arc, near=False)
+            for each in program.apart(depth):
+                deepest.value = xp.maximum(deepest.value, each)
             force = xp.where(arc > 0, self.state.load(layout.normals + sphere), 0.0)
-            pressed.now = add(pressed.now, times(force, normal))
+            x, y, z = (self._summed(force * component, counts) for component in normal)
+            pressed.now = add(pressed.now, (x, y, z))
 
     def origin_slot(self, body: Any) -> Any:
         """Slot of the room where `observe` leaves a link's origin [m]."""

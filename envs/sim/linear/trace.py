@@ -135,6 +135,10 @@ class Program:
             approximate: whether quotients and roots may be off in their last digits, as graphics processors have them.
         """
         self.lanes, self.flags = lanes, (*_FREE, *(("afn",) if approximate else ()))
+        self.fetches = False
+        """Whether memory is asked ahead for what will be read soon."""
+        self.abreast = 1
+        """How many things of one world its lanes hold now (`side_by_side`)."""
         self.real = ir.DoubleType() if np.dtype(real) == np.float64 else ir.FloatType()
         self.module = ir.Module(name)
         self.function = ir.Function(self.module, ir.FunctionType(ir.VoidType(), arguments), name)
@@ -144,7 +148,7 @@ class Program:
         self._entry = self.function.append_basic_block("entry")
         self.builder = ir.IRBuilder(self.function.append_basic_block("begin"))
         self.xp = Mathematics(self)
-        self._known: dict[Any, Value] = {}
+        self._known: dict[Any, Any] = {}
 
     def finish(self) -> str:
         """The function in LLVM's language."""
@@ -175,6 +179,71 @@ class Program:
             first, first, ir.Constant(ir.VectorType(INDEX, self.lanes), [0] * self.lanes)
         )
 
+    def alone(self, value: Number) -> Any:
+        """LLVM's value of a number that is not spread."""
+        return (value if isinstance(value, Value) else self.constant(value)).written
+
+    @contextmanager
+    def side_by_side(self, count: int) -> Iterator[None]:
+        """Let lanes hold so many things of one world, instead of a number of several worlds; 1 changes nothing."""
+        if count == 1:
+            yield
+            return
+        assert self.lanes == 1, "worlds stand in the lanes already"
+        self.lanes = self.abreast = count
+        yield
+        self.lanes = self.abreast = 1
+
+    def numbered(self, first: Value) -> Value:
+        """Whole numbers from one on, of what stands side by side; where nothing does, the first."""
+        if self.abreast == 1:
+            return first
+        kind = ir.VectorType(INDEX, self.abreast)
+        return first + Value(self, ir.Constant(kind, list(range(self.abreast))))
+
+    def apart(self, value: Value) -> list[Value]:
+        """A number of each thing that stands side by side."""
+        if self.abreast == 1:
+            return [value]
+        spread, builder = self.spread(value), self.builder
+        return [Value(self, builder.extract_element(spread, ir.Constant(INDEX, lane))) for lane in range(self.abreast)]
+
+    def indices(self, value: Value) -> list[Any]:
+        """LLVM's values of a whole number that differs by lane, as wide as addresses are."""
+        if ("indices", value.written) not in self._known:
+            builder, lanes = self.builder, range(value.lanes)
+            own = [builder.extract_element(value.written, ir.Constant(INDEX, lane)) for lane in lanes]
+            self._known["indices", value.written] = [builder.sext(each, ir.IntType(64)) for each in own]
+        return self._known["indices", value.written]
+
+    def together(self, values: Sequence[Value]) -> Value:
+        """What `apart` took apart."""
+        if self.abreast == 1:
+            return values[0]
+        found: Any = ir.Constant(ir.VectorType(values[0].element, self.abreast), ir.Undefined)
+        for lane, value in enumerate(values):
+            found = self.builder.insert_element(found, value.written, ir.Constant(INDEX, lane))
+        return Value(self, found)
+
+    def fetch(self, place: Any) -> None:
+        """Let what is in memory there come nearer, on a graphics processor."""
+        address: Any = self.builder.ptrtoint(place, ir.IntType(64))
+        kind = ir.FunctionType(ir.VoidType(), [address.type])
+        self.builder.asm(kind, "prefetch.L1 [$0];", "l", [address], side_effect=True)
+
+    def total(self, value: Value) -> Value:
+        """The sum of what stands side by side."""
+        first, *others = self.apart(value)
+        for other in others:
+            first = first + other
+        return first
+
+    def later(self, before: Value, now: Value) -> Value:
+        """Numbers of what stands side by side, each in the place of the next; the first is the last of `before`."""
+        first = list(range(self.abreast - 1, 2 * self.abreast - 1))
+        mask = ir.Constant(ir.VectorType(INDEX, self.abreast), first)
+        return Value(self, self.builder.shuffle_vector(before.written, now.written, mask))
+
     def alike(self, first: Any, second: Any) -> tuple[Any, Any]:
         """LLVM's values of two numbers, of one type: real if either is, in all lanes if either is."""
         element = (first if isinstance(first, Value) else second).element
@@ -202,10 +271,10 @@ class Program:
             if Value(self, a).whole:
                 a, b = (self._as_real(Value(self, each)).written for each in (a, b))
             return Value(self, getattr(self.builder, f"f{what}")(a, b, flags=self.flags))
-        # Whole numbers are rows of tables: the same one is to be known again.
+        # Whole numbers are rows of tables: the same one is to be known again. None is as large as to wrap around.
         key = (what, str(a) if isinstance(a, ir.Constant) else a, str(b) if isinstance(b, ir.Constant) else b)
         if key not in self._known:
-            self._known[key] = Value(self, getattr(self.builder, what)(a, b))
+            self._known[key] = Value(self, getattr(self.builder, what)(a, b, flags=("nsw",)))
         return self._known[key]
 
     def compare(self, what: str, first: Any, second: Any) -> Value:
@@ -323,8 +392,8 @@ class Variable:
     @value.setter
     def value(self, value: Number) -> None:
         program = self._program
-        own = value.written if isinstance(value, Value) and value.whole else program.spread(value)
-        program.builder.store(own, self._place)
+        spread = isinstance(self._kind, ir.VectorType) and not (isinstance(value, Value) and value.whole)
+        program.builder.store(program.spread(value) if spread else program.alone(value), self._place)
 
 
 class Changing:

@@ -41,7 +41,7 @@ class Response:
     gain: float | None = None
     """Fixed exposure [1]; automatic when None."""
     inertia: float = 0.0
-    """Share of the last picture's gain that stays, for films [1]."""
+    """Share of the last picture's gain that stays, in stops, for films [1]."""
     noise: float = 0.0
     """Standard deviation of the noise at full light, of the most that fits; it falls as the root of light [1]."""
     exposure: float = 0.0
@@ -54,13 +54,15 @@ class Response:
         return (255 * bright + 0.5).astype(np.uint8)
 
     def gain_for(self, radiance: Float[np.ndarray, "height width 3"], last: float | None = None) -> float:
-        """Automatic gain: the upper middle of the picture's brightness goes to the target."""
+        """Automatic gain: the upper middle of the picture's brightness goes to the target, or nowhere without light."""
         if self.gain is not None:
             return self.gain
         light = radiance[::4, ::4].max(axis=-1)
         lit = light[light > 0]
-        wanted = self.target / max(float(np.percentile(lit, 75)), 1e-12) if len(lit) else 1.0
-        return wanted if last is None else self.inertia * last + (1 - self.inertia) * wanted
+        if not len(lit):
+            return 1.0 if last is None else last
+        wanted = self.target / max(float(np.percentile(lit, 75)), 1e-12)
+        return wanted if last is None else last**self.inertia * wanted ** (1 - self.inertia)
 
     def noisy(
         self, radiance: Float[np.ndarray, "height width 3"], gain: float, rng: np.random.Generator

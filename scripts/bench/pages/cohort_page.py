@@ -33,9 +33,9 @@ instant. All figures, those of the half named `judge` too, were read meanwhile: 
 seeds have to be judged. The endoscopist's gentle, firm and pulling forces are inputs that peaks follow from closely:
 peaks say little about the model. Nothing else is calibrated.
 
-**What it shows.** The bar, nine of twelve observables, is not met: see the table. A driver that pulls back beyond the
-tip's place gathers the colon on the shaft, as endoscopists do; but most insertions are still under way when their
-time ends, so that what is counted at the caecum rests on few patients. Where much colon is gathered, a scope
+**What it shows.** Nine of twelve observables are asked for and not reached: see the table. A driver that pulls back
+beyond the tip's place gathers the colon on the shaft, as endoscopists do; but most insertions are still under way
+when their time ends, so that what is counted at the caecum rests on few patients. Where much colon is gathered, a scope
 sometimes leaves the lumen within a moment (`escaped`): the hand then reads its own limits, 100 N and 3 N m, and
 P(perforation) counts as 1. That is taken for a limit of the model of a pleated colon, not for a clinical event, and
 is not left out.

@@ -10,14 +10,14 @@ from haustra.files import write_atomically
 from haustra.models.anatomy.landmarks import SEGMENTS
 from haustra.models.gas.law import MMHG, open_share
 from haustra.models.gas.numbers import gas_numbers
-from haustra.scripts.bench.gas import table
 
 _HEAD = """\
 # Validation: gas in the colon
 
 **Question.** Does gas open grown colons as it opens people's, and does the model neither lose nor make any?
 
-Made by `haustra bench gas -o DIR`; edit `scripts/bench/pages/gas_page.py`, not this page.
+Made from docs/validation/data/gas.json, which `haustra bench gas -o DIR` leaves; edit
+`scripts/bench/pages/gas_page.py`, not this page.
 
 **The law.** A segment holds V = Vmax exp(−κ p^−β) (`haustra.models.gas.law`), the power exponential that Bharucha
 fitted to barostat curves: hardly anything opens below 8 mmHg, half at 12 to 18 mmHg, and little more beyond 40.
@@ -64,9 +64,9 @@ An adult scope in grown seed 0 on its mesentery, driven by the follower, filled 
 
 
 def gas_page(found: Mapping[str, Any]) -> str:
-    """The page as Markdown."""
+    """The page as Markdown, from gas.json."""
     people = f"\n{found['people']} people of each cohort; gas is that of the Japanese ones.\n"
-    return _HEAD + _lines(table(found["rows"])) + people + _TAIL + _RUNS + _lines(found["runs"])
+    return _HEAD + _lines(found["rows"]) + people + _TAIL + _RUNS + _lines(found["runs"])
 
 
 def _lines(rows: Sequence[Mapping[str, str]]) -> str:

@@ -25,7 +25,7 @@ def motion_page(rows: Sequence[Mapping[str, Any]], *, seconds: float) -> str:
         f"## The surface, in {sound['runs']} runs of {seconds:g} s\n",
         f"Scope {DESIGN}, lumen follower, {colons} grown colons from seed {FIRST_SEED} on in each patient below"
         f"{_others(rows)}. At the end of each run, with the scope's own indentation:\n",
-        "| figure | found | bar |",
+        "| figure | found | bound |",
         "| --- | --- | --- |",
         f"| largest share of triangles turned over against their own axis | {sound['turned_over_max_share']:.2%} | 0 |",
         f"| furthest that the scope's axis stands outside, by winding numbers"

@@ -1,26 +1,21 @@
 """The validation page of the tracked robot, written from a study's own numbers."""
 
-from pathlib import Path
 from typing import Any
 
 
-def write_page(path: Path, result: dict[str, Any]) -> Path:
-    """Write the page as Markdown; the same study writes the same page."""
-    from haustra.files import prepare_folder, write_atomically
-
-    prepare_folder(path.parent)
-    text = "\n\n".join([_HEAD, _rows(result), _stresses(result), _full_range(result), _redesign(result)])
-    return write_atomically(path, lambda temporary: temporary.write_text(text + "\n", encoding="utf-8"))
+def propulsion_page(result: dict[str, Any]) -> str:
+    """The page as Markdown, from what `haustra propulsion --json` prints."""
+    return "\n\n".join([_HEAD, _rows(result), _stresses(result), _full_range(result), _redesign(result)]) + "\n"
 
 
 _HEAD = """# Validation: the tracked robot
 
 **Question.** Does the model of the tracked robot pull, ripple and stress its tread as its papers say?
 
-Made by `haustra propulsion --page docs/validation/tracked.md`; do not edit. What is modelled, assumed and fitted is in
-[the theory](../theory/tracked.md). One number was fitted to a force: the indentation that gives four tracks 3 N on
-tissue. Tooth, belt and tips are assumed, chosen so that ripple and stress ratio come out as published; so those two
-columns show that a plausible tread explains the paper, and not that its tread is this one."""
+Made from docs/validation/data/tracked.json, which `haustra propulsion --json` prints; do not edit. What is modelled,
+assumed and fitted is in [the theory](../theory/tracked.md). One number was fitted to a force: the indentation that
+gives four tracks 3 N on tissue. Tooth, belt and tips are assumed, chosen so that ripple and stress ratio come out as
+published; so those two columns show that a plausible tread explains the paper, and not that its tread is this one."""
 
 
 def _rows(result: dict[str, Any]) -> str:
@@ -102,8 +97,8 @@ def _full_range(result: dict[str, Any]) -> str:
         lines.append(
             f"- {surface}: RMSE {rmse['median_percent']:.1f} % of the measured mean (median over all curves the paper "
             f"allows; {rmse['low_percent']:.1f} to {rmse['high_percent']:.1f} %, 95 % of them below "
-            f"{rmse['p95_percent']:.1f} %). The bar of 12 % holds for {100 * rmse['within_12_percent_share']:.0f} % of "
-            "those curves. No curve whatever could promise less than "
+            f"{rmse['p95_percent']:.1f} %). The bound of 12 % holds for {100 * rmse['within_12_percent_share']:.0f} % "
+            "of those curves. No curve whatever could promise less than "
             f"{rmse['best_guaranteed_percent']:.1f} % against all of them. The paper's own: "
             f"{found['paper_rmse_percent']:.1f} %."
         )

@@ -10,13 +10,26 @@ from pathlib import Path
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
 
+from haustra import _HOME
 from haustra.scripts.registry import BENCHMARKS, GROUPS, VERBS, load_verb
 
 _ROOT = Path(__file__).parents[3]
 _PYTHON = "reference/python.md"
 _LEFT_OUT = "haustra.scripts"
 """Verbs have the page of commands; benchmarks are not meant to be imported."""
+
+
+_ABOUT = """\
+# {package}
+
+::: {package}
+    options:
+      show_root_heading: false
+      show_root_toc_entry: false
+      members: false
+"""
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
@@ -35,6 +48,13 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     return files
 
 
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Let the search find guides before lists of names and notes of days that are over."""
+    if page.file.src_uri.startswith(("log/", "reference/python/")):
+        page.meta["search"] = {"boost": 0.2}
+    return markdown
+
+
 def packages() -> list[str]:
     """Packages whose names are documented: all that ship but the command line and its benchmarks."""
     listed = tomllib.loads((_ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"]
@@ -46,7 +66,16 @@ def api_page(package: str) -> str:
     folder = _ROOT.joinpath(*package.split(".")[1:]) if package != "haustra" else _ROOT / "haustra"
     modules = sorted(path.stem for path in folder.glob("*.py") if not path.stem.startswith("_"))
     body = "".join(f"\n::: {package}.{module}\n" for module in modules)
-    return f"# {package}\n\n::: {package}\n    options:\n      show_root_heading: false\n      members: false\n{body}"
+    about = _ABOUT.format(package=package)
+    return about + (_first_names() if package == "haustra" else "") + body
+
+
+def _first_names() -> str:
+    """The names that `import haustra` gives, with links to where they are described."""
+    rows = "".join(
+        f"| [`haustra.{name}`][{module}.{name}] | `{module}` |\n" for module, names in _HOME.items() for name in names
+    )
+    return f"\n## Names at the top\n\n| name | stands in |\n|---|---|\n{rows}"
 
 
 def command_line_page() -> str:

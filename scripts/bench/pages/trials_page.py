@@ -26,7 +26,7 @@ over patients) lies on the trial's side of zero, equality when the effect lies w
 at least half of the insertions reach the caecum: two scopes that hardly ever get there are equal for no good reason.
 
 **{different} of {all_different} differences and {equal} of {all_equal} equalities are reproduced**; of the differences
-{signs} have the right sign, resolved or not. Bar: 5 of 6 signs and 3 of 3 equalities: {verdict}.
+{signs} have the right sign, resolved or not. Criterion: 5 of 6 signs and 3 of 3 equalities: {verdict}.
 
 | trial | published | endpoint | first arm | second arm | effect (95 %) | caecum, both arms | reproduced |
 | --- | --- | --- | --- | --- | --- | --- | --- |

@@ -41,16 +41,16 @@ class BenchGas:
         folder = prepare_folder(self.output)
         with progress_bar("gas", 4, unit="parts") as advance:
             found = bench_gas(people=self.people, grown=self.grown, seconds=self.seconds, progress=advance)
-        page = gas_page(found)
-        write_atomically(folder / "gas.md", lambda temporary: temporary.write_text(page, encoding="utf-8"))
-        picture = draw_gas(folder / "gas.png", found)
         result = {
+            "people": found["people"],
             "rows": table(found["rows"]),
             "collapsed": found["collapsed"],
             "runs": found["runs"],
-            "picture": str(picture),
         }
         write_json(folder / "gas.json", result)
+        page = gas_page(result)
+        write_atomically(folder / "gas.md", lambda temporary: temporary.write_text(page, encoding="utf-8"))
+        result["picture"] = str(draw_gas(folder / "gas.png", found))
         return (
             result if self.json else {row["figure"]: f"{row['grown']} ({row['published']})" for row in result["rows"]}
         )

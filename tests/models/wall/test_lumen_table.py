@@ -7,7 +7,16 @@ from haustra.models.anatomy.colon import Centreline, Colon, ColonSegment, Surfac
 from haustra.models.anatomy.frames import centreline_through
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.tube import tube
-from haustra.models.wall.lumen_table import lumen_table, pick, query, stack, table_between
+from haustra.models.wall import vectors
+from haustra.models.wall.lumen_table import (
+    depth_bound,
+    least_radius,
+    lumen_table,
+    pick,
+    query,
+    stack,
+    table_between,
+)
 from haustra.provenance import Provenance
 
 _LUMEN, _DEVICE = 0.02, 0.006
@@ -108,3 +117,20 @@ def test_a_table_is_read_from_the_cache_and_made_again_where_that_is_broken(tmp_
     assert (again.tables.wall == fresh.tables.wall).all() and again.error == fresh.error
     kept.write_bytes(b"PK, but no archive")
     assert (lumen_table(colon, device_radius=_DEVICE).tables.wall == fresh.tables.wall).all()
+
+
+def test_no_point_is_deeper_than_its_bound():
+    """Most points between centreline and wall are kept clear by it, so that nothing more of them is looked up."""
+    own = lumen_table(_bent_tube(0.06), device_radius=_DEVICE).tables
+    random = np.random.default_rng(0)
+    rows = random.integers(2, len(own.points) - 2, 400)
+    out = random.normal(size=(400, 3)) * [0.007, 0.007, 0.001]
+    points = own.points[rows] + np.einsum("pij,pj->pi", own.frames[rows], out)
+    found = query(np, own, points, own.step * rows)
+    beside = own._replace(points=np.column_stack([own.points, least_radius(own.wall)]))
+    colon = own.step, own.first, own.count
+    bound = depth_bound(np, beside, *colon, vectors.of(points), found.arcs)
+    assert (bound >= found.depth).all()
+    assert ((bound > 0) == (found.depth > 0)).mean() > 0.9
+    assert (bound < 0).any()
+    assert (bound > 0).any()

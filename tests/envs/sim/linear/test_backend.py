@@ -67,15 +67,28 @@ def test_threads_and_lanes_do_not_change_a_bit(bank):
         np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
 
 
-def test_a_scope_alone_goes_as_among_others(bank):
-    alone, _ = driven(bank, 1, seconds=0.0)
-    among, _ = driven(bank, 9, seconds=0.0)
-    among.reset(np.arange(9), np.zeros(9, int), conditions(bank, 1).of(np.zeros(9, int)))
+@pytest.mark.parametrize("mesentery", [False, True])
+def test_a_scope_alone_goes_as_among_others(mesentery):
+    """Nodes and spheres of a scope that is alone stand in the lanes where else its neighbours do."""
+    own = _bank(mesentery)
+    alone, among = (driven(own, count, seconds=0.0, real=np.float64)[0] for count in (1, 5))
+    among.reset(np.arange(5), np.zeros(5, int), conditions(own, 1).of(np.zeros(5, int)))
     for backend in (alone, among):
         count = backend.worlds
         for _ in range(40):
-            backend.step(Controls(np.full(count, 0.05), np.zeros(count), np.tile([9.0, 3.0, 0.0, 0.0], (count, 1))), 5)
-    np.testing.assert_allclose(alone.positions()[0], among.positions()[4], atol=2e-4)
+            pulls = np.tile([9.0, 3.0, 0.0, 0.0], (count, 1))
+            assert backend.step(Controls(np.full(count, 0.05), np.zeros(count), pulls), 5).all()
+    states = [backend.state() for backend in (alone, among)]
+    assert (states[0].normal > 0).any()
+    for name in ("qpos", "qvel", "arcs", "normal"):
+        one, many = (getattr(state, name) for state in states)
+        np.testing.assert_allclose(one[0], many[4], atol=1e-10)
+    first, last = (state.displacement for state in states)
+    if first is not None and last is not None:
+        np.testing.assert_allclose(first.speed[0], last.speed[4], atol=1e-10)
+        np.testing.assert_allclose(first.pose[0, :, :3], last.pose[4, :, :3], atol=1e-12)
+        assert np.abs(first.pose[0, :, :3]).max() > 1e-4
+    assert (first is not None) == mesentery
 
 
 def test_designs_that_differ_by_world_go_as_each_does_alone(bank):

@@ -70,7 +70,7 @@ def test_what_is_kept_keeps_its_derivatives():
         target.store(1, source.gather(row))
         target.store(2, source.from_slot(1).load(1))
         target.store(3, 5.0)
-        target.add_at(row + 3, source.load(0))
+        target.scatter(row + 3, source.load(0))
 
     given = [*RANDOM.normal(size=(3, 4)), np.array([0.0, 1.0, 2.0, 1.0])]
     slopes = [*RANDOM.normal(size=(3, 2, 4)), np.zeros((2, 4))]

@@ -144,3 +144,13 @@ def test_a_colon_that_moves_is_drawn_where_it_is() -> None:
     at = surface.line[12]
     view = scope.look(CameraPose(at, looking(surface.line[20] - at, np.array([0.0, 0.0, 1.0]))))
     assert (view.triangle >= 0)[scope.renderer.lens.within].all()
+
+
+def test_the_gain_of_a_film_waits_in_the_dark_and_comes_back_to_the_light() -> None:
+    """A tip that presses into the wall sees nothing; what it sees next is exposed as what it saw before."""
+    camera, dark, lit = Response(inertia=0.8), np.zeros((8, 8, 3)), np.full((8, 8, 3), 2e4)
+    assert camera.gain_for(dark, 3e-5) == 3e-5
+    gain = 1.0
+    for _ in range(30):
+        gain = camera.gain_for(lit, gain)
+    assert gain == pytest.approx(camera.target / 2e4, rel=0.02)

@@ -1,0 +1,22 @@
+"""A page of validation whose measurements are kept is made from them: no page is older than its JSON."""
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from haustra.scripts.bench.pages.gas_page import gas_page
+from haustra.scripts.bench.pages.propulsion_page import propulsion_page
+
+PAGES = Path(__file__).parents[4] / "docs" / "validation"
+MAKERS: Mapping[str, Callable[[Any], str]] = {"gas": gas_page, "tracked": propulsion_page}
+"""What makes the page of each file in docs/validation/data, by its name."""
+
+
+@pytest.mark.parametrize("kept", sorted((PAGES / "data").glob("*.json")), ids=lambda path: path.stem)
+def test_the_page_is_made_from_what_is_kept(kept: Path) -> None:
+    page = (PAGES / f"{kept.stem}.md").read_text(encoding="utf-8")
+    measured = json.loads(kept.read_text(encoding="utf-8"))
+    assert page == MAKERS[kept.stem](measured), "make the page anew from the file"

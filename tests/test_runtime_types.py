@@ -1,0 +1,19 @@
+"""The checker that holds haustra's functions to their annotations in tests."""
+
+import numpy as np
+import pytest
+from jaxtyping import TypeCheckError
+from runtime_types import check_anew
+
+from haustra.models.anatomy.frames import rotation_minimising_frames
+
+
+def test_the_first_calls_in_a_test_are_checked_and_those_of_the_next_test_too() -> None:
+    line, flat = np.linspace(0, 1, 5)[:, None] * np.ones(3), np.zeros((5, 2))
+    with pytest.raises(TypeCheckError):
+        rotation_minimising_frames(flat)
+    for _ in range(100):
+        rotation_minimising_frames(line)
+    check_anew()
+    with pytest.raises(TypeCheckError):
+        rotation_minimising_frames(flat)
