@@ -70,6 +70,7 @@ wheel: $(VENV)/.installed-dev
 	cd build && empty/bin/haustra doctor
 
 wheels: wheel
+	$(BIN)/python -m pip install --quiet uv
 	PYTHON=$(PYTHON) .ci/wheels
 
 page:

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+import haustra
+
 ROOT = Path(__file__).parents[1]
 ROOMS = ("assets", "models", "envs", "scripts")
 
@@ -26,6 +28,21 @@ def test_package_list_matches_the_disk() -> None:
     """Setuptools ships only what pyproject.toml names: a folder forgotten there is missing from the wheel."""
     listed = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"]
     assert sorted(listed) == sorted(_packages_on_disk())
+
+
+def test_the_version_is_said_alike_everywhere() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert haustra.__version__ == project["version"]
+    assert f"\nversion: {project['version']}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\n## {project['version']}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+def test_every_public_name_is_there_and_another_is_refused_with_those_there_are() -> None:
+    for name in haustra.__all__:
+        assert getattr(haustra, name) is not None
+    assert {*haustra.__all__} == {"__version__", *(name for names in haustra._HOME.values() for name in names)}
+    with pytest.raises(AttributeError, match=r"Public names: .*grow_colon"):
+        getattr(haustra, "nothing")  # noqa: B009
 
 
 def test_every_folder_with_code_is_a_package() -> None:

@@ -35,8 +35,8 @@ class _Group:
     """Where they were when planes were put last [m]."""
     on_wall: Float[np.ndarray, "worlds spheres 3"]
     """Force on the wall in the last step [N]."""
-    damping: Float[np.ndarray, "worlds spheres"]
-    """Its damping [N s/m]."""
+    damping: Float[np.ndarray, "worlds spheres 2"]
+    """Its damping along the wall's normal and across it [N s/m]."""
     load: Float[np.ndarray, "worlds spheres"]
     """Its part along the normal [N]."""
     spring: Float[np.ndarray, "worlds spheres"]
@@ -128,7 +128,7 @@ class TablePlanes:
             before=np.zeros((*shape, 3)),
             points=np.zeros((*shape, 3)),
             on_wall=np.zeros((*shape, 3)),
-            damping=np.zeros(shape),
+            damping=np.zeros((*shape, 2)),
             load=np.zeros(shape),
             spring=np.ones(shape),
             treads=np.zeros((*shape, 3)),

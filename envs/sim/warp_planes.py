@@ -226,8 +226,9 @@ class WarpPlanes:
         drag = jnp.linalg.norm(force[:, 1:], axis=1) / jnp.maximum(jnp.linalg.norm(slip[:, 1:], axis=1), SLIP_SPEED)
         pressed = -jnp.einsum("ci,cij->cj", force, done.contact__frame)
         damper = jnp.broadcast_to(contacts.stiffness * contacts.ahead, shape)[where]
+        damping = jnp.stack([damper, drag], axis=-1)
         on_wall = jnp.zeros((*shape, 3), force.dtype).at[where].add(pressed, mode="drop")
-        return on_wall, jnp.zeros(shape, force.dtype).at[where].add(damper + drag, mode="drop")
+        return on_wall, jnp.zeros((*shape, 2), force.dtype).at[where].add(damping, mode="drop")
 
     @property
     def _planes(self) -> np.ndarray:

@@ -32,7 +32,10 @@ from haustra.models.wall.moving_colon import (
     bend_gradient,
     edge_resistance,
     edge_tension,
+    grip_resistance,
     hold_force,
+    lean_grip,
+    lean_resistance,
     node_cell,
     node_resistance,
     node_turn_resistance,
@@ -46,8 +49,10 @@ from haustra.models.wall.sections import (
     cell_closing,
     cell_closing_gradient,
     cell_closing_rate,
+    cell_closing_reach,
     flattening,
     flattening_rate,
+    flattening_reach,
     node_closing,
     node_closing_rate,
     section_gradient,
@@ -425,7 +430,7 @@ def _pressed(
         h: time step [s].
         load: normal force of each sphere, into which it is written [N].
         force: on the wall, into which it is written [N].
-        damping: [N s/m].
+        damping: along the normal and across it [N s/m].
     """
     for world in worlds:
         for p in range(points.shape[1]):
@@ -441,7 +446,8 @@ def _pressed(
             load[world, p] = pressed
             _put(force, world, p, minus(rubbed, times(pressed, normal)))
             drag = np.hypot(one, other) / max(np.sqrt(dot(slip, slip)), least_slip)
-            damping[world, p] = stiffness[world, p] * ahead[world] + drag if pressed > 0 else 0.0
+            damping[world, p, 0] = stiffness[world, p] * ahead[world] if pressed > 0 else 0.0
+            damping[world, p, 1] = drag if pressed > 0 else 0.0
 
 
 def _contacts(
@@ -470,7 +476,7 @@ def _contacts(
         damper: of a contact along its normal, with what a step of its spring adds [N s/m].
         least_slip: friction damps as where it slides at least so fast [m/s].
         force: on the wall, into which it is written [N].
-        damping: [N s/m].
+        damping: along the normal and across it [N s/m].
     """
     force[:], damping[:] = 0.0, 0.0
     for c in range(len(rows)):
@@ -478,14 +484,14 @@ def _contacts(
         if row < 0 or efc_force[row] <= 0:
             continue
         sphere = sphere_of[geoms[c, 1]]
-        damping[0, sphere] += damper
+        damping[0, sphere, 0] += damper
         for axis in range(3 if friction else 1):
             for i in range(3):
                 force[0, sphere, i] -= efc_force[row + axis] * frames[c, 3 * axis + i]
         if friction:
             drag = np.hypot(efc_force[row + 1], efc_force[row + 2])
             slip = np.hypot(efc_speed[row + 1], efc_speed[row + 2])
-            damping[0, sphere] += drag / max(slip, least_slip)
+            damping[0, sphere, 1] += drag / max(slip, least_slip)
 
 
 def _edge_rate(shape: Any, speed: Any, world: int, edge: int) -> Any:
@@ -509,24 +515,32 @@ def _step_axis(
     _shape(own, worlds, pose, shape)
     count = pose.shape[1]
     pulled, couples, torque = np.empty((1, count, 3)), np.empty((count, 3, 3)), np.empty(count)
-    gripped, gripped_turn, diagonal, tie = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
+    gripped, gripped_turn = np.empty(count), np.empty(count)
+    flattened, leaning = np.empty(count), np.empty(count)
+    diagonal, tie = np.empty(count), np.empty(count)
     for world in worlds:
         pulled[:], couples[:], gripped[:], gripped_turn[:] = 0.0, 0.0, 0.0, 0.0
+        flattened[:], leaning[:] = 0.0, 0.0
         for p in range(arcs.shape[1]):
             f = _node(force, world, p)
-            if arcs[world, p] <= 0 or (f[0] == 0 and f[1] == 0 and f[2] == 0 and damping[world, p] == 0):
+            if arcs[world, p] <= 0 or (f[0] == 0 and f[1] == 0 and f[2] == 0 and damping[world, p, 0] == 0):
                 continue
             at, share = node_cell(np, own.spacing[world], count, arcs[world, p])
-            held = _node(lever, world, p)
+            held, pressed = _node(lever, world, p), grip_resistance(damping[world, p, 0])
+            resists, leans = pressed + damping[world, p, 1], lean_grip(np, f, pressed, damping[world, p, 1])
             for later in range(2):
                 node, part = at + later, share if later else 1 - share
-                gripped[node] += part * damping[world, p]
-                gripped_turn[node] += part * damping[world, p] * dot(held, held)
+                square = part * dot(held, held)
+                gripped[node] += part * resists
+                gripped_turn[node] += square * resists
+                flattened[node] += square * pressed
+                leaning[node] += square * leans
                 _put_more(pulled, 0, node, times(part, f))
                 for i in range(3):
                     for j in range(3):
                         couples[node, i, j] += part * f[i] * held[j]
         _add_springs(own, world, shape, couples, pulled, torque)
+        _lean(own, world, shape, flattened, leaning)
         for i in range(count):
             at = _node(pose, world, i)
             _put_more(pulled, 0, i, times(gripped[i], _node(speed, world, i)))
@@ -544,7 +558,14 @@ def _step_axis(
         for i in range(count - 1):
             before = own.bending[world, i] + own.upright[world, i]
             after = own.bending[world, i + 1] + own.upright[world, i + 1]
-            tie[i] = edge_resistance(np, own.tension[world, i], before, after, own.lengths[world, i], h)
+            length, rest = shape.lengths[world, i], own.lengths[world, i]
+            tie[i], along = edge_resistance(np, length, rest, own.tension[world, i], before, after, h)
+            held = (leaning[i] + leaning[i + 1]) / length**2
+            unit, apart = _node(shape.units, world, i), minus(_node(speed, world, i + 1), _node(speed, world, i))
+            kept = add(times(held, apart), times(along * dot(unit, apart), unit))
+            _put_more(pulled, 0, i, kept)
+            _put_more(pulled, 0, i + 1, times(-1.0, kept))
+            tie[i] += held
             diagonal[i] += tie[i]
             diagonal[i + 1] += tie[i]
         # Thomas's algorithm; off the diagonal stands -tie.
@@ -560,6 +581,28 @@ def _step_axis(
             _put(speed, world, i, moving)
             _put_more(pose, world, i, times(h, moving))
         _turn_sections(own, world, pose, speed, shape, torque, gripped_turn, h)
+
+
+def _lean(own: Any, world: int, shape: Any, flattened: Any, leaning: Any) -> None:
+    """From what contacts resist at nodes to what changes of the edges' directions meet: sections lean and flatten."""
+    last = shape.lengths.shape[1]
+    reach = np.zeros(last)
+    for i in range(last + 1):
+        if flattened[i] > 0:
+            cells = _cells(shape.closings, world, i)
+            closing = node_closing(cells[0], cells[1], _node(shape.tangents, world, i))
+            turn = _turn(shape.turns, world, i, 0)
+            rest = turned(turn[0], turn[1], _node(own.closings, world, i))
+            each = flattened[i] * flattening_reach(np, closing, rest, own.widths[world, i]) ** 2
+            reach[max(i - 1, 0)] += each
+            reach[min(i, last - 1)] += each
+    for i in range(last):
+        now = _node(shape.tangents, world, i), _node(shape.tangents, world, i + 1)
+        both = 2 * reach[i] * cell_closing_reach(np, now[0], now[1], shape.lengths[world, i]) ** 2
+        leaning[i] += both
+        leaning[i + 1] += both
+    for i in range(last + 1):
+        leaning[i] = lean_resistance(leaning[i], shape.sums[world, i])
 
 
 def _turn_sections(
@@ -645,7 +688,7 @@ def loops() -> Loops:
 
     overload(vectors.where)(lambda xp, condition, yes, no: lambda xp, condition, yes, no: yes if condition else no)
     own = (_node, _put, _put_more, _turn, _put_turn, _section, _cells, _rest_closing, _node_between, _edge_rate)
-    own = (*own, _rates, _add_springs, _turn_sections)
+    own = (*own, _rates, _add_springs, _lean, _turn_sections)
     entries = (_query, _query_moved, _place_planes, _pressed, _contacts, _step_axis, _shape, _carry, _follow, _indent)
     entries = (*entries, contact_solver.solve)
     laws = (*vectors.PARTS, *law.PARTS, *lumen_table.PARTS, *sections.PARTS, *moving_colon.PARTS)

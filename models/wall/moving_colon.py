@@ -30,8 +30,10 @@ from haustra.models.wall.sections import (
     cell_closing,
     cell_closing_gradient,
     cell_closing_rate,
+    cell_closing_reach,
     flattening,
     flattening_rate,
+    flattening_reach,
     node_closing,
     node_closing_rate,
     section_gradient,
@@ -45,10 +47,9 @@ from haustra.models.wall.vectors import Vector, add, between, cross, dot, minus,
 
 Array: TypeAlias = Any
 
-SHORTEST_STIFFNESS = 2000.0
-"""A stretch that is pleated to less than `SHORTEST` of its length at rest resists by this more [N]: folds of wall lie
-against each other; engineering choice."""
-
+LEANS = 10.0
+"""Most that friction counts for against the leaning of sections, over the force of a contact [s/m]: as where it slides
+at 10 mm/s with a coefficient of 0.1; engineering choice: what still trembles does so by less than 0.05 mm a step."""
 
 POSE = 7
 """Numbers of a node's pose: displacement from rest [m], and the unit quaternion that has turned its cross-section."""
@@ -102,10 +103,22 @@ class AttachmentPoints(NamedTuple):
 
 
 def edge_tension(xp: Any, length: Any, rest: Any, tension: Any, pleating: Any) -> Any:
-    """Force in an edge [N], positive where it is stretched."""
+    """Force in an edge [N], positive where it is stretched.
+
+    Folds that lie against each other, at `SHORTEST` of the length at rest, are a ring of wall: what is left of its
+    length, s, is pressed like a solid of the same modulus and volume (neo-Hookean), by EA / (3 `SHORTEST`) (s - 1/s^2).
+    """
     strain = length / rest - 1
     stiffness = where(xp, strain > 0, tension, tension * pleating)
-    return stiffness * strain - SHORTEST_STIFFNESS * xp.maximum(SHORTEST - 1 - strain, 0.0)
+    left = xp.minimum(length / (SHORTEST * rest), 1.0)
+    return stiffness * strain + tension / (3 * SHORTEST) * (left - 1 / (left * left))
+
+
+def edge_stiffness(xp: Any, length: Any, rest: Any, tension: Any) -> Any:
+    """Slope of `edge_tension` over the strain [N], or more: as much as in a stretched edge."""
+    left = length / (SHORTEST * rest)
+    packed = tension / (3 * SHORTEST * SHORTEST) * (1 + 2 / (left * left * left))
+    return tension + where(xp, left < 1, packed, 0.0)
 
 
 def bend_gradient(xp: Any, change: Vector, rest: Any, bending: Any) -> Vector:
@@ -135,12 +148,45 @@ def node_turn_resistance(upright: Any, drag: Any, gripped: Any, h: Any) -> Any:
     return drag + gripped + h * upright
 
 
-def edge_resistance(xp: Any, tension: Any, before: Any, after: Any, length: Any, h: Any) -> Any:
+def edge_resistance(xp: Any, length: Any, rest: Any, tension: Any, before: Any, after: Any, h: Any) -> tuple[Any, Any]:
     """What a step's speed difference meets between nodes [N s/m]: h times a bound of the springs along and across.
 
-    Bending resists most from node to node, by four times its stiffness, `before` and `after`, over the spacing.
+    Bending resists most from node to node, by four times its stiffness, `before` and `after`, over the distance now. It
+    does so across the edge only: along it, what is more in a pleated edge than at rest, returned second, is to resist
+    changes of speed, not speed.
     """
-    return h * (tension + 4 * xp.maximum(before, after) / length) / length
+    bending = 4 * h * xp.maximum(before, after)
+    at_rest, now = bending / (rest * rest), bending / (length * length)
+    return h * edge_stiffness(xp, length, rest, tension) / rest + now, xp.maximum(now - at_rest, 0.0)
+
+
+def grip_resistance(damping: Any) -> Any:
+    """What changes of a step's speeds meet where a contact is damped so much along its normal [N s/m].
+
+    A place of the wall moves by what the axis moves and its section turns, leans and flattens: four parts, whose sum
+    squared is at most four times the sum of their squares. A step is stable that resists by half of that. Friction is
+    bounded, and needs less.
+    """
+    return 2 * damping
+
+
+def lean_grip(xp: Any, force: Vector, damping: Any, drag: Any) -> Any:
+    """What changes of a section's leaning meet at a contact of that force [N s/m].
+
+    Friction that sticks would hold up a section that rolls about the contact: it counts for `LEANS` at most.
+
+    Args:
+        xp: numpy or jax.numpy.
+        force: of the contact [N].
+        damping: along its normal, as `grip_resistance` [N s/m].
+        drag: across it [N s/m].
+    """
+    return damping + xp.minimum(drag, LEANS * norm(xp, force))
+
+
+def lean_resistance(leaning: Any, sums: Any) -> Any:
+    """What changes of either edge's direction at a node meet [N m s], given what those of its tangent do."""
+    return 2 * leaning / (sums * sums)
 
 
 def node_cell(xp: Any, spacing: Any, nodes: Any, arc: Any) -> tuple[Any, Any]:
@@ -152,11 +198,15 @@ def node_cell(xp: Any, spacing: Any, nodes: Any, arc: Any) -> tuple[Any, Any]:
 
 PARTS = (
     edge_tension,
+    edge_stiffness,
     bend_gradient,
     hold_force,
     node_resistance,
     node_turn_resistance,
     edge_resistance,
+    grip_resistance,
+    lean_grip,
+    lean_resistance,
     node_cell,
 )
 """What numba is to compile."""
@@ -346,22 +396,30 @@ def step_axis(
         displacement: where the axes are.
         grip: where the device holds on to the wall.
         force: on the wall there, at the end of the step as the device sees it (worlds, points, 3) [N].
-        damping: of each contact, at least that in any direction (worlds, points) [N s/m].
+        damping: of each contact along its normal, and at least that across it (worlds, points, 2) [N s/m].
         h: time step [s].
     """
     inside = grip.arcs > 0
-    force, damping = xp.where(inside[..., None], force, 0.0), xp.where(inside, damping, 0.0)
+    force, damping = (xp.where(inside[..., None], part, 0.0) for part in (force, damping))
+    pressed = grip_resistance(damping[..., 0])
+    resists, square = pressed + damping[..., 1], (grip.lever**2).sum(-1)
     cell = _cell(xp, own, grip.arcs)
     couples = _onto_nodes(xp, own, cell, force[..., :, None] * grip.lever[..., None, :])
-    gripped = _onto_nodes(xp, own, cell, damping)
-    gripped_turn = _onto_nodes(xp, own, cell, damping * (grip.lever**2).sum(-1))
+    leans = lean_grip(xp, vectors.of(force), pressed, damping[..., 1])
+    parts = resists, resists * square, pressed * square, leans * square
+    gripped, gripped_turn, flattened, leaning = (_onto_nodes(xp, own, cell, part) for part in parts)
     springs, turning, shape = _forces(xp, own, displacement.pose, couples)
     pulled = _onto_nodes(xp, own, cell, force) + springs + gripped[..., None] * displacement.speed[..., :3]
     place = vectors.of(displacement.pose)
     diagonal = node_resistance(xp, place, own.slack, own.hold, own.support, own.drag, gripped, h)
     stiff = own.bending + own.upright
-    tie = edge_resistance(xp, own.tension, stiff[:, :-1], stiff[:, 1:], own.lengths, h)
-    velocity = _solved(xp, diagonal, tie, pulled)
+    tie, along = edge_resistance(xp, shape.lengths, own.lengths, own.tension, stiff[:, :-1], stiff[:, 1:], h)
+    leaning = lean_resistance(leaning + _flattening(xp, own, shape, flattened), shape.sums)
+    held = (leaning[:, 1:] + leaning[:, :-1]) / shape.lengths**2
+    apart = displacement.speed[:, 1:, :3] - displacement.speed[:, :-1, :3]
+    kept = held[..., None] * apart + (along * (shape.units * apart).sum(-1))[..., None] * shape.units
+    pulled = pulled + _from_edges(xp, kept)
+    velocity = _solved(xp, diagonal, tie + held, pulled)
     turning = (turning + gripped_turn * displacement.speed[..., 3])[..., None]
     diagonal = node_turn_resistance(own.upright, own.turn_drag, gripped_turn, h)
     spin = _solved(xp, diagonal, h * own.torsion, turning)
@@ -429,8 +487,21 @@ def _forces(xp: Any, own: Mesentery, pose: Array, couples: Array) -> tuple[Array
     tension = tension - shortening
     pull = stacked(xp, minus(times(tension, units), unit_rate(units, shape.lengths, over_units)))
     held = stacked(xp, hold_force(xp, vectors.of(pose), own.slack, own.hold, own.support))
-    force = held + own.load + xp.pad(pull, ((0, 0), (0, 1), (0, 0))) - xp.pad(pull, ((0, 0), (1, 0), (0, 0)))
-    return force, turning, shape
+    return held + own.load + _from_edges(xp, pull), turning, shape
+
+
+def _flattening(xp: Any, own: Mesentery, shape: AxisShape, gripped: Array) -> Array:
+    """What changes of the nodes' tangents meet (worlds, nodes) [N m s], of contacts on sections that flatten."""
+    closing = node_closing(*_beside(xp, shape.closings), vectors.of(shape.tangents))
+    reach = gripped * flattening_reach(xp, closing, _turned(shape, own.closings), own.widths) ** 2
+    cells = _onto_cells(xp, reach[..., None], reach[..., None])[..., 0]
+    cells = 2 * cells * cell_closing_reach(xp, *_at_ends(shape.tangents), shape.lengths) ** 2
+    return xp.pad(cells, ((0, 0), (0, 1))) + xp.pad(cells, ((0, 0), (1, 0)))
+
+
+def _from_edges(xp: Any, pull: Array) -> Array:
+    """Forces on the nodes of edges that pull at the node before them (worlds, nodes - 1, 3)."""
+    return xp.pad(pull, ((0, 0), (0, 1), (0, 0))) - xp.pad(pull, ((0, 0), (1, 0), (0, 0)))
 
 
 def _solved(xp: Any, diagonal: Array, tie: Array, right: Array) -> Array:
@@ -475,7 +546,8 @@ def energy(xp: Any, own: Mesentery, pose: Array) -> Array:
     strain = shape.lengths / own.lengths - 1
     tension = xp.where(strain > 0, own.tension, own.tension * own.pleating[:, None])
     along = 0.5 * tension * own.lengths * strain**2
-    along = along + 0.5 * SHORTEST_STIFFNESS * own.lengths * xp.maximum(SHORTEST - 1 - strain, 0.0) ** 2
+    left = xp.minimum(shape.lengths / (SHORTEST * own.lengths), 1.0)
+    along = along + own.tension * own.lengths / 3 * (0.5 * left**2 + 1 / left - 1.5)
     change = norm(xp, vectors.of(shape.units[:, 1:] - shape.units[:, :-1]))
     bent = 0.5 * own.bending[:, 1:-1] * (change - own.turns[:, 1:-1]) ** 2
     moved = norm(xp, vectors.of(place))

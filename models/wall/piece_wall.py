@@ -194,10 +194,11 @@ class PieceWall:
         frames = contact.frame[on].reshape(-1, 3, 3)
         across = rows[:, None] + np.arange(3 if law.friction > 0 else 1)
         force = np.einsum("ca,cai->ci", data.efc_force[across], frames[:, : across.shape[1]])
-        damping = np.full(len(on), law.damping + h * law.stiffness)
+        damping = np.zeros((len(on), 2))
+        damping[:, 0] = law.damping + h * law.stiffness
         if law.friction > 0:
             drag, slip = (np.hypot(*part[across[:, 1:]].T) for part in (data.efc_force, data.efc_vel))
-            damping += drag / np.maximum(slip, SLIP_SPEED)
+            damping[:, 1] = drag / np.maximum(slip, SLIP_SPEED)
         turned = _matrices(data.mocap_quat[self._mocap[block]])
         lever = np.einsum("cji,cj->ci", turned, contact.pos[on] - data.mocap_pos[self._mocap[block]])
         lever += self._levers[block]

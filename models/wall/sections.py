@@ -141,6 +141,11 @@ def cell_closing_gradient(
     )
 
 
+def cell_closing_reach(xp: Any, before: Vector, after: Vector, length: Any) -> Any:
+    """How much `cell_closing` changes over what either tangent does [1/m]."""
+    return 2 / (_facing(xp, before, after) * length)
+
+
 def node_closing(before: Vector, after: Vector, tangent: Vector) -> Vector:
     """How far a bend closes at a node, of the cells on both sides [1/m], within its section; the sharper counts more.
 
@@ -229,6 +234,12 @@ def _flattening(xp: Any, closing: Vector, rest: Vector, width: Any) -> tuple[Any
     share, over_now, over_rest = flattened_share(xp, now, xp.minimum(xp.maximum(before, 0.0), now))
     bound = where(xp, before > 0, where(xp, before < now, 1.0, 0.0), 0.0)
     return share, over_now, bound * over_rest, across
+
+
+def flattening_reach(xp: Any, closing: Vector, rest: Vector, width: Any) -> Any:
+    """Bound of how far a section's wall moves over how far it is from the axis [1] and what the closing changes [m]."""
+    share, over_now, _, _ = _flattening(xp, closing, rest, width)
+    return width * over_now + 2 * share / norm(xp, closing)
 
 
 def flattening_rate(
@@ -417,6 +428,7 @@ PARTS = (
     _facing,
     cell_closing_rate,
     cell_closing_gradient,
+    cell_closing_reach,
     node_closing,
     _sharper,
     node_closing_gradient,
@@ -424,6 +436,7 @@ PARTS = (
     flattened_share,
     flattening,
     _flattening,
+    flattening_reach,
     flattening_rate,
     flattening_gradient,
     carried,

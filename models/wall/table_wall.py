@@ -54,7 +54,7 @@ class TableWalls:
         self.begin(np.arange(worlds), self.colon, self.arcs)
         none = np.zeros(0, int)  # what is compiled is compiled before the first step
         self.look(none, self.inwards)
-        self.give_way(none, self.inwards, self.depth, 0.0)
+        self.give_way(none, self.inwards, np.zeros((*self.depth.shape, 2)), 0.0)
 
     @property
     def table(self) -> Float[np.ndarray, "stations angles 4"]:
@@ -120,14 +120,14 @@ class TableWalls:
         self,
         worlds: Int[np.ndarray, " some"],
         force: Float[np.ndarray, "worlds all 3"],
-        damping: Float[np.ndarray, "worlds all"],
+        damping: Float[np.ndarray, "worlds all 2"],
         timestep: float,
         *,
         others: Sequence["TableWalls"] = (),
     ) -> None:
         """Let the axes of these worlds move for a step [s] under forces on the wall [N], damped at least so [N s/m].
 
-        Forces and damping are of these spheres, and then of others' that share the axes.
+        Forces, and damping along the normal and across it, are of these spheres, then of others that share the axes.
         """
         if self.displacement is None:
             return
@@ -168,7 +168,7 @@ class TableWall:
             self._surface = model.geom_surfacevel[None]
         self._ahead = np.array([contact.damping / contact.stiffness + model.opt.timestep])
         self._one = np.zeros(1, int)
-        self._force, self._damping = np.zeros((1, count, 3)), np.zeros((1, count))
+        self._force, self._damping = np.zeros((1, count, 3)), np.zeros((1, count, 2))
         contact_solver.step(model, mujoco.MjData(model), self._tree, loops().solve)  # compiled before it is timed
         self.begin(arcs)
 

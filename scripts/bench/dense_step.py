@@ -85,7 +85,7 @@ class DenseStep:
         if grip is None or tables.mesentery is None or now.displacement is None:
             return speeds, None
         pressed = -law.force(np, np.einsum("wpid,wd->wpi", moves, speeds) - still)
-        axes = now.displacement, grip, pressed, law.damper + law.drag
+        axes = now.displacement, grip, pressed, np.stack([law.damper, law.drag], axis=-1)
         return speeds, moving_colon.step_axis(np, tables.mesentery, *axes, h)
 
     def _dynamics(self, qpos: np.ndarray, qvel: np.ndarray) -> tuple[Any, ...]:

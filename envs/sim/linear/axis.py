@@ -13,7 +13,10 @@ from haustra.models.wall.moving_colon import (
     bend_gradient,
     edge_resistance,
     edge_tension,
+    grip_resistance,
     hold_force,
+    lean_grip,
+    lean_resistance,
     node_cell,
     node_resistance,
     node_turn_resistance,
@@ -27,8 +30,10 @@ from haustra.models.wall.sections import (
     cell_closing,
     cell_closing_gradient,
     cell_closing_rate,
+    cell_closing_reach,
     flattening,
     flattening_rate,
+    flattening_reach,
     node_closing,
     node_closing_rate,
     section_gradient,
@@ -41,7 +46,7 @@ from haustra.models.wall.sections import (
 from haustra.models.wall.vectors import Vector, add, between, cross, dot, minus, norm, times, unit_rate
 
 _CLOSING, _LENGTH, _SECTION, _GRIPPED, _PULLED, _COUPLES, _SPIN, _FLAT_RATE, _ACROSS_RATE = (
-    0, 3, 4, 12, 14, 17, 26, 29, 30
+    0, 3, 4, 12, 16, 19, 28, 31, 32
 )  # fmt: skip
 """What each node's room holds, and the cell behind it; `_MOVING` takes the place of the rates."""
 _MOVING, _SPINNING = _SPIN, _SPIN + 4
@@ -187,14 +192,25 @@ class Axis:
 
         return depth, normal, held, between(speed(cell.at, before), speed(cell.at + 1, after), cell.share)
 
-    def press(self, arc: Value, held: Vector, force: Vector, damping: Value) -> None:
-        """Let a force on the wall [N] act, damped by so much [N s/m], where its lever is held."""
+    def press(self, arc: Value, held: Vector, force: Vector, damper: Value, drag: Value) -> None:
+        """Let a force on the wall act.
+
+        Args:
+            arc: where [m].
+            held: its lever there, at rest [m].
+            force: [N].
+            damper: what damps it along the normal [N s/m].
+            drag: across it [N s/m].
+        """
         xp, cell, room = self.program.xp, self._cell(arc), self._room
+        damped, square = grip_resistance(damper), dot(held, held)
+        leans = lean_grip(xp, force, damped, drag)
         for later in range(2):
             node, part = cell.at + later, cell.share if later else 1 - cell.share
             shared = times(part, force)
             pressed = room.gather(node, _GRIPPED) > 0  # what else is there was left by earlier steps
-            values = [part * damping, part * damping * dot(held, held), *shared]
+            grips = part * (damped + drag)
+            values = [grips, grips * square, part * damped * square, part * leans * square, *shared]
             values += [shared[i] * held[j] for i in range(3) for j in range(3)]
             for more, value in enumerate(values):
                 there = xp.where(pressed, room.gather(node, _GRIPPED + more), 0.0)
@@ -228,6 +244,7 @@ class Axis:
         grips, gripping = Before(program, 0.0), Before(program, 0.0)
         closings, works, torques = Before(program, *[0.0] * 3), Before(program, *[0.0] * 4), Before(program, 0.0)
         bends, lower, shortened, pulls = (Before(program, *[0.0] * count) for count in (3, 3, 1, 3))
+        closes, leant, leaning = Before(program, 0.0), Before(program, 0.0), Before(program, 0.0)
         moved, spun = kept_numbers(program, *[0.0] * 5), kept_numbers(program, *[0.0] * 3)
         with along(program, self.nodes, 1, self.nodes + 3) as i:
             node, cell, own = i.back(1), i.back(2), i.back(3)
@@ -258,11 +275,13 @@ class Axis:
             righting = xp.where(inside, upright * tilt, 0.0)
             work, torque = times(-righting, lean), -righting
             gripped = xp.where(node.each < beyond, room.load(node, _GRIPPED), 0.0)
-            pressed = Changing(program, [0.0] * 10)
+            pressed = Changing(program, [0.0] * 13)
             with program.when(gripped > 0):
                 pressed.now = self._press_section(node, gripped > 0, turn, tangent)
             work, torque = add(work, pressed.now[:3]), torque + pressed.now[3]
-            over_cell = add(closings(*pressed.now[7:]), pressed.now[4:7])
+            over_cell = add(closings(*pressed.now[7:10]), pressed.now[4:7])
+            leans, closed, closed_behind = pressed.now[10:]
+            closed = closes(closed_behind)[0] + closed
             # The edge before it, and the cell there.
             before = turns(*tangent, size, kept[0], *kept[1:])
             tangents, size, turn_before = (before[:3], tangent), before[3], (before[4], before[5:])
@@ -274,14 +293,17 @@ class Axis:
             moment = xp.where(inside, torsion * sine, 0.0)
             twisting = times(moment, binormal)
             (gripped_before,) = grips(gripped)
-            bent = Changing(program, [0.0] * 7)
+            bent = Changing(program, [0.0] * 8)
             with program.when(gripped + gripped_before > 0):
                 first, later, shortening = cell_closing_gradient(xp, *tangents, length_before, over_cell)
-                bent.now = *first, *later, shortening
+                reach = cell_closing_reach(xp, *tangents, length_before)
+                bent.now = *first, *later, shortening, 2 * closed * reach * reach
             before = works(*add(minus(work, twisting), bent.now[3:6]), torque - moment)
             work, torque = add(minus(before[:3], twisting), bent.now[:3]), before[3] + moment
             # What that does to the node before the edge, whose work is done, and so to the edge before that.
             work, bend = unit_rate(tangents[0], size, work), bends(*bend)
+            leans = lean_resistance(leant(leans + bent.now[7])[0] + bent.now[7], size)
+            leans = leaning(leans)[0] + leans
             over = add(lower(*minus(work, bend)), add(work, bend))
             before = earlier(*unit_before, length_before)
             unit, length = before[:3], before[3]
@@ -290,8 +312,13 @@ class Axis:
             pull = edge_tension(xp, length, rest, tension, self._of_world("pleating")) - shortening
             pull = minus(times(pull, unit), unit_rate(unit, length, over))
             inside = (own.each >= 0) & (own.each < last)
-            pull = self._where(inside, pull)
-            tie = xp.where(inside, edge_resistance(xp, tension, stiffness_before, stiffness, rest, h), 0.0)
+            tie, surplus = edge_resistance(xp, length, rest, tension, stiffness_before, stiffness, h)
+            leans, slowed = leans / (length * length), Changing(program, [0.0] * 3)
+            with program.when(leans + surplus > 0):
+                apart = minus(self._state.vector(own.back(-1), POSE), self._state.vector(own, POSE))
+                slowed.now = add(times(leans, apart), times(surplus * dot(unit, apart), unit))
+            pull = self._where(inside, add(pull, slowed.now))
+            tie = xp.where(inside, tie + leans, 0.0)
             # The node before that one, which all forces of are known now.
             (gripped,), (torque,) = gripping(gripped_before), torques(torque)
             held = Changing(program, [0.0] * 5)
@@ -337,7 +364,8 @@ class Axis:
     def _press_section(self, node: Nodes, pressed: Value, turn: Turn, tangent: Vector) -> tuple[Any, ...]:
         """What forces on the wall about a node do to its section: work, torque and gradients over the cells beside it.
 
-        Of the ends' two cells the one that there is has both.
+        Then what resists changes of its leaning, and of how far both cells close. Of the ends' two cells the one that
+        there is has both.
         """
         xp, room, last = self.program.xp, self._room, self.nodes - 1
         x, y, z = (self._where(pressed, room.vector(node, _COUPLES + 3 * row)) for row in range(3))
@@ -345,10 +373,15 @@ class Axis:
         section = *turn, room.load(node, _SECTION + 4), room.vector(node, _SECTION + 5)
         closed = self._vector(node, "closing"), self._number(node, "width")
         work, torque, before, after = section_gradient(xp, section, tangent, cells, *closed, (x, y, z))
+        now, rest = node_closing(*cells, tangent), turned(*turn, closed[0])
+        reach = flattening_reach(xp, now, rest, closed[1])
+        closes = room.load(node, _GRIPPED + 2) * reach * reach
+        leaning, closes = (xp.where(pressed, each, 0.0) for each in (room.load(node, _GRIPPED + 3), closes))
         both, first, end = add(before, after), node.each > 0, node.each < last
         before, after = self._where(first, before), self._where(end, after)
         before, after = self._where(end, before, both), self._where(first, after, both)
-        return *work, torque, *before, *after
+        sides = (xp.where(own, xp.where(other, 1.0, 2.0), 0.0) * closes for own, other in ((first, end), (end, first)))
+        return *work, torque, *before, *after, leaning, *sides
 
     def tensions(self, node: Value, radius: Value) -> tuple[Value, Value]:
         """Tensions of the wall along the colon behind a node, and of its mesentery [N/m] (`axis_tensions`).

@@ -149,7 +149,7 @@ SPHERE_ROOM = 14
 """Normal, lever, speed against the wall (9), spring, drag, lever at which a colon that moves is held (3)."""
 NODE = 11
 """Pose and speed (`haustra.models.wall.moving_colon.AxisDisplacement`)."""
-NODE_ROOM = 33
+NODE_ROOM = 35
 """`haustra.envs.sim.linear.axis`."""
 WIRE_ROOM = 2
 """`haustra.envs.sim.linear.wires`."""

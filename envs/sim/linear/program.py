@@ -583,7 +583,7 @@ class ScopeProgram:
         drag = where(touching, self.room.load(own + 10), 0.0)
         force = times(-1.0, place_force(spring, damper, drag, there(normal), there(speed)))
         held = there(self.room.vector(own + 11))
-        axis.press(self.state.load(self.layout.arcs + sphere), held, force, damper + drag)
+        axis.press(self.state.load(self.layout.arcs + sphere), held, force, damper, drag)
 
     def observe(self) -> None:
         """Read off what there is to see at the end of a control step."""

@@ -35,10 +35,9 @@ peaks say little about the model. Nothing else is calibrated.
 
 **What it shows.** Nine of twelve observables are asked for and not reached: see the table. A driver that pulls back
 beyond the tip's place gathers the colon on the shaft, as endoscopists do; but most insertions are still under way
-when their time ends, so that what is counted at the caecum rests on few patients. Where much colon is gathered, a scope
-sometimes leaves the lumen within a moment (`escaped`): the hand then reads its own limits, 100 N and 3 N m, and
-P(perforation) counts as 1. That is taken for a limit of the model of a pleated colon, not for a clinical event, and
-is not left out.
+when their time ends, so that what is counted at the caecum rests on few patients. Peaks of 100 N and 3 N m in earlier
+cohorts were numerical: contacts on a much gathered colon trembled until the scope left the lumen
+([mesentery](../theory/mesentery.md)). A scope that leaves it (`escaped`) counts with P(perforation) = 1.
 """
 
 

@@ -9,7 +9,7 @@ from haustra.fields import number, whole
 
 @dataclass(frozen=True)
 class BenchGradients:
-    """Derivatives of scopes in linear time: how exact, at what cost, until when; a stiffness profile by gradient."""
+    """Measure derivatives of scopes in linear time: how exact, at what cost, until when; and a search by them."""
 
     seconds: float = number("s", 0.02, 36_000.0, default=60.0)
     """Processor time of the search by gradient [s]."""

@@ -30,7 +30,7 @@ def _settled(own: Mesentery, steps: int = 300) -> np.ndarray:
     nothing = AttachmentPoints(np.zeros((1, 1)), np.zeros((1, 1, 3)))
     with unchecked():
         for _ in range(steps):
-            now = moving_colon.step_axis(np, many, now, nothing, np.zeros((1, 1, 3)), np.zeros((1, 1)), _STEP)
+            now = moving_colon.step_axis(np, many, now, nothing, np.zeros((1, 1, 3)), np.zeros((1, 1, 2)), _STEP)
     return now.pose[0, :, :3]
 
 

@@ -21,7 +21,7 @@ from haustra.models.wall import mesentery, moving_colon
 from haustra.models.wall.lumen_table import Tables, axis_at, lumen_table, pick, query, stack
 from haustra.models.wall.mesentery import Mesentery, hang
 from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
-from haustra.models.wall.sections import carried, twisted
+from haustra.models.wall.sections import SHORTEST, carried, twisted
 from haustra.models.wall.table_wall import TableWalls
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
@@ -56,7 +56,7 @@ def _creep(own: Mesentery, force: np.ndarray, steps: int) -> np.ndarray:
     arcs = jnp.arange(own.nodes.shape[1])[None] * own.spacing[:, None]
     # A force right at the anus counts as before it.
     grip = AttachmentPoints(jnp.maximum(arcs, 1e-9), jnp.zeros_like(own.nodes))
-    none = jnp.zeros_like(arcs)
+    none = jnp.zeros((*arcs.shape, 2))
 
     def step(_: int, displacement: AxisDisplacement) -> AxisDisplacement:
         return moving_colon.step_axis(jnp, own, displacement, grip, jnp.asarray(force)[None], none, _STEP)
@@ -87,6 +87,68 @@ def test_a_pulled_tube_stretches_and_a_pushed_one_pleats_more() -> None:
     assert pulled == pytest.approx(5.0 * length / 100.0, rel=1e-3)
     pushed = _creep(own, _only(count, -1, [0, 0, -0.5]), 4000)[-1, 2]
     assert pushed == pytest.approx(-0.5 * length / (100.0 * float(own.pleating[0])), rel=1e-3)
+
+
+def _telescope(force: float, steps: int) -> tuple[Mesentery, AxisDisplacement, np.ndarray]:
+    """A tube of a colon's wall, held at the anus and pushed together from its end [N], and energies meanwhile [J]."""
+    arcs = np.linspace(0.0, 0.1, 50)
+    own = hang(arcs[:, None] * [0.0, 0.0, 1.0], arcs, np.full(50, 0.02), ())
+    count = len(own.nodes)
+    anchored, none = np.zeros(count), np.zeros(count)
+    anchored[0] = 1e6
+    own = mesentery.stack([own._replace(hold=anchored, support=none, upright=none)])
+    grip = AttachmentPoints(np.maximum(arcs[-1] * np.linspace(0, 1, count), 1e-9)[None], np.zeros((1, count, 3)))
+    now, forces, energies = moving_colon.at_rest(np, own, 1, float), _only(count, -1, [0, 0, -force])[None], []
+    for _ in range(steps):
+        now = moving_colon.step_axis(np, own, now, grip, forces, np.zeros((1, count, 2)), _STEP)
+        energies.append(float(moving_colon.energy(np, own, now.pose)[0]) + force * float(now.pose[0, -1, 2]))
+    return own, now, np.array(energies)
+
+
+def test_folds_that_lie_against_each_other_are_pressed_like_a_solid() -> None:
+    """A neo-Hookean ring of the wall's volume bears EA/3 (1/s^2 - s), and pleats their share; no energy is gained."""
+    force = 30.0
+    own, now, energies = _telescope(force, 250)
+    stretch = float((moving_colon.shape_of(np, own, now.pose).lengths / own.lengths)[0, 5])
+    left, tension, pleating = stretch / SHORTEST, float(own.tension[0, 0]), float(own.pleating[0])
+    pressed = tension / SHORTEST / 3 * (1 / left**2 - left) + tension * pleating * (1 - stretch)
+    assert stretch < SHORTEST
+    assert pressed == pytest.approx(force, rel=0.01)
+    assert np.abs(now.speed).max() < 1e-3
+    assert np.diff(energies).max() < 1e-9
+
+
+@pytest.mark.parametrize("drag", [0.0, 50.0])
+def test_contacts_on_a_gathered_bend_come_to_rest(drag: float) -> None:
+    """Springs and dampers that press on flattened sections leave no more energy than there was; nothing trembles."""
+    random, stiffness, damper = np.random.default_rng(0), 1500.0, 15.0
+    colon = swept_colon(winding([(0.04, 0.0), (0.04, 1.6), (0.04, 0.0)]), name="bend")
+    own = stack([lumen_table(colon, device_radius=0.006, with_mesentery=True).tables]).mesentery
+    assert own is not None
+    now = moving_colon.at_rest(np, own, 1, float)
+    now.pose[..., :3] = -0.55 * (own.nodes - own.nodes[:, :1]) + random.normal(size=own.nodes.shape) * 3e-4
+    count = own.nodes.shape[1]
+    lever = random.normal(size=(1, 3 * count, 3))
+    lever *= 0.02 / np.linalg.norm(lever, axis=-1, keepdims=True)
+    grip = AttachmentPoints(np.linspace(0.005, float(own.spacing[0]) * (count - 1) - 0.005, 3 * count)[None], lever)
+
+    def places() -> np.ndarray:
+        moved = moving_colon.axis_places(np, own, now.pose, grip.arcs)
+        return np.asarray(moved + moving_colon.directions(np, own, now.pose, grip.arcs, lever))
+
+    inwards = -np.asarray(moving_colon.directions(np, own, now.pose, grip.arcs, lever))
+    inwards /= np.linalg.norm(inwards, axis=-1, keepdims=True)
+    held, energies = places() - 0.001 * inwards, []
+    for _ in range(60):
+        speed, deep = moving_colon.wall_speeds(np, own, now, grip), ((held - places()) * inwards).sum(-1)
+        energies.append(float(moving_colon.energy(np, own, now.pose)[0]) + 0.5 * stiffness * float((deep**2).sum()))
+        along = stiffness * deep - (damper - drag) * (speed * inwards).sum(-1)
+        damping = np.broadcast_to([damper, drag], (*deep.shape, 2))
+        now = moving_colon.step_axis(
+            np, own, now, grip, along[..., None] * inwards - drag * speed, np.array(damping), _STEP
+        )
+    assert max(energies) == energies[0] > energies[-1]
+    assert np.abs(now.speed[..., :3]).max() < 0.005
 
 
 def test_a_clamped_tube_bends_like_a_beam() -> None:
@@ -144,7 +206,7 @@ def test_a_twisted_tube_turns_by_torque_over_stiffness() -> None:
 
     def step(_: int, displacement: AxisDisplacement) -> AxisDisplacement:
         grip = AttachmentPoints(arcs, lever)
-        return moving_colon.step_axis(jnp, own, displacement, grip, force, jnp.zeros((1, 2)), _STEP)
+        return moving_colon.step_axis(jnp, own, displacement, grip, force, jnp.zeros((1, 2, 2)), _STEP)
 
     end = jax.lax.fori_loop(0, 500, step, moving_colon.at_rest(jnp, own, 1, jnp.float64))
     turn = Rotation.from_quat(np.asarray(end.pose[0, :, 3:]), scalar_first=True).as_rotvec()
@@ -190,7 +252,7 @@ def test_forces_on_the_wall_do_the_work_that_its_motion_says() -> None:
     force = jnp.asarray(random.normal(size=(1, 50, 3)))
     own = own._replace(pleating=0 * own.pleating)
     moved = moving_colon.step_axis(
-        jnp, own, AxisDisplacement(place, jnp.zeros((1, count, 4))), grip, force, jnp.zeros((1, 50)), _STEP
+        jnp, own, AxisDisplacement(place, jnp.zeros((1, count, 4))), grip, force, jnp.zeros((1, 50, 2)), _STEP
     )
     felt = moving_colon.wall_speeds(jnp, own, AxisDisplacement(place, moved.speed), grip)
     lost = (own.drag[..., None] * moved.speed[..., :3] ** 2).sum() + (own.turn_drag * moved.speed[..., 3] ** 2).sum()
@@ -203,8 +265,8 @@ def _poses(place: np.ndarray, random: np.random.Generator) -> np.ndarray:
     return np.concatenate([place, turns[None]], axis=-1)
 
 
-def _random_bend() -> tuple[Mesentery, np.ndarray, np.random.Generator]:
-    """A bent colon, pulled about by up to its slack, and twisted."""
+def _random_bend(gathered: float = 1.0) -> tuple[Mesentery, np.ndarray, np.random.Generator]:
+    """A bent colon, pulled about by up to its slack, and twisted; or gathered to about a share of its length."""
     random = np.random.default_rng(3)
     colon = swept_colon(winding([(0.08, 0.0), (0.1, 1.6), (0.1, 0.0)]), name="bend")
     tables = stack([lumen_table(colon, device_radius=0.006, with_mesentery=True).tables])
@@ -212,7 +274,8 @@ def _random_bend() -> tuple[Mesentery, np.ndarray, np.random.Generator]:
     assert own is not None
     own = own._replace(slack=0.5 * random.uniform(0, 0.01, own.slack.shape), widths=own.widths + 0.01)
     own = own._replace(load=random.normal(size=own.load.shape) * 0.1)
-    return own, _poses(random.normal(size=own.nodes.shape) * 0.004, random), random
+    moved = random.normal(size=own.nodes.shape) * 0.004 * gathered
+    return own, _poses(moved + (gathered - 1) * (own.nodes - own.nodes[:, :1]), random), random
 
 
 def _settled(own: Mesentery, pose: np.ndarray) -> np.ndarray:
@@ -229,9 +292,10 @@ def _changed(own: Mesentery, pose: np.ndarray, place: Any, angle: Any) -> Any:
     return jnp.concatenate([place, real[..., None], jnp.stack(part, axis=-1)], axis=-1)
 
 
-def test_spring_forces_are_the_slope_of_the_energy_and_couples_that_of_their_work() -> None:
+@pytest.mark.parametrize("gathered", [1.0, 0.35])
+def test_spring_forces_are_the_slope_of_the_energy_and_couples_that_of_their_work(gathered: float) -> None:
     """Against automatic differentiation: -dE/dx of the energy, and d/dx of sum f . R(x) v for forces on the wall."""
-    own, pose, random = _random_bend()
+    own, pose, random = _random_bend(gathered)
     pose = _settled(own, pose)
     place, still = jnp.asarray(pose[..., :3]), jnp.zeros(pose.shape[:2])
     none = np.zeros((*pose.shape[:2], 3, 3))
@@ -279,7 +343,7 @@ def test_numpy_and_jax_step_alike() -> None:
     own, pose, random = _random_bend()
     grip = AttachmentPoints(random.uniform(-0.01, 0.25, (1, 40)), random.normal(size=(1, 40, 3)) * 0.015)
     displacement = AxisDisplacement(pose, random.normal(size=(*pose.shape[:2], 4)) * 0.01)
-    force, damping = random.normal(size=(1, 40, 3)), random.uniform(0, 20, (1, 40))
+    force, damping = random.normal(size=(1, 40, 3)), random.uniform(0, 20, (1, 40, 2))
     one, other = (moving_colon.step_axis(xp, own, displacement, grip, force, damping, _STEP) for xp in (np, jnp))
     for mine, theirs in zip(one, other, strict=True):
         assert np.abs(mine - np.asarray(theirs)).max() < 1e-12 + 1e-10 * np.abs(mine).max()
@@ -304,7 +368,7 @@ def test_compiled_loops_are_the_law() -> None:
     speeds = moving_colon.wall_speeds(np, own, displacement, grip)
     for mine, theirs in zip((walls.arcs, walls.depth, walls.inwards, walls.wall_speed), (*found, speeds), strict=True):
         assert np.abs(mine - theirs).max() < 1e-12
-    force, damping = random.normal(size=(1, 60, 3)), random.uniform(0, 20, (1, 60))
+    force, damping = random.normal(size=(1, 60, 3)), random.uniform(0, 20, (1, 60, 2))
     expected = moving_colon.step_axis(np, own, displacement, grip, force, damping, _STEP)
     walls.give_way(world, force, damping, _STEP)
     assert np.abs(displacement.pose - expected.pose).max() < 1e-12
