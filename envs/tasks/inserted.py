@@ -16,7 +16,7 @@ from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.config import Drive, Limits, Randomisation, TaskConfig, Weights
 from haustra.files import write_atomically
 from haustra.models.wall.cache import cache_folder
-from haustra.provenance import content_hash
+from haustra.provenance import content_hash, package_versions
 
 _SECONDS = 240.0
 """Longest insertion [s]."""
@@ -44,7 +44,9 @@ def inserted_starts(config: TaskConfig, bank: ColonSet, backend: str) -> tuple[S
     """
     kind = "linear" if backend == "linear-gpu" else backend
     key = [content_hash(np.ascontiguousarray(case.wall).tobytes()) for case in bank.cases]
-    made_by = json.dumps([_PARTS, kind, key, config.design, str(bank.options), _SECONDS], sort_keys=True)
+    made_by = json.dumps(
+        [_PARTS, kind, key, config.design, str(bank.options), _SECONDS, _TRIES, package_versions()], sort_keys=True
+    )
     path = cache_folder() / "starts" / f"{content_hash(made_by.encode())}.npz"
     if path.exists():
         with np.load(path, allow_pickle=False) as file:
