@@ -18,7 +18,7 @@ SHIPPED = (
     "insertion",
     "insertion-ppo",
     "insertion-gpu",
-    "insertion-mesentery",
+    "insertion-paced",
     "insertion-easy",
     "insertion-sac",
     "quick",
