@@ -16,11 +16,11 @@ from haustra.fields import Number, named, number, require_declared, vector, whol
 from haustra.files import write_atomically
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.lumen_meshes import add_lumen
+from haustra.models.devices.base import Device, load_device
 from haustra.models.devices.scope.cable import Cable, add_scope
 from haustra.models.devices.scope.cells import Cell, CellSize, cut_into_cells
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.devices.scope.interface import Scope
-from haustra.models.devices.scope.library import named_design
 from haustra.models.devices.scope.outside import Outside, leave_out
 from haustra.models.devices.scope.spacing import adaptive_spacing
 from haustra.models.devices.scope.stops import apply_stops
@@ -159,21 +159,24 @@ class Scene:
     """What the scene does not model, and why that is sound."""
 
     @classmethod
-    def of(cls, colon: Colon, scope: Scope | str = "adult", *, wall: Wall | None = None, **changed: Any) -> "Scene":
+    def of(cls, colon: Colon, scope: Device | str = "adult", *, wall: Wall | None = None, **changed: Any) -> "Scene":
         """A scope in a colon that moves on its mesentery, as `haustra run` builds it.
 
         Args:
             colon: the colon.
-            scope: a scope, from `haustra.models.devices.base.load_device`, or the name of one that ships.
+            scope: a scope, from `haustra.models.devices.base.load_device`, or what that takes.
             wall: the colon's wall of convex pieces, for MuJoCo to step; a table of the lumen when None, in linear time.
             changed: fields of `SceneOptions` that differ from the usual.
 
         Raises:
-            InvalidOptionError: when the scope does not fit through the entry, or an option cannot be honoured.
+            InvalidOptionError: when the device is no scope, does not fit through the entry, or an option cannot be
+                honoured.
         """
-        design = named_design(scope) if isinstance(scope, str) else scope.design
+        device = load_device(scope) if isinstance(scope, str) else scope
+        if not isinstance(device, Scope):
+            raise InvalidOptionError(f"Device '{device.name}' is no scope: let `haustra.run_device` drive it.")
         usual = {"wall_law": "table" if wall is None else "pieces", "mesentery": changed.get("wall_law") != "planes"}
-        return build_scene(colon, wall, design, SceneOptions(**{**usual, **changed}))
+        return build_scene(colon, wall, device.design, SceneOptions(**{**usual, **changed}))
 
     def compile(self) -> mujoco.MjModel:
         """The compiled model."""

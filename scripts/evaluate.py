@@ -14,8 +14,8 @@ class Evaluate:
     """Let drivers insert a scope into held-out grown colons, or yours; the same episodes for all; compare them."""
 
     drivers: Annotated[tuple[str, ...], tyro.conf.Positional] = texts(least=1, most=100)
-    """Folders of policies, or names: insertion, insertion-paced and insertion-easy, which ship, random, push, follower,
-    endoscopist."""
+    """Folders of policies, or names: insertion, insertion-paced and insertion-easy, which ship, random, push, pull,
+    follower, endoscopist."""
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
     """Folder for the table, the episodes and pictures; nothing is written when not given."""
     colons: int = whole(1, 1_000_000, default=80)
@@ -24,6 +24,8 @@ class Evaluate:
     """Folders that `haustra colon import` wrote, to drive in instead of grown colons."""
     episodes: int = whole(1, 1_000_000, default=5)
     """Number of episodes in each colon."""
+    task: Literal["insertion", "withdrawal"] | None = None
+    """What is to be done; as the first policy was trained, or insertion, when not given."""
     design: str | None = None
     """Name of a scope design; that of the first policy, or adult, when not given."""
     difficulty: Literal["any", "easy", "moderate", "difficult", "hard"] | None = None
@@ -36,7 +38,7 @@ class Evaluate:
     """Longest episode, in simulated time [s]."""
     backend: Literal["native", "linear", "linear-gpu", "warp"] | None = None
     """What computes the physics: MuJoCo on threads (native), the linear-time model on threads (linear) or on an NVIDIA
-    GPU (linear-gpu), or MuJoCo Warp on one (warp); linear for insertions and native for withdrawals when not given."""
+    GPU (linear-gpu), or MuJoCo Warp on one (warp); linear when not given."""
     threads: int = whole(1, 4096, default=2)
     """Number of threads for physics on the CPU."""
     processes: int = whole(1, 4096, default=2)
@@ -64,7 +66,7 @@ class Evaluate:
         found = [self._driver(name) for name in self.drivers]
         config = self._config(next((task for _, task in found if task), None))
         seen = [_seeing(config, own) if own else config for _, own in found]
-        backend = self.backend or ("linear" if config.task == "insertion" else "native")
+        backend = self.backend or "linear"
         for seeing in seen:
             require_task(seeing, backend)
         folder = None if self.output is None else prepare_folder(self.output)
@@ -137,9 +139,9 @@ class Evaluate:
         from haustra.envs.control.laws import DRIVERS
         from haustra.envs.learning.drivers import PolicyDriver
         from haustra.envs.learning.policy import load_policy, policy_folder
-        from haustra.envs.tasks.drivers import FollowerDriver, PushDriver, RandomDriver
+        from haustra.envs.tasks.drivers import FollowerDriver, PullDriver, PushDriver, RandomDriver
 
-        simple = {"random": RandomDriver, "push": PushDriver}
+        simple = {"random": RandomDriver, "push": PushDriver, "pull": PullDriver}
         simple |= {law: partial(FollowerDriver, law=law) for law in DRIVERS}
         if name in simple:
             return simple[name], None
@@ -161,7 +163,7 @@ class Evaluate:
         from haustra.envs.tasks.config import Limits, TaskConfig
 
         base = own or TaskConfig(design="adult", observation="state")
-        names = ("design", "difficulty", "mesentery")
+        names = ("task", "design", "difficulty", "mesentery")
         named = {name: value for name in names if (value := getattr(self, name)) is not None}
         ranges = replace(base.randomisation, friction=self.friction) if self.friction else base.randomisation
         return replace(base, **named, randomisation=ranges, limits=Limits(seconds=self.seconds))
@@ -200,6 +202,7 @@ def _row(summary: dict[str, Any]) -> dict[str, Any]:
         "intubation",
         "safe_completion",
         "progress",
+        "coverage",
         "seconds_when_reached",
         "peak_force_N",
         "p_perforation",

@@ -40,6 +40,8 @@ class Episode:
     """The tip came behind the ileocaecal valve, which guidelines call caecal intubation (Rex 2015, Gastrointest Endosc
     81:31, from memory); `reached` asks for more, the caecum's end but for `Limits.caecum_margin`."""
     progress: float
+    coverage: float
+    """Share of the mucosa seen [1], in withdrawals (`haustra.envs.tasks.coverage`)."""
     seconds: float
     peak_force_N: float
     mean_force_N: float
@@ -84,7 +86,7 @@ class Evaluation:
             rows[f"{name}_wilson"] = [low, high]
             rows[f"{name}_bootstrap"] = self._over_colons(found[column])
         forces = "peak_force_N", "mean_force_N", "share_over_2N", "share_over_safe"
-        for column in ("progress", *forces, "p_perforation", "pain", "tip_ahead_m"):
+        for column in ("progress", "coverage", *forces, "p_perforation", "pain", "tip_ahead_m"):
             rows[column] = float(found[column].mean())
             rows[f"{column}_bootstrap"] = self._over_colons(found[column])
         done = found["seconds"][found["reached"]]
@@ -245,6 +247,7 @@ class _Record:
             reached=reached,
             in_caecum=reached or bool(last["in_caecum"]),
             progress=float(last["progress"]),
+            coverage=float(last["coverage"]),
             seconds=float(last["time"]),
             peak_force_N=float(force.max()),
             mean_force_N=float(force.mean()),

@@ -22,6 +22,7 @@ SHIPPED = (
     "insertion-easy",
     "insertion-sac",
     "quick",
+    "withdrawal",
 )
 """Configurations in assets/training."""
 

@@ -102,14 +102,16 @@ RANDOMISATION = (
 
 _RULES = "a rule of the task, which every backend steps"
 TASK = (
-    *_in("task", "task", only=_only("insertion", backends=("linear", "warp"))),
+    *_in(
+        "task", "task", only=_only("insertion", backends=("warp",)), about="linear alone withdraws from moving colons"
+    ),
     *_in("task", "mesentery", "design", "difficulty", "seeds"),
     *_in("task", "observation", "privileged", "imager", "memory", "picture_size", "depth", "pictures", about=_RULES),
     *_in("task", "randomisation", about="its fields follow"),
     *_in("task.drive", "control_interval", "push_rate", "roll_rate", "wheel_rate", "hand_lead", about=_RULES),
-    *_in("task.limits", "seconds", "perforation_force", "safe_force", "caecum_margin", about=_RULES),
+    *_in("task.limits", "seconds", "perforation_force", "safe_force", "caecum_margin", "pace", about=_RULES),
     *_in("task.weights", "progress", "advance", "facing", "reached", "time", "wall_force", about=_RULES),
-    *_in("task.weights", "looping", "perforation", "coverage", about=_RULES),
+    *_in("task.weights", "looping", "perforation", "coverage", "haste", about=_RULES),
 )
 """Fields of `TaskConfig` and its parts."""
 

@@ -46,6 +46,8 @@ class Weights:
     """Cost of a perforation, paid once [1]."""
     coverage: float = number("1", 0.0, MOST_PAID, default=0.0)
     """Reward for seeing the whole surface, in proportion to the share newly seen [1]; 100 in withdrawal."""
+    haste: float = number("1", 0.0, MOST_PAID, default=0.0)
+    """Cost of a control step, times the share of the way that the tip has come sooner than `Limits.pace` [1]."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,9 @@ class Limits:
     of the model gathers the load of 6 cm of scope. A rule; how likely the wall is torn is told beside it."""
     safe_force: float = number("N", 0.01, 1e4, default=injury_number("strength.straight"))
     """Peak wall force up to which an episode counts as safe [N]: the lowest force that perforated."""
+    pace: float = number("s", 1.0, 36_000.0, default=360.0)
+    """Time that the whole way takes without haste [s]: six minutes, the least that guidelines ask of a withdrawal
+    (Rex 2015, Gastrointest Endosc 81:31, from memory)."""
     caecum_margin: float = number("m", 0.0, 0.5, default=0.03)
     """The caecum counts as reached this far before the end of the centreline [m], as in a single run."""
 

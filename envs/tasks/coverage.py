@@ -1,13 +1,22 @@
-"""How much of the mucosa a camera has seen: cells of the wall that were in view, near, and not behind a fold."""
+"""How much of the mucosa a camera has seen: cells of the wall that were in view, near, and not behind a fold.
+
+Of a colon that moves, the camera is looked from where it would be had the colon not moved: what stretches, pleats and
+turns the colon at the tip is undone, so that mucosa in pleats counts as if these were smoothed out.
+"""
 
 import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from haustra.envs.tasks.bank import ColonSet
-from haustra.envs.tasks.sight import Sight
+from haustra.envs.tasks.observation import Placed
+from haustra.envs.tasks.sight import Sight, Stations, room
 from haustra.models.anatomy.surface_landmarks import inspection_number
+from haustra.models.wall import vectors
+from haustra.models.wall.vectors import Vector, add, dot, minus, norm, times
 
 CELL = 0.005
 """Length of a cell along the colon [m]; it is a twenty-fourth of the circumference wide: about 5 mm."""
@@ -15,8 +24,107 @@ AROUND = 24
 """Cells around the colon."""
 NEAR = inspection_number("near")
 """A cell farther from the camera than this [m] does not count as seen."""
+ROWS_NEAR = math.ceil(2 * (NEAR + CELL) / CELL) + 1
+"""Rows of cells that may be near a camera."""
+LOOK_EVERY = 0.2
+"""Time from one look to the next [s], in which a tip moves by 12 mm at most."""
 _BETWEEN = np.linspace(0.2, 0.9, 6)
 """Places on the line of sight that must lie in the lumen."""
+_AXIS = 0.005
+"""Length by which directions are taken back to a colon at rest [m]."""
+
+
+class Camera(NamedTuple):
+    """A camera in the colon at rest; vectors of one number a world."""
+
+    eye: Vector
+    """Its place [m]."""
+    frame: tuple[Vector, Vector, Vector]
+    """Directions of wires 'up' and 'left', and the viewing direction: unit vectors."""
+    arc: Any
+    """Arc length there [m]."""
+
+
+class Cell(NamedTuple):
+    """A cell of the wall as a camera has it."""
+
+    near: Any
+    """Whether it is near enough to be seen."""
+    seen: Any
+    """Whether it is in view."""
+    way: Vector
+    """Direction from the eye: unit vector towards wires 'up' and 'left', and ahead."""
+
+
+def camera_of(xp: Any, placed: Placed, arc: Any, at_rest: Callable[[Vector], Vector] | None) -> Camera:
+    """The tip's camera, taken back to the colon at rest.
+
+    Args:
+        xp: numpy, or what writes programs.
+        placed: where the tip is.
+        arc: arc length there [m].
+        at_rest: takes places near the tip back; None of colons that stand still.
+    """
+    if at_rest is None:
+        return Camera(placed.tip, placed.frame, arc)
+    eye = at_rest(placed.tip)
+    ways = [minus(at_rest(add(placed.tip, times(_AXIS, axis))), eye) for axis in placed.frame]
+    up, left, ahead = (times(1 / norm(xp, way), way) for way in ways)
+    return Camera(eye, (up, left, ahead), arc)
+
+
+def cell_in_view(
+    xp: Any, lumens: Any, stations: Stations, camera: Camera, row: Any, column: Any, cosine: float
+) -> Cell:
+    """How a cell of the wall, by its row along the colon and its column around it, is seen.
+
+    Args:
+        xp: numpy, or what writes programs.
+        lumens: the colons: `points`, `frames` and `sight` of stations are read.
+        stations: of the cell's colon.
+        camera: that looks.
+        row: cells of 5 mm from the anus.
+        column: of `AROUND`.
+        cosine: of half the full viewing angle.
+    """
+    arc, angles = CELL * row, lumens.sight.shape[1]
+    station = stations.first + xp.int32(xp.clip(xp.rint(arc / stations.step), 0.0, stations.count - 1))
+    radius, turn = lumens.sight[station, column * (angles // AROUND)], (2 * math.pi / AROUND) * column
+    middle, first, second = (
+        _vector(table, station, axis) for table, axis in ((lumens.points, None), (lumens.frames, 0), (lumens.frames, 1))
+    )
+    outwards = add(times(radius * xp.cos(turn), first), times(radius * xp.sin(turn), second))
+    way = minus(add(middle, outwards), camera.eye)
+    distance = norm(xp, way) + 1e-9
+    own = tuple(dot(axis, way) / distance for axis in camera.frame)
+    near = distance < NEAR
+    seen = near & (own[2] > cosine)
+    for share in _BETWEEN.tolist():
+        place = add(camera.eye, times(share, way))
+        _, left = room(xp, lumens, stations, place, camera.arc + share * (arc - camera.arc))
+        seen = seen & (left > 0)
+    return Cell(near, seen, (own[0], own[1], own[2]))
+
+
+def first_row(xp: Any, arc: Any) -> Any:
+    """First row of cells that may be near a camera at an arc length [m]; there are `ROWS_NEAR`."""
+    return xp.floor((arc - NEAR - CELL) / CELL)
+
+
+def unseen(near: Any, missed: Any, ways: Vector) -> tuple[Any, ...]:
+    """What is told of cells near the camera that were never seen: their share and mean direction, entry by entry.
+
+    Args:
+        near: cells near the camera, one at least.
+        missed: how many of them were never seen.
+        ways: sum of the directions of these, in the tip's frame.
+    """
+    return missed / near, *(part / near for part in ways)
+
+
+def half_angle_cosine(field_of_view_deg: float) -> float:
+    """Cosine of half a full viewing angle [degrees]."""
+    return math.cos(math.radians(min(field_of_view_deg, 359.0) / 2))
 
 
 class Coverage:
@@ -24,39 +132,54 @@ class Coverage:
 
     def __init__(self, bank: ColonSet, sight: Sight, worlds: int, *, field_of_view_deg: float) -> None:
         """Nothing seen yet; a cell counts within `field_of_view_deg` of full viewing angle."""
-        self._bank, self._sight = bank, sight
-        self._rows = [np.rint(np.arange(0, case.length, CELL) / case.step).astype(int) for case in bank.cases]
-        self._columns = np.arange(AROUND) * bank.cases[0].sight.shape[1] // AROUND
-        self._cosine = math.cos(math.radians(min(field_of_view_deg, 359.0) / 2))
+        self._sight, self._cosine = sight, half_angle_cosine(field_of_view_deg)
+        self._rows = [math.ceil(case.length / CELL) for case in bank.cases]
         self._seen = [np.zeros((0, AROUND), bool) for _ in range(worlds)]
 
     def begin(self, world: int, case: int) -> None:
         """Forget what one world has seen."""
-        self._seen[world] = np.zeros((len(self._rows[case]), AROUND), bool)
+        self._seen[world] = np.zeros((self._rows[case], AROUND), bool)
 
-    def look(
-        self, world: int, case: int, eye: Float[np.ndarray, "3"], ahead: Float[np.ndarray, "3"], arc: float
-    ) -> float:
-        """Look from `eye` [m] along the unit vector `ahead`; the share of all cells seen so far."""
-        seen = self._seen[world]
-        low, high = (int(np.clip((arc + off) / CELL, 0, len(seen))) for off in (-NEAR - CELL, NEAR + CELL))
-        fresh = np.argwhere(~seen[low:high])
-        if len(fresh):
-            fresh[:, 0] += low
-            places = self._sight.surface(case, self._rows[case][fresh[:, 0]], self._columns[fresh[:, 1]])
-            visible = self._visible(case, places, CELL * fresh[:, 0], eye, ahead, arc)
-            seen[fresh[visible, 0], fresh[visible, 1]] = True
-        return float(seen.mean())
+    def look(self, world: int, case: int, camera: Camera) -> tuple[float, tuple[float, ...]]:
+        """Look from a camera; the share of all cells seen so far, and what `unseen` tells."""
+        seen, lumens = self._seen[world], self._sight.lumens
+        low = int(first_row(np, camera.arc))
+        rows, columns = np.arange(max(low, 0), min(low + ROWS_NEAR, len(seen))), np.arange(AROUND)
+        row, column = (grid.ravel() for grid in np.meshgrid(rows, columns, indexing="ij"))
+        stations = Stations(lumens.step[case], lumens.first[case], np.float32(lumens.count[case]))
+        found = cell_in_view(np, lumens, stations, camera, row, column, self._cosine)
+        seen[row[found.seen], column[found.seen]] = True
+        missed = found.near & ~seen[row, column]
+        ways = tuple(float(part[missed].sum()) for part in found.way)
+        about = unseen(max(int(found.near.sum()), 1), int(missed.sum()), (ways[0], ways[1], ways[2]))
+        return float(seen.mean()), about
 
-    def _visible(
-        self, case: int, places: np.ndarray, arcs: np.ndarray, eye: np.ndarray, ahead: np.ndarray, arc: float
-    ) -> Bool[np.ndarray, " places"]:
-        way = places - eye
-        distance = np.linalg.norm(way, axis=1)
-        near = (distance < NEAR) & (way @ ahead > self._cosine * distance)
-        chosen = np.flatnonzero(near)
-        points = eye + _BETWEEN[None, :, None] * way[chosen, None]
-        guess = arc + _BETWEEN[None, :] * (arcs[chosen, None] - arc)
-        inside = self._sight.inside(np.array([case]), points.reshape(1, -1, 3), guess.reshape(1, -1))
-        near[chosen] = inside.reshape(len(chosen), len(_BETWEEN)).all(axis=1)
-        return near
+
+def cameras_at_rest(
+    placed: Placed,
+    arc: Float[np.ndarray, " worlds"],
+    back: Callable[[Any, Any], Any] | None,
+) -> Camera:
+    """Cameras of all worlds at once; `back` takes places near arc lengths to the colons at rest."""
+
+    def at_rest(place: Vector) -> Vector:
+        assert back is not None, "colons that stand still"
+        return vectors.of(back(vectors.stacked(np, place)[:, None], arc[:, None])[:, 0])
+
+    return camera_of(np, placed, arc, None if back is None else at_rest)
+
+
+def camera_in(cameras: Camera, world: int) -> Camera:
+    """The camera of one world."""
+
+    def one(v: Vector) -> Vector:
+        return v[0][world], v[1][world], v[2][world]
+
+    up, left, ahead = cameras.frame
+    return Camera(one(cameras.eye), (one(up), one(left), one(ahead)), cameras.arc[world])
+
+
+def _vector(table: Any, row: Any, axis: int | None) -> Vector:
+    if axis is None:
+        return table[row, 0], table[row, 1], table[row, 2]
+    return table[row, 0, axis], table[row, 1, axis], table[row, 2, axis]

@@ -1,4 +1,4 @@
-"""Who drives when no policy does: chance, a constant push, and the lumen follower."""
+"""Who drives when no policy does: chance, a constant push or pull, and the lumen follower."""
 
 from typing import Any, Protocol
 
@@ -11,6 +11,7 @@ from haustra.envs.control.laws import driver_settings
 from haustra.envs.tasks.actions import ACTIONS
 from haustra.envs.tasks.observation import Observation as Parts
 from haustra.envs.tasks.scope_task import ScopeTask
+from haustra.models.anatomy.surface_landmarks import inspection_number
 
 
 class Driver(Protocol):
@@ -57,6 +58,22 @@ class PushDriver:
 
     def act(self, seen: Parts) -> Float[np.ndarray, "worlds 4"]:
         """The push."""
+        return self._action
+
+
+class PullDriver:
+    """Pull back at a constant rate, wheels let go: nobody looks behind a fold."""
+
+    def __init__(self, task: ScopeTask) -> None:
+        """Drive the worlds of a task, at the rate of assets/numbers/inspection.toml."""
+        pull = min(inspection_number("withdrawal_rate") / task.config.drive.push_rate, 1.0)
+        self._action = np.tile([-pull, 0.0, 0.0, 0.0], (task.worlds, 1))
+
+    def begin(self, worlds: Bool[np.ndarray, " worlds"]) -> None:
+        """Nothing is remembered."""
+
+    def act(self, seen: Parts) -> Float[np.ndarray, "worlds 4"]:
+        """The pull."""
         return self._action
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from haustra.envs.tasks.config import TaskConfig
+from haustra.envs.tasks.coverage import LOOK_EVERY
 from haustra.envs.tasks.moment import Dealt, Kept, Sensed, moment, over
 from haustra.envs.tasks.rewards import reward
 
@@ -23,6 +24,16 @@ class EpisodeRules:
     def longest(self) -> int:
         """Control steps after which an episode's time is up."""
         return math.ceil((self.config.limits.seconds - 1e-9) / self.interval)
+
+    @property
+    def covers(self) -> bool:
+        """Whether what is seen of the mucosa counts."""
+        return self.config.task == "withdrawal" or self.config.weights.coverage != 0
+
+    @property
+    def look_every(self) -> int:
+        """Control steps from one look for mucosa to the next."""
+        return max(1, round(LOOK_EVERY / self.interval))
 
     @property
     def terms(self) -> tuple[str, ...]:

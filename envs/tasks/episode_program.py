@@ -20,12 +20,14 @@ from haustra.envs.sim.linear.sensing import (
     largest_pain,
     tip_arc,
 )
-from haustra.envs.sim.linear.trace import Value
+from haustra.envs.sim.linear.trace import Changing, Value
 from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.actions import ACTIONS, Wires, asked, within
+from haustra.envs.tasks.coverage import half_angle_cosine
+from haustra.envs.tasks.coverage_program import forget, look_around
 from haustra.envs.tasks.episode import EpisodeRules, concluded
 from haustra.envs.tasks.moment import Dealt, Kept, Sensed, begun
-from haustra.envs.tasks.ray_program import look
+from haustra.envs.tasks.ray_program import begin_from, look
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.wall.vectors import Vector, minus, times
 
@@ -33,9 +35,9 @@ REST, ACT, BEGIN = 0.0, 1.0, 2.0
 """What a world is to do in a launch: stay as it is, act, or begin anew."""
 TURN = len(ACTIONS)
 """Row of what drivers are asked that says so; actions come before it."""
-DEALT = ("gain", "slack", "valve", "bears", *BEGUN)
+DEALT = ("gain", "slack", "valve", "bears", "case", *BEGUN)
 """Rows behind it: what the episode was dealt, and numbers of its world."""
-IN_PROGRAM = ("state", "lumen", "imager", "recent", "privileged")
+IN_PROGRAM = ("state", "lumen", "imager", "recent", "unseen", "privileged")
 """Parts of an observation that the program makes."""
 _OVER = "over"
 
@@ -50,6 +52,10 @@ class EpisodeProgram:
     """Time steps of a control step."""
     coils: tuple[int, ...]
     """Which of the places that are read off each of the imager's coils has."""
+    rows_of_cells: int = 0
+    """Rows of cells that mucosa is looked for in (`haustra.envs.tasks.coverage`)."""
+    field_of_view_deg: float = 140.0
+    """Full viewing angle of the camera [degrees]."""
 
     @property
     def asks(self) -> int:
@@ -63,7 +69,11 @@ class EpisodeProgram:
 
     @property
     def slots(self) -> int:
-        """What is kept, and the means."""
+        """What is kept, the means, and which cells were seen."""
+        return self._first_cells + self.rows_of_cells
+
+    @property
+    def _first_cells(self) -> int:
         config = self.rules.config
         return len(Kept._fields) + len(config.memory) * seen_by.measured_size(config)
 
@@ -89,7 +99,7 @@ class EpisodeProgram:
         turn = scopes.asked.load(TURN)
         begins, acts = turn == BEGIN, turn == ACT
         with program.when(begins):
-            self._begin(scopes, begins)
+            self._begin(scopes, numbers, begins)
         before = scopes.state.load(0), scopes.seen.vector(seen_slot("tip"))
         sound, action = within(program.xp, tuple(scopes.asked.load(row) for row in range(TURN)))
         with program.when(acts):
@@ -98,11 +108,15 @@ class EpisodeProgram:
             scopes.observe()
             self._tell(_Worlds(scopes, numbers, begins, acts), before, action)
 
-    def _begin(self, scopes: ScopeProgram, begins: Value) -> None:
+    def _begin(self, scopes: ScopeProgram, numbers: Lanes, begins: Value) -> None:
         for name in BEGUN:
             dealt = scopes.asked.load(_row(name))
             scopes.ask(name, scopes.program.xp.where(begins, dealt, scopes.world(name)))
         scopes.lay()
+        if self.rules.config.task == "withdrawal":
+            begin_from(scopes, begins, scopes.asked.load(_row("case")))
+        if self.rules.covers:
+            forget(scopes, numbers.from_slot(self._first_cells), self.rows_of_cells, begins)
 
     def _act(self, scopes: ScopeProgram, numbers: Lanes, acts: Value, sound: Value, action: tuple[Value, ...]) -> None:
         xp, rules = scopes.program.xp, self.rules
@@ -123,15 +137,19 @@ class EpisodeProgram:
         arc = tip_arc(scopes)
         kept = begun(xp, own.begins, Kept(*(own.numbers.load(slot) for slot in range(len(Kept._fields)))), arc)
         kept = kept._replace(age=kept.age + xp.where(own.acts, 1.0, 0.0))
-        gain, slack, valve, bears = (scopes.asked.load(_row(name)) for name in DEALT[: -len(BEGUN)])
+        gain, slack, valve, bears = (scopes.asked.load(_row(name)) for name in DEALT[:4])
         dealt = Dealt(gain, slack, scopes.world("friction"), scopes.length(), valve, bears)
         placed = self._placed(scopes)
-        kept, told = concluded(xp, rules, dealt, kept, self._sense(scopes, placed), scopes.world("alive") > 0)
+        share, near_by = self._look(own, placed, kept)
+        sensed = self._sense(scopes, placed)._replace(coverage=share)
+        kept, told = concluded(xp, rules, dealt, kept, sensed, scopes.world("alive") > 0)
         told |= {name: xp.where(own.acts & told[name], 1.0, 0.0) for name in ("terminated", "truncated")}
         told |= {name: xp.where(own.acts, told[name], 0.0) for name in ("reward", *rules.terms)}
         told[_OVER] = told["terminated"] + told["truncated"]
         told |= {"tip": placed.tip, "push_force": scopes.reading("push_force")}
         told |= self._observation(own, placed, before, action, kept.wheel_up, kept.wheel_left)
+        if "unseen" in self.rows:
+            told["unseen"] = [seen_by.clipped(xp, entry) for entry in (share, *near_by)]
         if "privileged" in self.rows:
             ahead = [placed.in_frame(minus(scopes.station(arc + way)[0], placed.tip)) for way in seen_by.AHEAD]
             known = seen_by.privileged(told["progress"], told["wall_force"], dealt.friction, ahead)
@@ -146,6 +164,26 @@ class EpisodeProgram:
             values = told[name] if isinstance(told[name], (tuple, list)) else (told[name],)
             for row, value in zip(range(rows.start, rows.stop), values, strict=True):
                 own.tell(row, value)
+
+    def _look(self, own: "_Worlds", placed: seen_by.Placed, kept: Kept) -> tuple[Value, tuple[Value, ...]]:
+        """Share of the surface seen so far, and what is told of mucosa near by; both as before where nobody looks."""
+        scopes, program, rules = own.scopes, own.scopes.program, self.rules
+        if not rules.covers:
+            return kept.coverage, ()
+        rows = self.rows.get("unseen", slice(0, 0))
+        before = [scopes.told.load(row) for row in range(rows.start + 1, rows.stop)]
+        found = Changing(program, [kept.coverage, *before])
+        rounds = kept.age / rules.look_every
+        looks = own.begins | (own.acts & (program.xp.floor(rounds) == rounds))
+        with program.when(looks):
+            cells = own.numbers.from_slot(self._first_cells)
+            cosine = half_angle_cosine(self.field_of_view_deg)
+            new, near_by = look_around(scopes, placed, cells, cosine, looks)
+            told = [kept.coverage + new, *near_by][: 1 + len(before)]
+            pairs = zip(told, found.now, strict=True)
+            found.now = tuple(program.xp.where(looks, now, then) for now, then in pairs)
+        share, *near_by = found.now
+        return share, tuple(near_by)
 
     def _observation(
         self,

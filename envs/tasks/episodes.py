@@ -13,16 +13,14 @@ from haustra.envs.sim.state import Controls, Readings
 from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.actions import Wires, asked, within
 from haustra.envs.tasks.bank import ColonSet
-from haustra.envs.tasks.coverage import Coverage
+from haustra.envs.tasks.coverage import Coverage, camera_in, cameras_at_rest
 from haustra.envs.tasks.episode import EpisodeRules, concluded
 from haustra.envs.tasks.moment import Dealt, Kept, Sensed, begun
 from haustra.envs.tasks.senses import Senses, Wheels
 from haustra.errors import UnsupportedSceneError
 from haustra.models.wall import vectors
 from haustra.models.wall.lumen_table import pick
-
-_LOOK_EVERY = 5
-"""Control steps from one look for coverage to the next: 0.2 s, in which a tip moves by 12 mm at most."""
+from haustra.models.wall.moving_colon import back_to_reference
 
 
 class Drawn(NamedTuple):
@@ -84,16 +82,11 @@ class Episodes(ABC):
         """What can be read off now."""
 
     @abstractmethod
-    def begin(self, drawn: Drawn, starts: tuple[Snapshot, ...] | None = None) -> None:
-        """Begin anew in some worlds, from where scopes stood in each colon, or at the start depth."""
+    def begin(self, drawn: Drawn) -> None:
+        """Begin anew in some worlds."""
 
     @abstractmethod
-    def step(
-        self,
-        action: Float[np.ndarray, "worlds 4"],
-        drawn: Drawn | None = None,
-        starts: tuple[Snapshot, ...] | None = None,
-    ) -> None:
+    def step(self, action: Float[np.ndarray, "worlds 4"], drawn: Drawn | None = None) -> None:
         """Apply one action in each world but those of `drawn`, which begin anew instead, as in `begin`."""
 
     @property
@@ -123,7 +116,14 @@ class HostEpisodes(Episodes):
     """Episodes on any backend, worked out by numpy."""
 
     def __init__(
-        self, rules: EpisodeRules, backend: AbstractBackend, bank: ColonSet, *, steps: int, coverage: Coverage | None
+        self,
+        rules: EpisodeRules,
+        backend: AbstractBackend,
+        bank: ColonSet,
+        *,
+        steps: int,
+        coverage: Coverage | None,
+        starts: tuple[Snapshot, ...] | None = None,
     ) -> None:
         """Prepare worlds; none has begun.
 
@@ -133,14 +133,15 @@ class HostEpisodes(Episodes):
             bank: the colons.
             steps: time steps of a control step.
             coverage: looks for what has been seen of the wall, where that counts.
+            starts: where scopes begin in each colon; at the start depth when None.
         """
         worlds, config = backend.worlds, rules.config
         self._rules, self.backend, self._bank, self._steps = rules, backend, bank, steps
-        self._coverage = coverage
+        self._coverage, self._starts = coverage, starts
         self._kept = Kept(*np.zeros((len(Kept._fields), worlds)))
         self._dealt = Dealt(*np.ones((len(Dealt._fields), worlds)))
         self._case = np.zeros(worlds, int)
-        self._share, self._seen = np.zeros(worlds), backend.read()
+        self._share, self._unseen, self._seen = np.zeros(worlds), np.zeros((worlds, 4)), backend.read()
         self._senses, self._told = Senses(config, rules.interval, self._seen), {}
         self._conclude(np.ones(worlds, bool))
 
@@ -159,7 +160,7 @@ class HostEpisodes(Episodes):
         """What can be read off now."""
         return self._seen
 
-    def begin(self, drawn: Drawn, starts: tuple[Snapshot, ...] | None = None) -> None:
+    def begin(self, drawn: Drawn) -> None:
         """As `Episodes.begin`."""
         worlds, case, bank = drawn.worlds, drawn.case, self._bank
         self._case[worlds] = case
@@ -168,9 +169,9 @@ class HostEpisodes(Episodes):
         for array, values in zip(self._dealt, dealt, strict=True):
             array[worlds] = values
         self.backend.reset(worlds, case, drawn.conditions)
-        if starts:
+        if self._starts:
             for world in worlds:
-                self.backend.restore(int(world), starts[self._case[world]])
+                self.backend.restore(int(world), self._starts[self._case[world]])
         begins = np.isin(np.arange(len(self._case)), worlds)
         self._seen = self.backend.read()
         self._kept = begun(np, begins, self._kept, self._seen.tip_arc)
@@ -178,15 +179,10 @@ class HostEpisodes(Episodes):
         if self._coverage:
             for world in worlds:
                 self._coverage.begin(int(world), int(self._case[world]))
-                self._look(int(world))
+            self._look(worlds)
         self._conclude(np.ones(len(begins), bool), worlds)
 
-    def step(
-        self,
-        action: Float[np.ndarray, "worlds 4"],
-        drawn: Drawn | None = None,
-        starts: tuple[Snapshot, ...] | None = None,
-    ) -> None:
+    def step(self, action: Float[np.ndarray, "worlds 4"], drawn: Drawn | None = None) -> None:
         """As `Episodes.step`."""
         rules = self._rules
         sound, within_limits = within(np, tuple(action.T))
@@ -201,11 +197,10 @@ class HostEpisodes(Episodes):
         self._seen = self.backend.read()
         self._senses.acted(self._seen, np.column_stack(within_limits), self._wheels)
         if self._coverage:
-            for world in np.flatnonzero(self._kept.age % _LOOK_EVERY == 0):
-                self._look(int(world))
+            self._look(np.flatnonzero(self._kept.age % rules.look_every == 0))
         self._conclude(healthy)
         if drawn is not None:
-            self.begin(drawn, starts)
+            self.begin(drawn)
 
     @property
     def _wheels(self) -> Wheels:
@@ -215,8 +210,8 @@ class HostEpisodes(Episodes):
     def in_place(self) -> InPlace:
         """As `Episodes.in_place`: there are none."""
         raise UnsupportedSceneError(
-            "Observations and rewards are left in place by the program of 'linear' and 'linear-gpu' alone, where no "
-            "coverage is looked for and `on_host` is left out: use `step`."
+            "Observations and rewards are left in place by the program of 'linear' and 'linear-gpu' alone, where "
+            "`on_host` is left out: use `step`."
         )
 
     def advance(self, drawn: Drawn | None = None) -> Bool[np.ndarray, " worlds"]:
@@ -237,6 +232,8 @@ class HostEpisodes(Episodes):
             kept = Kept(*(_renewed(old, new, begun) for old, new in zip(self._kept, kept, strict=True)))
         self._kept, self._told = kept, told
         own = {"privileged": self._privileged()} if self._rules.config.privileged else {}
+        if "unseen" in seen_by.sizes(self._rules.config):
+            own |= {"unseen": seen_by.arrayed([self._share, self._unseen])}
         self._parts: seen_by.Observation = self._senses.parts | own
 
     def _sense(self) -> Sensed:
@@ -265,11 +262,15 @@ class HostEpisodes(Episodes):
         ahead = [placed.in_frame(vectors.minus(vectors.of(place), placed.tip)) for place in places]
         return seen_by.arrayed(seen_by.privileged(told["progress"], told["wall_force"], self._dealt.friction, ahead))
 
-    def _look(self, world: int) -> None:
+    def _look(self, worlds: np.ndarray) -> None:
         assert self._coverage is not None, "coverage that nobody asked for"
-        seen, case = self._seen, int(self._case[world])
-        arc = float(seen.tip_arc[world])
-        self._share[world] = self._coverage.look(world, case, seen.tip[world], seen.tip_frame[world][:, 2], arc)
+        seen, back = self._seen, None
+        if len(worlds) and seen.displacement is not None:
+            back = back_to_reference(np, pick(self._bank.tables, self._case), seen.displacement)
+        cameras = cameras_at_rest(seen_by.Placed.of(seen), seen.tip_arc, back)
+        for world in worlds.tolist():
+            own = camera_in(cameras, world)
+            self._share[world], self._unseen[world] = self._coverage.look(world, int(self._case[world]), own)
 
 
 def _renewed(old: np.ndarray, new: np.ndarray, worlds: np.ndarray) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Episodes in linear time: a whole control step of all worlds in one launch of one program, on a CPU or a GPU."""
 
+import math
 from typing import final
 
 import numpy as np
@@ -13,6 +14,7 @@ from haustra.envs.sim.scope_reading import read_chain
 from haustra.envs.sim.state import Readings
 from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.bank import ColonSet
+from haustra.envs.tasks.coverage import CELL
 from haustra.envs.tasks.episode import EpisodeRules
 from haustra.envs.tasks.episode_program import ACT, BEGIN, DEALT, IN_PROGRAM, REST, TURN, EpisodeProgram
 from haustra.envs.tasks.episodes import Drawn, Episodes, InPlace
@@ -20,6 +22,8 @@ from haustra.envs.tasks.moment import Kept
 from haustra.envs.tasks.ray_program import lookup_of
 from haustra.envs.tasks.sight import Sight
 
+_CELLS = 128
+"""Rows of cells are counted out by so many: banks whose longest colons differ by less share a program."""
 _TRUTHS = ("terminated", "truncated", "diverged", "reached", "perforated")
 
 
@@ -28,7 +32,16 @@ class LinearEpisodes(Episodes):
     """Episodes that the backend's program works out itself; what is drawn for those that begin comes from here."""
 
     def __init__(
-        self, rules: EpisodeRules, bank: ColonSet, sight: Sight, backend: str, *, worlds: int, threads: int, steps: int
+        self,
+        rules: EpisodeRules,
+        bank: ColonSet,
+        sight: Sight,
+        backend: str,
+        *,
+        worlds: int,
+        threads: int,
+        steps: int,
+        starts: tuple[Snapshot, ...] | None = None,
     ) -> None:
         """Compile, or read what was compiled before; no world has begun.
 
@@ -40,6 +53,7 @@ class LinearEpisodes(Episodes):
             worlds: how many.
             threads: of the CPU.
             steps: time steps of a control step.
+            starts: where scopes begin in each colon; at the start depth when None.
 
         Raises:
             MissingDependencyError: when there is no such device.
@@ -47,8 +61,12 @@ class LinearEpisodes(Episodes):
         """
         chain = read_chain(bank.scene, backend=LinearBackend.name)
         coils = tuple(structure_of(chain).coils.tolist()) if rules.config.imager else ()
-        self._program = EpisodeProgram(rules=rules, steps=steps, coils=coils)
+        cells = _CELLS * math.ceil(bank.lengths.max() / (CELL * _CELLS)) if rules.covers else 0
+        view = bank.design.tip.field_of_view_deg
+        about = {"rows_of_cells": cells, "field_of_view_deg": view} if rules.covers else {}
+        self._program = EpisodeProgram(rules=rules, steps=steps, coils=coils, **about)
         self._rows, self._bank = self._program.rows, bank
+        begin = None if starts is None else np.stack([start.state for start in starts])
         self.backend = self._linear = LinearBackend(
             bank.scene,
             bank.tables,
@@ -57,7 +75,7 @@ class LinearEpisodes(Episodes):
             device="cuda" if backend == "linear-gpu" else "cpu",
             driver=self._program,
             width=station_widths(bank.tables, bank.widths),
-            lookup=lookup_of(sight) if "lumen" in self._rows else None,
+            lookup=lookup_of(sight, begin) if "lumen" in self._rows or rules.covers else None,
         )
         self._seen: Readings | None = None
         self._told: dict[str, np.ndarray] | None = None
@@ -90,18 +108,12 @@ class LinearEpisodes(Episodes):
         self._seen = self._seen or self._linear.read()
         return self._seen
 
-    def begin(self, drawn: Drawn, starts: tuple[Snapshot, ...] | None = None) -> None:
+    def begin(self, drawn: Drawn) -> None:
         """As `Episodes.begin`."""
-        assert starts is None, "a start that the program does not know"
         self._deal(drawn, REST)
         self._run()
 
-    def step(
-        self,
-        action: Float[np.ndarray, "worlds 4"],
-        drawn: Drawn | None = None,
-        starts: tuple[Snapshot, ...] | None = None,
-    ) -> None:
+    def step(self, action: Float[np.ndarray, "worlds 4"], drawn: Drawn | None = None) -> None:
         """As `Episodes.step`."""
         asked = self._linear.ask_driver(0, TURN)
         asked[:TURN, : self._linear.worlds] = np.where(np.isfinite(action), np.clip(action, -1.0, 1.0), np.nan).T
@@ -140,7 +152,7 @@ class LinearEpisodes(Episodes):
             return
         values = linear.deal(drawn.worlds, drawn.case, drawn.conditions)
         values |= {"gain": drawn.gain, "slack": drawn.slack, "bears": drawn.bears}
-        values |= {"valve": self._bank.valves[drawn.case]}
+        values |= {"valve": self._bank.valves[drawn.case], "case": drawn.case}
         asked[TURN, drawn.worlds] = BEGIN
         for row, name in enumerate(DEALT, start=TURN + 1):
             asked[row, drawn.worlds] = values[name]

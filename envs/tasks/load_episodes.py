@@ -1,5 +1,6 @@
 """Who works episodes out: the program of a backend in linear time, or numpy."""
 
+from haustra.envs.sim.conditions import Snapshot
 from haustra.envs.sim.load import load_backend
 from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.coverage import Coverage
@@ -18,6 +19,7 @@ def load_episodes(
     threads: int,
     steps: int,
     on_host: bool,
+    starts: tuple[Snapshot, ...] | None = None,
 ) -> Episodes:
     """Episodes of many worlds on a backend.
 
@@ -29,20 +31,20 @@ def load_episodes(
         worlds: how many.
         threads: of the CPU.
         steps: time steps of a control step.
-        on_host: work all out by numpy, also where a program can. Where coverage counts, numpy does in any case.
+        on_host: work all out by numpy, also where a program can.
+        starts: where episodes begin, one a colon of the bank; at the anus when None.
 
     Raises:
         InvalidOptionError: when there is no backend of that name.
         MissingDependencyError: when what it computes with is not installed.
         UnsupportedSceneError: when the scene has what the backend cannot honour.
     """
-    config = rules.config
-    covers = config.task == "withdrawal" or config.weights.coverage != 0
-    if backend.startswith("linear") and not (on_host or covers):
+    if backend.startswith("linear") and not on_host:
         from haustra.envs.tasks.linear_episodes import LinearEpisodes
 
-        return LinearEpisodes(rules, bank, sight, backend, worlds=worlds, threads=threads, steps=steps)
+        about = {"worlds": worlds, "threads": threads, "steps": steps, "starts": starts}
+        return LinearEpisodes(rules, bank, sight, backend, **about)
     own = load_backend(backend, bank.scene, bank.tables, worlds=worlds, threads=threads)
     view = bank.design.tip.field_of_view_deg
-    coverage = Coverage(bank, sight, worlds, field_of_view_deg=view) if covers else None
-    return HostEpisodes(rules, own, bank, steps=steps, coverage=coverage)
+    coverage = Coverage(bank, sight, worlds, field_of_view_deg=view) if rules.covers else None
+    return HostEpisodes(rules, own, bank, steps=steps, coverage=coverage, starts=starts)

@@ -89,6 +89,8 @@ class Moment(NamedTuple):
     """Scope inside beyond the colon passed [m]."""
     coverage: Any
     """Share of the surface seen so far [1]."""
+    haste: Any
+    """Share of the way that the tip has come beyond what `Limits.pace` allows by now [1]."""
     reached: Any
     """Whether the end of the way is reached."""
     perforated: Any
@@ -123,6 +125,7 @@ def moment(xp: Any, config: TaskConfig, dealt: Dealt, kept: Kept, sensed: Sensed
         wall_force=sensed.wall_force,
         excess=sensed.insertion - arc,
         coverage=sensed.coverage,
+        haste=xp.maximum(progress - kept.age * (config.drive.control_interval / limits.pace), 0.0),
         reached=reached & healthy,
         perforated=(sensed.wall_force > dealt.bears) & healthy,
     )

@@ -30,6 +30,9 @@ LUMEN_SIZE = 1 + RAYS * len(RINGS_DEG) + 2
 """Distances along the rays over `RANGE`, then the direction, up and left, in which the lumen is deep."""
 AHEAD = (0.02, 0.04, 0.06, 0.08, 0.10)
 """Distances along the centreline of the places ahead that the privileged part gives [m]."""
+UNSEEN_SIZE = 5
+"""Share of the surface seen; of the wall near the tip the share never seen, and towards where that is: up, left, ahead
+(`haustra.envs.tasks.coverage.unseen`)."""
 PRIVILEGED_SIZE = 3 + 3 * len(AHEAD)
 """Progress, largest wall force [10 N], friction; places ahead in the tip's frame over `RANGE`."""
 IN_BYTES = ("depth", "pixels")
@@ -62,6 +65,8 @@ def sizes(config: TaskConfig) -> dict[str, tuple[int, ...]]:
         parts["imager"] = (IMAGER_SIZE,)
     if config.memory:
         parts["recent"] = (len(config.memory) * measured_size(config),)
+    if config.task == "withdrawal":
+        parts["unseen"] = (UNSEEN_SIZE,)
     if config.privileged:
         parts["privileged"] = (PRIVILEGED_SIZE,)
     if config.depth:

@@ -7,21 +7,69 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.sim.linear.layout import NODE
 from haustra.envs.sim.linear.program import ScopeProgram
 from haustra.envs.sim.linear.sensing import tip_arc
 from haustra.envs.sim.linear.trace import Value
 from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.sight import FIRST_ROOM, RANGE, STEPS, March, Sight, Stations, march, ray_directions
+from haustra.errors import InvalidOptionError
 
 _RAYS, _TABLE = len(STEPS), len(STEPS) + ray_directions().size
-"""Where the rays' directions and the table of distances begin in `lookup_of`; the places on a ray come first."""
+"""Where the rays' directions and the table of distances begin behind the places on a ray."""
+_MOST_STARTS = 2**24
+"""Numbers of starts beyond which single precision does not count them."""
 _MARGIN = 0.02
 """A ray may be looked up so far beyond its range [m]."""
 
 
-def lookup_of(sight: Sight) -> Float[np.ndarray, " numbers"]:
-    """What rays look up besides the colons' centrelines: places on a ray, the rays, distances to the lumen."""
-    return np.concatenate([STEPS, ray_directions().ravel(), sight.lumens.sight.ravel()])
+def lookup_of(sight: Sight, starts: Float[np.ndarray, "colons slots"] | None = None) -> Float[np.ndarray, " numbers"]:
+    """What episodes look up besides the colons' centrelines.
+
+    First comes where rays begin, then states that episodes begin from, colon by colon; then places on a ray, the rays,
+    and distances to the lumen.
+
+    Raises:
+        InvalidOptionError: when there are more states than can be counted.
+    """
+    begin = np.zeros(0) if starts is None else starts.ravel()
+    if len(begin) >= _MOST_STARTS:
+        raise InvalidOptionError(
+            f"Starts of {0 if starts is None else len(starts)} colons are too many to look up: give fewer seeds."
+        )
+    return np.concatenate([[1 + len(begin)], begin, STEPS, ray_directions().ravel(), sight.lumens.sight.ravel()])
+
+
+def begin_from(scopes: ScopeProgram, begins: Value, case: Value) -> None:
+    """Put scopes that begin, and their colons, where the looked-up state of their colon has them."""
+    program, xp, layout = scopes.program, scopes.program.xp, scopes.layout
+    first = xp.int32(case) * (layout.axis + layout.nodes * NODE) + 1
+
+    def put(slot: Value, place: Value) -> None:
+        scopes.state.store(slot, xp.where(begins, scopes.lookup.gather(first + place), scopes.state.load(slot)))
+
+    with program.loop(0, layout.axis) as slot:
+        put(slot, slot)
+    with program.loop(0, layout.nodes) as node:
+        for number in range(NODE):
+            slot = layout.node_state(number) + node * (NODE if layout.abreast == 1 else 1)
+            put(slot, layout.axis + node * NODE + number)
+
+
+def lumens_of(scopes: ScopeProgram) -> SimpleNamespace:
+    """The colons' tables as rays read them."""
+    tables = scopes.tables
+    return SimpleNamespace(points=tables.points, frames=tables.frames, sight=_Distances(scopes))
+
+
+def stations_of(scopes: ScopeProgram) -> Stations:
+    """Those of each world's colon."""
+    return Stations(scopes.world("step"), scopes.program.xp.int32(scopes.world("first")), scopes.world("count"))
+
+
+def _rays(scopes: ScopeProgram) -> Value:
+    """Where rays begin in what is looked up."""
+    return scopes.program.xp.int32(scopes.lookup.load(0))
 
 
 def look(scopes: ScopeProgram, placed: seen_by.Placed, tell: Callable[[Any, Value], None]) -> None:
@@ -35,9 +83,9 @@ def look(scopes: ScopeProgram, placed: seen_by.Placed, tell: Callable[[Any, Valu
     program, lookup = scopes.program, scopes.lookup
     if scopes.axis:
         scopes.axis.shape(tip_arc(scopes) + (RANGE + _MARGIN))
-    sums = [program.variable(0.0) for _ in range(3)]
+    sums, rays = [program.variable(0.0) for _ in range(3)], _rays(scopes)
     with program.loop(0, len(ray_directions())) as ray:
-        own = [lookup.load(_RAYS + ray * 3 + part) for part in range(3)]
+        own = [lookup.load(rays + (_RAYS + ray * 3 + part)) for part in range(3)]
         near = _distance(scopes, placed, own) / RANGE
         tell(ray, near)
         weight = seen_by.depth_weight(near)
@@ -50,10 +98,7 @@ def look(scopes: ScopeProgram, placed: seen_by.Placed, tell: Callable[[Any, Valu
 
 def _distance(scopes: ScopeProgram, placed: seen_by.Placed, ray: list[Value]) -> Value:
     """To the wall along a ray that is given in the tip's frame [m]."""
-    program, whole = scopes.program, scopes.program.xp.int32
-    tables = scopes.tables
-    lumens = SimpleNamespace(points=tables.points, frames=tables.frames, sight=_Distances(scopes))
-    stations = Stations(scopes.world("step"), whole(scopes.world("first")), scopes.world("count"))
+    program, lumens, stations, rays = scopes.program, lumens_of(scopes), stations_of(scopes), _rays(scopes)
     direction, at_rest = placed.from_frame((ray[0], ray[1], ray[2])), scopes.axis and scopes.axis.reference
     begun = March(tip_arc(scopes), FIRST_ROOM, 0.0, float(STEPS[-1]), 1.0)
     now = March(*(program.variable(value) for value in begun))
@@ -61,7 +106,7 @@ def _distance(scopes: ScopeProgram, placed: seen_by.Placed, ray: list[Value]) ->
         still = now.open.value > 0
         with program.when(still):
             here = March(*(part.value for part in now))._replace(open=still)
-            distance = scopes.lookup.load(place)
+            distance = scopes.lookup.load(rays + place)
             there = march(program.xp, lumens, stations, placed.tip, direction, here, distance, at_rest)
             there = there._replace(open=program.xp.where(there.open, 1.0, 0.0))
             for part, value in zip(now, there, strict=True):
@@ -73,9 +118,9 @@ class _Distances:
     """Distance from the centreline to the lumen, by row and angle, in what is looked up."""
 
     def __init__(self, scopes: ScopeProgram) -> None:
-        self._scopes = scopes
+        self._scopes, self._first = scopes, _rays(scopes) + _TABLE
         self.shape = scopes.tables.wall.shape
 
     def __getitem__(self, at: tuple[Value, Value]) -> Value:
         row, angle = at
-        return self._scopes.lookup.gather(row * self.shape[1] + angle + _TABLE)
+        return self._scopes.lookup.gather(row * self.shape[1] + angle + self._first)

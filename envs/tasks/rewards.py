@@ -59,6 +59,11 @@ def coverage(xp: Any, before: Kept, after: Moment, limits: Limits) -> Any:
     return after.coverage - before.coverage
 
 
+def haste(xp: Any, before: Kept, after: Moment, limits: Limits) -> Any:
+    """Minus the share of the way that the tip has come sooner than the pace allows."""
+    return -after.haste
+
+
 TERMS: Mapping[str, Term] = {
     "progress": progress,
     "advance": advance,
@@ -69,6 +74,7 @@ TERMS: Mapping[str, Term] = {
     "looping": looping,
     "perforation": perforation,
     "coverage": coverage,
+    "haste": haste,
 }
 """Terms by the name of their weight."""
 

@@ -1,7 +1,7 @@
 """Episodes of many worlds at once: actions in; observations, rewards and endings out. Gymnasium is a coat on this."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
 
@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from haustra.envs.sim.capabilities import require_task_supported
-from haustra.envs.sim.conditions import Conditions, Snapshot
+from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.jax_setup import share_memory
 from haustra.envs.sim.load import backend_of
 from haustra.envs.sim.state import Readings
@@ -20,6 +20,7 @@ from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.depth import DepthCameras, depth_cameras
 from haustra.envs.tasks.episode import EpisodeRules
 from haustra.envs.tasks.episodes import Drawn, InPlace
+from haustra.envs.tasks.inserted import inserted_starts
 from haustra.envs.tasks.load_episodes import load_episodes
 from haustra.envs.tasks.pictures import Pictures
 from haustra.envs.tasks.sight import Eyes, HostEyes, Sight
@@ -98,6 +99,8 @@ class ScopeTask:
         self._require_way()
         self.rules, self.sight = EpisodeRules(config, self.interval), Sight(self.bank.cases)
         about = {"worlds": worlds, "threads": threads, "steps": self.steps, "on_host": on_host}
+        starts = inserted_starts(config, self.bank, backend) if config.task == "withdrawal" else None
+        about |= {"starts": starts}
         self._episodes = load_episodes(self.rules, self.bank, self.sight, backend, **about)
         self.backend = self._episodes.backend
         self.pictures = Pictures(self.bank, self.sight, design.tip.field_of_view_deg)
@@ -106,7 +109,6 @@ class ScopeTask:
             size = config.picture_size
             lens = {"field_of_view_deg": self.pictures.view, "size": size}
             self._depths = depth_cameras(self.backend, self.bank, self.sight, self._eyes, **lens)
-        self._starts: tuple[Snapshot, ...] | None = None
         self._random = [np.random.default_rng() for _ in range(worlds)]
         self.case, self.friction = np.zeros(worlds, int), np.zeros(worlds)
 
@@ -132,7 +134,7 @@ class ScopeTask:
             What all worlds see now.
         """
         worlds = np.arange(self.worlds) if worlds is None else worlds
-        self._episodes.begin(self._dealt(worlds, seeds, case), self._starts)
+        self._episodes.begin(self._dealt(worlds, seeds, case))
         return self.observe()
 
     def stagger(self, seed: int) -> None:
@@ -149,7 +151,7 @@ class ScopeTask:
             action: of each world.
             begins: worlds that begin anew instead of acting: nothing is paid there, and nothing ends.
         """
-        self._episodes.step(np.asarray(action, float), self._beginning(begins), self._starts)
+        self._episodes.step(np.asarray(action, float), self._beginning(begins))
         told = self._episodes.told
         return Step(
             observation=self.observe(),
@@ -243,8 +245,6 @@ class ScopeTask:
         table = np.array(rows).reshape(len(worlds), -1)
         self.case[worlds] = table[:, 0].astype(int) if case is None else case
         self.friction[worlds] = table[:, 1]
-        if self.config.task == "withdrawal":
-            self._starts = self._starts or self._inserted()
         conditions = Conditions(table[:, 1], table[:, 2], table[:, 3], table[:, 6])
         dealt = {"gain": table[:, 4], "slack": table[:, 5], "bears": self.bears}
         return Drawn(worlds, self.case[worlds], conditions, **dealt)
@@ -302,11 +302,6 @@ class ScopeTask:
         moved = self.displacement
         return None if moved is None else moved[world]
 
-    def _inserted(self) -> tuple[Snapshot, ...]:
-        from haustra.envs.tasks.inserted import inserted_starts
-
-        return inserted_starts(replace(self.config, task="insertion", observation="state"), self.bank)
-
 
 def require_task(config: TaskConfig, backend: str, *, design: ScopeDesign | None = None) -> None:
     """Refuse what can be known to be impossible before any colon is grown.
@@ -321,6 +316,8 @@ def require_task(config: TaskConfig, backend: str, *, design: ScopeDesign | None
         MissingDependencyError: when what the backend computes with is not installed.
         UnsupportedSceneError: when the colons are to move and the backend or what is seen of them cannot.
     """
-    if config.mesentery and config.task == "withdrawal":
-        raise UnsupportedSceneError("Colons that move on their mesentery are not withdrawn from: leave mesentery out.")
+    if config.mesentery and config.task == "withdrawal" and not backend.startswith("linear"):
+        raise UnsupportedSceneError(
+            "From colons that move on their mesentery only 'linear' and 'linear-gpu' withdraw: choose one."
+        )
     require_task_supported(config, design or named_design(config.design), backend_of(backend).name)

@@ -50,7 +50,7 @@ def write_run(
     withdrawal: Insertion | None = None,
     treatment: Treatment | None = None,
     film: Callable[[int, int], None] | None = None,
-) -> dict[str, object]:
+) -> dict[str, Any]:
     """Write a finished run into `folder` and return its scores; `wall` is None where the scope met no pieces.
 
     The numerical error is that of the run itself where it was measured, otherwise that of other runs of its kind.

@@ -7,6 +7,7 @@ import pytest
 from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.state import Controls
 from haustra.errors import InvalidOptionError, OutputError
+from haustra.models.devices.base import load_device
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import Scene, SceneOptions, build_scene
 from haustra.models.wall.piece_wall import step_once
@@ -101,3 +102,13 @@ def test_spacing_follows_the_colon_when_a_largest_bend_is_given():
     # A straight tube asks for few joints: rods merge.
     assert len(adapted.cable.cells) < len(even.cable.cells)
     assert adapted.cable.length == pytest.approx(even.cable.length)
+
+
+def test_a_scene_of_a_colon_and_a_name_is_what_the_command_line_builds() -> None:
+    colon = straight_tube()
+    moving = Scene.of(colon, "paediatric", friction=0.2, insertion_limit=0.2)
+    assert (moving.options.wall_law, moving.options.mesentery, moving.options.friction) == ("table", True, 0.2)
+    assert moving.design.name == "paediatric"
+    assert Scene.of(colon, wall=wedge_wall(), insertion_limit=0.2).pieces
+    with pytest.raises(InvalidOptionError, match="'capsule' is no scope"):
+        Scene.of(colon, load_device("capsule"))

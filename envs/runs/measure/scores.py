@@ -3,6 +3,7 @@
 import resource
 import sys
 from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +29,7 @@ def score(
     wall: str | None = None,
     error: NumericalError | None = None,
     left: LeftBehind | None = None,
-) -> dict[str, object]:
+) -> dict[str, Any]:
     """Scores of a run as plain JSON values, units in the names.
 
     Forces are sampled at the control rate (50 Hz). `wall_force_peak_N` is the largest resultant normal force of the

@@ -453,22 +453,20 @@ class LinearBackend(AbstractBackend):
         return self._of_worlds("state", 0, self._layout.dofs)
 
     def snapshot(self, world: int) -> Snapshot:
-        """Not kept.
-
-        Raises:
-            UnsupportedSceneError: always.
-        """
-        raise UnsupportedSceneError(
-            "Withdrawal begins where scopes stood, which the backend 'linear' does not keep: use 'native'."
-        )
+        """Where one world is now, its colon too; `state` is a row of the program's own, its axis node by node."""
+        layout, row = self._layout, self._of_worlds("state", 0, self._layout.state)[world]
+        row[layout.time], tip = 0.0, layout.arcs + layout.spheres
+        state = np.concatenate([row[: layout.axis], self.axes(row).ravel()])
+        return Snapshot(state, row[layout.arcs : tip], row[layout.pulls : layout.time])
 
     def restore(self, world: int, snapshot: Snapshot) -> None:
-        """Not kept.
-
-        Raises:
-            UnsupportedSceneError: always.
-        """
-        self.snapshot(world)
+        """Put one world, which was reset to the same colon, where another was."""
+        layout, (block, lane) = self._layout, divmod(world, self._place.lanes)
+        row = np.zeros(layout.state)
+        row[: layout.axis] = snapshot.state[: layout.axis]
+        self.axes(row)[:] = snapshot.state[layout.axis :].reshape(layout.nodes, NODE)
+        self._held["state"].change()[block, : layout.state, lane] = row
+        self._run(0)
 
     def world_data(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Model and data of one world as MuJoCo's own values, to draw or to check."""

@@ -370,7 +370,6 @@ def test_a_camera_that_tasks_cannot_show_is_refused_by_them(entry: Any, backend:
     ("backend", "changed"),
     [
         ("warp", {"task": "withdrawal"}),
-        ("linear", {"task": "withdrawal"}),
     ],
 )
 def test_what_a_backend_cannot_honour_of_a_task_it_refuses_by_name(backend: str, changed: dict) -> None:

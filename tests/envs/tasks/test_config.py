@@ -39,6 +39,7 @@ CHANGES: dict[str, Any] = {
     "limits.perforation_force": 500.0,
     "limits.safe_force": 50.0,
     "limits.caecum_margin": 0.03,
+    "limits.pace": 2.0,
     **{f"weights.{entry.name}": 1.5 for entry in fields(Weights)},
 }
 SEEN: dict[str, dict[str, Any]] = {

@@ -106,6 +106,6 @@ def test_colons_that_move_are_drawn_in_colour():
     assert np.abs(seen.astype(int) - first).max() > 30
 
 
-def test_withdrawal_from_colons_that_move_is_refused():
+def test_only_linear_time_withdraws_from_colons_that_move():
     with pytest.raises(UnsupportedSceneError, match="mesentery"):
-        ScopeTask(TaskConfig(design=DESIGN, mesentery=True, task="withdrawal"), backend="linear", bank=hung_bank())
+        ScopeTask(TaskConfig(design=DESIGN, mesentery=True, task="withdrawal"), backend="native", bank=hung_bank())

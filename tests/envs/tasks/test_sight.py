@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from haustra.envs.tasks.coverage import Coverage
+from haustra.envs.tasks.coverage import Camera, Coverage
 from haustra.envs.tasks.pictures import Pictures, in_bytes
 from haustra.envs.tasks.sight import RANGE, Sight, ray_directions
+from haustra.models.wall import vectors
 from tests.task_bank import short_bank
 
 TUBE = 0.02
@@ -19,6 +20,12 @@ def straight_ahead(arc: float) -> tuple[np.ndarray, np.ndarray]:
     case = short_bank().cases[0]
     station = round(arc / case.step)
     return case.points[station], case.frames[station]
+
+
+def camera(arc: float, *, aside: float = 0.0) -> Camera:
+    eye, frame = straight_ahead(arc)
+    up, left, ahead = (vectors.of(column) for column in frame.T)
+    return Camera(vectors.of(eye + aside * frame[:, 0]), (up, left, ahead), arc)
 
 
 def test_rays_end_at_the_wall_of_a_tube():
@@ -49,15 +56,16 @@ def test_coverage_grows_with_what_was_in_view_and_stays():
     coverage.begin(0, 0)
     shares = []
     for arc in np.linspace(0.25, 0.02, 24):
-        eye, frame = straight_ahead(arc)
-        shares.append(coverage.look(0, 0, eye, frame[:, 2], arc))
+        shares.append(coverage.look(0, 0, camera(arc))[0])
     assert all(after >= before for before, after in pairwise(shares))
     assert 0.05 < shares[0] < 0.25  # 3 cm of 28 ahead, less what lies beside the camera and behind folds
     assert shares[-1] > 0.85
     blind = Coverage(bank, Sight(bank.cases), 1, field_of_view_deg=140.0)
     blind.begin(0, 0)
-    eye, frame = straight_ahead(0.1)
-    assert blind.look(0, 0, eye + 0.05 * frame[:, 0], frame[:, 2], 0.1) == 0.0  # behind the wall nothing is seen
+    share, (missed, *way) = blind.look(0, 0, camera(0.1, aside=0.05))
+    assert share == 0.0  # behind the wall nothing is seen
+    assert missed == 1.0
+    assert way[0] < -0.5  # what was missed lies back towards the middle
 
 
 def test_the_device_sees_what_the_host_sees():

@@ -1,11 +1,19 @@
 """Withdrawal: it begins in the caecum, what is seen is paid, and it ends at the anus."""
 
+from functools import cache
+
 import gymnasium
 import numpy as np
 
 import haustra.envs
+from haustra.envs.sim.conditions import Conditions, Snapshot
+from haustra.envs.sim.linear.backend import LinearBackend
+from haustra.envs.sim.state import Controls
+from haustra.envs.tasks import scope_task
+from haustra.envs.tasks.config import Drive, TaskConfig, Weights
 from haustra.envs.tasks.navigation import NavigationEnv
-from tests.task_bank import short_bank
+from haustra.envs.tasks.scope_task import ScopeTask
+from tests.task_bank import DESIGN, hung_bank, short_bank
 
 
 def test_a_withdrawal_sees_more_and_more_and_ends_at_the_anus(tmp_path, monkeypatch):
@@ -28,3 +36,42 @@ def test_a_withdrawal_sees_more_and_more_and_ends_at_the_anus(tmp_path, monkeypa
     assert total > 50 * (covered[-1] - covered[0])
     made.reset(seed=1, options={"case": 0})
     assert made.task.seen.tip_arc[0] == start
+
+
+def test_a_program_withdraws_from_colons_that_move_as_numpy_does(monkeypatch):
+    """Both begin where a scope was left, see the same cells, pay the same haste, and end at the anus."""
+    bank = hung_bank()
+    monkeypatch.setattr(scope_task, "inserted_starts", lambda config, bank, backend: pushed_in())
+    weights = Weights(coverage=100.0, haste=1.0)
+    drive = Drive(control_interval=0.2, push_rate=0.05)
+    config = TaskConfig(design=DESIGN, mesentery=True, task="withdrawal", weights=weights, drive=drive)
+    own = {"worlds": 2, "threads": 1, "backend": "linear", "bank": bank}
+    tasks = [ScopeTask(config, **own, on_host=on_host) for on_host in (False, True)]
+    for task in tasks:
+        task.reset(seeds=[0, 1], case=np.arange(2))
+        np.testing.assert_allclose(task.info()["tip_arc"], [start.arcs[-1] for start in pushed_in()], atol=0.02)
+    before = tasks[0].info()["coverage"]
+    pull, done = np.tile([-0.5, 0.0, 0.4, 0.0], (2, 1)), []
+    for _ in range(100):
+        done = [task.step(pull) for task in tasks]
+        one, other = (step.info for step in done)
+        np.testing.assert_allclose(one["coverage"], other["coverage"], atol=0.02)
+        np.testing.assert_allclose(one["reward_haste"], other["reward_haste"], atol=0.02)
+        if one["reached"].all():
+            break
+    one, other = done
+    assert one.info["reached"].all() and one.terminated.all()
+    assert (one.info["coverage"] > before + 0.2).all()
+    assert (one.info["reward_haste"] < -0.5).all()
+    np.testing.assert_allclose(one.observation["unseen"], other.observation["unseen"], atol=0.1)
+    np.testing.assert_allclose(one.observation["unseen"][:, 0], one.info["coverage"], atol=1e-6)
+
+
+@cache
+def pushed_in() -> tuple[Snapshot, ...]:
+    """Scopes that were pushed into two colons for three seconds."""
+    bank = hung_bank()
+    backend = LinearBackend(bank.scene, bank.tables, worlds=2)
+    backend.reset(np.arange(2), np.arange(2), Conditions(np.full(2, 0.03), np.full(2, 1500.0), np.ones(2)))
+    backend.step(Controls(np.full(2, 0.04), np.zeros(2), np.zeros((2, 4))), 600)
+    return tuple(backend.snapshot(world) for world in range(2))

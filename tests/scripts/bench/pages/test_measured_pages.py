@@ -8,10 +8,15 @@ from typing import Any
 import pytest
 
 from haustra.scripts.bench.pages.gas_page import gas_page
+from haustra.scripts.bench.pages.leaderboard_page import leaderboard_page
 from haustra.scripts.bench.pages.propulsion_page import propulsion_page
 
 PAGES = Path(__file__).parents[4] / "docs" / "validation"
-MAKERS: Mapping[str, Callable[[Any], str]] = {"gas": gas_page, "tracked": propulsion_page}
+MAKERS: Mapping[str, Callable[[Any], str]] = {
+    "gas": gas_page,
+    "tracked": propulsion_page,
+    "leaderboard": lambda kept: leaderboard_page(kept["rows"]),
+}
 """What makes the page of each file in docs/validation/data, by its name."""
 
 
