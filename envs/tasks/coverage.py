@@ -27,11 +27,11 @@ NEAR = inspection_number("near")
 ROWS_NEAR = math.ceil(2 * (NEAR + CELL) / CELL) + 1
 """Rows of cells that may be near a camera."""
 LOOK_EVERY = 0.2
-"""Time from one look to the next [s], in which a tip moves by 12 mm at most."""
+"""Time from one look to the next [s], in which a tip moves by 12 mm at most; engineering choice."""
 _BETWEEN = np.linspace(0.2, 0.9, 6)
 """Places on the line of sight that must lie in the lumen."""
 _AXIS = 0.005
-"""Length by which directions are taken back to a colon at rest [m]."""
+"""Length by which directions are taken back to a colon at rest [m]; engineering choice, short beside a lumen."""
 
 
 class Camera(NamedTuple):

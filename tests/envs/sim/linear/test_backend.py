@@ -9,7 +9,7 @@ import pytest
 from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.scope_reading import read_scope, stack_scopes
 from haustra.envs.sim.state import Controls
-from haustra.errors import InvalidOptionError, UnsupportedSceneError
+from haustra.errors import InvalidOptionError
 from haustra.models.devices.scope.library import named_design
 from haustra.scripts.bench.linear import SIZES, bank_of, conditions, driven, largest_difference, resized
 
@@ -108,12 +108,6 @@ def test_designs_that_differ_by_world_go_as_each_does_alone(bank):
     assert np.linalg.norm(each[0].read().tip[1] - tips[1]) > 1e-4
     with pytest.raises(InvalidOptionError, match="one design a world, 3"):
         LinearBackend(scenes[0], bank.tables, worlds=3, scopes=stack_scopes([read_scope(scene) for scene in scenes]))
-
-
-def test_what_it_cannot_do_is_refused_by_name(bank):
-    backend, _ = driven(bank, 1, seconds=0.0)
-    with pytest.raises(UnsupportedSceneError, match="'linear' does not keep"):
-        backend.snapshot(0)
 
 
 @pytest.mark.parametrize("dofs", SIZES)
