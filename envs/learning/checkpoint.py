@@ -72,3 +72,26 @@ def restore(folder: Path, document: dict[str, Any], take: Callable[[dict[str, to
         take(load_file(folder / f"state-{number}.safetensors"), folder / f"buffer-{number}.npz")
     except (OSError, ValueError, KeyError, IndexError, RuntimeError, SafetensorError) as error:
         raise UnreadableFileError(f"The checkpoint in '{folder}' is damaged ({error}): train anew.") from error
+
+
+def flat_states(states: dict[int, dict[str, Any]]) -> dict[str, torch.Tensor]:
+    """What an optimiser keeps of each parameter, as tensors named 'parameter/entry'."""
+    return {
+        f"{index}/{entry}": torch.as_tensor(value).clone().contiguous()
+        for index, values in states.items()
+        for entry, value in values.items()
+    }
+
+
+def nested_states(tensors: dict[str, torch.Tensor]) -> dict[int, dict[str, torch.Tensor]]:
+    """What an optimiser keeps of each parameter, from the tensors of `flat_states`."""
+    states: dict[int, dict[str, torch.Tensor]] = {}
+    for name, value in tensors.items():
+        index, _, entry = name.partition("/")
+        states.setdefault(int(index), {})[entry] = value
+    return states
+
+
+def below(prefix: str, tensors: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """Tensors whose names begin with 'prefix/', by the rest of their names."""
+    return {name[len(prefix) + 1 :]: value for name, value in tensors.items() if name.startswith(f"{prefix}/")}

@@ -9,18 +9,17 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from haustra.envs.learning.checkpoint import restore, save_checkpoint
-from haustra.envs.learning.curve import EPISODE, Curve
+from haustra.envs.learning.checkpoint import below, flat_states, nested_states, restore, save_checkpoint
+from haustra.envs.learning.curve import EPISODE
 from haustra.envs.learning.policy import MlpPolicy, load_policy, policy_folder, save_policy
 from haustra.envs.learning.ppo import Ppo, Rollout
-from haustra.envs.learning.schedule import SAVE_EVERY, learning_rate, perforation_force
+from haustra.envs.learning.schedule import SAVE_EVERY, curve_of, learning_rate, made_by, perforation_force
 from haustra.envs.learning.settings import Training
 from haustra.envs.tasks.observation import sizes
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.files import write_json
 from haustra.models.injury.perforation import perforation_probability
-from haustra.provenance import Provenance, backend_record
 
 _HELD = 8
 """Rollouts in which only the critic learns, where the policy knows something and the critic nothing."""
@@ -66,8 +65,7 @@ class DeviceRun:
         self.learner.to(training.device)
         if document is not None:
             restore(folder, document, lambda tensors, _: self._put_back(tensors, document))
-        enough = max(16, training.worlds // 4)
-        self.curve = Curve(folder / "curve.csv", fresh=document is None, episodes_a_row=enough)
+        self.curve = curve_of(training, folder, fresh=document is None)
         self._seconds = {"environment": 0.0, "learning": 0.0}
 
     def go(self, deadline: float | None) -> dict[str, Any]:
@@ -196,26 +194,16 @@ class DeviceRun:
         """Write a checkpoint from which the next leg can begin, and the policy as it is now."""
         learner, optimiser = self.learner, self.learner.optimiser.state_dict()
         tensors = {f"learner/{name}": value.contiguous() for name, value in learner.state_dict().items()}
-        for index, values in optimiser["state"].items():
-            tensors |= {f"optimiser/{index}/{name}": value.contiguous() for name, value in values.items()}
+        tensors |= {f"optimiser/{name}": value for name, value in flat_states(optimiser["state"]).items()}
         document = {"steps_done": self.steps, "leg": self.leg, "training": self.training.to_json()}
         plain = {"rollouts": self._rollouts}
         save_checkpoint(self.folder, tensors, document | {"plain": plain})
-        provenance = Provenance({}, {}, backend=backend_record(self.training.backend)).to_json()
-        about = {"training": self.training.to_json(), "steps": self.steps, "provenance": provenance}
+        about = made_by(self.training, self.steps)
         save_policy(self.folder, learner.policy(self.training, about))
 
     def _put_back(self, tensors: dict[str, Tensor], document: dict[str, Any]) -> None:
-        states: dict[int, dict[str, Tensor]] = {}
-        own: dict[str, Tensor] = {}
-        for name, value in tensors.items():
-            kind, _, rest = name.partition("/")
-            if kind == "learner":
-                own[rest] = value
-            else:
-                index, _, entry = rest.partition("/")
-                states.setdefault(int(index), {})[entry] = value
-        self.learner.load_state_dict(own)
+        self.learner.load_state_dict(below("learner", tensors))
+        states = nested_states(below("optimiser", tensors))
         groups = self.learner.optimiser.state_dict()["param_groups"]
         self.learner.optimiser.load_state_dict({"state": states, "param_groups": groups})
         self.steps, self.leg = int(document["steps_done"]), int(document["leg"])

@@ -12,16 +12,15 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.utils import set_random_seed
 
 from haustra.envs.learning.checkpoint import restore, save_checkpoint
-from haustra.envs.learning.curve import EPISODE, Curve
+from haustra.envs.learning.curve import EPISODE
 from haustra.envs.learning.models import build_model, hold_actor, normalised, policy_of, warm_up
 from haustra.envs.learning.policy import save_policy
 from haustra.envs.learning.sb3_state import buffer_of, packed, refill, unpack
-from haustra.envs.learning.schedule import SAVE_EVERY, learning_rate, perforation_force
+from haustra.envs.learning.schedule import SAVE_EVERY, curve_of, learning_rate, made_by, perforation_force
 from haustra.envs.learning.settings import Training
 from haustra.envs.tasks.sb3 import ScopeVecEnv
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.files import write_json
-from haustra.provenance import Provenance, backend_record
 
 Progress = Callable[[int, str], None]
 """Told environment steps done, and a note."""
@@ -57,9 +56,7 @@ class Sb3Run:
             restore(folder, document, self._restore(document))
             self.leg = int(document["leg"])
             self._take_up(document.get("normaliser"))
-        # Thousands of worlds end episodes at every step: rows of a few seconds each.
-        enough = max(16, training.worlds // 4)
-        self.curve = Curve(folder / "curve.csv", fresh=document is None, episodes_a_row=enough)
+        self.curve = curve_of(training, folder, fresh=document is None)
 
     def go(self, deadline: float | None) -> dict[str, Any]:
         """Learn leg by leg until the steps are done or time is up."""
@@ -97,11 +94,7 @@ class Sb3Run:
 
     def save_policy(self) -> None:
         """Write the policy as it is now."""
-        about = {
-            "training": self.training.to_json(),
-            "steps": self.model.num_timesteps,
-            "provenance": Provenance({}, {}, backend=backend_record(self.training.backend)).to_json(),
-        }
+        about = made_by(self.training, self.model.num_timesteps)
         save_policy(self.folder, policy_of(self.model, self.training, about, self.normaliser))
 
     def ease(self) -> None:

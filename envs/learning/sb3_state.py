@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 import torch
 
+from haustra.envs.learning.checkpoint import below, flat_states, nested_states
+
 _BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
@@ -36,9 +38,7 @@ def packed(model: Any) -> tuple[dict[str, torch.Tensor], dict[str, Any]]:
         if "optimizer" not in name:
             tensors |= {f"{name}/{key}": value.detach().clone().contiguous() for key, value in part.items()}
             continue
-        for index, values in part["state"].items():
-            for key, value in values.items():
-                tensors[f"{name}/{index}/{key}"] = torch.as_tensor(value).clone().contiguous()
+        tensors |= {f"{name}/{key}": value for key, value in flat_states(part["state"]).items()}
         groups[name] = part["param_groups"]
     if getattr(model, "log_ent_coef", None) is not None:
         tensors["log_ent_coef"] = model.log_ent_coef.detach().clone()
@@ -49,15 +49,11 @@ def unpack(model: Any, tensors: dict[str, torch.Tensor], plain: dict[str, Any]) 
     """Put a model where `packed` found one."""
     parts: dict[str, Any] = {}
     for name in model.get_parameters():
-        mine = {key[len(name) + 1 :]: value for key, value in tensors.items() if key.startswith(f"{name}/")}
+        mine = below(name, tensors)
         if "optimizer" not in name:
             parts[name] = mine
             continue
-        states: dict[int, dict[str, torch.Tensor]] = {}
-        for key, value in mine.items():
-            index, _, entry = key.partition("/")
-            states.setdefault(int(index), {})[entry] = value
-        parts[name] = {"state": states, "param_groups": plain["groups"][name]}
+        parts[name] = {"state": nested_states(mine), "param_groups": plain["groups"][name]}
     model.set_parameters(parts, exact_match=True)
     if "log_ent_coef" in tensors:
         model.log_ent_coef.data.copy_(tensors["log_ent_coef"])

@@ -1,6 +1,11 @@
-"""What changes over a training: the learning rate and the perforation limit."""
+"""What trainings of either learner do alike: rates and limits that change, the curve, where a policy is from."""
 
+from pathlib import Path
+from typing import Any
+
+from haustra.envs.learning.curve import Curve
 from haustra.envs.learning.settings import Training
+from haustra.provenance import Provenance, backend_record
 
 LEAST_DEVIATION = 0.1
 """An observation is divided by no less: entries are scaled to about one, and some hardly ever change."""
@@ -23,3 +28,14 @@ def perforation_force(training: Training, steps: int) -> float:
         return last
     first, share = training.ease
     return last + (first - last) * max(0.0, 1 - steps / (share * training.steps))
+
+
+def curve_of(training: Training, folder: Path, *, fresh: bool) -> Curve:
+    """The curve of a training: thousands of worlds end episodes at every step, so rows are of a few seconds each."""
+    return Curve(folder / "curve.csv", fresh=fresh, episodes_a_row=max(16, training.worlds // 4))
+
+
+def made_by(training: Training, steps: int) -> dict[str, Any]:
+    """What a policy says of its training after that many steps."""
+    provenance = Provenance({}, {}, backend=backend_record(training.backend)).to_json()
+    return {"training": training.to_json(), "steps": steps, "provenance": provenance}
