@@ -1,7 +1,7 @@
 """A cohort's patients as worlds of one program: driven, looked at ten times a second, and measured as in a clinic."""
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import groupby
@@ -38,17 +38,16 @@ _JOBS = 64
 
 def _start(study: Study, folder: Path, *, device: Literal["cpu", "cuda"]) -> Runner:
     def run(jobs: Sequence[Job]) -> Iterable[Result]:
+        names = {str(job.conditions["driver"]) for job in jobs}
+        drivers = {name: driver_settings(name, moves=True) for name in names}
+
         def kind(job: Job) -> tuple[str, str]:
-            return str(job.conditions["device"]), type(_settings(job)).__name__
+            return str(job.conditions["device"]), type(drivers[str(job.conditions["driver"])]).__name__
 
         for (scope, _), alike in groupby(sorted(jobs, key=kind), kind):
-            yield from _examined(study, scope, list(alike), device)
+            yield from _examined(study, scope, drivers, list(alike), device)
 
     return run
-
-
-def _settings(job: Job) -> Any:
-    return driver_settings(str(job.conditions["driver"]), moves=True)
 
 
 def _prepare(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
@@ -63,8 +62,10 @@ def _prepare(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
         grow_patients(patients, sorted(radii), processes=os.cpu_count() or 1, tell=told)
 
 
-def _examined(study: Study, scope: str, jobs: list[Job], device: Literal["cpu", "cuda"]) -> Iterable[Result]:
-    """Results of patients who are examined with one scope, by drivers of one kind."""
+def _examined(
+    study: Study, scope: str, drivers: Mapping[str, Any], jobs: list[Job], device: Literal["cpu", "cuda"]
+) -> Iterable[Result]:
+    """Results of patients who are examined with one scope, by drivers of one kind, whose settings have their names."""
     design = find_design(scope)
     own, patients, sound = _Colons(design.diameter / 2), [], []
     for job in jobs:
@@ -91,7 +92,7 @@ def _examined(study: Study, scope: str, jobs: list[Job], device: Literal["cpu", 
         together(own.tables),
         own.colons,
         worlds=len(sound),
-        settings=[_settings(job) for job in sound],
+        settings=[drivers[str(job.conditions["driver"])] for job in sound],
         device=device,
         threads=os.cpu_count() or 1,
     )

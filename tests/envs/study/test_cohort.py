@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from haustra.assets import asset
+from haustra.envs.control.endoscopist import EndoscopistSettings
 from haustra.envs.control.laws import DRIVERS, driver_settings
 from haustra.envs.study.clinic_watch import pull_backs
 from haustra.envs.study.cohort import PRESETS, SCORES, cohort_study
@@ -15,6 +16,7 @@ from haustra.envs.study.patients import Patient, clinic_number, numbers, patient
 from haustra.envs.study.questions import find_backend
 from haustra.envs.study.sampling import designs_of, jobs_of
 from haustra.errors import InvalidOptionError
+from haustra.fields import declaration_of
 from haustra.models.anatomy.landmarks import SEGMENTS
 from haustra.scripts.bench.drivers import settings_files
 
@@ -160,6 +162,9 @@ def test_settings_out_of_range_are_refused_by_name(tmp_path):
 
 def test_endoscopists_who_are_tried_lie_within_their_bounds(tmp_path):
     bounds = tomllib.loads(asset("clinic/endoscopists.toml").read_text(encoding="utf-8"))
+    for name, each in bounds.items():
+        assert declaration_of(EndoscopistSettings, name).unit == each["unit"]
+        assert each["low"] < getattr(EndoscopistSettings(), name) < each["high"], name
     usual, *others = settings_files(tmp_path, 5, seed=3)
     assert driver_settings(str(usual), moves=True) == driver_settings("endoscopist", moves=True)
     for path in others:
