@@ -137,7 +137,7 @@ class PieceWall:
         self._sphere_of = np.full(model.ngeom, -1)
         self._sphere_of[self.spheres] = np.arange(len(self.spheres))
         self.stiffness: Float[np.ndarray, " spheres"] = np.full(len(self.spheres), contact.stiffness)
-        """Of the contacts of each sphere [N/m]."""
+        """Stiffness of the contacts of each sphere [N/m]."""
         self._seen: mujoco.MjData | None = None
         self._rubbed = np.zeros(0, int)
         self._moved, self._blocks, self._axis = look.displacement, blocks, look.axis

@@ -147,7 +147,7 @@ class TableLook:
         self._walls = TableWalls(tables, 1, len(spheres), radius=float(tables.device_radius[-1]))
         self._shift = model.geom_size[spheres, 0] - float(tables.device_radius[-1])
         self.axis: Tables = pick(tables, self._colon)
-        """Of the colon."""
+        """Tables of the colon that is looked up in."""
 
     @property
     def displacement(self) -> AxisDisplacement | None:
