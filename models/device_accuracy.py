@@ -47,7 +47,7 @@ def load_device_errors(path: Path) -> Entries:
             if not known or values["colons"] < LEAST_COLONS:
                 raise ValueError("ranges from low to high, a source and enough colons")
             stated = NumericalError((least, most), (None, None), (nearest, furthest), measured_on=values["source"])
-            found[values["kind"], values["mesentery"]] = stated
+            found[values["device"], values["mesentery"]] = stated
         except (KeyError, TypeError, ValueError) as error:
             raise HaustraError(
                 f"{path.name}: an entry lacks {error}: measure again (`haustra bench device-errors`)."

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -16,6 +16,7 @@ FINER = 2
 _FORCES = ("push_force", "wall_force_sum", "wall_force")
 
 
+@runtime_checkable
 class Recorded(Protocol):
     """A finished run of any device."""
 

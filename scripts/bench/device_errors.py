@@ -10,7 +10,7 @@ from haustra.envs.runs.device_batch import run_devices
 from haustra.envs.runs.error import differences, half_step
 from haustra.envs.runs.outcome import Outcome
 from haustra.models.accuracy import LEAST_COLONS
-from haustra.models.anatomy.grown import grow_colon
+from haustra.models.anatomy.colon import Colon
 from haustra.models.device_scene import device_options
 from haustra.models.devices.base import Device
 from haustra.models.devices.tracked.interface import TrackedRobot
@@ -31,9 +31,8 @@ class Differences:
     """Runs that diverged, at either step."""
 
 
-def measure(device: Device, seeds: Sequence[int], *, seconds: float, mesentery: bool) -> Differences:
-    """Let a device's own driver drive it in the grown colons of those seeds, at its time step and at half of it."""
-    colons = [grow_colon(seed=seed) for seed in seeds]
+def measure(device: Device, colons: Sequence[Colon], *, seconds: float, mesentery: bool) -> Differences:
+    """Let a device's own driver drive it in those colons that it fits into, at its time step and at half of it."""
     starts: list[float] | None = None
     if isinstance(device, TrackedRobot):
         places = [first_place(device, colon) for colon in colons]
@@ -76,7 +75,7 @@ def accuracy_toml(found: Sequence[Differences], where: Mapping[str, Any]) -> str
             f"measured by `haustra bench device-errors` on {where['date']}: {colons} grown colons, {names}, "
             f"{own[0].seconds:g} s by their own drivers, against half the time step; nobody pushes these devices"
         )
-        lines += ["", "[[measured]]", f'kind = "{kind}"', f"mesentery = {str(moves).lower()}", f"colons = {colons}"]
+        lines += ["", "[[measured]]", f'device = "{kind}"', f"mesentery = {str(moves).lower()}", f"colons = {colons}"]
         lines += [f"{name} = [{low:.2g}, {high:.2g}]" for name, (low, high) in spans.items()]
         lines += [f'source = "{source}"']
     return "\n".join(lines) + "\n"

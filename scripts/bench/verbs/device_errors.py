@@ -18,8 +18,8 @@ class BenchDeviceErrors:
 
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for what is found; what was finished there is not measured again."""
-    devices: tuple[str, ...] = texts(most=16, default=("capsule", "inchworm", "vine", "tracked", "tracked-wide"))
-    """Devices: names of shipped designs or TOML files."""
+    devices: tuple[str, ...] = texts(most=16, default=())
+    """Devices: names of shipped designs or TOML files; all that ship and are no scopes when none is given."""
     colons: int = whole(1, 1000, default=10)
     """Number of colons grown from seed 0 on; a range over fewer than ten is not stated."""
     seconds: float = number("s", 0.1, 600.0, default=6.0)
@@ -35,14 +35,18 @@ class BenchDeviceErrors:
 
         from haustra.assets import asset
         from haustra.files import prepare_folder, write_atomically, write_json
-        from haustra.models.devices.base import load_device
+        from haustra.models.anatomy.grown import grow_colon
+        from haustra.models.devices.base import load_device, shipped_devices
+        from haustra.models.devices.scope.interface import Scope
         from haustra.reading import read_document
         from haustra.scripts.bench.device_errors import Differences, accuracy_toml, measure, ranges
         from haustra.scripts.bench.machine import machine
         from haustra.scripts.console import progress_bar
 
         folder, found = prepare_folder(self.output), []
-        devices = [load_device(name) for name in self.devices]
+        devices = [load_device(name) for name in self.devices or shipped_devices()]
+        devices = [device for device in devices if not isinstance(device, Scope)]
+        colons = [grow_colon(seed=seed) for seed in range(self.colons)]
         with progress_bar("device-errors", 2 * len(devices), unit="devices") as advance:
             for device in devices:
                 for moves in (False, True):
@@ -52,7 +56,7 @@ class BenchDeviceErrors:
                     path = folder / f"{device.name}-{'mesentery' if moves else 'fixed'}.json"
                     known = read_document(path, "result") if path.is_file() else {}
                     if known.get("asked") != asked:
-                        one = measure(device, range(self.colons), seconds=self.seconds, mesentery=moves)
+                        one = measure(device, colons, seconds=self.seconds, mesentery=moves)
                         known = {"asked": asked, "found": asdict(one)}
                         write_json(path, known)
                     found.append(Differences(**known["found"]))

@@ -12,14 +12,16 @@ from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.models.devices.scope.library import named_design
 
 STATES = Path(__file__).parent / "pressed_scopes.npz"
-"""Scopes of native insertions in grown colons that are fixed, seeds 4, 11 and 28 of `haustra bench agreement`, pressed on
-the wall by 14 to 25 N a contact: nothing is wrong with them natively."""
+"""Scopes of native insertions in grown colons that are fixed, seeds 4, 11 and 28 of `bench agreement`, pressed on the
+wall by 14 to 25 N a contact: nothing is wrong with them natively."""
 
 
 def _healthy(monkeypatch: pytest.MonkeyPatch, *, repeats: bool) -> np.ndarray:
     """Which of those scopes are sound after one control interval."""
     import jax
     import jax.numpy as jnp
+
+    from haustra.envs.sim.warp_backend import WarpBackend
 
     with np.load(STATES, allow_pickle=False) as kept:
         known = {name: jnp.asarray(kept[name]) for name in kept.files}
@@ -31,6 +33,7 @@ def _healthy(monkeypatch: pytest.MonkeyPatch, *, repeats: bool) -> np.ndarray:
         backend = ScopeTask(config, worlds=count, backend="warp", bank=bank).backend
         own = {name: known[name] for name in ("colon", "friction", "stiffness", "bending")}
         arcs = jnp.concatenate([known["arcs"], known["tip_arcs"].reshape(count, 1)], axis=1)
+        assert isinstance(backend, WarpBackend)
         state = backend._state._replace(
             qpos=known["qpos"], qvel=known["qvel"], hand=known["act"][:, :2], arcs=arcs, pulls=known["arriving"]
         )
