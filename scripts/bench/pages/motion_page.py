@@ -35,8 +35,8 @@ def motion_page(measured: Mapping[str, Any]) -> str:
         f" | {sound['escaped']}; {sound['escaped_unsaid']} | 0 unsaid |",
         f"| diverged | {sound['diverged']} | 0 |\n",
         "## The patient around it\n",
-        "Change against the same colon as it was imaged and without gas, mean over colons with its 95 % interval (paired); **bold**"
-        " where the interval leaves out 0.\n",
+        "Change against the same colon as it was imaged and without gas, mean over colons with its 95 % interval"
+        " (paired); **bold** where the interval leaves out 0.\n",
         "| patient | " + " | ".join(words for words, _ in COMPARED.values()) + " |",
         "| --- |" + " --- |" * len(COMPARED),
     ]

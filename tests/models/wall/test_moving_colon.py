@@ -163,7 +163,7 @@ def test_a_clamped_tube_bends_like_a_beam() -> None:
 
 @pytest.mark.parametrize("over", [16.0, 100.0])
 def test_no_pull_folds_a_tube_back_at_a_node(over: float) -> None:
-    """An edge on a hinge B that is pulled back by far more than B over its length: F x l = 2 B tan(t/2) (Bergou 2008)."""
+    """An edge on a hinge B, pulled back by far more than B over its length: F x l = 2 B tan(t/2) (Bergou 2008)."""
     rigidity, length, steps = 0.01, 0.01, 1000
     held, bending = np.array([1e6, 1e6, 1e6, 0.0]), np.array([0.0, 0.0, rigidity, 0.0])
     own = _straight(0.03, hold=held, bending=bending, tension=np.full(3, 1e3), pleating=np.float64(1.0))

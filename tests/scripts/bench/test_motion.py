@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from haustra.scripts.bench.motion import PATIENTS, COMPARED, PLAIN, effects, soundness
+from haustra.scripts.bench.motion import COMPARED, PATIENTS, PLAIN, effects, soundness
 from haustra.scripts.bench.pages.motion_page import motion_page
 from haustra.scripts.main import SUCCESS, main
 
