@@ -577,7 +577,7 @@ def energy(xp: Any, own: Mesentery, pose: Array) -> Array:
 
 
 def _bend_energy(xp: Any, change: Array, rest: Array) -> Array:
-    """Of `bend_gradient` over the stiffness, given the length of the change of direction."""
+    """Energy of `bend_gradient` over the stiffness, given the length of the change of direction."""
     half, half_rest = xp.arcsin(change / 2), xp.arctan(rest / 2)
     return 4 * xp.log(xp.cos(half_rest) / xp.cos(half)) - 2 * rest * (half - half_rest)
 
