@@ -135,12 +135,11 @@ def build_setup(study: Study, variables: Mapping[str, float], conditions: Mappin
                 "condition.friction"
             )
     _require_colon(str(conditions["colon"]))
-    options = find_preset(str(study.options["preset"])).apply(SceneOptions(friction=friction))
+    moves = bool(study.options["mesentery"])
+    preset = find_preset(str(study.options["preset"]))
+    options = replace(preset.apply(SceneOptions(friction=friction), law="table" if moves else None), mesentery=moves)
     if (timestep := float(study.options["timestep"])) != SceneOptions.timestep:
         options = replace(options, timestep=timestep)
-    moves = bool(study.options["mesentery"])
-    if moves:
-        options = replace(options, wall_law="table", mesentery=True)
     usual = driver_settings(str(study.options["driver"]), moves=moves)
     design = find_design("adult" if study.base == "default" else study.base)
     if diameter is not None:
