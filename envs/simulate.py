@@ -1,16 +1,15 @@
 """A scene and a driver's name in, a finished run out: what `haustra run` calls, and a program of a few lines."""
 
-from pathlib import Path
 from typing import Any
 
-from haustra.envs.control.laws import DRIVERS, driver_settings
-from haustra.envs.learning.insertion import PolicySettings, run_policy
-from haustra.envs.learning.policy import ABOUT, SHIPPED_POLICIES, WEIGHTS, MlpPolicy, load_policy, policy_folder
+from haustra.envs.control.laws import driver_settings
+from haustra.envs.learning.find import find_policy, policy_settings
+from haustra.envs.learning.insertion import run_policy
+from haustra.envs.learning.policy import MlpPolicy
 from haustra.envs.runs.insertion import Insertion, Progress, run_insertion
 from haustra.envs.runs.linear_insertion import run_linear_insertion
 from haustra.errors import InvalidOptionError
 from haustra.models.scene import Scene
-from haustra.provenance import file_hash
 
 
 def simulate(
@@ -48,23 +47,6 @@ def simulate(
     return run(scene, **own)
 
 
-def find_policy(name: str) -> MlpPolicy | None:
-    """The policy that a driver's name stands for; None where a law drives.
-
-    Raises:
-        InvalidOptionError: when there is no such driver.
-        UnreadableFileError: when the folder holds no policy.
-    """
-    if name in DRIVERS or name.endswith(".toml"):
-        return None
-    if name not in SHIPPED_POLICIES and not (Path(name) / ABOUT).is_file():
-        known = ", ".join((*DRIVERS, *SHIPPED_POLICIES))
-        raise InvalidOptionError(
-            f"Driver '{name}' is not known. Known: {known}, a TOML file, or the folder of a policy."
-        )
-    return load_policy(policy_folder(name))
-
-
 def settings_of(name: str, policy: MlpPolicy | None, *, moves: bool, steer: str = "pulls", seed: int = 0) -> Any:
     """Settings of a driver, for the record.
 
@@ -84,10 +66,4 @@ def settings_of(name: str, policy: MlpPolicy | None, *, moves: bool, steer: str 
         return driver_settings(name, moves=moves, steer=steer)
     if steer != "pulls":
         raise InvalidOptionError("A policy asks for pulls of wires: leave wheels out, or let another driver drive.")
-    return PolicySettings(
-        policy=name,
-        weights=file_hash(policy_folder(name) / WEIGHTS),
-        advance_rate=policy.config.drive.push_rate,
-        sampled=policy.deviation is not None,
-        seed=seed,
-    )
+    return policy_settings(name, policy, seed=seed)

@@ -1,4 +1,4 @@
-"""A scene of any device in a colon that is a table: one MjSpec, its spheres each with a plane to be placed."""
+"""A scene of any device in a colon: one MjSpec, its spheres with planes to be placed, or among the wall's pieces."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
@@ -8,12 +8,14 @@ import mujoco
 import numpy as np
 from jaxtyping import Float, Int
 
-from haustra.errors import UnsupportedSceneError
+from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.base import Device, Handles, Pose
-from haustra.models.scene import SceneOptions, empty_spec, entry_of, require_start
+from haustra.models.scene import SceneOptions, add_blocks, add_wall, empty_spec, entry_of, require_start
 from haustra.models.wall.lumen_table import Tables, lumen_table, stack
-from haustra.models.wall.planes import add_felt, add_planes, with_friction
+from haustra.models.wall.piece_wall import NO_BLOCKS, Blocks, add_piece_spheres
+from haustra.models.wall.pieces.wall import Wall
+from haustra.models.wall.planes import PLANES, add_felt, add_planes, with_friction
 
 HONOURED = (
     "timestep",
@@ -40,13 +42,17 @@ _TOLERANCE = 1e-8
 
 @dataclass(frozen=True)
 class DeviceScene:
-    """A device at the anus of a colon that is not in the scene, ready to compile."""
+    """A device at the anus of a colon, ready to compile; by the table the colon is not in the scene."""
 
     spec: mujoco.MjSpec
     device: Device
     handles: Handles
     options: SceneOptions
     pose: Pose
+    colon: Colon | None = None
+    """Whose wall it meets, where that is no table."""
+    blocks: Blocks = NO_BLOCKS
+    """Where the wall's pieces stand on mocap bodies, in a colon that moves."""
     left_out: Mapping[str, str] = field(default_factory=dict)
     """What the scene does not model, and why."""
 
@@ -102,7 +108,14 @@ def pose_in(colon: Colon, device: Device, options: SceneOptions) -> Pose:
     return device.standing(colon, options.start_depth) or Pose(*entry_of(colon))
 
 
-def build_device_scene(device: Device, options: SceneOptions | None = None, *, pose: Pose | None = None) -> DeviceScene:
+def build_device_scene(
+    device: Device,
+    options: SceneOptions | None = None,
+    *,
+    pose: Pose | None = None,
+    colon: Colon | None = None,
+    wall: Wall | None = None,
+) -> DeviceScene:
     """Put a device before the anus of a colon.
 
     Args:
@@ -110,9 +123,12 @@ def build_device_scene(device: Device, options: SceneOptions | None = None, *, p
         options: how to model it; those that are not of `HONOURED` must be the usual ones.
         pose: the anus and the way in; the origin and z when None, where colons can take turns
             (`haustra.models.wall.lumen_table.LumenTable.seen_from`).
+        colon: the colon that it is in, in whose coordinates the pose is, for the wall laws 'planes' and 'pieces'.
+        wall: its pieces, for the wall law 'pieces'.
 
     Raises:
-        UnsupportedSceneError: naming the option that is not honoured, or the wall that the device cannot meet.
+        UnsupportedSceneError: naming the option that is not honoured, or the wall law that needs one colon.
+        InvalidOptionError: when pieces are asked for and no wall is given.
     """
     options = options or device_options(device)
     _require_honoured(device, options)
@@ -125,10 +141,23 @@ def build_device_scene(device: Device, options: SceneOptions | None = None, *, p
     bare = spec.compile()
     for name in handles.geoms:
         spec.geom(name).conaffinity = 0
-    add_planes(spec, bare, handles.samples, options.contact, timestep=options.timestep, planes=1)
+    blocks, law, count = NO_BLOCKS, options.wall_law, PLANES if options.wall_law == "planes" else 1
+    if law != "table" and colon is None:
+        raise UnsupportedSceneError(f"Wall law '{law}' is that of one colon: many colons at once need the law 'table'.")
+    if law != "pieces":
+        add_planes(spec, bare, handles.samples, options.contact, timestep=options.timestep, planes=count)
+    elif wall is None or colon is None:
+        raise InvalidOptionError("Wall law 'pieces' needs a wall: build one, or choose planes or table.")
+    else:
+        add_piece_spheres(spec, handles.samples, options.contact, wall, timestep=options.timestep)
+        if options.mesentery:
+            blocks = add_blocks(spec, wall, colon, touched=True)
+        else:
+            add_wall(spec, wall)
     spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     spec.option.tolerance = _TOLERANCE
-    return DeviceScene(spec, device, handles, options, pose, {**_left_out(options), **device.left_out})
+    left_out = {**_left_out(options), **device.left_out}
+    return DeviceScene(spec, device, handles, options, pose, None if law == "table" else colon, blocks, left_out)
 
 
 def device_tables(scene: DeviceScene, colons: list[Colon], poses: list[Pose] | None = None) -> Tables:
@@ -152,15 +181,6 @@ def _require_honoured(device: Device, options: SceneOptions) -> None:
                 f"Scenes of a device of kind '{device.kind}' do not honour the option {entry.name}: leave it out. "
                 f"Honoured: {', '.join(HONOURED)}."
             )
-    if options.wall_law != "table":
-        raise UnsupportedSceneError(
-            f"A device of kind '{device.kind}' meets the lumen's table only: wall law '{options.wall_law}' is not "
-            "honoured."
-        )
-    if "table" not in device.walls:
-        raise UnsupportedSceneError(
-            f"A device of kind '{device.kind}' cannot meet the lumen's table. It can meet: {', '.join(device.walls)}."
-        )
 
 
 def _add_camera(spec: mujoco.MjSpec, tip: str) -> None:
@@ -187,8 +207,13 @@ def _add_camera(spec: mujoco.MjSpec, tip: str) -> None:
 def _left_out(options: SceneOptions) -> dict[str, str]:
     left_out = {
         "self-contact": "the device does not touch itself",
-        "wall": "its table is the backend's: stock MuJoCo moves the saved device without one",
     }
+    if options.wall_law == "table":
+        left_out["wall"] = "its table is the backend's: stock MuJoCo moves the saved device without one"
+    if options.wall_law == "planes":
+        left_out["wall"] = "its planes are moved by the backend: stock MuJoCo moves the saved device without them"
+    if options.wall_law == "pieces":
+        left_out["joints of pieces"] = "where a place touches several, the deepest counts; in stock MuJoCo all do"
     if not options.mesentery:
         left_out["mesentery"] = "the colon gives way by its wall's stiffness only; it does not swing on its mesentery"
     if not options.friction:

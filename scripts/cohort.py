@@ -18,10 +18,11 @@ class Cohort:
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for the cohort's patients and results."""
     driver: tuple[str, ...] = ("endoscopist",)
-    """Who examines them: endoscopist, follower, or TOML files of settings (`law`, and what differs from the usual).
-    Each sees the same patients. The first is held against the clinic."""
-    device: tuple[str, ...] = ("adult",)
-    """Scopes by name or file; each sees the same patients. The first is held against the clinic."""
+    """Who examines them: endoscopist, follower, TOML files of settings (`law`, and what differs from the usual), names
+    of policies that ship, or folders of policies. Each sees the same patients. The first is held against the clinic."""
+    device: tuple[str, ...] = ("own",)
+    """Scopes by name or file, or own: the adult one, or what a policy was trained with. Each sees the same patients.
+    The first is held against the clinic."""
     patients: int | None = whole(1, 1_000_000, default=None)
     """Number of patients; that of the cohort named when not given."""
     seconds: float | None = number("s", 1.0, 3600.0, default=None)

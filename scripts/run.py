@@ -97,11 +97,12 @@ class Run:
 
     def __call__(self) -> dict[str, Any]:
         """Build the scene, run it, write everything."""
+        from haustra.envs.learning.find import find_policy
         from haustra.envs.runs.error import own_error, refinements
         from haustra.envs.runs.insertion import Insertion, run_insertion
         from haustra.envs.runs.treatment import Treatment
         from haustra.envs.runs.withdrawal import insert_and_withdraw
-        from haustra.envs.simulate import find_policy, settings_of, simulate
+        from haustra.envs.simulate import settings_of, simulate
         from haustra.envs.view.run_folder import write_run
         from haustra.errors import InvalidOptionError
         from haustra.files import prepare_folder

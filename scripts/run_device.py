@@ -8,7 +8,7 @@ from haustra.errors import InvalidOptionError
 if TYPE_CHECKING:
     from haustra.models.devices.base import Device
 
-_ALWAYS = ("colon", "output", "device", "seconds", "friction", "fixed", "json")
+_ALWAYS = ("colon", "output", "device", "seconds", "friction", "fixed", "wall", "json")
 _TABLE = ("wall_law", "wall_stiffness", "timestep", "gravity")
 _PATIENT = ("insufflate", "gas_flow", "gas_start", "posture", "mobile", "adhesions", "pressed")
 """Options of `haustra run` that all devices honour; `start` is honoured by those that stand in the colon."""
@@ -25,23 +25,29 @@ def run_any(asked: Any, device: "Device") -> dict[str, Any]:
     from haustra.files import prepare_folder
     from haustra.models.anatomy.store import load_colon
     from haustra.models.device_scene import device_options
+    from haustra.models.wall.pieces.folder import wall_of
     from haustra.scripts.console import progress_bar
+    from haustra.scripts.wall import wall_bar
 
     stands = "start_depth" in device.usual
     _require_honoured(asked, device, (*_ALWAYS, *_TABLE, *_PATIENT, *(("start",) if stands else ())))
     changed = {name: value for name in ("friction", *_TABLE) if (value := getattr(asked, name)) is not None}
     changed |= asked.patient_options()
-    changed["mesentery"] = not asked.fixed
+    changed["mesentery"] = not asked.fixed and asked.wall_law != "planes"
     if asked.start is not None:
         changed["start_depth"] = asked.start
     options = device_options(device, **changed)
     colon, folder = load_colon(asked.colon), prepare_folder(asked.output)
+    wall = None
+    if options.wall_law == "pieces":
+        with wall_bar() as tell_wall:
+            wall = wall_of(asked.colon, colon, asked.wall, progress=tell_wall)
     with progress_bar("simulate", asked.seconds, unit="s") as advance:
 
         def tell(time: float, arc: float) -> None:
             advance(time, f"tip at {arc:.2f} m")
 
-        run = run_device(device, colon, options, seconds=asked.seconds, progress=tell)
+        run = run_device(device, colon, options, seconds=asked.seconds, wall=wall, progress=tell)
     return write_device_run(folder, colon=colon, run=run)
 
 
@@ -53,8 +59,3 @@ def _require_honoured(asked: Any, device: "Device", honoured: tuple[str, ...]) -
             raise InvalidOptionError(
                 f"A device of kind '{device.kind}' does not honour --{entry.name.replace('_', '-')}: leave it out."
             )
-    if asked.wall_law is not None and asked.wall_law not in device.walls:
-        raise InvalidOptionError(
-            f"A device of kind '{device.kind}' cannot meet wall law '{asked.wall_law}'. It can meet: "
-            f"{', '.join(device.walls)}."
-        )

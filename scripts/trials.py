@@ -26,7 +26,7 @@ class Trials:
     patients: int = whole(3, 100_000, default=24)
     """Number of patients, each examined by both arms."""
     driver: str = "endoscopist"
-    """Who drives: endoscopist or follower."""
+    """Who drives: endoscopist, follower, a TOML file of settings, or a policy."""
     seconds: float = number("s", 1.0, 3600.0, default=600.0)
     """Longest insertion [s]."""
     backend: str = "linear"

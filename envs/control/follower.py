@@ -149,9 +149,12 @@ class Law(NamedTuple):
     settings: type
     """Type of its settings, which have `law`; numbers of them may differ from world to world."""
     first: Any
-    """What a driver remembers that has seen nothing yet: a tuple of numbers with `bend_up`, `bend_left`, `attempts`."""
+    """What a driver remembers that has seen nothing yet: a tuple of numbers with `attempts`, and with `bend_up` and
+    `bend_left` where it steers by wheels."""
     rules: Any
     """`rules(xp, settings, steering, sensed, memory, interval=…)`: a `Decision`, and what is remembered."""
+    senses: bool = True
+    """Whether it decides by what it senses; rules get None for `steering` and `sensed` where it does not."""
 
     @property
     def numbers(self) -> tuple[str, ...]:

@@ -27,14 +27,21 @@ class Curve:
         if fresh:
             path.write_text(",".join(COLUMNS) + "\n", encoding="utf-8")
 
-    def add(self, steps: int, ended: Sequence[Sequence[float]]) -> None:
-        """Note episodes that have ended after `steps`, each as `EPISODE`; with none, write what is left."""
+    def add(self, steps: int, ended: Sequence[Sequence[float]]) -> dict[str, float]:
+        """Note episodes that have ended after `steps`, each as `EPISODE`; with none, write what is left.
+
+        Returns:
+            The means of the row, where so many have ended; else nothing.
+        """
         self._recent.extend(ended)
-        if len(self._recent) >= self._enough or (not len(ended) and self._recent):
-            means = np.mean(self._recent, axis=0)
-            with self._path.open("a", encoding="utf-8", newline="") as file:
-                csv.writer(file).writerow([steps, len(self._recent), *(f"{value:.5g}" for value in means)])
-            self._recent = []
+        enough = len(self._recent) >= self._enough
+        if not enough and (len(ended) or not self._recent):
+            return {}
+        means = np.mean(self._recent, axis=0)
+        with self._path.open("a", encoding="utf-8", newline="") as file:
+            csv.writer(file).writerow([steps, len(self._recent), *(f"{value:.5g}" for value in means)])
+        self._recent = []
+        return dict(zip(EPISODE, means.tolist(), strict=True)) if enough else {}
 
     def last(self) -> dict[str, float]:
         """Return, progress and share that reached the end, of the last row."""

@@ -23,6 +23,8 @@ from haustra.models.injury.perforation import perforation_probability
 
 _HELD = 8
 """Rollouts in which only the critic learns, where the policy knows something and the critic nothing."""
+BEST = "best"
+"""Folder of the policy under which most episodes arrived, less P(perforation): prices may spoil a later one."""
 
 
 class DeviceRun:
@@ -57,7 +59,7 @@ class DeviceRun:
         seen = sum(size[0] for size in own.values())
         torch.manual_seed(training.seed)
         self.learner = Ppo(training, seen=seen, hidden=self._width - seen, limits=len(self._limits))
-        self.steps, self.leg, self._rollouts = 0, 0, 0
+        self.steps, self.leg, self._rollouts, self._best = 0, 0, 0, -1.0
         if document is None:
             write_json(folder / "training.json", training.to_json())
             if training.start is not None:
@@ -89,7 +91,8 @@ class DeviceRun:
         passed, done = time.monotonic() - began, self.steps - first
         rates = {f"{name}_seconds": seconds for name, seconds in self._seconds.items()}
         found = {"steps": self.steps, "legs": self.leg, "policy": str(self.folder), "time_up": late}
-        return found | {"steps_per_second": done / passed} | rates | self._priced() | self.curve.last()
+        rates |= {"steps_per_second": done / passed, "best_reached_less_torn": self._best}
+        return found | rates | self._priced() | self.curve.last()
 
     def _begin(self, seed: int) -> None:
         """New episodes in all worlds, and where what they come to is found."""
@@ -128,8 +131,8 @@ class DeviceRun:
             arrive = float(ended[:, _COLUMN["reached"]].mean()) >= training.least_reached
             learner.reprice(torch.tensor(costs, device=training.device), arrive=arrive)
         self.steps += rollout.action[..., 0].numel()
-        if len(ended):
-            self.curve.add(self.steps, ended.tolist())
+        if len(ended) and (row := self.curve.add(self.steps, ended.tolist())):
+            self._keep_best(row["reached"] - row["p_perforation"])
         self.task.bears = perforation_force(training, self.steps)
         self._progress(self.steps, said)
         self._seconds["environment"] += driven - began
@@ -196,10 +199,17 @@ class DeviceRun:
         tensors = {f"learner/{name}": value.contiguous() for name, value in learner.state_dict().items()}
         tensors |= {f"optimiser/{name}": value for name, value in flat_states(optimiser["state"]).items()}
         document = {"steps_done": self.steps, "leg": self.leg, "training": self.training.to_json()}
-        plain = {"rollouts": self._rollouts}
+        plain = {"rollouts": self._rollouts, "best": self._best}
         save_checkpoint(self.folder, tensors, document | {"plain": plain})
-        about = made_by(self.training, self.steps)
-        save_policy(self.folder, learner.policy(self.training, about))
+        self._save_policy(self.folder)
+
+    def _keep_best(self, merit: float) -> None:
+        if merit > self._best:
+            self._best = merit
+            self._save_policy(self.folder / BEST)
+
+    def _save_policy(self, folder: Path) -> None:
+        save_policy(folder, self.learner.policy(self.training, made_by(self.training, self.steps)))
 
     def _put_back(self, tensors: dict[str, Tensor], document: dict[str, Any]) -> None:
         self.learner.load_state_dict(below("learner", tensors))
@@ -207,7 +217,7 @@ class DeviceRun:
         groups = self.learner.optimiser.state_dict()["param_groups"]
         self.learner.optimiser.load_state_dict({"state": states, "param_groups": groups})
         self.steps, self.leg = int(document["steps_done"]), int(document["leg"])
-        self._rollouts = int(document["plain"]["rollouts"])
+        self._rollouts, self._best = int(document["plain"]["rollouts"]), float(document["plain"]["best"])
 
 
 _COLUMN = {name: place for place, name in enumerate(EPISODE)}

@@ -24,6 +24,7 @@ from haustra.models.devices.base import Device, Reading
 from haustra.models.injury.perforation import link_load, worst_load
 from haustra.models.scene import SceneOptions
 from haustra.models.wall.lumen_table import pick
+from haustra.models.wall.pieces.wall import Wall
 
 PATIENCE = 10.0
 """A run whose time is up was stuck when it made less than `_HEADWAY` in this time [s]."""
@@ -33,7 +34,8 @@ Records = Mapping[str, Any]
 """What was recorded at every control interval, by name: `time` [s], `tip_arc` [m], `wall_force` [N], `deepest` [m] and
 the device's own readings, each (records,); where they are known `tip` (records, 3), `qpos`, `ctrl`, `wall_force_sum` of
 all bodies [N], the largest `wall_pressure` [Pa], `power` that drives the device [W], `colon_moved`, the farthest that a
-place of the colon is from where it was at rest [m], and `pain` (records, stations) [1]."""
+place of the colon is from where it was at rest [m], `pain` (records, stations) [1], and `mocap_pos` and `mocap_quat` of
+the bodies on which pieces of a wall that moves stand."""
 
 
 @dataclass(frozen=True)
@@ -71,18 +73,21 @@ def run_device(
     options: SceneOptions | None = None,
     *,
     seconds: float,
+    wall: Wall | None = None,
     patience: float | None = None,
     progress: Progress | None = None,
 ) -> DeviceRun:
-    """Let a device's own driver drive it for up to `seconds` of simulated time, natively, against the lumen's table.
+    """Let a device's own driver drive it for up to `seconds` of simulated time, natively.
 
-    With `patience` [s] a run that comes no further for so long is stuck, and ends.
+    With `patience` [s] a run that comes no further for so long is stuck, and ends. `wall` is the colon's, of pieces,
+    for scenes of that wall law.
 
     Raises:
+        InvalidOptionError: when pieces are asked for and no wall is given.
         UnsupportedSceneError: naming what the device or its scene does not honour.
     """
     options = options or device_options(device)
-    scene = build_device_scene(device, options, pose=pose_in(colon, device, options))
+    scene = build_device_scene(device, options, pose=pose_in(colon, device, options), colon=colon, wall=wall)
     tables = device_tables(scene, [colon])
     backend = NativeDevice(scene, tables)
     if options.gas is not None:
@@ -103,7 +108,9 @@ def run_device(
         row = {name: getattr(seen, name)[0] for name in ("time", "tip", "tip_arc", "wall_force", "deepest")}
         own = {name: value[0] for name, value in backend.readings().items()}
         borne = _borne(backend, meter)
-        rows.append({**row, **own, **borne, "qpos": qpos[0], "ctrl": ctrl[0], "commands": commands[0]})
+        places, turns = backend.mocap()
+        told = {"qpos": qpos[0], "ctrl": ctrl[0], "commands": commands[0], "mocap_pos": places, "mocap_quat": turns}
+        rows.append({**row, **own, **borne, **told})
         outcome = ended(row, colon.centreline.length)
         if row["tip_arc"] > furthest + _HEADWAY:
             furthest, since = float(row["tip_arc"]), float(row["time"])

@@ -7,7 +7,7 @@ Every rule is the function that other backends call: `haustra.envs.control.follo
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any, final
+from typing import Any, Protocol, final, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -37,6 +37,20 @@ _FAR = 1e3
 """Further out than any scope [m]."""
 
 
+@runtime_checkable
+class Sees(Protocol):
+    """What programs look for after each launch, for who decides outside them; those that are equal see alike."""
+
+    @property
+    def tells(self) -> int:
+        """Numbers of each world that it hands out (`ScopeProgram.told`)."""
+        ...
+
+    def write(self, scopes: ScopeProgram) -> None:
+        """Look, and tell."""
+        ...
+
+
 @final
 @dataclass(frozen=True, kw_only=True)
 class InsertionProgram:
@@ -59,6 +73,8 @@ class InsertionProgram:
     measures_outside: bool = False
     """Whether how far a scope stands outside the lumen is measured after every decision; otherwise it is bounded, and
     measured only where the bound does not rule out that the scope has left the colon."""
+    sees: Sees | None = None
+    """What it looks for; nothing where it decides by itself."""
 
     @property
     def slots(self) -> int:
@@ -84,8 +100,8 @@ class InsertionProgram:
 
     @property
     def tells(self) -> int:
-        """Nothing goes out beside what is kept."""
-        return 0
+        """What it sees; nothing else goes out beside what is kept."""
+        return self.sees.tells if self.sees else 0
 
     @property
     def room(self) -> int:
@@ -99,6 +115,8 @@ class InsertionProgram:
             going = (self._ended(numbers) == 0) & (scopes.world("alive") > 0)
             with program.when(going):
                 self._interval_of(scopes, numbers, room, going)
+        if self.sees:
+            self.sees.write(scopes)
 
     def _ended(self, numbers: Lanes) -> Value:
         return numbers.load(self._tally + Tally._fields.index("ended"))
@@ -108,14 +126,8 @@ class InsertionProgram:
         memory = type(self.law.first)(*(numbers.load(self._memory + slot) for slot in range(len(self.law.first))))
         own = SimpleNamespace(straighten=self.straighten)
         vars(own).update({name: numbers.load(slot) for slot, name in enumerate(self.law.numbers)})
-        sensed, scale = self._sense(scopes, own.look_ahead), scopes.world("tip_bending")
-        steering = Steering(
-            pull_per_angle=scopes.scope("pull_per_angle") * scale,
-            pull_limit=scopes.scope("pull_limit"),
-            bend_limit=xp.minimum(scopes.scope("bend_limit"), own.steer_limit_deg * (np.pi / 180)),
-            lead=own.steer_lead + self._wheel_lead(scopes),
-        )
-        decision, kept = self.law.rules(xp, own, steering, sensed, memory, interval=self.interval)
+        seen = (self._steering(scopes, own), self._sense(scopes, own.look_ahead)) if self.law.senses else (None, None)
+        decision, kept = self.law.rules(xp, own, *seen, memory, interval=self.interval)
         asked = {"push_rate": decision.push_rate, "roll_rate": decision.roll_rate}
         wires = self._travel(scopes, kept) if self.wheels else decision.pulls
         for name, value in (asked | dict(zip(WIRE_NAMES, wires, strict=True))).items():
@@ -126,6 +138,15 @@ class InsertionProgram:
         for slot, (new, old) in enumerate(zip(kept, memory, strict=True)):
             numbers.store(self._memory + slot, xp.where(still, new, old))
         self._score(scopes, numbers, room, still)
+
+    def _steering(self, scopes: ScopeProgram, own: Any) -> Steering:
+        xp = scopes.program.xp
+        return Steering(
+            pull_per_angle=scopes.scope("pull_per_angle") * scopes.world("tip_bending"),
+            pull_limit=scopes.scope("pull_limit"),
+            bend_limit=xp.minimum(scopes.scope("bend_limit"), own.steer_limit_deg * (np.pi / 180)),
+            lead=own.steer_lead + self._wheel_lead(scopes),
+        )
 
     def _wheel_lead(self, scopes: ScopeProgram) -> Any:
         names = "wire_slack", "wire_compliance", "pull_limit", "wire_radius"

@@ -1,13 +1,13 @@
 """Many insertions at once in linear time: scopes driven into colons by the lumen follower, on a CPU or a GPU."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
-from haustra.envs.runs.insertion_program import InsertionProgram
+from haustra.envs.runs.insertion_program import InsertionProgram, Sees
 from haustra.envs.runs.measure.containment import lumen_widths, station_widths
 from haustra.envs.runs.tally import Insertions
 from haustra.envs.sim.conditions import Conditions
@@ -20,6 +20,20 @@ from haustra.models.wall.lumen_table import Tables
 
 _CHUNK = 50
 """Control intervals in one call: a second of simulated time between two reports of progress."""
+
+
+@runtime_checkable
+class Hand(Protocol):
+    """Who decides outside the program, through hands that hold what they are told (`HeldHand`)."""
+
+    @property
+    def every(self) -> int:
+        """Control intervals between two decisions; nothing moves before the first."""
+        ...
+
+    def __call__(self) -> None:
+        """Tell all hands what to do until the next decision."""
+        ...
 
 
 class LinearInsertions:
@@ -37,6 +51,8 @@ class LinearInsertions:
         device: Literal["cpu", "cuda"] = "cpu",
         real: type = np.float32,
         scopes: Scope | None = None,
+        sees: Sees | None = None,
+        lookup: Float[np.ndarray, " numbers"] | None = None,
     ) -> None:
         """Compile, or read what was compiled before.
 
@@ -51,6 +67,8 @@ class LinearInsertions:
             device: threads of the CPU, or the first NVIDIA GPU.
             real: precision.
             scopes: one design a world, as `LinearBackend`.
+            sees: what is looked for after every launch, for a hand outside the program.
+            lookup: what that takes, as `LinearBackend`.
 
         Raises:
             InvalidDesignError: when wheels steer wires that do not stretch.
@@ -73,6 +91,7 @@ class LinearInsertions:
             steps=self._steps,
             interval=self.interval,
             longest=float(np.ceil((tables.step * (tables.count - 1)).max())),  # whole metres: few programs
+            sees=sees,
         )
         arrangement: dict[str, Any] = {"threads": threads, "device": device, "real": real, "scopes": scopes}
         arrangement |= {"wheels": program.wheels}
@@ -82,6 +101,7 @@ class LinearInsertions:
             worlds=worlds,
             driver=program,
             width=station_widths(tables, map(lumen_widths, colons)),
+            lookup=lookup,
             **arrangement,
         )
 
@@ -109,6 +129,7 @@ class LinearInsertions:
         progress: Callable[[float], None] = lambda time: None,
         watch: Callable[[], None] = lambda: None,
         every: int = _CHUNK,
+        hand: Hand | None = None,
     ) -> Insertions:
         """Drive all worlds for up to `seconds` of simulated time.
 
@@ -116,12 +137,13 @@ class LinearInsertions:
             seconds: [s].
             progress: told the time now and then [s].
             watch: called after every `every` control intervals.
-            every: control intervals that are driven in one call.
+            every: control intervals between two calls of it.
+            hand: decides where the settings hold what they are told.
         """
         intervals = round(seconds / self.interval)
         for first in range(0, intervals, every):
             count = min(every, intervals - first)
-            self.backend.drive(count)
+            self._drive(first, first + count, hand)
             watch()
             progress((first + count) * self.interval)
             tally = self.program.tally_of(self.backend.driver_numbers())
@@ -135,3 +157,12 @@ class LinearInsertions:
             simulated=seen.time,
             insertion=seen.insertion,
         )
+
+    def _drive(self, first: int, last: int, hand: Hand | None) -> None:
+        """From one control interval to another, stopping where it is a hand's turn."""
+        while first < last:
+            count = last - first if hand is None else min(last - first, hand.every - first % hand.every)
+            self.backend.drive(count)
+            first += count
+            if hand is not None and first % hand.every == 0:
+                hand()

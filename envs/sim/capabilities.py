@@ -144,7 +144,8 @@ TRACKED_ON: Mapping[str, str] = {
 """Where each backend runs tracked robots: on Warp on the rigs of studies of propulsion, not in colons."""
 
 DEVICE = (
-    *_in("device", *(name for name in HONOURED if name != "mesentery")),
+    *_in("device", *(name for name in HONOURED if name not in ("mesentery", "wall_law"))),
+    *_in("device", "wall_law", only=_only("table", backends=("warp",)), about="others than the table in one world"),
     *_in("device", "mesentery", about="on warp under spheres of one radius, whose law is the wall's"),
     *_in("device", "treads", only=_only(False, backends=("warp",))),
 )

@@ -1,4 +1,4 @@
-"""Any device on MuJoCo's CPU engine, in many worlds: planes placed where the table says, commands in, readings out."""
+"""Any device on MuJoCo's CPU engine, commands in, readings out: in many worlds by the table, in one on other walls."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,8 +11,10 @@ from mujoco.batch import Batch
 from haustra.envs.sim.gas import RunGas
 from haustra.envs.sim.log import log_to_stderr_only
 from haustra.envs.sim.native import FATAL_WARNINGS
+from haustra.envs.sim.scene_wall import SceneWall, SceneWorld
 from haustra.envs.sim.state import SPEED_LIMIT
 from haustra.envs.sim.table_planes import TablePlanes
+from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.device_scene import DeviceScene
 from haustra.models.devices.base import BENDS, LOOK_AHEAD, DeviceReadings, State
@@ -67,33 +69,43 @@ class NativeDevice:
             worlds: how many.
             threads: of MuJoCo.
             starts: arc length of the scene's pose in each colon [m]; that of the pose when None.
+
+        Raises:
+            UnsupportedSceneError: for several worlds of a wall law that has one.
         """
         log_to_stderr_only()
         self.scene, self.worlds, self._tables = scene, worlds, tables
-        rubs = scene.device.has_treads or scene.options.mesentery
-        self.model = model = scene.compile(felt=rubs)
+        law, rubs = scene.options.wall_law, scene.device.has_treads or scene.options.mesentery
+        if law != "table" and worlds > 1:
+            raise UnsupportedSceneError(
+                f"Wall law '{law}' is stepped in one world at a time: many need the law 'table'."
+            )
+        self.model = model = scene.compile(felt=rubs and law == "table")
         model.flg_surfacevel = rubs  # before it is copied: treads, and walls that move, drag by friction
-        self._batch = batch = Batch(model, worlds, nthread=threads)
+        self._batch = batch = Batch(model, worlds, nthread=threads) if law == "table" else SceneWorld(model)
         self._qpos, self._qvel, self._act = (batch.bind(name) for name in ("qpos", "qvel", "act"))
         self._ctrl, self._time, self._force = (batch.bind(name) for name in ("ctrl", "time", "actuator_force"))
         self._actuator_speed = batch.bind("actuator_velocity")
         self._site_xpos, self._site_xmat = batch.bind("site_xpos"), batch.bind("site_xmat")
         self._xpos = batch.bind("geom_xpos")
         self._tip = model.site(scene.handles.tip).id
-        self._wall = TablePlanes(
-            batch,
-            model,
-            tables,
-            worlds=worlds,
-            count=len(scene.handles.samples),
-            damping_time=scene.options.wall_damping_time,
-            groups=scene.groups,
-            anus=scene.pose.position,
-            inwards=scene.pose.frame[:, 2],
-            starts=np.array(starts) if starts else np.full(len(tables.count) // len(scene.radii), scene.pose.arc),
-            own_stiffness=scene.own("stiffness"),
-            own_friction=scene.own("friction"),
-        )
+        if isinstance(batch, SceneWorld):
+            self._wall = SceneWall(batch, scene, tables)
+        else:
+            self._wall = TablePlanes(
+                batch,
+                model,
+                tables,
+                worlds=worlds,
+                count=len(scene.handles.samples),
+                damping_time=scene.options.wall_damping_time,
+                groups=scene.groups,
+                anus=scene.pose.position,
+                inwards=scene.pose.frame[:, 2],
+                starts=np.array(starts) if starts else np.full(len(tables.count) // len(scene.radii), scene.pose.arc),
+                own_stiffness=scene.own("stiffness"),
+                own_friction=scene.own("friction"),
+            )
         if scene.device.has_treads:
             self._treads_every = max(1, round(TREAD_INTERVAL / model.opt.timestep))
             self._surface, self._xmat = batch.expand("geom_surfacevel"), batch.bind("geom_xmat")
@@ -101,7 +113,6 @@ class NativeDevice:
         self._bends: Float[np.ndarray, "worlds places"] | None = None
         self.gas: DeviceGas | None = None
         """What fills the colon, where it is filled."""
-        self._start_state = batch.state[0].copy()
         self.healthy: Bool[np.ndarray, " worlds"] = np.ones(worlds, bool)
         options = scene.options
         self.reset(
@@ -120,13 +131,10 @@ class NativeDevice:
         wall_stiffness: Float[np.ndarray, " reset"],
     ) -> None:
         """Put the devices of some worlds to the anus of the colons of those numbers."""
-        self._batch.state[worlds] = self._start_state
-        self._batch.warning[worlds] = 0
         self.healthy[worlds], self._bends = True, None
         self._wall.case[worlds] = colons
         self._wall.set_contact(worlds, friction, wall_stiffness)
-        self._wall.park(worlds)
-        self._batch.forward(np.sort(worlds))
+        self._batch.reset(np.sort(worlds))
         self._wall.begin(worlds)
 
     def fill(self, gas: DeviceGas) -> None:
@@ -187,6 +195,12 @@ class NativeDevice:
     def tendons(self) -> Float[np.ndarray, "worlds tendons"]:
         """Lengths of the scene's tendons at the beginning of the last step [m]."""
         return self._batch.bind("ten_length").copy()
+
+    def mocap(self) -> tuple[Float[np.ndarray, "blocks 3"], Float[np.ndarray, "blocks 4"]]:
+        """Where the blocks of pieces of the only world's colon are [m], and how they are turned, as quaternions."""
+        if not len(self.scene.blocks.arcs):
+            return np.zeros((0, 3)), np.zeros((0, 4))
+        return self._batch.bind("mocap_pos")[0].copy(), self._batch.bind("mocap_quat")[0].copy()
 
     def body_arcs(self) -> Float[np.ndarray, "worlds bodies"]:
         """Mean arc length of each body's spheres [m]."""
@@ -269,9 +283,7 @@ class NativeDevice:
         if not lost.any():
             return
         self.healthy &= ~lost
-        self._batch.state[lost] = self._start_state
-        self._batch.warning[lost] = 0
-        self._batch.forward(np.flatnonzero(lost))
+        self._batch.reset(np.flatnonzero(lost))
         self._wall.begin(np.flatnonzero(lost))
 
 

@@ -92,6 +92,8 @@ class WarpDevice:
             UnsupportedSceneError: when Warp has not what the device is made of.
         """
         kind, pose, samples = scene.device.kind, scene.pose, scene.handles.samples
+        if (law := scene.options.wall_law) != "table":
+            raise UnsupportedSceneError(f"The backend 'warp' cannot honour wall law '{law}' of a device: 'native' can.")
         if scene.device.has_treads:
             raise UnsupportedSceneError(
                 f"The backend 'warp' cannot honour the treads of a device of kind '{kind}'; 'native' can."

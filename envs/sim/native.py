@@ -24,12 +24,12 @@ from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.cable import PULL_OUT_LIMIT
 from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.scene import Scene
-from haustra.models.wall.lumen_table import LumenTable, Tables, axis_tables, lumen_table, stack
+from haustra.models.wall.lumen_table import LumenTable, lumen_table, stack
 from haustra.models.wall.piece_wall import Blocks, PieceWall
 from haustra.models.wall.planes import PlaneWall, add_planes
 from haustra.models.wall.segment_law import SegmentLaw
 from haustra.models.wall.signed_distance import LumenDistance
-from haustra.models.wall.table_wall import TableWall
+from haustra.models.wall.table_wall import TableLook, TableWall
 
 FATAL_WARNINGS = [
     int(kind)
@@ -63,7 +63,7 @@ class NativeEngine:
 
         Args:
             scene: what is modelled.
-            table: of the colon for this scope, when it is there already; wall law 'table' only.
+            table: of the colon for this scope, when it is there already; wall laws 'table' and 'pieces'.
 
         Raises:
             UnsupportedSceneError: when the scene has what this backend cannot honour.
@@ -100,9 +100,10 @@ class NativeEngine:
         self._behind = cable.length - cable.joint_positions
         self._start = scene.options.start_depth
         self._lock_outside(self._start)
-        self._axis = self._tabulated_axis()
-        self._moved = CurrentColon(scene.colon, self._axis, np.zeros(3), np.eye(3)) if self._axis else None
         self._wall = self._placed_wall()
+        moves = scene.options.mesentery and self.table
+        own = np.zeros(3), np.eye(3)
+        self._moved = CurrentColon(scene.colon, stack([moves.tables]), *own) if moves else None
         self._law = self._segment_law()
         stiffness = self._law.by_geom if self._law else scene.options.wall_stiffness
         self.gas: RunGas | None = None
@@ -190,20 +191,15 @@ class NativeEngine:
         Pieces that nothing touches are in the saved scene only.
         """
         scene, options = self.scene, self.scene.options
+        if options.wall_law != "planes":
+            self.table = self.table or lumen_table(
+                scene.colon, device_radius=scene.cable.radius, with_mesentery=options.mesentery, abdomen=options.abdomen
+            )
         if options.wall_law != "table":
             return scene.compile()
-        self.table = self.table or lumen_table(
-            scene.colon, device_radius=scene.cable.radius, with_mesentery=options.mesentery, abdomen=options.abdomen
-        )
         spec = without_pieces(scene)
         add_planes(spec, spec.compile(), scene.samples, options.contact, timestep=options.timestep, planes=1)
         return spec.compile()
-
-    def _tabulated_axis(self) -> Tables | None:
-        """Table of the colon's axis, when the colon moves; None when it is fixed in space."""
-        if not self.scene.options.mesentery:
-            return None
-        return stack([self.table.tables if self.table else axis_tables(self.scene.colon, self.scene.options.abdomen)])
 
     def _placed_wall(self) -> TableWall | PlaneWall | PieceWall:
         """The wall of a scope that lies straight at the anus."""
@@ -212,11 +208,18 @@ class NativeEngine:
         spheres = [self.model.geom(f"wall/sphere_{number:04d}").id for number in range(len(scene.samples))]
         self._coils = np.array(spheres)[coil_samples(self.model, scene.samples)]
         self._straight_arcs = (self.data.geom_xpos[spheres] - scene.entry) @ scene.entry_direction
-        if self.table is not None:
+        if self.table is None:
+            return PlaneWall(self.model, LumenDistance(scene.colon), arcs=self._straight_arcs)
+        if scene.options.wall_law == "table":
             return TableWall(self.model, self.table, contact, arcs=self._straight_arcs)
-        if scene.options.wall_law == "pieces":
-            return PieceWall(self.model, contact, spheres=len(spheres), axis=self._axis, blocks=scene.blocks)
-        return PlaneWall(self.model, LumenDistance(scene.colon), arcs=self._straight_arcs)
+        wall = PieceWall(
+            self.model,
+            contact,
+            TableLook(self.model, np.array(spheres), stack([self.table.tables])),
+            blocks=scene.blocks,
+        )
+        wall.begin(self._straight_arcs)
+        return wall
 
     def _segment_law(self) -> SegmentLaw | None:
         """What pushes back by segment, if the scene asks for it."""

@@ -17,6 +17,7 @@ from haustra.envs.study.patients import Patient, clinic_number, numbers
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.landmarks import SEGMENTS
 from haustra.models.injury.pain import axis_tensions, pressed_tension
+from haustra.models.injury.perforation import perforation_probability
 
 if TYPE_CHECKING:
     from haustra.envs.runs.linear_insertions import LinearInsertions
@@ -66,6 +67,7 @@ class ClinicWatch:
         self._beside: list[Float[np.ndarray, "worlds points"]] = []
         self._inserted: list[Float[np.ndarray, " worlds"]] = []
         self._loop_times: list[Float[np.ndarray, " worlds"]] = []
+        self._loads: list[Float[np.ndarray, " worlds"]] = []
         self._hurting = np.zeros((worlds, len(_SITES)))
         self._tension = np.zeros(worlds)
         self._assist = np.zeros(worlds)
@@ -76,6 +78,7 @@ class ClinicWatch:
         seen = self._batch.backend.read()
         now = (seen.time, seen.insertion, seen.tip_arc, seen.push_force, seen.torque)
         self._looks.append(tuple(np.array(part) for part in now))
+        self._loads.append(self._batch.program.tally_of(self._batch.backend.driver_numbers()).load_peak)
         if len(self._looks) % _LOOPS_EVERY == 0:
             self._look_at_shapes(seen)
             self._look_for_pain(seen)
@@ -137,13 +140,16 @@ class ClinicWatch:
     def _look_for_pain(self, seen: Any) -> None:
         """Count for how long tension has hurt each patient at each site [s]."""
         going = seen.time > (self._looks[-1 - _LOOPS_EVERY][0] if len(self._looks) > _LOOPS_EVERY else 0.0)
+        going &= (
+            self._batch.program.tally_of(self._batch.backend.driver_numbers()).tip_arc_max < self._borders["caecum"]
+        )
         own, radius, arcs = self._own
         wall_limit, mesentery_limit = (
             np.array([patient.values[name] for patient in self._patients])[:, None]
             for name in ("painful_wall", "painful_mesentery")
         )
         along, held = axis_tensions(np, own, seen.displacement, radius)
-        self._tension = np.maximum(self._tension, held.max(axis=1))
+        self._tension = np.where(going, np.maximum(self._tension, held.max(axis=1)), self._tension)
         forces = np.where(seen.link_arcs > 0, seen.link_forces, 0.0)
         pressed = pressed_tension(forces, self._diameter, self._lengths)
         each = ((arcs, along / wall_limit), (arcs, held / mesentery_limit), (seen.link_arcs, pressed / wall_limit))
@@ -170,6 +176,7 @@ class ClinicWatch:
         reached = bool(len(there))
         last = int(there[0]) + 1 if reached else len(time)
         time, shaft, arc, force, torque = (part[:last] for part in (time, shaft, arc, force, torque))
+        load = self._course_of(world, self._loads)[last - 1]
         loops, at_flexure = self._loops_until(world, float(time[-1]), time[arc >= flexure])
         each = SECONDS * _LOOPS_EVERY
         stood = {kind: each * sum(kind in seen for seen in loops) for kind in LoopKind}
@@ -209,6 +216,7 @@ class ClinicWatch:
             **axial,
             "straightenings": float(pull_backs(shaft, clinic_number("pull_back"))),
             **{f"pain_{site}": float(hurt) for site, hurt in zip(_SITES, hurts, strict=True)},
+            "p_perforation": float(perforation_probability(load)),
         }
 
     def _loops_until(
@@ -224,9 +232,13 @@ class ClinicWatch:
 
     def _course(self, world: int) -> tuple[np.ndarray, ...]:
         """Time, shaft inside, arc of the tip, force and torque of the hand, while the examination went on."""
-        columns = np.array([[part[world] for part in look] for look in self._looks]).T
-        fresh = np.concatenate([[True], np.diff(columns[0]) > 0])
-        return tuple(columns[:, fresh])
+        return tuple(self._course_of(world, part) for part in zip(*self._looks, strict=True))
+
+    def _course_of(self, world: int, looks: Sequence[np.ndarray]) -> np.ndarray:
+        """What was seen of a patient, look by look, while the examination went on."""
+        times = np.array([look[0][world] for look in self._looks])
+        fresh = np.concatenate([[True], np.diff(times) > 0])
+        return np.array([each[world] for each in looks])[fresh]
 
     def curves(self, world: int) -> dict[str, list[float]]:
         """The course of an examination at some moments."""

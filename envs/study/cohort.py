@@ -2,9 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from haustra.envs.control.laws import driver_settings
+from haustra.envs.learning.find import find_policy, policy_settings
+from haustra.envs.learning.hands import PolicySettings, require_shown
+from haustra.envs.learning.policy import MlpPolicy
 from haustra.envs.study.patients import Patient, patient_variables
 from haustra.envs.study.questions import Question
 from haustra.envs.study.study import Column, Sampler, Study, Value
@@ -13,6 +16,8 @@ from haustra.fields import number
 from haustra.models.anatomy.landmarks import SEGMENTS
 from haustra.models.devices.scope.files import find_design
 
+OWN_DEVICE = "own"
+"""Name of the device that a policy was trained with, and that other drivers take: the adult scope."""
 SITES = ("sigmoid", "left", "right")
 """Where patients feel pain: the sigmoid, the left and the right flexure."""
 LOOPS = ("N", "alpha", "reversed_alpha", "deep_transverse", "gamma")
@@ -77,7 +82,7 @@ def cohort_study(
     name: str,
     *,
     drivers: tuple[str, ...] = ("endoscopist",),
-    devices: tuple[str, ...] = ("adult",),
+    devices: tuple[str, ...] = (OWN_DEVICE,),
     patients: int | None = None,
     seconds: float | None = None,
     seed: int = 0,
@@ -86,8 +91,8 @@ def cohort_study(
 
     Args:
         name: quick or full.
-        drivers: who drives: names of `haustra.envs.control.laws.DRIVERS`, or files of their settings.
-        devices: names of scopes, or their files.
+        drivers: who drives: names of `haustra.envs.control.laws.DRIVERS`, files of their settings, policies.
+        devices: names of scopes, or their files; `OWN_DEVICE` for what each driver takes.
         patients: how many; as the preset has when None.
         seconds: longest insertion [s]; as the preset has when None.
         seed: of the hypercube.
@@ -114,29 +119,73 @@ def cohort_study(
     return study
 
 
-def check(study: Study, variables: Mapping[str, float], conditions: Mapping[str, Value]) -> Patient:
-    """The patient, once driver and device are known to exist.
+@dataclass(frozen=True)
+class Examiner:
+    """Who examines, and with what."""
+
+    settings: Any
+    """Settings of a law, or how a policy's actions are taken."""
+    policy: MlpPolicy | None
+    """None where a law drives."""
+    device: str
+    """Name or file of the scope."""
+
+    @classmethod
+    def of(cls, conditions: Mapping[str, Value]) -> "Examiner":
+        """The driver and device of those names.
+
+        Raises:
+            InvalidOptionError: when the driver is not known, or its settings are out of range.
+            InvalidDesignError: when the device is not known.
+            UnreadableFileError: when a file cannot be read.
+            UnsupportedSceneError: when the policy sees what a cohort does not show.
+        """
+        driver, device = str(conditions["driver"]), str(conditions["device"])
+        policy = find_policy(driver)
+        if policy is not None:
+            require_shown(policy)
+        settings = driver_settings(driver, moves=True) if policy is None else policy_settings(driver, policy)
+        if device == OWN_DEVICE:
+            device = "adult" if policy is None else policy.config.design
+        find_design(device)
+        return cls(settings, policy, device)
+
+    @property
+    def batch(self) -> tuple[str, str]:
+        """What those have in common who may drive in one batch."""
+        alike = type(self.settings).__name__
+        return self.device, self.settings.policy if isinstance(self.settings, PolicySettings) else alike
+
+
+def patient_of(study: Study, variables: Mapping[str, float]) -> Patient:
+    """The patient of a job's variables, with what the study changes.
 
     Raises:
-        InvalidOptionError: when the driver is not known, or its settings are out of range.
-        InvalidDesignError: when the device is not known.
         InvalidStudyError: when something is to differ that patients do not have.
     """
     known = {variable.path: variable for variable in patient_variables()}
     for path in (*study.changes, *(variable.path for variable in study.variables)):
         if path not in known:
             raise InvalidStudyError(f"'{path}' is not known. Known: {', '.join(known)}.")
-    driver_settings(str(conditions["driver"]), moves=True)
-    find_design(str(conditions["device"]))
     changed = {known[path].name: value for path, value in study.changes.items()}
     return Patient.of({**changed, **variables})
+
+
+def check(study: Study, variables: Mapping[str, float], conditions: Mapping[str, Value]) -> Patient:
+    """The patient, once driver and device are known to exist.
+
+    Raises:
+        HaustraError: as `Examiner.of` and `patient_of`.
+    """
+    Examiner.of(conditions)
+    return patient_of(study, variables)
 
 
 QUESTION = Question(
     scores=SCORES,
     conditions={
-        "driver": Column("driver", "text", "who drives: a name, or a file of settings"),
-        "device": Column("device", "text", "scope: a shipped name, or a file"),
+        "driver": Column("driver", "text", "who drives: a name, a file of settings, or a policy"),
+        "device": Column("device", "text", "scope: a shipped name, a file, or own"),
     },
     options=CohortOptions,
     check=check,

@@ -1,32 +1,35 @@
 """A cohort's patients as worlds of one program: driven, looked at ten times a second, and measured as in a clinic."""
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import groupby
+from itertools import groupby, product
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from haustra.envs.control.endoscopist import ASSISTANT
-from haustra.envs.control.laws import driver_settings
+from haustra.envs.control.held import HeldHand
+from haustra.envs.learning.hands import BatchHands
 from haustra.envs.runs.linear_insertions import LinearInsertions
 from haustra.envs.runs.outcome import Outcome
 from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.scope_bank import BATCH_OPTIONS
 from haustra.envs.study.clinic_watch import EVERY, ClinicWatch
-from haustra.envs.study.cohort import check
+from haustra.envs.study.cohort import Examiner, patient_of
 from haustra.envs.study.patients import Patient, clinic_number, grow_patients
 from haustra.envs.study.questions import Backend, Runner
 from haustra.envs.study.sampling import designs_of
 from haustra.envs.study.stiffening import NEVER, StiffeningRing
 from haustra.envs.study.study import Job, Result, Study
+from haustra.envs.tasks.case import case_of
+from haustra.envs.tasks.ray_program import LumenSight, lookup_of
+from haustra.envs.tasks.sight import Sight
 from haustra.errors import HaustraError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.files import find_design
-from haustra.models.injury.perforation import perforation_probability
 from haustra.models.scene import build_scene, entry_of
 from haustra.models.wall import mesentery
 from haustra.models.wall.abdomen import Abdomen
@@ -38,23 +41,29 @@ _JOBS = 64
 
 def _start(study: Study, folder: Path, *, device: Literal["cpu", "cuda"]) -> Runner:
     def run(jobs: Sequence[Job]) -> Iterable[Result]:
-        names = {str(job.conditions["driver"]) for job in jobs}
-        drivers = {name: driver_settings(name, moves=True) for name in names}
+        pairs = {_pair(job): Examiner.of(job.conditions) for job in jobs}
 
-        def kind(job: Job) -> tuple[str, str]:
-            return str(job.conditions["device"]), type(drivers[str(job.conditions["driver"])]).__name__
+        def batch(job: Job) -> tuple[str, str]:
+            return pairs[_pair(job)].batch
 
-        for (scope, _), alike in groupby(sorted(jobs, key=kind), kind):
-            yield from _examined(study, scope, drivers, list(alike), device)
+        for _, alike in groupby(sorted(jobs, key=batch), batch):
+            examined = list(alike)
+            yield from _examined(study, examined, [pairs[_pair(job)] for job in examined], device)
 
     return run
+
+
+def _pair(job: Job) -> tuple[str, str]:
+    return str(job.conditions["driver"]), str(job.conditions["device"])
 
 
 def _prepare(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
     """Grow the patients' colons, on every core."""
     if study.sampler.kind == "latin-hypercube":
         patients = [Patient.of(design) for design in designs_of(study)]
-        radii = {find_design(str(device)).diameter / 2 for device in study.conditions["device"]}
+        pairs = product(study.conditions["driver"], study.conditions["device"])
+        devices = {Examiner.of({"driver": driver, "device": device}).device for driver, device in pairs}
+        radii = {find_design(device).diameter / 2 for device in devices}
 
         def told(done: int) -> None:
             tell(f"growing patient {done} of {len(patients)}")
@@ -63,20 +72,21 @@ def _prepare(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
 
 
 def _examined(
-    study: Study, scope: str, drivers: Mapping[str, Any], jobs: list[Job], device: Literal["cpu", "cuda"]
+    study: Study, jobs: Sequence[Job], examiners: Sequence[Examiner], device: Literal["cpu", "cuda"]
 ) -> Iterable[Result]:
-    """Results of patients who are examined with one scope, by drivers of one kind, whose settings have their names."""
-    design = find_design(scope)
-    own, patients, sound = _Colons(design.diameter / 2), [], []
-    for job in jobs:
+    """Results of patients who are examined in one batch, each by an examiner."""
+    design, policy = find_design(examiners[0].device), examiners[0].policy
+    own, patients, sound, settings = _Colons(design.diameter / 2), [], [], []
+    for job, examiner in zip(jobs, examiners, strict=True):
         try:
-            patient = check(study, job.variables, job.conditions)
+            patient = patient_of(study, job.variables)
             own.take(patient)
         except HaustraError as error:
             yield Result(job.id, "failed", reason=" ".join(str(error).split()))
             continue
         patients.append(patient)
         sound.append(job)
+        settings.append(examiner.settings)
     if not sound:
         return
     options = replace(
@@ -92,9 +102,11 @@ def _examined(
         together(own.tables),
         own.colons,
         worlds=len(sound),
-        settings=[drivers[str(job.conditions["driver"])] for job in sound],
+        settings=HeldHand() if policy else settings,
         device=device,
         threads=os.cpu_count() or 1,
+        sees=LumenSight() if policy else None,
+        lookup=lookup_of(Sight([case_of(colon, device_radius=own.radius) for colon in own.colons])) if policy else None,
     )
 
     def each(name: str) -> np.ndarray:
@@ -112,13 +124,13 @@ def _examined(
         watch()
         ring()
 
-    runs = batch.run(seconds=float(study.options["seconds"]), watch=look, every=EVERY)
+    hand = BatchHands(batch, policy, settings[0]) if policy else None
+    runs = batch.run(seconds=float(study.options["seconds"]), watch=look, every=EVERY, hand=hand)
     for index, job in enumerate(sound):
         if runs.outcome[index] is Outcome.DIVERGED:
             yield Result(job.id, "diverged", reason=runs.outcome[index].advice)
             continue
-        torn = float(perforation_probability(runs.load_peak[index]))
-        about = {"outcome": runs.outcome[index].value, "p_perforation": torn}
+        about = {"outcome": runs.outcome[index].value}
         yield Result(job.id, "finished", scores=about | watch.scores(index), curves=watch.curves(index))
 
 
@@ -126,7 +138,7 @@ class _Colons:
     """Colons of patients, each once whoever examines it."""
 
     def __init__(self, radius: float) -> None:
-        self._radius, self._seen = radius, dict[tuple, int]()
+        self.radius, self._seen = radius, dict[tuple, int]()
         self.colons: list[Colon] = []
         self.tables: list[list[Tables]] = []
         self.case: list[int] = []
@@ -137,7 +149,7 @@ class _Colons:
         known = tuple(sorted(patient.values.items()))
         if known not in self._seen:
             colon = patient.colon()
-            self.tables.append(hung_tables(patient, colon, self._radius))
+            self.tables.append(hung_tables(patient, colon, self.radius))
             self.colons.append(colon)
             self._seen[known] = len(self._seen)
         self.case.append(self._seen[known])

@@ -27,7 +27,7 @@ from haustra.envs.tasks.coverage import half_angle_cosine
 from haustra.envs.tasks.coverage_program import forget, look_around
 from haustra.envs.tasks.episode import EpisodeRules, concluded
 from haustra.envs.tasks.moment import Dealt, Kept, Sensed, begun
-from haustra.envs.tasks.ray_program import begin_from, look
+from haustra.envs.tasks.ray_program import begin_from, look, placed_of
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.wall.vectors import Vector, minus, times
 
@@ -139,7 +139,7 @@ class EpisodeProgram:
         kept = kept._replace(age=kept.age + xp.where(own.acts, 1.0, 0.0))
         gain, slack, valve, bears = (scopes.asked.load(_row(name)) for name in DEALT[:4])
         dealt = Dealt(gain, slack, scopes.world("friction"), scopes.length(), valve, bears)
-        placed = self._placed(scopes)
+        placed = placed_of(scopes, self.coils if rules.config.imager else ())
         share, near_by = self._look(own, placed, kept)
         sensed = self._sense(scopes, placed)._replace(coverage=share)
         kept, told = concluded(xp, rules, dealt, kept, sensed, scopes.world("alive") > 0)
@@ -219,13 +219,6 @@ class EpisodeProgram:
         hand = scopes.reading("push_force"), scopes.reading("torque"), hand_lead(scopes)
         force = scopes.seen.vector(seen_slot("tip_force"))
         return seen_by.Felt(scopes.bend(), *hand, scopes.state.load(1), inserted_length(scopes), force)
-
-    def _placed(self, scopes: ScopeProgram) -> seen_by.Placed:
-        rows = [scopes.seen.vector(seen_slot("tip_frame") + 3 * row) for row in range(3)]
-        columns = [(rows[0][axis], rows[1][axis], rows[2][axis]) for axis in range(3)]
-        coils = self.coils if self.rules.config.imager else ()
-        places = [scopes.seen.vector(seen_slot("coils") + 3 * place) for place in coils]
-        return seen_by.Placed(scopes.seen.vector(seen_slot("tip")), (columns[0], columns[1], columns[2]), places)
 
     def _sense(self, scopes: ScopeProgram, placed: seen_by.Placed) -> Sensed:
         xp, arc, facing = scopes.program.xp, tip_arc(scopes), scopes.program.constant(1.0)

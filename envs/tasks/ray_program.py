@@ -1,13 +1,14 @@
 """Rays of sight within a program of linear time: `haustra.envs.tasks.sight.march`, which numpy and JAX call too."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, final
 
 import numpy as np
 from jaxtyping import Float
 
-from haustra.envs.sim.linear.layout import NODE
+from haustra.envs.sim.linear.layout import NODE, seen_slot
 from haustra.envs.sim.linear.program import ScopeProgram
 from haustra.envs.sim.linear.sensing import tip_arc
 from haustra.envs.sim.linear.trace import Value
@@ -70,6 +71,32 @@ def stations_of(scopes: ScopeProgram) -> Stations:
 def _rays(scopes: ScopeProgram) -> Value:
     """Where rays begin in what is looked up."""
     return scopes.program.xp.int32(scopes.lookup.load(0))
+
+
+@final
+@dataclass(frozen=True)
+class LumenSight:
+    """Sight of programs for who decides outside them: tells what `haustra.envs.tasks.observation.lumen` says."""
+
+    tells: int = seen_by.LUMEN_SIZE
+
+    def write(self, scopes: ScopeProgram) -> None:
+        """Look from all tips, and tell, an entry a row."""
+        xp = scopes.program.xp
+        look(scopes, placed_of(scopes), lambda entry, value: scopes.told.store(entry, seen_by.clipped(xp, value)))
+
+
+def placed_of(scopes: ScopeProgram, coils: Sequence[int] = ()) -> seen_by.Placed:
+    """Where scopes are that were read off.
+
+    Args:
+        scopes: the program.
+        coils: which of the places that are read off each of the imager's coils has.
+    """
+    rows = [scopes.seen.vector(seen_slot("tip_frame") + 3 * row) for row in range(3)]
+    columns = [(rows[0][axis], rows[1][axis], rows[2][axis]) for axis in range(3)]
+    places = [scopes.seen.vector(seen_slot("coils") + 3 * place) for place in coils]
+    return seen_by.Placed(scopes.seen.vector(seen_slot("tip")), (columns[0], columns[1], columns[2]), places)
 
 
 def look(scopes: ScopeProgram, placed: seen_by.Placed, tell: Callable[[Any, Value], None]) -> None:

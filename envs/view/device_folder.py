@@ -101,7 +101,8 @@ def _ended(run: DeviceRun) -> mujoco.MjSpec:
     """The scene with a keyframe where the run ended."""
     spec = run.spec.copy()
     if len(run.records["time"]):
-        spec.add_key(name="end", qpos=run.records["qpos"][-1])
+        moved = {"mpos": run.records["mocap_pos"][-1].ravel(), "mquat": run.records["mocap_quat"][-1].ravel()}
+        spec.add_key(name="end", qpos=run.records["qpos"][-1], **(moved if len(moved["mpos"]) else {}))
     return spec
 
 

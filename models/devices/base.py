@@ -148,8 +148,6 @@ class Device(ABC):
 
     kind: ClassVar[str]
     """Name of its folder."""
-    walls: ClassVar[tuple[str, ...]] = ("table",)
-    """Wall laws that it can meet (`haustra.models.scene.SceneOptions.wall_law`)."""
     left_out: ClassVar[Mapping[str, str]] = {}
     """What its model does not hold, and why."""
     has_treads: ClassVar[bool] = False

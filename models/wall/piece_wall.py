@@ -15,11 +15,13 @@ from jaxtyping import Bool, Float
 from haustra.models.wall import lumen_table, moving_colon
 from haustra.models.wall.compiled import loops
 from haustra.models.wall.law import WallContact, apply_contact
-from haustra.models.wall.lumen_table import Tables
-from haustra.models.wall.moving_colon import AT_REST, AxisDisplacement, AxisShape
+from haustra.models.wall.moving_colon import AxisDisplacement, AxisShape
 from haustra.models.wall.pieces.wall import Wall
 from haustra.models.wall.planes import Sample, add_sphere
-from haustra.models.wall.table_wall import SLIP_SPEED
+from haustra.models.wall.table_wall import SLIP_SPEED, TableLook
+
+_ONE = np.zeros(1, int)
+"""Number of the only world."""
 
 BLOCK = "wall/block_"
 """Names of the bodies of blocks begin so."""
@@ -52,7 +54,7 @@ NO_BLOCKS = Blocks(np.zeros((0, 3)), np.zeros(0))
 def add_piece_spheres(
     spec: mujoco.MjSpec, samples: Sequence[Sample], contact: WallContact, wall: Wall, *, timestep: float
 ) -> None:
-    """Add the spheres that touch a wall's pieces.
+    """Add the spheres that touch a wall's pieces; the device's own geoms touch nothing.
 
     Args:
         spec: the scene that holds the links; compiled here, so the pieces had better come later.
@@ -63,9 +65,10 @@ def add_piece_spheres(
     """
     nearer = BUMPS * wall.error.rms_mm * 1e-3
     names = [add_sphere(spec, i, replace(each, radius=each.radius - nearer)) for i, each in enumerate(samples)]
-    for name in names:
+    bare = spec.compile()
+    for name, sample in zip(names, samples, strict=True):
         spec.geom(name).conaffinity = 1
-    apply_contact(spec, spec.compile(), names, contact, timestep=timestep)
+        apply_contact(spec, bare, [name], sample.law(contact), timestep=timestep)
 
 
 def step_once(model: mujoco.MjModel, data: mujoco.MjData, spheres: Bool[np.ndarray, " geoms"]) -> None:
@@ -117,24 +120,29 @@ class PieceWall:
         self,
         model: mujoco.MjModel,
         contact: WallContact,
+        look: TableLook,
         *,
-        spheres: int,
-        axis: Tables | None = None,
         blocks: Blocks = NO_BLOCKS,
-        prefix: str = "wall/",
     ) -> None:
-        """Find spheres and blocks; `axis` is that of a colon that moves (`lumen_table.axis_tables`), stacked."""
-        self._model, self._contact = model, contact
-        self.spheres = np.array([model.geom(f"{prefix}sphere_{number:04d}").id for number in range(spheres)])
-        self._is_sphere = np.zeros(model.ngeom, bool)
-        self._is_sphere[self.spheres] = True
-        self.arcs: Float[np.ndarray, " spheres"] = np.zeros(spheres)
-        """Not looked up: where spheres were said to be at the start [m]."""
-        self._moved: AxisDisplacement | None = None
-        self._blocks = blocks
-        if axis is not None and axis.mesentery is not None:
-            self._axis, self._own = axis, axis.mesentery
-            self._moved = moving_colon.at_rest(np, axis.mesentery, 1, float)
+        """Find spheres and blocks.
+
+        Args:
+            model: the compiled scene.
+            contact: the law of the wall.
+            look: says where along the colon its spheres are, and where its axis is if it moves.
+            blocks: what pieces stand on in a colon that moves.
+        """
+        self._model, self._ahead = model, contact.damping / contact.stiffness + model.opt.timestep
+        self.spheres, self._look = look.spheres, look
+        self._sphere_of = np.full(model.ngeom, -1)
+        self._sphere_of[self.spheres] = np.arange(len(self.spheres))
+        self.stiffness: Float[np.ndarray, " spheres"] = np.full(len(self.spheres), contact.stiffness)
+        """Stiffness of the contacts of each sphere [N/m]."""
+        self._seen: mujoco.MjData | None = None
+        self._rubbed = np.zeros(0, int)
+        self._moved, self._blocks, self._axis = look.displacement, blocks, look.axis
+        if self._axis.mesentery is not None:
+            self._own = self._axis.mesentery
             self._find_blocks()
 
     @property
@@ -143,10 +151,14 @@ class PieceWall:
         return None if self._moved is None else self._moved.pose[0]
 
     def begin(self, arcs: Float[np.ndarray, " spheres"]) -> None:
-        """Begin with the colon at rest."""
-        self.arcs = arcs
-        if self._moved is not None:
-            self._moved.pose[:], self._moved.speed[:] = AT_REST, 0.0
+        """Begin with the colon at rest, spheres near these arc lengths [m]."""
+        self._look.begin(arcs)
+        self._seen = None
+
+    @property
+    def arcs(self) -> Float[np.ndarray, " spheres"]:
+        """Arc length of each sphere [m], by the table."""
+        return self._look.arcs(self._seen)
 
     def resume(self, other: "PieceWall") -> None:
         """Take over where the same colon has moved to in another scene."""
@@ -170,6 +182,7 @@ class PieceWall:
         poses, turns = moving_colon.section_poses(np, self._axis, both, shape, points, arcs)
         data.mocap_pos[self._mocap], data.mocap_quat[self._mocap] = poses[1], turns[1]
         # Speeds are needed of pieces that are touched: of those that were in the last step.
+        self._model.geom_surfacevel[self._rubbed] = 0.0
         pieces = data.contact.geom[:, 1]
         pieces = np.unique(pieces[self._block_of[pieces] >= 0])
         block = self._block_of[pieces]
@@ -177,34 +190,35 @@ class PieceWall:
         moved = np.einsum("gij,gj->gi", ahead - now, self._faces[pieces]) + (poses[1] - poses[0])[block]
         local = np.einsum("gji,gj->gi", ahead, moved / self._ahead)
         self._model.geom_surfacevel[pieces, :3] = np.einsum("gji,gj->gi", self._frames[pieces], local)
+        self._rubbed = pieces
 
     def step(self, data: mujoco.MjData) -> None:
         """Advance by one step, the colon's too."""
-        step_once(self._model, data, self._is_sphere)
+        step_once(self._model, data, self._sphere_of >= 0)
+        self._seen = data
         if self._moved is not None:
             self._give_way(data, self._moved)
 
     def _give_way(self, data: mujoco.MjData, moved: AxisDisplacement) -> None:
         """Let the colon move under the contacts of the step that was made."""
-        contact, law, h = data.contact, self._contact, self._model.opt.timestep
+        contact, h = data.contact, self._model.opt.timestep
         rows, block = contact.efc_address, self._block_of[contact.geom[:, 1]]
         on = np.flatnonzero((rows >= 0) & (block >= 0))
         on = on[data.efc_force[rows[on]] > 0]
         rows, block = rows[on], block[on]
         frames = contact.frame[on].reshape(-1, 3, 3)
-        across = rows[:, None] + np.arange(3 if law.friction > 0 else 1)
+        across = rows[:, None] + np.arange(self._model.geom_condim[self.spheres[0]])
         force = np.einsum("ca,cai->ci", data.efc_force[across], frames[:, : across.shape[1]])
         damping = np.zeros((len(on), 2))
-        damping[:, 0] = law.damping + h * law.stiffness
-        if law.friction > 0:
+        damping[:, 0] = self._ahead * self.stiffness[self._sphere_of[contact.geom[on, 0]]]
+        if across.shape[1] > 1:
             drag, slip = (np.hypot(*part[across[:, 1:]].T) for part in (data.efc_force, data.efc_vel))
             damping[:, 1] = drag / np.maximum(slip, SLIP_SPEED)
         turned = _matrices(data.mocap_quat[self._mocap[block]])
         lever = np.einsum("cji,cj->ci", turned, contact.pos[on] - data.mocap_pos[self._mocap[block]])
         lever += self._levers[block]
         arcs = self._blocks.arcs[block]
-        one = np.zeros(1, int)
-        loops().step_axis(self._own, one, *moved, self._shape, arcs[None], lever[None], force[None], damping[None], h)
+        loops().step_axis(self._own, _ONE, *moved, self._shape, arcs[None], lever[None], force[None], damping[None], h)
 
     def _find_blocks(self) -> None:
         model, blocks = self._model, self._blocks
@@ -218,7 +232,6 @@ class PieceWall:
             mujoco.mju_quat2Mat(self._frames[geom].reshape(9), model.geom_quat[geom])
             self._faces[geom] = _nearest_corner(model, geom, self._frames[geom])
         self._levers = blocks.places - lumen_table.axis_at(np, self._axis, blocks.arcs[None])[0]
-        self._ahead = self._contact.damping / self._contact.stiffness + model.opt.timestep
         model.flg_surfacevel = True
 
 

@@ -8,7 +8,7 @@ MuJoCo does the contacts, with the law of `haustra.models.wall.law`.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mujoco
@@ -59,6 +59,11 @@ class Sample:
     """Stiffness of the contact [N/m], where the device's own compliance stands for the wall's; the wall's when None."""
     friction: float | None = None
     """Coulomb's coefficient, where it is the sphere's own [1]; that between device and wall when None."""
+
+    def law(self, wall: WallContact) -> WallContact:
+        """The law of this sphere's contacts with a wall of that law."""
+        own = wall if self.stiffness is None else wall.stiffened(self.stiffness)
+        return own if self.friction is None else replace(own, friction=self.friction)
 
 
 def capsule_samples(bare: mujoco.MjModel, geoms: Sequence[str], *, spacing: float) -> tuple[Sample, ...]:
@@ -132,9 +137,8 @@ def add_planes(
     for number, sample in enumerate(samples):
         sphere = add_sphere(spec, number, sample, prefix=prefix)
         inverse_inertia = bare.body_invweight0[bare.body(sample.body).id, 0]
-        own = contact if sample.stiffness is None else contact.stiffened(sample.stiffness)
-        soft = contact_parameters(inverse_inertia, own, timestep=timestep, where=sample.body)
-        friction = contact.friction if sample.friction is None else sample.friction
+        own = sample.law(contact)
+        soft, friction = contact_parameters(inverse_inertia, own, timestep=timestep, where=sample.body), own.friction
         for side in range(planes):
             name = f"{prefix}plane_{number:04d}_{side}"
             body = spec.worldbody.add_body(name=name, pos=[0, 0, -AWAY], mocap=True)

@@ -19,7 +19,7 @@ from haustra.models.wall.lumen_table import LumenTable, Tables, pick, stack
 from haustra.models.wall.mesentery import Mesentery
 from haustra.models.wall.moving_colon import AT_REST, POSE, AxisDisplacement, AxisShape
 
-_FIXED = np.zeros((0, 0, 0))
+_FIXED, _ONE = np.zeros((0, 0, 0)), np.zeros(1, int)
 
 
 class TableWalls:
@@ -138,6 +138,40 @@ class TableWalls:
         loops().step_axis(self._own, worlds, *self.displacement, self._shape, arcs, lever, force, damping, timestep)
 
 
+class TableLook:
+    """Where the spheres of one world are along its colon, and how deep in its wall, where other walls press on them."""
+
+    def __init__(self, model: mujoco.MjModel, spheres: Int[np.ndarray, " spheres"], tables: Tables) -> None:
+        """Take a colon's tables, stacked, of which the last is looked up in; spheres of other radii are shifted."""
+        self.spheres, self._colon = spheres, np.array([len(tables.count) - 1])
+        self._walls = TableWalls(tables, 1, len(spheres), radius=float(tables.device_radius[-1]))
+        self._shift = model.geom_size[spheres, 0] - float(tables.device_radius[-1])
+        self.axis: Tables = pick(tables, self._colon)
+        """Tables of the colon that is looked up in."""
+
+    @property
+    def displacement(self) -> AxisDisplacement | None:
+        """Where its axis is, to be written to; None where it is fixed in space."""
+        return self._walls.displacement
+
+    def begin(self, arcs: Float[np.ndarray, " spheres"]) -> None:
+        """Look near these arc lengths along the colon [m], which is at rest."""
+        self._walls.begin(_ONE, self._colon, arcs[None])
+
+    def arcs(self, data: mujoco.MjData | None) -> Float[np.ndarray, " spheres"]:
+        """Arc length of each sphere [m]."""
+        return self._looked(data).arcs[0]
+
+    def depth(self, data: mujoco.MjData | None) -> Float[np.ndarray, " spheres"]:
+        """How deep each sphere is in the wall [m]; negative for room."""
+        return self._looked(data).depth[0] + self._shift
+
+    def _looked(self, data: mujoco.MjData | None) -> TableWalls:
+        if data is not None:
+            self._walls.look(_ONE, data.geom_xpos[self.spheres][None])
+        return self._walls
+
+
 class TableWall:
     """The wall of one compiled scene that MuJoCo steps, in the colon's own coordinates."""
 
@@ -167,7 +201,6 @@ class TableWall:
             model.flg_surfacevel = True
             self._surface = model.geom_surfacevel[None]
         self._ahead = np.array([contact.damping / contact.stiffness + model.opt.timestep])
-        self._one = np.zeros(1, int)
         self._force, self._damping = np.zeros((1, count, 3)), np.zeros((1, count, 2))
         contact_solver.step(model, mujoco.MjData(model), self._tree, loops().solve)  # compiled before it is timed
         self.begin(arcs)
@@ -200,7 +233,7 @@ class TableWall:
 
     def begin(self, arcs: Float[np.ndarray, " spheres"]) -> None:
         """Look for every sphere anew, near these arc lengths along the colon [m], which is at rest."""
-        self._walls.begin(self._one, self._one, arcs[None])
+        self._walls.begin(_ONE, _ONE, arcs[None])
 
     def resume(self, other: "TableWall") -> None:
         """Take over where the same colon has moved to in another scene."""
@@ -213,9 +246,9 @@ class TableWall:
         model = self._model
         mujoco.mj_kinematics(model, data)
         walls, points = self._walls, data.geom_xpos[self.spheres][None]
-        walls.look(self._one, points)
+        walls.look(_ONE, points)
         loops().place_planes(
-            self._one,
+            _ONE,
             points,
             walls.depth,
             walls.inwards,
@@ -259,4 +292,4 @@ class TableWall:
             self._force,
             self._damping,
         )
-        self._walls.give_way(self._one, self._force, self._damping, self._model.opt.timestep)
+        self._walls.give_way(_ONE, self._force, self._damping, self._model.opt.timestep)

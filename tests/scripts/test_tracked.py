@@ -77,7 +77,6 @@ def test_it_drives_and_leaves_what_every_device_leaves(
         (["--start", "0.01"], "cannot stand at -12 mm"),
         (["--friction", "-1"], "--friction is -1.0"),
         (["--preset", "fast"], "does not honour --preset"),
-        (["--wall-law", "pieces"], "cannot meet wall law 'pieces'. It can meet: table"),
         (["--timestep", "0.005"], "give up to 0.002 s"),
     ],
 )

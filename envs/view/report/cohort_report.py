@@ -1,62 +1,134 @@
-"""A cohort's page: a table and a figure of every observable, inside or outside."""
+"""Pages of cohorts: a table and a figure of every observable, inside or outside."""
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from haustra.envs.study.cohort import OWN_DEVICE
 from haustra.envs.study.cohort_causes import causes
 from haustra.envs.study.cohort_table import GROUP, Observable, Published, observables, published, rows_of, verdicts
 from haustra.envs.study.store import SweepStore
 from haustra.files import write_atomically, write_json
 
+_PASSED = 0.5
+"""Colon passed from which on gathering is told of [m]."""
 _INSIDE, _OUTSIDE, _BAND = "#2f6f8f", "#c2413b", "#d9dfe3"
 
 
 def write_cohort(store: SweepStore, folder: Path, *, seconds: float | None = None) -> dict[str, Path]:
     """Write page, figure and numbers of a cohort.
 
+    Args:
+        store: of its patients.
+        folder: for the three files.
+        seconds: that the examinations took on the clock [s].
+
     Raises:
         OutputError: when the folder cannot be written.
     """
-    found = {
-        (str(driver), str(device)): observables(rows_of(store, driver=str(driver), device=str(device)))
-        for driver in store.study.conditions["driver"]
-        for device in store.study.conditions["device"]
-    }
     page, figure, numbers = folder / "cohort.md", folder / "cohort.png", folder / "cohort.json"
-    draw_cohort(figure, found)
-    counts = store.counts()
-    about = {
-        "patients": store.study.sampler.count,
-        "seconds": seconds,
-        "study": store.study.hash,
-        "jobs": counts,
-        "found": {" ".join(key): [one.to_json() for one in each] for key, each in found.items()},
-    }
-    write_json(numbers, about)
-    driver, device = next(iter(found))
-    text = cohort_page(found, about, image=figure.name)
-    text += causes_table(store, found[driver, device], driver=driver, device=device)
+    told = cohort_told(store, seconds=seconds)
+    write_json(numbers, told)
+    draw_cohort(figure, columns([told]))
+    text = cohort_page([told], image=figure.name)
     write_atomically(page, lambda path: path.write_text(text, encoding="utf-8"))
     return {"page": page, "figure": figure, "numbers": numbers}
 
 
-def cohort_page(
-    found: Mapping[tuple[str, str], Sequence[Observable]], about: Mapping, *, image: str, head: str = "# Cohort\n"
-) -> str:
-    """The page as Markdown."""
-    names = [f"{driver}, {device}" for driver, device in found]
-    lines = [head, f"{about['patients']} patients; jobs: {json.dumps(about['jobs'])}; study `{about['study'][:12]}`."]
-    for (driver, device), each in found.items():
+def cohort_told(store: SweepStore, *, seconds: float | None = None) -> dict[str, Any]:
+    """All that a page says of a cohort, as JSON values.
+
+    Args:
+        store: of its patients.
+        seconds: that the examinations took on the clock [s].
+    """
+    study = store.study
+    return {
+        "patients": study.sampler.count,
+        "seconds": seconds,
+        "longest": study.options["seconds"],
+        "seed": study.sampler.seed,
+        "study": study.hash,
+        "jobs": store.counts(),
+        "examiners": [
+            _examiner(store, str(driver), str(device))
+            for driver in study.conditions["driver"]
+            for device in study.conditions["device"]
+        ],
+    }
+
+
+def _examiner(store: SweepStore, driver: str, device: str) -> dict[str, Any]:
+    own = {"driver": driver, "device": device}
+    found = observables(rows_of(store, **own))
+    moved = {
+        about.name: [asdict(cause) for cause in causes(store, about, driver=driver, device=device)]
+        for about, one in zip(published(), found, strict=True)
+        if one.inside is False
+    }
+    return own | {"observables": [one.to_json() for one in found], "causes": moved, "gathered": _gathered(store, own)}
+
+
+def _gathered(store: SweepStore, own: Mapping[str, str]) -> list[float] | None:
+    """Least shaft inside over colon passed, past `_PASSED`: median and least over patients [1]."""
+    shares = []
+    for job in store.rows():
+        curves = job["curves"]
+        if (
+            job["state"] == "finished"
+            and curves
+            and all(job["conditions"][name] == value for name, value in own.items())
+        ):
+            arc, shaft = (np.array(curves[name]) for name in ("tip_arc_m", "insertion_m"))
+            far = arc > _PASSED
+            shares += [float((shaft[far] / arc[far]).min())] if far.any() else []
+    return [float(np.median(shares)), min(shares)] if shares else None
+
+
+def columns(cohorts: Sequence[Mapping[str, Any]]) -> dict[str, list[Observable]]:
+    """Observables of every driver and device of some cohorts, by what a column is named."""
+    several = len(cohorts) > 1
+    return {
+        _named(cohort, examiner, several): [
+            Observable(**{**one, "band": one["band"] and tuple(one["band"])}) for one in examiner["observables"]
+        ]
+        for cohort in cohorts
+        for examiner in cohort["examiners"]
+    }
+
+
+def _named(cohort: Mapping[str, Any], examiner: Mapping[str, Any], several: bool) -> str:
+    scope = "" if examiner["device"] == OWN_DEVICE else f", {examiner['device']}"
+    return f"{Path(examiner['driver']).stem}{scope}" + (f", seed {cohort['seed']}" if several else "")
+
+
+def cohort_page(cohorts: Sequence[Mapping[str, Any]], *, image: str, head: str = "# Cohort\n", most: int = 30) -> str:
+    """The page as Markdown.
+
+    Args:
+        cohorts: as `cohort_told` gives them.
+        image: place of the figure.
+        head: what comes first.
+        most: rows of the table of what moves observables of the first driver of the first cohort.
+    """
+    found = columns(cohorts)
+    lines = [head]
+    for cohort in cohorts:
+        clock = "" if cohort["seconds"] is None else f" in {cohort['seconds']:.0f} s"
+        lines.append(
+            f"Seed {cohort['seed']}: {cohort['patients']} patients, at most {cohort['longest']:g} s each{clock}; jobs: "
+            f"{json.dumps(cohort['jobs'])}; study `{cohort['study'][:12]}`.\n"
+        )
+    for name, each in found.items():
         inside = verdicts(each)
         outside = ", ".join(name for name, within in inside.items() if not within) or "none"
-        lines.append(
-            f"\n**{driver}, {device}**: {sum(inside.values())} of {len(inside)} observables inside. Outside: {outside}."
-        )
-    lines += ["", f"![Every observable against its band]({image})", ""]
-    lines += [f"| observable | published | band | {' | '.join(names)} |", "|---" * (3 + len(names)) + "|"]
+        lines.append(f"**{name}**: {sum(inside.values())} of {len(inside)} observables inside. Outside: {outside}.\n")
+    lines += [f"![Every observable against its band]({image})", ""]
+    lines += [f"| observable | published | band | {' | '.join(found)} |", "|---" * (3 + len(found)) + "|"]
     for index, one in enumerate(published()):
         band = "reported" if one.band is None else f"{one.band[0]:g} to {one.band[1]:g}"
         cells = " | ".join(_cell(each[index]) for each in found.values())
@@ -70,30 +142,28 @@ def cohort_page(
         *(f"- {one.name}: {one.source}" for one in published()),
         "",
     ]
-    return "\n".join(lines)
+    return "\n".join(lines) + _causes_table(cohorts[0], several=len(cohorts) > 1, most=most)
 
 
-def causes_table(store: SweepStore, found: Sequence[Observable], *, driver: str, device: str) -> str:
+def _causes_table(cohort: Mapping[str, Any], *, several: bool, most: int) -> str:
     """What moves the observables that are outside, as Markdown; nothing where too few patients tell."""
+    examiner = cohort["examiners"][0]
     lines = []
-    for about, one in zip(published(), found, strict=True):
-        if one.inside is not False:
-            continue
-        for cause in causes(store, about, driver=driver, device=device):
-            said = "yes" if cause.allowed else "no"
-            numbers = f"{cause.correlation:+.2f} | {cause.low:.3g} | {cause.high:.3g} | {said}"
-            lines.append(f"| {about.name} | {cause.variable} | {numbers} |")
+    for name, moved in examiner["causes"].items():
+        for cause in moved:
+            numbers = f"{cause['correlation']:+.2f} | {cause['low']:.3g} | {cause['high']:.3g}"
+            lines.append(f"| {name} | {cause['variable']} | {numbers} | {'yes' if cause['allowed'] else 'no'} |")
     if not lines:
         return ""
     return "\n".join(
         (
-            f"\n## What moves those outside ({driver}, {device})\n",
+            f"\n## What moves those outside ({_named(cohort, examiner, several)})\n",
             "Rank correlation over patients with their numbers, the strongest three; means in the lowest and the",
             "highest third of the number, or of patients with and without a trait; and whether either third alone is",
             "inside, so that a value within the sourced range would do.\n",
             "| observable | number | correlation | lowest third | highest third | inside somewhere |",
             "|---|---|---|---|---|---|",
-            *lines,
+            *lines[:most],
             "",
         )
     )
@@ -106,8 +176,8 @@ def _cell(one: Observable) -> str:
     return f"{one.value:.3g} ({one.low:.3g} to {one.high:.3g}){said}"
 
 
-def draw_cohort(path: Path, found: Mapping[tuple[str, str], Sequence[Observable]]) -> Path:
-    """A small chart for each observable: its band, and each driver's and device's value with interval."""
+def draw_cohort(path: Path, found: Mapping[str, Sequence[Observable]]) -> Path:
+    """A small chart for each observable: its band, and each driver's value with interval."""
     import matplotlib.pyplot as plt
 
     listed = published()
@@ -115,7 +185,7 @@ def draw_cohort(path: Path, found: Mapping[tuple[str, str], Sequence[Observable]
     rows = -(-len(listed) // columns)
     figure, axes = plt.subplots(rows, columns, figsize=(15.0, 2.5 * rows), layout="constrained")
     for index, (axis, about) in enumerate(zip(axes.flat, listed, strict=False)):
-        _draw(axis, about, [(driver, each[index]) for (driver, _), each in found.items()])
+        _draw(axis, about, [(name, each[index]) for name, each in found.items()])
     for axis in axes.flat[len(listed) :]:
         axis.set_visible(False)
     write_atomically(path, lambda temporary: figure.savefig(temporary, dpi=100, format="png"))
@@ -133,6 +203,6 @@ def _draw(axis, about: Published, found: Sequence[tuple[str, Observable]]) -> No
         colour = "#30343b" if one.inside is None else _INSIDE if one.inside else _OUTSIDE
         span = np.abs([[one.value - one.low], [one.high - one.value]])
         axis.errorbar([place], [one.value], yerr=span, fmt="o", color=colour, capsize=3)
-    axis.set_xticks(range(len(found)), [driver for driver, _ in found], fontsize=8)
+    axis.set_xticks(range(len(found)), [name.replace(", ", "\n") for name, _ in found], fontsize=7)
     axis.set_xlim(-0.6, len(found) - 0.4)
     axis.set_title(f"{about.name.replace('_', ' ')} [{about.unit}]", fontsize=9)

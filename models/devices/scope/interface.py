@@ -43,7 +43,6 @@ class Scope(Device):
     """A scope design, and how finely it is modelled."""
 
     kind: ClassVar[str] = "scope"
-    walls: ClassVar[tuple[str, ...]] = ("table", "planes", "pieces")
     left_out: ClassVar[Mapping[str, str]] = {
         "wires": "pulls arrive at the tip as they are asked for: slack, stretch and friction need the follower's runs"
     }

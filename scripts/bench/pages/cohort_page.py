@@ -1,16 +1,13 @@
-"""The page of a cohort in the documentation: `python -m haustra.scripts.bench.pages.cohort_page STORE PAGE`."""
+"""The page of cohorts in the documentation: `python -m haustra.scripts.bench.pages.cohort_page PAGE COHORT.json…`."""
 
-import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-import numpy as np
-
-from haustra.envs.study.cohort_table import observables, rows_of
-from haustra.envs.study.store import read_store
-from haustra.envs.view.report.cohort_report import causes_table, cohort_page, draw_cohort
-from haustra.files import write_atomically
+from haustra.envs.view.report.cohort_report import cohort_page, columns, draw_cohort
+from haustra.files import write_atomically, write_json
+from haustra.reading import read_document
 
 _HEAD = """\
 # Validation: a cohort against published colonoscopies
@@ -41,40 +38,20 @@ cohorts were numerical: contacts on a much gathered colon trembled until the sco
 """
 
 
-_PASSED = 0.5
-"""Colon passed from which on gathering is told of [m]."""
+def validation_page(cohorts: Sequence[Mapping[str, Any]]) -> str:
+    """The page, from what `haustra cohort -o DIR` left in each cohort.json."""
+    return cohort_page(cohorts, image="../images/cohort.png", head=_HEAD)
 
 
-def _least_shaft(curves: Mapping[str, list[float]]) -> float | None:
-    """Least shaft inside over colon passed of a run, past `_PASSED` [1]; None of one that did not come so far."""
-    arc, shaft = (np.array(curves.get(name, [])) for name in ("tip_arc_m", "insertion_m"))
-    far = arc > _PASSED
-    return float((shaft[far] / arc[far]).min()) if far.any() else None
-
-
-def main(store: Path, page: Path) -> None:
-    """Write the page of a store, and its figure beside the documentation's pictures."""
-    with read_store(store) as jobs:
-        conditions = jobs.study.conditions
-        found = {
-            (str(driver), str(device)): observables(rows_of(jobs, driver=str(driver), device=str(device)))
-            for driver in conditions["driver"]
-            for device in conditions["device"]
-        }
-        about = {"patients": jobs.study.sampler.count, "study": jobs.study.hash, "jobs": jobs.counts()}
-        first = next(iter(found))
-        moved = causes_table(jobs, found[first], driver=first[0], device=first[1])
-        gathered = [least for job in jobs.rows() if (least := _least_shaft(job["curves"])) is not None]
-        seconds = json.dumps(jobs.study.options["seconds"])
-    image = page.parent.parent / "images" / "cohort.png"
-    draw_cohort(image, found)
-    head = _HEAD + f"\nAt most {seconds} s a patient (`--patients {about['patients']} --seconds {seconds}`).\n"
-    if gathered:
-        shares = f"{np.median(gathered):.2f} (median) and {min(gathered):.2f} (least)"
-        head += f"Past half a metre of colon, shaft inside over colon passed fell to {shares}.\n"
-    text = cohort_page(found, about, image=f"../images/{image.name}", head=head)
-    write_atomically(page, lambda path: path.write_text(text + moved, encoding="utf-8"))
+def main(page: Path, sources: Sequence[Path]) -> None:
+    """Keep the cohorts beside the page, and write page and figure; without sources from what is kept."""
+    kept = page.parent / "data" / f"{page.stem}.json"
+    if sources:
+        write_json(kept, {"cohorts": [read_document(source, "cohort") for source in sources]})
+    cohorts = read_document(kept, "cohorts")["cohorts"]
+    draw_cohort(page.parent.parent / "images" / "cohort.png", columns(cohorts))
+    write_atomically(page, lambda path: path.write_text(validation_page(cohorts), encoding="utf-8"))
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    main(Path(sys.argv[1]), [Path(source) for source in sys.argv[2:]])

@@ -1,24 +1,23 @@
-"""Write the page of published trials from the folder that `haustra trials -o DIR` leaves.
+"""Write the page of published trials from the trials.json that `haustra trials -o DIR` leaves.
 
-`python -m haustra.scripts.bench.pages.trials_page DIR docs/validation/trials.md`.
+`python -m haustra.scripts.bench.pages.trials_page docs/validation/trials.md DIR/trials.json`.
 """
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from haustra.files import write_atomically
+from haustra.files import write_atomically, write_json
 from haustra.reading import read_document
-from haustra.scripts.trials import TABLE
 
 _HEAD = """\
 # Validation: trials with known answers
 
 **Question.** Do published trials of colonoscopes end here as they ended in patients?
 
-Made by `python -m haustra.scripts.bench.pages.trials_page DIR docs/validation/trials.md` from the folder of
-`{command}`; do not edit.
+Made by `python -m haustra.scripts.bench.pages.trials_page docs/validation/trials.md DIR/trials.json` after
+`{command}`, and kept in docs/validation/data/trials.json; do not edit.
 
 Each trial is a file in `assets/trials` with its source, arms, endpoint and what is assumed.
 Both arms examine the same virtual patients. A difference counts as reproduced when the whole 95 % interval (bootstrap
@@ -88,7 +87,14 @@ def _row(one: Mapping[str, Any]) -> tuple[str, ...]:
     )
 
 
-if __name__ == "__main__":
-    folder, page = Path(sys.argv[1]), Path(sys.argv[2])
-    text = trials_page(read_document(folder / TABLE, "trials"))
+def main(page: Path, sources: Sequence[Path]) -> None:
+    """Keep the trials beside the page, and write it; without a source from what is kept."""
+    kept = page.parent / "data" / f"{page.stem}.json"
+    for source in sources:
+        write_json(kept, read_document(source, "trials"))
+    text = trials_page(read_document(kept, "trials"))
     write_atomically(page, lambda file: file.write_text(text, encoding="utf-8"))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), [Path(source) for source in sys.argv[2:]])

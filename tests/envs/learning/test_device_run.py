@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("torch")
 pytest.importorskip("safetensors")
 
-from haustra.envs.learning.device_run import DeviceRun, _fitting
+from haustra.envs.learning.device_run import BEST, DeviceRun, _fitting
 from haustra.envs.learning.policy import load_policy
 from haustra.envs.learning.settings import Training, shipped
 from haustra.envs.learning.train import train
@@ -67,6 +67,10 @@ def test_costs_of_an_episode_come_to_what_it_did(tmp_path):
     began = learns._before.clone()
     rollout, _, ended = learns._drive()
     task.close()
+    for merit, kept in ((0.3, 0.3), (0.2, 0.3), (0.4, 0.4)):
+        learns.learner.log_std.data.fill_(-merit)
+        learns._keep_best(merit)
+        assert load_policy(tmp_path / BEST).deviation == pytest.approx(np.exp(-kept), rel=1e-6)
     assert not rollout.over.any() and len(ended) == 0
     info = task.info()
     found = (began + rollout.paid[:, :, 1:].sum(0)).numpy()

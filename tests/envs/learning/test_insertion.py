@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from haustra.envs.learning.insertion import PolicySettings, run_policy
+from haustra.envs.learning.hands import PolicySettings
+from haustra.envs.learning.insertion import run_policy
 from haustra.envs.learning.policy import MlpPolicy
 from haustra.envs.tasks.config import Limits, Randomisation, TaskConfig
 from haustra.envs.tasks.observation import sizes

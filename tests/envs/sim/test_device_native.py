@@ -67,7 +67,7 @@ def test_worlds_have_conditions_of_their_own_and_one_that_is_lost_stands(tube):
     ("options", "message"),
     [
         (SceneOptions(wall_law="table", twist_hinges=2), "do not honour the option twist_hinges"),
-        (SceneOptions(wall_law="planes"), "wall law 'planes' is not honoured"),
+        (SceneOptions(wall_law="planes"), "Wall law 'planes' is that of one colon"),
         (SceneOptions(wall_law="table", gravity=(0.0, 0.0, -9.81)), "Gravity needs one colon"),
     ],
 )

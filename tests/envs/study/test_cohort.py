@@ -10,7 +10,7 @@ from haustra.assets import asset
 from haustra.envs.control.endoscopist import EndoscopistSettings
 from haustra.envs.control.laws import DRIVERS, driver_settings
 from haustra.envs.study.clinic_watch import pull_backs
-from haustra.envs.study.cohort import PRESETS, SCORES, cohort_study
+from haustra.envs.study.cohort import OWN_DEVICE, PRESETS, SCORES, Examiner, cohort_study
 from haustra.envs.study.cohort_table import observables, published, verdicts, wilson
 from haustra.envs.study.patients import Patient, clinic_number, numbers, patient_variables, traits
 from haustra.envs.study.questions import find_backend
@@ -64,6 +64,14 @@ def test_what_is_not_known_is_refused(asked):
     with pytest.raises(Exception, match=r"not known|broom") as caught:
         cohort_study(**{"name": "quick", **asked})
     assert "\n" not in str(caught.value)
+
+
+def test_policies_examine_with_the_scope_that_they_were_trained_with():
+    policy = Examiner.of({"driver": "insertion-paced", "device": OWN_DEVICE})
+    assert policy.device == "paediatric-long" and policy.policy is not None
+    assert Examiner.of({"driver": "insertion-paced", "device": "adult"}).device == "adult"
+    law = Examiner.of({"driver": "endoscopist", "device": OWN_DEVICE})
+    assert law.device == "adult" and law.policy is None and law.batch != policy.batch
 
 
 def test_unknown_drivers_are_refused_by_name():

@@ -174,7 +174,6 @@ def test_it_runs_from_the_command_line(colon_folder, tmp_path, capsys):
     for name in ("trajectory.npz", "scene.xml", "outside.png", "report.html"):
         assert (tmp_path / name).stat().st_size > 1000, name
     for change, message in (
-        (["--wall-law", "pieces"], "cannot meet wall law 'pieces'"),
         (["--preset", "fast"], "does not honour --preset"),
         (["--start", "0.3"], "does not honour --start"),
     ):

@@ -193,7 +193,6 @@ goal = "maximise"
     ("options", "message"),
     [
         ({"timestep": 0.005}, r"cannot honour a time step of 0\.005 s: give up to 0\.002 s"),
-        ({"wall_law": "pieces"}, "wall law 'pieces' is not honoured"),
         ({"start_depth": 0.01}, "cannot stand at"),
     ],
 )
