@@ -178,7 +178,7 @@ class Scene:
         from haustra.models.presets import find_preset
 
         law = changed.pop("wall_law", "table" if wall is None else "pieces")
-        options = find_preset("balanced").apply(law=law)
+        options: Any = find_preset("balanced").apply(law=law)
         return build_scene(colon, wall, device.design, replace(options, **{"mesentery": law != "planes", **changed}))
 
     def compile(self) -> mujoco.MjModel:
