@@ -21,6 +21,7 @@ SHIPPED = (
     "insertion-paced",
     "insertion-easy",
     "insertion-sac",
+    "for-a-design",
     "quick",
     "withdrawal",
 )

@@ -50,6 +50,7 @@ _QUESTIONS = {
     "device": "haustra.envs.study.device:QUESTION",
     "cohort": "haustra.envs.study.cohort:QUESTION",
     "compare": "haustra.envs.study.compare:QUESTION",
+    "policy": "haustra.envs.study.policy:QUESTION",
 }
 _BACKENDS = {
     ("propulsion", "native"): "haustra.envs.study.propulsion:NATIVE",
@@ -63,11 +64,13 @@ _BACKENDS = {
     ("cohort", "linear-gpu"): "haustra.envs.study.cohort_batch:LINEAR_GPU",
     ("compare", "native"): "haustra.envs.study.compare:NATIVE",
     ("scope", "warp"): "haustra.envs.study.scope_warp:WARP",
+    ("policy", "linear"): "haustra.envs.study.policy_training:LINEAR",
+    ("policy", "linear-gpu"): "haustra.envs.study.policy_training:LINEAR_GPU",
 }
 """Where a backend for a question is found; loaded when it is asked for."""
 
-_EXTRAS = {"warp": "warp"}
-"""Extras that backends need."""
+_EXTRAS = {"warp": "warp", "torch": "rl"}
+"""Extras of what is missing: of a backend, or of a package."""
 
 QUESTIONS = tuple(_QUESTIONS)
 
@@ -96,7 +99,7 @@ def find_backend(question: str, name: str) -> Backend:
     try:
         return _load(_BACKENDS[question, name])
     except ModuleNotFoundError as error:
-        extra = _EXTRAS.get(name, "sweep")
+        extra = _EXTRAS.get(name) or _EXTRAS.get(error.name or "", "sweep")
         raise MissingDependencyError(
             f"The backend '{name}' needs {error.name}: pip install 'haustra[{extra}]'."
         ) from error

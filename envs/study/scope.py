@@ -117,11 +117,44 @@ def build_setup(study: Study, variables: Mapping[str, float], conditions: Mappin
         InvalidOptionError: when an option or a condition cannot be honoured.
         InvalidStudyError: when a path is not known.
     """
+    rooms, diameter, friction = _changes(study, variables)
+    _require_colon(str(conditions["colon"]))
+    friction = float(conditions["friction"]) if friction is None else friction
+    options = find_preset(str(study.options["preset"])).apply(SceneOptions(friction=friction))
+    if (timestep := float(study.options["timestep"])) != SceneOptions.timestep:
+        options = replace(options, timestep=timestep)
+    moves = bool(study.options["mesentery"])
+    if moves:
+        options = replace(options, wall_law="table", mesentery=True)
+    usual = driver_settings(str(study.options["driver"]), moves=moves)
+    return Setup(
+        design=_changed(study, rooms["design"], diameter),
+        options=with_values(options, rooms["scene"]) if rooms["scene"] else options,
+        driver=with_values(usual, rooms["driver"]) if rooms["driver"] else usual,
+    )
+
+
+def changed_design(study: Study, variables: Mapping[str, float]) -> ScopeDesign:
+    """The design with the variables applied, for questions that nothing but it is varied in.
+
+    Raises:
+        InvalidDesignError: when the design is impossible.
+        InvalidStudyError: when a path leads elsewhere.
+    """
+    rooms, diameter, friction = _changes(study, variables)
+    if rooms["scene"] or rooms["driver"] or friction is not None:
+        raise InvalidStudyError("Only design.<field> and scaled.diameter may be varied here")
+    return _changed(study, rooms["design"], diameter)
+
+
+def _changes(
+    study: Study, variables: Mapping[str, float]
+) -> tuple[dict[str, dict[str, float]], float | None, float | None]:
+    """What paths lead to: fields by their room, the diameter and the friction, where these are given."""
     paths = {variable.name: variable.path for variable in study.variables}
-    changes = {**study.changes, **{paths[name]: value for name, value in variables.items()}}
     rooms: dict[str, dict[str, float]] = {"design": {}, "scene": {}, "driver": {}}
-    diameter, friction = None, float(conditions["friction"])
-    for path, value in changes.items():
+    diameter = friction = None
+    for path, value in {**study.changes, **{paths[name]: value for name, value in variables.items()}}.items():
         room, _, rest = path.partition(".")
         if room in rooms and rest:
             rooms[room][rest] = value
@@ -134,22 +167,14 @@ def build_setup(study: Study, variables: Mapping[str, float], conditions: Mappin
                 f"'{path}' is not known. Known: design.<field>, scaled.diameter, scene.<field>, driver.<field>, "
                 "condition.friction"
             )
-    _require_colon(str(conditions["colon"]))
-    options = find_preset(str(study.options["preset"])).apply(SceneOptions(friction=friction))
-    if (timestep := float(study.options["timestep"])) != SceneOptions.timestep:
-        options = replace(options, timestep=timestep)
-    moves = bool(study.options["mesentery"])
-    if moves:
-        options = replace(options, wall_law="table", mesentery=True)
-    usual = driver_settings(str(study.options["driver"]), moves=moves)
+    return rooms, diameter, friction
+
+
+def _changed(study: Study, fields: dict[str, float], diameter: float | None) -> ScopeDesign:
     design = find_design("adult" if study.base == "default" else study.base)
     if diameter is not None:
         design = _with_diameter(design, diameter)
-    return Setup(
-        design=with_values(design, rooms["design"]) if rooms["design"] else design,
-        options=with_values(options, rooms["scene"]) if rooms["scene"] else options,
-        driver=with_values(usual, rooms["driver"]) if rooms["driver"] else usual,
-    )
+    return with_values(design, fields) if fields else design
 
 
 def _with_diameter(design: ScopeDesign, diameter: float) -> ScopeDesign:
