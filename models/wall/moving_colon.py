@@ -448,7 +448,9 @@ def step_axis(
 
 def poses_seen_from(poses: Array, axes: Array) -> Array:
     """Poses (..., nodes, 7) in coordinates whose axes are the columns of `axes`."""
-    return np.concatenate([poses[..., :3] @ axes, poses[..., 3:4], poses[..., 4:] @ axes], axis=-1)
+    each = np.zeros((POSE, POSE))
+    each[:3, :3], each[3, 3], each[4:, 4:] = axes, 1.0, axes
+    return poses @ each
 
 
 def carried_on(xp: Any, own: Mesentery, displacement: AxisDisplacement, time: Any) -> Array:
