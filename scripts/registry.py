@@ -75,6 +75,7 @@ BENCHMARKS: Mapping[str, str] = {
     "bench drivers": f"{_BENCH}.drivers:BenchDrivers",
     "bench episodes": f"{_BENCH}.episodes:BenchEpisodes",
     "bench errors": f"{_BENCH}.errors:BenchErrors",
+    "bench front": f"{_BENCH}.front:BenchFront",
     "bench fuzz": f"{_BENCH}.fuzz:BenchFuzz",
     "bench gas": f"{_BENCH}.gas:BenchGas",
     "bench gradients": f"{_BENCH}.gradients:BenchGradients",
