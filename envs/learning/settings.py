@@ -19,6 +19,7 @@ SHIPPED = (
     "insertion-ppo",
     "insertion-gpu",
     "insertion-paced",
+    "insertion-gentle",
     "insertion-easy",
     "insertion-sac",
     "for-a-design",
