@@ -89,7 +89,7 @@ def policy_of(model: Any, training: Training, about: dict[str, Any], worlds: Any
         biases=tuple(biases),
         activation="tanh" if training.algorithm == "ppo" else "relu",
         squashed=training.algorithm == "sac",
-        config=training.task,
+        config=training.task_then,
         about=about,
         deviation=model.policy.log_std.detach().exp().cpu().numpy() if training.algorithm == "ppo" else None,
     )

@@ -199,7 +199,7 @@ class Ppo(nn.Module):
             biases=tuple(bias.astype(np.float32) for bias in biases),
             activation="tanh",
             squashed=False,
-            config=training.task,
+            config=training.task_then,
             about=about,
             deviation=self.log_std.detach().exp().cpu().numpy(),
         )

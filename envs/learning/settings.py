@@ -6,7 +6,7 @@ from typing import Any
 
 from haustra.assets import asset
 from haustra.envs.sim.load import NAMES
-from haustra.envs.tasks.config import TaskConfig
+from haustra.envs.tasks.config import Drive, TaskConfig
 from haustra.envs.tasks.observation import IN_BYTES, sizes
 from haustra.errors import InvalidOptionError
 from haustra.fields import Number, choice, number, read_fields, require_declared, several, vector, whole
@@ -19,7 +19,6 @@ SHIPPED = (
     "insertion-ppo",
     "insertion-gpu",
     "insertion-paced",
-    "insertion-gentle",
     "insertion-easy",
     "insertion-sac",
     "for-a-design",
@@ -103,6 +102,8 @@ class Training:
     """Share of episodes that must reach the end for prices to rise; while fewer do, they fall [1]."""
     buffer: int = whole(1, 10**9, default=300_000)
     """SAC: number of transitions remembered."""
+    driven: Drive | None = None
+    """How the policy drives once it is trained, with a gentler hand than it learned with; as in training when None."""
     task: TaskConfig = field(default_factory=TaskConfig)
 
     def __post_init__(self) -> None:
@@ -132,6 +133,11 @@ class Training:
             )
         if (self.backend == "linear-gpu") != (self.device == "cuda"):
             raise InvalidOptionError("The learner 'device' learns where the physics is: 'linear-gpu' goes with 'cuda'.")
+
+    @property
+    def task_then(self) -> TaskConfig:
+        """The task of the trained policy."""
+        return self.task if self.driven is None else replace(self.task, drive=self.driven)
 
     @property
     def shown(self) -> TaskConfig:
