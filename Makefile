@@ -27,7 +27,7 @@ help:
 demo: $(VENV)/.installed
 	$(BIN)/haustra colon grow --seed 100000 -o demo/colon
 	$(BIN)/haustra wall demo/colon --method coacd
-	$(BIN)/haustra run --colon demo/colon --driver insertion --film -o demo/run
+	$(BIN)/haustra run --colon demo/colon --driver insertion --seconds 240 --film -o demo/run
 	@echo
 	@echo 'Open $(CURDIR)/demo/run/report.html, which plays the run, and demo/run/film.webp'
 
