@@ -33,16 +33,31 @@ class Preset:
     about: str
     changes: Mapping[str, Any] = field(default_factory=dict)
     """Options that differ from the defaults; only of `MODELLING`."""
+    in_linear_time: Mapping[str, Any] = field(default_factory=dict)
+    """Those that differ from the defaults against the table of the lumen: linear time makes joints cheap there."""
 
-    def apply(self, options: SceneOptions | None = None) -> SceneOptions:
-        """Those options, computed as the preset says; what is in the scene stays."""
-        return replace(options or SceneOptions(), **self.modelling)
+    def apply(self, options: SceneOptions | None = None, *, law: str | None = None) -> SceneOptions:
+        """Those options, computed as the preset says; what is in the scene stays.
+
+        Args:
+            options: the defaults when None.
+            law: what the scope meets (`SceneOptions.wall_law`); as the preset has it when None.
+        """
+        return replace(options or SceneOptions(), **(self.modelling if law is None else self.against(law)))
 
     @property
     def modelling(self) -> dict[str, Any]:
         """Value of every option of `MODELLING`."""
         return {name: getattr(SceneOptions(), name) for name in MODELLING} | dict(self.changes)
 
+    def against(self, law: str) -> dict[str, Any]:
+        """Value of every option of `MODELLING` where the scope meets that law."""
+        usual = {name: getattr(SceneOptions(), name) for name in MODELLING}
+        return usual | dict(self.in_linear_time if law == TABLE else self.changes) | {"wall_law": law}
+
+
+TABLE = "table"
+"""Wall law of scenes that are stepped in linear time."""
 
 PRESETS: Mapping[str, Preset] = {
     preset.name: preset
@@ -51,12 +66,14 @@ PRESETS: Mapping[str, Preset] = {
             "fast",
             "three quarters as many joints in the shaft and half in the bending section, for searches",
             {"shaft_cell": 0.0625, "bending_cell": 0.034},
+            {"shaft_cell": 0.035, "bending_cell": 0.0114, "timestep": 0.01},
         ),
-        Preset("balanced", "the defaults"),
+        Preset("balanced", "the defaults", {}, {"shaft_cell": 0.025, "bending_cell": 0.0085}),
         Preset(
             "accurate",
             "twice the joints against the wall's exact surface and stiffness",
             {"wall_law": "planes", "shaft_cell": 0.025, "bending_cell": 0.0085, "sample_spacing": 0.0084},
+            {"shaft_cell": 0.0167, "bending_cell": 0.0085, "timestep": 0.000625},
         ),
     )
 }
@@ -80,7 +97,6 @@ def preset_of(options: SceneOptions) -> str:
     What the scope meets, `wall_law`, is stated beside it: a preset can be run against any wall.
     """
     for preset in PRESETS.values():
-        steps = {entry: value for entry, value in preset.modelling.items() if entry != "wall_law"}
-        if all(getattr(options, entry) == value for entry, value in steps.items()):
+        if options == preset.apply(options, law=options.wall_law):
             return preset.name
     return CUSTOM

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -175,8 +175,11 @@ class Scene:
         device = load_device(scope) if isinstance(scope, str) else scope
         if not isinstance(device, Scope):
             raise InvalidOptionError(f"Device '{device.name}' is no scope: let `haustra.run_device` drive it.")
-        usual = {"wall_law": "table" if wall is None else "pieces", "mesentery": changed.get("wall_law") != "planes"}
-        return build_scene(colon, wall, device.design, SceneOptions(**{**usual, **changed}))
+        from haustra.models.presets import find_preset
+
+        law = changed.pop("wall_law", "table" if wall is None else "pieces")
+        options: Any = find_preset("balanced").apply(law=law)
+        return build_scene(colon, wall, device.design, replace(options, **{"mesentery": law != "planes", **changed}))
 
     def compile(self) -> mujoco.MjModel:
         """The compiled model."""

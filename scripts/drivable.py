@@ -66,8 +66,8 @@ class Drivable:
             changed["mesentery"] = not (self.fixed or device.has_treads)
             return {"kind": "device", "device": device.describe(), "options": changed}
         gas = {"gas": _SET_POINT} if self.gas else {}
-        options = find_preset(self.preset).apply()
-        options = replace(options, wall_law="table", mesentery=not self.fixed, abdomen=abdomen, **gas, **changed)
+        options = find_preset(self.preset).apply(law="table")
+        options = replace(options, mesentery=not self.fixed, abdomen=abdomen, **gas, **changed)
         return {"kind": "scope", "design": asdict(device.design), "options": asdict(options)}
 
     def _episode(self, driver: str) -> dict[str, Any]:

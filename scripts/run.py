@@ -125,7 +125,8 @@ class Run:
         if self.start is not None:
             raise InvalidOptionError("A scope starts at the anus: leave --start out.")
         design = device.design
-        options = replace(find_preset(self.preset).apply(), **self._options())
+        chosen = self._options()
+        options = replace(find_preset(self.preset).apply(law=chosen["wall_law"]), **chosen)
         backend = self._chosen_backend(options)
         if not self.inspect and (self.pull_rate is not None or self.treat != "none"):
             raise InvalidOptionError(

@@ -277,6 +277,10 @@ class InsertionProgram:
         rows[:, self._tally] = start
         return rows
 
+    def score(self, numbers: Float[np.ndarray, " slots"], name: str) -> float:
+        """One score of a world, by its name in `Tally`."""
+        return float(numbers[self._tally + Tally._fields.index(name)])
+
     def tally_of(self, numbers: Float[np.ndarray, "*worlds slots"]) -> Tally:
         """Scores of each world."""
         return Tally(*numbers[..., self._tally : self._outside_slot].T)

@@ -48,23 +48,20 @@ def run_linear_insertion(
     tables = stack([table.seen_from(*entry_of(scene.colon))])
     program = _program(scene, tables, settings)
     backend, interval = _backend(scene, tables, settings, program), program.interval
-    rows: list[Row] = []
-    healthy, ended = True, 0
+    most = max(0, round(seconds / interval))
+    record, done, healthy, ended = backend.many.record(), 0, True, 0
     began = time.perf_counter()
-    for count in range(max(0, round(seconds / interval))):
+    while done < most and not ended:
         backend.many.drive(1)
-        row = backend.many.row()
+        row = record.note()
         healthy = row.worlds[_ALIVE] > 0
         if not healthy:
             break
-        rows.append(row)
-        tally = program.tally_of(row.driver)
-        ended = int(tally.ended)
-        if progress and count % 25 == 24:
-            progress((count + 1) * interval, float(tally.tip_arc_max))
-        if ended:
-            break
-    recorded = _trajectory(backend, program, backend.rows(rows)) if rows else _nothing(backend, program)
+        ended = int(program.score(row.driver, "ended"))
+        done += 1
+        if progress and done % 25 == 0:
+            progress(done * interval, program.score(row.driver, "tip_arc_max"))
+    recorded = _trajectory(backend, program, record.rows(done)) if done else _nothing(backend, program)
     now = backend.rows()
     attempts = int(program.memory_of(now.driver).attempts[0])
     return Insertion(
@@ -77,7 +74,7 @@ def run_linear_insertion(
         settings=settings,
         colon=backend.colon(),
         backend=backend.name,
-        gas=backend.gas and backend.gas.record(len(rows)),
+        gas=backend.gas and backend.gas.record(done),
     )
 
 

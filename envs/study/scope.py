@@ -120,12 +120,10 @@ def build_setup(study: Study, variables: Mapping[str, float], conditions: Mappin
     rooms, diameter, friction = _changes(study, variables)
     _require_colon(str(conditions["colon"]))
     friction = float(conditions["friction"]) if friction is None else friction
-    options = find_preset(str(study.options["preset"])).apply(SceneOptions(friction=friction))
+    moves, preset = bool(study.options["mesentery"]), find_preset(str(study.options["preset"]))
+    options = replace(preset.apply(SceneOptions(friction=friction), law="table" if moves else None), mesentery=moves)
     if (timestep := float(study.options["timestep"])) != SceneOptions.timestep:
         options = replace(options, timestep=timestep)
-    moves = bool(study.options["mesentery"])
-    if moves:
-        options = replace(options, wall_law="table", mesentery=True)
     usual = driver_settings(str(study.options["driver"]), moves=moves)
     return Setup(
         design=_changed(study, rooms["design"], diameter),

@@ -24,6 +24,7 @@ from haustra.envs.study.scope_colons import StudyColons
 from haustra.envs.study.study import Job, Result, Study
 from haustra.errors import HaustraError
 from haustra.models.anatomy.colon import Colon
+from haustra.models.presets import find_preset
 from haustra.models.scene import Scene, SceneOptions, build_scene
 
 _OPTIONS = {
@@ -141,11 +142,11 @@ def _world(study: Study, colons: StudyColons, job: Job, backend: str, built: dic
 
 def _options(asked: SceneOptions) -> SceneOptions:
     """What was asked, in the field of the lumen and with the joints of a batch where the study names none."""
-    usual = SceneOptions()
+    usual = find_preset("balanced").against(asked.wall_law)
     own = {
         name: getattr(BATCH_OPTIONS, name)
         for name in ("shaft_cell", "bending_cell", "twist_hinges", "sample_spacing")
-        if getattr(asked, name) == getattr(usual, name)
+        if getattr(asked, name) == usual[name]
     }
     return replace(asked, wall_law="table", softening=False, **own)
 

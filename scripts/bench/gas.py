@@ -155,8 +155,8 @@ def runs_under_gas(seconds: float) -> list[dict[str, str]]:
     found = []
     for set_point in (None, 10, 15, 25):
         pressure = None if set_point is None else set_point * MMHG
-        asked: dict[str, Any] = {"wall_law": "table", "mesentery": True, "gas": pressure}
-        options = replace(find_preset("balanced").apply(), gas_start=pressure or 10 * MMHG, **asked)
+        asked: dict[str, Any] = {"mesentery": True, "gas": pressure}
+        options = replace(find_preset("balanced").apply(law="table"), gas_start=pressure or 10 * MMHG, **asked)
         scene = build_scene(colon, None, design, options, show_lumen=False)
         run = run_linear_insertion(scene, seconds=seconds, settings=FollowerSettings(straighten=True))
         scores = score(scene, run, Provenance(inputs={}, configuration={}), error=NOT_MEASURED)

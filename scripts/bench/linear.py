@@ -9,6 +9,7 @@ import numpy as np
 
 from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.linear.backend import LinearBackend
+from haustra.envs.sim.linear.layout import NODE
 from haustra.envs.sim.native_batch import NativeBackend
 from haustra.envs.sim.scope_bank import BATCH_OPTIONS, ScopeBank, build_bank
 from haustra.envs.sim.state import Controls
@@ -25,6 +26,8 @@ _PUSH, _PULL, _WAY = 0.05, 20.0, 8.0
 """Speed of the hand [m/s], largest pull [N], and seconds that a scope is driven in before it is timed."""
 _STILL = 1e-3
 """Where nothing is faster than this [m/s, rad/s], differences are relative to it: rounding of what hardly moves."""
+_GATHERED, _SHORTENED = 0.2, 0.85
+"""Length of colon that is gathered [m], and by how much of itself its middle is shortened."""
 _DENSE_STEPS = 40
 """Time steps in which the dense engine is timed."""
 _TURN, _TRAVEL = 0.002, 0.012
@@ -157,10 +160,13 @@ def dense_cost(bank: ScopeBank, worlds: int, *, threads: int = 1) -> float:
     return best / _DENSE_STEPS / worlds
 
 
-def largest_difference(bank: ScopeBank, *, worlds: int = 20, instants: int = 10, wheels: bool = False) -> float:
+def largest_difference(
+    bank: ScopeBank, *, worlds: int = 20, instants: int = 10, wheels: bool = False, gathered: bool = False
+) -> float:
     """How far speeds lie from the dense step after one step, relative to each world's fastest, in double precision.
 
-    States are those of scopes pushed in by random hands, from straight to deep inside; `wheels`: which steer by them.
+    States are those of scopes pushed in by random hands, from straight to deep inside; `wheels`: which steer by them;
+    `gathered`: whose colons are then gathered until their folds lie against each other.
     """
     dense = DenseStep(bank, np.arange(worlds) % len(bank.colons), conditions(bank, worlds))
     backend, hands = driven(bank, worlds, seconds=INTERVAL, real=np.float64, wheels=wheels)
@@ -168,6 +174,8 @@ def largest_difference(bank: ScopeBank, *, worlds: int = 20, instants: int = 10,
     for _ in range(instants):
         for _ in range(6):
             backend.step(hands.next(), round(INTERVAL / bank.scene.options.timestep))
+        if gathered:
+            gather(backend)
         before, inputs = backend.state(), hands.next()
         backend.step(inputs, 1)
         want, after = dense.step(before, inputs), backend.state()
@@ -175,6 +183,24 @@ def largest_difference(bank: ScopeBank, *, worlds: int = 20, instants: int = 10,
             apart = np.abs(found - known).max(axis=1) / np.maximum(np.abs(known).max(axis=1), _STILL)
             worst = max(worst, float(apart.max()))
     return worst
+
+
+def gather(backend: LinearBackend) -> None:
+    """Gather each world's colon about the middle of what is inserted, to less than `SHORTEST` of its length."""
+    own = backend.tables.mesentery
+    assert own is not None, "colons that are fixed cannot gather"
+    inserted = backend.read().insertion
+    for world, middle in enumerate(0.5 * inserted):
+        now = backend.snapshot(world)
+        case = world % len(own.nodes)
+        arcs = own.spacing[case] * np.arange(own.nodes.shape[1])
+        beside = np.clip((arcs - middle) / _GATHERED, -0.5, 0.5)
+        # Towards the middle from either side, over lengths that are left as they are: a bend of sine.
+        from_there = arcs - _SHORTENED * _GATHERED / (2 * np.pi) * np.sin(2 * np.pi * beside)
+        nodes = np.stack([np.interp(from_there, arcs, own.nodes[case, :, axis]) for axis in range(3)], axis=1)
+        axis = now.state[-len(arcs) * NODE :].reshape(-1, NODE)
+        axis[:, :3] += nodes - own.nodes[case]
+        backend.restore(world, now)
 
 
 def _speeds(joints: np.ndarray, axis: AxisDisplacement | None) -> list[np.ndarray]:

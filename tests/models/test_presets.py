@@ -23,6 +23,17 @@ def test_what_is_in_the_scene_stays(name):
     assert preset_of(chosen) == name
 
 
+@pytest.mark.parametrize("name", PRESETS)
+def test_joints_are_cheap_against_the_table(name):
+    """In linear time more joints cost little: every preset has more of them there, and keeps its name."""
+    asked = SceneOptions(friction=0.3, mesentery=False)
+    chosen, usual = (find_preset(name).apply(asked, law=law) for law in ("table", "pieces"))
+    assert chosen.wall_law == "table" and chosen.friction == 0.3
+    assert chosen.shaft_cell < usual.shaft_cell or name == "accurate"
+    assert chosen.bending_cell < usual.bending_cell or chosen.timestep < usual.timestep
+    assert preset_of(replace(chosen, mesentery=True)) == preset_of(usual) == name
+
+
 def test_a_changed_step_is_no_preset():
     assert preset_of(replace(SceneOptions(), timestep=0.004)) == CUSTOM
 

@@ -44,6 +44,34 @@ class Row(NamedTuple):
     """State of the program's driver."""
 
 
+class Record:
+    """Numbers of a world at several times, written where they are to stay."""
+
+    _AT_ONCE = 3000
+    """Rows that room is made for at a time: a minute of a run."""
+
+    def __init__(self, sources: list[np.ndarray]) -> None:
+        """For what lies in these arrays (blocks, slots, lanes)."""
+        self._sources, self._parts, self._count = sources, [], 0
+
+    def note(self) -> Row:
+        """Keep what the numbers are now."""
+        at = self._count % self._AT_ONCE
+        if not at:
+            self._parts.append(Row(*(np.empty((self._AT_ONCE, source.shape[1])) for source in self._sources)))
+        now = Row(*(part[at] for part in self._parts[-1]))
+        for own, source in zip(now, self._sources, strict=True):
+            own[:] = source[0, :, 0]
+        self._count += 1
+        return now
+
+    def rows(self, count: int) -> Row:
+        """The first so many."""
+        if len(self._parts) == 1:
+            return Row(*(part[:count] for part in self._parts[0]))
+        return Row(*(np.concatenate(parts)[:count] for parts in zip(*self._parts, strict=True)))
+
+
 @final
 class LinearBackend(AbstractBackend):
     """Scopes as articulated bodies, by the laws of all backends, in single precision or double."""
@@ -369,6 +397,10 @@ class LinearBackend(AbstractBackend):
     def row(self) -> "Row":
         """All numbers of the first world, as they lie in memory."""
         return Row(*(self._held[name].read()[0, :, 0].copy() for name in Row._fields))
+
+    def record(self) -> "Record":
+        """What keeps all numbers of the first world at several times."""
+        return Record([self._held[name].read() for name in Row._fields])
 
     def readings(
         self, state: Float[np.ndarray, "*rows _"], seen: Float[np.ndarray, "*rows slots"], *, start: Any = None

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from haustra.envs.sim.linear.dlpack import CUDA, capsule
 from haustra.errors import MissingDependencyError
 
 _OUT_OF_MEMORY = 2
@@ -75,6 +76,15 @@ class DeviceArray:
         """Version 3 of the interface by which libraries share arrays."""
         return {"shape": self.shape, "typestr": self.dtype.str, "data": (self.pointer, False), "version": 3}
 
+    def __dlpack__(self, **asked: Any) -> Any:
+        """A capsule by which libraries share arrays; whatever was launched has ended, so no stream has to wait."""
+        strides = tuple(math.prod(self.shape[axis + 1 :]) for axis in range(len(self.shape)))
+        return capsule(self, self.pointer, self.shape, self.dtype, strides=strides, device=CUDA)
+
+    def __dlpack_device__(self) -> tuple[int, int]:
+        """The first NVIDIA GPU."""
+        return CUDA, 0
+
     def put(self, values: np.ndarray, *, first: int = 0) -> None:
         """Copy values of the same shape there, or of some rows, from the first of them on."""
         own = np.ascontiguousarray(values, self.dtype)
@@ -108,8 +118,21 @@ class DeviceColumns:
     def __cuda_array_interface__(self) -> dict[str, Any]:
         """Version 3 of the interface by which libraries share arrays; as of `DeviceArray`."""
         size, row = self._of.dtype.itemsize, self._of.shape[1]
-        there = {"data": (self._of.pointer + self._first * row * size, False), "strides": (size, row * size)}
+        there = {"data": (self._pointer, False), "strides": (size, row * size)}
         return self._of.__cuda_array_interface__ | {"shape": self.shape} | there
+
+    @property
+    def _pointer(self) -> int:
+        return self._of.pointer + self._first * self._of.shape[1] * self._of.dtype.itemsize
+
+    def __dlpack__(self, **asked: Any) -> Any:
+        """As of `DeviceArray`."""
+        strides = 1, self._of.shape[1]
+        return capsule(self._of, self._pointer, self.shape, self._of.dtype, strides=strides, device=CUDA)
+
+    def __dlpack_device__(self) -> tuple[int, int]:
+        """As of `DeviceArray`."""
+        return self._of.__dlpack_device__()
 
 
 class Kernel:

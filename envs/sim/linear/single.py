@@ -150,9 +150,9 @@ class LinearSingle:
 
     # Rows of several times at once.
 
-    def rows(self, rows: Sequence[Row] | None = None) -> Row:
-        """Rows of several times as one, or the one of now."""
-        return Row(*map(np.array, zip(*(rows or [self.many.row()]), strict=True)))
+    def rows(self) -> Row:
+        """The one of now."""
+        return Row(*(part[None] for part in self.many.row()))
 
     def readings(self, rows: Row) -> Readings:
         """What was read off, in the scene's coordinates."""

@@ -134,7 +134,7 @@ def _grown(settings: DatasetSettings, seed: int) -> Iterator[Source]:
 
 def inserted(colon: Colon, *, seconds: float, name: str) -> Source:
     """A run of an adult scope into a colon that moves."""
-    options = replace(find_preset("balanced").apply(), wall_law="table", mesentery=True)
+    options = replace(find_preset("balanced").apply(law="table"), mesentery=True)
     settings = FollowerSettings(straighten=True)
     deepest = options.start_depth + settings.advance_rate * seconds
     scene = build_scene(colon, None, named_design(_DESIGN), options, deepest=deepest, show_lumen=False)

@@ -20,6 +20,9 @@ from haustra.models.wall.pieces.wall import Wall
 from haustra.scripts.bench.accuracy.knobs import Tweak, unchanged
 from haustra.scripts.bench.accuracy.timing import processor_seconds
 
+TIMED = 25
+"""Control intervals in which stepping is timed, as one."""
+
 
 @dataclass(frozen=True)
 class Script:
@@ -60,7 +63,7 @@ class Track:
     contacts: float
     """Number of contacts that carry force, on average."""
     cost: float
-    """Processor seconds of stepping per simulated second."""
+    """Processor seconds of stepping per simulated second, from where the script ended; infinite where it fell over."""
 
     def __len__(self) -> int:
         return len(self.push)
@@ -126,27 +129,22 @@ def replay(
     tweak(scene.spec)
     engine = honouring(scene)
     steps = round(CONTROL_INTERVAL / options.timestep)
-    rows, spent, healthy = [], 0.0, True
+    rows = []
     for index in range(len(script)):
         inputs = Controls(float(script.push_rate[index]), float(script.roll_rate[index]), script.pulls[index])
-
-        def advance(inputs: Controls = inputs) -> None:
-            nonlocal healthy
-            healthy = engine.step(inputs, steps)
-
-        spent += processor_seconds(advance)
-        if not healthy:
+        if not engine.step(inputs, steps):
             break
         rows.append(_read(engine))
     table = np.array(rows).reshape(-1, 7)
-    done = max(1, len(rows)) * CONTROL_INTERVAL
+    still = Controls(0.0, 0.0, script.pulls[-1])
+    spent = processor_seconds(lambda: engine.step(still, TIMED * steps)) if len(rows) == len(script) else np.inf
     return Track(
         tip=table[:, :3],
         insertion=table[:, 3],
         push=table[:, 4],
         wall=table[:, 5],
         contacts=float(table[:, 6].mean()) if len(table) else 0.0,
-        cost=spent / done,
+        cost=spent / (TIMED * CONTROL_INTERVAL),
     )
 
 

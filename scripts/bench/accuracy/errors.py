@@ -1,23 +1,27 @@
 """How far every wall law and preset is off in grown colons and others, fixed and on their mesentery, as ranges.
 
-One script of hand and wires a colon, recorded from the lumen follower, drives every model and a converged one: four
-times the joints of bending section and shaft, half the time step. Fixed colons are judged by tangent planes, which have
-the lumen's exact surface and the wall's exact stiffness; colons that move by the table of the lumen. Every track is
-kept as it is finished, so that a measurement that was stopped goes on.
+One script of hand and wires a colon, recorded from the lumen follower, drives every model and a converged one: six
+times the joints of the shaft, four times those of the bending section, and shorter time steps. Fixed colons are
+judged by tangent planes, which have the lumen's exact surface and the wall's exact stiffness; colons that move by the
+table of the lumen. Every track is kept as it is finished, so that a measurement that was stopped goes on.
 """
 
 import json
+import math
 import os
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from haustra.errors import HaustraError, InvalidOptionError
+from haustra.errors import HaustraError
 from haustra.files import prepare_folder, write_atomically
 from haustra.models.accuracy import LEAST_COLONS, QUANTITIES, kind_of
 from haustra.models.anatomy.grown import grow_colon
@@ -25,6 +29,7 @@ from haustra.models.anatomy.store import METADATA, load_colon, save_colon
 from haustra.models.devices.scope.files import find_design
 from haustra.models.presets import PRESETS, find_preset
 from haustra.models.scene import SceneOptions
+from haustra.models.wall.pieces.build import Method
 from haustra.models.wall.pieces.folder import wall_folder, wall_of
 from haustra.models.wall.pieces.store import load_wall
 from haustra.provenance import content_hash
@@ -33,11 +38,15 @@ from haustra.scripts.bench.accuracy.insertion import SAMPLES, refined
 from haustra.scripts.bench.accuracy.knobs import unchanged
 from haustra.scripts.bench.accuracy.run import code_state, silent_engine
 
-_REFERENCE, _COARSER = (4, 4, 2), (2, 2, 1)
-"""Times as many joints of shaft and bending section, and parts of the time step, of the reference and of the model that
-says how converged it is."""
+_REFERENCE, _COARSER = (6, 4), (3, 2)
+"""Times as many joints of shaft and bending section of the reference and of the model that says how converged it is:
+both have as many spheres on a length of shaft, a sphere having one stiffness."""
+_PARTS = {False: (4, 2), True: (32, 16)}
+"""Parts of the default time step of both, by whether the colon moves: there time steps matter more than joints."""
 _SCRIPT, _CONVERGED, _NEARLY = "script", "reference", "coarser reference"
 
+Item = TypeVar("Item")
+Found = TypeVar("Found")
 Progress = Callable[[float, str, float], None]
 """Called with what is done, a note, and what there is to do."""
 
@@ -52,10 +61,9 @@ class Asked:
     """Further colons."""
     designs: tuple[str, ...] = ("adult", "paediatric")
     laws: tuple[str, ...] = ("pieces", "planes", "table")
-    walls: tuple[str, ...] = ("prism",)
+    walls: tuple[Method, ...] = ("prism",)
     """How pieces are made."""
     presets: tuple[str, ...] = ("fast", "balanced", "accurate")
-    """Names, or numbers of the scene's options that are changed, as 'shaft_cell=0.03 bending_cell=0.01'."""
     mesentery: tuple[bool, ...] = (False, True)
     seconds: float = 10.0
     """Length of the script [s]."""
@@ -81,11 +89,12 @@ class Model:
         Raises:
             InvalidOptionError: when they do not go together.
         """
-        levels = {_SCRIPT: (1, 1, 1), _CONVERGED: _REFERENCE, _NEARLY: _COARSER}
+        finest, nearly = _PARTS[self.mesentery]
+        levels = {_SCRIPT: ((1, 1), 1), _CONVERGED: (_REFERENCE, finest), _NEARLY: (_COARSER, nearly)}
         if self.preset not in levels:
-            return replace(modelled(self.preset), wall_law=self.wall_law, mesentery=self.mesentery)  # pyright: ignore[reportArgumentType]
-        shaft, bending, parts = levels[self.preset]
-        fine = refined(shaft, bending, SceneOptions.timestep / parts)
+            return replace(find_preset(self.preset).apply(law=self.wall_law), mesentery=self.mesentery)
+        joints, parts = levels[self.preset]
+        fine = refined(*joints, SceneOptions.timestep / parts)
         return replace(fine, wall_law=self.wall_law, mesentery=self.mesentery, sample_spacing=SAMPLES)  # pyright: ignore[reportArgumentType]
 
     @property
@@ -95,31 +104,12 @@ class Model:
         return " ".join(part for part in (self.design, hung, self.wall_law, self.wall, self.preset) if part)
 
 
-def modelled(preset: str) -> SceneOptions:
-    """Options of a preset by its name, or the defaults with some changed, as 'shaft_cell=0.03 bending_cell=0.01'.
-
-    Raises:
-        InvalidOptionError: when there is no such preset or option, or a number is not one.
-    """
-    if "=" not in preset:
-        return find_preset(preset).apply()
-    changes = {name: value for name, _, value in (part.partition("=") for part in preset.split())}
-    if unknown := set(changes) - _CHANGED:
-        raise InvalidOptionError(f"No way of modelling changes '{min(unknown)}'. Known: {', '.join(sorted(_CHANGED))}.")
-    try:
-        return replace(SceneOptions(), **{name: float(value) for name, value in changes.items()})  # pyright: ignore[reportArgumentType]
-    except ValueError as error:
-        raise InvalidOptionError(f"'{preset}' holds what is no number: {error}.") from error
-
-
-_CHANGED = {"timestep", "shaft_cell", "bending_cell", "sample_spacing"}
-
-
 def measure_errors(
     asked: Asked,
     folder: Path,
     *,
     processes: int = 1,
+    minutes: float = math.inf,
     progress: Progress = lambda done, note, total: None,
 ) -> list[dict[str, Any]]:
     """Rows of errors, one for each colon, scope and model; a model that is refused or falls over says so.
@@ -128,12 +118,22 @@ def measure_errors(
         asked: what is measured.
         folder: where colons and finished tracks are kept.
         processes: at a time.
+        minutes: after which no more is begun; what is missing counts as refused, and the next call goes on from there.
         progress: told after each track.
     """
-    places = _colons(asked, prepare_folder(folder), progress)
+    until = time.monotonic() + 60 * minutes
+    pool = partial(each_of, processes=processes, until=until)
+    places = [prepare_folder(folder) / "colons" / f"grown-{seed}" for seed in range(asked.grown)]
+    for seed, _ in pool(partial(grow_into, folder / "colons"), range(asked.grown)):
+        progress(0, f"grown colon {seed}", 1)
+    places = [each for each in (*places, *asked.folders) if (each / METADATA).is_file()]
+    methods = asked.walls if "pieces" in asked.laws else ()
+    walls: list[tuple[Path, Method]] = [(place, method) for method in methods for place in places]
+    for (place, method), _ in pool(_walled, walls):
+        progress(0, f"{place.name}: {method} wall", 1)
     kept = prepare_folder(folder / "tracks" / _state(asked))
     scripts = [
-        Model(place, design, hung, "table" if hung else "planes", "", _SCRIPT)
+        Model(place, design, hung, _judge(hung), "", _SCRIPT)
         for place in places
         for design in asked.designs
         for hung in asked.mesentery
@@ -142,7 +142,7 @@ def measure_errors(
     models += [model for each in scripts for model in _ways(asked, each)]
     total, refused, done = len(scripts) + len(models), {}, 0
     for stage in (scripts, models):  # all scripts first: tracks follow them
-        for model, reason in _all(stage, asked.seconds, kept, processes):
+        for model, reason in pool(partial(_track, seconds=asked.seconds, kept=kept), stage):
             done += 1
             progress(done, f"{model.place.name}: {model.name}", total)
             if reason:
@@ -150,18 +150,21 @@ def measure_errors(
     return [row for each in scripts for row in _rows(asked, each, kept, refused)]
 
 
-def _colons(asked: Asked, folder: Path, progress: Progress) -> list[Path]:
-    places = [folder / "colons" / f"grown-{seed}" for seed in range(asked.grown)]
-    for seed, place in enumerate(places):
-        if not (place / METADATA).is_file():
-            progress(0, f"growing colon {seed}", 1)
-            save_colon(grow_colon(seed=seed), place)
-    places += asked.folders
-    for place in places if "pieces" in asked.laws else ():
-        for method in asked.walls:
-            progress(0, f"{place.name}: {method} wall", 1)
-            wall_of(place, load_colon(place), method)  # pyright: ignore[reportArgumentType]
-    return places
+def grow_into(folder: Path, seed: int) -> None:
+    """Grow a colon into its folder of that one, unless it is there."""
+    place = folder / f"grown-{seed}"
+    if not (place / METADATA).is_file():
+        save_colon(grow_colon(seed=seed), place)
+
+
+def _walled(asked: tuple[Path, Method]) -> None:
+    place, method = asked
+    wall_of(place, load_colon(place), method)
+
+
+def _judge(mesentery: bool) -> str:
+    """What converged scopes, and the one that records the script, meet."""
+    return "table" if mesentery else "planes"
 
 
 def _ways(asked: Asked, script: Model) -> Iterator[Model]:
@@ -176,16 +179,22 @@ def _state(asked: Asked) -> str:
     return content_hash(json.dumps([code_state(), asked.seconds]).encode())
 
 
-def _all(models: Sequence[Model], seconds: float, kept: Path, processes: int) -> Iterator[tuple[Model, str]]:
-    """Every model with why it was refused, in whatever order they are finished."""
+def each_of(
+    work: Callable[[Item], Found], items: Sequence[Item], *, processes: int, until: float = math.inf
+) -> Iterator[tuple[Item, Found]]:
+    """Every item with what is made of it, in whatever order they are finished; none is begun after `until`."""
     if processes == 1:
-        yield from ((model, _track(model, seconds, kept)) for model in models)
+        yield from ((item, work(item)) for item in items if time.monotonic() < until)
         return
     # New processes: what threads this one has does not matter to them. JAX is not to share a GPU among all.
     os.environ.setdefault("JAX_PLATFORMS", "cpu")
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        waiting: dict[Future[str], Model] = {pool.submit(_track, each, seconds, kept): each for each in models}
-        for each in as_completed(waiting):
+        waiting: dict[Future[Found], Item] = {pool.submit(work, each): each for each in items}
+        left = None if until == math.inf else max(0.0, until - time.monotonic())
+        with suppress(TimeoutError):
+            for each in as_completed(list(waiting), left):
+                yield waiting.pop(each), each.result()
+        for each in [each for each in waiting if not each.cancel()]:
             yield waiting[each], each.result()
 
 
@@ -196,7 +205,7 @@ def _file(model: Model, kept: Path) -> Path:
 def _track(model: Model, seconds: float, kept: Path) -> str:
     """Compute one track unless it is there; why not, when it is refused."""
     file = _file(model, kept)
-    script = _file(replace(model, wall_law="table" if model.mesentery else "planes", wall="", preset=_SCRIPT), kept)
+    script = _file(replace(model, wall_law=_judge(model.mesentery), wall="", preset=_SCRIPT), kept)
     if file.is_file():
         return ""
     if model.preset != _SCRIPT and not script.is_file():
@@ -291,20 +300,6 @@ def ranges_of(rows: Sequence[Mapping[str, Any]]) -> list[Ranges]:
     return found
 
 
-def front_of(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Medians over colons and scopes of each way's errors and cost, in processor seconds a simulated second."""
-    groups: dict[tuple, list[Mapping[str, Any]]] = {}
-    for row in rows:
-        if "refused" not in row and row["push"] is not None:
-            groups.setdefault(tuple(row[name] for name in _WAY), []).append(row)
-    middle = {key: {name: float(np.median([row[name] for row in group])) for name in ("cost", *QUANTITIES)}
-              for key, group in groups.items()}  # fmt: skip
-    return [dict(zip(_WAY, key, strict=True)) | found for key, found in middle.items()]
-
-
-_WAY = ("wall_law", "wall", "mesentery", "preset")
-
-
 def accuracy_toml(ranges: Sequence[Ranges], asked: Asked, where: Mapping[str, Any]) -> str:
     """Text of assets/accuracy.toml: what spans enough colons and did not fall over in any."""
     lines = [
@@ -332,14 +327,15 @@ def _toml(value: str | int | bool) -> str:
 
 def _source(each: Ranges, floor: Ranges | None, asked: Asked, where: Mapping[str, Any]) -> str:
     judge = "the table of the lumen" if each.mesentery else "tangent planes"
+    finest, nearly = _PARTS[each.mesentery]
     text = (
         f"measured by `haustra bench errors` on {where['date']}: {each.colons} {_SPANNED[each.colon]} colons, scopes "
         f"{' and '.join(asked.designs)}, {asked.seconds:g} s of one script, against {judge} with {_REFERENCE[0]} times "
-        "the joints and half the step"
+        f"the joints and a time step of 5/{finest} ms"
     )
     if floor:
         text += (
-            f", from which {_COARSER[0]} times the joints are at most "
+            f", from which {_COARSER[0]} times the joints and 5/{nearly} ms are at most "
             f"{100 * floor.wall_force[1]:.1f} % of wall force, {100 * floor.push[1]:.1f} % of push and "
             f"{floor.tip_mm[1]:.2g} mm away"
         )

@@ -1,5 +1,6 @@
 """`haustra bench errors`: how far every wall law and preset is off, over many colons."""
 
+import math
 import os
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -30,11 +31,13 @@ class BenchErrors:
     walls: str = "prism"
     """Ways to make a wall's pieces, separated by commas: prism, coacd."""
     presets: str = "fast,balanced,accurate"
-    """Ways of modelling, separated by commas: presets, or changes as 'shaft_cell=0.03 bending_cell=0.01'."""
+    """Names of presets, separated by commas."""
     colon: Literal["fixed", "mesentery", "both"] = "both"
     """How colons stand: fixed in space, on their mesentery, or both."""
     seconds: float = number("s", 0.02, 600.0, default=10.0)
     """Duration of the script, in simulated time [s]."""
+    minutes: float | None = number("min", 0.01, 1e6, default=None)
+    """Time after which no further track is begun [min]; the same command goes on from there."""
     processes: int = whole(0, 4096, default=0)
     """Number of processes at a time; as many as there are cores when 0."""
     ship: bool = False
@@ -48,12 +51,11 @@ class BenchErrors:
 
         from haustra.assets import asset
         from haustra.files import write_atomically, write_json
+        from haustra.models.presets import PRESETS
         from haustra.scripts.bench.accuracy.errors import (
             Asked,
             accuracy_toml,
-            front_of,
             measure_errors,
-            modelled,
             ranges_of,
             refusals,
         )
@@ -62,26 +64,24 @@ class BenchErrors:
 
         asked = Asked(
             grown=self.colons,
-            folders=tuple(map(Path, _words(self.folders))),
-            designs=_words(self.designs),
+            folders=tuple(map(Path, words(self.folders))),
+            designs=words(self.designs),
             laws=_known(self.laws, ("pieces", "planes", "table")),
-            walls=_known(self.walls, ("prism", "coacd")),
-            presets=_words(self.presets),
+            walls=_known(self.walls, ("prism", "coacd")),  # pyright: ignore[reportArgumentType]
+            presets=_known(self.presets, tuple(PRESETS)),
             mesentery={"fixed": (False,), "mesentery": (True,), "both": (False, True)}[self.colon],
             seconds=self.seconds,
         )
-        for preset in asked.presets:
-            modelled(preset)
         processes = self.processes or os.cpu_count() or 1
         with progress_bar("errors", 1, unit="tracks") as advance:
-            rows = measure_errors(asked, self.output, processes=processes, progress=advance)
+            own = {"processes": processes, "minutes": self.minutes or math.inf, "progress": advance}
+            rows = measure_errors(asked, self.output, **own)
         where, ranges = machine(), ranges_of(rows)
         text = accuracy_toml(ranges, asked, where)
         for path in (self.output / "accuracy.toml", *((asset("accuracy.toml"),) if self.ship else ())):
             write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
         result = {
             "ranges": [asdict(each) for each in ranges],
-            "front": front_of(rows),
             "refused": refusals(rows),
             "machine": where,
         }
@@ -89,17 +89,18 @@ class BenchErrors:
         return result if self.json else {**{_title(each): _said(each) for each in ranges}, "refused": result["refused"]}
 
 
-def _words(text: str) -> tuple[str, ...]:
+def words(text: str) -> tuple[str, ...]:
+    """Words that are separated by commas."""
     return tuple(word.strip() for word in text.split(",") if word.strip())
 
 
 def _known(text: str, known: tuple[str, ...]) -> tuple[str, ...]:
     from haustra.errors import InvalidOptionError
 
-    for word in _words(text):
+    for word in words(text):
         if word not in known:
             raise InvalidOptionError(f"'{word}' is not known. Known: {', '.join(known)}.")
-    return _words(text)
+    return words(text)
 
 
 def _title(ranges) -> str:

@@ -57,6 +57,8 @@ class BenchLinear:
                 for row in rows
             ]
             found["largest_difference"] = linear.largest_difference(bank)
+            if self.mesentery:
+                found["largest_difference_gathered"] = linear.largest_difference(bank, gathered=True)
         most = [row for row in rows if row.worlds == max(counts)]
         found["exponent"] = linear.exponent(most) if len(most) > 1 else None
         return {"rows": [vars(row) for row in rows], **found}

@@ -1,22 +1,16 @@
 """Errors are ranges over ten colons or more, each against a converged run; finished tracks are kept."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from haustra.errors import InvalidOptionError
 from haustra.models.accuracy import load_measured
 from haustra.models.anatomy.store import save_colon
-from haustra.models.presets import find_preset
-from haustra.models.scene import SceneOptions
 from haustra.scripts.bench.accuracy.errors import (
     Asked,
     Ranges,
     accuracy_toml,
-    front_of,
     measure_errors,
-    modelled,
     ranges_of,
     refusals,
 )
@@ -43,20 +37,6 @@ def test_a_finer_model_is_nearer_and_finished_tracks_are_kept(tmp_path: Path):
     assert len(before) == 4, "script, reference, coarser reference, fast"
     assert measure_errors(asked, tmp_path / "kept") == rows
     assert {file: file.stat().st_mtime_ns for file in before} == before
-
-
-def test_ways_of_modelling_are_presets_or_changes_to_the_defaults():
-    assert modelled("fast") == find_preset("fast").apply()
-    assert modelled("shaft_cell=0.03 timestep=0.01") == replace(SceneOptions(), shaft_cell=0.03, timestep=0.01)
-    for wrong in ("finest", "shaft=0.03", "shaft_cell=narrow"):
-        with pytest.raises(InvalidOptionError):
-            modelled(wrong)
-
-
-def test_a_front_is_of_medians():
-    rows = [_row(colon, 0.1 + 0.01 * colon) for colon in range(9)] + [{**_row(9, None), "refused": "no wall"}]
-    (found,) = front_of(rows)
-    assert found["preset"] == "balanced" and found["cost"] == 0.1 and found["wall_force"] == pytest.approx(0.14)
 
 
 def _row(colon: int, wall_force: float | None, **changes) -> dict:

@@ -11,7 +11,8 @@ from haustra.envs.sim.scope_reading import read_scope, stack_scopes
 from haustra.envs.sim.state import Controls
 from haustra.errors import InvalidOptionError
 from haustra.models.devices.scope.library import named_design
-from haustra.scripts.bench.linear import SIZES, bank_of, conditions, driven, largest_difference, resized
+from haustra.models.wall.sections import SHORTEST
+from haustra.scripts.bench.linear import SIZES, bank_of, conditions, driven, gather, largest_difference, resized
 
 
 @cache
@@ -28,6 +29,17 @@ def bank():
 def test_a_step_is_the_dense_step(mesentery):
     """The bar of 1e-9 is for any step; rounding leaves 1e-12."""
     assert largest_difference(_bank(mesentery), worlds=20, instants=10) < 1e-10
+
+
+def test_a_step_is_the_dense_step_where_folds_lie_against_each_other():
+    bank = _bank(mesentery=True)
+    backend, _ = driven(bank, 5, seconds=5.0, real=np.float64)
+    gather(backend)
+    state, own = backend.state(), bank.tables.mesentery
+    assert own is not None and state.displacement is not None
+    lengths = np.linalg.norm(np.diff(own.nodes + state.displacement.pose[..., :3], axis=1), axis=-1)
+    assert ((lengths / own.lengths).min(axis=1) < SHORTEST).mean() > 0.5 and (state.normal > 0).any(axis=1).all()
+    assert largest_difference(bank, worlds=10, instants=4, gathered=True) < 1e-9
 
 
 def test_single_precision_stays_with_double(bank):
