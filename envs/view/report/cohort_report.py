@@ -115,7 +115,7 @@ def cohort_page(cohorts: Sequence[Mapping[str, Any]], *, image: str, head: str =
         head: what comes first.
         most: rows of the table of what moves observables of the first driver of the first cohort.
     """
-    found = columns(cohorts)
+    found, several = columns(cohorts), len(cohorts) > 1
     lines = [head]
     for cohort in cohorts:
         clock = "" if cohort["seconds"] is None else f" in {cohort['seconds']:.0f} s"
@@ -127,6 +127,13 @@ def cohort_page(cohorts: Sequence[Mapping[str, Any]], *, image: str, head: str =
         inside = verdicts(each)
         outside = ", ".join(name for name, within in inside.items() if not within) or "none"
         lines.append(f"**{name}**: {sum(inside.values())} of {len(inside)} observables inside. Outside: {outside}.\n")
+    for cohort in cohorts:
+        for examiner in cohort["examiners"]:
+            if shares := examiner["gathered"]:
+                lines.append(
+                    f"{_named(cohort, examiner, several)}: past half a metre of colon, shaft inside over colon passed fell "
+                    f"to {shares[0]:.2f} (median) and {shares[1]:.2f} (least).\n"
+                )
     lines += [f"![Every observable against its band]({image})", ""]
     lines += [f"| observable | published | band | {' | '.join(found)} |", "|---" * (3 + len(found)) + "|"]
     for index, one in enumerate(published()):
@@ -142,7 +149,7 @@ def cohort_page(cohorts: Sequence[Mapping[str, Any]], *, image: str, head: str =
         *(f"- {one.name}: {one.source}" for one in published()),
         "",
     ]
-    return "\n".join(lines) + _causes_table(cohorts[0], several=len(cohorts) > 1, most=most)
+    return "\n".join(lines) + _causes_table(cohorts[0], several=several, most=most)
 
 
 def _causes_table(cohort: Mapping[str, Any], *, several: bool, most: int) -> str:
