@@ -131,8 +131,8 @@ def cohort_page(cohorts: Sequence[Mapping[str, Any]], *, image: str, head: str =
         for examiner in cohort["examiners"]:
             if shares := examiner["gathered"]:
                 lines.append(
-                    f"{_named(cohort, examiner, several)}: past half a metre of colon, shaft inside over colon passed fell "
-                    f"to {shares[0]:.2f} (median) and {shares[1]:.2f} (least).\n"
+                    f"{_named(cohort, examiner, several)}: past half a metre of colon, shaft inside over colon passed "
+                    f"fell to {shares[0]:.2f} (median) and {shares[1]:.2f} (least).\n"
                 )
     lines += [f"![Every observable against its band]({image})", ""]
     lines += [f"| observable | published | band | {' | '.join(found)} |", "|---" * (3 + len(found)) + "|"]
