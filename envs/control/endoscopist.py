@@ -4,10 +4,12 @@ It sees where the lumen goes and whether it passes by, feels force and torque at
 and knows for how long nothing has moved. It does not know forces of the wall, nor where its tip is along the colon but
 by how much lumen has passed since. What it does is one of a few small manoeuvres:
 
-- **advance** under sight, gently: it pushes no harder than a soft limit, and more only where nothing else has helped;
+- **advance** under sight, in quick strokes with looks between them: it pushes no harder than a soft limit, and firmer
+  the longer no lumen passes; the shaft is turned to and fro meanwhile, which lets it slip;
+- **look** between two strokes: the hand eases what pushes hard, so that a strong push never lasts;
 - **straighten**: with the tip hooked round the bend that it looks into, it pulls back and turns the shaft until the
   lumen slips away or the pull gets strong; after every stretch of new colon, and whenever shaft goes in that the tip
-  does not make good, which is how a loop feels;
+  does not make good, which is how a loop feels. A loop that comes again is left deeper each time;
 - **jiggle**: short strokes in and out, which pleat the colon onto the shaft;
 - **rest**: a while without any motion after each manoeuvre, in which one looks, lets gas in or out, and breathes;
 - **ask the assistant**: a hand on the belly, and then other postures, one after the other, when attempts have failed.
@@ -47,42 +49,54 @@ class EndoscopistSettings:
     """Distance ahead of the tip of the lumen that it is steered towards [m]."""
     advance_rate: float = number("m/s", 1e-4, 1.0, default=0.03)
     """Insertion speed in free lumen [m/s]: 0.9 m in 30 s of motion; a whole insertion takes 5 to 15 min (Shah 2000)."""
-    steer_gain: float = number("1/s", 0.0, 100.0, default=3.0)
+    steer_gain: float = number("1/s", 0.0, 100.0, default=6.0)
     """Bending rate per angle off the lumen's axis [1/s]."""
     steer_limit_deg: float = number("degrees", 1.0, 360.0, default=130.0)
     """Largest angle that the tip is bent to [degrees]."""
-    steer_lead: float = number("rad", 0.01, 10.0, default=0.6)
-    """Largest lead of the wires over the angle that the bending section has reached [rad]."""
-    gentle_force: float = number("N", 0.01, 1e3, default=9.0)
-    """Push that is not exceeded while things go well [N]: below the 9.8 N that are exceeded for 5 % of the time
-    (Appleyard 2000)."""
+    steer_lead: float = number("rad", 0.01, 10.0, default=3.0)
+    """Largest lead of the wires over the angle that the bending section has reached [rad]: enough to pull at a tip that
+    a wall has caught as hard as wheels do. With 0.6 rad, tips stay bent over in the right colon."""
+    gentle_force: float = number("N", 0.01, 1e3, default=15.0)
+    """Push that is not exceeded while things go well [N]; 9.8 N are exceeded for 5 % of the time (Appleyard 2000)."""
+    held_force: float = number("N", 0.01, 1e3, default=6.0)
+    """Push that is left on the shaft while it is held [N]: the hand eases what is more."""
     firm_force: float = number("N", 0.01, 1e3, default=40.0)
     """Push that is not exceeded at all [N]: no patient is pushed at harder on purpose."""
-    firmer: float = number("N", 0.0, 1e3, default=12.0)
-    """By how much more one pushes after each attempt that failed [N]."""
+    stroke: float = number("s", 0.05, 600.0, default=4.0)
+    """How long it pushes in one go [s]: quick strokes get on where slow ones only bow the colon."""
+    pause: float = number("s", 0.0, 600.0, default=4.0)
+    """How long it looks between two strokes, the hand eased [s]."""
+    calm: float = number("s", 0.0, 600.0, default=2.0)
+    """Time without lumen passing for which one goes on gently [s]."""
+    firmer: float = number("N/s", 0.0, 1e3, default=2.0)
+    """Rate at which one pushes harder from then on, until lumen passes [N/s]."""
     pull_force: float = number("N", 0.01, 1e3, default=12.0)
     """Pull at which withdrawal stands still [N]."""
     torque_limit: float = number("N m", 1e-3, 10.0, default=0.8)
     """Torque at which turning stands still [N m]."""
-    withdraw_rate: float = number("m/s", 1e-4, 1.0, default=0.04)
+    withdraw_rate: float = number("m/s", 1e-4, 1.0, default=0.025)
     """Speed of pulling back [m/s]."""
-    lost_shaft: float = number("m", 0.005, 1.0, default=0.12)
-    """Shaft that goes in without lumen passing before a loop is felt [m]."""
-    new_colon: float = number("m", 0.01, 2.0, default=0.25)
+    lost_shaft: float = number("m", 0.005, 1.0, default=0.3)
+    """Shaft that goes in without lumen passing before a loop is felt [m]; as much more after each attempt."""
+    new_colon: float = number("m", 0.01, 2.0, default=0.5)
     """New colon after which the shaft is straightened in any case [m]."""
     slip: float = number("m", 1e-3, 0.5, default=0.03)
     """Lumen that slips away before pulling back ends [m]."""
     least_pull: float = number("m", 1e-3, 0.5, default=0.04)
     """Pulling back goes at least this far [m]."""
-    most_pull: float = number("m", 1e-2, 2.0, default=0.25)
+    most_pull: float = number("m", 1e-2, 2.0, default=0.3)
     """And at most this far [m]."""
     twist: float = number("rad", 0.0, 4 * math.pi, default=math.radians(200))
     """Angle that the shaft is turned through while pulling back, clockwise first [rad]."""
     roll_rate: float = number("rad/s", 0.01, 50.0, default=math.radians(60))
     """Rate of turning [rad/s]."""
-    patience: float = number("s", 0.1, 600.0, default=8.0)
+    swing: float = number("rad", 0.0, 2 * math.pi, default=1.0)
+    """Angle by which the shaft is turned to and fro while it is pushed [rad]: a shaft that turns slips more easily."""
+    swing_time: float = number("s", 0.2, 60.0, default=4.0)
+    """Time of one turn to and fro [s]."""
+    patience: float = number("s", 0.1, 600.0, default=60.0)
     """Time without lumen passing after which something else is tried [s]."""
-    rest: float = number("s", 0.0, 600.0, default=6.0)
+    rest: float = number("s", 0.0, 600.0, default=3.0)
     """Rest after each manoeuvre [s]."""
     jiggle: float = number("m", 0.0, 0.2, default=0.015)
     """Half the stroke of jiggling [m]."""
@@ -90,8 +104,8 @@ class EndoscopistSettings:
     """Strokes a second [1/s]."""
     jiggle_time: float = number("s", 0.1, 100.0, default=5.0)
     """How long it jiggles [s]."""
-    most_shaft: float = number("m", 0.1, 5.0, default=1.3)
-    """Shaft inside beyond which it straightens before it goes on [m]."""
+    most_shaft: float = number("m", 0.1, 5.0, default=1.45)
+    """Shaft inside beyond which it straightens before it goes on [m]; after each attempt, `lost_shaft` more."""
     hand_lead_limit: float = number("m", 1e-4, 0.1, default=0.01)
     """Largest distance that the hand aims ahead of where the shaft is [m]."""
     steer: Literal["pulls", "wheels"] = "pulls"
@@ -128,7 +142,9 @@ class Memory(NamedTuple):
     moved_time: Float[Any, "*worlds"]
     """When lumen last passed [s]."""
     mark_shaft: Float[Any, "*worlds"]
-    """Shaft inside when lumen last passed, or when it began to pull back [m]."""
+    """Shaft inside when lumen last passed [m]."""
+    pull_shaft: Float[Any, "*worlds"]
+    """Shaft inside when it last began to pull back [m]."""
     straight_arc: Float[Any, "*worlds"]
     """Lumen seen when the shaft was last straightened [m]."""
     roll_goal: Float[Any, "*worlds"]
@@ -137,7 +153,7 @@ class Memory(NamedTuple):
     """What the assistant does: a place in `ASSISTANT`."""
 
 
-FIRST_MEMORY = Memory(0.0, 0.0, 0.0, _ADVANCE, 0.0, _NEVER, _NEVER, 0.0, 0.0, 0.0, 0.0, 0.0)
+FIRST_MEMORY = Memory(0.0, 0.0, 0.0, _ADVANCE, 0.0, _NEVER, _NEVER, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """Memory of an endoscopist who has seen nothing yet."""
 
 
@@ -164,15 +180,21 @@ def rules(
     attempts = xp.where(further & advancing, 0.0, memory.attempts)
     held = xp.where(passed | (pulling & (arc > memory.held_arc)), arc, memory.held_arc)
     moved, mark = xp.where(passed, time, memory.moved_time), xp.where(passed, shaft, memory.mark_shaft)
+    begun = memory.pull_shaft
     waited = time - memory.since
     # Whether what is being done ends.
-    looping = (shaft > mark + own.lost_shaft) | (shaft > own.most_shaft)
+    looping = (shaft > mark + own.lost_shaft * (1 + attempts)) | (shaft > own.most_shaft + own.lost_shaft * attempts)
+    cycle = own.stroke + own.pause
+    strokes_done = waited / cycle
+    pushes = (strokes_done - xp.floor(strokes_done)) * cycle < own.stroke
     stuck = time - moved > own.patience
     routine = arc > memory.straight_arc + own.new_colon
     gives_up = advancing & (looping | stuck | routine)
-    withdrawn = memory.mark_shaft - shaft
+    withdrawn = begun - shaft
     slipped = (arc < memory.held_arc - own.slip) & (withdrawn > own.least_pull)
-    over = pulling & (slipped | (withdrawn > own.most_pull) | (shaft < _LEAST_SHAFT) | (waited > _LONGEST_PULL))
+    strong = (force < -_STRONG * own.pull_force) & (withdrawn > own.least_pull)
+    far = (withdrawn > own.most_pull) | (shaft < _LEAST_SHAFT)
+    over = pulling & (slipped | strong | far | (waited > _LONGEST_PULL))
     rested = (memory.mode == _REST) & (waited > own.rest)
     jiggled = (memory.mode == _JIGGLE) & (waited > own.jiggle_time)
     # What is done next.
@@ -184,35 +206,41 @@ def rules(
     changed = gives_up | over | rested | jiggled
     since = xp.where(changed, time, memory.since)
     begins = gives_up | rested
-    held, moved, mark = (xp.where(begins, new, old) for new, old in ((arc, held), (time, moved), (shaft, mark)))
+    held, moved = xp.where(begins, arc, held), xp.where(begins, time, moved)
+    begun = xp.where(gives_up, shaft, begun)
     straight = xp.where(over, best, memory.straight_arc)
     odd = attempts - 2 * xp.floor(attempts / 2)
     turn = own.twist * xp.where(odd == 1.0, -1.0, 1.0)
     roll_goal = xp.where(gives_up & ~jiggles, turn, xp.where(rested & (attempts == 0), 0.0, memory.roll_goal))
     asked = xp.floor(attempts / 3)
     assist = asked - len(ASSISTANT) * xp.floor(asked / len(ASSISTANT))
-    # How the hand moves.
-    # Firm for a moment before it gives up, and only where something has failed already.
-    firmly = xp.where(time - moved > 0.75 * own.patience, own.firmer * attempts, 0.0)
+    # How the hand moves: the longer no lumen passes, the firmer it pushes.
+    firmly = own.firmer * xp.maximum(time - moved - own.calm, 0.0)
     limit = xp.minimum(own.gentle_force + firmly, own.firm_force)
-    rate = own.advance_rate * xp.clip(3 * (1 - force / limit), 0.0, 1.0)
+    ease = own.advance_rate * xp.clip(1 - force / own.held_force, -0.5, 0.0)
+    rate = xp.where(pushes, own.advance_rate * xp.clip(3 * (1 - force / limit), -0.5, 1.0), ease)
     rate = xp.where(mode == _PULL, -own.withdraw_rate * xp.clip(3 * (1 + force / own.pull_force), 0.0, 1.0), rate)
     stroke = own.jiggle * own.jiggle_rate
     turnings = (time - since) * own.jiggle_rate
     inwards = turnings - xp.floor(turnings) < 0.5
     strokes = xp.where(inwards, 4 * stroke, -4 * stroke) * xp.clip(3 * (1 - xp.abs(force) / limit), 0.0, 1.0)
-    rate = xp.where(mode == _JIGGLE, strokes, xp.where(mode == _REST, 0.0, rate))
+    rate = xp.where(mode == _JIGGLE, strokes, xp.where(mode == _REST, ease, rate))
     rate = xp.minimum(rate, (own.hand_lead_limit - sensed.hand_lead) / interval)
     rate = xp.maximum(rate, (-own.hand_lead_limit - sensed.hand_lead) / interval)
-    ease = xp.clip(3 * (1 - xp.abs(sensed.torque) / own.torque_limit), 0.0, 1.0)
-    roll_rate = ease * xp.clip((roll_goal - sensed.roll) / interval, -own.roll_rate, own.roll_rate)
+    swings = (time - since) / own.swing_time
+    swinging = own.swing * (1 - 4 * xp.abs(swings - xp.floor(swings) - 0.5))
+    turned = xp.where(mode == _ADVANCE, roll_goal + swinging, roll_goal)
+    turning = xp.clip(3 * (1 - xp.abs(sensed.torque) / own.torque_limit), 0.0, 1.0)
+    roll_rate = turning * xp.clip((turned - sensed.roll) / interval, -own.roll_rate, own.roll_rate)
     decision = Decision(push_rate=rate, roll_rate=roll_rate, pulls=pulls_for(xp, steering, up, left))
-    kept = Memory(up, left, attempts, mode, since, best, held, moved, mark, straight, roll_goal, assist)
+    kept = Memory(up, left, attempts, mode, since, best, held, moved, mark, begun, straight, roll_goal, assist)
     return decision, kept
 
 
 _PASSES = 0.01
 """Lumen that passes by is seen from this much on [m]; engineering choice: slower creep is no way to go on."""
+_STRONG = 0.8
+"""Pulling back ends at this share of the largest pull [1]: slower than that it hardly goes on."""
 _LEAST_SHAFT = 0.1
 """Pulling back ends with so much shaft inside [m]: further out is out."""
 _LONGEST_PULL = 20.0

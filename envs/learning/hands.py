@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.learning.policy import MlpPolicy
+from haustra.envs.runs.insertion_program import TOLD
 from haustra.envs.runs.linear_insertions import LinearInsertions
 from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.state import Readings
@@ -79,17 +80,16 @@ class BatchHands:
         Raises:
             InvalidOptionError: when the policy's control interval is no whole number of the batch's.
         """
-        self._backend, self._hands = batch.backend, PolicyHands(policy, batch.backend, settings)
+        self._batch, self._hands = batch, PolicyHands(policy, batch.backend, settings)
         self._looks = "lumen" in seen_by.sizes(policy.config)
         self.every = whole_steps(policy.config.drive.control_interval, batch.interval)
         """Control intervals of the batch between two decisions."""
 
     def __call__(self) -> None:
         """Decide, and tell the hands."""
-        backend, lumen = self._backend, None
+        backend, lumen = self._batch.backend, None
         if self._looks:
-            told = backend.told(seen_by.LUMEN_SIZE)[:, : backend.worlds]
-            lumen = np.ascontiguousarray(told.T, np.float32)
+            lumen = np.ascontiguousarray(self._batch.told()[len(TOLD) :].T, np.float32)
         inputs = self._hands.decide(backend.read(), lumen)
         backend.tell_driver(0, np.column_stack([inputs.push_rate, inputs.roll_rate, *inputs.pulls]))
 

@@ -66,12 +66,13 @@ def run_devices(
         commands, memory = device.drive(np, seen, memory)
         healthy = backend.step(commands, steps)
         seen, own = backend.read(), backend.readings()
-        told = {name: getattr(seen, name) for name in ("time", "tip_arc", "wall_force", "deepest")} | own
+        told = {name: getattr(seen, name) for name in ("time", "tip", "tip_arc", "wall_force", "deepest")} | own
+        told["wall_force_sum"] = backend.body_forces().sum(axis=1)
         for world in [number for number, outcome in enumerate(outcomes) if outcome is None]:
             if not healthy[world]:
                 outcomes[world] = Outcome.DIVERGED
                 continue
-            row = {name: float(values[world]) for name, values in told.items()}
+            row = {name: values[world] for name, values in told.items()}
             rows[world].append(row)
             outcomes[world] = ended(row, colons[world].centreline.length)
             if row["tip_arc"] > furthest[world] + _HEADWAY:

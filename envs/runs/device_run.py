@@ -16,9 +16,10 @@ from haustra.envs.runs.measure.progress import segment_at
 from haustra.envs.runs.outcome import CAECUM_MARGIN, ESCAPE_DEPTH, Outcome
 from haustra.envs.sim.device_native import DeviceGas, NativeDevice
 from haustra.envs.sim.moved_colon import CurrentColon
-from haustra.models.accuracy import NumericalError
+from haustra.models.accuracy import NumericalError, kind_of
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.lumen_meshes import add_lumen
+from haustra.models.device_accuracy import stated_device_error
 from haustra.models.device_scene import build_device_scene, device_options, device_tables, pose_in
 from haustra.models.devices.base import Device, Reading
 from haustra.models.injury.perforation import link_load, worst_load
@@ -227,8 +228,15 @@ def reading_columns(reading: Reading) -> tuple[str, str]:
     return f"{reading.name}_mean{unit}", f"{reading.name}_peak{unit}"
 
 
-def device_scores(run: DeviceRun, colon: Colon) -> dict[str, Any]:
-    """All scores of a run but its provenance, as plain JSON values."""
+def device_scores(run: DeviceRun, colon: Colon, *, error: NumericalError | None = None) -> dict[str, Any]:
+    """All scores of a run but its provenance, as plain JSON values.
+
+    The numerical error is that of the run itself where it was measured, otherwise that of other runs of its kind.
+    """
+    options = device_options(
+        run.device, wall_law=run.wall_law, mesentery=run.mesentery, timestep=float(run.spec.option.timestep)
+    )
+    error = error or stated_device_error(run.device, options, kind_of(colon))
     found = common_scores(run.outcome, run.records, run.device.readings, colon, run.radius)
     simulated = found["simulated_s"]
     return {
@@ -246,7 +254,7 @@ def device_scores(run: DeviceRun, colon: Colon) -> dict[str, Any]:
         "backend": run.backend,
         "wall_law": run.wall_law,
         "mesentery": run.mesentery,
-        "numerical_error": NumericalError().to_json(),
+        "numerical_error": error.to_json(),
         "timestep_s": float(run.spec.option.timestep),
         "not_modelled": dict(run.left_out),
     }

@@ -33,6 +33,8 @@ from haustra.models.wall.vectors import Vector, dot, minus
 
 STATION_STEP = 0.01
 """Distance between the stations at which it is seen whether a scope is outside [m]."""
+TOLD = ("time", "insertion", "tip_arc", "push_force", "torque")
+"""What is told of each world after every launch, a row each, before what is seen [s, m, m, N, N m]."""
 _FAR = 1e3
 """Further out than any scope [m]."""
 
@@ -46,8 +48,8 @@ class Sees(Protocol):
         """Numbers of each world that it hands out (`ScopeProgram.told`)."""
         ...
 
-    def write(self, scopes: ScopeProgram) -> None:
-        """Look, and tell."""
+    def write(self, scopes: ScopeProgram, first: int) -> None:
+        """Look, and tell, from that row on."""
         ...
 
 
@@ -100,8 +102,8 @@ class InsertionProgram:
 
     @property
     def tells(self) -> int:
-        """What it sees; nothing else goes out beside what is kept."""
-        return self.sees.tells if self.sees else 0
+        """What clinics would record (`TOLD`), and what it sees."""
+        return len(TOLD) + (self.sees.tells if self.sees else 0)
 
     @property
     def room(self) -> int:
@@ -115,8 +117,12 @@ class InsertionProgram:
             going = (self._ended(numbers) == 0) & (scopes.world("alive") > 0)
             with program.when(going):
                 self._interval_of(scopes, numbers, room, going)
+        hand = scopes.reading("push_force"), scopes.reading("torque")
+        told = scopes.state.load(scopes.layout.time), inserted_length(scopes), tip_arc(scopes), *hand
+        for row, value in enumerate(told):
+            scopes.told.store(row, value)
         if self.sees:
-            self.sees.write(scopes)
+            self.sees.write(scopes, len(TOLD))
 
     def _ended(self, numbers: Lanes) -> Value:
         return numbers.load(self._tally + Tally._fields.index("ended"))

@@ -158,6 +158,10 @@ class LinearInsertions:
             insertion=seen.insertion,
         )
 
+    def told(self) -> Float[np.ndarray, "rows worlds"]:
+        """Numbers told after the last launch: `haustra.envs.runs.insertion_program.TOLD`, then what is seen."""
+        return self.backend.told(self.program.tells)[:, : self.backend.worlds].copy()
+
     def _drive(self, first: int, last: int, hand: Hand | None) -> None:
         """From one control interval to another, stopping where it is a hand's turn."""
         while first < last:

@@ -12,6 +12,7 @@ from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables, lumen_table, pick, stack
 from haustra.models.wall.piece_wall import Blocks
 from haustra.models.wall.signed_distance import surface_arcs
+from haustra.models.wall.unfolding import unfolded
 
 
 def current_colon(scene: Scene) -> "CurrentColon | None":
@@ -49,13 +50,11 @@ class CurrentColon:
         colon, line = self._colon, self._colon.centreline
         if self._surface_arcs is None:
             self._surface_arcs = surface_arcs(colon)
-        vertices = self.to_current_all(displacement, colon.lumen.vertices, self._surface_arcs)
+        arcs = self._surface_arcs
+        vertices = self.to_current_all(displacement, colon.lumen.vertices, arcs)
         frames = np.einsum("sij,sjk->sik", self._turns(displacement, line.arc), line.frames)
-        return replace(
-            colon,
-            lumen=Surface(vertices, colon.lumen.faces),
-            centreline=Centreline(self.way(displacement), line.arc, frames),
-        )
+        line = Centreline(self.way(displacement), line.arc, frames)
+        return unfolded(colon, replace(colon, lumen=Surface(vertices, colon.lumen.faces), centreline=line), arcs)
 
     def to_current(
         self, displacement: Float[np.ndarray, "nodes 7"], place: Float[np.ndarray, "3"], arc: float

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
+from haustra.envs.runs.insertion_program import TOLD
 from haustra.envs.runs.measure.loops import LoopKind
 from haustra.envs.sim.chain import pose
 from haustra.envs.sim.scope_reading import read_chain, read_scope
@@ -62,7 +63,7 @@ class ClinicWatch:
             name: np.array([next(part.start for part in colon.segments if part.name == name) for colon in colons])
             for name in SEGMENTS
         }
-        self._looks: list[tuple[np.ndarray, ...]] = []
+        self._looks: list[Float[np.ndarray, "told worlds"]] = []
         self._shapes: list[Float[np.ndarray, "worlds points 3"]] = []
         self._beside: list[Float[np.ndarray, "worlds points"]] = []
         self._inserted: list[Float[np.ndarray, " worlds"]] = []
@@ -75,11 +76,10 @@ class ClinicWatch:
 
     def __call__(self) -> None:
         """Look, and let the assistants do what they are asked."""
-        seen = self._batch.backend.read()
-        now = (seen.time, seen.insertion, seen.tip_arc, seen.push_force, seen.torque)
-        self._looks.append(tuple(np.array(part) for part in now))
+        self._looks.append(self._batch.told()[: len(TOLD)].astype(float))
         self._loads.append(self._batch.program.tally_of(self._batch.backend.driver_numbers()).load_peak)
         if len(self._looks) % _LOOPS_EVERY == 0:
+            seen = self._batch.backend.read()
             self._look_at_shapes(seen)
             self._look_for_pain(seen)
         self._help()
@@ -232,7 +232,7 @@ class ClinicWatch:
 
     def _course(self, world: int) -> tuple[np.ndarray, ...]:
         """Time, shaft inside, arc of the tip, force and torque of the hand, while the examination went on."""
-        return tuple(self._course_of(world, part) for part in zip(*self._looks, strict=True))
+        return tuple(self._course_of(world, [look[row] for look in self._looks]) for row in range(len(TOLD)))
 
     def _course_of(self, world: int, looks: Sequence[np.ndarray]) -> np.ndarray:
         """What was seen of a patient, look by look, while the examination went on."""

@@ -80,10 +80,10 @@ class LumenSight:
 
     tells: int = seen_by.LUMEN_SIZE
 
-    def write(self, scopes: ScopeProgram) -> None:
-        """Look from all tips, and tell, an entry a row."""
+    def write(self, scopes: ScopeProgram, first: int) -> None:
+        """Look from all tips, and tell, an entry a row from the first on."""
         xp = scopes.program.xp
-        look(scopes, placed_of(scopes), lambda entry, value: scopes.told.store(entry, seen_by.clipped(xp, value)))
+        look(scopes, placed_of(scopes), lambda at, value: scopes.told.store(at + first, seen_by.clipped(xp, value)))
 
 
 def placed_of(scopes: ScopeProgram, coils: Sequence[int] = ()) -> seen_by.Placed:

@@ -23,6 +23,7 @@ from haustra.models.wall import (
     plane_pose,
     planes,
     sections,
+    unfolding,
     vectors,
 )
 from haustra.models.wall.indentation import FALL, reached
@@ -30,6 +31,7 @@ from haustra.models.wall.law import soft_numbers
 from haustra.models.wall.lumen_table import axis_point, query_point
 from haustra.models.wall.moving_colon import (
     bend_gradient,
+    bend_stiffness,
     edge_resistance,
     edge_tension,
     grip_resistance,
@@ -63,6 +65,7 @@ from haustra.models.wall.sections import (
     twisted,
 )
 from haustra.models.wall.signed_distance import ANUS
+from haustra.models.wall.unfolding import aside, span
 from haustra.models.wall.vectors import add, between, cross, dot, minus, norm, times, unit_rate
 
 ROOM = 0.01
@@ -82,6 +85,7 @@ class Loops(NamedTuple):
     carry: Callable[..., None]
     follow: Callable[..., None]
     indent: Callable[..., None]
+    unfold: Callable[..., None]
     solve: Callable[..., int]
 
 
@@ -247,6 +251,37 @@ def _indent(
                     far = max(far, reached(np, minus(_node(places, 0, p), middle), ray, radius))
         if far > length:
             _put(vertices, 0, v, add(middle, times(far, ray)))
+
+
+def _unfold(faces: Any, axes: Any, least: Any, rounds: int, vertices: Any) -> None:
+    """Move corners of triangles that face their axis and are not to (`unfolding.aside`), one triangle after the other.
+
+    Those that do not come free are moved further from round to round.
+
+    Args:
+        faces: corners of each triangle.
+        axes: place of the centreline beside each (1, triangles, 3) [m].
+        least: what each is to span as seen from there [m^3]; not looked at where it is negative.
+        rounds: at most.
+        vertices: (1, vertices, 3) [m], in place.
+    """
+    for number in range(rounds):
+        turned = 0
+        for t in range(len(faces)):
+            if least[t] > 0:
+                i, j, k = faces[t, 0], faces[t, 1], faces[t, 2]
+                axis = _node(axes, 0, t)
+                a, b = minus(_node(vertices, 0, i), axis), minus(_node(vertices, 0, j), axis)
+                c = minus(_node(vertices, 0, k), axis)
+                now = span(a, b, c)
+                if now <= 0:
+                    turned += 1
+                    ways = aside(np, a, b, c, (1 + number / 10) * least[t] - now)
+                    _put_more(vertices, 0, i, ways[0])
+                    _put_more(vertices, 0, j, ways[1])
+                    _put_more(vertices, 0, k, ways[2])
+        if turned == 0:
+            break
 
 
 def _rates(own: Any, world: int, speed: Any, shape: Any, spins: Any, flats: Any, acrosses: Any) -> None:
@@ -556,8 +591,8 @@ def _step_axis(
                 h,
             )
         for i in range(count - 1):
-            before = own.bending[world, i] + own.upright[world, i]
-            after = own.bending[world, i + 1] + own.upright[world, i + 1]
+            before = own.upright[world, i] + bend_stiffness(np, own.bending[world, i], shape.sums[world, i])
+            after = own.upright[world, i + 1] + bend_stiffness(np, own.bending[world, i + 1], shape.sums[world, i + 1])
             length, rest = shape.lengths[world, i], own.lengths[world, i]
             tie[i], along = edge_resistance(np, length, rest, own.tension[world, i], before, after, h)
             held = (leaning[i] + leaning[i + 1]) / length**2
@@ -690,9 +725,9 @@ def loops() -> Loops:
     own = (_node, _put, _put_more, _turn, _put_turn, _section, _cells, _rest_closing, _node_between, _edge_rate)
     own = (*own, _rates, _add_springs, _lean, _turn_sections)
     entries = (_query, _query_moved, _place_planes, _pressed, _contacts, _step_axis, _shape, _carry, _follow, _indent)
-    entries = (*entries, contact_solver.solve)
+    entries = (*entries, _unfold, contact_solver.solve)
     laws = (*vectors.PARTS, *law.PARTS, *lumen_table.PARTS, *sections.PARTS, *moving_colon.PARTS)
-    laws = (*laws, *plane_pose.PARTS, *indentation.PARTS)
+    laws = (*laws, *plane_pose.PARTS, *indentation.PARTS, *unfolding.PARTS)
     laws = (*laws, *own, *entries[:-1])
     # Products may be added at once; sums keep their order, or code from the cache would round as no other does.
     options = {"error_model": "numpy", "fastmath": {"contract"}}
@@ -701,7 +736,8 @@ def loops() -> Loops:
     for part, how in each:
         plain = unwrap(part)  # of what checks types at run time
         overload(part, strict=False, jit_options=how)(lambda *_, plain=plain: plain)
-    modules = vectors, law, lumen_table, sections, moving_colon, plane_pose, planes, contact_solver, indentation
+    modules = vectors, law, lumen_table, sections, moving_colon, plane_pose, planes, contact_solver
+    modules = (*modules, indentation, unfolding)
     files = [Path(str(module.__file__)) for module in modules]
     version = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 

@@ -46,8 +46,8 @@ class Mesentery(NamedTuple):
     widths: Any
     """(nodes,) from the axis to where no wall is further [m]."""
     turns: Any
-    """(nodes,) how far the direction changes from the edge before each node to the one after, at rest [1]: the length
-    of the difference of their unit vectors; 0 at the ends."""
+    """(nodes,) how far the direction changes from the edge before each node to the one after, at rest [1]: twice the
+    tangent of half the angle; 0 at the ends."""
     lengths: Any
     """(nodes - 1,) distances between neighbours at rest [m]."""
     tension: Any
@@ -100,17 +100,13 @@ def hang(
     """
     numbers = {name: each.value for name, each in load_quantities(asset("numbers/mesentery.toml")).items()}
     numbers |= changed or {}
-    count = max(round(float(arcs[-1]) / NODE_SPACING), 3) + 1
-    own = np.linspace(0.0, float(arcs[-1]), count)
-    spacing = float(own[1])
-    nodes = np.column_stack([np.interp(own, arcs, points[:, axis]) for axis in range(3)])
-    edges = np.diff(nodes, axis=0)
+    own, nodes, tangents = axis_nodes(points, arcs)
+    count, spacing, edges = len(own), float(own[1]), np.diff(nodes, axis=0)
     lengths = np.linalg.norm(edges, axis=1)
     edges = edges / lengths[:, None]
-    middle = edges[1:] + edges[:-1]
-    tangents = np.vstack([edges[:1], middle / np.linalg.norm(middle, axis=1)[:, None], edges[-1:]])
     turns = np.zeros(count)
-    turns[1:-1] = np.linalg.norm(edges[1:] - edges[:-1], axis=1)
+    apart, alike = (np.linalg.norm(sign * edges[1:] + edges[:-1], axis=1) for sign in (-1, 1))
+    turns[1:-1] = 2 * apart / alike
     around = abdomen or Abdomen()
     slack, thickness = np.zeros(count), np.full(count, numbers["mesentery.thickness.other"])
     hand, freed = np.zeros(count), {"sigmoid", "transverse", *around.mobile}
@@ -160,6 +156,24 @@ def hang(
         pleating=np.float64(numbers["mesentery.pleating"]),
         spacing=np.float64(spacing),
     )
+
+
+def axis_nodes(
+    points: Float[np.ndarray, "stations 3"], arcs: Float[np.ndarray, " stations"]
+) -> tuple[Float[np.ndarray, " nodes"], Float[np.ndarray, "nodes 3"], Float[np.ndarray, "nodes 3"]]:
+    """Arc lengths of the axis' nodes [m], their places at rest [m] and the directions there.
+
+    Args:
+        points: the centreline [m].
+        arcs: its arc lengths [m].
+    """
+    count = max(round(float(arcs[-1]) / NODE_SPACING), 3) + 1
+    own = np.linspace(0.0, float(arcs[-1]), count)
+    nodes = np.column_stack([np.interp(own, arcs, points[:, axis]) for axis in range(3)])
+    edges = np.diff(nodes, axis=0)
+    edges = edges / np.linalg.norm(edges, axis=1)[:, None]
+    middle = edges[1:] + edges[:-1]
+    return own, nodes, np.vstack([edges[:1], middle / np.linalg.norm(middle, axis=1)[:, None], edges[-1:]])
 
 
 def _ways(tangents: np.ndarray) -> np.ndarray:

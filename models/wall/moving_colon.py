@@ -51,6 +51,9 @@ LEANS = 10.0
 """Most that friction counts for against the leaning of sections, over the force of a contact [s/m]: as where it slides
 at 10 mm/s with a coefficient of 0.1; engineering choice: what still trembles does so by less than 0.05 mm a step."""
 
+LEAST_FACING = 0.05
+"""Edges that fold back on each other bend as if the sum of their directions were so long [1]: at 177 degrees."""
+
 POSE = 7
 """Numbers of a node's pose: displacement from rest [m], and the unit quaternion that has turned its cross-section."""
 
@@ -124,10 +127,25 @@ def edge_stiffness(xp: Any, length: Any, rest: Any, tension: Any) -> Any:
 def bend_gradient(xp: Any, change: Vector, rest: Any, bending: Any) -> Vector:
     """Gradient of the bending energy over the change of direction from one edge to the next [N m].
 
-    Only how much it bends counts, not to which side: a tube that may turn about itself.
+    The moment at a node that bends by an angle t is B (2 tan(t/2) - 2 tan(t_0/2)): B (t - t_0) where it bends little,
+    and without bound where it would fold back on itself (Bergou et al. 2008). Only how much it bends counts, not to
+    which side: a tube that may turn about itself.
+
+    Args:
+        xp: numpy or jax.numpy.
+        change: difference of the edges' directions.
+        rest: 2 tan(t_0/2).
+        bending: B [N m].
     """
     amount = norm(xp, change)
-    return times(bending * (amount - rest) / amount, change)
+    facing = xp.sqrt(xp.maximum(4 - amount * amount, LEAST_FACING * LEAST_FACING))
+    return times(2 * bending * (2 * amount / facing - rest) / (facing * amount), change)
+
+
+def bend_stiffness(xp: Any, bending: Any, facing: Any) -> Any:
+    """Slope of the moment of `bend_gradient` over the angle [N m], given the length of the sum of both directions."""
+    facing = xp.maximum(facing, LEAST_FACING)
+    return 4 * bending / (facing * facing)
 
 
 def hold_force(xp: Any, place: Vector, slack: Any, hold: Any, support: Any) -> Vector:
@@ -200,6 +218,7 @@ PARTS = (
     edge_tension,
     edge_stiffness,
     bend_gradient,
+    bend_stiffness,
     hold_force,
     node_resistance,
     node_turn_resistance,
@@ -412,7 +431,7 @@ def step_axis(
     pulled = _onto_nodes(xp, own, cell, force) + springs + gripped[..., None] * displacement.speed[..., :3]
     place = vectors.of(displacement.pose)
     diagonal = node_resistance(xp, place, own.slack, own.hold, own.support, own.drag, gripped, h)
-    stiff = own.bending + own.upright
+    stiff = bend_stiffness(xp, own.bending, shape.sums) + own.upright
     tie, along = edge_resistance(xp, shape.lengths, own.lengths, own.tension, stiff[:, :-1], stiff[:, 1:], h)
     leaning = lean_resistance(leaning + _flattening(xp, own, shape, flattened), shape.sums)
     held = (leaning[:, 1:] + leaning[:, :-1]) / shape.lengths**2
@@ -551,12 +570,18 @@ def energy(xp: Any, own: Mesentery, pose: Array) -> Array:
     left = xp.minimum(shape.lengths / (SHORTEST * own.lengths), 1.0)
     along = along + own.tension * own.lengths / 3 * (0.5 * left**2 + 1 / left - 1.5)
     change = norm(xp, vectors.of(shape.units[:, 1:] - shape.units[:, :-1]))
-    bent = 0.5 * own.bending[:, 1:-1] * (change - own.turns[:, 1:-1]) ** 2
+    bent = own.bending[:, 1:-1] * _bend_energy(xp, change, own.turns[:, 1:-1])
     moved = norm(xp, vectors.of(place))
     held = 0.5 * own.hold * xp.maximum(moved - own.slack, 0.0) ** 2 + 0.5 * own.support * moved**2
     wound = own.torsion * _twist_energy(xp, _twists(xp, own, shape)[0])
     held = held + own.upright * _twist_energy(xp, _upright(xp, own, shape)[0]) - (own.load * place).sum(-1)
     return along.sum(axis=1) + bent.sum(axis=1) + held.sum(axis=1) + wound.sum(axis=1)
+
+
+def _bend_energy(xp: Any, change: Array, rest: Array) -> Array:
+    """Energy of `bend_gradient` over the stiffness, given the length of the change of direction."""
+    half, half_rest = xp.arcsin(change / 2), xp.arctan(rest / 2)
+    return 4 * xp.log(xp.cos(half_rest) / xp.cos(half)) - 2 * rest * (half - half_rest)
 
 
 def _twist_energy(xp: Any, sine: Array) -> Array:

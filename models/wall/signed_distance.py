@@ -17,6 +17,7 @@ from scipy.spatial import KDTree
 
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.rays import LumenRays
+from haustra.models.wall.mesentery import axis_nodes
 from haustra.models.wall.pieces.blocks import ENTRY_RADIUS, vertex_normals
 
 LONGEST_EDGE = 0.006
@@ -30,6 +31,11 @@ ANUS = 0.004
 """Triangles within this of the anal end's plane [m] and inside the entry are the lid of the surface, not wall."""
 _SMOOTHINGS = 30
 """Rounds in which a vertex's arc length is averaged with its neighbours': where folds hide the surface it jumps."""
+_FROM_SEEN = 0.06
+"""A vertex stands in a section at most so far along the colon from where the centreline sees it [m]."""
+_SECTION_ROUNDS, _SECTION_SHARE, _LONGEST_STEP, _LEAST_ROOM = 60, 0.7, 0.003, 0.2
+"""Rounds in which a vertex's section is sought, by a share of how far it is ahead, by at most so much [m]; and the
+least of the way along its inside that a bend is taken to leave [1]. Where sections cross, it goes to and fro."""
 HIGHEST_FOLD = 0.05
 """No fold stands further into the lumen than this [m]."""
 ON_SURFACE = 2e-4
@@ -134,7 +140,10 @@ class LumenDistance:
 
 
 def surface_arcs(colon: Colon) -> Float[np.ndarray, " vertices"]:
-    """Arc length of each vertex of a colon's surface [m], smooth from vertex to vertex."""
+    """Arc length of each vertex of a colon's surface [m]: that of the cross-section which it stands in.
+
+    It is looked for near that of the place which the centreline sees along the surface, smooth from vertex to vertex.
+    """
     vertices, faces = colon.lumen.vertices, colon.lumen.faces
     arcs = _vertex_arcs(colon, vertices, faces)
     edges = _edges(faces)
@@ -143,7 +152,42 @@ def surface_arcs(colon: Colon) -> Float[np.ndarray, " vertices"]:
     count = np.asarray(beside.sum(axis=1)).ravel()
     for _ in range(_SMOOTHINGS):
         arcs = (arcs + beside @ arcs / count) / 2
+    return _without_jumps(_into_sections(colon, arcs), vertices, edges)
+
+
+def _into_sections(colon: Colon, arcs: np.ndarray) -> np.ndarray:
+    """Arc lengths near those given at which vertices are neither ahead of nor behind the axis' cross-section [m]."""
+    line, vertices = colon.centreline, colon.lumen.vertices
+    at, _, tangents = axis_nodes(line.points, line.arc)
+    bends = np.diff(tangents, axis=0) / at[1]
+    low, high = np.maximum(arcs - _FROM_SEEN, 0.0), np.minimum(arcs + _FROM_SEEN, line.length)
+    for _ in range(_SECTION_ROUNDS):
+        offset = vertices - _interpolated(arcs, line.arc, line.points)
+        tangent = _interpolated(arcs, at, tangents)
+        ahead = np.einsum("vi,vi->v", offset, tangent)
+        bend = bends[np.minimum((arcs / at[1]).astype(int), len(bends) - 1)]
+        room = np.maximum(1 - np.einsum("vi,vi->v", offset, bend), _LEAST_ROOM)
+        arcs = np.clip(arcs + np.clip(_SECTION_SHARE * ahead / room, -_LONGEST_STEP, _LONGEST_STEP), low, high)
     return arcs
+
+
+def _without_jumps(arcs: np.ndarray, vertices: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Arc lengths that change along an edge of the surface by what a bend leaves of it at most (`_LEAST_ROOM`)."""
+    most = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1) / _LEAST_ROOM
+    for _ in range(_SMOOTHINGS):
+        apart = arcs[edges[:, 1]] - arcs[edges[:, 0]]
+        jumps = np.flatnonzero(np.abs(apart) > most)
+        nearer = (apart[jumps] - np.sign(apart[jumps]) * most[jumps]) / 2
+        more, count = np.zeros(len(arcs)), np.zeros(len(arcs))
+        for end, way in ((0, nearer), (1, -nearer)):
+            np.add.at(more, edges[jumps, end], way)
+            np.add.at(count, edges[jumps, end], 1.0)
+        arcs = arcs + more / np.maximum(count, 1.0)
+    return arcs
+
+
+def _interpolated(places: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
+    return np.column_stack([np.interp(places, at, values[:, axis]) for axis in range(values.shape[1])])
 
 
 def _vertex_arcs(colon: Colon, vertices: np.ndarray, faces: np.ndarray) -> Float[np.ndarray, " vertices"]:

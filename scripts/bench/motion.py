@@ -1,6 +1,8 @@
 """How colons that move hold together while a scope is driven into them, and what the patient around them changes."""
 
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -21,33 +23,29 @@ from haustra.provenance import Provenance
 FIRST_SEED = 300_000
 """First seed of the grown colons, which nothing was trained on."""
 DESIGN = "adult"
-JUDGED_EVERY = 1.0
-"""Time between two surfaces that are judged [s]."""
 PLAIN = "as imaged"
-AROUND: Mapping[str, Abdomen] = {
-    PLAIN: Abdomen(),
-    "on the left side": Abdomen(posture="left"),
-    "on the right side": Abdomen(posture="right"),
-    "on the front": Abdomen(posture="prone"),
-    "descending and ascending colon mobile": Abdomen(mobile=("descending", "ascending")),
-    "sigmoid adherent": Abdomen(adhesions=("sigmoid",)),
-    "a hand on the sigmoid": Abdomen(pressed="sigmoid"),
+PATIENTS: Mapping[str, Mapping[str, Any]] = {
+    PLAIN: {},
+    "on the left side": {"abdomen": Abdomen(posture="left")},
+    "on the right side": {"abdomen": Abdomen(posture="right")},
+    "on the front": {"abdomen": Abdomen(posture="prone")},
+    "descending and ascending colon mobile": {"abdomen": Abdomen(mobile=("descending", "ascending"))},
+    "sigmoid adherent": {"abdomen": Abdomen(adhesions=("sigmoid",))},
+    "a hand on the sigmoid": {"abdomen": Abdomen(pressed="sigmoid")},
+    "gas let in up to 25 mmHg": {"gas": 3333.0},
 }
-"""The patients that each colon is put into."""
+"""What each colon is put into: options of the scene that differ from the usual."""
 COMPARED = {
     "tip_arc_max_m": ("reach [m]", 3),
     "push_force_mean_N": ("mean push [N]", 2),
     "loop_excess_peak_m": ("most scope beyond the colon passed [m]", 3),
     "pain_peak": ("largest pain [1]", 2),
+    "wall_clock_s": ("seconds of a core [s]", 1),
 }
-"""Scores that are compared, with their words and decimals."""
-_KEPT = (
-    *COMPARED,
-    "outcome",
-    "p_perforation",
-    "turned_over_max_share",
-    "outside_surface_max_mm",
-    "colon_moved_peak_mm",
+"""What is compared, with its words and decimals."""
+_SCORED = (
+    *("tip_arc_max_m", "push_force_mean_N", "loop_excess_peak_m", "pain_peak", "outcome", "p_perforation"),
+    *("turned_over_max_share", "outside_surface_max_mm", "colon_moved_peak_mm"),
 )
 
 
@@ -55,35 +53,49 @@ def bench_motion(
     *,
     colons: int,
     seconds: float,
+    judged_every: float,
     others: Sequence[Path] = (),
+    processes: int = 1,
     progress: Callable[[float, str], None] = lambda done, note: None,
 ) -> list[dict[str, Any]]:
-    """Drive an adult scope into held-out grown colons by the lumen follower, in each of the patients `AROUND`.
+    """Drive an adult scope into held-out grown colons by the lumen follower, in each of the `PATIENTS`.
 
     Args:
         colons: how many.
         seconds: of each run [s].
+        judged_every: time between two surfaces that are judged [s].
         others: folders of colons to run beside them, as imaged only.
+        processes: that share the colons.
         progress: told runs done.
     """
-    rows: list[dict[str, Any]] = []
-    jobs = [(grow_colon(seed=FIRST_SEED + number), AROUND) for number in range(colons)]
-    jobs += [(load_colon(folder), {PLAIN: AROUND[PLAIN]}) for folder in others]
-    for colon, patients in jobs:
-        for name, around in patients.items():
-            progress(len(rows), f"{colon.name}, {name}")
-            rows.append({"colon": colon.name, "patient": name, **_run(colon, around, seconds)})
-    progress(len(rows), "")
-    return rows
+    jobs: list[tuple[int | Path, tuple[str, ...]]] = [(folder, (PLAIN,)) for folder in others]
+    jobs += [(FIRST_SEED + number, tuple(PATIENTS)) for number in range(colons)]
+    with ProcessPoolExecutor(min(processes, len(jobs)), mp_context=get_context("spawn")) as pool:
+        given = [pool.submit(_in_patients, *job, seconds, judged_every) for job in jobs]
+        done = 0
+        for future in as_completed(given):
+            done += len(future.result())
+            progress(done, future.result()[-1]["colon"])
+    return [row for future in given for row in future.result()]
 
 
-def _run(colon: Colon, around: Abdomen, seconds: float) -> dict[str, Any]:
-    options = SceneOptions(wall_law="table", mesentery=True, abdomen=around)
+def _in_patients(
+    source: int | Path, patients: Sequence[str], seconds: float, judged_every: float
+) -> list[dict[str, Any]]:
+    colon = grow_colon(seed=source) if isinstance(source, int) else load_colon(source)
+    return [
+        {"colon": colon.name, "patient": name, **_run(colon, PATIENTS[name], seconds, judged_every)}
+        for name in patients
+    ]
+
+
+def _run(colon: Colon, changed: Mapping[str, Any], seconds: float, judged_every: float) -> dict[str, Any]:
+    options = SceneOptions(wall_law="table", mesentery=True, **changed)
     scene = build_scene(colon, None, named_design(DESIGN), options, show_lumen=False)
     run = run_linear_insertion(scene, seconds=seconds, settings=FollowerSettings(straighten=True))
-    left = left_behind(scene, run, records=1 + int(run.trajectory.time[-1] / JUDGED_EVERY))
+    left = left_behind(scene, run, records=1 + int(run.trajectory.time[-1] / judged_every))
     found = score(scene, run, Provenance(inputs={}, configuration={}), left=left)
-    return {name: found[name] for name in _KEPT}
+    return {name: found[name] for name in _SCORED} | {"wall_clock_s": run.wall_clock}
 
 
 def soundness(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -105,7 +117,7 @@ def effects(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
     plain = {row["colon"]: row for row in rows if row["patient"] == PLAIN}
     found = []
-    for name in AROUND:
+    for name in PATIENTS:
         own = [row for row in rows if row["patient"] == name]
         entry: dict[str, Any] = {"patient": name}
         for key in COMPARED:

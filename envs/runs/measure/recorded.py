@@ -12,6 +12,7 @@ from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import Scene
 from haustra.models.wall.indentation import indented
 from haustra.models.wall.signed_distance import surface_arcs
+from haustra.models.wall.unfolding import unfolded
 
 
 class RecordedRun:
@@ -54,7 +55,17 @@ class RecordedRun:
         colon = self.scene.colon
         if self._moved is not None:
             colon = self._moved.colon(self._moved.from_scene(self.trajectory.displacement[record]))
-        return indented(colon, self.arcs, self.path(record), radius=self.scene.cable.radius)
+        return self.indented(colon, self.path(record))
+
+    def indented(self, colon: Colon, path: Float[np.ndarray, "nodes 3"]) -> Colon:
+        """The colon, where it was, with its wall out of the scope's way and no triangle of it turned over.
+
+        Args:
+            colon: as it lay on its mesentery.
+            path: the scope's axis past the anus [m].
+        """
+        pressed = indented(colon, self.arcs, path, radius=self.scene.cable.radius)
+        return unfolded(self.scene.colon, pressed, self.arcs)
 
     @cached_property
     def _moved(self) -> CurrentColon | None:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from scipy.spatial import KDTree
 
 from haustra.envs.runs.insertion import Insertion
@@ -11,7 +11,7 @@ from haustra.envs.runs.measure.recorded import RecordedRun
 from haustra.models.anatomy.colon import Colon, Surface
 from haustra.models.anatomy.winding import winding_numbers
 from haustra.models.scene import Scene
-from haustra.models.wall.indentation import indented
+from haustra.models.wall.unfolding import facing_out
 
 _WITHIN = 0.5
 """Points that a surface winds around at least so often are within it [1]."""
@@ -57,7 +57,7 @@ def left_behind(scene: Scene, run: Insertion, *, records: int = _RECORDS) -> Lef
     arcs = before.arcs
     inside = recorded.insertion[-1] if len(recorded.time) else scene.options.start_depth
     path = run.shape[scene.cable.node_distances < inside]
-    now = indented(run.colon, arcs, path, radius=scene.cable.radius)
+    now = before.indented(run.colon, path)
     judged = [surface_figures(scene.colon, now, arcs, path)]
     if run.gas is None and len(recorded.time) > 1:  # widths under gas are not recorded
         for record in np.unique(np.linspace(0, len(recorded.time) - 1, records).astype(int))[:-1].tolist():
@@ -79,15 +79,6 @@ def surface_figures(
     """
     over = facing_out(rest, arcs) & ~facing_out(now, arcs)
     return SurfaceFigures(_outside(now.lumen, path), float(over.mean()))
-
-
-def facing_out(colon: Colon, arcs: Float[np.ndarray, " vertices"]) -> Bool[np.ndarray, " triangles"]:
-    """Which triangles face away from the centreline beside them."""
-    line, corners = colon.centreline, colon.lumen.vertices[colon.lumen.faces]
-    at = arcs[colon.lumen.faces].mean(axis=1)
-    axis = np.column_stack([np.interp(at, line.arc, line.points[:, part]) for part in range(3)])
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return np.einsum("ti,ti->t", normals, corners.mean(axis=1) - axis) > 0
 
 
 def _outside(lumen: Surface, path: np.ndarray) -> float:

@@ -11,6 +11,7 @@ from haustra.models.wall.lumen_table import Tables, axis_point
 from haustra.models.wall.moving_colon import (
     POSE,
     bend_gradient,
+    bend_stiffness,
     edge_resistance,
     edge_tension,
     grip_resistance,
@@ -260,10 +261,9 @@ class Axis:
             size = norm(xp, total)
             tangent, at_rest = times(1 / size, total), self._vector(node, "tangent")
             inner = (node.each > 0) & (node.each < last)
-            bend = bend_gradient(
-                xp, minus(unit, unit_before), self._number(node, "turn"), self._number(node, "bending")
-            )
-            bend = self._where(inner, bend)
+            bending = self._number(node, "bending")
+            bend = bend_gradient(xp, minus(unit, unit_before), self._number(node, "turn"), bending)
+            bend, stiffness = self._where(inner, bend), bend_stiffness(xp, bending, size)
             # How the node's section is turned, what holds it from turning, and what presses on it.
             kept = self._turn(node)
             turn = brought_along(xp, kept, at_rest, tangent)
@@ -271,6 +271,7 @@ class Axis:
             kept = xp.where(inside, turn[0], kept[0]), *self._where(inside, turn[1], kept[1])
             self._state.put(node, _TURN, kept)
             upright = self._number(node, "upright")
+            stiffness = stiffness + upright
             tilt, lean = twist(xp, STILL, turn, (at_rest, tangent), STILL)
             righting = xp.where(inside, upright * tilt, 0.0)
             work, torque = times(-righting, lean), -righting
@@ -285,7 +286,7 @@ class Axis:
             # The edge before it, and the cell there.
             before = turns(*tangent, size, kept[0], *kept[1:])
             tangents, size, turn_before = (before[:3], tangent), before[3], (before[4], before[5:])
-            own_stiffness = self._number(node, "torsion"), self._number(node, "bending") + upright
+            own_stiffness = self._number(node, "torsion"), stiffness
             rest, tension, torsion, stiffness = stiff(
                 self._number(node, "length"), self._number(node, "tension"), *own_stiffness
             )

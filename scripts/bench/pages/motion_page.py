@@ -16,15 +16,16 @@ page says whether the moving surface stays a surface, and how much the patient a
 """
 
 
-def motion_page(rows: Sequence[Mapping[str, Any]], *, seconds: float) -> str:
+def motion_page(measured: Mapping[str, Any]) -> str:
     """Markdown with both tables."""
+    rows, seconds = measured["runs"], measured["seconds"]
     sound, grown = soundness(rows), [row for row in rows if row["colon"].startswith("grown")]
     colons = len({row["colon"] for row in grown})
     lines = [
         _HEAD,
         f"## The surface, in {sound['runs']} runs of {seconds:g} s\n",
         f"Scope {DESIGN}, lumen follower, {colons} grown colons from seed {FIRST_SEED} on in each patient below"
-        f"{_others(rows)}. At the end of each run, with the scope's own indentation:\n",
+        f"{_others(rows)}. Every {measured['judged_every']:g} s, with the scope's own indentation:\n",
         "| figure | found | bound |",
         "| --- | --- | --- |",
         f"| largest share of triangles turned over against their own axis | {sound['turned_over_max_share']:.2%} | 0 |",
@@ -34,14 +35,13 @@ def motion_page(rows: Sequence[Mapping[str, Any]], *, seconds: float) -> str:
         f" | {sound['escaped']}; {sound['escaped_unsaid']} | 0 unsaid |",
         f"| diverged | {sound['diverged']} | 0 |\n",
         "## The patient around it\n",
-        "Change against the same colon as it was imaged, mean over colons with its 95 % interval (paired); **bold**"
-        " where the interval leaves out 0.\n",
+        "Change against the same colon as it was imaged and without gas, mean over colons with its 95 % interval"
+        " (paired); **bold** where the interval leaves out 0.\n",
         "| patient | " + " | ".join(words for words, _ in COMPARED.values()) + " |",
         "| --- |" + " --- |" * len(COMPARED),
     ]
     for entry in effects(grown):
         lines.append(f"| {entry['patient']} | " + " | ".join(_told(entry, name) for name in COMPARED) + " |")
-    lines.append("\nNone of these options costs a step anything: they are numbers of the axis.")
     return "\n".join(lines) + "\n"
 
 

@@ -22,6 +22,10 @@ class BenchMotion:
     """Number of grown colons, from seed 300000 on."""
     seconds: float = number("s", 1.0, 3600.0, default=120.0)
     """Longest run, in simulated time [s]."""
+    judged_every: float = number("s", 0.1, 3600.0, default=1.0)
+    """Time between two surfaces of a run that are judged [s]; each takes some half a second."""
+    processes: int = whole(1, 1000, default=1)
+    """Processes that share the colons."""
     others: tuple[Path, ...] = ()
     """Folders of other colons, run as they were imaged."""
     json: bool = field(default=False)
@@ -34,17 +38,18 @@ class BenchMotion:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
         from haustra.files import prepare_folder, write_atomically, write_json
-        from haustra.scripts.bench.motion import AROUND, bench_motion, effects, soundness
+        from haustra.scripts.bench.motion import PATIENTS, bench_motion, effects, soundness
         from haustra.scripts.bench.pages.motion_page import motion_page
         from haustra.scripts.console import progress_bar
 
         folder = prepare_folder(self.output)
-        runs = len(AROUND) * self.colons + len(self.others)
+        runs = len(PATIENTS) * self.colons + len(self.others)
+        asked: dict[str, Any] = {"colons": self.colons, "seconds": self.seconds, "judged_every": self.judged_every}
         with progress_bar("motion", runs, unit="runs") as advance:
-            rows = bench_motion(colons=self.colons, seconds=self.seconds, others=self.others, progress=advance)
-        page = motion_page(rows, seconds=self.seconds)
-        write_atomically(folder / "motion.md", lambda temporary: temporary.write_text(page, encoding="utf-8"))
+            rows = bench_motion(**asked, others=self.others, processes=self.processes, progress=advance)
         grown = [row for row in rows if row["colon"].startswith("grown")]
-        result = {"soundness": soundness(rows), "effects": effects(grown), "runs": rows}
+        result = {"soundness": soundness(rows), "effects": effects(grown), **asked, "runs": rows}
+        page = motion_page(result)
+        write_atomically(folder / "motion.md", lambda temporary: temporary.write_text(page, encoding="utf-8"))
         write_json(folder / "motion.json", result)
         return result if self.json else result["soundness"]

@@ -74,7 +74,7 @@ def test_it_does_not_push_beyond_what_is_gentle():
 
 def test_a_shaft_that_goes_in_while_the_tip_stays_is_pulled_back_beyond_the_tips_place():
     """The follower stops pulling where the shaft inside is as long as the colon passed; an endoscopist goes on."""
-    handle = _Handle(most_pull=0.3, new_colon=2.0)
+    handle = _Handle(most_pull=0.3, new_colon=2.0, lost_shaft=0.12, pause=0.0)
     _run(handle, 5.0, tip=0.0, force=5.0)
     while handle.mode != 1.0 and handle.time < 20:
         handle.step(tip=0.0, force=5.0)
@@ -105,7 +105,7 @@ def test_pull_and_torque_stand_still_at_their_limits():
 
 
 def test_the_assistant_is_asked_when_attempts_have_failed_and_not_before():
-    handle = _Handle()
+    handle = _Handle(patience=8.0)
     _run(handle, 20.0, tip=0.0, force=5.0)
     assert float(handle.memory.assist[0]) == 0
     asked = set()
@@ -115,18 +115,36 @@ def test_the_assistant_is_asked_when_attempts_have_failed_and_not_before():
     assert len(asked) > 2 and max(asked) < len(ASSISTANT)
 
 
-def test_it_pushes_harder_only_after_failing():
-    """Firm after attempts that failed, for a moment before it gives up again, never beyond its firmest."""
+def test_it_pushes_the_firmer_the_longer_no_lumen_passes():
+    """Gently as long as it is calm, then harder and harder, never beyond its firmest."""
     handle = _Handle()
-    waits = np.array([-0.9 * handle.own.patience])
-    memory = handle.memory._replace(moved_time=waits)
-    limits = []
-    for attempts in (0.0, 1.0, 10.0):
-        handle.memory = memory._replace(attempts=np.array([attempts]))
-        force = handle.own.gentle_force + 1
-        limits.append(handle.step(force=force) > 0)
-    assert limits == [False, True, True]
-    handle.memory = memory._replace(attempts=np.array([1.0]), moved_time=np.zeros(1))
-    assert handle.step(force=handle.own.gentle_force + 1) == 0
-    handle.memory = memory._replace(attempts=np.array([10.0]))
-    assert handle.step(force=handle.own.firm_force) == 0
+    own, memory, firmer = handle.own, handle.memory, []
+    for waited in (0.0, own.calm, own.calm + 2.0, 1e3):
+        handle.memory = memory._replace(moved_time=np.array([-waited]), attempts=np.zeros(1))
+        firmer.append(handle.step(force=own.gentle_force + own.firmer) > 0)
+        handle.time = 0.0
+    assert firmer == [False, False, True, False]  # after so long it is stuck, and pulls back
+    handle.memory = memory._replace(moved_time=np.array([-0.9 * own.patience]))
+    assert handle.step(force=own.firm_force) == 0
+
+
+def test_it_looks_between_two_strokes_and_eases_what_pushes_hard():
+    handle = _Handle(new_colon=2.0, patience=600.0)
+    _run(handle, handle.own.stroke - _STEP)
+    assert min(handle.rates) > 0
+    _run(handle, 2 * _STEP)
+    assert handle.step(force=0.5 * handle.own.held_force) == 0
+    assert handle.step(force=2 * handle.own.held_force) < 0
+    _run(handle, handle.own.pause)
+    assert handle.rates[-1] > 0
+
+
+def test_a_loop_that_comes_again_is_left_deeper():
+    """Shaft that goes in before it pulls back, while the tip stays: more of it after each attempt."""
+    handle, depths = _Handle(new_colon=2.0, pause=0.0, most_shaft=3.0), []
+    while len(depths) < 3:
+        before = handle.mode
+        handle.step(tip=0.0)
+        if handle.mode == 1.0 != before:
+            depths.append(handle.shaft - 0.3)
+    assert np.diff(depths) == pytest.approx(handle.own.lost_shaft, abs=0.02)

@@ -161,6 +161,23 @@ def test_a_clamped_tube_bends_like_a_beam() -> None:
     assert moved == pytest.approx(0.02 * 0.295**3 / (3 * rigidity), rel=0.01)
 
 
+@pytest.mark.parametrize("over", [16.0, 100.0])
+def test_no_pull_folds_a_tube_back_at_a_node(over: float) -> None:
+    """An edge on a hinge B, pulled back by far more than B over its length: F x l = 2 B tan(t/2) (Bergou 2008)."""
+    rigidity, length, steps = 0.01, 0.01, 1000
+    held, bending = np.array([1e6, 1e6, 1e6, 0.0]), np.array([0.0, 0.0, rigidity, 0.0])
+    own = _straight(0.03, hold=held, bending=bending, tension=np.full(3, 1e3), pleating=np.float64(1.0))
+    own = Mesentery(*map(np.asarray, own))
+    grip = AttachmentPoints(np.array([[0.0, 0.01, 0.02, 0.03]]), np.zeros((1, 4, 3)))
+    force, now = over * rigidity / length * np.array([1e-3, 0.0, -1.0]), moving_colon.at_rest(np, own, 1, float)
+    for _ in range(steps):
+        now = moving_colon.step_axis(np, own, now, grip, _only(4, -1, [*force])[None], np.zeros((1, 4, 2)), _STEP)
+    before, edge = np.diff(own.nodes[0] + now.pose[0, :, :3], axis=0)[1:]
+    angle = np.arccos(before @ edge / np.linalg.norm(before) / np.linalg.norm(edge))
+    assert np.degrees(angle) < 175
+    assert 2 * rigidity * np.tan(angle / 2) == pytest.approx(np.linalg.norm(np.cross(edge, force)), rel=1e-3)
+
+
 def test_a_mesentery_is_slack_and_then_taut() -> None:
     """All nodes pushed alike: they move by the slack, and then by force over stiffness; a little support is felt."""
     count, force = 31, 0.3

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from haustra.scripts.bench.motion import AROUND, COMPARED, PLAIN, effects, soundness
+from haustra.scripts.bench.motion import COMPARED, PATIENTS, PLAIN, effects, soundness
 from haustra.scripts.bench.pages.motion_page import motion_page
 from haustra.scripts.main import SUCCESS, main
 
@@ -18,12 +18,12 @@ def _row(colon: str, patient: str, **changed) -> dict:
 def test_changes_are_those_of_the_same_colon_and_escapes_must_be_said() -> None:
     plain = [_row(f"grown-{n}", PLAIN, tip_arc_max_m=1.0 + n) for n in range(4)]
     left = [_row(f"grown-{n}", "on the left side", tip_arc_max_m=1.1 + n + 0.01 * n) for n in range(4)]
-    rest = [_row(f"grown-{n}", name) for n in range(4) for name in AROUND if name not in (PLAIN, "on the left side")]
+    rest = [_row(f"grown-{n}", name) for n in range(4) for name in PATIENTS if name not in (PLAIN, "on the left side")]
     rows = [*plain, *left, *rest]
     found = {entry["patient"]: entry["tip_arc_max_m"] for entry in effects(rows)}
     assert found["on the left side"]["change"] == pytest.approx(0.115)
     assert found["on the left side"]["half_interval"] == pytest.approx(3.182 * 0.0129 / 2, rel=1e-2)
-    assert "**+0.115 ± 0.021**" in motion_page(rows, seconds=60.0)
+    assert "**+0.115 ± 0.021**" in motion_page({"runs": rows, "seconds": 60.0, "judged_every": 1.0})
     torn = _row("grown-9", PLAIN, outcome="escaped", p_perforation=0.5, turned_over_max_share=0.02)
     sound = soundness([*rows, torn])
     assert (sound["escaped"], sound["escaped_unsaid"], sound["turned_over_max_share"]) == (1, 1, 0.02)
@@ -34,6 +34,6 @@ def test_it_runs_and_leaves_a_page(tmp_path, capsys) -> None:
     words = ["bench", "motion", "-o", str(tmp_path), "--colons", "2", "--seconds", "2", "--json"]
     assert main(words) == SUCCESS
     said = json.loads(capsys.readouterr().out)["soundness"]
-    assert said["runs"] == 2 * len(AROUND) and said["diverged"] == 0
+    assert said["runs"] == 2 * len(PATIENTS) and said["diverged"] == 0
     assert said["turned_over_max_share"] == 0.0 and said["outside_surface_max_mm"] == 0.0
     assert "The patient around it" in (tmp_path / "motion.md").read_text(encoding="utf-8")
