@@ -41,7 +41,9 @@ def test_real_colons_and_every_kind_of_pieces_have_an_error(mesentery, wall):
 
 def test_a_wall_law_has_an_error_of_its_own():
     pieces = stated_error(SceneOptions(wall_law="pieces"), "grown", wall="prism")
-    table = stated_error(find_preset("balanced").apply(law="table"), "grown")
+    table = stated_error(
+        find_preset("balanced").apply(SceneOptions(wall_law="table", mesentery=True), law="table"), "grown"
+    )
     assert None not in table.wall_force and table.wall_force != pieces.wall_force
 
 
