@@ -35,12 +35,12 @@ hand, and for nothing on this page but to arrive without tearing or hurting.
 **What it shows.** The endoscopist who pulled back after every failure was under way when its time ended, whatever its
 settings. Mended rules, not numbers, help: quick strokes get on where slow pushing only bows the colon; wires that pull
 at a caught tip as hard as wheels do free it in the right colon; and a loop that has come again is left, where shaft
-allows. Peaks, loops, their share of the time, straightenings and the rise of force are then as published, on patients
-that nothing was chosen by. Both drivers push too hard for too long, and too often where it hurts the sigmoid or tears.
-**Who drives matters less to the caecum than what with**: with the policy's scope of 2 m the endoscopist arrives as often
-as the policy, and as clinics; with the adult one it fails in long colons, where the whole scope lies in loops that
-pulling back does not keep out. Half a metre of shaft hardly ever reaches the splenic flexure. Too few kinds of loops
-were had by some and not by others to be compared with times where the table says so. N = 400 was not examined.
+allows. With the adult scope peaks, loops, their share of the time, straightenings and the rise of force are then
+inside. **Who drives matters less to the caecum than what with**: with the policy's scope of 2 m the endoscopist arrives
+as often as the policy, and as clinics; with the adult one it fails in long colons, where the whole scope lies in loops
+that pulling back does not keep out. All push too hard for too long, and too often where it hurts the sigmoid or tears.
+Half a metre of shaft hardly ever reaches the splenic flexure. Too few kinds of loops were had by some and not by
+others to be compared with times where the table says so. N = 400 was not examined.
 """
 
 
