@@ -28,8 +28,9 @@ from haustra.models.wall.lumen_table import pick
 from haustra.models.wall.pieces.wall import Wall
 
 PATIENCE = 10.0
-"""A run whose time is up was stuck when it made less than `_HEADWAY` in this time [s]."""
-_HEADWAY = 0.005
+"""A run whose time is up was stuck when it made less than `HEADWAY` in this time [s]."""
+HEADWAY = 0.005
+"""A run comes further when its tip does by this much [m]."""
 
 Records = Mapping[str, Any]
 """What was recorded at every control interval, by name: `time` [s], `tip_arc` [m], `wall_force` [N], `deepest` [m] and
@@ -113,7 +114,7 @@ def run_device(
         told = {"qpos": qpos[0], "ctrl": ctrl[0], "commands": commands[0], "mocap_pos": places, "mocap_quat": turns}
         rows.append({**row, **own, **borne, **told})
         outcome = ended(row, colon.centreline.length)
-        if row["tip_arc"] > furthest + _HEADWAY:
+        if row["tip_arc"] > furthest + HEADWAY:
             furthest, since = float(row["tip_arc"]), float(row["time"])
         if patience and outcome is None and row["time"] - since > patience:
             outcome = Outcome.STUCK
@@ -175,7 +176,7 @@ def time_is_up(records: Records) -> Outcome:
         return Outcome.TIME_UP
     late = at > at[-1] - PATIENCE
     before = float(arc[~late].max(initial=0.0))
-    return Outcome.STUCK if arc[late].max() - before < _HEADWAY else Outcome.TIME_UP
+    return Outcome.STUCK if arc[late].max() - before < HEADWAY else Outcome.TIME_UP
 
 
 def common_scores(
