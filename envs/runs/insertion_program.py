@@ -152,6 +152,7 @@ class InsertionProgram:
             pull_limit=scopes.scope("pull_limit"),
             bend_limit=xp.minimum(scopes.scope("bend_limit"), own.steer_limit_deg * (np.pi / 180)),
             lead=own.steer_lead + self._wheel_lead(scopes),
+            length=scopes.scope("length"),
         )
 
     def _wheel_lead(self, scopes: ScopeProgram) -> Any:
