@@ -20,7 +20,7 @@ OPEN = 0.02
 """What a triangle spans as seen from its axis is brought to this share of that at rest [1]; engineering choice."""
 STRIDE = 0.002
 """A corner moves at most so far at once [m]; engineering choice, less than a triangle's edge."""
-ROUNDS = 400
+ROUNDS = 800
 """How often all triangles are looked at, at most: what one gains the next may lose."""
 
 
