@@ -71,6 +71,7 @@ BENCHMARKS: Mapping[str, str] = {
     "bench cores": f"{_BENCH}.cores:BenchCores",
     "bench cost": f"{_BENCH}.cost:BenchCost",
     "bench device": f"{_BENCH}.device:BenchDevice",
+    "bench device-errors": f"{_BENCH}.device_errors:BenchDeviceErrors",
     "bench drivers": f"{_BENCH}.drivers:BenchDrivers",
     "bench episodes": f"{_BENCH}.episodes:BenchEpisodes",
     "bench errors": f"{_BENCH}.errors:BenchErrors",

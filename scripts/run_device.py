@@ -8,7 +8,7 @@ from haustra.errors import InvalidOptionError
 if TYPE_CHECKING:
     from haustra.models.devices.base import Device
 
-_ALWAYS = ("colon", "output", "device", "seconds", "friction", "fixed", "wall", "json")
+_ALWAYS = ("colon", "output", "device", "seconds", "friction", "fixed", "wall", "error", "json")
 _TABLE = ("wall_law", "wall_stiffness", "timestep", "gravity")
 _PATIENT = ("insufflate", "gas_flow", "gas_start", "posture", "mobile", "adhesions", "pressed")
 """Options of `haustra run` that all devices honour; `start` is honoured by those that stand in the colon."""
@@ -20,11 +20,13 @@ def run_any(asked: Any, device: "Device") -> dict[str, Any]:
     Raises:
         InvalidOptionError: naming an option that this device does not honour.
     """
-    from haustra.envs.runs.device_run import run_device
+    from haustra.envs.runs.device_run import DeviceRun, run_device
+    from haustra.envs.runs.error import half_step, own_error
     from haustra.envs.view.device_folder import write_device_run
     from haustra.files import prepare_folder
     from haustra.models.anatomy.store import load_colon
     from haustra.models.device_scene import device_options
+    from haustra.models.scene import SceneOptions
     from haustra.models.wall.pieces.folder import wall_of
     from haustra.scripts.console import progress_bar
     from haustra.scripts.wall import wall_bar
@@ -42,13 +44,19 @@ def run_any(asked: Any, device: "Device") -> dict[str, Any]:
     if options.wall_law == "pieces":
         with wall_bar() as tell_wall:
             wall = wall_of(asked.colon, colon, asked.wall, progress=tell_wall)
-    with progress_bar("simulate", asked.seconds, unit="s") as advance:
 
-        def tell(time: float, arc: float) -> None:
-            advance(time, f"tip at {arc:.2f} m")
+    def drive(what: str, options: SceneOptions) -> DeviceRun:
+        with progress_bar(what, asked.seconds, unit="s") as advance:
 
-        run = run_device(device, colon, options, seconds=asked.seconds, wall=wall, progress=tell)
-    return write_device_run(folder, colon=colon, run=run)
+            def tell(time: float, arc: float) -> None:
+                advance(time, f"tip at {arc:.2f} m")
+
+            return run_device(device, colon, options, seconds=asked.seconds, wall=wall, progress=tell)
+
+    run, error = drive("simulate", options), None
+    if asked.error:
+        error = own_error(run, {name: drive(name, finer) for name, finer in half_step(options).items()})
+    return write_device_run(folder, colon=colon, run=run, error=error)
 
 
 def _require_honoured(asked: Any, device: "Device", honoured: tuple[str, ...]) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from haustra.envs.runs.device_run import PATIENCE, Records, ended, time_is_up
+from haustra.envs.runs.device_run import HEADWAY, PATIENCE, Records, ended, time_is_up
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.outcome import Outcome
 from haustra.envs.sim.device_native import NativeDevice
@@ -15,9 +15,6 @@ from haustra.models.anatomy.colon import Colon
 from haustra.models.device_scene import build_device_scene, device_tables, pose_in
 from haustra.models.devices.base import Device
 from haustra.models.scene import SceneOptions
-
-_HEADWAY = 0.005
-"""A run comes further when its tip does by this much [m]."""
 
 
 def run_devices(
@@ -66,15 +63,16 @@ def run_devices(
         commands, memory = device.drive(np, seen, memory)
         healthy = backend.step(commands, steps)
         seen, own = backend.read(), backend.readings()
-        told = {name: getattr(seen, name) for name in ("time", "tip_arc", "wall_force", "deepest")} | own
+        told = {name: getattr(seen, name) for name in ("time", "tip", "tip_arc", "wall_force", "deepest")} | own
+        told["wall_force_sum"] = backend.body_forces().sum(axis=1)
         for world in [number for number, outcome in enumerate(outcomes) if outcome is None]:
             if not healthy[world]:
                 outcomes[world] = Outcome.DIVERGED
                 continue
-            row = {name: float(values[world]) for name, values in told.items()}
+            row = {name: values[world] for name, values in told.items()}
             rows[world].append(row)
             outcomes[world] = ended(row, colons[world].centreline.length)
-            if row["tip_arc"] > furthest[world] + _HEADWAY:
+            if row["tip_arc"] > furthest[world] + HEADWAY:
                 furthest[world], since[world] = row["tip_arc"], row["time"]
             if outcomes[world] is None and row["time"] - since[world] > patience:
                 outcomes[world] = Outcome.STUCK

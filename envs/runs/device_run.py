@@ -16,9 +16,10 @@ from haustra.envs.runs.measure.progress import segment_at
 from haustra.envs.runs.outcome import CAECUM_MARGIN, ESCAPE_DEPTH, Outcome
 from haustra.envs.sim.device_native import DeviceGas, NativeDevice
 from haustra.envs.sim.moved_colon import CurrentColon
-from haustra.models.accuracy import NumericalError
+from haustra.models.accuracy import NumericalError, kind_of
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.lumen_meshes import add_lumen
+from haustra.models.device_accuracy import stated_device_error
 from haustra.models.device_scene import build_device_scene, device_options, device_tables, pose_in
 from haustra.models.devices.base import Device, Reading
 from haustra.models.injury.perforation import link_load, worst_load
@@ -27,8 +28,9 @@ from haustra.models.wall.lumen_table import pick
 from haustra.models.wall.pieces.wall import Wall
 
 PATIENCE = 10.0
-"""A run whose time is up was stuck when it made less than `_HEADWAY` in this time [s]."""
-_HEADWAY = 0.005
+"""A run whose time is up was stuck when it made less than `HEADWAY` in this time [s]."""
+HEADWAY = 0.005
+"""A run comes further when its tip does by this much [m]."""
 
 Records = Mapping[str, Any]
 """What was recorded at every control interval, by name: `time` [s], `tip_arc` [m], `wall_force` [N], `deepest` [m] and
@@ -112,7 +114,7 @@ def run_device(
         told = {"qpos": qpos[0], "ctrl": ctrl[0], "commands": commands[0], "mocap_pos": places, "mocap_quat": turns}
         rows.append({**row, **own, **borne, **told})
         outcome = ended(row, colon.centreline.length)
-        if row["tip_arc"] > furthest + _HEADWAY:
+        if row["tip_arc"] > furthest + HEADWAY:
             furthest, since = float(row["tip_arc"]), float(row["time"])
         if patience and outcome is None and row["time"] - since > patience:
             outcome = Outcome.STUCK
@@ -174,7 +176,7 @@ def time_is_up(records: Records) -> Outcome:
         return Outcome.TIME_UP
     late = at > at[-1] - PATIENCE
     before = float(arc[~late].max(initial=0.0))
-    return Outcome.STUCK if arc[late].max() - before < _HEADWAY else Outcome.TIME_UP
+    return Outcome.STUCK if arc[late].max() - before < HEADWAY else Outcome.TIME_UP
 
 
 def common_scores(
@@ -227,8 +229,15 @@ def reading_columns(reading: Reading) -> tuple[str, str]:
     return f"{reading.name}_mean{unit}", f"{reading.name}_peak{unit}"
 
 
-def device_scores(run: DeviceRun, colon: Colon) -> dict[str, Any]:
-    """All scores of a run but its provenance, as plain JSON values."""
+def device_scores(run: DeviceRun, colon: Colon, *, error: NumericalError | None = None) -> dict[str, Any]:
+    """All scores of a run but its provenance, as plain JSON values.
+
+    The numerical error is that of the run itself where it was measured, otherwise that of other runs of its kind.
+    """
+    options = device_options(
+        run.device, wall_law=run.wall_law, mesentery=run.mesentery, timestep=float(run.spec.option.timestep)
+    )
+    error = error or stated_device_error(run.device, options, kind_of(colon))
     found = common_scores(run.outcome, run.records, run.device.readings, colon, run.radius)
     simulated = found["simulated_s"]
     return {
@@ -246,7 +255,7 @@ def device_scores(run: DeviceRun, colon: Colon) -> dict[str, Any]:
         "backend": run.backend,
         "wall_law": run.wall_law,
         "mesentery": run.mesentery,
-        "numerical_error": NumericalError().to_json(),
+        "numerical_error": error.to_json(),
         "timestep_s": float(run.spec.option.timestep),
         "not_modelled": dict(run.left_out),
     }

@@ -1,7 +1,7 @@
 """One run: a scope driven into a colon, recorded and scored."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -121,6 +121,11 @@ class Insertion:
     """Pressures and volumes of gas, where the scene had it."""
     shaft_added: tuple[float, ...] = ()
     """When shaft was added to the scene [s]: from then on stock MuJoCo repeats it closely, but not to the bit."""
+
+    @property
+    def records(self) -> Mapping[str, np.ndarray]:
+        """What was recorded, by name."""
+        return vars(self.trajectory)
 
 
 def run_insertion(

@@ -190,7 +190,7 @@ class WarpDevice:
         data = data.replace(ctrl=ctrl, **{name: now.data[name] for name in _KEPT})
         places = jax.vmap(mjx.kinematics, in_axes=(None, 0))(wall.model, data).geom_xpos[:, wall.spheres]
         radius = jnp.asarray(wall.radius, jnp.float32)[None]
-        done = wall.step(contacts, tables, now.displacement, places, now.arcs, radius, data)
+        done = wall.step(contacts, tables, now.displacement, places, now.arcs, radius, data, now.healthy)
         after = Worlds(
             data={name: getattr(done.data, name).reshape(now.data[name].shape) for name in _USED},
             arcs=done.arcs,

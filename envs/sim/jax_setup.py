@@ -38,20 +38,3 @@ def share_memory() -> None:
     has touched a device, nothing changes any more.
     """
     os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
-
-
-def describe_device(devices: list[Any]) -> dict[str, str]:
-    """What figures of speed need beside them."""
-    from datetime import UTC, datetime
-    from importlib.metadata import version
-
-    import jax
-
-    return {
-        "kind": devices[0].device_kind,
-        "platform": devices[0].platform,
-        "count": str(len(devices)),
-        "date": datetime.now(UTC).date().isoformat(),
-        "jax": jax.__version__,
-        "mujoco": version("mujoco"),
-    }

@@ -167,8 +167,13 @@ class WarpPlanes:
         arcs: Array,
         radius: Array,
         data: Any,
+        healthy: Array,
     ) -> Stepped:
         """One time step of MuJoCo's, and of the colons.
+
+        MuJoCo Warp solves by Newton's method in single precision. Where links are light and contacts stiff, the matrix
+        that it factorises has a condition of 10^8, and now and then, by rounding alone, a root of a negative number.
+        Such a step is made again by conjugate gradients, which factorise no more than the device's own inertia.
 
         Args:
             contacts: the law.
@@ -178,6 +183,7 @@ class WarpPlanes:
             arcs: of the places at the last look (worlds, places) [m].
             radius: of the spheres (worlds or 1, places or 1), all alike where colons move [m].
             data: MuJoCo's, with state and controls.
+            healthy: worlds that are not lost yet.
         """
         count, own = len(self.spheres), tables.mesentery
         found, grip = look(tables, displacement, places, arcs, radius[:, 0])
@@ -197,6 +203,11 @@ class WarpPlanes:
         model = contacts.model.tree_replace(changed)
         data = data.replace(mocap_pos=planes.position, mocap_quat=planes.turn)
         done = jax.vmap(mjx.step, in_axes=(contacts.axes, 0))(model, data)
+        lost = (healthy & ~jnp.isfinite(done.qvel).all(axis=1)).any()
+        slowly = model.tree_replace({"opt.solver": mjx.SolverType.CG})
+        axes = contacts.axes.tree_replace({"opt.solver": mjx.SolverType.CG})
+        again = lambda _: jax.vmap(mjx.step, in_axes=(axes, 0))(slowly, data)  # noqa: E731
+        done = jax.lax.cond(lost, again, lambda made: made, done)
         force, damping = self._on_wall(contacts, done._impl)
         if displacement and grip and own:
             displacement = moving_colon.step_axis(jnp, own, displacement, grip, force, damping, self.timestep)

@@ -201,7 +201,9 @@ class WarpScopes(ScopeChain):
             qacc_warmstart=worlds.warm,
             ctrl=self._controls(parameters, worlds, hands),
         )
-        done = self.wall.step(contacts, tables, worlds.displacement, places, worlds.arcs, scope.radius[:, None], data)
+        done = self.wall.step(
+            contacts, tables, worlds.displacement, places, worlds.arcs, scope.radius[:, None], data, worlds.healthy
+        )
         after = worlds._replace(
             qpos=done.data.qpos,
             qvel=done.data.qvel,

@@ -20,6 +20,7 @@ from haustra.envs.view.picture.tube import Tube, tube
 from haustra.envs.view.report.run_report import report_run
 from haustra.envs.view.run_folder import write_trajectory
 from haustra.files import replaced_together, write_atomically, write_json
+from haustra.models.accuracy import NumericalError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.store import colon_hash
 from haustra.models.scene import entry_of
@@ -36,12 +37,15 @@ _TIP_SIZE = 480
 """Rows and columns of the picture that the device's camera sees [pixels]."""
 
 
-def write_device_run(folder: Path, *, colon: Colon, run: DeviceRun) -> dict[str, Any]:
+def write_device_run(
+    folder: Path, *, colon: Colon, run: DeviceRun, error: NumericalError | None = None
+) -> dict[str, Any]:
     """Write scores.json, trajectory.npz, scene.xml, pictures and report.html; returns the scores.
 
     Pictures are outside.png, device.png and tip.png. The scene's keyframe `end` is where the run ended.
 
-    A run that was there is replaced as a whole.
+    The numerical error is that of the run itself where it was measured, otherwise that of other runs of its kind. A run
+    that was there is replaced as a whole.
 
     Raises:
         OutputError: when the folder cannot be written to.
@@ -49,7 +53,7 @@ def write_device_run(folder: Path, *, colon: Colon, run: DeviceRun) -> dict[str,
     provenance = Provenance(
         inputs={"colon": colon_hash(colon), "colon_name": colon.name}, configuration=run.configuration
     )
-    scores: dict[str, Any] = {**device_scores(run, colon), "provenance": provenance.to_json()}
+    scores: dict[str, Any] = {**device_scores(run, colon, error=error), "provenance": provenance.to_json()}
     spec = _ended(run)
     text, pictures = spec.to_xml(), end_pictures(run)
     with replaced_together(folder) as place:

@@ -5,18 +5,19 @@ the wall's stiffness; only the piece in which it is deepest counts here, so that
 mesentery the pieces of each block stand on a mocap body that goes along with the axis at the middle of the block.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 from jaxtyping import Bool, Float
 
-from haustra.models.wall import lumen_table, moving_colon
+from haustra.models.wall import lumen_table, moving_colon, vectors
 from haustra.models.wall.compiled import loops
-from haustra.models.wall.law import WallContact, apply_contact
+from haustra.models.wall.law import WallContact, apply_contact, soft_contact
 from haustra.models.wall.moving_colon import AxisDisplacement, AxisShape
 from haustra.models.wall.pieces.wall import Wall
+from haustra.models.wall.plane_pose import moving_contact
 from haustra.models.wall.planes import Sample, add_sphere
 from haustra.models.wall.table_wall import SLIP_SPEED, TableLook
 
@@ -71,15 +72,23 @@ def add_piece_spheres(
         apply_contact(spec, bare, [name], sample.law(contact), timestep=timestep)
 
 
-def step_once(model: mujoco.MjModel, data: mujoco.MjData, spheres: Bool[np.ndarray, " geoms"]) -> None:
+def step_once(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    spheres: Bool[np.ndarray, " geoms"],
+    *,
+    amend: Callable[[mujoco.MjData], bool] = lambda data: False,
+) -> None:
     """Advance by one step, in which what these spheres press at one place counts once.
 
     Of the pieces that a sphere touches the one in which it is deepest counts, and of those that stand in front of the
     plane that touches it there, as the other side of a valley does, again the deepest. Where none is left out it is
-    `mj_step`, to the bit. Contacts that do not count keep their place among `data.contact`, marked as excluded.
+    `mj_step`, to the bit. Contacts that do not count keep their place among `data.contact`, marked as excluded. Those
+    that do, `amend` may change before MuJoCo makes constraints of them; it says whether it did.
     """
     mujoco.mj_step1(model, data)
-    if _leave_out(model, data, spheres):
+    fewer = _leave_out(model, data, spheres)
+    if amend(data) or fewer:
         mujoco.mj_makeConstraint(model, data)
         mujoco.mj_island(model, data)
         mujoco.mj_projectConstraint(model, data)
@@ -139,7 +148,6 @@ class PieceWall:
         self.stiffness: Float[np.ndarray, " spheres"] = np.full(len(self.spheres), contact.stiffness)
         """Stiffness of the contacts of each sphere [N/m]."""
         self._seen: mujoco.MjData | None = None
-        self._rubbed = np.zeros(0, int)
         self._moved, self._blocks, self._axis = look.displacement, blocks, look.axis
         if self._axis.mesentery is not None:
             self._own = self._axis.mesentery
@@ -166,12 +174,7 @@ class PieceWall:
             self._moved.pose[:], self._moved.speed[:] = other._moved.pose, other._moved.speed
 
     def update(self, data: mujoco.MjData) -> None:
-        """Put the blocks where the colon is now; to be called before every step.
-
-        MuJoCo takes mocap bodies for ones that stand still. The wall's speed v changes the force of spring and damper,
-        K d + (c + h K) d', as if it were (c / K + h) v further on, so that is where the blocks are put; across, their
-        surfaces move at the speed that friction sees.
-        """
+        """Put the blocks where the colon is now; to be called before every step."""
         if self._moved is None:
             return
         ahead = moving_colon.carried_on(np, self._own, self._moved, self._ahead)
@@ -179,22 +182,37 @@ class PieceWall:
         shape = moving_colon.shape_of(np, self._own, both)
         self._shape = AxisShape(*(part[:1] for part in shape))
         points, arcs = (np.repeat(part[None], 2, axis=0) for part in (self._blocks.places, self._blocks.arcs))
-        poses, turns = moving_colon.section_poses(np, self._axis, both, shape, points, arcs)
-        data.mocap_pos[self._mocap], data.mocap_quat[self._mocap] = poses[1], turns[1]
-        # Speeds are needed of pieces that are touched: of those that were in the last step.
-        self._model.geom_surfacevel[self._rubbed] = 0.0
-        pieces = data.contact.geom[:, 1]
-        pieces = np.unique(pieces[self._block_of[pieces] >= 0])
-        block = self._block_of[pieces]
-        now, ahead = (_matrices(turn[block]) for turn in turns)
-        moved = np.einsum("gij,gj->gi", ahead - now, self._faces[pieces]) + (poses[1] - poses[0])[block]
-        local = np.einsum("gji,gj->gi", ahead, moved / self._ahead)
-        self._model.geom_surfacevel[pieces, :3] = np.einsum("gji,gj->gi", self._frames[pieces], local)
-        self._rubbed = pieces
+        self._poses, self._turns = moving_colon.section_poses(np, self._axis, both, shape, points, arcs)
+        data.mocap_pos[self._mocap], data.mocap_quat[self._mocap] = self._poses[0], self._turns[0]
+
+    def _take_along(self, data: mujoco.MjData) -> bool:
+        """Let contacts know how fast their blocks move: MuJoCo takes mocap bodies for ones that stand still.
+
+        Along the normal by the law of the table's planes (`plane_pose.moving_contact`), across by surfaces that move.
+        """
+        if self._moved is None:
+            return False
+        contact, model, h = data.contact, self._model, self._model.opt.timestep
+        on = np.flatnonzero((contact.exclude == 0) & (self._block_of[contact.geom[:, 1]] >= 0))
+        if not len(on):
+            return False
+        sphere, piece = self._sphere_of[contact.geom[on, 0]], contact.geom[on, 1]
+        block, inwards = self._block_of[piece], -contact.frame[on, :3]
+        now, later = (_matrices(turn[block]) for turn in self._turns)
+        place = np.einsum("cji,cj->ci", now, contact.pos[on] - self._poses[0, block])
+        moved = np.einsum("cij,cj->ci", later - now, place) + (self._poses[1] - self._poses[0])[block]
+        speed, stiffness = moved / self._ahead, self.stiffness[sphere]
+        both = vectors.of(inwards), vectors.of(speed)
+        depth, ahead = moving_contact(np, -contact.dist[on], *both, self._ahead, h)
+        soft = soft_contact(np, self._inverse_inertia[sphere], stiffness, stiffness * ahead, timestep=h)
+        contact.dist[on], contact.solref[on], contact.solimp[on, :2] = -depth, soft.solref, soft.impedance[:, None]
+        local = np.einsum("cji,cj->ci", now, speed)
+        model.geom_surfacevel[piece, :3] = np.einsum("cji,cj->ci", self._frames[piece], local)
+        return True
 
     def step(self, data: mujoco.MjData) -> None:
         """Advance by one step, the colon's too."""
-        step_once(self._model, data, self._sphere_of >= 0)
+        step_once(self._model, data, self._sphere_of >= 0, amend=self._take_along)
         self._seen = data
         if self._moved is not None:
             self._give_way(data, self._moved)
@@ -227,20 +245,12 @@ class PieceWall:
         block_of_body = np.full(model.nbody, -1)
         block_of_body[bodies] = np.arange(len(bodies))
         self._block_of = block_of_body[model.geom_bodyid]
-        self._frames, self._faces = np.zeros((model.ngeom, 3, 3)), np.zeros((model.ngeom, 3))
+        self._frames = np.zeros((model.ngeom, 3, 3))
         for geom in map(int, np.flatnonzero(self._block_of >= 0)):
             mujoco.mju_quat2Mat(self._frames[geom].reshape(9), model.geom_quat[geom])
-            self._faces[geom] = _nearest_corner(model, geom, self._frames[geom])
+        self._inverse_inertia = model.body_invweight0[model.geom_bodyid[self.spheres], 0]
         self._levers = blocks.places - lumen_table.axis_at(np, self._axis, blocks.arcs[None])[0]
         model.flg_surfacevel = True
-
-
-def _nearest_corner(model: mujoco.MjModel, geom: int, frame: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3"]:
-    """The corner of a piece that is nearest to its block's place on the axis, seen from there [m]."""
-    mesh = model.geom_dataid[geom]
-    start = model.mesh_vertadr[mesh]
-    corners = model.mesh_vert[start : start + model.mesh_vertnum[mesh]] @ frame.T + model.geom_pos[geom]
-    return corners[np.einsum("ci,ci->c", corners, corners).argmin()]
 
 
 def _matrices(quaternions: Float[np.ndarray, "turns 4"]) -> Float[np.ndarray, "turns 3 3"]:

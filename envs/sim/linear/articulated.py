@@ -25,10 +25,6 @@ class Inertia(NamedTuple):
     m: tuple[Any, ...]
     """xx, xy, xz, yy, yz, zz [kg]."""
 
-    def plus(self, other: "Inertia") -> "Inertia":
-        """Inertia of both together."""
-        return Inertia(*(tuple(x + y for x, y in zip(*parts, strict=True)) for parts in zip(self, other, strict=True)))
-
 
 def symmetric(x: Any, y: Any, z: Any, u: Vector, v: Vector) -> tuple[Any, ...]:
     """A diagonal, and u v^T, which is symmetric."""

@@ -61,15 +61,18 @@ def test_a_capsule_is_pressed_and_rubbed_as_by_the_table(law: str) -> None:
 
 
 def test_on_the_mesentery_a_capsule_moves_pieces_as_it_moves_the_table() -> None:
-    """At rest: the colon's axis within 3 % of the largest displacement, force within 1 %; pieces went where it is."""
+    """While it gives way and after: the axis within 1 % of the largest displacement, mean force within 1 %.
+
+    It gives way at 30 mm/s at first, by three times the contacts' depth in c / K + h: their damper must be weaker.
+    """
     (found, force), (known, expected) = (
-        pressed(law, intervals=300, friction=0.0, mesentery=True) for law in ("pieces", "table")
+        pressed(law, intervals=80, friction=0.0, mesentery=True) for law in ("pieces", "table")
     )
     assert found.displacement is not None and known.displacement is not None
     way, wanted = found.displacement[0, :, :3], known.displacement[0, :, :3]
     largest = np.linalg.norm(wanted, axis=1).max()
-    assert largest > 0.01
-    assert np.linalg.norm(way - wanted, axis=1).max() < 0.03 * largest
+    assert largest > 0.007
+    assert np.linalg.norm(way - wanted, axis=1).max() < 0.01 * largest
     assert force == pytest.approx(expected, rel=0.01)
     places, _ = found.mocap()
     assert np.linalg.norm(places - found.scene.blocks.places, axis=1).max() == pytest.approx(largest, rel=0.1)

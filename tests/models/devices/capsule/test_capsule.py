@@ -164,10 +164,13 @@ def colon_folder(tube, tmp_path_factory) -> Path:
 
 def test_it_runs_from_the_command_line(colon_folder, tmp_path, capsys):
     call = ["run", "--colon", str(colon_folder), "--device", "capsule", "--seconds", "1"]
-    assert main([*call, "-o", str(tmp_path), "--json"]) == SUCCESS
+    assert main([*call, "-o", str(tmp_path), "--error", "--json"]) == SUCCESS
     scores = json.loads(capsys.readouterr().out)
     assert scores == json.loads((tmp_path / "scores.json").read_text())
     assert scores["device"] == scores["device_kind"] == "capsule"
+    error = scores["numerical_error"]
+    assert error["measured_on"] == "this run against half the time step" and error["push"] == [None, None]
+    assert 0 < error["tip_mm"][0] == error["tip_mm"][1] < 5
     assert scores["backend"] == "native" and scores["wall_law"] == "table" and scores["mesentery"] is True
     assert 0.2 < scores["reach"] < 0.6 and scores["magnet_force_peak_N"] == pytest.approx(0.5, rel=0.01)
     assert "tether" in scores["not_modelled"] and scores["provenance"]["versions"]["mujoco"]
