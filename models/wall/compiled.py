@@ -289,35 +289,52 @@ def _lift(faces: Any, arcs: Any, places: Any, at: Any, beside: Any, radius: floa
                     _put_more(vertices, 0, k, way)
 
 
-def _unfold(faces: Any, axes: Any, least: Any, rounds: int, vertices: Any) -> None:
+def _unfold(faces: Any, axes: Any, least: Any, looks: int, rounds: int, vertices: Any) -> None:
     """Move corners of triangles that face their axis and are not to (`unfolding.aside`), one triangle after the other.
 
-    Those that do not come free are moved further from round to round, and after forty rounds little again.
+    All triangles are looked at, and then those that turned, or have a corner that moved, several times: further from
+    time to time.
 
     Args:
         faces: corners of each triangle.
         axes: place of the centreline beside each (1, triangles, 3) [m].
         least: what each is to span as seen from there [m^3]; not looked at where it is negative.
-        rounds: at most.
+        looks: at all triangles, at most.
+        rounds: around those that turned, after each look.
         vertices: (1, vertices, 3) [m], in place.
     """
-    for number in range(rounds):
-        turned = 0
+    moved, busy = np.zeros(vertices.shape[1], np.bool_), np.empty(len(faces), np.int64)
+    for _ in range(looks):
+        turned, count = 0, 0
         for t in range(len(faces)):
-            if least[t] > 0:
-                i, j, k = faces[t, 0], faces[t, 1], faces[t, 2]
-                axis = _node(axes, 0, t)
-                a, b = minus(_node(vertices, 0, i), axis), minus(_node(vertices, 0, j), axis)
-                c = minus(_node(vertices, 0, k), axis)
-                now = span(a, b, c)
-                if now <= 0:
-                    turned += 1
-                    ways = aside(np, a, b, c, (1 + number % 40 / 10) * least[t] - now)
-                    _put_more(vertices, 0, i, ways[0])
-                    _put_more(vertices, 0, j, ways[1])
-                    _put_more(vertices, 0, k, ways[2])
+            if least[t] > 0 and _spread(faces, axes, least, 1.0, vertices, moved, t):
+                turned += 1
         if turned == 0:
             break
+        for t in range(len(faces)):
+            if least[t] > 0 and (moved[faces[t, 0]] or moved[faces[t, 1]] or moved[faces[t, 2]]):
+                busy[count] = t
+                count += 1
+        for number in range(rounds):
+            for b in range(count):
+                _spread(faces, axes, least, 1 + number / 10, vertices, moved, busy[b])
+
+
+def _spread(faces: Any, axes: Any, least: Any, times_least: float, vertices: Any, moved: Any, t: int) -> bool:
+    """Spread a triangle if it faces its axis, to so many times what it is to span at least; whether it did."""
+    i, j, k = faces[t, 0], faces[t, 1], faces[t, 2]
+    axis = _node(axes, 0, t)
+    a, b = minus(_node(vertices, 0, i), axis), minus(_node(vertices, 0, j), axis)
+    c = minus(_node(vertices, 0, k), axis)
+    now = span(a, b, c)
+    if now > 0:
+        return False
+    ways = aside(np, a, b, c, times_least * least[t] - now)
+    _put_more(vertices, 0, i, ways[0])
+    _put_more(vertices, 0, j, ways[1])
+    _put_more(vertices, 0, k, ways[2])
+    moved[i], moved[j], moved[k] = True, True, True
+    return True
 
 
 def _rates(own: Any, world: int, speed: Any, shape: Any, spins: Any, flats: Any, acrosses: Any) -> None:
@@ -759,7 +776,7 @@ def loops() -> Loops:
 
     overload(vectors.where)(lambda xp, condition, yes, no: lambda xp, condition, yes, no: yes if condition else no)
     own = (_node, _put, _put_more, _turn, _put_turn, _section, _cells, _rest_closing, _node_between, _edge_rate)
-    own = (*own, _rates, _add_springs, _lean, _turn_sections)
+    own = (*own, _rates, _add_springs, _lean, _turn_sections, _spread)
     entries = (
         _query,
         _query_moved,
