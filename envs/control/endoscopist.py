@@ -62,6 +62,11 @@ class EndoscopistSettings:
     """Push that is left on the shaft while it is held [N]: the hand eases what is more."""
     firm_force: float = number("N", 0.01, 1e3, default=40.0)
     """Push that is not exceeded at all [N]: no patient is pushed at harder on purpose."""
+    unbend_time: float = number("s", 0.5, 600.0, default=10.0)
+    """Time without lumen passing in whose second half the tip is let go straight, again and again [s]: a tip that is
+    bent over on itself is pushed sideways, not on."""
+    unbent: float = number("rad", 0.0, 3.0, default=0.4)
+    """Largest bend that it steers for meanwhile [rad]."""
     stroke: float = number("s", 0.05, 600.0, default=4.0)
     """How long it pushes in one go [s]: quick strokes get on where slow ones only bow the colon."""
     pause: float = number("s", 0.0, 600.0, default=4.0)
@@ -70,7 +75,7 @@ class EndoscopistSettings:
     """Time without lumen passing for which one goes on gently [s]."""
     firmer: float = number("N/s", 0.0, 1e3, default=2.0)
     """Rate at which one pushes harder from then on, until lumen passes [N/s]."""
-    pull_force: float = number("N", 0.01, 1e3, default=12.0)
+    pull_force: float = number("N", 0.01, 1e3, default=13.0)
     """Pull at which withdrawal stands still [N]."""
     torque_limit: float = number("N m", 1e-3, 10.0, default=0.8)
     """Torque at which turning stands still [N m]."""
@@ -78,8 +83,10 @@ class EndoscopistSettings:
     """Speed of pulling back [m/s]."""
     lost_shaft: float = number("m", 0.005, 1.0, default=0.3)
     """Shaft that goes in without lumen passing before a loop is felt [m]; as much more after each attempt."""
-    new_colon: float = number("m", 0.01, 2.0, default=0.5)
-    """New colon after which the shaft is straightened in any case [m]."""
+    new_colon: float = number("m", 0.01, 2.0, default=0.4)
+    """New colon after which the shaft is straightened at the next bend that holds the tip [m]."""
+    hook: float = number("rad", 0.0, 3.0, default=1.0)
+    """Bend of the tip from which on it holds in a bend of the colon while the shaft is pulled [rad]."""
     slip: float = number("m", 1e-3, 0.5, default=0.03)
     """Lumen that slips away before pulling back ends [m]."""
     least_pull: float = number("m", 1e-3, 0.5, default=0.04)
@@ -96,6 +103,9 @@ class EndoscopistSettings:
     """Time of one turn to and fro [s]."""
     patience: float = number("s", 0.1, 600.0, default=60.0)
     """Time without lumen passing after which something else is tried [s]."""
+    most_attempts: float = number("1", 1.0, 1e3, default=6.0)
+    """Attempts without new colon after which it gives up, and rests: pain and looping end one insertion in twenty to
+    ten in a clinic (Thieme a-0574-2478)."""
     rest: float = number("s", 0.0, 600.0, default=3.0)
     """Rest after each manoeuvre [s]."""
     jiggle: float = number("m", 0.0, 0.2, default=0.015)
@@ -104,8 +114,8 @@ class EndoscopistSettings:
     """Strokes a second [1/s]."""
     jiggle_time: float = number("s", 0.1, 100.0, default=5.0)
     """How long it jiggles [s]."""
-    most_shaft: float = number("m", 0.1, 5.0, default=1.45)
-    """Shaft inside beyond which it straightens before it goes on [m]; after each attempt, `lost_shaft` more."""
+    spare_shaft: float = number("m", 0.01, 1.0, default=0.1)
+    """Shaft that is left outside: with less of it, it straightens before it goes on [m]."""
     hand_lead_limit: float = number("m", 1e-4, 0.1, default=0.01)
     """Largest distance that the hand aims ahead of where the shaft is [m]."""
     steer: Literal["pulls", "wheels"] = "pulls"
@@ -171,9 +181,12 @@ def rules(
         interval: time to the next decision [s].
     """
     own = settings
-    up, left = steer_ahead(xp, own, steering, sensed, memory, interval)
     time, arc, shaft, force = sensed.time, sensed.arc, sensed.insertion, sensed.push_force
     advancing, pulling = memory.mode == _ADVANCE, memory.mode == _PULL
+    turns = (time - memory.moved_time) / own.unbend_time
+    unbends = advancing & (turns - xp.floor(turns) > 0.5)
+    most_bent = xp.where(unbends, xp.minimum(own.unbent, steering.bend_limit), steering.bend_limit)
+    up, left = steer_ahead(xp, own, steering._replace(bend_limit=most_bent), sensed, memory, interval)
     passed = advancing & (arc > memory.held_arc + _PASSES)
     further = arc > memory.best_arc + own.slip
     best = xp.where(further, arc, memory.best_arc)
@@ -183,19 +196,22 @@ def rules(
     begun = memory.pull_shaft
     waited = time - memory.since
     # Whether what is being done ends.
-    looping = (shaft > mark + own.lost_shaft * (1 + attempts)) | (shaft > own.most_shaft + own.lost_shaft * attempts)
+    all_in = shaft > steering.length - own.spare_shaft
+    looping = (shaft > mark + own.lost_shaft * (1 + attempts)) | all_in
     cycle = own.stroke + own.pause
     strokes_done = waited / cycle
     pushes = (strokes_done - xp.floor(strokes_done)) * cycle < own.stroke
     stuck = time - moved > own.patience
-    routine = arc > memory.straight_arc + own.new_colon
+    bent_up, bent_left = sensed.bend
+    hooked = bent_up * bent_up + bent_left * bent_left > own.hook * own.hook
+    routine = (arc > memory.straight_arc + own.new_colon) & hooked
     gives_up = advancing & (looping | stuck | routine)
     withdrawn = begun - shaft
     slipped = (arc < memory.held_arc - own.slip) & (withdrawn > own.least_pull)
     strong = (force < -_STRONG * own.pull_force) & (withdrawn > own.least_pull)
     far = (withdrawn > own.most_pull) | (shaft < _LEAST_SHAFT)
     over = pulling & (slipped | strong | far | (waited > _LONGEST_PULL))
-    rested = (memory.mode == _REST) & (waited > own.rest)
+    rested = (memory.mode == _REST) & (waited > own.rest) & (memory.attempts < own.most_attempts)
     jiggled = (memory.mode == _JIGGLE) & (waited > own.jiggle_time)
     # What is done next.
     attempts = xp.where(gives_up & (looping | stuck), attempts + 1, attempts)
@@ -212,8 +228,7 @@ def rules(
     odd = attempts - 2 * xp.floor(attempts / 2)
     turn = own.twist * xp.where(odd == 1.0, -1.0, 1.0)
     roll_goal = xp.where(gives_up & ~jiggles, turn, xp.where(rested & (attempts == 0), 0.0, memory.roll_goal))
-    asked = xp.floor(attempts / 3)
-    assist = asked - len(ASSISTANT) * xp.floor(asked / len(ASSISTANT))
+    assist = attempts - len(ASSISTANT) * xp.floor(attempts / len(ASSISTANT))
     # How the hand moves: the longer no lumen passes, the firmer it pushes.
     firmly = own.firmer * xp.maximum(time - moved - own.calm, 0.0)
     limit = xp.minimum(own.gentle_force + firmly, own.firm_force)

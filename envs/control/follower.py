@@ -97,6 +97,8 @@ class Steering(NamedTuple):
     """Largest bend that it steers for [rad]."""
     lead: Any
     """Largest lead of the bend steered for over the bend that is there [rad]."""
+    length: Any
+    """How much of the scope there is to push in [m]."""
 
     @classmethod
     def of(cls, design: ScopeDesign, settings: Any) -> "Steering":
@@ -110,6 +112,7 @@ class Steering(NamedTuple):
             pull_limit=design.wires.pull_limit,
             bend_limit=math.radians(min(design.limits.smallest, settings.steer_limit_deg)),
             lead=lead,
+            length=design.length,
         )
 
 

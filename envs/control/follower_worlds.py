@@ -59,6 +59,7 @@ class WorldsFollower:
             pull_limit=scope.pull_limit,
             bend_limit=jnp.minimum(scope.bend_limit, math.radians(own.steer_limit_deg)),
             lead=own.steer_lead,
+            length=scope.length,
         )
         ahead = (seen.tip_arc + own.look_ahead)[:, None]
         decision, memory = follower.decide(

@@ -152,6 +152,7 @@ class InsertionProgram:
             pull_limit=scopes.scope("pull_limit"),
             bend_limit=xp.minimum(scopes.scope("bend_limit"), own.steer_limit_deg * (np.pi / 180)),
             lead=own.steer_lead + self._wheel_lead(scopes),
+            length=scopes.scope("length"),
         )
 
     def _wheel_lead(self, scopes: ScopeProgram) -> Any:
@@ -276,9 +277,9 @@ class InsertionProgram:
         rows[:, self._tally] = start
         return rows
 
-    def score(self, numbers: Float[np.ndarray, " slots"], name: str) -> float:
-        """One score of a world, by its name in `Tally`."""
-        return float(numbers[self._tally + Tally._fields.index(name)])
+    def slot_of(self, score: str) -> int:
+        """Where a score of a world is, by its name in `Tally`."""
+        return self._tally + Tally._fields.index(score)
 
     def tally_of(self, numbers: Float[np.ndarray, "*worlds slots"]) -> Tally:
         """Scores of each world."""

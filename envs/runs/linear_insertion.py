@@ -50,6 +50,7 @@ def run_linear_insertion(
     backend, interval = _backend(scene, tables, settings, program), program.interval
     most = max(0, round(seconds / interval))
     record, done, healthy, ended = backend.many.record(), 0, True, 0
+    ending, furthest = program.slot_of("ended"), program.slot_of("tip_arc_max")
     began = time.perf_counter()
     while done < most and not ended:
         backend.many.drive(1)
@@ -57,10 +58,10 @@ def run_linear_insertion(
         healthy = row.worlds[_ALIVE] > 0
         if not healthy:
             break
-        ended = int(program.score(row.driver, "ended"))
+        ended = int(row.driver[ending])
         done += 1
         if progress and done % 25 == 0:
-            progress(done * interval, program.score(row.driver, "tip_arc_max"))
+            progress(done * interval, float(row.driver[furthest]))
     recorded = _trajectory(backend, program, record.rows(done)) if done else _nothing(backend, program)
     now = backend.rows()
     attempts = int(program.memory_of(now.driver).attempts[0])

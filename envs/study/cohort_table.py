@@ -154,19 +154,21 @@ def _rises(rows: Sequence[Row]) -> float | None:
 
 
 def _correlation(rows: Sequence[Row]) -> float | None:
-    """The rank correlation of a kind of loop at the splenic flexure with the time to the caecum that is largest."""
+    """The rank correlation of a kind of loop at the splenic flexure with the time to the caecum that is largest.
+
+    Kinds that `FEWEST` patients and more have and have not; None where there is no such kind.
+    """
     from scipy.stats import spearmanr
 
     there = [row for row in rows if row["caecum"] and row["at_flexure_N"] is not None]
     if len(there) < FEWEST:
         return None
-    times = [row["time_s"] for row in there]
-    found = [0.0]
+    times, found = [row["time_s"] for row in there], []
     for kind in LOOPS:
         seen = np.array([row[f"at_flexure_{kind}"] for row in there])
         if FEWEST <= seen.sum() <= len(seen) - FEWEST:
             found.append(float(np.asarray(spearmanr(seen, times))[0]))
-    return max(found, key=abs)
+    return max(found, key=abs, default=None)
 
 
 def wilson(hits: float, count: int) -> tuple[float, float]:

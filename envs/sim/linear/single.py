@@ -156,7 +156,7 @@ class LinearSingle:
 
     def readings(self, rows: Row) -> Readings:
         """What was read off, in the scene's coordinates."""
-        seen = self.many.readings(rows.state.astype(float), rows.seen.astype(float))
+        seen = self.many.readings(rows.state, rows.seen)
         tip, frame = seen.tip @ self._axes.T + self._origin, np.einsum("ij,rjk->rik", self._axes, seen.tip_frame)
         moved = moving_colon.poses_seen_from(self.displacements(rows), self._axes.T) if self._moved else None
         coils = seen.coils @ self._axes.T + self._origin

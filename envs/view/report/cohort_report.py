@@ -91,7 +91,7 @@ def _gathered(store: SweepStore, own: Mapping[str, str]) -> list[float] | None:
 
 def columns(cohorts: Sequence[Mapping[str, Any]]) -> dict[str, list[Observable]]:
     """Observables of every driver and device of some cohorts, by what a column is named."""
-    several = len(cohorts) > 1
+    several = _several(cohorts)
     return {
         _named(cohort, examiner, several): [
             Observable(**{**one, "band": one["band"] and tuple(one["band"])}) for one in examiner["observables"]
@@ -99,6 +99,11 @@ def columns(cohorts: Sequence[Mapping[str, Any]]) -> dict[str, list[Observable]]
         for cohort in cohorts
         for examiner in cohort["examiners"]
     }
+
+
+def _several(cohorts: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether they are of patients of several seeds, which columns must tell apart."""
+    return len({cohort["seed"] for cohort in cohorts}) > 1
 
 
 def _named(cohort: Mapping[str, Any], examiner: Mapping[str, Any], several: bool) -> str:
@@ -115,7 +120,7 @@ def cohort_page(cohorts: Sequence[Mapping[str, Any]], *, image: str, head: str =
         head: what comes first.
         most: rows of the table of what moves observables of the first driver of the first cohort.
     """
-    found = columns(cohorts)
+    found, several = columns(cohorts), _several(cohorts)
     lines = [head]
     for cohort in cohorts:
         clock = "" if cohort["seconds"] is None else f" in {cohort['seconds']:.0f} s"
@@ -127,6 +132,13 @@ def cohort_page(cohorts: Sequence[Mapping[str, Any]], *, image: str, head: str =
         inside = verdicts(each)
         outside = ", ".join(name for name, within in inside.items() if not within) or "none"
         lines.append(f"**{name}**: {sum(inside.values())} of {len(inside)} observables inside. Outside: {outside}.\n")
+    for cohort in cohorts:
+        for examiner in cohort["examiners"]:
+            if shares := examiner["gathered"]:
+                lines.append(
+                    f"{_named(cohort, examiner, several)}: past half a metre of colon, shaft inside over colon passed "
+                    f"fell to {shares[0]:.2f} (median) and {shares[1]:.2f} (least).\n"
+                )
     lines += [f"![Every observable against its band]({image})", ""]
     lines += [f"| observable | published | band | {' | '.join(found)} |", "|---" * (3 + len(found)) + "|"]
     for index, one in enumerate(published()):
@@ -142,7 +154,7 @@ def cohort_page(cohorts: Sequence[Mapping[str, Any]], *, image: str, head: str =
         *(f"- {one.name}: {one.source}" for one in published()),
         "",
     ]
-    return "\n".join(lines) + _causes_table(cohorts[0], several=len(cohorts) > 1, most=most)
+    return "\n".join(lines) + _causes_table(cohorts[0], several=several, most=most)
 
 
 def _causes_table(cohort: Mapping[str, Any], *, several: bool, most: int) -> str:
@@ -203,6 +215,6 @@ def _draw(axis, about: Published, found: Sequence[tuple[str, Observable]]) -> No
         colour = "#30343b" if one.inside is None else _INSIDE if one.inside else _OUTSIDE
         span = np.abs([[one.value - one.low], [one.high - one.value]])
         axis.errorbar([place], [one.value], yerr=span, fmt="o", color=colour, capsize=3)
-    axis.set_xticks(range(len(found)), [name.replace(", ", "\n") for name, _ in found], fontsize=7)
+    axis.set_xticks(range(len(found)), [name.replace(", ", "\n").replace("-", "-\n") for name, _ in found], fontsize=7)
     axis.set_xlim(-0.6, len(found) - 0.4)
     axis.set_title(f"{about.name.replace('_', ' ')} [{about.unit}]", fontsize=9)

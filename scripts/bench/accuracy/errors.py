@@ -23,7 +23,7 @@ import numpy as np
 
 from haustra.errors import HaustraError
 from haustra.files import prepare_folder, write_atomically
-from haustra.models.accuracy import LEAST_COLONS, QUANTITIES, kind_of
+from haustra.models.accuracy import LEAST_COLONS, QUANTITIES, Measured, NumericalError, kind_of
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.store import METADATA, load_colon, save_colon
 from haustra.models.devices.scope.files import find_design
@@ -300,21 +300,41 @@ def ranges_of(rows: Sequence[Mapping[str, Any]]) -> list[Ranges]:
     return found
 
 
-def accuracy_toml(ranges: Sequence[Ranges], asked: Asked, where: Mapping[str, Any]) -> str:
-    """Text of assets/accuracy.toml: what spans enough colons and did not fall over in any."""
-    lines = [
-        "# How far answers are off by numerics alone, as ranges over colons: relative errors of the mean sum of wall",
-        "# forces and of the mean push, and the median distance of the tip in mm. Written by `haustra bench errors`.",
-    ]
+def accuracy_toml(
+    ranges: Sequence[Ranges], asked: Asked, where: Mapping[str, Any], *, before: Sequence[Measured] = ()
+) -> str:
+    """Text of assets/accuracy.toml: what spans enough colons and did not fall over in any.
+
+    Args:
+        ranges: what was measured.
+        asked: how.
+        where: date and machine.
+        before: entries of earlier measurements, which stay where nothing is measured now.
+    """
     nearly = {(each.mesentery, each.colon): each for each in ranges if each.preset == _NEARLY}
+    entries = {_way_of(each): _entry(each, each.error.measured_on, each.error) for each in before}
     for each in ranges:
-        if each.preset not in PRESETS or each.fallen or each.colons < LEAST_COLONS:
-            continue
-        floor = nearly.get((each.mesentery, each.colon))
-        lines += ["", "[[measured]]", *(f"{name} = {_toml(getattr(each, name))}" for name in _NAMES)]
-        lines += [f"{name} = [{', '.join(f'{end:.2g}' for end in getattr(each, name))}]" for name in QUANTITIES]
-        lines += [f'source = "{_source(each, floor, asked, where)}"']
-    return "\n".join(lines) + "\n"
+        if each.preset in PRESETS:
+            sound = not each.fallen and each.colons >= LEAST_COLONS
+            source = _source(each, nearly.get((each.mesentery, each.colon)), asked, where)
+            entries[_way_of(each)] = _entry(each, source, each) if sound else ""
+    return _ABOUT + "".join(entries.values())
+
+
+_ABOUT = """\
+# How far answers are off by numerics alone, as ranges over colons: relative errors of the mean sum of wall
+# forces and of the mean push, and the median distance of the tip in mm. Written by `haustra bench errors`.
+"""
+
+
+def _way_of(each: Ranges | Measured) -> tuple[Any, ...]:
+    return each.wall_law, each.wall, each.mesentery, each.preset, each.colon
+
+
+def _entry(each: Ranges | Measured, source: str, ends: Ranges | NumericalError) -> str:
+    lines = ["", "[[measured]]", *(f"{name} = {_toml(getattr(each, name))}" for name in _NAMES)]
+    lines += [f"{name} = [{', '.join(f'{end:.2g}' for end in getattr(ends, name))}]" for name in QUANTITIES]
+    return "\n".join([*lines, f'source = "{source}"']) + "\n"
 
 
 _SPANNED = {"grown": "grown", "real": "real and grown"}

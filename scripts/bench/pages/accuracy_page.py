@@ -1,8 +1,7 @@
-"""Write the page on run time against error, the log of all its fronts and tables, and its picture.
+"""Write the log of all that `haustra bench accuracy` measures, and its picture.
 
 haustra bench accuracy -o DIR --rods RODS --colons COLON
-python -m haustra.scripts.bench.pages.accuracy_page DIR/accuracy.json … docs/validation/accuracy.md
-docs/log/accuracy.md docs/images/accuracy.png
+python -m haustra.scripts.bench.pages.accuracy_page DIR/accuracy.json … docs/log/accuracy.md docs/images/accuracy.png
 
 Of several files the first that holds a question counts.
 """
@@ -16,53 +15,32 @@ from typing import Any
 from haustra.files import write_atomically
 from haustra.models.presets import PRESETS
 
-_HEAD = """\
-# Validation: run time against error
-
-**Claim.** For every setting this page says what it costs and how far it is off. Each question turns one knob at a time
-around the defaults. Errors stand against an analytic solution where there is one, otherwise against a converged run
-whose own uncertainty is stated.
-
-    haustra bench accuracy -o DIR --rods RODS --colons COLON
-
-Costs are processor time, the median of all settings of a front taken in turn, so that ratios hold on a machine that
-other work shares; a cost of 0.1 is ten times real time. [All fronts and tables](../log/accuracy.md) stand in the log.
-This page is made by `haustra.scripts.bench.pages.accuracy_page`; edit that, not this page.
-
-"""
-
 _LOG = """\
 # Run time against error: all fronts and tables
 
-What `haustra bench accuracy` measured in full; the criteria and the presets stand in
-[Run time against error](../validation/accuracy.md). A front holds the settings that no other beats in both error and
-cost, cheapest first.
+What `haustra bench accuracy` measured in full. The front of cells, spheres and time steps in linear time, by which
+presets are chosen, stands in [Run time against error](../validation/accuracy.md). A front holds the settings that no
+other beats in both error and cost, cheapest first.
 
-"""
-
-_PRESETS = """\
-## Presets
-
-`haustra run --preset NAME`, and `preset` among the options of a study of scopes. These are the errors in single colons
-of an insertion driven by one script of hand and wires, against a converged run; runs state ranges over ten colons and
-more, measured by `haustra bench errors` ([errors](errors.md)). *Speed* is simulated over processor time.
+Costs are processor time, the median of all settings of a front taken in turn, so that ratios hold on a machine that
+other work shares; a cost of 0.1 is ten times real time. *Speed* is simulated over processor time.
 
 """
 
 _COLOURS = ("#2f5d8a", "#c9731b", "#4b8b4b", "#8a5cb8", "#b03a48", "#5a5a5a", "#1f9a9a", "#a08000")
 
 
-def accuracy_page(result: Mapping[str, Any]) -> str:
-    """The page on criteria and presets as Markdown."""
-    parts = [_HEAD, _where(result["machine"]), "## Criteria\n\n", _bars(result["bars"]), "\n"]
-    parts += [_PRESETS, _presets(result), "\n![Fronts](../images/accuracy.png)\n"]
-    parts += ["\n## How it was measured\n\n", *(f"* {line}\n" for line in result["summary"][1:])]
-    return "".join(parts).rstrip() + "\n"
-
-
 def accuracy_log(result: Mapping[str, Any]) -> str:
-    """All fronts and tables as Markdown."""
-    parts = [_LOG, _where(result["machine"]), _efforts(result.get("full", [])), "## Fronts\n\n"]
+    """Criteria, presets, all fronts and all tables as Markdown."""
+    parts = [
+        _LOG,
+        _where(result["machine"]),
+        _efforts(result.get("full", [])),
+        "## Criteria\n\n",
+        _bars(result["bars"]),
+    ]
+    parts += ["\n## Presets, one colon each\n\n", _presets(result), "\n![Fronts](../images/accuracy.png)\n"]
+    parts += ["\n## How it was measured\n\n", *(f"* {line}\n" for line in result["summary"][1:]), "\n## Fronts\n\n"]
     parts += [_front(front) for front in result["fronts"]]
     parts += ["## Tables\n\n", *(_table(table) for table in result["tables"])]
     return "".join(parts).rstrip() + "\n"
@@ -223,8 +201,8 @@ def _panel(axis: Any, front: Mapping[str, Any]) -> None:
 
 
 if __name__ == "__main__":
-    *sources, target, log, picture = map(Path, sys.argv[1:])
+    *sources, log, picture = map(Path, sys.argv[1:])
     measured = merged([json.loads(source.read_text(encoding="utf-8")) for source in sources])
-    for path, page in ((target, accuracy_page(measured)), (log, accuracy_log(measured))):
-        write_atomically(path, lambda temporary, page=page: temporary.write_text(page, encoding="utf-8"))
+    page = accuracy_log(measured)
+    write_atomically(log, lambda temporary: temporary.write_text(page, encoding="utf-8"))
     draw(picture, measured["fronts"])

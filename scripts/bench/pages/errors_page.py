@@ -21,11 +21,11 @@ far the physics is from a patient.
     haustra bench errors --walls prism,coacd --folders EdinGCA_3D_00020,HuBMAPVHM_3D_00070 --ship -o DIR
 
 One script of hand and wires a colon and scope, recorded from the lumen follower, drives every model, and a converged
-one with four times the joints and half the time step: tangent planes where colons are fixed, the table of the lumen
-where they move. A model with twice the joints says how converged that is; where a range is not above that, the
-reference itself is the limit. Forces are means over the script, tips the median distance from the reference's path.
-Two real colons are public, so their rows span the ten grown ones too. This page is generated from
-assets/accuracy.toml by `make docs`.
+one with more joints and shorter time steps: tangent planes where colons are fixed, the table of the lumen where they
+move. A coarser one says how converged that is; where a range is not above that, the reference itself is the limit.
+Forces are means over the script, tips the median distance from the reference's path. Two real colons are public, so
+their rows span the ten grown ones too. Which cells and time steps buy what is on
+[another page](accuracy.md). This page is generated from assets/accuracy.toml by `make docs`.
 """
 _KINDS = {"grown": "Grown colons", "real": "Real and grown colons"}
 
@@ -33,7 +33,7 @@ _KINDS = {"grown": "Grown colons", "real": "Real and grown colons"}
 def errors_page() -> str:
     """The page as Markdown."""
     parts = [_HEAD]
-    entries = load_measured(asset("accuracy.toml"))
+    entries = sorted(load_measured(asset("accuracy.toml")), key=lambda each: (each.colon, each.mesentery))
     for (kind, moves), group in groupby(entries, key=lambda each: (each.colon, each.mesentery)):
         parts.append(_section(f"{_KINDS[kind]}, {'on their mesentery' if moves else 'fixed'}", list(group)))
     return "\n".join(parts)
@@ -46,7 +46,17 @@ def _section(title: str, entries: list[Measured]) -> str:
         for each in entries
     )
     head = f"## {title}\n\n| wall law | preset | wall force | push | tip [mm] |\n|---|---|---|---|---|\n"
-    return f"{head}{rows}\nAll rows: {entries[-1].error.measured_on}.\n"
+    laws = {}
+    for each in entries:
+        law = " of ".join(part for part in (each.wall_law, each.wall) if part)
+        laws.setdefault(each.error.measured_on, []).append(law)
+    said = [f"{_listed(own) if len(laws) > 1 else 'All rows'}: {source}." for source, own in laws.items()]
+    return f"{head}{rows}\n" + "\n\n".join(said) + "\n"
+
+
+def _listed(laws: list[str]) -> str:
+    text = ", ".join(dict.fromkeys(laws))
+    return text[0].upper() + text[1:]
 
 
 def _percent(ends: Range) -> str:

@@ -41,7 +41,7 @@ class BenchErrors:
     processes: int = whole(0, 4096, default=0)
     """Number of processes at a time; as many as there are cores when 0."""
     ship: bool = False
-    """Write assets/accuracy.toml too, which runs state their errors from."""
+    """Write assets/accuracy.toml too, which runs state their errors from; what is not measured now stays."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 
@@ -51,6 +51,7 @@ class BenchErrors:
 
         from haustra.assets import asset
         from haustra.files import write_atomically, write_json
+        from haustra.models.accuracy import load_measured
         from haustra.models.presets import PRESETS
         from haustra.scripts.bench.accuracy.errors import (
             Asked,
@@ -77,7 +78,8 @@ class BenchErrors:
             own = {"processes": processes, "minutes": self.minutes or math.inf, "progress": advance}
             rows = measure_errors(asked, self.output, **own)
         where, ranges = machine(), ranges_of(rows)
-        text = accuracy_toml(ranges, asked, where)
+        before = load_measured(asset("accuracy.toml")) if self.ship else ()
+        text = accuracy_toml(ranges, asked, where, before=before)
         for path in (self.output / "accuracy.toml", *((asset("accuracy.toml"),) if self.ship else ())):
             write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
         result = {

@@ -32,7 +32,7 @@ class _Handle:
             torque=np.array([torque]),
             wall_force=np.full(1, np.nan),
             tip_force=np.full(1, np.nan),
-            bend=(np.zeros(1), np.zeros(1)),
+            bend=(np.full(1, 1.5), np.zeros(1)),
             ahead=(np.zeros(1), np.zeros(1), np.full(1, 0.04)),
         )
         decision, self.memory = rules(np, self.own, self.steering, sensed, self.memory, interval=_STEP)
@@ -105,8 +105,8 @@ def test_pull_and_torque_stand_still_at_their_limits():
 
 
 def test_the_assistant_is_asked_when_attempts_have_failed_and_not_before():
-    handle = _Handle(patience=8.0)
-    _run(handle, 20.0, tip=0.0, force=5.0)
+    handle = _Handle(patience=8.0, most_attempts=100.0)
+    _run(handle, 6.0, tip=0.0, force=5.0)
     assert float(handle.memory.assist[0]) == 0
     asked = set()
     for _ in range(24):
@@ -141,10 +141,30 @@ def test_it_looks_between_two_strokes_and_eases_what_pushes_hard():
 
 def test_a_loop_that_comes_again_is_left_deeper():
     """Shaft that goes in before it pulls back, while the tip stays: more of it after each attempt."""
-    handle, depths = _Handle(new_colon=2.0, pause=0.0, most_shaft=3.0), []
+    handle, depths = _Handle(new_colon=2.0, pause=0.0), []
     while len(depths) < 3:
         before = handle.mode
         handle.step(tip=0.0)
         if handle.mode == 1.0 != before:
             depths.append(handle.shaft - 0.3)
     assert np.diff(depths) == pytest.approx(handle.own.lost_shaft, abs=0.02)
+
+
+def test_it_gives_up_after_many_attempts_and_rests():
+    handle = _Handle(patience=8.0, most_attempts=2.0)
+    _run(handle, 120.0, tip=0.0, force=5.0)
+    handle.rates.clear()
+    _run(handle, 60.0, tip=0.0, force=5.0)
+    assert handle.mode == 2.0 and not any(handle.rates)
+
+
+def test_a_tip_that_is_caught_is_let_go_straight_again_and_again():
+    """Where no lumen passes, the wires ask for no more than a small bend in every second half."""
+    handle = _Handle(new_colon=2.0, patience=600.0)
+    handle.memory = handle.memory._replace(bend_up=np.array([2.0]))
+    asked = []
+    for _ in range(round(handle.own.unbend_time / _STEP)):
+        handle.step(tip=0.0, force=5.0)
+        asked.append(float(np.hypot(handle.memory.bend_up[0], handle.memory.bend_left[0])))
+    half = len(asked) // 2
+    assert max(asked[:half]) > handle.own.unbent >= max(asked[half + 1 :]) - 1e-9

@@ -51,7 +51,10 @@ def press(world: int, instant: int) -> list[float]:
 
 @pytest.mark.slow
 def test_a_colon_on_its_mesentery_moves_as_natively() -> None:
-    """Two colons, frictions and stiffnesses: axes and tips within 1 % of what has moved, mean forces 2 %."""
+    """Two colons, frictions and stiffnesses: axes and tips within 1 % of what has moved, mean forces 2 %.
+
+    In the bend the capsule begins in touch with the wall: it strikes once, natively in one interval, here in two.
+    """
     pytest.importorskip("warp", reason="MuJoCo Warp is not installed")
     scene, rest = scene_in(capsule(), COLONS, mesentery=True, start_depth=0.15)
     native = NativeDevice(scene, **rest, worlds=2)
@@ -71,7 +74,7 @@ def test_a_colon_on_its_mesentery_moves_as_natively() -> None:
     assert (apart < 0.01 * largest).all()
     assert (np.linalg.norm(theirs.tip - mine.tip, axis=1) < 0.01 * largest).all()
     np.testing.assert_allclose(theirs.tip_arc, mine.tip_arc, atol=1e-4)
-    np.testing.assert_allclose(np.mean(forces["warp"], axis=0), np.mean(forces["native"], axis=0), rtol=0.02)
+    np.testing.assert_allclose(np.mean(forces["warp"][4:], axis=0), np.mean(forces["native"][4:], axis=0), rtol=0.02)
     np.testing.assert_allclose(theirs.ahead, mine.ahead, atol=2e-3)
     for one in (native, warp):
         one.reset(np.array([1]), np.array([0]), friction=np.array([0.1]), wall_stiffness=np.array([1000.0]))

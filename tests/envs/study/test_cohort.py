@@ -125,6 +125,16 @@ def test_women_must_be_behind_men_at_half_a_metre():
     assert len(verdicts(found)) == 12
 
 
+def test_a_loop_that_all_have_is_correlated_with_nothing():
+    """Nothing to compare is no evidence of no correlation."""
+    rows = [_patient(caecum=1.0, at_flexure_N=1.0, time_s=float(i)) for i in range(20)]
+    value = {one.name: one for one in observables(rows)}["loop_and_time"]
+    assert value.value is None and value.inside is False
+    for i, row in enumerate(rows):
+        row["at_flexure_N"] = float(i < 10)
+    assert {one.name: one for one in observables(rows)}["loop_and_time"].value == pytest.approx(-0.867, abs=0.01)
+
+
 def test_too_few_patients_have_no_value():
     found = {one.name: one for one in observables([_patient()])}
     assert found["loop_and_time"].value is None and found["loop_and_time"].inside is False

@@ -59,6 +59,21 @@ def test_ten_colons_make_a_range_that_runs_state(tmp_path: Path):
     assert "haustra bench errors" in entry.error.measured_on
 
 
+def test_what_is_not_measured_now_stays(tmp_path: Path):
+    ranges = ranges_of([_row(colon, 0.1 + 0.01 * colon) for colon in range(10)])
+    file = tmp_path / "a.toml"
+    file.write_text(accuracy_toml(ranges, Asked(), WHERE), encoding="utf-8")
+    other = ranges_of([_row(colon, 0.3, wall_law="table") for colon in range(10)])
+    file.write_text(accuracy_toml(other, Asked(), WHERE, before=load_measured(file)), encoding="utf-8")
+    assert [(each.wall_law, each.error.wall_force) for each in load_measured(file)] == [
+        ("planes", (0.1, 0.19)),
+        ("table", (0.3, 0.3)),
+    ]
+    fallen = ranges_of([_row(colon, None if colon == 3 else 0.1) for colon in range(11)])
+    file.write_text(accuracy_toml(fallen, Asked(), WHERE, before=load_measured(file)), encoding="utf-8")
+    assert [each.wall_law for each in load_measured(file)] == ["table"]
+
+
 def test_few_real_colons_widen_the_range_of_the_grown_ones():
     grown = [_row(colon, 0.1 + 0.01 * colon) for colon in range(10)]
     text = accuracy_toml(ranges_of([*grown, {**_row(10, 0.4, kind="real"), "colon": "edin"}]), Asked(), WHERE)
