@@ -45,7 +45,7 @@ def motion_page(measured: Mapping[str, Any]) -> str:
             [str(found["turned_over_runs"]) for found in sound],
             "0",
         ),
-        _line("largest share of triangles", [f"{found['turned_over_max_share']:.2%}" for found in sound], "0"),
+        _line("largest share of triangles", [f"{found['turned_over_max_share']:.3%}" for found in sound], "0"),
         _line(
             "furthest that the scope's axis stands outside, by winding numbers",
             [f"{found['outside_surface_max_mm']:.2f} mm" for found in sound],
