@@ -26,7 +26,7 @@ from haustra.models.wall import (
     unfolding,
     vectors,
 )
-from haustra.models.wall.indentation import FALL, reached
+from haustra.models.wall.indentation import FALL, NEAR, crossed, reached
 from haustra.models.wall.law import soft_numbers
 from haustra.models.wall.lumen_table import axis_point, query_point
 from haustra.models.wall.moving_colon import (
@@ -85,6 +85,7 @@ class Loops(NamedTuple):
     carry: Callable[..., None]
     follow: Callable[..., None]
     indent: Callable[..., None]
+    lift: Callable[..., None]
     unfold: Callable[..., None]
     solve: Callable[..., int]
 
@@ -253,35 +254,87 @@ def _indent(
             _put(vertices, 0, v, add(middle, times(far, ray)))
 
 
-def _unfold(faces: Any, axes: Any, least: Any, rounds: int, vertices: Any) -> None:
+def _lift(faces: Any, arcs: Any, places: Any, at: Any, beside: Any, radius: float, vertices: Any) -> None:
+    """Move triangles that still stand between the centreline and a device out along the way there.
+
+    Their corners may be too far apart to be near the device themselves.
+
+    Args:
+        faces: corners of each triangle.
+        arcs: of each vertex [m].
+        places: of the device's axis (1, places, 3) [m].
+        at: arc length of each [m].
+        beside: place of the centreline beside each (1, places, 3) [m].
+        radius: of the device [m].
+        vertices: (1, vertices, 3) [m], in place.
+    """
+    deepest = at.max() + NEAR
+    for t in range(len(faces)):
+        i, j, k = faces[t, 0], faces[t, 1], faces[t, 2]
+        low, high = min(arcs[i], arcs[j], arcs[k]), max(arcs[i], arcs[j], arcs[k])
+        if low > deepest or low <= ANUS:
+            continue
+        for p in range(len(at)):
+            if low - NEAR < at[p] < high + NEAR:
+                axis = _node(beside, 0, p)
+                ray = minus(_node(places, 0, p), axis)
+                far = norm(np, ray)
+                ray = times(1 / far, ray)
+                a, b = minus(_node(vertices, 0, i), axis), minus(_node(vertices, 0, j), axis)
+                stands = crossed(ray, a, b, minus(_node(vertices, 0, k), axis))
+                if 0 < stands < far + radius:
+                    way = times(far + radius - stands, ray)
+                    _put_more(vertices, 0, i, way)
+                    _put_more(vertices, 0, j, way)
+                    _put_more(vertices, 0, k, way)
+
+
+def _unfold(faces: Any, axes: Any, least: Any, looks: int, rounds: int, vertices: Any) -> None:
     """Move corners of triangles that face their axis and are not to (`unfolding.aside`), one triangle after the other.
 
-    Those that do not come free are moved further from round to round.
+    All triangles are looked at, and then those that turned, or have a corner that moved, several times: further from
+    time to time.
 
     Args:
         faces: corners of each triangle.
         axes: place of the centreline beside each (1, triangles, 3) [m].
         least: what each is to span as seen from there [m^3]; not looked at where it is negative.
-        rounds: at most.
+        looks: at all triangles, at most.
+        rounds: around those that turned, after each look.
         vertices: (1, vertices, 3) [m], in place.
     """
-    for number in range(rounds):
-        turned = 0
+    moved, busy = np.zeros(vertices.shape[1], np.bool_), np.empty(len(faces), np.int64)
+    for _ in range(looks):
+        turned, count = 0, 0
         for t in range(len(faces)):
-            if least[t] > 0:
-                i, j, k = faces[t, 0], faces[t, 1], faces[t, 2]
-                axis = _node(axes, 0, t)
-                a, b = minus(_node(vertices, 0, i), axis), minus(_node(vertices, 0, j), axis)
-                c = minus(_node(vertices, 0, k), axis)
-                now = span(a, b, c)
-                if now <= 0:
-                    turned += 1
-                    ways = aside(np, a, b, c, (1 + number / 10) * least[t] - now)
-                    _put_more(vertices, 0, i, ways[0])
-                    _put_more(vertices, 0, j, ways[1])
-                    _put_more(vertices, 0, k, ways[2])
+            if least[t] > 0 and _spread(faces, axes, least, 1.0, vertices, moved, t):
+                turned += 1
         if turned == 0:
             break
+        for t in range(len(faces)):
+            if least[t] > 0 and (moved[faces[t, 0]] or moved[faces[t, 1]] or moved[faces[t, 2]]):
+                busy[count] = t
+                count += 1
+        for number in range(rounds):
+            for b in range(count):
+                _spread(faces, axes, least, 1 + number / 10, vertices, moved, busy[b])
+
+
+def _spread(faces: Any, axes: Any, least: Any, times_least: float, vertices: Any, moved: Any, t: int) -> bool:
+    """Spread a triangle if it faces its axis, to so many times what it is to span at least; whether it did."""
+    i, j, k = faces[t, 0], faces[t, 1], faces[t, 2]
+    axis = _node(axes, 0, t)
+    a, b = minus(_node(vertices, 0, i), axis), minus(_node(vertices, 0, j), axis)
+    c = minus(_node(vertices, 0, k), axis)
+    now = span(a, b, c)
+    if now > 0:
+        return False
+    ways = aside(np, a, b, c, times_least * least[t] - now)
+    _put_more(vertices, 0, i, ways[0])
+    _put_more(vertices, 0, j, ways[1])
+    _put_more(vertices, 0, k, ways[2])
+    moved[i], moved[j], moved[k] = True, True, True
+    return True
 
 
 def _rates(own: Any, world: int, speed: Any, shape: Any, spins: Any, flats: Any, acrosses: Any) -> None:
@@ -723,8 +776,20 @@ def loops() -> Loops:
 
     overload(vectors.where)(lambda xp, condition, yes, no: lambda xp, condition, yes, no: yes if condition else no)
     own = (_node, _put, _put_more, _turn, _put_turn, _section, _cells, _rest_closing, _node_between, _edge_rate)
-    own = (*own, _rates, _add_springs, _lean, _turn_sections)
-    entries = (_query, _query_moved, _place_planes, _pressed, _contacts, _step_axis, _shape, _carry, _follow, _indent)
+    own = (*own, _rates, _add_springs, _lean, _turn_sections, _spread)
+    entries = (
+        _query,
+        _query_moved,
+        _place_planes,
+        _pressed,
+        _contacts,
+        _step_axis,
+        _shape,
+        _carry,
+        _follow,
+        _indent,
+        _lift,
+    )
     entries = (*entries, _unfold, contact_solver.solve)
     laws = (*vectors.PARTS, *law.PARTS, *lumen_table.PARTS, *sections.PARTS, *moving_colon.PARTS)
     laws = (*laws, *plane_pose.PARTS, *indentation.PARTS, *unfolding.PARTS)

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.models.anatomy.colon import Colon, Surface
-from haustra.models.wall.vectors import Vector, dot
+from haustra.models.wall.vectors import Vector, cross, dot, minus
 
 APART = 0.001
 """Distance between the places of the device's axis that are looked at [m]."""
@@ -23,6 +23,8 @@ SLOPE = 0.5
 """How steeply the indented wall rises beside the device [1]; engineering choice, so that no triangle turns over."""
 FALL = SLOPE / 2
 """A tent falls at least so steeply along the colon, on the inside of bends too [1]; engineering choice."""
+NEAR = 0.01
+"""Triangles are beside a place of the device that is at most so far from them along the colon [m]."""
 _WINDOW = 0.03
 """A place of the device is next to a station at most so far from the place before it [m]."""
 
@@ -49,6 +51,7 @@ def indented(
     beside = np.column_stack([np.interp(at, line.arc, line.points[:, axis]) for axis in range(3)])
     about = places[None], at, tops(places, beside, radius + GAP), arcs, middles[None]
     loops().indent(*about, radius + GAP, 0, len(vertices), vertices[None])
+    loops().lift(colon.lumen.faces, arcs, places[None], at, beside[None], radius + GAP, vertices[None])
     return replace(colon, lumen=Surface(vertices, colon.lumen.faces))
 
 
@@ -110,5 +113,23 @@ def reached(xp: Any, away: Vector, ray: Vector, radius: Any) -> Any:
     return along + rise * radius - SLOPE * aside
 
 
-PARTS = (reached,)
+def crossed(ray: Vector, a: Vector, b: Vector, c: Vector) -> Any:
+    """How far from the axis a ray from there crosses a triangle [m]; 0 where it does not (Moeller & Trumbore 1997).
+
+    Args:
+        ray: its direction, a unit vector.
+        a: a corner, from where the ray begins [m].
+        b: the next.
+        c: the last.
+    """
+    one, other = minus(b, a), minus(c, a)
+    normal = cross(one, other)
+    facing, aside = dot(ray, normal), cross(a, ray)
+    if facing == 0:
+        return 0.0
+    u, v = dot(other, aside) / facing, -dot(one, aside) / facing
+    return dot(a, normal) / facing if u >= 0 and v >= 0 and u + v <= 1 else 0.0
+
+
+PARTS = (reached, crossed)
 """What numba is to compile."""

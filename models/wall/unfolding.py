@@ -3,7 +3,7 @@
 Each cross-section goes along with the axis by itself. Where a bend at rest is sharper than its lumen is wide, sections
 cross at rest already, and the wall between them belongs to none: as the bend closes or opens, triangles there may turn
 over. The wall buckles instead: their corners go aside, each the least way, until every triangle that faced its axis at
-rest faces it. Only what is drawn and saved is changed, by millimetres, in a hundredth of the surface.
+rest faces it. Only what is drawn and saved is changed.
 """
 
 from dataclasses import replace
@@ -16,12 +16,13 @@ from haustra.models.anatomy.colon import Colon, Surface
 from haustra.models.wall import vectors
 from haustra.models.wall.vectors import Vector, cross, dot, times
 
-OPEN = 0.02
+OPEN = 0.1
 """What a triangle spans as seen from its axis is brought to this share of that at rest [1]; engineering choice."""
 STRIDE = 0.002
 """A corner moves at most so far at once [m]; engineering choice, less than a triangle's edge."""
-ROUNDS = 400
-"""How often all triangles are looked at, at most: what one gains the next may lose."""
+LOOKS, ROUNDS = 200, 50
+"""How often all triangles are looked at, at most, and those that turned after each look: what one gains the next may
+lose."""
 
 
 def facing_out(colon: Colon, arcs: Float[np.ndarray, " vertices"]) -> Bool[np.ndarray, " triangles"]:
@@ -46,7 +47,7 @@ def unfolded(rest: Colon, now: Colon, arcs: Float[np.ndarray, " vertices"]) -> C
 
     vertices, faces = now.lumen.vertices.copy(), now.lumen.faces
     least = OPEN * _spans(_corners(rest, arcs))
-    loops().unfold(faces, _beside(now, arcs)[None], least, ROUNDS, vertices[None])
+    loops().unfold(faces, _beside(now, arcs)[None], least, LOOKS, ROUNDS, vertices[None])
     return replace(now, lumen=Surface(vertices, faces))
 
 

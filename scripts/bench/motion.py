@@ -40,7 +40,6 @@ COMPARED = {
     "push_force_mean_N": ("mean push [N]", 2),
     "loop_excess_peak_m": ("most scope beyond the colon passed [m]", 3),
     "pain_peak": ("largest pain [1]", 2),
-    "wall_clock_s": ("seconds of a core [s]", 1),
 }
 """What is compared, with its words and decimals."""
 _SCORED = (
@@ -83,9 +82,9 @@ def _in_patients(
     source: int | Path, patients: Sequence[str], seconds: float, judged_every: float
 ) -> list[dict[str, Any]]:
     colon = grow_colon(seed=source) if isinstance(source, int) else load_colon(source)
+    asked = {"seconds": seconds, "judged_every": judged_every}
     return [
-        {"colon": colon.name, "patient": name, **_run(colon, PATIENTS[name], seconds, judged_every)}
-        for name in patients
+        {"colon": colon.name, "patient": name, **asked, **_run(colon, PATIENTS[name], **asked)} for name in patients
     ]
 
 
@@ -99,11 +98,12 @@ def _run(colon: Colon, changed: Mapping[str, Any], seconds: float, judged_every:
 
 
 def soundness(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Whether surfaces held together, in all runs."""
+    """Whether surfaces held together, in all of these runs."""
     escaped = [row for row in rows if row["outcome"] == "escaped"]
     return {
         "runs": len(rows),
         "turned_over_max_share": max(row["turned_over_max_share"] for row in rows),
+        "turned_over_runs": sum(row["turned_over_max_share"] > 0 for row in rows),
         "outside_surface_max_mm": max(row["outside_surface_max_mm"] for row in rows),
         "escaped": len(escaped),
         "escaped_unsaid": sum(row["p_perforation"] < 1 for row in escaped),

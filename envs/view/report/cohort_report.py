@@ -15,7 +15,7 @@ from haustra.envs.study.store import SweepStore
 from haustra.files import write_atomically, write_json
 
 _PASSED = 0.5
-"""Colon passed from which on gathering is told of [m]."""
+"""Colon passed from which on gathering is told of [m]; engineering choice."""
 _INSIDE, _OUTSIDE, _BAND = "#2f6f8f", "#c2413b", "#d9dfe3"
 
 

@@ -1,13 +1,18 @@
 """The surface that is saved has the device inside, however deep it stands in the wall."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from manifold3d import Manifold, Mesh64
 
 from haustra.envs.runs.measure.surface import surface_figures
+from haustra.models.anatomy.colon import Surface
 from haustra.models.wall.indentation import SLOPE, indented
 from haustra.models.wall.signed_distance import surface_arcs
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
+from tests.tube_colon import square_tube
 
 _RADIUS = 0.0065
 
@@ -33,6 +38,20 @@ def test_a_device_that_leans_on_the_wall_is_inside_what_is_saved(deep: float) ->
     rise, was = (np.abs(np.diff(each[edges], axis=1))[:, 0] for each in (out, before))
     # Rays part with the distance from the axis, so that a tall tent is steeper across it.
     assert (rise <= was + 1.2 * (SLOPE + 2 * deep / wide) * lengths).all(), "a tent, not a cliff"
+
+
+def test_a_device_between_corners_that_are_far_apart_is_inside_too() -> None:
+    """Flat sides whose triangles are wider than the device: none of their corners is near it."""
+    tube = square_tube(0.3)
+    solid = Manifold(Mesh64(tube.lumen.vertices, tube.lumen.faces.astype(np.uint64))).refine_to_length(0.03).to_mesh64()
+    lumen = Surface(np.asarray(solid.vert_properties)[:, :3], np.asarray(solid.tri_verts).astype(np.int64))
+    tube = replace(tube, lumen=lumen)
+    arcs, line = surface_arcs(tube), tube.centreline
+    bump = 0.035 * np.exp(-(((line.arc - 0.15) / 0.03) ** 2))
+    path = (line.points + bump[:, None] * np.array([1.0, 1.0, 0.0]) / np.sqrt(2))[line.arc < 0.2]
+    assert surface_figures(tube, tube, arcs, path).outside > 0.01
+    found = surface_figures(tube, indented(tube, arcs, path, radius=_RADIUS), arcs, path)
+    assert found.outside < 1e-6 and found.turned_over == 0.0
 
 
 def test_what_touches_nothing_changes_nothing() -> None:

@@ -10,7 +10,12 @@ from haustra.scripts.main import SUCCESS, main
 
 
 def _row(colon: str, patient: str, **changed) -> dict:
-    usual = dict.fromkeys(COMPARED, 1.0) | {"outcome": "time_up", "p_perforation": 0.0}
+    usual = dict.fromkeys(COMPARED, 1.0) | {
+        "outcome": "time_up",
+        "p_perforation": 0.0,
+        "seconds": 60.0,
+        "judged_every": 1.0,
+    }
     usual |= {"turned_over_max_share": 0.0, "outside_surface_max_mm": 0.0, "colon_moved_peak_mm": 10.0}
     return {"colon": colon, "patient": patient, **usual, **changed}
 
@@ -23,7 +28,7 @@ def test_changes_are_those_of_the_same_colon_and_escapes_must_be_said() -> None:
     found = {entry["patient"]: entry["tip_arc_max_m"] for entry in effects(rows)}
     assert found["on the left side"]["change"] == pytest.approx(0.115)
     assert found["on the left side"]["half_interval"] == pytest.approx(3.182 * 0.0129 / 2, rel=1e-2)
-    assert "**+0.115 ± 0.021**" in motion_page({"runs": rows, "seconds": 60.0, "judged_every": 1.0})
+    assert "**+0.115 ± 0.021**" in motion_page({"runs": rows})
     torn = _row("grown-9", PLAIN, outcome="escaped", p_perforation=0.5, turned_over_max_share=0.02)
     sound = soundness([*rows, torn])
     assert (sound["escaped"], sound["escaped_unsaid"], sound["turned_over_max_share"]) == (1, 1, 0.02)

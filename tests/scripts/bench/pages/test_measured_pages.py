@@ -11,6 +11,7 @@ from haustra.scripts.bench.pages.cohort_page import validation_page
 from haustra.scripts.bench.pages.front_page import front_page
 from haustra.scripts.bench.pages.gas_page import gas_page
 from haustra.scripts.bench.pages.leaderboard_page import leaderboard_page
+from haustra.scripts.bench.pages.motion_page import motion_page
 from haustra.scripts.bench.pages.propulsion_page import propulsion_page
 from haustra.scripts.bench.pages.trials_page import trials_page
 
@@ -19,6 +20,7 @@ MAKERS: Mapping[str, Callable[[Any], str]] = {
     "cohort": lambda kept: validation_page(kept["cohorts"]),
     "accuracy": front_page,
     "gas": gas_page,
+    "motion": motion_page,
     "tracked": propulsion_page,
     "leaderboard": lambda kept: leaderboard_page(kept["rows"]),
     "trials": trials_page,
