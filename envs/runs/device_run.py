@@ -30,7 +30,7 @@ from haustra.models.wall.pieces.wall import Wall
 PATIENCE = 10.0
 """A run whose time is up was stuck when it made less than `HEADWAY` in this time [s]."""
 HEADWAY = 0.005
-"""A run comes further when its tip does by this much [m]."""
+"""A run comes further when its tip does by this much [m]; engineering choice."""
 
 Records = Mapping[str, Any]
 """What was recorded at every control interval, by name: `time` [s], `tip_arc` [m], `wall_force` [N], `deepest` [m] and

@@ -24,7 +24,7 @@ SLOPE = 0.5
 FALL = SLOPE / 2
 """A tent falls at least so steeply along the colon, on the inside of bends too [1]; engineering choice."""
 NEAR = 0.01
-"""Triangles are beside a place of the device that is at most so far from them along the colon [m]."""
+"""Triangles are beside a place of the device that is at most so far along the colon [m]; engineering choice."""
 _WINDOW = 0.03
 """A place of the device is next to a station at most so far from the place before it [m]."""
 

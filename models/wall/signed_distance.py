@@ -32,10 +32,11 @@ ANUS = 0.004
 _SMOOTHINGS = 30
 """Rounds in which a vertex's arc length is averaged with its neighbours': where folds hide the surface it jumps."""
 _FROM_SEEN = 0.06
-"""A vertex stands in a section at most so far along the colon from where the centreline sees it [m]."""
+"""A vertex stands in a section at most so far from where the centreline sees it [m]; engineering choice."""
 _SECTION_ROUNDS, _SECTION_SHARE, _LONGEST_STEP, _LEAST_ROOM = 60, 0.7, 0.003, 0.2
 """Rounds in which a vertex's section is sought, by a share of how far it is ahead, by at most so much [m]; and the
-least of the way along its inside that a bend is taken to leave [1]. Where sections cross, it goes to and fro."""
+least of the way along its inside that a bend is taken to leave [1]. Where sections cross, it goes to and fro. All are
+an engineering choice."""
 HIGHEST_FOLD = 0.05
 """No fold stands further into the lumen than this [m]."""
 ON_SURFACE = 2e-4
