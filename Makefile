@@ -32,12 +32,11 @@ demo: $(VENV)/.installed
 	@echo 'Open $(CURDIR)/demo/run/report.html, which plays the run, and demo/run/film.webp'
 
 # A process a core, up to four since each takes a gigabyte, and one thread for numpy's BLAS: on small matrices and two cores, more of them wait for each other far longer than they compute.
-# Each process takes tests that stand side by side (worksteal), so that what a module's tests share is made once.
 test: lint types
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not thorough" --numprocesses auto --maxprocesses 4 --dist worksteal $(PYTEST_ARGUMENTS)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not thorough" --numprocesses auto --maxprocesses 4 $(PYTEST_ARGUMENTS)
 
 thorough: $(VENV)/.installed-dev
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m thorough --numprocesses auto --maxprocesses 4 --dist worksteal
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m thorough --numprocesses auto --maxprocesses 4
 
 bench: $(VENV)/.installed-dev
 	$(BIN)/haustra bench --quick -o bench
