@@ -1,5 +1,6 @@
 """How fast episodes go, and whether memory grows with them."""
 
+import gc
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -183,6 +184,8 @@ def memory_slope(
     task = ScopeTask(config, worlds=worlds, bank=bank)
     task.reset(seeds=list(range(worlds)))
     random = np.random.default_rng(0)
+    gc.collect()
+    gc.freeze()  # what the process held before is not walked anew at each reading
 
     def repeat(action: Callable[[], object], times: int, done_before: int) -> float:
         for _ in range(_WARM_UP):
@@ -191,6 +194,7 @@ def memory_slope(
         for turn in range(times):
             action()
             if turn % every == 0:
+                gc.collect()  # garbage that waits for its collector is no leak
                 read.append((turn * worlds, resident_memory()))
                 progress(done_before + turn * worlds)
         return _slope(np.array(read, float))
@@ -198,6 +202,7 @@ def memory_slope(
     per_reset = repeat(task.reset, max(2, resets // worlds), 0)
     per_step = repeat(lambda: task.step(random.uniform(-1, 1, (worlds, 4))), max(2, steps // worlds), resets)
     task.close()
+    gc.unfreeze()
     return MemorySlope(steps, resets, per_step, per_reset)
 
 
