@@ -1,16 +1,16 @@
 """Fields of frozen dataclasses that declare what they may hold: the one check of every configuration.
 
-`number`, `whole`, `span`, `several`, `vector` and `choice` make fields with a unit and a range; words of a `Literal`,
-texts and truths declare themselves by their type. A class calls `require_declared` in `__post_init__`, so that TOML,
-JSON, keywords and options of the command line are checked alike; `read_fields` makes one from a parsed file. Messages
-name path, value, range and unit. `declared_fields` lists them for docs/reference/fields.md.
+`number`, `whole`, `span`, `several`, `vector`, `choice` and `one_of` make fields with a unit and a range; words of a
+`Literal`, texts and truths declare themselves by their type. A class calls `require_declared` in `__post_init__`, so
+that TOML, JSON, keywords and options of the command line are checked alike; `read_fields` makes one from a parsed file.
+Messages name path, value, range and unit. `declared_fields` lists them for docs/reference/fields.md.
 """
 
 import math
 import types
 import typing
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from functools import cache
 from numbers import Integral, Real
@@ -179,9 +179,9 @@ class Named(Declaration):
 
 @dataclass(frozen=True)
 class Choice(Declaration):
-    """One of some words."""
+    """One of some words: of those that are known when it is asked."""
 
-    words: tuple[Any, ...]
+    words: Collection[Any]
 
     def __str__(self) -> str:
         return ", ".join(map(str, self.words))
@@ -257,6 +257,11 @@ def named(unit: str, low: float, high: float, *, default: Any = MISSING, count: 
 def choice(*words: str, default: Any = MISSING) -> Any:
     """A field that holds one of some words; a `Literal` type declares the same."""
     return _declared(Choice(words), default)
+
+
+def one_of(known: Mapping[str, Any], *, default: Any = MISSING) -> Any:
+    """A field that holds a name of what a registry knows, also of what is entered there later."""
+    return _declared(Choice(known), default)
 
 
 def require_declared(

@@ -16,6 +16,7 @@ from haustra.errors import HaustraError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.presets import preset_of
 from haustra.models.scene import SceneOptions
+from haustra.models.wall.elasticity import LINEAR
 
 LEAST_COLONS = 10
 """A range over fewer colons is not stated: single colons differ by a factor of ten."""
@@ -78,6 +79,8 @@ def stated_error(options: SceneOptions, colon: str, *, wall: str | None = None) 
         colon: kind of colon, of `KINDS`.
         wall: how the pieces of the wall were made; None for laws without pieces.
     """
+    if options.elasticity != LINEAR or options.friction_rise:
+        return NOT_MEASURED
     pieces = (wall or "") if options.wall_law == "pieces" else ""
     asked = (options.wall_law, pieces, options.mesentery, preset_of(options), colon)
     for entry in measured():

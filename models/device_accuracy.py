@@ -14,6 +14,7 @@ from haustra.models.accuracy import LEAST_COLONS, NOT_MEASURED, NumericalError
 from haustra.models.device_scene import device_options
 from haustra.models.devices.base import Device
 from haustra.models.scene import SceneOptions
+from haustra.models.wall.elasticity import LINEAR
 
 Entries = dict[tuple[str, bool], NumericalError]
 """Errors by kind of device, and whether colons move."""
@@ -24,10 +25,11 @@ def stated_device_error(device: Device, options: SceneOptions, colon: str) -> Nu
 
     Args:
         device: the device.
-        options: of its scene: by the table, at the usual time step of its kind.
+        options: of its scene: by the table, linear, at the usual time step of its kind.
         colon: kind of colon, of `haustra.models.accuracy.KINDS`.
     """
-    usual = options.wall_law == "table" and options.timestep == device_options(device).timestep
+    usual = options.wall_law == "table" and options.elasticity == LINEAR
+    usual = usual and options.timestep == device_options(device).timestep
     if not usual or colon != "grown":
         return NOT_MEASURED
     return measured_devices().get((device.kind, options.mesentery), NOT_MEASURED)

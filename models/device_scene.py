@@ -21,6 +21,7 @@ HONOURED = (
     "timestep",
     "wall_stiffness",
     "wall_damping_time",
+    "elasticity",
     "wall_law",
     "mesentery",
     "friction",

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from haustra.assets import asset
 from haustra.errors import InvalidOptionError, OutputError
-from haustra.fields import Number, named, number, require_declared, vector, whole
+from haustra.fields import Number, named, number, one_of, require_declared, vector, whole
 from haustra.files import write_atomically
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.lumen_meshes import add_lumen
@@ -25,6 +25,7 @@ from haustra.models.devices.scope.outside import Outside, leave_out
 from haustra.models.devices.scope.spacing import adaptive_spacing
 from haustra.models.devices.scope.stops import apply_stops
 from haustra.models.wall.abdomen import Abdomen
+from haustra.models.wall.elasticity import ELASTICITIES, LINEAR
 from haustra.models.wall.law import WallContact
 from haustra.models.wall.piece_wall import BLOCK, NO_BLOCKS, Blocks, add_piece_spheres
 from haustra.models.wall.pieces.reach import within_reach
@@ -68,7 +69,10 @@ class SceneOptions:
     twist_hinges: int = whole(0, 200, default=4)
     """Hinges that carry the torsional compliance of the whole scope; 0 for stiff in torsion."""
     wall_stiffness: float = number("N/m", 1.0, 1e6, default=_CONTACT["contact.wall_stiffness"].value)
-    """Normal stiffness of a contact with the wall [N/m]."""
+    """Normal stiffness of a contact with the wall, where it is hardly pressed [N/m]."""
+    elasticity: str = one_of(ELASTICITIES, default=LINEAR)
+    """How the wall's force grows with depth, by the name of a law (`haustra.models.wall.elasticity`); those that are
+    not linear against law 'table' only."""
     segment_stiffness: tuple[tuple[str, float], ...] = named("N/m", 1.0, 1e6, default=())
     """Names of segments and their stiffness [N/m], where it is not `wall_stiffness`; tangent planes only."""
     wall_damping_time: float = number("s", 0.0, 1.0, default=0.005)
@@ -86,6 +90,8 @@ class SceneOptions:
     when None."""
     friction: float = number("1", 0.0, 10.0, default=_CONTACT["contact.friction"].value)
     """Coulomb coefficient between scope and wall [1]."""
+    friction_rise: float = number("s/m", 0.0, 100.0, default=_CONTACT["contact.friction_rise"].value)
+    """Rise of that coefficient with sliding speed, as under a film of mucus [s/m]; law 'table' only."""
     push_limit: float = number("N", 0.01, 1e3, default=_CONTACT["contact.push_force_peak"].value)
     """Largest force that the hand applies [N]."""
     torque_limit: float = number("N m", 1e-4, 100.0, default=_CONTACT["contact.torque_peak"].value)
@@ -118,6 +124,11 @@ class SceneOptions:
             raise InvalidOptionError("Posture, mobile segments, adhesions and a hand need a colon that moves.")
         if self.gas is not None and self.wall_law != "table":
             raise InvalidOptionError(f"Gas moves the wall of law 'table' only, not that of '{self.wall_law}'.")
+        for name, usual in (("elasticity", LINEAR), ("friction_rise", 0.0)):
+            if (asked := getattr(self, name)) != usual and self.wall_law != "table":
+                raise InvalidOptionError(
+                    f"The option {name} is {asked}, which law 'table' has and '{self.wall_law}' has not: change one."
+                )
         if self.segment_stiffness and self.wall_law != "planes":
             raise InvalidOptionError(
                 "Stiffness by segment needs wall law 'planes': pieces and field have one stiffness."
@@ -127,7 +138,8 @@ class SceneOptions:
     def contact(self) -> WallContact:
         """The contact law these options ask for."""
         damping = self.wall_stiffness * self.wall_damping_time
-        return WallContact(stiffness=self.wall_stiffness, damping=damping, friction=self.friction)
+        friction = {"friction": self.friction, "friction_rise": self.friction_rise}
+        return WallContact(stiffness=self.wall_stiffness, damping=damping, elasticity=self.elasticity, **friction)
 
 
 def usual_segment_stiffness() -> tuple[tuple[str, float], ...]:

@@ -50,6 +50,11 @@ class Run:
     """Coulomb's coefficient between device and wall [1]; the sourced default when not given."""
     wall_stiffness: float | None = number("N/m", 1.0, 1e6, default=None)
     """Normal stiffness of a contact with the wall [N/m]; the sourced default when not given."""
+    elasticity: str | None = None
+    """How the wall's force grows with depth: by a constant stiffness (linear, the default), or by one that grows with
+    the force as that of soft tissue (exponential; assumed numbers, docs/numbers.md); the table of the lumen only."""
+    friction_rise: float | None = number("s/m", 0.0, 100.0, default=None)
+    """Rise of Coulomb's coefficient with sliding speed, as under a film of mucus [s/m]; none when not given."""
     segment_stiffness: bool = False
     """Let the wall's stiffness depend on the segment, by assumed numbers (docs/numbers.md); tangent planes only."""
     push_limit: float | None = number("N", 0.01, 1e3, default=None)
@@ -214,6 +219,7 @@ class Run:
 
     def _options(self) -> dict[str, Any]:
         names = ("wall_law", "friction", "wall_stiffness", "push_limit", "timestep", "largest_bend_deg", "gravity")
+        names = (*names, "elasticity", "friction_rise")
         chosen = {name: value for name in names if (value := getattr(self, name)) is not None}
         chosen |= self.patient_options()
         chosen.setdefault("wall_law", "planes" if self.segment_stiffness else "table")

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from haustra.models.devices.base import Device
 
 _ALWAYS = ("colon", "output", "device", "seconds", "friction", "fixed", "wall", "error", "json")
-_TABLE = ("wall_law", "wall_stiffness", "timestep", "gravity")
+_TABLE = ("wall_law", "wall_stiffness", "elasticity", "timestep", "gravity")
 _PATIENT = ("insufflate", "gas_flow", "gas_start", "posture", "mobile", "adhesions", "pressed")
 """Options of `haustra run` that all devices honour; `start` is honoured by those that stand in the colon."""
 

@@ -13,6 +13,7 @@ from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.device_scene import HONOURED
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.scene import Scene
+from haustra.models.wall.elasticity import LINEAR
 
 BACKENDS: Mapping[str, str] = {
     "native": "one scene on MuJoCo's CPU engine",
@@ -55,6 +56,7 @@ _SECTION = (
 )
 _WHEELS = "counts where wheels steer, which native-batch and warp refuse"
 _LABEL = "a name, which shapes nothing"
+_TABLE = "other walls than the table are refused any but the usual"
 
 SCENE = (
     *_in("scene", "timestep", "shaft_cell", "bending_cell", "twist_hinges", "sample_spacing"),
@@ -63,6 +65,8 @@ SCENE = (
     *_in("scene", "insertion_limit"),
     *_in("scene", "gravity", about="in each colon's own frame"),
     *_in("scene", "segment_stiffness", only=_only(())),
+    *_in("scene", "elasticity", only=_only(LINEAR, backends=("warp",)), about=_TABLE),
+    *_in("scene", "friction_rise", only=_only(0.0, backends=("native-batch", "warp")), about=_TABLE),
     *_in("scene", "wall_law", only=_only("table")),
     *_in("scene", "mesentery"),
     *_in("scene.abdomen", "posture", "mobile", "adhesions", "pressed", "hand", about="of a colon that moves"),
@@ -144,7 +148,8 @@ TRACKED_ON: Mapping[str, str] = {
 """Where each backend runs tracked robots: on Warp on the rigs of studies of propulsion, not in colons."""
 
 DEVICE = (
-    *_in("device", *(name for name in HONOURED if name not in ("mesentery", "wall_law"))),
+    *_in("device", *(name for name in HONOURED if name not in ("mesentery", "wall_law", "elasticity"))),
+    *_in("device", "elasticity", only=_only(LINEAR, backends=("warp",)), about=_TABLE),
     *_in("device", "wall_law", only=_only("table", backends=("warp",)), about="others than the table in one world"),
     *_in("device", "mesentery", about="on warp under spheres of one radius, whose law is the wall's"),
     *_in("device", "treads", only=_only(False, backends=("warp",))),

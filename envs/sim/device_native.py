@@ -99,6 +99,7 @@ class NativeDevice:
                 worlds=worlds,
                 count=len(scene.handles.samples),
                 damping_time=scene.options.wall_damping_time,
+                elasticity=scene.options.elasticity,
                 groups=scene.groups,
                 anus=scene.pose.position,
                 inwards=scene.pose.frame[:, 2],

@@ -24,6 +24,7 @@ from haustra.errors import UnsupportedSceneError
 from haustra.models.device_scene import DeviceScene
 from haustra.models.devices.base import DeviceReadings, State
 from haustra.models.wall import moving_colon
+from haustra.models.wall.elasticity import LINEAR
 from haustra.models.wall.lumen_table import Tables, pick
 from haustra.models.wall.moving_colon import AxisDisplacement
 
@@ -99,8 +100,11 @@ class WarpDevice:
                 f"The backend 'warp' cannot honour the treads of a device of kind '{kind}'; 'native' can."
             )
         _require_alike(scene)
-        if scene.options.gas is not None:
-            raise UnsupportedSceneError("The backend 'warp' cannot honour the option gas of a device: 'native' can.")
+        for name, usual in (("gas", None), ("elasticity", LINEAR)):
+            if getattr(scene.options, name) != usual:
+                raise UnsupportedSceneError(
+                    f"The backend 'warp' cannot honour the option {name} of a device: 'native' can."
+                )
         moves, what = scene.options.mesentery, f"a device of kind '{kind}'"
         wall = WarpPlanes.of(scene.compile(), len(samples), moves=moves, what=what)
         data = mujoco.MjData(wall.host)

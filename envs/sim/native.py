@@ -1,6 +1,7 @@
 """MuJoCo on the CPU, one scene: hand and wires in, what the scope does out. Divergence is detected, never hidden."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -9,7 +10,7 @@ from jaxtyping import Float
 from haustra.envs.sim.at_origin import without_pieces
 from haustra.envs.sim.capabilities import require_supported
 from haustra.envs.sim.coils import coil_samples
-from haustra.envs.sim.energy import EnergyMeter
+from haustra.envs.sim.energy import Energies, EnergyMeter
 from haustra.envs.sim.gas import RunGas
 from haustra.envs.sim.link_places import link_arcs, middle_spheres
 from haustra.envs.sim.log import log_to_stderr_only
@@ -24,6 +25,7 @@ from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.cable import PULL_OUT_LIMIT
 from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.scene import Scene
+from haustra.models.wall.elasticity import LINEAR
 from haustra.models.wall.lumen_table import LumenTable, lumen_table, stack
 from haustra.models.wall.piece_wall import Blocks, PieceWall
 from haustra.models.wall.planes import PlaneWall, add_planes
@@ -273,11 +275,17 @@ class NativeEngine:
             link_arcs=link_arcs(self._wall.arcs, self._middle),
             contacts=int((normal > 0).sum()),
             way=self._moved.way(self._displacement) if self._moved else None,
-            energies=self._energies.read(data),
+            energies=self._energies_now(),
             wall_force_sum=float(normal.sum()),
             coils=data.geom_xpos[self._coils].copy(),
             displacement=self._displacement.copy() if self._moved else None,
         )
+
+    def _energies_now(self) -> Energies:
+        energies = self._energies.read(self.data)
+        if isinstance(self._wall, TableWall) and self.scene.options.elasticity != LINEAR:
+            return replace(energies, wall=self._wall.energy())
+        return energies
 
     def colon(self) -> Colon:
         """The colon as it lies now."""

@@ -8,7 +8,8 @@ from jaxtyping import Float, Int
 from mujoco.batch import Batch
 
 from haustra.models.wall.compiled import loops
-from haustra.models.wall.law import SLIP_SPEED, normal_force, require_honoured, soft_contact
+from haustra.models.wall.elasticity import ELASTICITIES, LINEAR, stiffest
+from haustra.models.wall.law import SLIP_SPEED, SoftContact, normal_force, require_honoured, soft_contact
 from haustra.models.wall.lumen_table import Tables
 from haustra.models.wall.planes import AWAY
 from haustra.models.wall.table_wall import TableWalls
@@ -57,6 +58,7 @@ class TablePlanes:
         worlds: int,
         count: int,
         damping_time: float,
+        elasticity: str = LINEAR,
         groups: Int[np.ndarray, " spheres"] | None = None,
         anus: Float[np.ndarray, "3"] | None = None,
         inwards: Float[np.ndarray, "3"] | None = None,
@@ -73,6 +75,7 @@ class TablePlanes:
             worlds: how many.
             count: spheres.
             damping_time: damping over stiffness of the wall [s].
+            elasticity: name of the law by which the wall's force grows with depth.
             groups: number of the table of a colon that each sphere looks its place up in; the first when None.
             anus: where devices begin [m]; the origin when None.
             inwards: unit vector into the patient; z when None.
@@ -81,8 +84,9 @@ class TablePlanes:
             own_friction: of spheres that have their own [1]; NaN for the others.
         """
         self._batch, self._step_time = batch, model.opt.timestep
+        self._elastic, self._elasticity = elasticity, ELASTICITIES[elasticity]
         self._damper_time = damping_time + self._step_time
-        """c + h K over K [s]."""
+        """Damping over stiffness, and a step [s]."""
         self._mocap_pos, self._mocap_quat = batch.bind("mocap_pos"), batch.bind("mocap_quat")
         self._geom_xpos = batch.bind("geom_xpos")
         self._friction = batch.expand("pair_friction")
@@ -158,16 +162,21 @@ class TablePlanes:
     ) -> None:
         """Give these worlds' contacts their law: that of `haustra.models.wall.law`."""
         stiffness = np.where(np.isnan(self._own_stiffness), wall_stiffness[:, None], self._own_stiffness)
-        damper = stiffness * self._damper_time
         for group in self._groups:
             group.spring[worlds] = stiffness[:, group.members]
         self._rub[worlds] = np.where(np.isnan(self._own_friction), friction[:, None], self._own_friction)
-        soft = soft_contact(np, self._inverse_inertia, stiffness, damper, timestep=self._step_time)
-        require_honoured(soft.impedance, what="A stiffness of the wall")
+        self._soft(stiffest(self._elastic, stiffness))
+        soft = self._soft(stiffness)
         where = np.ix_(worlds, self._pairs)
         self._friction[(*where, slice(2))] = self._rub[worlds][..., None]
         self._solref[where], self._solref_friction[where] = soft.solref, soft.sliding
         self._solimp[(*where, slice(2))] = soft.impedance[..., None]
+
+    def _soft(self, stiffness: Float[np.ndarray, "reset spheres"]) -> SoftContact:
+        damper = stiffness * self._damper_time
+        soft = soft_contact(np, self._inverse_inertia, stiffness, damper, timestep=self._step_time)
+        require_honoured(soft.impedance, what="A stiffness of the wall")
+        return soft
 
     def set_grip(self, share: Float[np.ndarray, "worlds spheres"]) -> None:
         """Leave each sphere a share of its friction [1]."""
@@ -220,17 +229,18 @@ class TablePlanes:
             walls.look(worlds, group.points)
             if not moves:
                 leaving = (before - walls.depth) / h
-                self.normal_force[:, group.members] = normal_force(
-                    np, group.spring * before, group.spring * self._damper_time, leaving
-                )
+                bent, firm = self._elasticity(np, before, group.spring)
+                self.normal_force[:, group.members] = normal_force(np, firm * bent, firm * self._damper_time, leaving)
+            depth, firm = self._elasticity(np, walls.depth, group.spring)
             loops().place_planes(
                 worlds,
                 group.points,
-                walls.depth,
+                depth,
                 walls.inwards,
                 walls.wall_speed,
                 group.radius,
-                group.spring,
+                firm,
+                self._elastic != LINEAR,
                 self._ahead,
                 self._inverse_inertia[group.members],
                 h,
@@ -263,7 +273,7 @@ class TablePlanes:
                 group.walls.inwards,
                 group.walls.wall_speed,
                 group.treads,
-                group.spring,
+                self._elasticity(np, group.walls.depth, group.spring)[1],
                 self._ahead,
                 SLIP_SPEED,
                 self._step_time,

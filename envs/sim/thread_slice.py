@@ -38,8 +38,16 @@ class ThreadSlice:
         self._ctrl, self._time = batch.bind("ctrl"), batch.bind("time")
         self._geom_xpos = batch.bind("geom_xpos")
         self._site_xpos, self._site_xmat = batch.bind("site_xpos"), batch.bind("site_xmat")
-        damping_time, count = scene.options.wall_damping_time, len(scene.samples)
-        self._wall = TablePlanes(batch, model, tables, worlds=worlds, count=count, damping_time=damping_time)
+        options = scene.options
+        self._wall = TablePlanes(
+            batch,
+            model,
+            tables,
+            worlds=worlds,
+            count=len(scene.samples),
+            damping_time=options.wall_damping_time,
+            elasticity=options.elasticity,
+        )
         self._springs = [batch.expand(name) for name in ("jnt_stiffness", "dof_damping", "dof_armature")]
         self._gravity, self._axes = batch.expand("opt.gravity"), tables.axes
         self._find(cable)

@@ -440,6 +440,7 @@ def _place_planes(
     wall_speed: Any,
     radius: float,
     stiffness: Any,
+    stiffens: bool,
     ahead: Any,
     inverse_inertia: Any,
     h: float,
@@ -460,7 +461,9 @@ def _place_planes(
     how deep it is is the pair's margin, from which MuJoCo's spring counts.
 
     The speed along the wall is what its friction sees; that along its normal is in the contact (`moving_contact`).
+    Where the wall stiffens with depth, depth and stiffness are those of its spring there.
     """
+    moves = surface.shape[0] > 0
     for world in worlds:
         for p in range(points.shape[1]):
             normal, speed, into = _node(inwards, world, p), _node(wall_speed, world, p), depth[world, p]
@@ -472,8 +475,9 @@ def _place_planes(
             cosine, about = plane_turn(np, normal)
             turn[world, plane, 0] = cosine
             turn[world, plane, 1], turn[world, plane, 2], turn[world, plane, 3] = about
-            if surface.shape[0] > 0:
+            if moves:
                 _put(surface, world, geoms[p], as_plane_sees(cosine, about, speed))
+            if moves or stiffens:
                 margin[world, pair], damped = moving_contact(np, into, normal, speed, ahead[world], h)
                 own = stiffness[world, p]
                 impedance, solref[world, pair, 0], solref[world, pair, 1], sliding[world, pair, 1] = soft_numbers(
@@ -546,7 +550,7 @@ def _contacts(
     efc_force: Any,
     efc_speed: Any,
     friction: bool,
-    damper: float,
+    damper: Any,
     least_slip: float,
     force: Any,
     damping: Any,
@@ -561,7 +565,7 @@ def _contacts(
         efc_force: of each row [N].
         efc_speed: of each row [m/s].
         friction: whether contacts have rows of friction.
-        damper: of a contact along its normal, with what a step of its spring adds [N s/m].
+        damper: of each sphere's contact along its normal, with what a step of its spring adds [N s/m].
         least_slip: friction damps as where it slides at least so fast [m/s].
         force: on the wall, into which it is written [N].
         damping: along the normal and across it [N s/m].
@@ -572,7 +576,7 @@ def _contacts(
         if row < 0 or efc_force[row] <= 0:
             continue
         sphere = sphere_of[geoms[c, 1]]
-        damping[0, sphere, 0] += damper
+        damping[0, sphere, 0] += damper[sphere]
         for axis in range(3 if friction else 1):
             for i in range(3):
                 force[0, sphere, i] -= efc_force[row + axis] * frames[c, 3 * axis + i]

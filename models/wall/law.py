@@ -3,18 +3,21 @@
 A place of the device that is d deep in the wall (a sphere of radius r whose centre is r - d from it) is pushed along
 the wall's normal n, and rubbed across it, with
 
-    F   = max(0, K d + c d'),
+    F   = max(0, E(d) + tau E'(d) d'),
     f_t = -mu(v) F v_t / max(|v_t|, v_s),    mu(v) = mu + m |v_t|,
 
-where v_t is the speed of the device's surface against the wall's. Both act at the device's surface, centre - r n: the
-wall is indented until it touches it there. v_s, the slip speed (`SLIP_SPEED`), makes friction a function of the speed
-at any load: below it, friction is a damper of mu F / v_s, so a device that Coulomb's law would hold creeps at less than
-v_s. m is zero but for a wall under a film of mucus, on which friction rises with the speed.
+where E is the wall's elasticity (`haustra.models.wall.elasticity`), K d unless a scene chooses another, and tau the
+time in which it relaxes: K is the slope of E at no depth, and c = tau K. v_t is the speed of the device's surface
+against the wall's. Both act at the device's surface, centre - r n: the wall is indented until it touches it there. v_s,
+the slip speed (`SLIP_SPEED`), makes friction a function of the speed at any load: below it, friction is a damper of
+mu F / v_s, so a device that Coulomb's law would hold creeps at less than v_s. m is zero but for a wall under a film of
+mucus, on which friction rises with the speed.
 
-A step h of it by backward Euler is F = K d - (c + h K) v_n' for a place that leaves the wall at v_n' at the step's end,
-and the friction of the load and speed at its beginning over that speed, times the speed at its end: a spring, a damper
-and a drag (`implicit_contact`). MuJoCo's own contacts are made to take the same step of the normal, exactly, and
-friction that is no softer (`soft_contact`; docs/decisions/contact.md has what that leaves).
+A step h of it by backward Euler is F = E - (tau + h) E' v_n', with E and its slope E' at its beginning, for a place
+that leaves the wall at v_n' at the step's end, and the friction of the load and speed at its beginning over that speed,
+times the speed at its end: a spring, a damper and a drag (`implicit_contact`). Where E is K d, F is
+K d - (c + h K) v_n'. MuJoCo's own contacts are made to take the same step of the normal, exactly, and friction that is
+no softer (`soft_contact`; docs/decisions/contact.md has what that leaves).
 """
 
 from collections.abc import Sequence
@@ -28,6 +31,7 @@ from jaxtyping import Float
 from haustra.assets import asset
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.wall import vectors
+from haustra.models.wall.elasticity import ELASTICITIES, LINEAR, Elasticity, linear, stiffest
 from haustra.models.wall.vectors import Vector, dot, minus, times
 from haustra.quantity import load_quantities
 
@@ -55,13 +59,15 @@ class WallContact:
     """Stiffness, damping and friction between a device and the wall."""
 
     stiffness: float
-    """Normal stiffness K of one contact [N/m]."""
+    """Normal stiffness K of one contact at no depth [N/m]."""
     damping: float
     """Normal damping c of one contact [N s/m]."""
     friction: float
     """Coulomb coefficient mu [1]."""
     friction_rise: float = 0.0
-    """Rise m of the coefficient with sliding speed, as on mucus [s/m]; MuJoCo's contacts have none."""
+    """Rise m of the coefficient with sliding speed, as on mucus [s/m]; MuJoCo's contacts have none of their own."""
+    elasticity: str = LINEAR
+    """Name of the law by which force grows with depth; MuJoCo's contacts have the linear one of their own."""
 
     def __post_init__(self) -> None:
         for name in ("stiffness", "damping"):
@@ -72,6 +78,13 @@ class WallContact:
             raise InvalidOptionError(f"Friction is {self.friction}; it must be between 0 and 5.")
         if not 0 <= self.friction_rise < 1e3:
             raise InvalidOptionError(f"Friction rises by {self.friction_rise} s/m; it must be from 0 to below 1000.")
+        if self.elasticity not in ELASTICITIES:
+            raise InvalidOptionError(f"Elasticity '{self.elasticity}' is not known. Known: {', '.join(ELASTICITIES)}.")
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is friction."""
+        return self.friction > 0 or self.friction_rise > 0
 
     def stiffened(self, stiffness: float) -> "WallContact":
         """Return this law at another stiffness [N/m]; it relaxes in the same time."""
@@ -84,9 +97,9 @@ class ImplicitContact(NamedTuple):
     inwards: Any
     """(..., 3) normals n of the wall."""
     spring: Any
-    """K d where the wall is touched, else 0 [N]."""
+    """E where the wall is touched, else 0 [N]."""
     damper: Any
-    """c + h K there, else 0 [N s/m]."""
+    """(tau + h) E' there, else 0 [N s/m]."""
     drag: Any
     """Friction over sliding speed [N s/m]."""
 
@@ -109,9 +122,10 @@ def implicit_contact(
     carried: Any,
     *,
     stiffness: Any,
-    damper: Any,
+    ahead: Any,
     friction: Any,
     friction_rise: Any = 0.0,
+    elasticity: Elasticity = linear,
 ) -> ImplicitContact:
     """The law at the beginning of a step.
 
@@ -126,11 +140,13 @@ def implicit_contact(
         speed: of the device's surface against the wall (..., 3) [m/s].
         carried: whether there was a force at the end of the last step (...).
         stiffness: K [N/m].
-        damper: c + h K [N s/m].
+        ahead: tau + h [s].
         friction: mu [1].
         friction_rise: m [s/m].
+        elasticity: E.
     """
-    law = {"stiffness": stiffness, "damper": damper, "friction": friction, "friction_rise": friction_rise}
+    law = {"stiffness": stiffness, "ahead": ahead, "friction": friction, "friction_rise": friction_rise}
+    law["elasticity"] = elasticity
     spring, damper, drag = place_contact(xp, depth, vectors.of(inwards), vectors.of(speed), carried, **law)
     return ImplicitContact(inwards, spring, damper, drag)
 
@@ -143,12 +159,14 @@ def place_contact(
     carried: Any,
     *,
     stiffness: Any,
-    damper: Any,
+    ahead: Any,
     friction: Any,
     friction_rise: Any = 0.0,
+    elasticity: Elasticity = linear,
 ) -> tuple[Any, Any, Any]:
     """Spring [N], damper and drag [N s/m] of `ImplicitContact`, from vectors by their components."""
-    leaving = dot(inwards, speed)
+    depth, stiffness = elasticity(xp, depth, stiffness)
+    damper, leaving = stiffness * ahead, dot(inwards, speed)
     pressing = (depth > 0) & (carried | (stiffness * depth > damper * leaving))
     spring, damper = xp.where(pressing, stiffness * depth, 0.0), xp.where(pressing, damper, 0.0)
     across = minus(speed, times(leaving, inwards))
@@ -168,8 +186,8 @@ def normal_force(xp: Any, spring: Any, damper: Any, leaving: Any) -> Any:
 
     Args:
         xp: numpy or jax.numpy.
-        spring: K d at the step's beginning, 0 where the wall was not touched [N].
-        damper: c + h K, of any value where it was not [N s/m].
+        spring: E at the step's beginning, 0 where the wall was not touched [N].
+        damper: (tau + h) E', of any value where it was not [N s/m].
         leaving: speed along the inward normal at the step's end [m/s].
     """
     return xp.where(spring > 0, xp.maximum(spring - damper * leaving, 0.0), 0.0)
@@ -238,20 +256,19 @@ def require_honoured(impedance: float | Float[np.ndarray, "..."], *, what: str) 
 def contact_parameters(
     inverse_inertia: float | Float[np.ndarray, "*n"], contact: WallContact, *, timestep: float, where: str
 ) -> SoftContact:
-    """MuJoCo's parameters that give bodies of that `body_invweight0` [1/kg] a law (`soft_contact`).
+    """MuJoCo's parameters that give bodies of that `body_invweight0` [1/kg] a law at no depth (`soft_contact`).
 
     Raises:
-        InvalidOptionError: when MuJoCo would clamp the impedance; `where` names the place in the message.
-        UnsupportedSceneError: when the law's friction rises with speed.
+        InvalidOptionError: when MuJoCo would clamp the impedance, at no depth or where the law is stiffest; `where`
+            names the place in the message.
     """
-    if contact.friction_rise:
-        raise UnsupportedSceneError(
-            "Friction that rises with speed is not had by MuJoCo's contacts: leave friction_rise at 0."
-        )
-    damper = contact.damping + timestep * contact.stiffness
-    soft = soft_contact(np, np.asarray(inverse_inertia), contact.stiffness, damper, timestep=timestep)
-    require_honoured(soft.impedance, what=f"Wall stiffness {contact.stiffness:g} N/m on '{where}'")
-    return soft
+    damper, inertia = contact.damping + timestep * contact.stiffness, np.asarray(inverse_inertia)
+    steeper = stiffest(contact.elasticity, 1.0)
+    for times_steeper in (1.0, steeper):
+        own = times_steeper * contact.stiffness, times_steeper * damper
+        impedance = soft_contact(np, inertia, *own, timestep=timestep).impedance
+        require_honoured(impedance, what=f"Wall stiffness {own[0]:g} N/m on '{where}'")
+    return soft_contact(np, inertia, contact.stiffness, damper, timestep=timestep)
 
 
 def solimp(impedance: float) -> list[float]:
@@ -278,7 +295,15 @@ def apply_contact(
         geoms: names of geoms of moving bodies. They get priority over the wall's own parameters.
         contact: the law.
         timestep: the time step h it is integrated with [s].
+
+    Raises:
+        UnsupportedSceneError: when the law has what only walls have whose planes are placed before every step.
     """
+    if contact.friction_rise or contact.elasticity != LINEAR:
+        raise UnsupportedSceneError(
+            "Friction that rises with speed and an elasticity that is not linear are not had by MuJoCo's contacts: "
+            "leave friction_rise and elasticity out."
+        )
     require_impedance_ratio(spec, IMPEDANCE_RATIO)
     for name in geoms:
         inverse_inertia = bare.body_invweight0[bare.geom_bodyid[bare.geom(name).id], 0]

@@ -139,6 +139,7 @@ def add_planes(
         inverse_inertia = bare.body_invweight0[bare.body(sample.body).id, 0]
         own = sample.law(contact)
         soft, friction = contact_parameters(inverse_inertia, own, timestep=timestep, where=sample.body), own.friction
+        condim = 3 if own.rubs else 1
         for side in range(planes):
             name = f"{prefix}plane_{number:04d}_{side}"
             body = spec.worldbody.add_body(name=name, pos=[0, 0, -AWAY], mocap=True)
@@ -155,7 +156,7 @@ def add_planes(
                 name=name,
                 geomname1=name,
                 geomname2=sphere,
-                condim=3 if friction > 0 else 1,
+                condim=condim,
                 friction=[friction, friction, 0, 0, 0],
                 solref=soft.solref,
                 solreffriction=soft.sliding,

@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 
 from haustra.models.wall import contact_solver
 from haustra.models.wall.compiled import loops
+from haustra.models.wall.elasticity import ELASTICITIES, LINEAR, stored_energy
 from haustra.models.wall.law import SLIP_SPEED, WallContact, contact_parameters
 from haustra.models.wall.lumen_table import LumenTable, Tables, pick, stack
 from haustra.models.wall.mesentery import Mesentery
@@ -201,6 +202,8 @@ class TableWall:
             model.flg_surfacevel = True
             self._surface = model.geom_surfacevel[None]
         self._ahead = np.array([contact.damping / contact.stiffness + model.opt.timestep])
+        self._elasticity, self._stiffens = ELASTICITIES[contact.elasticity], contact.elasticity != LINEAR
+        self._firm = np.zeros((1, count))
         self._force, self._damping = np.zeros((1, count, 3)), np.zeros((1, count, 2))
         contact_solver.step(model, mujoco.MjData(model), self._tree, loops().solve)  # compiled before it is timed
         self.begin(arcs)
@@ -247,14 +250,18 @@ class TableWall:
         mujoco.mj_kinematics(model, data)
         walls, points = self._walls, data.geom_xpos[self.spheres][None]
         walls.look(_ONE, points)
+        if self._contact.friction_rise:
+            self._rub(data)
+        depth, self._firm = self._elasticity(np, walls.depth, np.full_like(walls.depth, self._contact.stiffness))
         loops().place_planes(
             _ONE,
             points,
-            walls.depth,
+            depth,
             walls.inwards,
             walls.wall_speed,
             float(model.geom_size[self.spheres[0], 0]),
-            np.full((1, len(self.spheres)), self._contact.stiffness),
+            self._firm,
+            self._stiffens,
             self._ahead,
             self._inverse_inertia,
             model.opt.timestep,
@@ -269,6 +276,24 @@ class TableWall:
             model.pair_solimp[None],
             self._surface,
         )
+
+    def energy(self) -> float:
+        """Energy stored in the wall where its planes were put last [J]."""
+        depth = np.maximum(self._walls.depth[0], 0.0)
+        return float(stored_energy(self._contact.elasticity, depth, self._contact.stiffness).sum())
+
+    def _rub(self, data: mujoco.MjData) -> None:
+        """Let friction rise with the speed at which the spheres' surfaces slide on the wall."""
+        model, walls, law = self._model, self._walls, self._contact
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_comVel(model, data)
+        bodies, inwards = model.geom_bodyid[self.spheres], walls.inwards[0]
+        surface = data.geom_xpos[self.spheres] - model.geom_size[self.spheres, :1] * inwards
+        turning, moving = data.cvel[bodies, :3], data.cvel[bodies, 3:]
+        speed = moving + np.cross(turning, surface - data.subtree_com[model.body_rootid[bodies]]) - walls.wall_speed[0]
+        across = speed - np.einsum("si,si->s", speed, inwards)[:, None] * inwards
+        friction = law.friction + law.friction_rise * np.linalg.norm(across, axis=1)
+        model.pair_friction[self._pairs, :2] = friction[:, None]
 
     def step(self, data: mujoco.MjData) -> None:
         """Advance by one step, the colon's too."""
@@ -286,8 +311,8 @@ class TableWall:
             contact.efc_address,
             data.efc_force,
             data.efc_vel,
-            law.friction > 0,
-            law.damping + self._model.opt.timestep * law.stiffness,
+            law.rubs,
+            self._firm[0] * self._ahead,
             SLIP_SPEED,
             self._force,
             self._damping,

@@ -23,6 +23,7 @@ from haustra.envs.sim.scope_values import State
 from haustra.envs.sim.state import Controls
 from haustra.models.devices.scope.wires import arriving_pulls, passed_part, travel_of_wheels
 from haustra.models.wall import moving_colon
+from haustra.models.wall.elasticity import ELASTICITIES
 from haustra.models.wall.law import implicit_contact
 from haustra.models.wall.lumen_table import pick, query
 from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
@@ -63,16 +64,18 @@ class DenseStep:
         still = np.zeros_like(inwards)
         if grip is not None and tables.mesentery is not None and now.displacement is not None:
             still = moving_colon.wall_speeds(np, tables.mesentery, now.displacement, grip)
-        stiffness = self._wall.wall_stiffness[:, None]
+        options = self._options
         law = implicit_contact(
             np,
             found.depth[:, :-1] + scope.radius[:, None] - tables.device_radius,
             inwards,
             np.einsum("wpid,wd->wpi", moves, now.qvel) - still,
             now.normal > 0,
-            stiffness=stiffness,
-            damper=stiffness * (self._options.wall_damping_time + h),
+            stiffness=self._wall.wall_stiffness[:, None],
+            ahead=options.wall_damping_time + h,
             friction=self._wall.friction[:, None],
+            friction_rise=options.friction_rise,
+            elasticity=ELASTICITIES[options.elasticity],
         )
         force = law.force(np, np.einsum("wpid,wd->wpi", moves, now.qvel) - still)
         torque, damping = self._joints(now, hands)

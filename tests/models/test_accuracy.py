@@ -1,5 +1,7 @@
 """Runs state the error that was measured for their wall, preset and kind of colon, as a range over many colons."""
 
+from dataclasses import replace
+
 import pytest
 
 from haustra.assets import asset
@@ -8,6 +10,9 @@ from haustra.models.accuracy import LEAST_COLONS, NOT_MEASURED, kind_of, load_me
 from haustra.models.presets import find_preset
 from haustra.models.scene import SceneOptions
 from tests.tube_colon import straight_tube
+
+MEASURED = find_preset("balanced").apply(SceneOptions(wall_law="table", mesentery=True), law="table")
+"""Options of the default run."""
 
 
 def test_walls_of_pieces_state_what_ten_colons_showed():
@@ -21,6 +26,8 @@ def test_walls_of_pieces_state_what_ten_colons_showed():
     [
         (SceneOptions(wall_law="pieces"), "grown", "a wall that nobody measured"),
         (SceneOptions(wall_law="pieces", timestep=0.004), "grown", "prism"),
+        (replace(MEASURED, elasticity="exponential"), "grown", None),
+        (replace(MEASURED, friction_rise=0.1), "grown", None),
     ],
 )
 def test_what_nobody_measured_is_not_stated(options, colon, wall):
@@ -41,9 +48,7 @@ def test_real_colons_and_every_kind_of_pieces_have_an_error(mesentery, wall):
 
 def test_a_wall_law_has_an_error_of_its_own():
     pieces = stated_error(SceneOptions(wall_law="pieces"), "grown", wall="prism")
-    table = stated_error(
-        find_preset("balanced").apply(SceneOptions(wall_law="table", mesentery=True), law="table"), "grown"
-    )
+    table = stated_error(MEASURED, "grown")
     assert None not in table.wall_force and table.wall_force != pieces.wall_force
 
 

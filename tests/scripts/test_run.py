@@ -81,7 +81,7 @@ def test_a_run_in_a_colon_that_moves(colon_folder, tmp_path, capsys, monkeypatch
     ("options", "preset"),
     [
         ([], "fast"),
-        (["--timestep", "0.0025"], "custom"),
+        (["--timestep", "0.0025", "--elasticity", "exponential", "--friction-rise", "0.78"], "custom"),
         pytest.param(["--wall-law", "planes"], "fast", marks=pytest.mark.thorough),
     ],
 )
@@ -98,6 +98,8 @@ def test_a_run_says_its_preset_its_wall_and_what_was_measured_of_its_error(
     assert scores["mesentery"] is ("planes" not in options)
     stated = scores["numerical_error"]
     if preset == "custom":
+        modelled = scores["provenance"]["configuration"]["options"]
+        assert (modelled["elasticity"], modelled["friction_rise"]) == ("exponential", 0.78)
         nothing = {"wall_force": [None, None], "push": [None, None], "tip_mm": [None, None]}
         assert stated == {**nothing, "measured_on": "not measured"}
     else:
@@ -126,6 +128,8 @@ def test_a_run_measures_its_own_error(colon_folder, tmp_path, capsys):
         (["--seconds", "-1"], "--seconds"),
         (["--friction", "-0.1"], "--friction is -0.1; give 0 to 10"),
         (["--timestep", "nan"], "timestep"),
+        (["--elasticity", "cubic"], "elasticity 'cubic' is not known. Known: linear, exponential"),
+        (["--elasticity", "exponential", "--wall-law", "planes"], "law 'table' has and 'planes' has not"),
         (["--colon", "no/such/folder"], "no/such/folder"),
         (["-o", "/proc/nowhere"], "/proc/nowhere"),
     ],

@@ -145,6 +145,7 @@ class LinearBackend(AbstractBackend):
         program |= {"threads": min(threads, worlds)} if device == "cpu" else {}
         program |= {"angles": tables.wall.shape[1], "one_design": not self._one_each, "moving": moving is not None}
         program |= {"abreast": abreast} if abreast > 1 else {}
+        program |= {name: getattr(scene.options, name) for name in ("elasticity", "friction_rise")}
         program |= {"driver": driver, **({"directions": directions} if directions else {})}
         self._program = program
         self._made: dict[bool, Place] = {}

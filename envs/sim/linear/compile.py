@@ -70,6 +70,7 @@ def write_program(
     driver: Driver | None = None,
     directions: int = 0,
     abreast: int = 1,
+    **wall: Any,
 ) -> str:
     """A control step of blocks of worlds on a CPU, in LLVM's language.
 
@@ -84,13 +85,15 @@ def write_program(
         driver: who decides what the hands ask for; None: that is given. `steps` of `COUNTS` are then decisions.
         directions: along how many the derivatives of all numbers are carried.
         abreast: things of one world, nodes or spheres, that one instruction serves where that world is alone.
+        wall: what else `ScopeProgram` is told of the wall.
     """
     program, arrays, counts, (steps, row, first, last) = _begun(lanes, real, directions=directions)
     with program.loop(first, last) as block:
         layout = Layout(*counts[:-1], wheels=wheels, abreast=abreast)
         own = _Worlds(program, arrays, (layout, counts[-1]), driver, block=block, stride=lanes, row=row)
         given = own.arrays(angles, one_design, moving, room_of_block=False)
-        _step(program, ScopeProgram(program, given, layout, counts[-1], timestep=timestep), given, steps, driver)
+        scopes = ScopeProgram(program, given, layout, counts[-1], timestep=timestep, **wall)
+        _step(program, scopes, given, steps, driver)
     return program.finish()
 
 
@@ -108,6 +111,7 @@ def write_kernel(
     moving: bool,
     wheels: bool = False,
     driver: Driver | None = None,
+    **wall: Any,
 ) -> str:
     """A control step of worlds on a graphics processor; `last` of `COUNTS` is how many worlds there are."""
     program, arrays, counts, (steps, row, _, worlds) = _begun(1, real, approximate=True)
@@ -124,7 +128,8 @@ def write_kernel(
         layout = Layout(*counts[:-1], wheels=wheels)
         own = _Worlds(program, arrays, (layout, counts[-1]), driver, **place)
         given = own.arrays(angles, one_design, moving, room_of_block=True)
-        _step(program, ScopeProgram(program, given, layout, counts[-1], timestep=timestep), given, steps, driver)
+        scopes = ScopeProgram(program, given, layout, counts[-1], timestep=timestep, **wall)
+        _step(program, scopes, given, steps, driver)
     return program.finish()
 
 

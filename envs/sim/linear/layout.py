@@ -145,8 +145,8 @@ JOINT_ROOM = 10
 """U / D (6), tau / D, direction (3)."""
 BODY_ROOM = 30
 """Inertia (21), wrench (6), offset from its parent (3)."""
-SPHERE_ROOM = 14
-"""Normal, lever, speed against the wall (9), spring, drag, lever at which a colon that moves is held (3)."""
+SPHERE_ROOM = 15
+"""Normal, lever, speed against the wall (9), spring, drag, damper, lever at which a colon that moves is held (3)."""
 NODE = 11
 """Pose and speed (`haustra.models.wall.moving_colon.AxisDisplacement`)."""
 NODE_ROOM = 35

@@ -44,6 +44,7 @@ from haustra.envs.sim.physics.stops import stop_torque
 from haustra.envs.sim.physics.wires import borne_pulls, joint_angle
 from haustra.envs.sim.state import SPEED_LIMIT
 from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
+from haustra.models.wall.elasticity import ELASTICITIES, LINEAR
 from haustra.models.wall.law import normal_force, place_contact, place_force
 from haustra.models.wall.lumen_table import (
     WINDOW,
@@ -86,6 +87,8 @@ class ScopeProgram:
         coils: Value,
         *,
         timestep: float,
+        elasticity: str = LINEAR,
+        friction_rise: float = 0.0,
     ) -> None:
         """Bind arrays and counts.
 
@@ -95,8 +98,11 @@ class ScopeProgram:
             layout: of what each world holds.
             coils: how many the imager has.
             timestep: [s].
+            elasticity: name of the law by which the wall's force grows with depth.
+            friction_rise: of the friction coefficient with sliding speed [s/m].
         """
         self.program, self.h = program, timestep
+        self._elasticity, self._friction_rise = ELASTICITIES[elasticity], friction_rise
         self.layout, self.coils = layout, coils
         self.dofs, self.bodies, self.spheres = layout.dofs, layout.bodies, layout.spheres
         self.state: Lanes = arrays["state"]
@@ -341,7 +347,6 @@ class ScopeProgram:
             depth, normal, held, leaving = self.wall(rest, arc, near=True)
             lever = minus(along, times(self.scope("radius"), normal))
             speed = minus(add(link.moving, cross(link.turning, lever)), leaving)
-            damper = self._damper()
             spring, damper, drag = place_contact(
                 xp,
                 depth,
@@ -349,20 +354,19 @@ class ScopeProgram:
                 speed,
                 carried,
                 stiffness=self.world("stiffness"),
-                damper=damper,
+                ahead=self.world("damping_time") + self.h,
                 friction=self.world("friction"),
+                friction_rise=self._friction_rise,
+                elasticity=self._elasticity,
             )
             room.store(where + 9, spring)
             with program.when(spring > 0):
                 room.put(where, (*normal, *lever, *speed))
-                room.put(where + 10, (drag, *held) if self.axis else (drag,))
+                room.put(where + 10, (drag, damper, *held) if self.axis else (drag, damper))
                 felt = place_inertia(lever, normal, self.h * damper, self.h * drag)
                 force = place_force(spring, damper, drag, normal, speed)
                 more = (*_flat(felt), *times(-1.0, cross(lever, force)), *times(-1.0, force))
                 sums.now = tuple(x + self._summed(y, counts) for x, y in zip(sums.now, more, strict=True))
-
-    def _damper(self) -> Value:
-        return self.world("stiffness") * (self.world("damping_time") + self.h)
 
     def nearest(self, place: Vector, arc: Value) -> tuple[Value, Vector]:
         """Arc length next to a place that was near `arc`, and where the place stands in the colon at rest."""
@@ -565,7 +569,7 @@ class ScopeProgram:
         with program.when(spring > 0):
             normal, lever, speed = (room.vector(own + 3 * part) for part in range(3))
             speed = add(speed, times(self.h, add(moving_rate, cross(turning_rate, lever))))
-            pressed = normal_force(program.xp, spring, self._damper(), dot(normal, speed))
+            pressed = normal_force(program.xp, spring, room.load(own + 11), dot(normal, speed))
             self.state.store(slot, pressed)
             if self.axis:
                 self._press_axis(self.axis, sphere, normal, speed)
@@ -579,10 +583,9 @@ class ScopeProgram:
         def there(v: Vector) -> Vector:
             return where(touching, v[0], 0.0), where(touching, v[1], 0.0), where(touching, v[2], 0.0)
 
-        damper = where(touching, self._damper(), 0.0)
-        drag = where(touching, self.room.load(own + 10), 0.0)
+        drag, damper = (where(touching, self.room.load(own + slot), 0.0) for slot in (10, 11))
         force = times(-1.0, place_force(spring, damper, drag, there(normal), there(speed)))
-        held = there(self.room.vector(own + 11))
+        held = there(self.room.vector(own + 12))
         axis.press(self.state.load(self.layout.arcs + sphere), held, force, damper, drag)
 
     def observe(self) -> None:

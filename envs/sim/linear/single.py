@@ -24,6 +24,7 @@ from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene, entry_of
 from haustra.models.wall import moving_colon
+from haustra.models.wall.elasticity import depth_under, stored_energy
 from haustra.models.wall.lumen_table import TableAccuracy, Tables, lumen_table, stack
 from haustra.models.wall.moving_colon import POSE
 from haustra.models.wall.piece_wall import Blocks
@@ -168,7 +169,9 @@ class LinearSingle:
 
     def wall_energy(self, rows: Row) -> Float[np.ndarray, " rows"]:
         """E_b, stored in pressing the wall [J]."""
-        return 0.5 * (self.many.normals(rows.state) ** 2).sum(axis=1) / rows.worlds[:, WORLD.index("stiffness")]
+        normals, stiffness = self.many.normals(rows.state), rows.worlds[:, WORLD.index("stiffness"), None]
+        law = self.scene.options.elasticity
+        return stored_energy(law, depth_under(law, normals, stiffness), stiffness).sum(axis=1)
 
     def bending_energy(self, rows: Row) -> Float[np.ndarray, " rows"]:
         """E_c, stored in bending the scope [J]."""

@@ -327,6 +327,8 @@ REFUSALS = {
     ),
     "scene.softening": replace(OPTIONS, wall_law="table"),
     "scene.gas": replace(OPTIONS, wall_law="table", softening=False, gas=3333.0),
+    "scene.elasticity": replace(OPTIONS, wall_law="table", softening=False, elasticity="exponential"),
+    "scene.friction_rise": replace(OPTIONS, wall_law="table", softening=False, friction_rise=0.78),
 }
 AROUND = {f"scene.abdomen.{name}" for name in ("mobile", "adhesions", "pressed", "hand")}
 """Fields of the patient around a colon that moves: `test_moving_native.py` beside this one."""

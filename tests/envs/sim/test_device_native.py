@@ -17,6 +17,7 @@ from haustra.models.devices.capsule.interface import Capsule
 from haustra.models.devices.scope.interface import Scope
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions, empty_spec
+from haustra.models.wall.elasticity import depth_under
 from haustra.models.wall.lumen_table import lumen_table
 from haustra.models.wall.planes import Sample, add_planes
 from haustra.models.wall.table_wall import TableWall
@@ -100,6 +101,22 @@ def pressed_sphere(colon: Colon, *, radius: float, arc: float, force: float, opt
         wall.step(data)
     assert wall.displacement is not None
     return wall.displacement[:, :3].copy()
+
+
+def test_a_capsule_is_as_deep_in_a_wall_that_stiffens_as_the_law_says(tube):
+    """Spheres share one load by either law: each is as deep as the inverse of one law says of the other's force."""
+    depth = {}
+    capsule = replace(load_device("capsule"), led_by="wrench")
+    for name in ("linear", "exponential"):
+        options = device_options(capsule, elasticity=name, wall_stiffness=200.0, friction=0.0)
+        scene = build_device_scene(capsule, options, pose=pose_in(tube, capsule, options))
+        one = NativeDevice(scene, device_tables(scene, [tube]))
+        for _ in range(150):
+            assert one.step(np.array([[3.0, 0, 0, 0, 0, 0]]), 5).all()
+        depth[name] = float(one.read().deepest[0])
+    assert depth["linear"] > 1e-3
+    known = depth_under("exponential", np.array(200.0 * depth["linear"]), 200.0)
+    assert depth["exponential"] == pytest.approx(float(known), rel=0.01)
 
 
 @pytest.mark.parametrize("force", [pytest.param(0.3, marks=pytest.mark.thorough), 0.9])

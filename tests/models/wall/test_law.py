@@ -14,6 +14,7 @@ from haustra.models.wall.law import (
     IMPEDANCE_RATIO,
     SLIP_SPEED,
     WallContact,
+    apply_contact,
     contact_parameters,
     implicit_contact,
     normal_force,
@@ -60,14 +61,14 @@ def test_friction_depends_on_speed_alike_at_any_load(load: float, speed: float) 
         np.array([[speed, 0.0, 0.0]]),
         np.array([False]),
         stiffness=1500.0,
-        damper=15.0,
+        ahead=0.01,
         friction=0.3,
     )
     force = law.force(np, np.array([[speed, 0.0, 0.0]]))[0]
     np.testing.assert_allclose(force, [-0.3 * load * min(speed / SLIP_SPEED, 1.0), 0.0, load], rtol=1e-6, atol=1e-9)
 
 
-def test_friction_may_rise_with_speed_as_on_mucus_but_not_in_mujoco() -> None:
+def test_friction_may_rise_with_speed_as_on_mucus_but_not_in_mujocos_own_contacts() -> None:
     """Lyle 2013, Tribol Lett 51:377: a sled on small bowel meets 0.007 to 0.054, more the faster it goes."""
     moving = np.array([[0.06, 0.0, 0.0]])
     law = implicit_contact(
@@ -77,13 +78,16 @@ def test_friction_may_rise_with_speed_as_on_mucus_but_not_in_mujoco() -> None:
         moving,
         np.array([False]),
         stiffness=1500.0,
-        damper=15.0,
+        ahead=0.01,
         friction=0.007,
         friction_rise=0.78,
     )
     assert -law.force(np, moving)[0, 0] == pytest.approx((0.007 + 0.78 * 0.06) * 1.5, rel=1e-6)
-    with pytest.raises(UnsupportedSceneError, match="rises with speed"):
-        contact_parameters(1.0, WallContact(1500.0, 7.5, 0.007, friction_rise=0.78), timestep=0.005, where="tip")
+    spec = mujoco.MjSpec()
+    for changed in ({"friction_rise": 0.78}, {"elasticity": "exponential"}):
+        law = WallContact(1500.0, 7.5, 0.007, **changed)
+        with pytest.raises(UnsupportedSceneError, match="rises with speed and an elasticity"):
+            apply_contact(spec, spec.compile(), [], law, timestep=0.005)
 
 
 def test_the_normal_force_is_that_of_the_step_and_never_pulls() -> None:
