@@ -3,6 +3,8 @@
 Source: Fung 1967, Am J Physiol 213:1532: the slope of the load of soft tissue grows with the load, dE/dd = K + b E.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -49,9 +51,9 @@ def test_only_walls_whose_planes_are_placed_take_another_law() -> None:
     with pytest.raises(InvalidOptionError, match=r"'cubic' is not known\. Known: linear, exponential"):
         SceneOptions(elasticity="cubic")
     for law in ("pieces", "planes"):
-        for changed in ({"elasticity": "exponential"}, {"friction_rise": 0.5}):
-            with pytest.raises(InvalidOptionError, match=f"{next(iter(changed))} is .* '{law}' has not"):
-                SceneOptions(wall_law=law, **changed)
+        for name, value in (("elasticity", "exponential"), ("friction_rise", 0.5)):
+            with pytest.raises(InvalidOptionError, match=f"{name} is {value}, which .* '{law}' has not"):
+                replace(SceneOptions(wall_law=law), **{name: value})
 
 
 def test_a_law_that_ends_stiffer_than_mujoco_honours_is_refused() -> None:

@@ -3,6 +3,7 @@
 Source: Hooke's law for the wall as in the colonoscopy simulator the project implements (its eq. 3).
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -84,8 +85,8 @@ def test_friction_may_rise_with_speed_as_on_mucus_but_not_in_mujocos_own_contact
     )
     assert -law.force(np, moving)[0, 0] == pytest.approx((0.007 + 0.78 * 0.06) * 1.5, rel=1e-6)
     spec = mujoco.MjSpec()
-    for changed in ({"friction_rise": 0.78}, {"elasticity": "exponential"}):
-        law = WallContact(1500.0, 7.5, 0.007, **changed)
+    plain = WallContact(1500.0, 7.5, 0.007)
+    for law in (replace(plain, friction_rise=0.78), replace(plain, elasticity="exponential")):
         with pytest.raises(UnsupportedSceneError, match="rises with speed and an elasticity"):
             apply_contact(spec, spec.compile(), [], law, timestep=0.005)
 

@@ -56,8 +56,6 @@ def test_a_ball_at_rest_is_as_deep_as_its_load_by_the_inverse_of_the_law(name: s
 def test_friction_on_mucus_grows_with_the_speed(speed: float) -> None:
     """What drives the ball at twice the speed is (mu + 2 m v) / (mu + m v) times as much."""
     friction, rise = 0.02, 0.78
-    asked = {"friction": friction, "friction_rise": rise}
-    _, found, _ = pushed(
-        SceneOptions(wall_law="table", timestep=0.001, **asked), along=(friction + rise * speed) * LOAD, steps=1500
-    )
+    options = SceneOptions(wall_law="table", timestep=0.001, friction=friction, friction_rise=rise)
+    _, found, _ = pushed(options, along=(friction + rise * speed) * LOAD, steps=1500)
     assert found == pytest.approx(speed, rel=0.01)
