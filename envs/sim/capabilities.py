@@ -148,7 +148,8 @@ TRACKED_ON: Mapping[str, str] = {
 """Where each backend runs tracked robots: on Warp on the rigs of studies of propulsion, not in colons."""
 
 DEVICE = (
-    *_in("device", *(name for name in HONOURED if name not in ("mesentery", "wall_law", "elasticity"))),
+    *_in("device", *(name for name in HONOURED if name not in ("mesentery", "wall_law", "elasticity", "gas"))),
+    *_in("device", "gas", only=_only(None, backends=("warp",)), about="of one world"),
     *_in("device", "elasticity", only=_only(LINEAR, backends=("warp",)), about=_TABLE),
     *_in("device", "wall_law", only=_only("table", backends=("warp",)), about="others than the table in one world"),
     *_in("device", "mesentery", about="on warp under spheres of one radius, whose law is the wall's"),

@@ -18,13 +18,12 @@ from mujoco import mjx
 
 from haustra.envs.sim.device_arrays import on_device, tree_where
 from haustra.envs.sim.device_native import bends_behind, look_ahead
+from haustra.envs.sim.device_worlds import require_on_warp
 from haustra.envs.sim.precision import precise
 from haustra.envs.sim.warp_planes import Contacts, WarpPlanes, sound
-from haustra.errors import UnsupportedSceneError
 from haustra.models.device_scene import DeviceScene
 from haustra.models.devices.base import DeviceReadings, State
 from haustra.models.wall import moving_colon
-from haustra.models.wall.elasticity import LINEAR
 from haustra.models.wall.lumen_table import Tables, pick
 from haustra.models.wall.moving_colon import AxisDisplacement
 
@@ -92,20 +91,9 @@ class WarpDevice:
         Raises:
             UnsupportedSceneError: when Warp has not what the device is made of.
         """
-        kind, pose, samples = scene.device.kind, scene.pose, scene.handles.samples
-        if (law := scene.options.wall_law) != "table":
-            raise UnsupportedSceneError(f"The backend 'warp' cannot honour wall law '{law}' of a device: 'native' can.")
-        if scene.device.has_treads:
-            raise UnsupportedSceneError(
-                f"The backend 'warp' cannot honour the treads of a device of kind '{kind}'; 'native' can."
-            )
-        _require_alike(scene)
-        for name, usual in (("gas", None), ("elasticity", LINEAR)):
-            if getattr(scene.options, name) != usual:
-                raise UnsupportedSceneError(
-                    f"The backend 'warp' cannot honour the option {name} of a device: 'native' can."
-                )
-        moves, what = scene.options.mesentery, f"a device of kind '{kind}'"
+        require_on_warp(scene)
+        pose, samples = scene.pose, scene.handles.samples
+        moves, what = scene.options.mesentery, f"a device of kind '{scene.device.kind}'"
         wall = WarpPlanes.of(scene.compile(), len(samples), moves=moves, what=what)
         data = mujoco.MjData(wall.host)
         mujoco.mj_forward(wall.host, data)
@@ -223,20 +211,6 @@ class WarpDevice:
         """A number of the wall's law at each sphere (worlds, spheres)."""
         own = self.scene.own(name)
         return jnp.where(np.isnan(own), of_worlds[:, None], own.astype(np.float32))
-
-
-def _require_alike(scene: DeviceScene) -> None:
-    if not scene.options.mesentery:
-        return
-    if len(scene.radii) > 1:
-        raise UnsupportedSceneError(
-            "On the backend 'warp' spheres of several radii cannot press on a colon that moves: 'native' can."
-        )
-    if not np.isnan([scene.own("stiffness"), scene.own("friction")]).all():
-        raise UnsupportedSceneError(
-            "On the backend 'warp' spheres with stiffness or friction of their own cannot press on a colon that moves: "
-            "'native' can."
-        )
 
 
 class WarpDeviceWorlds:

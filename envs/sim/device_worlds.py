@@ -6,8 +6,9 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from haustra.envs.sim.capabilities import DEVICE
 from haustra.envs.sim.device_native import NativeDevice
-from haustra.errors import InvalidOptionError
+from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.device_scene import DeviceScene
 from haustra.models.devices.base import DeviceReadings
 from haustra.models.wall.lumen_table import Tables
@@ -72,6 +73,7 @@ def load_device_worlds(
         raise InvalidOptionError(f"Backend '{name}' is not known. Known: {', '.join(NAMES)}.")
     kind: Any = NativeDevice
     if name == "warp":
+        require_on_warp(scene)
         from haustra.envs.sim.jax_setup import share_memory, use_jax
         from haustra.envs.sim.warp_setup import use_warp
 
@@ -82,3 +84,27 @@ def load_device_worlds(
 
         kind = WarpDeviceWorlds
     return kind(scene, tables, worlds=worlds, starts=starts)
+
+
+def require_on_warp(scene: DeviceScene) -> None:
+    """Refuse what Warp cannot honour of a device and its scene; Warp itself need not be there.
+
+    Raises:
+        UnsupportedSceneError: naming the field and its value (`haustra.envs.sim.capabilities.DEVICE`), or the spheres.
+    """
+    kind = scene.device.kind
+    for entry in DEVICE:
+        name = entry.path.removeprefix("device.")
+        value = scene.device.has_treads if name == "treads" else getattr(scene.options, name)
+        if not entry.honoured("warp", value):
+            raise UnsupportedSceneError(
+                f"The backend 'warp' cannot honour {entry.path} = {value!r} of a device of kind '{kind}': 'native' can."
+            )
+    if not scene.options.mesentery:
+        return
+    apart = np.isnan([scene.own("stiffness"), scene.own("friction")])
+    own = {"of several radii": len(scene.radii) > 1, "with stiffness or friction of their own": not apart.all()}
+    for what in (name for name, there in own.items() if there):
+        raise UnsupportedSceneError(
+            f"On the backend 'warp' spheres {what} cannot press on a colon that moves: 'native' can."
+        )

@@ -127,8 +127,20 @@ def test_spheres_with_a_law_of_their_own_keep_it_on_warp() -> None:
     assert found[Held, "warp"].tip_arc[0] < found[Capsule, "warp"].tip_arc[0] - 0.003
 
 
+@pytest.mark.parametrize(
+    ("changed", "named"),
+    [
+        ({"gas": 3333.0}, r"device\.gas = 3333\.0 of a device of kind 'capsule'"),
+        ({"elasticity": "exponential"}, r"device\.elasticity = 'exponential' of a device of kind 'capsule'"),
+    ],
+)
+def test_what_warp_cannot_honour_of_a_device_is_refused_by_name_without_warp(changed: dict, named: str) -> None:
+    scene, rest = scene_in(capsule(), COLONS[:1], **changed)
+    with pytest.raises(UnsupportedSceneError, match=f"'warp' cannot honour {named}: 'native' can"):
+        load_device_worlds("warp", scene, **rest)
+
+
 def test_spheres_with_a_law_of_their_own_on_a_colon_that_moves_are_refused_by_name() -> None:
-    pytest.importorskip("warp", reason="MuJoCo Warp is not installed")
     scene = build_device_scene(capsule(Held), device_options(mesentery=True))
     with pytest.raises(UnsupportedSceneError, match="stiffness or friction of their own"):
         load_device_worlds("warp", scene, device_tables(scene, list(COLONS[:1])))

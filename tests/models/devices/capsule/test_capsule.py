@@ -238,9 +238,10 @@ def test_it_is_studied_on_warp_as_natively(colon_folder, tmp_path):
 
 @pytest.mark.slow
 def test_pressed_on_the_wall_warp_agrees_with_native(tube):
-    """Places within 5 micrometres and forces within 1 % while it is pressed on the wall, in single precision.
+    """Places within 5 micrometres and forces within 1 % where it lies pressed on the wall, in single precision.
 
-    The native force is that of the last step but one.
+    For a fifth of a second after it struck the force still swings by some percent. The native force is that of the last
+    step but one.
     """
     pytest.importorskip("warp", reason="MuJoCo Warp is not installed")
     from haustra.envs.sim.warp_setup import use_warp
@@ -257,7 +258,7 @@ def test_pressed_on_the_wall_warp_agrees_with_native(tube):
     conditions = Conditions(jnp.zeros(1, int), jnp.full(1, 0.1), jnp.full(1, 1500.0))
     now = warp.begin(conditions)
     step = jax.jit(lambda now, command: warp.step(conditions, now, command, 4))
-    for command in [[0, 0, 0.9, 0, 0, 0]] * 10 + [[0.9, 0, 0.1, 0, 0, 0]] * 12:
+    for command in [[0, 0, 0.9, 0, 0, 0]] * 10 + [[0.9, 0, 0.1, 0, 0, 0]] * 24:
         native.step(np.array([command], float), 4)
         now = step(now, jnp.array([command]))
     seen = warp.read(conditions, now)

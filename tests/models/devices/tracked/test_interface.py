@@ -8,6 +8,7 @@ import pytest
 
 from haustra.envs.runs.device_run import run_device
 from haustra.envs.sim.device_native import NativeDevice
+from haustra.envs.sim.device_worlds import load_device_worlds
 from haustra.envs.study.run import Computing, run_sweep
 from haustra.envs.study.study_file import load_study
 from haustra.envs.tasks.device_task import DeviceEnv, DeviceRules
@@ -242,12 +243,9 @@ def test_its_tether_pulls_as_the_capstan_says() -> None:
 
 
 def test_warp_refuses_it_by_name() -> None:
-    pytest.importorskip("jax")
-    from haustra.envs.sim.device_warp import WarpDevice
-
     scene = build_device_scene(robot(), pose=pose_in_any())
-    with pytest.raises(UnsupportedSceneError, match="'warp' cannot honour the treads of a device of kind 'tracked'"):
-        WarpDevice.of(scene, device_tables(scene, [COLON]))
+    with pytest.raises(UnsupportedSceneError, match=r"'warp' cannot honour device\.treads = True .* kind 'tracked'"):
+        load_device_worlds("warp", scene, device_tables(scene, [COLON]))
 
 
 def test_gas_widens_the_lumen_about_it_and_it_presses_less() -> None:
