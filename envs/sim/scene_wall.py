@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from haustra.models.device_scene import DeviceScene
-from haustra.models.wall.law import require_honoured, soft_contact
+from haustra.models.wall.law import honoured_contact
 from haustra.models.wall.lumen_table import Tables
 from haustra.models.wall.piece_wall import PieceWall
 from haustra.models.wall.planes import PlaneWall
@@ -129,10 +129,9 @@ class SceneWall:
         own = self._scene.own
         stiffness = np.where(np.isnan(own("stiffness")), wall_stiffness, own("stiffness"))
         self._rub[:] = np.where(np.isnan(own("friction")), friction, own("friction"))
-        damper = stiffness * self._damper_time
-        soft = soft_contact(np, self._inverse_inertia, stiffness, damper, timestep=self._world.model.opt.timestep)
-        require_honoured(soft.impedance, what="A stiffness of the wall")
-        model = self._world.model
+        model, spring = self._world.model, (stiffness, stiffness * self._damper_time)
+        what = "A stiffness of the wall"
+        soft = honoured_contact(self._inverse_inertia, *spring, timestep=model.opt.timestep, what=what)
         if isinstance(self._wall, PlaneWall):
             pairs = self._wall.pairs
             model.pair_solref[pairs], model.pair_solreffriction[pairs] = soft.solref[:, None], soft.sliding[:, None]

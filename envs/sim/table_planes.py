@@ -9,7 +9,7 @@ from mujoco.batch import Batch
 
 from haustra.models.wall.compiled import loops
 from haustra.models.wall.elasticity import ELASTICITIES, LINEAR, stiffest
-from haustra.models.wall.law import SLIP_SPEED, SoftContact, normal_force, require_honoured, soft_contact
+from haustra.models.wall.law import SLIP_SPEED, SoftContact, honoured_contact, normal_force
 from haustra.models.wall.lumen_table import Tables
 from haustra.models.wall.planes import AWAY
 from haustra.models.wall.table_wall import TableWalls
@@ -173,10 +173,8 @@ class TablePlanes:
         self._solimp[(*where, slice(2))] = soft.impedance[..., None]
 
     def _soft(self, stiffness: Float[np.ndarray, "reset spheres"]) -> SoftContact:
-        damper = stiffness * self._damper_time
-        soft = soft_contact(np, self._inverse_inertia, stiffness, damper, timestep=self._step_time)
-        require_honoured(soft.impedance, what="A stiffness of the wall")
-        return soft
+        own, what = (stiffness, stiffness * self._damper_time), "A stiffness of the wall"
+        return honoured_contact(self._inverse_inertia, *own, timestep=self._step_time, what=what)
 
     def set_grip(self, share: Float[np.ndarray, "worlds spheres"]) -> None:
         """Leave each sphere a share of its friction [1]."""

@@ -19,7 +19,7 @@ from mujoco import mjx
 from haustra.envs.sim.state import SPEED_LIMIT
 from haustra.errors import UnsupportedSceneError
 from haustra.models.wall import moving_colon
-from haustra.models.wall.law import SLIP_SPEED, require_honoured, soft_contact
+from haustra.models.wall.law import SLIP_SPEED, honoured_contact, soft_contact
 from haustra.models.wall.lumen_table import Tables, WallQuery, query
 from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
 from haustra.models.wall.plane_pose import moving_planes, plane_pose
@@ -122,8 +122,8 @@ class WarpPlanes:
         """
         stiffness = np.asarray(stiffness)
         damper = stiffness * (np.asarray(damping_time) + self.timestep)
-        soft = soft_contact(np, self.inverse_inertia, stiffness, damper, timestep=self.timestep)
-        require_honoured(soft.impedance, what="A stiffness of the wall")
+        what = "A stiffness of the wall"
+        honoured_contact(self.inverse_inertia, stiffness, damper, timestep=self.timestep, what=what)
 
     def contacts(
         self, stiffness: Array, damping_time: Array, friction: Array, own: Mapping[str, Array] | None = None

@@ -240,17 +240,19 @@ PARTS = (soft_numbers,)
 """What numba is to compile."""
 
 
-def require_honoured(impedance: float | Float[np.ndarray, "..."], *, what: str) -> None:
-    """Refuse a contact or stop whose impedance MuJoCo would clamp, which would change its stiffness in silence.
+def honoured_contact(inverse_inertia: Any, stiffness: Any, damper: Any, *, timestep: float, what: str) -> SoftContact:
+    """`soft_contact` of a contact or stop, unless MuJoCo would clamp it, which would change its stiffness in silence.
 
     Raises:
         InvalidOptionError: naming what it is.
     """
+    soft = soft_contact(np, np.asarray(inverse_inertia), stiffness, damper, timestep=timestep)
     low, high = _IMPEDANCE_RANGE
-    if not ((np.asarray(impedance) > low) & (np.asarray(impedance) < high)).all():
+    if not ((soft.impedance > low) & (soft.impedance < high)).all():
         raise InvalidOptionError(
             f"{what} is outside what MuJoCo can honour at this time step: change the stiffness or the time step."
         )
+    return soft
 
 
 def contact_parameters(
@@ -262,13 +264,14 @@ def contact_parameters(
         InvalidOptionError: when MuJoCo would clamp the impedance, at no depth or where the law is stiffest; `where`
             names the place in the message.
     """
-    damper, inertia = contact.damping + timestep * contact.stiffness, np.asarray(inverse_inertia)
-    steeper = stiffest(contact.elasticity, 1.0)
-    for times_steeper in (1.0, steeper):
-        own = times_steeper * contact.stiffness, times_steeper * damper
-        impedance = soft_contact(np, inertia, *own, timestep=timestep).impedance
-        require_honoured(impedance, what=f"Wall stiffness {own[0]:g} N/m on '{where}'")
-    return soft_contact(np, inertia, contact.stiffness, damper, timestep=timestep)
+    damper = contact.damping + timestep * contact.stiffness
+
+    def at(steeper: float) -> SoftContact:
+        own, what = steeper * contact.stiffness, f"Wall stiffness {steeper * contact.stiffness:g} N/m on '{where}'"
+        return honoured_contact(inverse_inertia, own, steeper * damper, timestep=timestep, what=what)
+
+    at(float(stiffest(contact.elasticity, 1.0)))
+    return at(1.0)
 
 
 def solimp(impedance: float) -> list[float]:

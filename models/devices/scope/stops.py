@@ -3,9 +3,8 @@
 from typing import Any
 
 import mujoco
-import numpy as np
 
-from haustra.models.wall.law import require_honoured, soft_contact, solimp
+from haustra.models.wall.law import honoured_contact, solimp
 
 STOP_STIFFNESS = 150.0
 """Torque per angle beyond a stop [N m/rad]; engineering choice: a full pull, 0.3 N m, turns each joint 0.1 degrees
@@ -46,7 +45,7 @@ def apply_stops(spec: mujoco.MjSpec, bare: mujoco.MjModel, *, timestep: float) -
             continue
         inverse_inertia = bare.dof_invweight0[bare.jnt_dofadr[index]]
         share = min(1.0, _HARDEST / (inverse_inertia * timestep * damping))
-        soft = soft_contact(np, inverse_inertia, share * STOP_STIFFNESS, share * damping, timestep=timestep)
-        require_honoured(soft.impedance, what=f"The stop of '{name}'")
+        own = share * STOP_STIFFNESS, share * damping
+        soft = honoured_contact(inverse_inertia, *own, timestep=timestep, what=f"The stop of '{name}'")
         joint = spec.joint(name)
         joint.solref_limit, joint.solimp_limit = soft.solref, solimp(float(soft.impedance))
