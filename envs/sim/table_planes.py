@@ -84,7 +84,7 @@ class TablePlanes:
             own_friction: of spheres that have their own [1]; NaN for the others.
         """
         self._batch, self._step_time = batch, model.opt.timestep
-        self._elastic, self._elasticity = elasticity, ELASTICITIES[elasticity]
+        self._elastic = elasticity
         self._damper_time = damping_time + self._step_time
         """Damping over stiffness, and a step [s]."""
         self._mocap_pos, self._mocap_quat = batch.bind("mocap_pos"), batch.bind("mocap_quat")
@@ -165,12 +165,25 @@ class TablePlanes:
         for group in self._groups:
             group.spring[worlds] = stiffness[:, group.members]
         self._rub[worlds] = np.where(np.isnan(self._own_friction), friction[:, None], self._own_friction)
-        self._soft(stiffest(self._elastic, stiffness))
+        self._soft(np.where(np.isnan(self._own_stiffness), stiffest(self._elastic, stiffness), stiffness))
         soft = self._soft(stiffness)
         where = np.ix_(worlds, self._pairs)
         self._friction[(*where, slice(2))] = self._rub[worlds][..., None]
         self._solref[where], self._solref_friction[where] = soft.solref, soft.sliding
         self._solimp[(*where, slice(2))] = soft.impedance[..., None]
+
+    def _springs(
+        self, group: _Group, depth: Float[np.ndarray, "worlds spheres"]
+    ) -> tuple[Float[np.ndarray, "worlds spheres"], Float[np.ndarray, "worlds spheres"]]:
+        """Linear springs that touch the law at a depth [m]: how deep they would be pressed, and their stiffness.
+
+        Where a device's own compliance stands for the wall's, it is linear.
+        """
+        if self._elastic == LINEAR:
+            return depth, group.spring
+        wall = np.isnan(self._own_stiffness[group.members])
+        bent, firm = ELASTICITIES[self._elastic](np, depth, group.spring)
+        return np.where(wall, bent, depth), np.where(wall, firm, group.spring)
 
     def _soft(self, stiffness: Float[np.ndarray, "reset spheres"]) -> SoftContact:
         own, what = (stiffness, stiffness * self._damper_time), "A stiffness of the wall"
@@ -227,9 +240,9 @@ class TablePlanes:
             walls.look(worlds, group.points)
             if not moves:
                 leaving = (before - walls.depth) / h
-                bent, firm = self._elasticity(np, before, group.spring)
+                bent, firm = self._springs(group, before)
                 self.normal_force[:, group.members] = normal_force(np, firm * bent, firm * self._damper_time, leaving)
-            depth, firm = self._elasticity(np, walls.depth, group.spring)
+            depth, firm = self._springs(group, walls.depth)
             loops().place_planes(
                 worlds,
                 group.points,
@@ -271,7 +284,7 @@ class TablePlanes:
                 group.walls.inwards,
                 group.walls.wall_speed,
                 group.treads,
-                self._elasticity(np, group.walls.depth, group.spring)[1],
+                self._springs(group, group.walls.depth)[1],
                 self._ahead,
                 SLIP_SPEED,
                 self._step_time,

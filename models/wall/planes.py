@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from haustra.models.wall.elasticity import LINEAR
 from haustra.models.wall.law import (
     IMPEDANCE_RATIO,
     SLIP_RELAXATION,
@@ -62,7 +63,7 @@ class Sample:
 
     def law(self, wall: WallContact) -> WallContact:
         """The law of this sphere's contacts with a wall of that law."""
-        own = wall if self.stiffness is None else wall.stiffened(self.stiffness)
+        own = wall if self.stiffness is None else replace(wall.stiffened(self.stiffness), elasticity=LINEAR)
         return own if self.friction is None else replace(own, friction=self.friction)
 
 
