@@ -1,4 +1,4 @@
-"""The same episodes with a coarse and a fine scope."""
+"""Episodes of a coarse and of a fine scope, alike but for that."""
 
 import pytest
 
