@@ -108,27 +108,42 @@ class Layout:
     def _of_number(self, number: int) -> Any:
         return number if self.abreast == 1 else self.row * number + self.abreast
 
+    def row_of(self, count: Any) -> Any:
+        """Slots of one number of so many joints, links or spheres that stand side by side, some more behind."""
+        return None if self.abreast == 1 else count + self.abreast
+
+    def _room_of(self, count: Any, numbers: int, alone: int) -> Any:
+        return count * numbers if self.abreast == 1 else self.row_of(count) * alone
+
+    @property
+    def design(self) -> tuple[Any, Any, Any, Any]:
+        """First slots of links, spheres and the scope's own numbers in a design, and all; joints begin at 0."""
+        links = self._room_of(self.dofs, len(DOF), len(DOF))
+        places = links + self._room_of(self.bodies, len(BODY), len(BODY))
+        scope = places + self.spheres
+        return links, places, scope, scope + len(SCOPE)
+
     # Room to work in begins with a copy of the state.
 
     @property
     def joint_room(self) -> Any:
-        """`JOINT_ROOM` slots a joint."""
+        """`JOINT_ROOM` slots a joint, or rows of `JOINT_ALONE` numbers."""
         return self.state
 
     @property
     def body_room(self) -> Any:
-        """`BODY_ROOM` slots a link."""
-        return self.joint_room + self.dofs * JOINT_ROOM
+        """`BODY_ROOM` slots a link, or rows of as many numbers."""
+        return self.joint_room + self._room_of(self.dofs, JOINT_ROOM, JOINT_ALONE)
 
     @property
     def sphere_room(self) -> Any:
-        """`SPHERE_ROOM` slots a sphere."""
-        return self.body_room + self.bodies * BODY_ROOM
+        """`SPHERE_ROOM` slots a sphere, or rows of `SPHERE_ALONE` numbers, of the tip too."""
+        return self.body_room + self._room_of(self.bodies, BODY_ROOM, BODY_ROOM)
 
     @property
     def node_room(self) -> Any:
         """`NODE_ROOM` slots a node."""
-        return self.sphere_room + self.spheres * SPHERE_ROOM
+        return self.sphere_room + self._room_of(self.spheres, SPHERE_ROOM, SPHERE_ALONE)
 
     @property
     def wire_room(self) -> Any:
@@ -147,6 +162,10 @@ BODY_ROOM = 30
 """Inertia (21), wrench (6), offset from its parent (3)."""
 SPHERE_ROOM = 14
 """Normal, lever, speed against the wall (9), spring, drag, lever at which a colon that moves is held (3)."""
+JOINT_ALONE = JOINT_ROOM + 5
+"""Where joints stand side by side: what drives one, its armature with what damps it, sine, versine, what scales it."""
+SPHERE_ALONE = SPHERE_ROOM + 27
+"""Where spheres stand side by side: what the link feels of it, as `BODY_ROOM`; place and motion until that is known."""
 NODE = 11
 """Pose and speed (`haustra.models.wall.moving_colon.AxisDisplacement`)."""
 NODE_ROOM = 35
@@ -167,11 +186,3 @@ def seen_slot(name: str) -> int:
     """Where what is read off by that name begins; 'coils' come last."""
     names = [each for each, _ in SEEN] + ["coils"]
     return sum(count for _, count in SEEN[: names.index(name)])
-
-
-def design_slots(dofs: Any, bodies: Any, spheres: Any) -> tuple[Any, Any, Any, Any]:
-    """First slots of links, spheres and the scope's own numbers in a design, and all; joints begin at 0."""
-    links = dofs * len(DOF)
-    places = links + bodies * len(BODY)
-    scope = places + spheres
-    return links, places, scope, scope + len(SCOPE)

@@ -15,6 +15,10 @@ class Slots(Protocol):
         """The number there."""
         ...
 
+    def load_next(self, slot: Number) -> Value:
+        """As many numbers from there on as stand side by side."""
+        ...
+
 
 class Lanes:
     """Numbers that each world has of its own: worlds side by side, slot after slot."""
@@ -126,6 +130,15 @@ class Shared:
         place = program.builder.gep(self._base, [program.index(slot).written], source_etype=self._kind)
         return Value(program, program.builder.load(place, typ=self._kind))
 
+    def load_next(self, slot: Number) -> Value:
+        """As many numbers from there on as stand side by side; where nothing does, the number there."""
+        program = self._program
+        if program.abreast == 1:
+            return self.load(slot)
+        place = program.builder.gep(self._base, [program.index(slot).written], source_etype=self._kind)
+        kind = ir.VectorType(self._kind, program.abreast)
+        return Value(program, program.builder.load(place, typ=kind, align=size_of(program)))
+
     def gather(self, slot: Any) -> Value:
         """The number there, where each lane has a slot of its own."""
         program, builder = self._program, self._program.builder
@@ -141,6 +154,44 @@ class Shared:
 def _differ(slot: Any) -> bool:
     """Whether each lane has a slot of its own."""
     return isinstance(slot, Value) and slot.lanes > 1
+
+
+class Numbers:
+    """Numbers of a world's joints, links or spheres: one thing after the other, or one kind of number after the other."""
+
+    def __init__(self, slots: Any, first: Any, size: int, row: Any) -> None:
+        """Bind them.
+
+        Args:
+            slots: the array.
+            first: slot of the first thing's first number.
+            size: how many numbers a thing has.
+            row: slots from one kind to the next, where things stand side by side; None: things follow each other.
+        """
+        self._slots, self._first, self._size, self._row = slots, first, size, row
+
+    def slot(self, thing: Any, number: int) -> Any:
+        """Where a number of a thing lies."""
+        if self._row is None:
+            return self._first + thing * self._size + number
+        return self._first + self._row * number + thing
+
+    def load(self, thing: Any, number: int) -> Value:
+        """A number of a thing, and of those that stand beside it."""
+        return self._slots.load_next(self.slot(thing, number))
+
+    def vector(self, thing: Any, number: int) -> tuple[Value, Value, Value]:
+        """Three numbers of a thing."""
+        return self.load(thing, number), self.load(thing, number + 1), self.load(thing, number + 2)
+
+    def put(self, thing: Any, number: int, values: Any) -> None:
+        """Put numbers of a thing, from one on."""
+        for more, value in enumerate(values):
+            self._slots.store_next(self.slot(thing, number + more), value)
+
+    def fetch(self, thing: Any, number: int, count: int) -> None:
+        """Ask memory ahead for numbers of a thing, from one on; there need not be such a thing."""
+        self._slots.fetch(self.slot(thing, number), count)
 
 
 class Rows:
