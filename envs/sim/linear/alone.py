@@ -12,7 +12,7 @@ from haustra.envs.sim.linear.layout import JOINT_ROOM, SPHERE_ROOM
 from haustra.envs.sim.linear.program import Link, ScopeProgram
 from haustra.envs.sim.linear.trace import Value
 from haustra.models.wall.lumen_table import WINDOW
-from haustra.models.wall.vectors import Vector, add, times
+from haustra.models.wall.vectors import add, times
 
 _DRIVEN, _TURNED, _SCALE = JOINT_ROOM, JOINT_ROOM + 2, JOINT_ROOM + 4
 """Where joints' rooms hold what drives and damps them, sine and 1 - cosine, and what scales them."""
@@ -27,7 +27,7 @@ class AloneProgram(ScopeProgram):
     def _beside(self, count: Value) -> Iterator[Value]:
         """The first of those that stand side by side, of so many things."""
         program, abreast = self.program, self.layout.abreast
-        with program.side_by_side(abreast), program.loop(0, (count + (abreast - 1)).over(abreast)) as group:
+        with program.side_by_side(abreast), program.loop(0, (count + (abreast - 1)) // abreast) as group:
             yield group * abreast
 
     def advance(self, count: Any, going: Value | None = None) -> None:

@@ -122,7 +122,7 @@ def write_kernel(
     world = Value(program, builder.add(builder.mul(block, size), thread))
     with program.when(world < worlds):
         lane = world % WARP
-        place: dict[str, Any] = {"block": (world - lane).over(WARP), "stride": WARP, "lane": lane, "row": row}
+        place: dict[str, Any] = {"block": (world - lane) // WARP, "stride": WARP, "lane": lane, "row": row}
         layout = Layout(*counts[:-1], wheels=wheels)
         own = _Worlds(program, arrays, (layout, counts[-1]), driver, **place)
         given = own.arrays(angles, one_design, moving, room_of_block=True)

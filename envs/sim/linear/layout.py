@@ -108,18 +108,20 @@ class Layout:
     def _of_number(self, number: int) -> Any:
         return number if self.abreast == 1 else self.row * number + self.abreast
 
-    def row_of(self, count: Any) -> Any:
-        """Slots of one number of so many joints, links or spheres that stand side by side, some more behind."""
-        return None if self.abreast == 1 else count + self.abreast
+    def padded(self, count: Any) -> Any:
+        """Room for so many things, of which `abreast` are looked at together."""
+        return count if self.abreast == 1 else (count + (self.abreast - 1)) // self.abreast * self.abreast
 
-    def _room_of(self, count: Any, numbers: int, alone: int) -> Any:
-        return count * numbers if self.abreast == 1 else self.row_of(count) * alone
+    @property
+    def sphere_row(self) -> Any:
+        """Slots of a number of all spheres and of the tip, which stand side by side, and some more behind."""
+        return None if self.abreast == 1 else self.spheres + self.abreast
 
     @property
     def design(self) -> tuple[Any, Any, Any, Any]:
         """First slots of links, spheres and the scope's own numbers in a design, and all; joints begin at 0."""
-        links = self._room_of(self.dofs, len(DOF), len(DOF))
-        places = links + self._room_of(self.bodies, len(BODY), len(BODY))
+        links = self.padded(self.dofs) * len(DOF)
+        places = links + self.padded(self.bodies) * len(BODY)
         scope = places + self.spheres
         return links, places, scope, scope + len(SCOPE)
 
@@ -127,23 +129,30 @@ class Layout:
 
     @property
     def joint_room(self) -> Any:
-        """`JOINT_ROOM` slots a joint, or rows of `JOINT_ALONE` numbers."""
+        """`joint_numbers` slots a joint."""
         return self.state
 
     @property
+    def joint_numbers(self) -> int:
+        """Slots of a joint's room."""
+        return JOINT_ROOM if self.abreast == 1 else JOINT_ALONE
+
+    @property
     def body_room(self) -> Any:
-        """`BODY_ROOM` slots a link, or rows of as many numbers."""
-        return self.joint_room + self._room_of(self.dofs, JOINT_ROOM, JOINT_ALONE)
+        """`BODY_ROOM` slots a link."""
+        return self.joint_room + self.padded(self.dofs) * self.joint_numbers
 
     @property
     def sphere_room(self) -> Any:
         """`SPHERE_ROOM` slots a sphere, or rows of `SPHERE_ALONE` numbers, of the tip too."""
-        return self.body_room + self._room_of(self.bodies, BODY_ROOM, BODY_ROOM)
+        return self.body_room + self.padded(self.bodies) * BODY_ROOM
 
     @property
     def node_room(self) -> Any:
         """`NODE_ROOM` slots a node."""
-        return self.sphere_room + self._room_of(self.spheres, SPHERE_ROOM, SPHERE_ALONE)
+        if self.abreast == 1:
+            return self.sphere_room + self.spheres * SPHERE_ROOM
+        return self.sphere_room + self.sphere_row * SPHERE_ALONE
 
     @property
     def wire_room(self) -> Any:

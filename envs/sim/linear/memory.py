@@ -157,24 +157,25 @@ def _differ(slot: Any) -> bool:
 
 
 class Numbers:
-    """Numbers of a world's joints, links or spheres: one thing after the other, or one kind of number after the other."""
+    """Numbers of a world's joints or links, thing after thing; or of so many things at a time, kind after kind."""
 
-    def __init__(self, slots: Any, first: Any, size: int, row: Any) -> None:
+    def __init__(self, slots: Any, first: Any, size: int, abreast: int) -> None:
         """Bind them.
 
         Args:
             slots: the array.
             first: slot of the first thing's first number.
             size: how many numbers a thing has.
-            row: slots from one kind to the next, where things stand side by side; None: things follow each other.
+            abreast: things that stand side by side.
         """
-        self._slots, self._first, self._size, self._row = slots, first, size, row
+        self._slots, self._first, self._size, self._abreast = slots, first, size, abreast
 
     def slot(self, thing: Any, number: int) -> Any:
         """Where a number of a thing lies."""
-        if self._row is None:
+        if self._abreast == 1:
             return self._first + thing * self._size + number
-        return self._first + self._row * number + thing
+        apart = self._abreast * (self._size - 1)
+        return self._first + thing + thing // self._abreast * apart + number * self._abreast
 
     def load(self, thing: Any, number: int) -> Value:
         """A number of a thing, and of those that stand beside it."""
@@ -192,6 +193,19 @@ class Numbers:
     def fetch(self, thing: Any, number: int, count: int) -> None:
         """Ask memory ahead for numbers of a thing, from one on; there need not be such a thing."""
         self._slots.fetch(self.slot(thing, number), count)
+
+
+class NumberRows(Numbers):
+    """Numbers of spheres: where these stand side by side, a row of each kind, which any of them may be the first in."""
+
+    def __init__(self, slots: Any, first: Any, size: int, row: Any) -> None:
+        """`row`: slots of a row; None where spheres do not stand side by side."""
+        super().__init__(slots, first, size, 1)
+        self._row = row
+
+    def slot(self, thing: Any, number: int) -> Any:
+        """Where a number of a sphere lies."""
+        return super().slot(thing, number) if self._row is None else self._first + self._row * number + thing
 
 
 class Rows:

@@ -87,16 +87,16 @@ def pack_design(scope: Scope, own: ScopeChain, layout: Layout) -> Float[np.ndarr
     middle = scope.wire_hysteresis, scope.length, scope.pull_per_angle, scope.bend_limit
     whole = np.stack([*first, *middle, *last], axis=-1)
     assert whole.shape[-1] == len(SCOPE)
-    each, body = (_in_rows(part, layout.row_of(part.shape[1])) for part in (each, body))
+    each, body = (_side_by_side(part, layout.abreast) for part in (each, body))
     flat = (part.reshape(count, -1) for part in (each, body, scope.sample_place[..., 2], whole))
     return np.concatenate(list(flat), axis=1)
 
 
-def _in_rows(numbers: np.ndarray, row: int | None) -> np.ndarray:
-    """Numbers (designs, things, kinds) kind by kind, in rows of that many slots; thing by thing when None."""
-    if row is None:
-        return numbers
-    return np.pad(np.swapaxes(numbers, 1, 2), ((0, 0), (0, 0), (0, row - numbers.shape[1])))
+def _side_by_side(numbers: np.ndarray, abreast: int) -> np.ndarray:
+    """Numbers (designs, things, kinds) of so many things at a time, kind by kind (`memory.Numbers`)."""
+    count, things, kinds = numbers.shape
+    padded = np.pad(numbers, ((0, 0), (0, -things % abreast), (0, 0)))
+    return np.swapaxes(padded.reshape(count, -1, abreast, kinds), 2, 3)
 
 
 def pack_tables(tables: Tables, width: Any = 0.0) -> tuple[np.ndarray, np.ndarray]:

@@ -35,7 +35,7 @@ from haustra.envs.sim.linear.layout import (
     Layout,
     seen_slot,
 )
-from haustra.envs.sim.linear.memory import Lanes, Numbers, Rows, Shared, Slots
+from haustra.envs.sim.linear.memory import Lanes, NumberRows, Numbers, Rows, Shared, Slots
 from haustra.envs.sim.linear.trace import Changing, Program, Value, Variable
 from haustra.envs.sim.linear.wires import SprungWires
 from haustra.envs.sim.physics.hand import HAND_DAMPING, HAND_STIFFNESS, held_force
@@ -112,12 +112,12 @@ class ScopeProgram:
         parts = _Points(stations), _Frames(stations), _Wall(wall)
         self.tables = Tables(*parts, step=None, first=None, count=None, axes=None, device_radius=None)
         links, self._places, self._scope, _ = layout.design
-        rows = [layout.row_of(count) for count in (self.dofs, self.bodies, self.spheres)]
-        self.joint_design = Numbers(self.design, program.index(0), len(DOF), rows[0])
-        self.link_design = Numbers(self.design, links, len(BODY), rows[1])
-        self.joints = Numbers(self.room, layout.joint_room, JOINT_ROOM, rows[0])
-        self.links = Numbers(self.room, layout.body_room, BODY_ROOM, rows[1])
-        self.touches = Numbers(self.room, layout.sphere_room, SPHERE_ROOM, rows[2])
+        abreast = layout.abreast
+        self.joint_design = Numbers(self.design, program.index(0), len(DOF), abreast)
+        self.link_design = Numbers(self.design, links, len(BODY), abreast)
+        self.joints = Numbers(self.room, layout.joint_room, layout.joint_numbers, abreast)
+        self.links = Numbers(self.room, layout.body_room, BODY_ROOM, abreast)
+        self.touches = NumberRows(self.room, layout.sphere_room, SPHERE_ROOM, layout.sphere_row)
         self._scales = self.bodies * STRUCTURE
         self.wires = SprungWires(self) if layout.wheels else None
         self.axis: Axis | None = None
@@ -335,7 +335,7 @@ class ScopeProgram:
             with program.loop(first, last) as sphere:
                 yield sphere, None
             return
-        with program.side_by_side(abreast), program.loop(0, (last - first + (abreast - 1)).over(abreast)) as group:
+        with program.side_by_side(abreast), program.loop(0, (last - first + (abreast - 1)) // abreast) as group:
             each = program.numbered(first + group * abreast)
             counts = each < last
             yield program.xp.where(counts, each, last - 1), counts
@@ -461,7 +461,7 @@ class ScopeProgram:
     def link_arc(self, body: Value) -> Value:
         """Arc length next to the sphere in the middle of a link [m]."""
         first, last = self.spheres_of(body)
-        return self.state.load(self.layout.arcs + (first + last).over(2))
+        return self.state.load(self.layout.arcs + (first + last) // 2)
 
     def link_length(self, body: Value) -> Value:
         """To the next link, or to the tip [m]."""

@@ -94,7 +94,7 @@ def along(program: Program, count: Value, start: Number, stop: Number, *, backwa
         with program.loop(start, stop, backwards=backwards) as node:
             yield Nodes.at(program, node, count)
         return
-    groups = (program.index(stop) - start + (abreast - 1)).over(abreast)
+    groups = (program.index(stop) - start + (abreast - 1)) // abreast
     with program.loop(0, groups, backwards=backwards) as group:
         yield Nodes.at(program, group * abreast + start, count)
 

@@ -82,9 +82,9 @@ class Value:
         rest = Value(program, program.builder.srem(own, other))
         return program.xp.where(rest < 0, rest + divisor, rest)
 
-    def over(self, divisor: int) -> "Value":
+    def __floordiv__(self, divisor: int) -> "Value":
         """A whole number that is not negative, over another, without the rest."""
-        return Value(self.program, self.program.builder.sdiv(*self.program.alike(self, divisor)))
+        return Value(self.program, self.program.builder.udiv(*self.program.alike(self, divisor)))
 
     def __lt__(self, other: Number) -> "Value":
         return self.program.compare("<", self, other)
