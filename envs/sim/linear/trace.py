@@ -301,13 +301,13 @@ class Program:
 
     def whole(self, value: Value) -> Value:
         """The whole part; 0 of what is no number."""
-        kind = INDEX if value.lanes == 1 else ir.VectorType(INDEX, value.lanes)
-        real = "f64" if isinstance(self.real, ir.DoubleType) else "f32"
-        many = "" if value.lanes == 1 else f"v{value.lanes}"
-        function = self._declared(
-            f"llvm.fptosi.sat.{many}i32.{many}{real}", ir.FunctionType(kind, [value.written.type])
-        )
-        return Value(self, self.builder.call(function, [value.written]))
+        if value.lanes == 1:
+            real = "f64" if isinstance(self.real, ir.DoubleType) else "f32"
+            function = self._declared(f"llvm.fptosi.sat.i32.{real}", ir.FunctionType(INDEX, [value.written.type]))
+            return Value(self, self.builder.call(function, [value.written]))
+        # LLVM takes what saturates apart, lane by lane.
+        sound = self.xp.where(value == value, self.xp.clip(value, -_WHOLE, _WHOLE), 0.0)
+        return Value(self, self.builder.fptosi(sound.written, ir.VectorType(INDEX, value.lanes)))
 
     def any(self, condition: Value) -> Any:
         """LLVM's value of whether it holds in any lane."""
@@ -370,6 +370,9 @@ class Program:
         with self.builder.goto_block(self._entry):
             return self.builder.alloca(kind)
 
+
+_WHOLE = float(np.nextafter(np.float32(2**31), np.float32(0)))
+"""The largest whole number of 32 bits that is a number of single precision too."""
 
 _LEAST = 1e-30
 """What a quotient is divided by at least where both of its parts may be nothing."""
