@@ -12,7 +12,7 @@ from haustra.envs.sim.linear.layout import JOINT_ROOM, SPHERE_ROOM
 from haustra.envs.sim.linear.program import Link, ScopeProgram
 from haustra.envs.sim.linear.trace import Value
 from haustra.models.wall.lumen_table import WINDOW
-from haustra.models.wall.vectors import add, times
+from haustra.models.wall.vectors import Vector, add, times
 
 _DRIVEN, _TURNED, _SCALE = JOINT_ROOM, JOINT_ROOM + 2, JOINT_ROOM + 4
 """Where joints' rooms hold what drives and damps them, sine and 1 - cosine, and what scales them."""
@@ -112,3 +112,19 @@ class AloneProgram(ScopeProgram):
             for number, each in enumerate(total):
                 each.value = each.value + self.touches.load(sphere, _FELT + number)
         return tuple(each.value for each in total)
+
+    def _accelerate(self, fastest: Any) -> None:
+        super()._accelerate(fastest)
+        with self._beside(self.spheres) as sphere:
+            turning, moving = self.touches.vector(sphere, _FELT), self.touches.vector(sphere, _FELT + 3)
+            self._keep_normal(sphere, self.program.constant(0.0))
+            self._leave(sphere, turning, moving)
+
+    def _leave_wall(self, body: Value, turning_rate: Vector, moving_rate: Vector) -> None:
+        first, last = self.spheres_of(body)
+        with self._beside(last - first) as more:
+            self.touches.put(first + more, _FELT, (*turning_rate, *moving_rate))
+
+    def _keep_normal(self, sphere: Value, pressed: Value) -> None:
+        slot, inside = self.layout.normals + sphere, self.program.numbered(sphere) < self.spheres
+        self.state.store_next(slot, self.program.xp.where(inside, pressed, self.state.load_next(slot)))

@@ -130,7 +130,7 @@ class Layout:
     @property
     def joint_room(self) -> Any:
         """`joint_numbers` slots a joint."""
-        return self.state
+        return self.padded(self.state)
 
     @property
     def joint_numbers(self) -> int:
@@ -149,15 +149,32 @@ class Layout:
 
     @property
     def node_room(self) -> Any:
-        """`NODE_ROOM` slots a node."""
+        """`NODE_ROOM` slots a node, or `NODE_ALONE` rows where nodes stand side by side."""
         if self.abreast == 1:
             return self.sphere_room + self.spheres * SPHERE_ROOM
-        return self.sphere_room + self.sphere_row * SPHERE_ALONE
+        return self.sphere_room + self.padded(self.sphere_row * SPHERE_ALONE)
 
     @property
     def wire_room(self) -> Any:
         """`WIRE_ROOM` slots a joint, where wheels steer."""
-        return self.node_room + self.row * NODE_ROOM
+        if self.abreast == 1:
+            return self.node_room + self.row * NODE_ROOM
+        return self.press_scratch + self.abreast * PRESS
+
+    @property
+    def cell_room(self) -> Any:
+        """`CELL_ALONE` slots a node, where nodes stand side by side: what spheres look up there."""
+        return self.node_room + self.padded(self.row * NODE_ALONE)
+
+    @property
+    def press_room(self) -> Any:
+        """`PRESS` slots a node, where nodes stand side by side: what spheres do to it."""
+        return self.cell_room + self.row * CELL_ALONE
+
+    @property
+    def press_scratch(self) -> Any:
+        """`PRESS` slots for each of the spheres that are looked at together."""
+        return self.press_room + self.row * PRESS
 
     @property
     def room(self) -> Any:
@@ -179,6 +196,8 @@ NODE = 11
 """Pose and speed (`haustra.models.wall.moving_colon.AxisDisplacement`)."""
 NODE_ROOM = 35
 """`haustra.envs.sim.linear.axis`."""
+NODE_ALONE, CELL_ALONE, PRESS = 6, 28, 16
+"""Where nodes stand side by side: what of that is theirs, what spheres look up, and what these do to them."""
 WIRE_ROOM = 2
 """`haustra.envs.sim.linear.wires`."""
 

@@ -60,6 +60,10 @@ class Lanes:
     def _stored(self, slot: Number, written: Any) -> None:
         self._program.builder.store(written, self._place(slot), align=size_of(self._program))
 
+    def rows(self, slot: Number, fours: int) -> "Rows":
+        """These numbers as rows of `fours` times four, from a slot on that four divides; of a world that is alone."""
+        return Rows(self._program, self._place(slot), fours)
+
     def from_slot(self, slot: Number) -> "Lanes":
         """These numbers, counted from a slot on."""
         return Lanes(self._program, self._place(slot), self._stride)
@@ -246,6 +250,21 @@ class Rows:
         halves = _FIRST_HALF, _SECOND_HALF
         turned = [self._picked(pair[0], pair[1], half, lanes) for pair in (low, high) for half in halves]
         return [Value(program, each) for each in turned]
+
+    def put(self, row: Value, column: int, values: Any) -> None:
+        """Put four numbers of rows that stand side by side, from one of a row on."""
+        program, builder = self._program, self._program.builder
+        a, b, c, d = (program.spread(value) for value in values)
+        lanes = program.abreast
+        for apart in range(4):
+            turn, half = (_TURN_LOW, _TURN_HIGH)[apart // 2], (_FIRST_HALF, _SECOND_HALF)[apart % 2]
+            first, last = (self._picked(*pair, turn, lanes) for pair in ((a, b), (c, d)))
+            rows = self._picked(first, last, half, lanes)
+            for start in range(0, lanes, 4):
+                four = ir.Constant(ir.VectorType(INDEX, 4), list(range(start, start + 4)))
+                slot = (row + (start + apart)) * (4 * self._fours) + column
+                place = builder.gep(self._base, [slot.written], source_etype=program.real)
+                builder.store(builder.shuffle_vector(rows, rows, four), place, align=4 * size_of(program))
 
     def _joined(self, parts: list[Any]) -> Any:
         builder = self._program.builder

@@ -595,22 +595,29 @@ class ScopeProgram:
                 move(program.index(0), moving)
             with program.loop(*self.hinges_of(body)) as dof:
                 move(dof, turning)
-            with program.loop(*self.spheres_of(body)) as sphere:
-                self._leave(sphere, turning.now, moving.now)
+            self._leave_wall(body, turning.now, moving.now)
+
+    def _leave_wall(self, body: Value, turning_rate: Vector, moving_rate: Vector) -> None:
+        """What the spheres of a link do at the step's end, by its angular and linear acceleration."""
+        with self.program.loop(*self.spheres_of(body)) as sphere:
+            self.state.store(self.layout.normals + sphere, 0.0)
+            self._leave(sphere, turning_rate, moving_rate)
 
     def _leave(self, sphere: Value, turning_rate: Vector, moving_rate: Vector) -> None:
         """Normal force at the step's end, by the speed at which the surface then leaves the wall."""
         program, touches = self.program, self.touches
         touches.fetch(sphere + 2, 9, 1)
-        spring, slot = touches.load(sphere, 9), self.layout.normals + sphere
-        self.state.store(slot, 0.0)
+        spring = touches.load(sphere, 9)
         with program.when(spring > 0):
             normal, lever, speed = (touches.vector(sphere, 3 * part) for part in range(3))
             speed = add(speed, times(self.h, add(moving_rate, cross(turning_rate, lever))))
             pressed = normal_force(program.xp, spring, self._damper(), dot(normal, speed))
-            self.state.store(slot, pressed)
+            self._keep_normal(sphere, pressed)
             if self.axis:
                 self._press_axis(self.axis, sphere, normal, speed)
+
+    def _keep_normal(self, sphere: Value, pressed: Value) -> None:
+        self.state.store(self.layout.normals + sphere, pressed)
 
     def _press_axis(self, axis: Axis, sphere: Value, normal: Vector, speed: Vector) -> None:
         """What a sphere does to a colon that moves, at the end of the step."""
@@ -624,7 +631,7 @@ class ScopeProgram:
         drag = where(touching, self.touches.load(sphere, 10), 0.0)
         force = times(-1.0, place_force(spring, damper, drag, there(normal), there(speed)))
         held = there(self.touches.vector(sphere, 11))
-        axis.press(self.state.load(self.layout.arcs + sphere), held, force, damper, drag)
+        axis.press(self.state.load_next(self.layout.arcs + sphere), held, force, damper, drag)
 
     def observe(self) -> None:
         """Read off what there is to see at the end of a control step."""
