@@ -24,9 +24,9 @@ class AloneProgram(ScopeProgram):
     """Writes down the control step of one scope of one structure class."""
 
     @contextmanager
-    def _beside(self, count: Value) -> Iterator[Value]:
-        """The first of those that stand side by side, of so many things."""
-        program, abreast = self.program, self.layout.abreast
+    def _beside(self, count: Value, registers: int = 1) -> Iterator[Value]:
+        """The first of those that stand side by side, in so many registers, of that many things."""
+        program, abreast = self.program, self.layout.abreast * registers
         with program.side_by_side(abreast), program.loop(0, (count + (abreast - 1)) // abreast) as group:
             yield group * abreast
 
@@ -62,7 +62,7 @@ class AloneProgram(ScopeProgram):
     def _outwards(self) -> None:
         tip = self.chain(self._meet)
         self._place(self.spheres, tip, self.scope("tip"))
-        with self._beside(self.spheres + 1) as sphere:
+        with self._beside(self.spheres + 1, 2) as sphere:  # what one register waits for, the other does not
             along, centre, turning, moving = (self.touches.vector(sphere, _FELT + 3 * part) for part in range(4))
             feel = self._feeling(sphere)
             self._touch(sphere, along, centre, (turning, moving), feel)

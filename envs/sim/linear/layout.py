@@ -114,8 +114,8 @@ class Layout:
 
     @property
     def sphere_row(self) -> Any:
-        """Slots of a number of all spheres and of the tip, which stand side by side, and some more behind."""
-        return None if self.abreast == 1 else self.spheres + self.abreast
+        """Slots of a number of all spheres and of the tip, which stand side by side in two registers, and some more behind."""
+        return None if self.abreast == 1 else self.spheres + 2 * self.abreast
 
     @property
     def design(self) -> tuple[Any, Any, Any, Any]:
