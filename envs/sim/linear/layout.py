@@ -114,7 +114,7 @@ class Layout:
 
     @property
     def sphere_row(self) -> Any:
-        """Slots of a number of all spheres and of the tip, which stand side by side in two registers, and some more behind."""
+        """Slots of a number of all spheres and the tip, which stand side by side in two registers, and some more."""
         return None if self.abreast == 1 else self.spheres + 2 * self.abreast
 
     @property
