@@ -10,7 +10,7 @@ from typing import Any
 
 from haustra.envs.sim.linear.layout import JOINT_ROOM, SPHERE_ROOM
 from haustra.envs.sim.linear.program import Link, ScopeProgram
-from haustra.envs.sim.linear.trace import Value
+from haustra.envs.sim.linear.trace import Changing, Value, Variable
 from haustra.models.wall.lumen_table import WINDOW
 from haustra.models.wall.vectors import Vector, add, times
 
@@ -73,6 +73,10 @@ class AloneProgram(ScopeProgram):
     def _meet(self, body: Value, link: Link) -> None:
         rates = *link.turning_rate, *link.moving_rate
         self.links.put(body, 0, (*link.axis, *link.turning, *link.moving, *rates))
+        self._place_all(body, link)
+
+    def _place_all(self, body: Value, link: Link) -> None:
+        """`_place` the spheres of a link."""
         first, last = self.spheres_of(body)
         with self._beside(last - first) as more:
             self._place(first + more, link, self.design.load_next(self._places + first + more))
@@ -82,10 +86,29 @@ class AloneProgram(ScopeProgram):
         lever = times(along, link.axis)
         self.touches.put(sphere, _FELT, (*lever, *add(link.place, lever), *link.turning, *link.moving))
 
-    def _kept_arc(self, sphere: Value, before: Value, arc: Value) -> Value:
-        where, each = self.program.xp.where, self.program.numbered(sphere)
-        self.state.store_next(self.layout.arcs + sphere, where(each <= self.spheres, arc, before))
-        return where(each < self.spheres, arc, -1.0)  # neither the tip nor what is behind it touches
+    def _keep_arc(self, sphere: Value, before: Value, arc: Value) -> None:
+        inside = self.program.numbered(sphere) <= self.spheres
+        self.state.store_next(self.layout.arcs + sphere, self.program.xp.where(inside, arc, before))
+
+    def _to_look_up(self, sphere: Value, arc: Value) -> Value:
+        return self.program.xp.where(self.program.numbered(sphere) < self.spheres, arc, -1.0)  # the tip touches nothing
+
+    def _look_along(self, force: Changing, deepest: Variable) -> Link:
+        def look(body: Value, link: Link) -> None:
+            self.links.put(body, 0, link.place)
+            self._place_all(body, link)
+
+        tip = self.chain(look)
+        with self._beside(self.spheres, 2) as sphere:
+            self.touches.put(sphere, _FELT, (0.0, 0.0, 0.0))
+            self._press(sphere, self.touches.vector(sphere, _FELT + 3), deepest, self._feeling(sphere))
+        with self.program.loop(0, self.bodies) as body:
+            pressed = Changing(self.program, (0.0, 0.0, 0.0))
+            with self.program.loop(*self.spheres_of(body)) as sphere:
+                self._note_coil(sphere, self.touches.vector(sphere, _FELT + 3))
+                pressed.now = add(pressed.now, self.touches.vector(sphere, _FELT))
+            self._note_force(body, pressed.now, force)
+        return tip
 
     def _feeling(self, sphere: Value) -> Callable[[tuple[Value, ...]], None]:
         return lambda felt: self.touches.put(sphere, _FELT, felt)

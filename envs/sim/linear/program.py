@@ -5,8 +5,7 @@ accelerations, and with them positions, speeds and the forces of the wall at the
 that the other backends call.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from inspect import unwrap
 from typing import Any
 
@@ -69,8 +68,6 @@ _lock_activation, _stop_torque = unwrap(lock_activation), unwrap(stop_torque)
 
 _HAND_LIMITS = ("push_limit", "torque_limit")
 _NONE: Vector = (0.0, 0.0, 0.0)
-_BESIDE = 4
-"""Spheres of a link that stand side by side at most: few links have more."""
 _BEFORE = 0.02
 """So far before the anus, nothing of a colon that moves is near [m]: twice as far as a sphere may move in a step."""
 
@@ -323,27 +320,6 @@ class ScopeProgram:
         torque, force = link_bias(own, axis, turning, moving, rates)
         return *flat(link_inertia(axis, *own)), *torque, *force
 
-    @contextmanager
-    def _spheres_beside(self, body: Value) -> Iterator[tuple[Value, Value | None]]:
-        """Each sphere of a link, or several side by side: then the last one again where there are no more.
-
-        Whether they count comes with them.
-        """
-        program, (first, last) = self.program, self.spheres_of(body)
-        abreast = min(self.layout.abreast, _BESIDE)
-        if abreast == 1:
-            with program.loop(first, last) as sphere:
-                yield sphere, None
-            return
-        with program.side_by_side(abreast), program.loop(0, (last - first + (abreast - 1)) // abreast) as group:
-            each = program.numbered(first + group * abreast)
-            counts = each < last
-            yield program.xp.where(counts, each, last - 1), counts
-
-    def _summed(self, value: Value, counts: Value | None) -> Value:
-        """The sum over the spheres that stand side by side, of those that count."""
-        return value if counts is None else self.program.total(self.program.xp.where(counts, value, 0.0))
-
     def _touch(
         self, sphere: Value, along: Vector, centre: Vector, motion: tuple[Vector, Vector], feel: Callable[..., None]
     ) -> None:
@@ -362,7 +338,8 @@ class ScopeProgram:
         state.fetch(layout.normals + sphere + 2)
         before = state.load_next(layout.arcs + sphere)
         arc, rest = self.nearest(centre, before)
-        arc = self._kept_arc(sphere, before, arc)
+        self._keep_arc(sphere, before, arc)
+        arc = self._to_look_up(sphere, arc)
         carried = state.load_next(layout.normals + sphere) > 0
         self.touches.put(sphere, 9, (0.0,))
         with program.when(arc > 0):
@@ -388,9 +365,12 @@ class ScopeProgram:
                 force = place_force(spring, damper, drag, normal, speed)
                 feel((*flat(felt), *times(-1.0, cross(lever, force)), *times(-1.0, force)))
 
-    def _kept_arc(self, sphere: Value, before: Value, arc: Value) -> Value:
-        """Keep the arc length of a sphere that was at another before, and say where it is to be looked up."""
+    def _keep_arc(self, sphere: Value, before: Value, arc: Value) -> None:
+        """Keep the arc length of a sphere that was at another before."""
         self.state.store(self.layout.arcs + sphere, arc)
+
+    def _to_look_up(self, sphere: Value, arc: Value) -> Value:
+        """Where a sphere at an arc length is to be looked up; nothing is before the anus."""
         return arc
 
     def _damper(self) -> Value:
@@ -640,21 +620,7 @@ class ScopeProgram:
         if self.axis:
             self.axis.shape(self._reached())
 
-        def look(body: Value, link: Link) -> None:
-            self.links.put(body, 0, link.place)
-            pressed = Changing(program, _NONE)
-            with program.loop(*self.spheres_of(body)) as sphere:
-                coil = self.structure.load(self._scales + self.dofs + sphere)
-                with program.when(coil >= 0):
-                    self.seen.put(coil * 3 + seen_slot("coils"), self._middle(sphere, link))
-            with self._spheres_beside(body) as (sphere, counts):
-                self._press(sphere, counts, link, pressed, deepest)
-            size = program.xp.sqrt(dot(pressed.now, pressed.now))
-            seen.store(seen_slot("coils") + self.coils * 3 + body, size)
-            with program.when(self.of_tip(body)):
-                force.now = add(force.now, pressed.now)
-
-        tip = self.chain(look)
+        tip = self._look_along(force, deepest)
         frame = tip.frame
         seen.put(seen_slot("tip"), add(tip.place, times(self.scope("tip"), tip.axis)))
         seen.put(seen_slot("tip_frame"), [frame[column][row] for row in range(3) for column in range(3)])
@@ -664,20 +630,44 @@ class ScopeProgram:
             held = self._hand(side, state.load(side), state.load(self.layout.speeds + side))
             seen.store(seen_slot(name), held)
 
-    def _middle(self, sphere: Value, link: "Link") -> Vector:
-        """Where the middle of a sphere is [m]."""
-        return add(link.place, times(self.sphere_place(sphere), link.axis))
+    def _look_along(self, force: Changing, deepest: Variable) -> "Link":
+        """Note links' origins, what presses on them and coils, and add up the force on the tip; the last link."""
 
-    def _press(self, sphere: Value, counts: Value | None, link: "Link", pressed: Changing, deepest: Variable) -> None:
+        def look(body: Value, link: Link) -> None:
+            self.links.put(body, 0, link.place)
+            pressed = Changing(self.program, _NONE)
+
+            def feel(more: Vector) -> None:
+                pressed.now = add(pressed.now, more)
+
+            with self.program.loop(*self.spheres_of(body)) as sphere:
+                middle = add(link.place, times(self.sphere_place(sphere), link.axis))
+                self._note_coil(sphere, middle)
+                self._press(sphere, middle, deepest, feel)
+            self._note_force(body, pressed.now, force)
+
+        return self.chain(look)
+
+    def _note_coil(self, sphere: Value, middle: Vector) -> None:
+        coil = self.structure.load(self._scales + self.dofs + sphere)
+        with self.program.when(coil >= 0):
+            self.seen.put(coil * 3 + seen_slot("coils"), middle)
+
+    def _note_force(self, body: Value, pressed: Vector, force: Changing) -> None:
+        self.seen.store(seen_slot("coils") + self.coils * 3 + body, self.program.xp.sqrt(dot(pressed, pressed)))
+        with self.program.when(self.of_tip(body)):
+            force.now = add(force.now, pressed)
+
+    def _press(self, sphere: Value, middle: Vector, deepest: Variable, feel: Callable[[Vector], None]) -> None:
+        """How deep a sphere is, and with what force it presses."""
         program, xp, layout = self.program, self.program.xp, self.layout
-        arc, rest = self.nearest(self._middle(sphere, link), self.state.load(layout.arcs + sphere))
+        arc, rest = self.nearest(middle, self.state.load_next(layout.arcs + sphere))
+        arc = self._to_look_up(sphere, arc)
         with program.when(arc > 0):
             depth, normal, _, _ = self.wall(rest, arc, near=False)
             for each in program.apart(depth):
                 deepest.value = xp.maximum(deepest.value, each)
-            force = xp.where(arc > 0, self.state.load(layout.normals + sphere), 0.0)
-            x, y, z = (self._summed(force * component, counts) for component in normal)
-            pressed.now = add(pressed.now, (x, y, z))
+            feel(times(xp.where(arc > 0, self.state.load_next(layout.normals + sphere), 0.0), normal))
 
     def origin(self, body: Any) -> Vector:
         """A link's origin, as `observe` found it last [m]."""

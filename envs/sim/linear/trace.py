@@ -231,13 +231,6 @@ class Program:
         kind = ir.FunctionType(ir.VoidType(), [address.type])
         self.builder.asm(kind, "prefetch.L1 [$0];", "l", [address], side_effect=True)
 
-    def total(self, value: Value) -> Value:
-        """The sum of what stands side by side."""
-        first, *others = self.apart(value)
-        for other in others:
-            first = first + other
-        return first
-
     def later(self, before: Value, now: Value) -> Value:
         """Numbers of what stands side by side, each in the place of the next; the first is the last of `before`."""
         first = list(range(self.abreast - 1, 2 * self.abreast - 1))
