@@ -229,7 +229,7 @@ class InsertionProgram:
             first, last = scopes.spheres_of(body)
             with program.when(first < last):
                 near.value = scopes.state.load(scopes.layout.arcs + first)
-            judge(scopes.room.vector(scopes.origin_slot(body)), near.value, behind.value)
+            judge(scopes.origin(body), near.value, behind.value)
             behind.value = behind.value + scopes.link(body, "offset")
         return furthest.value
 
@@ -262,7 +262,7 @@ class InsertionProgram:
         judge(scopes.seen.vector(seen_slot("tip")), program.constant(0.0))
         with program.loop(0, scopes.bodies, backwards=True) as body:
             with program.when(insertion > behind.value):
-                judge(scopes.room.vector(scopes.origin_slot(body)), behind.value)
+                judge(scopes.origin(body), behind.value)
             behind.value = behind.value + scopes.link(body, "offset")
         return furthest.value
 

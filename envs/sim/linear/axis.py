@@ -2,9 +2,9 @@
 
 from typing import Any, NamedTuple
 
-from haustra.envs.sim.linear.layout import AXIS, NODE, NODE_ROOM, WORLD, Layout
+from haustra.envs.sim.linear.layout import AXIS, CELL_ALONE, NODE, NODE_ROOM, PRESS, WORLD, Layout
 from haustra.envs.sim.linear.memory import Lanes, Rows
-from haustra.envs.sim.linear.sweep import Before, NodeNumbers, Nodes, along, in_turn, kept_numbers
+from haustra.envs.sim.linear.sweep import Before, NodeNumbers, NodeRows, Nodes, along, in_turn, kept_numbers
 from haustra.envs.sim.linear.trace import Changing, Program, Value
 from haustra.models.injury.pain import axial_tension, mesentery_tension
 from haustra.models.wall.lumen_table import Tables, axis_point
@@ -46,12 +46,16 @@ from haustra.models.wall.sections import (
 )
 from haustra.models.wall.vectors import Vector, add, between, cross, dot, minus, norm, times, unit_rate
 
-_CLOSING, _LENGTH, _SECTION, _GRIPPED, _PULLED, _COUPLES, _SPIN, _FLAT_RATE, _ACROSS_RATE = (
-    0, 3, 4, 12, 16, 19, 28, 31, 32
-)  # fmt: skip
-"""What each node's room holds, and the cell behind it; `_MOVING` takes the place of the rates."""
-_MOVING, _SPINNING = _SPIN, _SPIN + 4
-"""Velocity of a node while those behind it are not known, and its share of theirs; the same of the turn."""
+_CLOSING, _LENGTH, _SECTION, _SPIN, _FLAT_RATE, _ACROSS_RATE = 0, 3, 4, 12, 15, 16
+"""What each node's room holds, and the cell behind it."""
+_PRESSED = 19
+"""Where, behind that, it holds what spheres do to it: how much they grip it, what resists its section, and then:"""
+_PULLED, _COUPLES = 4, 7
+_MOVING, _SPINNING = 0, 4
+"""Velocity of a node while those behind it are not known, and its share of theirs; the same of the turn. They take the
+place of `_SPIN` and what is behind it."""
+_PLACE, _SPEED = 20, 24
+"""Where rows that spheres look up have the node's displacement and velocity too."""
 _TURN, _TURNING = 3, POSE + 3
 """How a node's section is turned, and its angular velocity about the axis, in its state."""
 
@@ -89,7 +93,15 @@ class Axis:
         state, self._world, room = arrays
         apart = (NODE, NODE_ROOM) if layout.abreast == 1 else (1, 1)
         self._state = NodeNumbers(state, layout.node_state, apart[0])
-        self._room = NodeNumbers(room, layout.node_slot, apart[1])
+        self._room, self._rows_of_cells = room, layout.abreast > 1
+        self._cells: Any = NodeNumbers(room, layout.node_slot, apart[1])
+        self._pressed: Any = NodeNumbers(room, lambda number: layout.node_slot(_PRESSED + number), apart[1])
+        self._moving = NodeNumbers(room, lambda number: layout.node_slot(_SPIN + number), apart[1])
+        if self._rows_of_cells:
+            ahead = layout.abreast
+            self._cells = NodeRows(room, layout.cell_room + ahead * CELL_ALONE, CELL_ALONE // 4)
+            self._pressed = NodeRows(room, layout.press_room + ahead * PRESS, PRESS // 4)
+            self._moving = NodeNumbers(room, layout.node_slot, 1)
         self._rows, self._first_row = rows, {}
         self._tables, self._stations = tables
 
@@ -102,7 +114,7 @@ class Axis:
         Returns:
             The node from which on none was looked at, since nothing reaches there.
         """
-        program, xp, room = self.program, self.program.xp, self._room
+        program, xp, room = self.program, self.program.xp, self._cells
         beyond, first = program.most(self._cell(reached).at) + 2, self._at(0)
         start = self._now(first), self._state.vector(first, POSE)
         with program.side_by_side(self.layout.abreast):
@@ -142,18 +154,20 @@ class Axis:
                 changing = node_closing_rate(*beside, tangents[0], *rates, moving[0])
                 flat_rate, across_rate = flattening_rate(xp, own, rest, width, changing, cross(spin, rest))
                 section = turn[0], *turn[1], flat, *across
-                room.put(cell, _CLOSING, (*closing, stretch[0], *section, 0.0, 0.0))
-                room.put(cell, _SPIN, (*spin, flat_rate, *across_rate))
+                room.put(cell, _CLOSING, (*closing, stretch[0], *section, *spin, flat_rate, *across_rate))
+                if self._rows_of_cells:
+                    room.put(cell, _PLACE, (*self._state.vector(cell, 0), 0.0, *self._state.vector(cell, POSE)))
+                self._pressed.put(cell, 0, [0.0] * (PRESS if self._rows_of_cells else 1))
         return beyond
 
     def reference(self, place: Vector, arc: Value) -> Vector:
         """Where a place near an arc length stands in the colon at rest."""
         xp, cell = self.program.xp, self._cell(arc)
-        axis, moved = self._axis(arc), self.moved(arc)
+        axis, moved = self._axis(arc), between(*self._looked_up(cell, 0, _PLACE), cell.share)
         along = self._row_vector(cell.at, "tangent"), self._row_vector(cell.at + 1, "tangent")
         length = self._row(cell.at, "length")
-        closings = cell_closing(xp, *along, length), self._room.gather_vector(cell.at, _CLOSING)
-        stretch = self._room.gather(cell.at, _LENGTH) / length
+        closings = cell_closing(xp, *along, length), self._cells.gather_vector(cell.at, _CLOSING)
+        stretch = self._cells.gather(cell.at, _LENGTH) / length
         offset = minus(minus(place, axis), moved)
         return add(axis, taken_back(xp, offset, stretch, along, closings, *self._sections(cell), cell.share))
 
@@ -163,10 +177,16 @@ class Axis:
         before, after = (self._state.gather_vector(cell.at + i, 0) for i in range(2))
         return between(before, after, cell.share)
 
+    def _looked_up(self, cell: Cell, number: int, row: int) -> tuple[Vector, Vector]:
+        """Three numbers of the states of the nodes beside a place, or of rows, where spheres look them up."""
+        found = (self._cells, row) if self._rows_of_cells else (self._state, number)
+        before, after = (found[0].gather_vector(cell.at + i, found[1]) for i in range(2))
+        return before, after
+
     def most_depth(self, arc: Value, depth: Value, radius: Value) -> Value:
         """A bound of the depth of a sphere in the wall as it is now, given that at rest [m], as `touched` finds it."""
         xp, cell = self.program.xp, self._cell(arc)
-        flat = xp.maximum(*(self._room.gather(cell.at + end, _SECTION + 4) for end in range(2)))
+        flat = xp.maximum(*(self._cells.gather(cell.at + end, _SECTION + 4) for end in range(2)))
         return xp.maximum(depth, (1 - flat) * depth + flat * radius)
 
     def touched(
@@ -181,17 +201,17 @@ class Axis:
             normal: of the wall there.
             radius: of the sphere.
         """
-        xp, cell, room = self.program.xp, self._cell(arc), self._room
+        xp, cell, room = self.program.xp, self._cell(arc), self._cells
         before, after = self._sections(cell)
         depth, normal, surface = touched(xp, depth, normal, radius, before, after, cell.share)
         held = minus(add(rest, surface), self._axis(arc))
 
-        def speed(node: Value, section: Section) -> Vector:
+        def speed(node: Value, section: Section, moving: Vector) -> Vector:
             rates = room.gather_vector(node, _SPIN), room.gather(node, _FLAT_RATE)
-            moving = self._state.gather_vector(node, POSE)
             return add(moving, carried_rate(section, (*rates, room.gather_vector(node, _ACROSS_RATE)), held))
 
-        return depth, normal, held, between(speed(cell.at, before), speed(cell.at + 1, after), cell.share)
+        first, last = self._looked_up(cell, POSE, _SPEED)
+        return depth, normal, held, between(speed(cell.at, before, first), speed(cell.at + 1, after, last), cell.share)
 
     def press(self, arc: Value, held: Vector, force: Vector, damper: Value, drag: Value) -> None:
         """Let a force on the wall act.
@@ -203,19 +223,33 @@ class Axis:
             damper: what damps it along the normal [N s/m].
             drag: across it [N s/m].
         """
-        xp, cell, room = self.program.xp, self._cell(arc), self._room
+        program, xp, cell, pressed = self.program, self.program.xp, self._cell(arc), self._pressed
         damped, square = grip_resistance(damper), dot(held, held)
-        leans = lean_grip(xp, force, damped, drag)
+        leans, grips = lean_grip(xp, force, damped, drag), damped + drag
+        values = [grips, grips * square, damped * square, leans * square, *force]
+        values += [force[i] * held[j] for i in range(3) for j in range(3)]
+        if program.abreast > 1:
+            self._press_in_turn(cell, values)
+            return
         for later in range(2):
             node, part = cell.at + later, cell.share if later else 1 - cell.share
-            shared = times(part, force)
-            pressed = room.gather(node, _GRIPPED) > 0  # what else is there was left by earlier steps
-            grips = part * (damped + drag)
-            values = [grips, grips * square, part * damped * square, part * leans * square, *shared]
-            values += [shared[i] * held[j] for i in range(3) for j in range(3)]
+            fresh = pressed.gather(node, 0) > 0  # what else is there was left by earlier steps
             for more, value in enumerate(values):
-                there = xp.where(pressed, room.gather(node, _GRIPPED + more), 0.0)
-                room.scatter(node, _GRIPPED + more, there + value)
+                there = xp.where(fresh, pressed.gather(node, more), 0.0)
+                pressed.scatter(node, more, there + part * value)
+
+    def _press_in_turn(self, cell: Cell, values: list[Value]) -> None:
+        """`press` by what stands side by side: one after the other, since they may press on the same nodes."""
+        program, room, layout = self.program, self._room, self.layout
+        abreast, scratch = program.abreast, room.rows(layout.press_scratch, PRESS // 4)
+        for four in range(0, PRESS, 4):
+            scratch.put(program.index(0), four, values[four : four + 4])
+        for lane, (at, share) in enumerate(zip(program.apart(cell.at), program.apart(cell.share), strict=True)):
+            for number in range(0, PRESS, abreast):
+                value = room.load_next(layout.press_scratch + (PRESS * lane + number))
+                for later, part in enumerate((1 - share, share)):
+                    slot = layout.press_room + (at + (abreast + later)) * PRESS + number
+                    room.store_next(slot, room.load_next(slot) + part * value)
 
     def step(self, h: float, fastest: Any, limit: float, beyond: Value) -> None:
         """Let the axes give way for a time step.
@@ -233,7 +267,7 @@ class Axis:
 
     def _outwards(self, start: Vector, h: float, beyond: Value) -> None:
         """Forces and resistances of node after node, of which Thomas's algorithm takes away those before."""
-        program, xp, room = self.program, self.program.xp, self._room
+        program, xp, by_spheres = self.program, self.program.xp, self._pressed
         last = self.nodes - 1
         places, edges, earlier = (
             Before(program, *start),
@@ -250,7 +284,7 @@ class Axis:
         with along(program, self.nodes, 1, self.nodes + 3) as i:
             node, cell, own = i.back(1), i.back(2), i.back(3)
             self._state.fetch(i.first + 2, 0, POSE)
-            room.fetch(i.first, _GRIPPED, 1)
+            by_spheres.fetch(i.first, 0, 1)
             place = self._now(i)
             edge = self._edge(i, minus(place, places(*place)))
             length = norm(xp, edge)
@@ -275,7 +309,7 @@ class Axis:
             tilt, lean = twist(xp, STILL, turn, (at_rest, tangent), STILL)
             righting = xp.where(inside, upright * tilt, 0.0)
             work, torque = times(-righting, lean), -righting
-            gripped = xp.where(node.each < beyond, room.load(node, _GRIPPED), 0.0)
+            gripped = xp.where(node.each < beyond, by_spheres.load(node, 0), 0.0)
             pressed = Changing(program, [0.0] * 13)
             with program.when(gripped > 0):
                 pressed.now = self._press_section(node, gripped > 0, turn, tangent)
@@ -325,8 +359,8 @@ class Axis:
             held = Changing(program, [0.0] * 5)
             with program.when(gripped > 0):
                 speed = self._state.vector(own, POSE)
-                pushed = self._where(gripped > 0, room.vector(own, _PULLED))
-                resisted = xp.where(gripped > 0, room.load(own, _GRIPPED + 1), 0.0)
+                pushed = self._where(gripped > 0, by_spheres.vector(own, _PULLED))
+                resisted = xp.where(gripped > 0, by_spheres.load(own, 1), 0.0)
                 held.now = *add(pushed, times(gripped, speed)), resisted, resisted * self._state.load(own, _TURNING)
             place, drag = self._state.vector(own, 0), self._number(own, "drag")
             springs = self._number(own, "slack"), self._number(own, "hold"), self._number(own, "support")
@@ -334,12 +368,12 @@ class Axis:
             force = add(force, minus(pull, pulls(*pull)))
             resists = node_resistance(xp, place, *springs, drag, gripped, h)
             found = in_turn(program, _eliminated, moved, (resists, tie, *force))
-            room.put(own, _MOVING, found)
+            self._moving.put(own, _MOVING, found)
             turns_by = self._number(own, "upright"), self._number(own, "turn_drag")
             resists = node_turn_resistance(*turns_by, held.now[3], h)
             tie = xp.where(inside, h * torsion, 0.0)
             found = in_turn(program, _eliminated, spun, (resists, tie, torque + held.now[4]))
-            room.put(own, _SPINNING, found)
+            self._moving.put(own, _SPINNING, found)
 
     def _back(self, h: float, fastest: Any, limit: float) -> None:
         """Velocities of node before node, and where they take it."""
@@ -347,9 +381,9 @@ class Axis:
         beyond, worst = kept_numbers(program, *[0.0] * 4), program.variable(0.0)
         with along(program, self.nodes, 0, self.nodes, backwards=True) as i:
             self._state.fetch(i.first - 3, 0, POSE)
-            self._room.fetch(i.first - 3, _MOVING, 6)
-            shares = self._room.load(i, _MOVING), self._room.load(i, _SPINNING)
-            alone = self._room.vector(i, _MOVING + 1), self._room.load(i, _SPINNING + 1)
+            self._moving.fetch(i.first - 3, _MOVING, 6)
+            shares = self._moving.load(i, _MOVING), self._moving.load(i, _SPINNING)
+            alone = self._moving.vector(i, _MOVING + 1), self._moving.load(i, _SPINNING + 1)
             given = shares[0], *alone[0], shares[1], alone[1]
             speed = in_turn(program, _followed, beyond, given, backwards=True)
             for value in speed:
@@ -368,16 +402,16 @@ class Axis:
         Then what resists changes of its leaning, and of how far both cells close. Of the ends' two cells the one that
         there is has both.
         """
-        xp, room, last = self.program.xp, self._room, self.nodes - 1
-        x, y, z = (self._where(pressed, room.vector(node, _COUPLES + 3 * row)) for row in range(3))
+        xp, found, room, last = self.program.xp, self._pressed, self._cells, self.nodes - 1
+        x, y, z = (self._where(pressed, found.vector(node, _COUPLES + 3 * row)) for row in range(3))
         cells = self._beside(node, room.vector(node.back(1), _CLOSING), room.vector(node, _CLOSING))
         section = *turn, room.load(node, _SECTION + 4), room.vector(node, _SECTION + 5)
         closed = self._vector(node, "closing"), self._number(node, "width")
         work, torque, before, after = section_gradient(xp, section, tangent, cells, *closed, (x, y, z))
         now, rest = node_closing(*cells, tangent), turned(*turn, closed[0])
         reach = flattening_reach(xp, now, rest, closed[1])
-        closes = room.load(node, _GRIPPED + 2) * reach * reach
-        leaning, closes = (xp.where(pressed, each, 0.0) for each in (room.load(node, _GRIPPED + 3), closes))
+        closes = found.load(node, 2) * reach * reach
+        leaning, closes = (xp.where(pressed, each, 0.0) for each in (found.load(node, 3), closes))
         both, first, end = add(before, after), node.each > 0, node.each < last
         before, after = self._where(first, before), self._where(end, after)
         before, after = self._where(end, before, both), self._where(first, after, both)
@@ -433,7 +467,7 @@ class Axis:
         """Cross-sections at the nodes before and after a place; lanes may be in different cells."""
 
         def section(node: Value) -> Section:
-            numbers = [self._room.gather(node, _SECTION + i) for i in range(8)]
+            numbers = [self._cells.gather(node, _SECTION + i) for i in range(8)]
             return numbers[0], (numbers[1], numbers[2], numbers[3]), numbers[4], (numbers[5], numbers[6], numbers[7])
 
         return section(cell.at), section(cell.at + 1)

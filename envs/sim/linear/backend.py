@@ -227,7 +227,7 @@ class LinearBackend(AbstractBackend):
 
     def _designs(self, blocks: int) -> np.ndarray:
         """The one design, or those of blocks of worlds."""
-        packed, lanes = pack_design(self._scope, self._chain), self._place.lanes
+        packed, lanes = pack_design(self._scope, self._chain, self._layout), self._place.lanes
         if not self._one_each:
             return packed[0]
         rows = packed[np.minimum(np.arange(blocks * lanes), self.worlds - 1)]

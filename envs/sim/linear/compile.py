@@ -11,8 +11,9 @@ import llvmlite.binding as llvm
 import numpy as np
 from llvmlite import ir
 
+from haustra.envs.sim.linear.alone import AloneProgram
 from haustra.envs.sim.linear.dual import DualLanes, DualProgram
-from haustra.envs.sim.linear.layout import AXIS, WORLD, Layout, design_slots, seen_slot
+from haustra.envs.sim.linear.layout import AXIS, WORLD, Layout, seen_slot
 from haustra.envs.sim.linear.memory import Lanes, Rows, Shared
 from haustra.envs.sim.linear.program import ARGUMENTS, COUNTS, ScopeProgram
 from haustra.envs.sim.linear.trace import INDEX, Program, Value
@@ -84,7 +85,7 @@ def write_program(
         wheels: whether hands ask for travel of wires, which are springs then, instead of pulls.
         driver: who decides what the hands ask for; None: that is given. `steps` of `COUNTS` are then decisions.
         directions: along how many the derivatives of all numbers are carried.
-        abreast: things of one world, nodes or spheres, that one instruction serves where that world is alone.
+        abreast: things of one world, such as nodes or spheres, that one instruction serves where that world is alone.
         wall: what else `ScopeProgram` is told of the wall.
     """
     program, arrays, counts, (steps, row, first, last) = _begun(lanes, real, directions=directions)
@@ -92,7 +93,8 @@ def write_program(
         layout = Layout(*counts[:-1], wheels=wheels, abreast=abreast)
         own = _Worlds(program, arrays, (layout, counts[-1]), driver, block=block, stride=lanes, row=row)
         given = own.arrays(angles, one_design, moving, room_of_block=False)
-        scopes = ScopeProgram(program, given, layout, counts[-1], timestep=timestep, **wall)
+        kind = ScopeProgram if abreast == 1 else AloneProgram
+        scopes = kind(program, given, layout, counts[-1], timestep=timestep, **wall)
         _step(program, scopes, given, steps, driver)
     return program.finish()
 
@@ -124,7 +126,7 @@ def write_kernel(
     world = Value(program, builder.add(builder.mul(block, size), thread))
     with program.when(world < worlds):
         lane = world % WARP
-        place: dict[str, Any] = {"block": (world - lane).over(WARP), "stride": WARP, "lane": lane, "row": row}
+        place: dict[str, Any] = {"block": (world - lane) // WARP, "stride": WARP, "lane": lane, "row": row}
         layout = Layout(*counts[:-1], wheels=wheels)
         own = _Worlds(program, arrays, (layout, counts[-1]), driver, **place)
         given = own.arrays(angles, one_design, moving, room_of_block=True)
@@ -183,7 +185,7 @@ class _Worlds:
             "seen": coils * 3 + seen_slot("coils") + layout.bodies,
             "room": layout.room + (driver.room if driver else 0),
             "driver": program.index(driver.slots if driver else 1),
-            "design": design_slots(layout.dofs, layout.bodies, layout.spheres)[-1],
+            "design": layout.design[-1],
         }
 
     def arrays(self, angles: int, one_design: bool, moving: bool, *, room_of_block: bool) -> dict[str, Any]:

@@ -108,32 +108,73 @@ class Layout:
     def _of_number(self, number: int) -> Any:
         return number if self.abreast == 1 else self.row * number + self.abreast
 
+    def padded(self, count: Any) -> Any:
+        """Room for so many things, of which `abreast` are looked at together."""
+        return count if self.abreast == 1 else (count + (self.abreast - 1)) // self.abreast * self.abreast
+
+    @property
+    def sphere_row(self) -> Any:
+        """Slots of a number of all spheres and the tip, which stand side by side in two registers, and some more."""
+        return None if self.abreast == 1 else self.spheres + 2 * self.abreast
+
+    @property
+    def design(self) -> tuple[Any, Any, Any, Any]:
+        """First slots of links, spheres and the scope's own numbers in a design, and all; joints begin at 0."""
+        links = self.padded(self.dofs) * len(DOF)
+        places = links + self.padded(self.bodies) * len(BODY)
+        scope = places + self.spheres
+        return links, places, scope, scope + len(SCOPE)
+
     # Room to work in begins with a copy of the state.
 
     @property
     def joint_room(self) -> Any:
-        """`JOINT_ROOM` slots a joint."""
-        return self.state
+        """`joint_numbers` slots a joint."""
+        return self.padded(self.state)
+
+    @property
+    def joint_numbers(self) -> int:
+        """Slots of a joint's room."""
+        return JOINT_ROOM if self.abreast == 1 else JOINT_ALONE
 
     @property
     def body_room(self) -> Any:
         """`BODY_ROOM` slots a link."""
-        return self.joint_room + self.dofs * JOINT_ROOM
+        return self.joint_room + self.padded(self.dofs) * self.joint_numbers
 
     @property
     def sphere_room(self) -> Any:
-        """`SPHERE_ROOM` slots a sphere."""
-        return self.body_room + self.bodies * BODY_ROOM
+        """`SPHERE_ROOM` slots a sphere, or rows of `SPHERE_ALONE` numbers, of the tip too."""
+        return self.body_room + self.padded(self.bodies) * BODY_ROOM
 
     @property
     def node_room(self) -> Any:
-        """`NODE_ROOM` slots a node."""
-        return self.sphere_room + self.spheres * SPHERE_ROOM
+        """`NODE_ROOM` slots a node, or `NODE_ALONE` rows where nodes stand side by side."""
+        if self.abreast == 1:
+            return self.sphere_room + self.spheres * SPHERE_ROOM
+        return self.sphere_room + self.padded(self.sphere_row * SPHERE_ALONE)
 
     @property
     def wire_room(self) -> Any:
         """`WIRE_ROOM` slots a joint, where wheels steer."""
-        return self.node_room + self.row * NODE_ROOM
+        if self.abreast == 1:
+            return self.node_room + self.row * NODE_ROOM
+        return self.press_scratch + self.abreast * PRESS
+
+    @property
+    def cell_room(self) -> Any:
+        """`CELL_ALONE` slots a node, where nodes stand side by side: what spheres look up there."""
+        return self.node_room + self.padded(self.row * NODE_ALONE)
+
+    @property
+    def press_room(self) -> Any:
+        """`PRESS` slots a node, where nodes stand side by side: what spheres do to it."""
+        return self.cell_room + self.row * CELL_ALONE
+
+    @property
+    def press_scratch(self) -> Any:
+        """`PRESS` slots for each of the spheres that are looked at together."""
+        return self.press_room + self.row * PRESS
 
     @property
     def room(self) -> Any:
@@ -147,10 +188,16 @@ BODY_ROOM = 30
 """Inertia (21), wrench (6), offset from its parent (3)."""
 SPHERE_ROOM = 15
 """Normal, lever, speed against the wall (9), spring, drag, damper, lever at which a colon that moves is held (3)."""
+JOINT_ALONE = JOINT_ROOM + 5
+"""Where joints stand side by side: what drives one, its armature with what damps it, sine, versine, what scales it."""
+SPHERE_ALONE = SPHERE_ROOM + 27
+"""Where spheres stand side by side: what the link feels of it, as `BODY_ROOM`; place and motion until that is known."""
 NODE = 11
 """Pose and speed (`haustra.models.wall.moving_colon.AxisDisplacement`)."""
 NODE_ROOM = 35
 """`haustra.envs.sim.linear.axis`."""
+NODE_ALONE, CELL_ALONE, PRESS = 6, 28, 16
+"""Where nodes stand side by side: what of that is theirs, what spheres look up, and what these do to them."""
 WIRE_ROOM = 2
 """`haustra.envs.sim.linear.wires`."""
 
@@ -167,11 +214,3 @@ def seen_slot(name: str) -> int:
     """Where what is read off by that name begins; 'coils' come last."""
     names = [each for each, _ in SEEN] + ["coils"]
     return sum(count for _, count in SEEN[: names.index(name)])
-
-
-def design_slots(dofs: Any, bodies: Any, spheres: Any) -> tuple[Any, Any, Any, Any]:
-    """First slots of links, spheres and the scope's own numbers in a design, and all; joints begin at 0."""
-    links = dofs * len(DOF)
-    places = links + bodies * len(BODY)
-    scope = places + spheres
-    return links, places, scope, scope + len(SCOPE)

@@ -15,6 +15,10 @@ class Slots(Protocol):
         """The number there."""
         ...
 
+    def load_next(self, slot: Number) -> Value:
+        """As many numbers from there on as stand side by side."""
+        ...
+
 
 class Lanes:
     """Numbers that each world has of its own: worlds side by side, slot after slot."""
@@ -55,6 +59,10 @@ class Lanes:
 
     def _stored(self, slot: Number, written: Any) -> None:
         self._program.builder.store(written, self._place(slot), align=size_of(self._program))
+
+    def rows(self, slot: Number, fours: int) -> "Rows":
+        """These numbers as rows of `fours` times four, from a slot on that four divides; of a world that is alone."""
+        return Rows(self._program, self._place(slot), fours)
 
     def from_slot(self, slot: Number) -> "Lanes":
         """These numbers, counted from a slot on."""
@@ -126,6 +134,15 @@ class Shared:
         place = program.builder.gep(self._base, [program.index(slot).written], source_etype=self._kind)
         return Value(program, program.builder.load(place, typ=self._kind))
 
+    def load_next(self, slot: Number) -> Value:
+        """As many numbers from there on as stand side by side; where nothing does, the number there."""
+        program = self._program
+        if program.abreast == 1:
+            return self.load(slot)
+        place = program.builder.gep(self._base, [program.index(slot).written], source_etype=self._kind)
+        kind = ir.VectorType(self._kind, program.abreast)
+        return Value(program, program.builder.load(place, typ=kind, align=size_of(program)))
+
     def gather(self, slot: Any) -> Value:
         """The number there, where each lane has a slot of its own."""
         program, builder = self._program, self._program.builder
@@ -141,6 +158,58 @@ class Shared:
 def _differ(slot: Any) -> bool:
     """Whether each lane has a slot of its own."""
     return isinstance(slot, Value) and slot.lanes > 1
+
+
+class Numbers:
+    """Numbers of a world's joints or links, thing after thing; or of so many things at a time, kind after kind."""
+
+    def __init__(self, slots: Any, first: Any, size: int, abreast: int) -> None:
+        """Bind them.
+
+        Args:
+            slots: the array.
+            first: slot of the first thing's first number.
+            size: how many numbers a thing has.
+            abreast: things that stand side by side.
+        """
+        self._slots, self._first, self._size, self._abreast = slots, first, size, abreast
+
+    def slot(self, thing: Any, number: int) -> Any:
+        """Where a number of a thing lies."""
+        if self._abreast == 1:
+            return self._first + thing * self._size + number
+        apart = self._abreast * (self._size - 1)
+        return self._first + thing + thing // self._abreast * apart + number * self._abreast
+
+    def load(self, thing: Any, number: int) -> Value:
+        """A number of a thing, and of those that stand beside it."""
+        return self._slots.load_next(self.slot(thing, number))
+
+    def vector(self, thing: Any, number: int) -> tuple[Value, Value, Value]:
+        """Three numbers of a thing."""
+        return self.load(thing, number), self.load(thing, number + 1), self.load(thing, number + 2)
+
+    def put(self, thing: Any, number: int, values: Any) -> None:
+        """Put numbers of a thing, from one on."""
+        for more, value in enumerate(values):
+            self._slots.store_next(self.slot(thing, number + more), value)
+
+    def fetch(self, thing: Any, number: int, count: int) -> None:
+        """Ask memory ahead for numbers of a thing, from one on; there need not be such a thing."""
+        self._slots.fetch(self.slot(thing, number), count)
+
+
+class NumberRows(Numbers):
+    """Numbers of spheres: where these stand side by side, a row of each kind, which any of them may be the first in."""
+
+    def __init__(self, slots: Any, first: Any, size: int, row: Any) -> None:
+        """`row`: slots of a row; None where spheres do not stand side by side."""
+        super().__init__(slots, first, size, 1)
+        self._row = row
+
+    def slot(self, thing: Any, number: int) -> Any:
+        """Where a number of a sphere lies."""
+        return super().slot(thing, number) if self._row is None else self._first + self._row * number + thing
 
 
 class Rows:
@@ -181,6 +250,21 @@ class Rows:
         halves = _FIRST_HALF, _SECOND_HALF
         turned = [self._picked(pair[0], pair[1], half, lanes) for pair in (low, high) for half in halves]
         return [Value(program, each) for each in turned]
+
+    def put(self, row: Value, column: int, values: Any) -> None:
+        """Put four numbers of rows that stand side by side, from one of a row on."""
+        program, builder = self._program, self._program.builder
+        a, b, c, d = (program.spread(value) for value in values)
+        lanes = program.abreast
+        for apart in range(4):
+            turn, half = (_TURN_LOW, _TURN_HIGH)[apart // 2], (_FIRST_HALF, _SECOND_HALF)[apart % 2]
+            first, last = (self._picked(*pair, turn, lanes) for pair in ((a, b), (c, d)))
+            rows = self._picked(first, last, half, lanes)
+            for start in range(0, lanes, 4):
+                four = ir.Constant(ir.VectorType(INDEX, 4), list(range(start, start + 4)))
+                slot = (row + (start + apart)) * (4 * self._fours) + column
+                place = builder.gep(self._base, [slot.written], source_etype=program.real)
+                builder.store(builder.shuffle_vector(rows, rows, four), place, align=4 * size_of(program))
 
     def _joined(self, parts: list[Any]) -> Any:
         builder = self._program.builder

@@ -54,8 +54,8 @@ def structure_of(own: ScopeChain) -> Structure:
     return Structure(Layout(len(chain.axis), bodies, spheres), numbers, places)
 
 
-def pack_design(scope: Scope, own: ScopeChain) -> Float[np.ndarray, "designs slots"]:
-    """Numbers of scopes in the order of `layout.design_slots`.
+def pack_design(scope: Scope, own: ScopeChain, layout: Layout) -> Float[np.ndarray, "designs slots"]:
+    """Numbers of scopes in the order of `Layout.design`.
 
     Raises:
         UnsupportedSceneError: when a link's origin, mass or spheres are not on its axis.
@@ -87,8 +87,16 @@ def pack_design(scope: Scope, own: ScopeChain) -> Float[np.ndarray, "designs slo
     middle = scope.wire_hysteresis, scope.length, scope.pull_per_angle, scope.bend_limit
     whole = np.stack([*first, *middle, *last], axis=-1)
     assert whole.shape[-1] == len(SCOPE)
+    each, body = (_side_by_side(part, layout.abreast) for part in (each, body))
     flat = (part.reshape(count, -1) for part in (each, body, scope.sample_place[..., 2], whole))
     return np.concatenate(list(flat), axis=1)
+
+
+def _side_by_side(numbers: np.ndarray, abreast: int) -> np.ndarray:
+    """Numbers (designs, things, kinds) of so many things at a time, kind by kind (`memory.Numbers`)."""
+    count, things, kinds = numbers.shape
+    padded = np.pad(numbers, ((0, 0), (0, -things % abreast), (0, 0)))
+    return np.swapaxes(padded.reshape(count, -1, abreast, kinds), 2, 3)
 
 
 def pack_tables(tables: Tables, width: Any = 0.0) -> tuple[np.ndarray, np.ndarray]:

@@ -5,12 +5,10 @@ accelerations, and with them positions, speeds and the forces of the wall at the
 that the other backends call.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from inspect import unwrap
 from typing import Any
 
-from haustra.envs.sim.linear import layout as slots
 from haustra.envs.sim.linear.articulated import (
     Inertia,
     freed,
@@ -28,6 +26,7 @@ from haustra.envs.sim.linear.layout import (
     BODY_ROOM,
     DOF,
     JOINT_ROOM,
+    NODE,
     SCOPE,
     SPHERE_ROOM,
     STRUCTURE,
@@ -35,7 +34,7 @@ from haustra.envs.sim.linear.layout import (
     Layout,
     seen_slot,
 )
-from haustra.envs.sim.linear.memory import Lanes, Rows, Shared, Slots
+from haustra.envs.sim.linear.memory import Lanes, NumberRows, Numbers, Rows, Shared, Slots
 from haustra.envs.sim.linear.trace import Changing, Program, Value, Variable
 from haustra.envs.sim.linear.wires import SprungWires
 from haustra.envs.sim.physics.hand import HAND_DAMPING, HAND_STIFFNESS, held_force
@@ -70,8 +69,6 @@ _lock_activation, _stop_torque = unwrap(lock_activation), unwrap(stop_torque)
 
 _HAND_LIMITS = ("push_limit", "torque_limit")
 _NONE: Vector = (0.0, 0.0, 0.0)
-_BESIDE = 4
-"""Spheres of a link that stand side by side at most: few links have more."""
 _BEFORE = 0.02
 """So far before the anus, nothing of a colon that moves is near [m]: twice as far as a sphere may move in a step."""
 
@@ -117,13 +114,19 @@ class ScopeProgram:
         stations, wall = arrays["stations"], arrays["wall"]
         parts = _Points(stations), _Frames(stations), _Wall(wall)
         self.tables = Tables(*parts, step=None, first=None, count=None, axes=None, device_radius=None)
-        self._links, self._places, self._scope, _ = slots.design_slots(self.dofs, self.bodies, self.spheres)
+        links, self._places, self._scope, _ = layout.design
+        abreast = layout.abreast
+        self.joint_design = Numbers(self.design, program.index(0), len(DOF), abreast)
+        self.link_design = Numbers(self.design, links, len(BODY), abreast)
+        self.joints = Numbers(self.room, layout.joint_room, layout.joint_numbers, abreast)
+        self.links = Numbers(self.room, layout.body_room, BODY_ROOM, abreast)
+        self.touches = NumberRows(self.room, layout.sphere_room, SPHERE_ROOM, layout.sphere_row)
         self._scales = self.bodies * STRUCTURE
         self.wires = SprungWires(self) if layout.wheels else None
         self.axis: Axis | None = None
-        if rows := arrays["axis"]:
+        if nodes := arrays["axis"]:
             own = self.state, self._world, self.room
-            self.axis = Axis(program, self.layout, own, rows, (self.tables, self._stations()))
+            self.axis = Axis(program, self.layout, own, nodes, (self.tables, self._stations()))
 
     # Numbers by name.
 
@@ -141,11 +144,11 @@ class ScopeProgram:
 
     def joint(self, dof: Any, name: str) -> Value:
         """A number of a joint's design, by its name in `DOF`."""
-        return self.design.load(dof * len(DOF) + DOF.index(name))
+        return self.joint_design.load(dof, DOF.index(name))
 
     def link(self, body: Any, name: str) -> Value:
         """A number of a link's design, by its name in `BODY`."""
-        return self.design.load(self._links + body * len(BODY) + BODY.index(name))
+        return self.link_design.load(body, BODY.index(name))
 
     def scope(self, name: str) -> Value:
         """A number of the whole design, by its name in `SCOPE`."""
@@ -196,7 +199,7 @@ class ScopeProgram:
                     put(layout.arcs + sphere, start.value + self.sphere_place(sphere))
             put(layout.arcs + self.spheres, start.value + self.scope("tip"))
             with program.loop(0, layout.nodes) as node:
-                put(layout.node_state(AT_REST.index(1.0)) + node * (slots.NODE if layout.abreast == 1 else 1), 1.0)
+                put(layout.node_state(AT_REST.index(1.0)) + node * (NODE if layout.abreast == 1 else 1), 1.0)
             for slot in (1, layout.hand + 1):
                 put(slot, self.world("start_roll"))
             self.ask("begins", 0.0)
@@ -272,19 +275,23 @@ class ScopeProgram:
         with program.loop(0, self.bodies) as body:
             offset = times(self.link(body, "offset"), link.axis)
             link.shift(offset)
-            self.room.put(self._body(body) + 27, offset)
+            self.links.put(body, 27, offset)
             with program.when(body == 0):
                 direction = link.direction(self._axis(0))
-                self.room.put(self.joint_slot(0) + 7, direction)
+                self.joints.put(program.index(0), 7, direction)
                 link.slide(direction, state.load(0), state.load(self.layout.speeds))
             with program.loop(*self.hinges_of(body)) as dof:
                 self._fetch_joint(dof + 1)
                 local = self._axis(dof)
                 direction = link.direction(local)
-                self.room.put(self.joint_slot(dof) + 7, direction)
-                link.turn(local, direction, state.load(dof), state.load(self.layout.speeds + dof))
+                self.joints.put(dof, 7, direction)
+                link.turn(local, direction, self._turned(dof), state.load(self.layout.speeds + dof))
             each(body, link)
         return link
+
+    def _turned(self, dof: Value) -> tuple[Value, Value]:
+        """Sine of a hinge's angle, and 1 less its cosine."""
+        return self.program.xp.sine_versine(self.state.load(dof))
 
     def _reached(self) -> Value:
         """No sphere will be looked up further in [m]."""
@@ -301,52 +308,50 @@ class ScopeProgram:
 
     def _meet(self, body: Value, link: "Link") -> None:
         """What a link's velocity needs and its spheres meet: its inertia and wrench."""
-        program, room = self.program, self.room
+        rates = link.turning_rate, link.moving_rate
+        sums = Changing(self.program, self._weight(body, link.axis, link.turning, link.moving, rates))
+
+        def feel(more: tuple[Value, ...]) -> None:
+            sums.now = tuple(total + each for total, each in zip(sums.now, more, strict=True))
+
+        with self.program.loop(*self.spheres_of(body)) as sphere:
+            along = times(self.sphere_place(sphere), link.axis)
+            self._touch(sphere, along, add(link.place, along), (link.turning, link.moving), feel)
+        self.links.put(body, 0, sums.now)
+
+    def _weight(self, body: Value, axis: Vector, turning: Vector, moving: Vector, rates: Any) -> tuple[Value, ...]:
+        """Inertia of a link, and the wrench that its velocity needs."""
         mass, centre, across, along = (self.link(body, name) for name in BODY[1:])
         own = mass, centre, across, along
-        rates = link.turning_rate, link.moving_rate
-        torque, force = link_bias(own, link.axis, link.turning, link.moving, rates)
-        inertia = link_inertia(link.axis, *own)
-        sums = Changing(program, (*_flat(inertia), *torque, *force))
-        with self._spheres_beside(body) as (sphere, counts):
-            self._touch(sphere, counts, link, sums)
-        room.put(self._body(body), sums.now)
+        torque, force = link_bias(own, axis, turning, moving, rates)
+        return *flat(link_inertia(axis, *own)), *torque, *force
 
-    @contextmanager
-    def _spheres_beside(self, body: Value) -> Iterator[tuple[Value, Value | None]]:
-        """Each sphere of a link, or several side by side: then the last one again where there are no more.
+    def _touch(
+        self, sphere: Value, along: Vector, centre: Vector, motion: tuple[Vector, Vector], feel: Callable[..., None]
+    ) -> None:
+        """What a sphere meets.
 
-        Whether they count comes with them.
+        Args:
+            sphere: which, or the first of those that stand side by side.
+            along: its place from its link's origin [m].
+            centre: its place [m].
+            motion: angular velocity of its link, and velocity of the link's origin.
+            feel: is told what the link feels of it, if it touches: inertia and wrench.
         """
-        program, (first, last) = self.program, self.spheres_of(body)
-        abreast = min(self.layout.abreast, _BESIDE)
-        if abreast == 1:
-            with program.loop(first, last) as sphere:
-                yield sphere, None
-            return
-        with program.side_by_side(abreast), program.loop(0, (last - first + (abreast - 1)).over(abreast)) as group:
-            each = program.numbered(first + group * abreast)
-            counts = each < last
-            yield program.xp.where(counts, each, last - 1), counts
-
-    def _summed(self, value: Value, counts: Value | None) -> Value:
-        """The sum over the spheres that stand side by side, of those that count."""
-        return value if counts is None else self.program.total(self.program.xp.where(counts, value, 0.0))
-
-    def _touch(self, sphere: Value, counts: Value | None, link: "Link", sums: Changing) -> None:
-        program, xp, state, room, layout = self.program, self.program.xp, self.state, self.room, self.layout
-        along = times(self.sphere_place(sphere), link.axis)
-        centre, slot = add(link.place, along), layout.arcs + sphere
-        state.fetch(slot + 2)
+        program, xp, state, layout = self.program, self.program.xp, self.state, self.layout
+        turning, moving = motion
+        state.fetch(layout.arcs + sphere + 2)
         state.fetch(layout.normals + sphere + 2)
-        arc, rest = self.nearest(centre, state.load(slot))
-        state.store(slot, arc)
-        where, carried = self._sphere(sphere), state.load(layout.normals + sphere) > 0
-        room.store(where + 9, 0.0)
+        before = state.load_next(layout.arcs + sphere)
+        arc, rest = self.nearest(centre, before)
+        self._keep_arc(sphere, before, arc)
+        arc = self._to_look_up(sphere, arc)
+        carried = state.load_next(layout.normals + sphere) > 0
+        self.touches.put(sphere, 9, (0.0,))
         with program.when(arc > 0):
             depth, normal, held, leaving = self.wall(rest, arc, near=True)
             lever = minus(along, times(self.scope("radius"), normal))
-            speed = minus(add(link.moving, cross(link.turning, lever)), leaving)
+            speed = minus(add(moving, cross(turning, lever)), leaving)
             spring, damper, drag = place_contact(
                 xp,
                 depth,
@@ -359,14 +364,21 @@ class ScopeProgram:
                 friction_rise=self._friction_rise,
                 elasticity=self._elasticity,
             )
-            room.store(where + 9, spring)
+            self.touches.put(sphere, 9, (spring,))
             with program.when(spring > 0):
-                room.put(where, (*normal, *lever, *speed))
-                room.put(where + 10, (drag, damper, *held) if self.axis else (drag, damper))
+                self.touches.put(sphere, 0, (*normal, *lever, *speed))
+                self.touches.put(sphere, 10, (drag, damper, *held) if self.axis else (drag, damper))
                 felt = place_inertia(lever, normal, self.h * damper, self.h * drag)
                 force = place_force(spring, damper, drag, normal, speed)
-                more = (*_flat(felt), *times(-1.0, cross(lever, force)), *times(-1.0, force))
-                sums.now = tuple(x + self._summed(y, counts) for x, y in zip(sums.now, more, strict=True))
+                feel((*flat(felt), *times(-1.0, cross(lever, force)), *times(-1.0, force)))
+
+    def _keep_arc(self, sphere: Value, before: Value, arc: Value) -> None:
+        """Keep the arc length of a sphere that was at another before."""
+        self.state.store(self.layout.arcs + sphere, arc)
+
+    def _to_look_up(self, sphere: Value, arc: Value) -> Value:
+        """Where a sphere at an arc length is to be looked up; nothing is before the anus."""
+        return arc
 
     def nearest(self, place: Vector, arc: Value) -> tuple[Value, Vector]:
         """Arc length next to a place that was near `arc`, and where the place stands in the colon at rest."""
@@ -433,7 +445,7 @@ class ScopeProgram:
     def link_arc(self, body: Value) -> Value:
         """Arc length next to the sphere in the middle of a link [m]."""
         first, last = self.spheres_of(body)
-        return self.state.load(self.layout.arcs + (first + last).over(2))
+        return self.state.load(self.layout.arcs + (first + last) // 2)
 
     def link_length(self, body: Value) -> Value:
         """To the next link, or to the tip [m]."""
@@ -452,28 +464,31 @@ class ScopeProgram:
         return self.world("step"), whole(self.world("first")), self.world("count")
 
     def _inwards(self) -> None:
-        program, room = self.program, self.room
+        program = self.program
         sums = Changing(program, [0.0] * 27)
         pulls = () if self.wires else self._pulls()
         if self.wires:
             self.wires.begin()
         with program.loop(0, self.bodies, backwards=True) as body:
-            own = self._body(body)
-            room.fetch(self._body(body - 1), BODY_ROOM)
-            sums.now = tuple(total + room.load(own + i) for i, total in enumerate(sums.now))
+            self.links.fetch(body - 1, 0, BODY_ROOM)
+            sums.now = self._with_own(body, sums.now)
             with program.loop(*self.hinges_of(body), backwards=True) as dof:
                 self._fetch_joint(dof - 1)
-                room.fetch(self.joint_slot(dof - 1) + 7, 3)
+                self.joints.fetch(dof - 1, 7, 3)
                 self._free(dof, sums, pulls, hinge_force, 0)
             with program.when(body == 0):
                 self._free(program.index(0), sums, pulls, slide_force, 1)
-            offset = room.vector(own + 27)
+            offset = self.links.vector(body, 27)
             inertia, torque, force = _unflat(sums.now)
-            sums.now = (*_flat(from_parent(inertia, offset)), *add(torque, cross(offset, force)), *force)
+            sums.now = (*flat(from_parent(inertia, offset)), *add(torque, cross(offset, force)), *force)
             if self.wires:
                 self.wires.shift(offset)
         if self.wires:
             self.wires.pull()
+
+    def _with_own(self, body: Value, sums: tuple[Value, ...]) -> tuple[Value, ...]:
+        """Inertia and wrench of the links behind one, and its own."""
+        return tuple(total + self.links.load(body, i) for i, total in enumerate(sums))
 
     def _pulls(self) -> tuple[Value, ...]:
         """What wires bear of the pulls that arrived [N]."""
@@ -483,8 +498,7 @@ class ScopeProgram:
     def _free(self, dof: Value, sums: Changing, pulls: Any, unit_force: Callable[..., Any], slides: int) -> None:
         """Let a joint give way: what is felt beyond it less what it yields."""
         inertia, torque, force = _unflat(sums.now)
-        own = self.joint_slot(dof)
-        direction = self.room.vector(own + 7)
+        direction = self.joints.vector(dof, 7)
         turn, push = unit_force(inertia, direction)
         driven, damped = self._driven(dof, pulls, slides)
         inverse = 1.0 / (dot(direction, push if slides else turn) + damped)
@@ -492,8 +506,8 @@ class ScopeProgram:
         inertia, turn, push = freed(inertia, turn, push, inverse)
         if self.wires:
             self.wires.free(dof, driven, inverse, (turn, push), slides)
-        self.room.put(own, (*turn, *push, driven * inverse))
-        sums.now = (*_flat(inertia), *add(torque, times(driven, turn)), *add(force, times(driven, push)))
+        self.joints.put(dof, 0, (*turn, *push, driven * inverse))
+        sums.now = (*flat(inertia), *add(torque, times(driven, turn)), *add(force, times(driven, push)))
 
     def _fetch_joint(self, dof: Value) -> None:
         self.state.fetch(dof)
@@ -501,30 +515,39 @@ class ScopeProgram:
 
     def _driven(self, dof: Value, pulls: Any, slides: int) -> tuple[Value, Value]:
         """Torque of springs, stops, locks, wires and hand on a joint; and its armature, with what a step is damped."""
-        program, xp, state = self.program, self.program.xp, self.state
-        angle, speed = state.load(dof), state.load(self.layout.speeds + dof)
+        program = self.program
+        sprung, damping, armature = self._sprung(dof, pulls)
+        total, damped = program.variable(sprung), program.variable(damping)
+        with program.when(dof < 2):
+            hand, held = self._by_hand(dof, 0 if slides else 1)
+            total.value = total.value + hand
+            damped.value = damped.value + held
+        return total.value, armature + self.h * damped.value
+
+    def _sprung(self, dof: Value, pulls: Any) -> tuple[Value, Value, Value]:
+        """Torque of springs, stops, locks and wires on a joint, what damps it, and its armature."""
+        xp = self.program.xp
+        angle, speed = self.state.load_next(dof), self.state.load_next(self.layout.speeds + dof)
         scale = self.scale(dof)
         damping = scale * self.joint(dof, "damping")
         low, high = self.joint(dof, "low"), self.joint(dof, "high")
         stop, stopped = _stop_torque(xp, angle, low, high, timestep=self.h)
         bent = angle - self.joint(dof, "rest")
         torque = stop - scale * (self.joint(dof, "stiffness") + self.joint(dof, "cubic") * bent**2) * bent
-        insertion = self.scope("start") + state.load(0)
+        insertion = self.scope("start") + self.state.load(0)
         held = _lock_activation(xp, insertion, self.joint(dof, "behind"))
         damping = damping + stopped + self.joint(dof, "lock_damping") * held
         torque = torque - self.joint(dof, "lock_stiffness") * held * angle
         for name, pull in zip(WIRE_NAMES, pulls, strict=not self.wires):
             torque = torque - pull * self.joint(dof, name)
-        total = program.variable(torque - damping * speed)
-        damped = program.variable(damping)
-        with program.when(dof < 2):
-            side = 0 if slides else 1
-            hand = self._hand(side, angle, speed)
-            total.value = total.value + hand
-            # The hand's damper is in its force already; where the force is at its limit, it damps no more.
-            free = xp.abs(hand) < self.world(_HAND_LIMITS[side])
-            damped.value = damped.value + xp.where(free, float(HAND_DAMPING[side]), 0.0)
-        return total.value, scale * self.joint(dof, "armature") + self.h * damped.value
+        return torque - damping * speed, damping, scale * self.joint(dof, "armature")
+
+    def _by_hand(self, dof: Value, side: int) -> tuple[Value, Value]:
+        """Force of the hand along the shaft, or torque about it, and what it damps the shaft by."""
+        hand = self._hand(side, self.state.load(dof), self.state.load(self.layout.speeds + dof))
+        # The hand's damper is in its force already; where the force is at its limit, it damps no more.
+        free = self.program.xp.abs(hand) < self.world(_HAND_LIMITS[side])
+        return hand, self.program.xp.where(free, float(HAND_DAMPING[side]), 0.0)
 
     def _hand(self, side: int, place: Value, speed: Value) -> Value:
         """Force of the hand along the shaft, or torque about it."""
@@ -533,18 +556,17 @@ class ScopeProgram:
         return held_force(self.program.xp, aim, place, speed, limit, *parts)
 
     def _accelerate(self, fastest: Any) -> None:
-        program, state, room, layout = self.program, self.state, self.room, self.layout
+        program, state, joints, layout = self.program, self.state, self.joints, self.layout
         turning, moving = Changing(program, _NONE), Changing(program, _NONE)
 
         def move(dof: Value, along: Changing) -> None:
-            own = self.joint_slot(dof)
             self._fetch_joint(dof + 1)
-            room.fetch(self.joint_slot(dof + 1), JOINT_ROOM)
-            gives = dot(room.vector(own), turning.now) + dot(room.vector(own + 3), moving.now)
-            rate = room.load(own + 6) - gives
+            joints.fetch(dof + 1, 0, JOINT_ROOM)
+            gives = dot(joints.vector(dof, 0), turning.now) + dot(joints.vector(dof, 3), moving.now)
+            rate = joints.load(dof, 6) - gives
             if self.wires:
                 rate = rate - self.wires.bends(dof)
-            along.now = add(along.now, times(rate, room.vector(own + 7)))
+            along.now = add(along.now, times(rate, joints.vector(dof, 7)))
             speed = state.load(layout.speeds + dof) + self.h * rate
             state.store(layout.speeds + dof, speed)
             state.store(dof, state.load(dof) + self.h * speed)
@@ -552,41 +574,47 @@ class ScopeProgram:
             fastest.value = program.xp.where(size < SPEED_LIMIT, fastest.value, size)  # also of what is no number
 
         with program.loop(0, self.bodies) as body:
-            moving.now = add(moving.now, cross(turning.now, room.vector(self._body(body) + 27)))
+            moving.now = add(moving.now, cross(turning.now, self.links.vector(body, 27)))
             with program.when(body == 0):
                 move(program.index(0), moving)
             with program.loop(*self.hinges_of(body)) as dof:
                 move(dof, turning)
-            with program.loop(*self.spheres_of(body)) as sphere:
-                self._leave(sphere, turning.now, moving.now)
+            self._leave_wall(body, turning.now, moving.now)
+
+    def _leave_wall(self, body: Value, turning_rate: Vector, moving_rate: Vector) -> None:
+        """What the spheres of a link do at the step's end, by its angular and linear acceleration."""
+        with self.program.loop(*self.spheres_of(body)) as sphere:
+            self.state.store(self.layout.normals + sphere, 0.0)
+            self._leave(sphere, turning_rate, moving_rate)
 
     def _leave(self, sphere: Value, turning_rate: Vector, moving_rate: Vector) -> None:
         """Normal force at the step's end, by the speed at which the surface then leaves the wall."""
-        program, room, own = self.program, self.room, self._sphere(sphere)
-        room.fetch(self._sphere(sphere + 2) + 9)
-        spring, slot = room.load(own + 9), self.layout.normals + sphere
-        self.state.store(slot, 0.0)
+        program, touches = self.program, self.touches
+        touches.fetch(sphere + 2, 9, 1)
+        spring = touches.load(sphere, 9)
         with program.when(spring > 0):
-            normal, lever, speed = (room.vector(own + 3 * part) for part in range(3))
+            normal, lever, speed = (touches.vector(sphere, 3 * part) for part in range(3))
             speed = add(speed, times(self.h, add(moving_rate, cross(turning_rate, lever))))
-            pressed = normal_force(program.xp, spring, room.load(own + 11), dot(normal, speed))
-            self.state.store(slot, pressed)
+            pressed = normal_force(program.xp, spring, touches.load(sphere, 11), dot(normal, speed))
+            self._keep_normal(sphere, pressed)
             if self.axis:
                 self._press_axis(self.axis, sphere, normal, speed)
 
+    def _keep_normal(self, sphere: Value, pressed: Value) -> None:
+        self.state.store(self.layout.normals + sphere, pressed)
+
     def _press_axis(self, axis: Axis, sphere: Value, normal: Vector, speed: Vector) -> None:
         """What a sphere does to a colon that moves, at the end of the step."""
-        where, own = self.program.xp.where, self._sphere(sphere)
-        spring = self.room.load(own + 9)
+        where, spring = self.program.xp.where, self.touches.load(sphere, 9)
         touching = spring > 0
 
         def there(v: Vector) -> Vector:
             return where(touching, v[0], 0.0), where(touching, v[1], 0.0), where(touching, v[2], 0.0)
 
-        drag, damper = (where(touching, self.room.load(own + slot), 0.0) for slot in (10, 11))
+        drag, damper = (where(touching, self.touches.load(sphere, slot), 0.0) for slot in (10, 11))
         force = times(-1.0, place_force(spring, damper, drag, there(normal), there(speed)))
-        held = there(self.room.vector(own + 12))
-        axis.press(self.state.load(self.layout.arcs + sphere), held, force, damper, drag)
+        held = there(self.touches.vector(sphere, 12))
+        axis.press(self.state.load_next(self.layout.arcs + sphere), held, force, damper, drag)
 
     def observe(self) -> None:
         """Read off what there is to see at the end of a control step."""
@@ -595,21 +623,7 @@ class ScopeProgram:
         if self.axis:
             self.axis.shape(self._reached())
 
-        def look(body: Value, link: Link) -> None:
-            self.room.put(self.origin_slot(body), link.place)
-            pressed = Changing(program, _NONE)
-            with program.loop(*self.spheres_of(body)) as sphere:
-                coil = self.structure.load(self._scales + self.dofs + sphere)
-                with program.when(coil >= 0):
-                    self.seen.put(coil * 3 + seen_slot("coils"), self._middle(sphere, link))
-            with self._spheres_beside(body) as (sphere, counts):
-                self._press(sphere, counts, link, pressed, deepest)
-            size = program.xp.sqrt(dot(pressed.now, pressed.now))
-            seen.store(seen_slot("coils") + self.coils * 3 + body, size)
-            with program.when(self.of_tip(body)):
-                force.now = add(force.now, pressed.now)
-
-        tip = self.chain(look)
+        tip = self._look_along(force, deepest)
         frame = tip.frame
         seen.put(seen_slot("tip"), add(tip.place, times(self.scope("tip"), tip.axis)))
         seen.put(seen_slot("tip_frame"), [frame[column][row] for row in range(3) for column in range(3)])
@@ -619,34 +633,48 @@ class ScopeProgram:
             held = self._hand(side, state.load(side), state.load(self.layout.speeds + side))
             seen.store(seen_slot(name), held)
 
-    def _middle(self, sphere: Value, link: "Link") -> Vector:
-        """Where the middle of a sphere is [m]."""
-        return add(link.place, times(self.sphere_place(sphere), link.axis))
+    def _look_along(self, force: Changing, deepest: Variable) -> "Link":
+        """Note links' origins, what presses on them and coils, and add up the force on the tip; the last link."""
 
-    def _press(self, sphere: Value, counts: Value | None, link: "Link", pressed: Changing, deepest: Variable) -> None:
+        def look(body: Value, link: Link) -> None:
+            self.links.put(body, 0, link.place)
+            pressed = Changing(self.program, _NONE)
+
+            def feel(more: Vector) -> None:
+                pressed.now = add(pressed.now, more)
+
+            with self.program.loop(*self.spheres_of(body)) as sphere:
+                middle = add(link.place, times(self.sphere_place(sphere), link.axis))
+                self._note_coil(sphere, middle)
+                self._press(sphere, middle, deepest, feel)
+            self._note_force(body, pressed.now, force)
+
+        return self.chain(look)
+
+    def _note_coil(self, sphere: Value, middle: Vector) -> None:
+        coil = self.structure.load(self._scales + self.dofs + sphere)
+        with self.program.when(coil >= 0):
+            self.seen.put(coil * 3 + seen_slot("coils"), middle)
+
+    def _note_force(self, body: Value, pressed: Vector, force: Changing) -> None:
+        self.seen.store(seen_slot("coils") + self.coils * 3 + body, self.program.xp.sqrt(dot(pressed, pressed)))
+        with self.program.when(self.of_tip(body)):
+            force.now = add(force.now, pressed)
+
+    def _press(self, sphere: Value, middle: Vector, deepest: Variable, feel: Callable[[Vector], None]) -> None:
+        """How deep a sphere is, and with what force it presses."""
         program, xp, layout = self.program, self.program.xp, self.layout
-        arc, rest = self.nearest(self._middle(sphere, link), self.state.load(layout.arcs + sphere))
+        arc, rest = self.nearest(middle, self.state.load_next(layout.arcs + sphere))
+        arc = self._to_look_up(sphere, arc)
         with program.when(arc > 0):
             depth, normal, _, _ = self.wall(rest, arc, near=False)
             for each in program.apart(depth):
                 deepest.value = xp.maximum(deepest.value, each)
-            force = xp.where(arc > 0, self.state.load(layout.normals + sphere), 0.0)
-            x, y, z = (self._summed(force * component, counts) for component in normal)
-            pressed.now = add(pressed.now, (x, y, z))
+            feel(times(xp.where(arc > 0, self.state.load_next(layout.normals + sphere), 0.0), normal))
 
-    def origin_slot(self, body: Any) -> Any:
-        """Slot of the room where `observe` leaves a link's origin [m]."""
-        return self._body(body)
-
-    def joint_slot(self, dof: Any) -> Any:
-        """First slot of a joint's room."""
-        return self.layout.joint_room + dof * JOINT_ROOM
-
-    def _body(self, body: Any) -> Any:
-        return self.layout.body_room + body * BODY_ROOM
-
-    def _sphere(self, sphere: Any) -> Any:
-        return self.layout.sphere_room + sphere * SPHERE_ROOM
+    def origin(self, body: Any) -> Vector:
+        """A link's origin, as `observe` found it last [m]."""
+        return self.links.vector(body, 0)
 
     def _axis(self, dof: Any) -> Vector:
         return self.joint(dof, "x"), self.joint(dof, "y"), self.joint(dof, "z")
@@ -657,7 +685,6 @@ class Link:
 
     def __init__(self, program: Program, falling: Vector) -> None:
         """`falling`: acceleration that keeps a weight up [m/s^2]."""
-        self._program = program
         self._frame = [Changing(program, [float(i == j) for i in range(3)]) for j in range(3)]
         self._place, self._turning, self._moving, self._turning_rate = (Changing(program, _NONE) for _ in range(4))
         self._moving_rate = Changing(program, falling)
@@ -715,13 +742,13 @@ class Link:
         self._moving.now = add(self.moving, moved)
         self._place.now = add(self.place, times(way, direction))
 
-    def turn(self, local: Vector, direction: Vector, angle: Value, speed: Value) -> None:
-        """About a hinge."""
-        turned = times(speed, direction)
-        self._turning_rate.now = add(self.turning_rate, cross(self.turning, turned))
-        self._moving_rate.now = add(self.moving_rate, cross(self.moving, turned))
-        self._turning.now = add(self.turning, turned)
-        frame = turned_frame(self.frame, local, direction, *self._program.xp.sine_versine(angle))
+    def turn(self, local: Vector, direction: Vector, turned: tuple[Value, Value], speed: Value) -> None:
+        """About a hinge, by an angle of that sine and 1 less its cosine."""
+        rate = times(speed, direction)
+        self._turning_rate.now = add(self.turning_rate, cross(self.turning, rate))
+        self._moving_rate.now = add(self.moving_rate, cross(self.moving, rate))
+        self._turning.now = add(self.turning, rate)
+        frame = turned_frame(self.frame, local, direction, *turned)
         for mine, column in zip(self._frame, frame, strict=True):
             mine.now = column
 
@@ -757,7 +784,8 @@ class _Wall:
         return self._rows.read(row * self.shape[1] + angle, part)
 
 
-def _flat(inertia: Inertia) -> tuple[Any, ...]:
+def flat(inertia: Inertia) -> tuple[Any, ...]:
+    """Its numbers, of which `Layout` keeps wrenches behind."""
     return (*inertia.a, *inertia.b, *inertia.m)
 
 

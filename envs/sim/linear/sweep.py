@@ -86,6 +86,45 @@ class NodeNumbers:
         self._lanes.scatter(node * self._apart, value, self._start(number))
 
 
+class NodeRows:
+    """Numbers of nodes that stand side by side, node by node: other things look them up by fours, each at its own."""
+
+    def __init__(self, lanes: Lanes, start: Any, fours: int) -> None:
+        """Bind them.
+
+        Args:
+            lanes: the array.
+            start: slot of the first node's numbers.
+            fours: of numbers that a node has.
+        """
+        self._rows = lanes.rows(start, fours)
+
+    def load(self, at: Nodes, number: int) -> Value:
+        """A number of these nodes."""
+        return self.gather(at.each, number)
+
+    def vector(self, at: Nodes, number: int) -> Vector:
+        """Three numbers of these nodes."""
+        return self.gather_vector(at.each, number)
+
+    def put(self, at: Nodes, number: int, values: Sequence[Number]) -> None:
+        """Put numbers of these nodes, from one on, which four divides; up to the next that it divides."""
+        padded = *values, *[0.0] * (-len(values) % 4)
+        for four in range(0, len(padded), 4):
+            self._rows.put(at.first, number + four, padded[four : four + 4])
+
+    def fetch(self, node: Any, number: int, count: int) -> None:
+        """Nothing: no graphics processor has such numbers."""
+
+    def gather(self, node: Value, number: int) -> Value:
+        """A number of a node, which may be another one in each lane."""
+        return self._rows.read(node, number)
+
+    def gather_vector(self, node: Value, number: int) -> Vector:
+        """Three numbers of such a node."""
+        return self.gather(node, number), self.gather(node, number + 1), self.gather(node, number + 2)
+
+
 @contextmanager
 def along(program: Program, count: Value, start: Number, stop: Number, *, backwards: bool = False) -> Iterator[Nodes]:
     """Go along an axis of that many nodes, from one to before another; beyond the ends too, where these are."""
@@ -94,7 +133,7 @@ def along(program: Program, count: Value, start: Number, stop: Number, *, backwa
         with program.loop(start, stop, backwards=backwards) as node:
             yield Nodes.at(program, node, count)
         return
-    groups = (program.index(stop) - start + (abreast - 1)).over(abreast)
+    groups = (program.index(stop) - start + (abreast - 1)) // abreast
     with program.loop(0, groups, backwards=backwards) as group:
         yield Nodes.at(program, group * abreast + start, count)
 

@@ -82,9 +82,9 @@ class Value:
         rest = Value(program, program.builder.srem(own, other))
         return program.xp.where(rest < 0, rest + divisor, rest)
 
-    def over(self, divisor: int) -> "Value":
+    def __floordiv__(self, divisor: int) -> "Value":
         """A whole number that is not negative, over another, without the rest."""
-        return Value(self.program, self.program.builder.sdiv(*self.program.alike(self, divisor)))
+        return Value(self.program, self.program.builder.udiv(*self.program.alike(self, divisor)))
 
     def __lt__(self, other: Number) -> "Value":
         return self.program.compare("<", self, other)
@@ -231,13 +231,6 @@ class Program:
         kind = ir.FunctionType(ir.VoidType(), [address.type])
         self.builder.asm(kind, "prefetch.L1 [$0];", "l", [address], side_effect=True)
 
-    def total(self, value: Value) -> Value:
-        """The sum of what stands side by side."""
-        first, *others = self.apart(value)
-        for other in others:
-            first = first + other
-        return first
-
     def later(self, before: Value, now: Value) -> Value:
         """Numbers of what stands side by side, each in the place of the next; the first is the last of `before`."""
         first = list(range(self.abreast - 1, 2 * self.abreast - 1))
@@ -301,13 +294,13 @@ class Program:
 
     def whole(self, value: Value) -> Value:
         """The whole part; 0 of what is no number."""
-        kind = INDEX if value.lanes == 1 else ir.VectorType(INDEX, value.lanes)
-        real = "f64" if isinstance(self.real, ir.DoubleType) else "f32"
-        many = "" if value.lanes == 1 else f"v{value.lanes}"
-        function = self._declared(
-            f"llvm.fptosi.sat.{many}i32.{many}{real}", ir.FunctionType(kind, [value.written.type])
-        )
-        return Value(self, self.builder.call(function, [value.written]))
+        if value.lanes == 1:
+            real = "f64" if isinstance(self.real, ir.DoubleType) else "f32"
+            function = self._declared(f"llvm.fptosi.sat.i32.{real}", ir.FunctionType(INDEX, [value.written.type]))
+            return Value(self, self.builder.call(function, [value.written]))
+        # LLVM takes what saturates apart, lane by lane.
+        sound = self.xp.where(value == value, self.xp.clip(value, -_WHOLE, _WHOLE), 0.0)
+        return Value(self, self.builder.fptosi(sound.written, ir.VectorType(INDEX, value.lanes)))
 
     def any(self, condition: Value) -> Any:
         """LLVM's value of whether it holds in any lane."""
@@ -370,6 +363,9 @@ class Program:
         with self.builder.goto_block(self._entry):
             return self.builder.alloca(kind)
 
+
+_WHOLE = float(np.nextafter(np.float32(2**31), np.float32(0)))
+"""The largest whole number of 32 bits that is a number of single precision too."""
 
 _LEAST = 1e-30
 """What a quotient is divided by at least where both of its parts may be nothing."""

@@ -58,7 +58,7 @@ class SprungWires:
         """
         scopes = self._scopes
         angle, speed = scopes.state.load(dof), scopes.state.load(scopes.layout.speeds + dof)
-        direction = scopes.room.vector(scopes.joint_slot(dof) + 7)
+        direction = scopes.joints.vector(dof, 7)
         arms, lifted = [scopes.joint(dof, name) for name in _PAIRS], []
         for side, (arm, felt) in enumerate(zip(arms, self._felt, strict=True)):
             torque, force = felt.now[:3], felt.now[3:]

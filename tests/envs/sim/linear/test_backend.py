@@ -95,6 +95,10 @@ def test_a_scope_alone_goes_as_among_others(mesentery):
     for name in ("qpos", "qvel", "arcs", "normal"):
         one, many = (getattr(state, name) for state in states)
         np.testing.assert_allclose(one[0], many[4], atol=1e-10)
+    one, many = (backend.read() for backend in (alone, among))
+    for name in ("tip", "tip_frame", "tip_force", "deepest", "link_forces", "coils"):
+        np.testing.assert_allclose(getattr(one, name)[0], getattr(many, name)[4], atol=1e-7)
+    assert one.link_forces.max() > 0.01
     first, last = (state.displacement for state in states)
     if first is not None and last is not None:
         np.testing.assert_allclose(first.speed[0], last.speed[4], atol=1e-10)

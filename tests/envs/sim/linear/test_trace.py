@@ -8,6 +8,7 @@ from llvmlite import ir
 
 from haustra.envs.sim.linear.compile import engine_of
 from haustra.envs.sim.linear.memory import Lanes, Rows
+from haustra.envs.sim.linear.place import aligned
 from haustra.envs.sim.linear.trace import INDEX, Program, Value
 
 RANDOM = np.random.default_rng(0)
@@ -23,7 +24,7 @@ def run(real, lanes, write, given, outputs=1):
     call = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int32)(
         engine.get_function_address("advance")
     )
-    own, found = np.ascontiguousarray(given, real), np.zeros((outputs, lanes), real)
+    own, found = np.ascontiguousarray(given, real), aligned(np.zeros((outputs, lanes)), real)
     call(own.ctypes.data, found.ctypes.data, len(given))
     return found
 
@@ -108,6 +109,20 @@ def test_rows_are_read_by_fours(real, lanes):
 
     found = run(real, lanes, write, rows.astype(float), 8)
     np.testing.assert_array_equal(found, table[rows[0]].T)
+
+
+@pytest.mark.parametrize(("real", "abreast"), [(np.float32, 8), (np.float64, 4), (np.float32, 16)])
+def test_what_stands_side_by_side_is_put_row_by_row(real, abreast):
+    given = RANDOM.normal(size=(8, abreast)).astype(real)
+
+    def write(program, source, target, _):
+        with program.side_by_side(abreast):
+            kinds = [source.load_next(kind * abreast) for kind in range(8)]
+            for column in (0, 4):
+                target.rows(0, 2).put(program.index(0), column, kinds[column : column + 4])
+
+    found = run(real, 1, write, given.reshape(-1, 1), 8 * abreast)
+    np.testing.assert_array_equal(found.reshape(abreast, 8), given.T)
 
 
 def test_a_law_that_branches_cannot_be_written_down():
