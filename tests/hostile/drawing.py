@@ -23,7 +23,7 @@ def inside(declared: Declaration) -> st.SearchStrategy[Any]:
         case Named(each, count):
             return st.lists(st.tuples(st.text("abc", max_size=3), *[inside(each)] * count).map(list), max_size=3)
         case Choice(words):
-            return st.sampled_from(words)
+            return st.sampled_from(tuple(words))
         case Truth():
             return st.booleans()
     return st.text("abc ", max_size=20)

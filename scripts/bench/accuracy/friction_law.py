@@ -3,14 +3,14 @@
 Run it as `python -m haustra.scripts.bench.accuracy.friction_law`; docs/decisions/contact.md holds what it prints.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
 from haustra.models.wall.law import SLIP_RELAXATION, SLIP_SPEED, WallContact, contact_parameters, solimp
 
-LAW = {"stiffness": 1500.0, "damping": 7.5}
+LAW = WallContact(stiffness=1500.0, damping=7.5, friction=0.0)
 TIMESTEP, RADIUS, MASS = 0.005, 0.0064, 0.05
 SPEED = 0.05
 """At which a body slides [m/s]."""
@@ -34,7 +34,7 @@ def coulomb(load: float, friction: float, *, impratio: float, relaxation: float)
     limit = friction * load
     creep = _run(model, load, pull=0.5 * limit).qvel[0]
     slid = _run(model, load, speed=SPEED, pull=limit, seconds=0.3)
-    inflation = load + LAW["stiffness"] * slid.qpos[2]
+    inflation = load + LAW.stiffness * slid.qpos[2]
     stopped = _run(model, load, speed=SPEED, seconds=2.0)
     far = stopped.qpos[0] + 0.5 * SPEED * TIMESTEP  # what semi-implicit steps leave out
     return Coulomb(float(creep) / (0.5 * SLIP_SPEED), float(inflation), float(far - MASS * SPEED**2 / (2 * limit)))
@@ -51,7 +51,7 @@ def _body(load: float, friction: float, impratio: float, relaxation: float) -> m
     sphere, plane = mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_PLANE
     body.add_geom(name="ball", type=sphere, size=[RADIUS, 0, 0], mass=MASS, contype=0, conaffinity=0)
     spec.worldbody.add_geom(name="wall", type=plane, size=[1, 1, 1], contype=0, conaffinity=0)
-    soft = contact_parameters(1 / MASS, WallContact(**LAW, friction=friction), timestep=TIMESTEP, where="ball")
+    soft = contact_parameters(1 / MASS, replace(LAW, friction=friction), timestep=TIMESTEP, where="ball")
     spec.add_pair(
         geomname1="wall",
         geomname2="ball",
@@ -68,7 +68,7 @@ def _run(
     model: mujoco.MjModel, load: float, *, speed: float = 0.0, pull: float = 0.0, seconds: float = 1.0
 ) -> mujoco.MjData:
     data = mujoco.MjData(model)
-    data.qpos[2], data.qvel[0] = -load / LAW["stiffness"], speed
+    data.qpos[2], data.qvel[0] = -load / LAW.stiffness, speed
     data.qfrc_applied[:] = [pull, 0.0, -load]
     mujoco.mj_step(model, data, round(seconds / TIMESTEP))
     return data
