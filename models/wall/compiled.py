@@ -23,6 +23,7 @@ from haustra.models.wall import (
     plane_pose,
     planes,
     sections,
+    surroundings,
     unfolding,
     vectors,
 )
@@ -65,6 +66,7 @@ from haustra.models.wall.sections import (
     twisted,
 )
 from haustra.models.wall.signed_distance import ANUS
+from haustra.models.wall.surroundings import breath, envelope_force
 from haustra.models.wall.unfolding import aside, span
 from haustra.models.wall.vectors import add, between, cross, dot, minus, norm, times, unit_rate
 
@@ -598,8 +600,9 @@ def _step_axis(
     force: Any,
     damping: Any,
     h: float,
+    time: Any,
 ) -> None:
-    """One time step of the axes of these worlds, in place."""
+    """One time step of the axes of these worlds, in place, that begins at those times [s]."""
     _shape(own, worlds, pose, shape)
     count = pose.shape[1]
     pulled, couples, torque = np.empty((1, count, 3)), np.empty((count, 3, 3)), np.empty(count)
@@ -629,9 +632,14 @@ def _step_axis(
                         couples[node, i, j] += part * f[i] * held[j]
         _add_springs(own, world, shape, couples, pulled, torque)
         _lean(own, world, shape, flattened, leaning)
+        surrounded = own.walls[world, 1] > 0 or own.breaths[world, 1] > 0
+        drawn = breath(np, own.breaths[world, 1], time[world]) if surrounded else 0.0
         for i in range(count):
-            at = _node(pose, world, i)
-            _put_more(pulled, 0, i, times(gripped[i], _node(speed, world, i)))
+            at, pressed, stiffness = _node(pose, world, i), (0.0, 0.0, 0.0), 0.0
+            if surrounded:
+                pressed, stiffness = _enveloped(own, world, i, at, drawn)
+                at = add(at, times(drawn * own.sway[world, i], _node(own.body, world, 2)))
+            _put_more(pulled, 0, i, add(pressed, times(gripped[i], _node(speed, world, i))))
             _put_more(pulled, 0, i, hold_force(np, at, own.slack[world, i], own.hold[world, i], own.support[world, i]))
             diagonal[i] = node_resistance(
                 np,
@@ -640,7 +648,7 @@ def _step_axis(
                 own.hold[world, i],
                 own.support[world, i],
                 own.drag[world, i],
-                gripped[i],
+                gripped[i] + h * stiffness,
                 h,
             )
         for i in range(count - 1):
@@ -669,6 +677,13 @@ def _step_axis(
             _put(speed, world, i, moving)
             _put_more(pose, world, i, times(h, moving))
         _turn_sections(own, world, pose, speed, shape, torque, gripped_turn, h)
+
+
+def _enveloped(own: Any, world: int, node: int, place: Any, drawn: float) -> Any:
+    """Force of the envelope on a node, and a bound of its slope, with so much of a breath in."""
+    body = _node(own.body, world, 0), _node(own.body, world, 1), _node(own.body, world, 2)
+    walls = own.walls[world, 0], own.walls[world, 1]
+    return envelope_force(np, place, body, own.room[world, node], walls, drawn * own.breaths[world, 0])
 
 
 def _lean(own: Any, world: int, shape: Any, flattened: Any, leaning: Any) -> None:
@@ -776,7 +791,7 @@ def loops() -> Loops:
 
     overload(vectors.where)(lambda xp, condition, yes, no: lambda xp, condition, yes, no: yes if condition else no)
     own = (_node, _put, _put_more, _turn, _put_turn, _section, _cells, _rest_closing, _node_between, _edge_rate)
-    own = (*own, _rates, _add_springs, _lean, _turn_sections, _spread)
+    own = (*own, _rates, _add_springs, _lean, _turn_sections, _spread, _enveloped)
     entries = (
         _query,
         _query_moved,
@@ -791,7 +806,8 @@ def loops() -> Loops:
         _lift,
     )
     entries = (*entries, _unfold, contact_solver.solve)
-    laws = (*vectors.PARTS, *law.PARTS, *lumen_table.PARTS, *sections.PARTS, *moving_colon.PARTS)
+    laws = (*vectors.PARTS, *law.PARTS, *lumen_table.PARTS, *sections.PARTS, *surroundings.PARTS)
+    laws = (*laws, *moving_colon.PARTS)
     laws = (*laws, *plane_pose.PARTS, *indentation.PARTS, *unfolding.PARTS)
     laws = (*laws, *own, *entries[:-1])
     # Products may be added at once; sums keep their order, or code from the cache would round as no other does.
@@ -801,7 +817,7 @@ def loops() -> Loops:
     for part, how in each:
         plain = unwrap(part)  # of what checks types at run time
         overload(part, strict=False, jit_options=how)(lambda *_, plain=plain: plain)
-    modules = vectors, law, lumen_table, sections, moving_colon, plane_pose, planes, contact_solver
+    modules = vectors, law, lumen_table, sections, surroundings, moving_colon, plane_pose, planes, contact_solver
     modules = (*modules, indentation, unfolding)
     files = [Path(str(module.__file__)) for module in modules]
     version = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()

@@ -172,6 +172,7 @@ class PieceWall:
         """Take over where the same colon has moved to in another scene."""
         if self._moved is not None and other._moved is not None:
             self._moved.pose[:], self._moved.speed[:] = other._moved.pose, other._moved.speed
+            self._look.time[:] = other._look.time
 
     def update(self, data: mujoco.MjData) -> None:
         """Put the blocks where the colon is now; to be called before every step."""
@@ -236,7 +237,9 @@ class PieceWall:
         lever = np.einsum("cji,cj->ci", turned, contact.pos[on] - data.mocap_pos[self._mocap[block]])
         lever += self._levers[block]
         arcs = self._blocks.arcs[block]
-        loops().step_axis(self._own, _ONE, *moved, self._shape, arcs[None], lever[None], force[None], damping[None], h)
+        at_points = (each[None] for each in (arcs, lever, force, damping))
+        loops().step_axis(self._own, _ONE, *moved, self._shape, *at_points, h, self._look.time)
+        self._look.time += h
 
     def _find_blocks(self) -> None:
         model, blocks = self._model, self._blocks

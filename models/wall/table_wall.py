@@ -42,6 +42,8 @@ class TableWalls:
         """Which colon each world has."""
         self.displacement: AxisDisplacement | None = None
         """Where the axes are, for colons that move."""
+        self.time: Float[np.ndarray, " worlds"] = np.zeros(worlds)
+        """For how long axes have moved since they were at rest [s]: breath goes by it."""
         if tables.mesentery is not None:
             nodes = tables.mesentery.nodes.shape[1]
 
@@ -75,6 +77,7 @@ class TableWalls:
         self._tables = picked._replace(mesentery=None)
         if self.displacement is not None:
             self.displacement.pose[worlds], self.displacement.speed[worlds] = AT_REST, 0.0
+            self.time[worlds] = 0.0
 
     def look(self, worlds: Int[np.ndarray, " some"], points: Float[np.ndarray, "worlds spheres 3"]) -> None:
         """Find the wall next to the spheres of these worlds [m]."""
@@ -135,7 +138,9 @@ class TableWalls:
         if others:
             arcs = np.concatenate([arcs, *(other.arcs for other in others)], axis=1)
             lever = np.concatenate([lever, *(other.lever for other in others)], axis=1)
-        loops().step_axis(self._own, worlds, *self.displacement, self._shape, arcs, lever, force, damping, timestep)
+        moved = *self.displacement, self._shape
+        loops().step_axis(self._own, worlds, *moved, arcs, lever, force, damping, timestep, self.time)
+        self.time[worlds] += timestep
 
 
 class TableLook:
@@ -148,6 +153,8 @@ class TableLook:
         self._shift = model.geom_size[spheres, 0] - float(tables.device_radius[-1])
         self.axis: Tables = pick(tables, self._colon)
         """Tables of the colon that is looked up in."""
+        self.time = self._walls.time
+        """For how long the axis has moved since it was at rest [s], to be written to."""
 
     @property
     def displacement(self) -> AxisDisplacement | None:
@@ -240,6 +247,7 @@ class TableWall:
         mine, theirs = self._walls.displacement, other._walls.displacement
         if mine is not None and theirs is not None:
             mine.pose[:], mine.speed[:] = theirs.pose, theirs.speed
+            self._walls.time[:] = other._walls.time
 
     def update(self, data: mujoco.MjData) -> None:
         """Put the planes where the wall is now next to their spheres; to be called before every step."""

@@ -1,8 +1,9 @@
 """A colon that moves on its mesentery, in programs: the laws of `haustra.models.wall.moving_colon`, node by node."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from haustra.envs.sim.linear.layout import AXIS, NODE, NODE_ROOM, WORLD, Layout
+from haustra.envs.sim.linear.layout import NODE, NODE_ROOM, WORLD, Layout
 from haustra.envs.sim.linear.memory import Lanes, Rows
 from haustra.envs.sim.linear.sweep import Before, NodeNumbers, Nodes, along, in_turn, kept_numbers
 from haustra.envs.sim.linear.trace import Changing, Program, Value
@@ -44,6 +45,7 @@ from haustra.models.wall.sections import (
     twist,
     twisted,
 )
+from haustra.models.wall.surroundings import SIDES, breath, envelope_force
 from haustra.models.wall.vectors import Vector, add, between, cross, dot, minus, norm, times, unit_rate
 
 _CLOSING, _LENGTH, _SECTION, _GRIPPED, _PULLED, _COUPLES, _SPIN, _FLAT_RATE, _ACROSS_RATE = (
@@ -91,6 +93,7 @@ class Axis:
         self._state = NodeNumbers(state, layout.node_state, apart[0])
         self._room = NodeNumbers(room, layout.node_slot, apart[1])
         self._rows, self._first_row = rows, {}
+        self._time = lambda: state.load(layout.time)
         self._tables, self._stations = tables
 
     def shape(self, reached: Value) -> Value:
@@ -247,6 +250,7 @@ class Axis:
         bends, lower, shortened, pulls = (Before(program, *[0.0] * count) for count in (3, 3, 1, 3))
         closes, leant, leaning = Before(program, 0.0), Before(program, 0.0), Before(program, 0.0)
         moved, spun = kept_numbers(program, *[0.0] * 5), kept_numbers(program, *[0.0] * 3)
+        around = self._surroundings()
         with along(program, self.nodes, 1, self.nodes + 3) as i:
             node, cell, own = i.back(1), i.back(2), i.back(3)
             self._state.fetch(i.first + 2, 0, POSE)
@@ -330,7 +334,11 @@ class Axis:
                 held.now = *add(pushed, times(gripped, speed)), resisted, resisted * self._state.load(own, _TURNING)
             place, drag = self._state.vector(own, 0), self._number(own, "drag")
             springs = self._number(own, "slack"), self._number(own, "hold"), self._number(own, "support")
-            force = add(add(held.now[:3], self._vector(own, "load")), hold_force(xp, place, *springs))
+            force = add(held.now[:3], self._vector(own, "load"))
+            if around:
+                place, pressed, stiffness = around(own, place)
+                force, gripped = add(force, pressed), gripped + h * stiffness
+            force = add(force, hold_force(xp, place, *springs))
             force = add(force, minus(pull, pulls(*pull)))
             resists = node_resistance(xp, place, *springs, drag, gripped, h)
             found = in_turn(program, _eliminated, moved, (resists, tie, *force))
@@ -394,10 +402,29 @@ class Axis:
         xp, at = self.program.xp, self._at(node)
         place, names = self._state.vector(at, 0), ("length", "tension", "slack", "hold", "support")
         rest, tension, slack, hold, support = (self._number(at, name) for name in names)
+        if around := self._surroundings():
+            place = around(at, place)[0]
         lengths = norm(xp, minus(self._now(at.back(-1)), self._now(at))), rest
         along = axial_tension(xp, *lengths, tension, self._of_world("pleating"), radius)
         held = mesentery_tension(xp, place, slack, hold, support, self._of_world("spacing"))
         return xp.where(node < self.nodes - 1, along, 0.0), held
+
+    def _surroundings(self) -> Callable[[Nodes, Vector], tuple[Vector, Vector, Value]] | None:
+        """What says of nodes how far they are from what they hang on, what the envelope does, and how stiffly."""
+        if not self.layout.surrounded:
+            return None
+        xp, first = self.program.xp, self.program.index(0)
+        left, back, head = (self._row_vector(first, name) for name in ("left", "back", "head"))
+        front, firm, dome = (self._row(first, name) for name in ("front", "firm", "dome"))
+        drawn = breath(xp, self._row(first, "breaths"), self._time())
+        start = self.layout.columns.index("room")
+
+        def around(at: Nodes, place: Vector) -> tuple[Vector, Vector, Value]:
+            room = tuple(self._read(at.within, start + side) for side in range(len(SIDES)))
+            force, stiffness = envelope_force(xp, place, (left, back, head), room, (front, firm), drawn * dome)
+            return add(place, times(drawn * self._number(at, "sway"), head)), force, stiffness
+
+        return around
 
     def _at(self, node: Any) -> Nodes:
         return Nodes.at(self.program, self.program.index(node), self.nodes)
@@ -425,7 +452,7 @@ class Axis:
 
     def _way(self, at: Nodes) -> Turn:
         """Brings the direction at rest of a node to that of the next."""
-        column = AXIS.index("way")
+        column = self.layout.columns.index("way")
         x, y, z = (self._read(at.within, column + 1 + i) for i in range(3))
         return self._read(at.within, column), (x, y, z)
 
@@ -451,10 +478,10 @@ class Axis:
         return self._row_vector(at.within, name)
 
     def _row(self, node: Value, name: str) -> Value:
-        return self._read(node, AXIS.index(name))
+        return self._read(node, self.layout.columns.index(name))
 
     def _row_vector(self, node: Value, name: str) -> Vector:
-        column = AXIS.index(name)
+        column = self.layout.columns.index(name)
         return self._read(node, column), self._read(node, column + 1), self._read(node, column + 2)
 
     def _read(self, node: Value, column: int) -> Value:

@@ -12,7 +12,7 @@ import numpy as np
 from llvmlite import ir
 
 from haustra.envs.sim.linear.dual import DualLanes, DualProgram
-from haustra.envs.sim.linear.layout import AXIS, WORLD, Layout, design_slots, seen_slot
+from haustra.envs.sim.linear.layout import WORLD, Layout, design_slots, seen_slot
 from haustra.envs.sim.linear.memory import Lanes, Rows, Shared
 from haustra.envs.sim.linear.program import ARGUMENTS, COUNTS, ScopeProgram
 from haustra.envs.sim.linear.trace import INDEX, Program, Value
@@ -66,6 +66,7 @@ def write_program(
     angles: int,
     one_design: bool,
     moving: bool,
+    surrounded: bool = False,
     wheels: bool = False,
     driver: Driver | None = None,
     directions: int = 0,
@@ -80,6 +81,7 @@ def write_program(
         angles: of the wall's table.
         one_design: whether all worlds have the same design; else each has its own.
         moving: whether colons move on their mesentery.
+        surrounded: whether those have an envelope or breath around them.
         wheels: whether hands ask for travel of wires, which are springs then, instead of pulls.
         driver: who decides what the hands ask for; None: that is given. `steps` of `COUNTS` are then decisions.
         directions: along how many the derivatives of all numbers are carried.
@@ -87,7 +89,7 @@ def write_program(
     """
     program, arrays, counts, (steps, row, first, last) = _begun(lanes, real, directions=directions)
     with program.loop(first, last) as block:
-        layout = Layout(*counts[:-1], wheels=wheels, abreast=abreast)
+        layout = Layout(*counts[:-1], wheels=wheels, abreast=abreast, surrounded=surrounded)
         own = _Worlds(program, arrays, (layout, counts[-1]), driver, block=block, stride=lanes, row=row)
         given = own.arrays(angles, one_design, moving, room_of_block=False)
         _step(program, ScopeProgram(program, given, layout, counts[-1], timestep=timestep), given, steps, driver)
@@ -106,6 +108,7 @@ def write_kernel(
     angles: int,
     one_design: bool,
     moving: bool,
+    surrounded: bool = False,
     wheels: bool = False,
     driver: Driver | None = None,
 ) -> str:
@@ -121,7 +124,7 @@ def write_kernel(
     with program.when(world < worlds):
         lane = world % WARP
         place: dict[str, Any] = {"block": (world - lane).over(WARP), "stride": WARP, "lane": lane, "row": row}
-        layout = Layout(*counts[:-1], wheels=wheels)
+        layout = Layout(*counts[:-1], wheels=wheels, surrounded=surrounded)
         own = _Worlds(program, arrays, (layout, counts[-1]), driver, **place)
         given = own.arrays(angles, one_design, moving, room_of_block=True)
         _step(program, ScopeProgram(program, given, layout, counts[-1], timestep=timestep), given, steps, driver)
@@ -172,6 +175,7 @@ class _Worlds:
         self._program, self._arrays, self._block, self._stride, self._lane = program, arrays, block, stride, lane
         self._row = row
         layout, coils = counts
+        self._columns = len(layout.columns)
         self._sizes = {
             "state": layout.state,
             "worlds": program.index(len(WORLD)),
@@ -190,7 +194,7 @@ class _Worlds:
         own |= {name: self._of_rows(name) for name in ("asked", "told")}
         own["lookup"] = Shared(program, given["lookup"])
         tables = {"stations": Rows(program, given["stations"], 4), "wall": (Rows(program, given["wall"], 1), angles)}
-        return own | tables | {"axis": Rows(program, given["axis"], len(AXIS) // 4) if moving else None}
+        return own | tables | {"axis": Rows(program, given["axis"], self._columns // 4) if moving else None}
 
     def _lanes(self, name: str) -> Lanes:
         program, builder = self._program, self._program.builder

@@ -31,6 +31,10 @@ AXIS = ("place", "y", "z", "turn", "tangent", "tangent_y", "tangent_z", "upright
         "support", "drag", "load", "load_y", "load_z", "turn_drag")  # fmt: skip
 """Numbers of each node of the axis of a colon that moves: a row of `haustra.models.wall.mesentery.Mesentery`."""
 
+AROUND = ("room", "room_front", "room_feet", "room_left", "room_back", "room_head", "sway", "front", "firm", "dome",
+          "breaths", "left", "left_y", "left_z", "back", "back_y", "back_z", "head", "head_y", "head_z")  # fmt: skip
+"""What is behind those where there is an envelope or breath; from 'front' on the same at all nodes of a colon."""
+
 STATION = 16
 """Numbers of a row of a colon's station: point and least radius, first normal and width, second normal, and tangent,
 each of four."""
@@ -51,6 +55,13 @@ class Layout:
     """Whether wheels steer, so that wires are springs."""
     abreast: int = 1
     """Nodes of one axis that stand side by side; their numbers then lie by what they are, and else by node."""
+    surrounded: bool = False
+    """Whether nodes feel an envelope or breath (`haustra.models.wall.surroundings`)."""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Numbers of each node of the axis at rest."""
+        return AXIS + AROUND if self.surrounded else AXIS
 
     @property
     def speeds(self) -> Any:

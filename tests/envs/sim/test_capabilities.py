@@ -328,7 +328,7 @@ REFUSALS = {
     "scene.softening": replace(OPTIONS, wall_law="table"),
     "scene.gas": replace(OPTIONS, wall_law="table", softening=False, gas=3333.0),
 }
-AROUND = {f"scene.abdomen.{name}" for name in ("mobile", "adhesions", "pressed", "hand")}
+AROUND = {f"scene.abdomen.{name}" for name in ("mobile", "adhesions", "pressed", "hand", "envelope", "breathing")}
 """Fields of the patient around a colon that moves: `test_moving_native.py` beside this one."""
 WITH_GAS = {"scene.gas_flow", "scene.gas_start"}
 """Fields that count with gas: `test_gas.py` beside this one."""
