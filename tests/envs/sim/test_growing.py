@@ -39,10 +39,11 @@ def _drive(engine) -> tuple[np.ndarray, ...]:
 
 @pytest.mark.parametrize(("law", "path", "peak"), [("pieces", 6e-3, 2e-2), ("planes", 4e-3, 2e-2)])
 def test_it_moves_as_the_whole_scope_does(tube, law, path, peak) -> None:
-    """The tip within 0.4 to 0.6 % of the length inside, peaks within 2 %; shaft is added twice.
+    """The tip within 0.4 to 0.6 % of the length inside, forces and torque within 2 %; shaft is added twice.
 
     Friction lets go a moment earlier or later (against planes 0.2 to 0.34 %, as the last digits of a step fall), and
-    against pieces another piece is the deepest.
+    against pieces another piece is the deepest. The torque's largest instant is whichever slip comes first on a
+    processor, so torque is compared by its mean and its highest tenth; forces by their peaks too.
     """
     whole = _scene(tube, law)
     engine = GrowingEngine(whole, build=lambda deepest: _scene(tube, law, deepest=deepest), stride=0.12)
@@ -53,8 +54,12 @@ def test_it_moves_as_the_whole_scope_does(tube, law, path, peak) -> None:
     np.testing.assert_allclose(second[6], first[6], rtol=1e-12)
     np.testing.assert_allclose(second[7], first[7], atol=path * inside)
     for row in (3, 4, 5):
-        assert np.abs(first[row][50:]).max() > (0.005 if row == 4 else 0.2)
-        assert np.abs(second[row][50:]).max() == pytest.approx(np.abs(first[row][50:]).max(), rel=peak)
+        one, other = (np.abs(rows[row][50:]) for rows in (first, second))
+        assert one.max() > (0.005 if row == 4 else 0.2)
+        assert other.mean() == pytest.approx(one.mean(), rel=peak)
+        assert np.percentile(other, 90) == pytest.approx(np.percentile(one, 90), rel=peak)
+        if row != 4:
+            assert other.max() == pytest.approx(one.max(), rel=peak)
 
 
 def test_what_it_shows_is_that_of_the_whole_scene(tube) -> None:

@@ -230,8 +230,8 @@ def _counted(folder: Path) -> int:
 
 
 def test_killed_at_random_moments_it_ends_with_the_same_table(tmp_path: Path) -> None:
-    """Two rounds of the harness, which was run for a hundred."""
-    outcome = kill_rounds(tmp_path, rounds=2, seed=int.from_bytes(os.urandom(4), "little"))
+    """One round of the harness, which was run for a hundred."""
+    outcome = kill_rounds(tmp_path, rounds=1, seed=int.from_bytes(os.urandom(4), "little"))
     assert outcome["different"] == []
     assert outcome["kills"] >= 1
 

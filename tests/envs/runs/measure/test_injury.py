@@ -49,7 +49,10 @@ def both(request: pytest.FixtureRequest) -> tuple[Scene, Insertion, Insertion]:
 
 
 def test_native_and_linear_time_tell_the_same_injury(both: tuple[Scene, Insertion, Insertion]) -> None:
-    """Backends share the laws of injury: differences are those of their steps, largest where links strike."""
+    """Backends share the laws of injury: differences are those of their steps, largest where links strike.
+
+    The one worst instant of a run is a strike that falls otherwise on another processor; the worst hundredth is not.
+    """
     scene, native, linear = both
     ours, theirs = _scores(scene, native), _scores(scene, linear)
     ran, other = native.trajectory, linear.trajectory
@@ -57,9 +60,9 @@ def test_native_and_linear_time_tell_the_same_injury(both: tuple[Scene, Insertio
     assert ran.load.mean() == pytest.approx(other.load.mean(), rel=0.1)
     assert ours["perforation_site"] == theirs["perforation_site"] == "sigmoid"
     assert ours["p_perforation"] < 1e-20 and theirs["p_perforation"] < 1e-20
-    assert ours["pain_peak"] == pytest.approx(theirs["pain_peak"], rel=0.2)  # of one place at one instant
-    usual, alike = (np.percentile(run.pain.max(axis=1), 90) for run in (ran, other))
-    assert usual == pytest.approx(alike, rel=0.05)
+    for share in (90, 99):
+        usual, alike = (np.percentile(run.pain.max(axis=1), share) for run in (ran, other))
+        assert usual == pytest.approx(alike, rel=0.05)
     np.testing.assert_allclose(ran.pain.mean(axis=0), other.pain.mean(axis=0), atol=0.1 * ran.pain.mean(axis=0).max())
 
 
