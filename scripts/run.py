@@ -47,6 +47,8 @@ class Run:
     """Let the abdominal wall and the organs around hold the colon in."""
     breathing: bool = False
     """Let quiet breath move what the colon hangs on."""
+    loops_touch: bool = False
+    """Let loops of the colon press on each other where they meet."""
     backend: Literal["native", "linear"] | None = None
     """What steps the scene: MuJoCo's CPU engine (native), or a chain in linear time (linear), many times as fast,
     which knows the table of the lumen only. Linear where that honours what is asked, when not given."""
@@ -213,7 +215,7 @@ class Run:
             chosen["gas"] = pressure_from(self.insufflate)
         elif chosen:
             raise InvalidOptionError("A flow or pressure of gas needs gas: give --insufflate 25mmHg too.")
-        names = ("posture", "mobile", "adhesions", "pressed", "envelope", "breathing")
+        names = ("posture", "mobile", "adhesions", "pressed", "envelope", "breathing", "loops_touch")
         around = Abdomen(**{name: getattr(self, name) for name in names})
         return chosen if around == Abdomen() else {**chosen, "abdomen": around}
 

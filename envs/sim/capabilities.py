@@ -67,6 +67,7 @@ SCENE = (
     *_in("scene", "mesentery"),
     *_in("scene.abdomen", "posture", "mobile", "adhesions", "pressed", "hand", about="of a colon that moves"),
     *_in("scene.abdomen", "envelope", "breathing", about="of a colon that moves"),
+    *_in("scene.abdomen", "loops_touch", only=_only(False, backends=("warp",)), about="of a colon that moves"),
     *_in("scene", "gas", only=_only(None, backends=("native-batch", "warp")), about="of one scope, not of many"),
     *_in("scene", "gas_flow", "gas_start", about="with gas"),
     *_in("scene", "softening", only=_only(False, backends=("native-batch", "warp"))),

@@ -99,6 +99,8 @@ class WarpDevice:
                 f"The backend 'warp' cannot honour the treads of a device of kind '{kind}'; 'native' can."
             )
         _require_alike(scene)
+        if scene.options.abdomen.loops_touch:
+            raise UnsupportedSceneError("The backend 'warp' cannot honour scene.abdomen.loops_touch: 'native' can.")
         if scene.options.gas is not None:
             raise UnsupportedSceneError("The backend 'warp' cannot honour the option gas of a device: 'native' can.")
         moves, what = scene.options.mesentery, f"a device of kind '{kind}'"

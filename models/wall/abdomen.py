@@ -47,6 +47,8 @@ class Abdomen:
     """Let the abdominal wall and the organs around hold the colon in (`haustra.models.wall.surroundings`)."""
     breathing: bool = False
     """Let quiet breath move what the colon hangs on, most below the diaphragm."""
+    loops_touch: bool = False
+    """Let loops of the colon press on each other where they meet (`haustra.models.wall.loops`)."""
 
     @property
     def surrounds(self) -> bool:

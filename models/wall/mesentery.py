@@ -16,6 +16,7 @@ from haustra.assets import asset
 from haustra.models.anatomy.colon import ColonSegment
 from haustra.models.wall import sections, vectors
 from haustra.models.wall.abdomen import DOWN, FALL, Abdomen, turned_weight
+from haustra.models.wall.loops import girths
 from haustra.models.wall.surroundings import UNBOUND, rooms, swayed
 from haustra.quantity import load_quantities
 
@@ -82,6 +83,10 @@ class Mesentery(NamedTuple):
     """(2,) stiffness of the envelope at the front and elsewhere, for a node [N/m]; 0 without an envelope."""
     breaths: Any
     """(2,) how far breath moves the envelope's wall at the head [m], and breaths a second [1/s]; 0 without breath."""
+    girth: Any
+    """(nodes,) from the axis to where other loops touch the colon [m]."""
+    touch: Any
+    """Stiffness of loops against each other, for a node [N/m]: one number, or one a colon; 0 if they do not touch."""
     pleating: Any
     """Stiffness in compression over that in tension [1]: one number, or one a colon."""
     spacing: Any
@@ -91,6 +96,11 @@ class Mesentery(NamedTuple):
     def surrounded(self) -> bool:
         """Whether there is an envelope or breath (`haustra.models.wall.surroundings`)."""
         return bool(np.any(self.walls) or np.any(self.breaths))
+
+    @property
+    def touching(self) -> bool:
+        """Whether loops touch each other (`haustra.models.wall.loops`)."""
+        return bool(np.any(self.touch))
 
 
 def hang(
@@ -152,6 +162,7 @@ def hang(
     hold[0] += numbers["mesentery.anus"]
     closings = _closings(tangents, lengths)
     walls = np.array([numbers[f"mesentery.envelope.{side}"] for side in ("front", "firm")]) * spacing
+    outer = tube_radius + thickness
     breaths = np.array([numbers["mesentery.breath.excursion"], numbers["mesentery.breath.rate"]])
     return Mesentery(
         nodes=nodes,
@@ -171,11 +182,13 @@ def hang(
         upright=upright,
         turn_drag=drag * tube_radius**2,
         load=turned_weight(around.posture, weight) + hand[:, None] * np.array(DOWN["supine"]),
-        room=rooms(nodes, tube_radius + thickness, numbers["mesentery.envelope.margin"]),
+        room=rooms(nodes, outer, numbers["mesentery.envelope.margin"]),
         sway=swayed(nodes, breaths[0]) * around.breathing,
         body=np.eye(3),
         walls=walls * around.envelope,
         breaths=breaths * around.breathing,
+        girth=girths(nodes, outer, spacing) if around.loops_touch else outer,
+        touch=np.float64(numbers["mesentery.touch"] * spacing * around.loops_touch),
         pleating=np.float64(numbers["mesentery.pleating"]),
         spacing=np.float64(spacing),
     )
@@ -270,4 +283,5 @@ def _filled(own: Mesentery, more: int) -> Mesentery:
         load=grown(own.load, 0.0),
         room=grown(own.room, UNBOUND),
         sway=grown(own.sway, 0.0),
+        girth=grown(own.girth, 0.0),
     )

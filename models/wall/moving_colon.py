@@ -17,6 +17,7 @@ import numpy as np
 
 from haustra.models.wall import lumen_table as table
 from haustra.models.wall import vectors
+from haustra.models.wall.loops import touching
 from haustra.models.wall.lumen_table import Tables, WallQuery
 from haustra.models.wall.mesentery import Mesentery
 from haustra.models.wall.sections import (
@@ -409,6 +410,7 @@ def step_axis(
     h: Array,
     *,
     time: Array | None = None,
+    found: Array | None = None,
 ) -> AxisDisplacement:
     """One time step.
 
@@ -421,6 +423,7 @@ def step_axis(
         damping: of each contact along its normal, and at least that across it (worlds, points, 2) [N s/m].
         h: time step [s].
         time: of each world, where there is an envelope or breath around the colon (worlds,) [s].
+        found: partners of nodes (worlds, nodes), where loops touch (`haustra.models.wall.loops.partners`).
     """
     inside = grip.arcs > 0
     force, damping = (xp.where(inside[..., None], part, 0.0) for part in (force, damping))
@@ -431,7 +434,7 @@ def step_axis(
     leans = lean_grip(xp, vectors.of(force), pressed, damping[..., 1])
     parts = resists, resists * square, pressed * square, leans * square
     gripped, gripped_turn, flattened, leaning = (_onto_nodes(xp, own, cell, part) for part in parts)
-    around = _surroundings(xp, own, displacement.pose, time)
+    around = _surroundings(xp, own, displacement.pose, time, found)
     springs, turning, shape = _forces(xp, own, displacement.pose, couples, around)
     pulled = _onto_nodes(xp, own, cell, force) + springs + gripped[..., None] * displacement.speed[..., :3]
     diagonal = node_resistance(xp, around.hung, own.slack, own.hold, own.support, own.drag, gripped, h)
@@ -470,7 +473,7 @@ def _after(xp: Any, pose: Array, speed: Array, shape: AxisShape, time: Any) -> A
 
 
 def spring_forces(
-    xp: Any, own: Mesentery, pose: Array, couples: Array, time: Array | None = None
+    xp: Any, own: Mesentery, pose: Array, couples: Array, time: Array | None = None, found: Array | None = None
 ) -> tuple[Array, Array]:
     """Forces of the axis, its mesentery, its load and what turns cross-sections on the nodes, and torques about it.
 
@@ -480,11 +483,12 @@ def spring_forces(
         pose: of the nodes (worlds, nodes, 7).
         couples: sums of f v^T of forces on vectors from each node's axis to the wall (worlds, nodes, 3, 3) [N m].
         time: of each world, where there is an envelope or breath (worlds,) [s].
+        found: partners of nodes (worlds, nodes), where loops touch.
 
     Returns:
         Forces (worlds, nodes, 3) [N], and torques about the tangents (worlds, nodes) [N m].
     """
-    return _forces(xp, own, pose, couples, _surroundings(xp, own, pose, time))[:2]
+    return _forces(xp, own, pose, couples, _surroundings(xp, own, pose, time, found))[:2]
 
 
 class _Surroundings(NamedTuple):
@@ -493,14 +497,23 @@ class _Surroundings(NamedTuple):
     hung: Vector
     """How far they are from what they hang on [m]."""
     force: Vector
-    """Force of the envelope [N]."""
+    """Force of the envelope and of other loops [N]."""
     stiffness: Array
     """Bound of that force's slope [N/m]."""
     energy: Array
     """Energy of that force [J]."""
 
 
-def _surroundings(xp: Any, own: Mesentery, pose: Array, time: Array | None) -> _Surroundings:
+def _surroundings(xp: Any, own: Mesentery, pose: Array, time: Array | None, found: Array | None) -> _Surroundings:
+    around = _outside(xp, own, pose, time)
+    if found is None:
+        return around
+    force, stiffness, stored = touching(xp, own, pose, found)
+    both = add(around.force, vectors.of(force))
+    return _Surroundings(around.hung, both, around.stiffness + stiffness, around.energy + stored)
+
+
+def _outside(xp: Any, own: Mesentery, pose: Array, time: Array | None) -> _Surroundings:
     place, none = vectors.of(pose), xp.zeros_like(pose[..., 0])
     if time is None:
         return _Surroundings(place, (none, none, none), none, none)
@@ -596,8 +609,12 @@ def solve_tridiagonal(xp: Any, below: Array, diagonal: Array, above: Array, righ
     return right / diagonal[..., None]
 
 
-def energy(xp: Any, own: Mesentery, pose: Array, time: Array | None = None) -> Array:
-    """Stored in the axis, its mesentery and its load, and at a time [s] in its surroundings (worlds,) [J]."""
+def energy(xp: Any, own: Mesentery, pose: Array, time: Array | None = None, found: Array | None = None) -> Array:
+    """Stored in the axis, its mesentery and its load, at a time [s] in its surroundings, with partners between loops.
+
+    Returns:
+        (worlds,) [J].
+    """
     shape, place = shape_of(xp, own, pose), pose[..., :3]
     strain = shape.lengths / own.lengths - 1
     tension = xp.where(strain > 0, own.tension, own.tension * own.pleating[:, None])
@@ -606,7 +623,7 @@ def energy(xp: Any, own: Mesentery, pose: Array, time: Array | None = None) -> A
     along = along + own.tension * own.lengths / 3 * (0.5 * left**2 + 1 / left - 1.5)
     change = norm(xp, vectors.of(shape.units[:, 1:] - shape.units[:, :-1]))
     bent = own.bending[:, 1:-1] * _bend_energy(xp, change, own.turns[:, 1:-1])
-    around = _surroundings(xp, own, pose, time)
+    around = _surroundings(xp, own, pose, time, found)
     moved = norm(xp, around.hung)
     held = 0.5 * own.hold * xp.maximum(moved - own.slack, 0.0) ** 2 + 0.5 * own.support * moved**2
     wound = own.torsion * _twist_energy(xp, _twists(xp, own, shape)[0])

@@ -3,7 +3,8 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from haustra.envs.sim.linear.layout import NODE, NODE_ROOM, WORLD, Layout
+from haustra.envs.sim.linear.layout import NODE, WORLD, Layout
+from haustra.envs.sim.linear.loops import Loops
 from haustra.envs.sim.linear.memory import Lanes, Rows
 from haustra.envs.sim.linear.sweep import Before, NodeNumbers, Nodes, along, in_turn, kept_numbers
 from haustra.envs.sim.linear.trace import Changing, Program, Value
@@ -89,12 +90,13 @@ class Axis:
         """
         self.program, self.layout, self.nodes = program, layout, layout.nodes
         state, self._world, room = arrays
-        apart = (NODE, NODE_ROOM) if layout.abreast == 1 else (1, 1)
+        apart = (NODE, layout.node_slots) if layout.abreast == 1 else (1, 1)
         self._state = NodeNumbers(state, layout.node_state, apart[0])
         self._room = NodeNumbers(room, layout.node_slot, apart[1])
         self._rows, self._first_row = rows, {}
         self._time = lambda: state.load(layout.time)
         self._tables, self._stations = tables
+        self.loops = Loops(program, layout, self._room, self._now, self._row) if layout.touching else None
 
     def shape(self, reached: Value) -> Value:
         """Find how the axes lie and their sections go along, and let nothing press on them.
@@ -230,6 +232,8 @@ class Axis:
             beyond: from which node on nothing presses (`shape`).
         """
         start = self._now(self._at(0))
+        if self.loops:
+            self.loops.press()
         with self.program.side_by_side(self.layout.abreast):
             self._outwards(start, h, beyond)
             self._back(h, fastest, limit)
@@ -338,6 +342,9 @@ class Axis:
             if around:
                 place, pressed, stiffness = around(own, place)
                 force, gripped = add(force, pressed), gripped + h * stiffness
+            if self.loops:
+                pressed, stiffness = self.loops.of(own)
+                force, gripped = add(force, pressed), gripped + h * stiffness
             force = add(force, hold_force(xp, place, *springs))
             force = add(force, minus(pull, pulls(*pull)))
             resists = node_resistance(xp, place, *springs, drag, gripped, h)
@@ -352,7 +359,7 @@ class Axis:
     def _back(self, h: float, fastest: Any, limit: float) -> None:
         """Velocities of node before node, and where they take it."""
         program, xp = self.program, self.program.xp
-        beyond, worst = kept_numbers(program, *[0.0] * 4), program.variable(0.0)
+        beyond, worst, square = kept_numbers(program, *[0.0] * 4), program.variable(0.0), program.variable(0.0)
         with along(program, self.nodes, 0, self.nodes, backwards=True) as i:
             self._state.fetch(i.first - 3, 0, POSE)
             self._room.fetch(i.first - 3, _MOVING, 6)
@@ -363,10 +370,14 @@ class Axis:
             for value in speed:
                 size = xp.where(i.each < self.nodes, xp.abs(value), 0.0)
                 worst.value = xp.where(size < limit, worst.value, size)
+            if self.loops:
+                square.value = xp.maximum(xp.where(i.each < self.nodes, dot(speed, speed), 0.0), square.value)
             turn = self._turn(i)
             turn = twisted(turn, turned(*turn, self._vector(i, "tangent")), h * speed[3])
             place = add(self._state.vector(i, 0), times(h, speed[:3]))
             self._state.put(i, 0, (*place, turn[0], *turn[1], *speed))
+        if self.loops:
+            self.loops.moved(square.value, h)
         for value in program.apart(worst.value):
             fastest.value = xp.where(value < limit, fastest.value, value)
 

@@ -130,8 +130,8 @@ class LinearBackend(AbstractBackend):
         moving = tables.mesentery
         nodes = 0 if moving is None else moving.nodes.shape[1]
         abreast = lanes_of(real) if worlds == 1 and device == "cpu" and not directions else 1
-        surrounded = moving is not None and moving.surrounded
-        self._layout = replace(structure.layout, nodes=nodes, abreast=abreast, surrounded=surrounded)
+        around = {name: moving is not None and getattr(moving, name) for name in ("surrounded", "touching")}
+        self._layout = replace(structure.layout, nodes=nodes, abreast=abreast, **around)
         self._coils = structure.coils
         self._places = int(structure.coils.max()) + 1
         self._first_link = seen_slot("coils") + 3 * self._places
@@ -139,6 +139,8 @@ class LinearBackend(AbstractBackend):
             raise UnsupportedSceneError(
                 "The backend 'linear' honours scene.gas of one scope in one colon, without derivatives: leave gas out."
             )
+        if directions and around["touching"]:
+            raise UnsupportedSceneError("Derivatives leave out scene.abdomen.loops_touch: leave it out of the scene.")
         if directions and device != "cpu":
             raise InvalidOptionError("Derivatives are carried on a CPU only: leave the device out.")
         self.directions = directions
@@ -146,7 +148,7 @@ class LinearBackend(AbstractBackend):
         program: dict[str, Any] = {"real": real, "timestep": scene.options.timestep, "worlds": worlds}
         program |= {"threads": min(threads, worlds)} if device == "cpu" else {}
         program |= {"angles": tables.wall.shape[1], "one_design": not self._one_each, "moving": moving is not None}
-        program |= {"surrounded": surrounded, **({"abreast": abreast} if abreast > 1 else {})}
+        program |= {**around, **({"abreast": abreast} if abreast > 1 else {})}
         program |= {"driver": driver, **({"directions": directions} if directions else {})}
         self._program = program
         self._made: dict[bool, Place] = {}

@@ -67,6 +67,7 @@ def write_program(
     one_design: bool,
     moving: bool,
     surrounded: bool = False,
+    touching: bool = False,
     wheels: bool = False,
     driver: Driver | None = None,
     directions: int = 0,
@@ -82,6 +83,7 @@ def write_program(
         one_design: whether all worlds have the same design; else each has its own.
         moving: whether colons move on their mesentery.
         surrounded: whether those have an envelope or breath around them.
+        touching: whether their loops touch.
         wheels: whether hands ask for travel of wires, which are springs then, instead of pulls.
         driver: who decides what the hands ask for; None: that is given. `steps` of `COUNTS` are then decisions.
         directions: along how many the derivatives of all numbers are carried.
@@ -89,7 +91,7 @@ def write_program(
     """
     program, arrays, counts, (steps, row, first, last) = _begun(lanes, real, directions=directions)
     with program.loop(first, last) as block:
-        layout = Layout(*counts[:-1], wheels=wheels, abreast=abreast, surrounded=surrounded)
+        layout = Layout(*counts[:-1], wheels=wheels, abreast=abreast, surrounded=surrounded, touching=touching)
         own = _Worlds(program, arrays, (layout, counts[-1]), driver, block=block, stride=lanes, row=row)
         given = own.arrays(angles, one_design, moving, room_of_block=False)
         _step(program, ScopeProgram(program, given, layout, counts[-1], timestep=timestep), given, steps, driver)
@@ -109,6 +111,7 @@ def write_kernel(
     one_design: bool,
     moving: bool,
     surrounded: bool = False,
+    touching: bool = False,
     wheels: bool = False,
     driver: Driver | None = None,
 ) -> str:
@@ -124,7 +127,7 @@ def write_kernel(
     with program.when(world < worlds):
         lane = world % WARP
         place: dict[str, Any] = {"block": (world - lane).over(WARP), "stride": WARP, "lane": lane, "row": row}
-        layout = Layout(*counts[:-1], wheels=wheels, surrounded=surrounded)
+        layout = Layout(*counts[:-1], wheels=wheels, surrounded=surrounded, touching=touching)
         own = _Worlds(program, arrays, (layout, counts[-1]), driver, **place)
         given = own.arrays(angles, one_design, moving, room_of_block=True)
         _step(program, ScopeProgram(program, given, layout, counts[-1], timestep=timestep), given, steps, driver)

@@ -35,6 +35,9 @@ AROUND = ("room", "room_front", "room_feet", "room_left", "room_back", "room_hea
           "breaths", "left", "left_y", "left_z", "back", "back_y", "back_z", "head", "head_y", "head_z")  # fmt: skip
 """What is behind those where there is an envelope or breath; from 'front' on the same at all nodes of a colon."""
 
+LOOPS = ("girth", "touch", "between", "_")
+"""What is last where loops touch: thickness of each node for others, stiffness, spacing, and what fills a four."""
+
 STATION = 16
 """Numbers of a row of a colon's station: point and least radius, first normal and width, second normal, and tangent,
 each of four."""
@@ -57,11 +60,18 @@ class Layout:
     """Nodes of one axis that stand side by side; their numbers then lie by what they are, and else by node."""
     surrounded: bool = False
     """Whether nodes feel an envelope or breath (`haustra.models.wall.surroundings`)."""
+    touching: bool = False
+    """Whether loops of the colon touch each other (`haustra.models.wall.loops`)."""
 
     @property
     def columns(self) -> tuple[str, ...]:
         """Numbers of each node of the axis at rest."""
-        return AXIS + AROUND if self.surrounded else AXIS
+        return AXIS + (AROUND if self.surrounded else ()) + (LOOPS if self.touching else ())
+
+    @property
+    def node_slots(self) -> int:
+        """Slots of each node's room."""
+        return NODE_ROOM + (LOOP_ROOM if self.touching else 0)
 
     @property
     def speeds(self) -> Any:
@@ -138,13 +148,13 @@ class Layout:
 
     @property
     def node_room(self) -> Any:
-        """`NODE_ROOM` slots a node."""
+        """`node_slots` a node."""
         return self.sphere_room + self.spheres * SPHERE_ROOM
 
     @property
     def wire_room(self) -> Any:
         """`WIRE_ROOM` slots a joint, where wheels steer."""
-        return self.node_room + self.row * NODE_ROOM
+        return self.node_room + self.row * self.node_slots
 
     @property
     def room(self) -> Any:
@@ -162,6 +172,8 @@ NODE = 11
 """Pose and speed (`haustra.models.wall.moving_colon.AxisDisplacement`)."""
 NODE_ROOM = 35
 """`haustra.envs.sim.linear.axis`."""
+LOOP_ROOM = 9
+"""`haustra.envs.sim.linear.loops`."""
 WIRE_ROOM = 2
 """`haustra.envs.sim.linear.wires`."""
 

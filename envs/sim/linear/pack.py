@@ -108,10 +108,10 @@ def pack_axis(own: Mesentery, columns: tuple[str, ...]) -> Float[np.ndarray, "no
 
     Raises:
         InvalidOptionError: when a mesentery holds NaN, which laws that take the larger of two numbers would pass over;
-            when it has surroundings that the program leaves out.
+            when it has neighbours that the program leaves out.
     """
-    if own.surrounded and columns == AXIS:
-        raise InvalidOptionError("An envelope or breath cannot be added to colons that began without: begin with it.")
+    if (own.surrounded and "room" not in columns) or (own.touching and "girth" not in columns):
+        raise InvalidOptionError("An envelope, breath or loops that touch cannot be added to colons: begin with them.")
     if any(np.isnan(part).any() for part in own):
         raise InvalidOptionError("A colon's mesentery holds what is no number: give it numbers.")
     colons, nodes = own.turns.shape
@@ -127,10 +127,15 @@ def pack_axis(own: Mesentery, columns: tuple[str, ...]) -> Float[np.ndarray, "no
     rows[..., AXIS.index("width")] = own.widths
     rows[:, :-1, AXIS.index("way") :][..., :4] = own.ways
     rows[..., AXIS.index("turn")] = own.turns
-    if columns != AXIS:
+    if "room" in columns:
         alike = np.concatenate([own.walls, own.breaths, own.body.reshape(colons, 9)], axis=1)
         alike = np.broadcast_to(alike[:, None], (colons, nodes, alike.shape[1]))
         around = np.concatenate([own.room, own.sway[..., None], alike], axis=2)
-        assert around.shape[2] == len(AROUND)
-        rows[..., len(AXIS) :] = around
+        rows[..., columns.index("room") :][..., : len(AROUND)] = around
+    if "girth" in columns:
+        rows[..., columns.index("girth")] = own.girth
+        rows[..., columns.index("touch")], rows[..., columns.index("between")] = (
+            own.touch[:, None],
+            own.spacing[:, None],
+        )
     return np.vstack([rows.reshape(-1, len(columns)), np.ones((1, len(columns)))])  # one more: read behind the last

@@ -325,6 +325,9 @@ REFUSALS = {
     "scene.abdomen.posture": replace(
         OPTIONS, wall_law="table", mesentery=True, softening=False, abdomen=Abdomen(posture="left")
     ),
+    "scene.abdomen.loops_touch": replace(
+        OPTIONS, wall_law="table", mesentery=True, softening=False, abdomen=Abdomen(loops_touch=True)
+    ),
     "scene.softening": replace(OPTIONS, wall_law="table"),
     "scene.gas": replace(OPTIONS, wall_law="table", softening=False, gas=3333.0),
 }
