@@ -12,6 +12,7 @@ from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.runs.linear_insertion import run_linear_insertion
 from haustra.envs.runs.measure.scores import score
 from haustra.envs.runs.measure.surface import left_behind
+from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.store import load_colon
@@ -33,6 +34,10 @@ PATIENTS: Mapping[str, Mapping[str, Any]] = {
     "sigmoid adherent": {"abdomen": Abdomen(adhesions=("sigmoid",))},
     "a hand on the sigmoid": {"abdomen": Abdomen(pressed="sigmoid")},
     "gas let in up to 25 mmHg": {"gas": 3333.0},
+    "held in by an envelope": {"abdomen": Abdomen(envelope=True)},
+    "breathing": {"abdomen": Abdomen(breathing=True)},
+    "loops that touch": {"abdomen": Abdomen(loops_touch=True)},
+    "all three": {"abdomen": Abdomen(envelope=True, breathing=True, loops_touch=True)},
 }
 """What each colon is put into: options of the scene that differ from the usual."""
 COMPARED = {
@@ -53,22 +58,31 @@ def bench_motion(
     colons: int,
     seconds: float,
     judged_every: float,
+    patients: Sequence[str] = (),
     others: Sequence[Path] = (),
     processes: int = 1,
     progress: Callable[[float, str], None] = lambda done, note: None,
 ) -> list[dict[str, Any]]:
-    """Drive an adult scope into held-out grown colons by the lumen follower, in each of the `PATIENTS`.
+    """Drive an adult scope into held-out grown colons by the lumen follower, in several of the `PATIENTS`.
 
     Args:
         colons: how many.
         seconds: of each run [s].
         judged_every: time between two surfaces that are judged [s].
+        patients: names of those beside the colon as imaged; all when none are given.
         others: folders of colons to run beside them, as imaged only.
         processes: that share the colons.
         progress: told runs done.
+
+    Raises:
+        InvalidOptionError: when a patient is not known.
     """
+    for name in patients:
+        if name not in PATIENTS:
+            raise InvalidOptionError(f"Patient '{name}' is not known. Known: {', '.join(PATIENTS)}.")
     jobs: list[tuple[int | Path, tuple[str, ...]]] = [(folder, (PLAIN,)) for folder in others]
-    jobs += [(FIRST_SEED + number, tuple(PATIENTS)) for number in range(colons)]
+    asked = (PLAIN, *patients) if patients else tuple(PATIENTS)
+    jobs += [(FIRST_SEED + number, asked) for number in range(colons)]
     with ProcessPoolExecutor(min(processes, len(jobs)), mp_context=get_context("spawn")) as pool:
         given = [pool.submit(_in_patients, *job, seconds, judged_every) for job in jobs]
         done = 0
@@ -119,7 +133,9 @@ def effects(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     found = []
     for name in PATIENTS:
         own = [row for row in rows if row["patient"] == name]
-        entry: dict[str, Any] = {"patient": name}
+        if not own:
+            continue
+        entry: dict[str, Any] = {"patient": name, "colons": len(own)}
         for key in COMPARED:
             more = np.array([row[key] - plain[row["colon"]][key] for row in own])
             half = float(t.ppf(0.975, len(more) - 1) * more.std(ddof=1) / np.sqrt(len(more))) if len(more) > 1 else 0.0

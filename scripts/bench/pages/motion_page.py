@@ -61,12 +61,15 @@ def motion_page(measured: Mapping[str, Any]) -> str:
         _SAID,
         "## The patient around it\n",
         "Change against the same colon as it was imaged and without gas, mean over colons with its 95 % interval"
-        " (paired); **bold** where the interval leaves out 0.\n",
+        " (paired); **bold** where the interval leaves out 0. A number of colons stands where it is not all of them:"
+        " those runs were added later.\n",
         "| patient | " + " | ".join(words for words, _ in COMPARED.values()) + " |",
         "| --- |" + " --- |" * len(COMPARED),
     ]
-    for entry in effects(grown):
-        lines.append(f"| {entry['patient']} | " + " | ".join(_told(entry, name) for name in COMPARED) + " |")
+    found = effects(grown)
+    for entry in found:
+        fewer = f" ({entry['colons']} colons)" if entry["colons"] < found[0]["colons"] else ""
+        lines.append(f"| {entry['patient']}{fewer} | " + " | ".join(_told(entry, name) for name in COMPARED) + " |")
     return "\n".join(lines) + "\n"
 
 

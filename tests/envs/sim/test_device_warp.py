@@ -134,6 +134,16 @@ def test_spheres_with_a_law_of_their_own_on_a_colon_that_moves_are_refused_by_na
         load_device_worlds("warp", scene, device_tables(scene, list(COLONS[:1])))
 
 
+def test_loops_that_touch_are_refused_by_name() -> None:
+    pytest.importorskip("jax")
+    from haustra.envs.sim.device_warp import WarpDevice
+
+    options = device_options(capsule(), mesentery=True, abdomen=Abdomen(loops_touch=True))
+    scene = build_device_scene(capsule(), options, pose=pose_in(COLONS[0], capsule(), options))
+    with pytest.raises(UnsupportedSceneError, match=r"'warp' cannot honour scene\.abdomen\.loops_touch"):
+        WarpDevice.of(scene, device_tables(scene, [COLONS[0]]))
+
+
 def test_an_unknown_backend_is_named() -> None:
     scene, rest = scene_in(capsule(), COLONS[:1])
     with pytest.raises(InvalidOptionError, match=r"Backend 'linear' is not known\. Known: native, warp"):

@@ -10,6 +10,9 @@ from runtime_types import unchecked
 from scipy.spatial.transform import Rotation
 
 from haustra.assets import asset
+from haustra.envs.sim.linear.layout import AXIS
+from haustra.envs.sim.linear.pack import pack_axis
+from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import ColonSegment
 from haustra.models.injury.pain import axis_tensions
 from haustra.models.wall import moving_colon
@@ -136,6 +139,13 @@ def test_a_mesentery_that_breath_moves_hurts_by_how_far_it_is_drawn_from_there()
     _, held = axis_tensions(np, own, taken, radius, np.full(1, _WHOLE))
     assert held.max() < 1e-3 < axis_tensions(np, own, still, radius, np.full(1, _WHOLE))[1].max()
     assert axis_tensions(np, own, still, radius)[1].max() < 1e-3
+
+
+def test_programs_that_began_without_refuse_surroundings_and_loops_that_touch() -> None:
+    assert pack_axis(stacked([_bow(Abdomen())]), AXIS).shape[1] == len(AXIS)
+    for around in (Abdomen(envelope=True), Abdomen(breathing=True), Abdomen(loops_touch=True)):
+        with pytest.raises(InvalidOptionError, match="begin with them"):
+            pack_axis(stacked([_bow(around)]), AXIS)
 
 
 def test_numpy_jax_and_compiled_loops_step_alike() -> None:
