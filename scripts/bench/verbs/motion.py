@@ -40,7 +40,7 @@ class BenchMotion:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
         from haustra.files import prepare_folder, write_atomically, write_json
-        from haustra.scripts.bench.motion import PATIENTS, bench_motion, effects, soundness
+        from haustra.scripts.bench.motion import NEIGHBOURS, PATIENTS, bench_motion, effects, soundness, step_costs
         from haustra.scripts.bench.pages.motion_page import motion_page
         from haustra.scripts.console import progress_bar
 
@@ -51,7 +51,8 @@ class BenchMotion:
         with progress_bar("motion", runs, unit="runs") as advance:
             rows = bench_motion(**asked, **own, progress=advance)
         grown = [row for row in rows if row["colon"].startswith("grown")]
-        result = {"soundness": soundness(rows), "effects": effects(grown), **asked, "runs": rows}
+        costs = step_costs([name for name in NEIGHBOURS if name in (self.patients or PATIENTS)])
+        result = {"soundness": soundness(rows), "effects": effects(grown), "costs": costs, **asked, "runs": rows}
         page = motion_page(result)
         write_atomically(folder / "motion.md", lambda temporary: temporary.write_text(page, encoding="utf-8"))
         write_json(folder / "motion.json", result)
