@@ -176,7 +176,7 @@ class ClinicWatch:
         reached = bool(len(there))
         last = int(there[0]) + 1 if reached else len(time)
         time, shaft, arc, force, torque = (part[:last] for part in (time, shaft, arc, force, torque))
-        load = self._course_of(world, self._loads)[last - 1]
+        load = self._loads_seen[self._going_on(world), world][last - 1]
         loops, at_flexure = self._loops_until(world, float(time[-1]), time[arc >= flexure])
         each = SECONDS * _LOOPS_EVERY
         stood = {kind: each * sum(kind in seen for seen in loops) for kind in LoopKind}
@@ -232,13 +232,19 @@ class ClinicWatch:
 
     def _course(self, world: int) -> tuple[np.ndarray, ...]:
         """Time, shaft inside, arc of the tip, force and torque of the hand, while the examination went on."""
-        return tuple(self._course_of(world, [look[row] for look in self._looks]) for row in range(len(TOLD)))
+        return tuple(self._told_seen[self._going_on(world), :, world].T)
 
-    def _course_of(self, world: int, looks: Sequence[np.ndarray]) -> np.ndarray:
-        """What was seen of a patient, look by look, while the examination went on."""
-        times = np.array([look[0][world] for look in self._looks])
-        fresh = np.concatenate([[True], np.diff(times) > 0])
-        return np.array([each[world] for each in looks])[fresh]
+    def _going_on(self, world: int) -> Bool[np.ndarray, " looks"]:
+        """Looks before which a patient's examination went on."""
+        return np.diff(self._told_seen[:, 0, world], prepend=-1.0) > 0
+
+    @cached_property
+    def _told_seen(self) -> Float[np.ndarray, "looks told worlds"]:
+        return np.array(self._looks)
+
+    @cached_property
+    def _loads_seen(self) -> Float[np.ndarray, "looks worlds"]:
+        return np.array(self._loads)
 
     def curves(self, world: int) -> dict[str, list[float]]:
         """The course of an examination at some moments."""

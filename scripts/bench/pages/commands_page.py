@@ -1,0 +1,61 @@
+"""The page of what came of running the documents' commands.
+
+`python -m haustra.scripts.bench.pages.commands_page docs/validation/commands.md docs/validation/data/commands.json`.
+"""
+
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+from haustra.files import write_atomically
+
+_HEAD = """\
+# Commands as printed
+
+**Claim.** Of the {count} commands and programs that tutorials and how-to pages print, {run} ran as printed, page by
+page in an empty folder with a grown colon where the page expects one; {failed} failed, {left} were left out.
+
+    python -m haustra.scripts.bench.pages.commands_run DIR --data shared/data
+    python -m haustra.scripts.bench.pages.commands_page docs/validation/commands.md DIR/commands.json
+
+Run on {date} on two cores of an {processor} beside other work, so that times are upper bounds. That every command is
+understood by its parser, and that files of Python in docs/examples run, is tested at every change.
+"""
+
+
+def commands_page(found: Mapping[str, Any]) -> str:
+    """The page as Markdown.
+
+    Args:
+        found: `machine` and `rows`, as `commands_run` wrote them.
+    """
+    rows: Sequence[Mapping[str, Any]] = found["rows"]
+    left = sum(row["code"] is None for row in rows)
+    failed = sum(bool(row["code"]) for row in rows)
+    numbers = {"count": len(rows), "run": len(rows) - left - failed, "failed": failed, "left": left}
+    parts = [_HEAD.format(**numbers, date=found["machine"]["date"], processor=found["machine"]["processor"])]
+    for page, own in groupby(rows, key=lambda row: row["page"]):
+        parts.append(f"## {page}\n\n| command, or the program's last line | came to |\n|---|---|")
+        parts += [f"| `{row['what'].replace('|', chr(92) + '|')}` | {_came(row)} |" for row in own]
+        parts.append("")
+    return "\n".join(parts)
+
+
+def _came(row: Mapping[str, Any]) -> str:
+    if row["code"] is None:
+        return f"left out: {row['said']}"
+    return f"{row['seconds']:.0f} s" if row["code"] == 0 else f"**failed** with code {row['code']}"
+
+
+def main() -> None:
+    """Write the page."""
+    page, found = map(Path, sys.argv[1:])
+    text = commands_page(json.loads(found.read_text(encoding="utf-8")))
+    write_atomically(page, lambda place: place.write_text(text, encoding="utf-8"))
+
+
+if __name__ == "__main__":
+    main()

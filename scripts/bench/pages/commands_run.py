@@ -1,0 +1,148 @@
+"""Run every command and program of the tutorials and how-to pages as printed, a page a folder, and keep what came.
+
+`python -m haustra.scripts.bench.pages.commands_run DIR [--data FOLDER] [PAGE ...]` leaves pages out that
+DIR/commands.json holds already; `commands_page` makes a page of it.
+"""
+
+import argparse
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from haustra.files import write_atomically
+from haustra.scripts.bench.machine import machine
+
+ROOT = Path(__file__).resolve().parents[3]
+PAGES = tuple(sorted([*(ROOT / "docs/how-to").glob("*.md"), *(ROOT / "docs/tutorials").glob("*.md")]))
+LEFT_OUT = {
+    r"insertion-gpu|runs/gpu|linear-gpu|--processes 16|backend=\"warp\"": "needs an NVIDIA GPU",
+    r"insertion-ppo|runs/ppo|insertion-paced --start|cohort full": "takes hours on two cores",
+    r"^haustra drive|haptic|replay my-drive|export my-drive|replay by-follower": "needs a person at a browser",
+    r"patients=48|cohort quick .*--driver endoscopist \w": "a longer form of the command above it",
+    r"labels\.nii\.gz": "another form of the command above it (tests/models/anatomy/test_label_map.py)",
+    r"^make demo": "tried by itself (README)",
+    r"my-study|sweeps/mine": "a study of the reader's own; the tutorial's stands for it",
+}
+"""What is printed and not run here, and why, by pattern."""
+LONGEST = 1800.0
+"""Time after which a command counts as hanging [s]."""
+_TAIL = 600
+_BLOCK = re.compile(r"^```(sh|python|toml)\n(.*?)^```|^((?: {4}haustra [^\n]*\n)+)", re.DOTALL | re.MULTILINE)
+_GIVEN = ("colon", "case/colon", "demo/colon")
+"""Where pages expect a colon that the reader has."""
+
+
+@dataclass(frozen=True)
+class Ran:
+    """One command or program of a page."""
+
+    page: str
+    what: str
+    seconds: float
+    code: int | None
+    """Exit code; nothing where it was left out."""
+    said: str
+    """The end of what it printed, or why it was left out."""
+
+
+def steps_of(page: str) -> Iterator[tuple[str, str]]:
+    """Kinds and texts of what a page tells a reader to do, in order: sh (a line each), python, toml."""
+    for kind, block, indented in _BLOCK.findall(page):
+        if kind in ("python", "toml"):
+            yield kind, block
+            continue
+        for line in re.sub(r"\\\n\s*", "", block or indented).splitlines():
+            if said := re.split(r"\s#\s", line)[0].strip():
+                yield "sh", said
+
+
+def why_left_out(text: str) -> str | None:
+    """Why a command is not run, or nothing."""
+    return next((why for pattern, why in LEFT_OUT.items() if re.search(pattern, text)), None)
+
+
+def run_page(page: Path, folder: Path, *, colon: Path, data: Path | None) -> Iterator[Ran]:
+    """Run a page's commands in a new folder that holds what a reader has.
+
+    Args:
+        page: the page.
+        folder: made anew.
+        colon: folder of a colon for those who are told to bring one.
+        data: folder of real colons, or nothing.
+    """
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    text = page.read_text(encoding="utf-8")
+    for name in ("assets", "docs"):
+        (folder / name).symlink_to(ROOT / name)
+    (folder / ".venv").symlink_to(Path(sys.prefix))
+    if data is not None:
+        shutil.copy(data / "colons" / "HuBMAPVHM_3D_00070_lumen_mm.stl", folder / "lumen.stl")
+    for name in _GIVEN:
+        if name in text and f"colon grow --seed 4 -o {name}" not in text:
+            shutil.copytree(colon, folder / name)
+    imports: list[str] = []
+    for number, (kind, step) in enumerate(steps_of(text)):
+        if kind == "toml":
+            mine = folder / ("stiffness.toml" if "stiffness.toml" in text else "mine.toml")
+            if not mine.exists():
+                mine.write_text(step, encoding="utf-8")
+            continue
+        shown = step if kind == "sh" else step.strip().splitlines()[-1]
+        if why := why_left_out(step):
+            yield Ran(page.name, shown, 0.0, None, why)
+            continue
+        command = ["bash", "-c", step]
+        if kind == "python":
+            (folder / f"program-{number}.py").write_text("\n".join([*imports, step]), encoding="utf-8")
+            imports += [line for line in step.splitlines() if re.match(r"(import|from) [^(]*$", line)]
+            command = [sys.executable, f"program-{number}.py"]
+        yield _ran(page.name, shown, command, folder)
+
+
+def _ran(page: str, shown: str, command: list[str], folder: Path) -> Ran:
+    began, around = time.monotonic(), {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
+    try:
+        done = subprocess.run(
+            command, cwd=folder, env=around, capture_output=True, text=True, timeout=LONGEST, stdin=subprocess.DEVNULL
+        )
+    except subprocess.TimeoutExpired:
+        return Ran(page, shown, LONGEST, 124, "it had not ended by then")
+    said = (done.stdout + done.stderr).strip()[-_TAIL:]
+    return Ran(page, shown, round(time.monotonic() - began, 1), done.returncode, said)
+
+
+def main() -> int:
+    """Run pages that were not run yet; 1 when a command failed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("pages", nargs="*", help="names such as own-scope.md; all when none is given")
+    parser.add_argument("--data", type=Path, default=None, help="folder of the real colons")
+    asked = parser.parse_args()
+    found = asked.folder / "commands.json"
+    rows = [Ran(**row) for row in json.loads(found.read_text(encoding="utf-8"))["rows"]] if found.exists() else []
+    colon = asked.folder / "given"
+    if not colon.exists():
+        subprocess.run([sys.executable, "-m", "haustra.scripts.main", "colon", "grow", "-o", str(colon)], check=True)
+    for page in PAGES:
+        if (asked.pages and page.name not in asked.pages) or page.name in {row.page for row in rows}:
+            continue
+        new = []
+        for row in run_page(page, asked.folder / page.stem, colon=colon.resolve(), data=asked.data):
+            new.append(row)
+            print(row.page, row.code, f"{row.seconds:.0f} s", row.what, row.said if row.code else "", flush=True)
+        rows += new
+        kept = {"machine": machine(), "rows": [asdict(row) for row in rows]}
+        write_atomically(found, lambda place, kept=kept: place.write_text(json.dumps(kept, indent=1), encoding="utf-8"))
+    return int(any(row.code for row in rows))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
