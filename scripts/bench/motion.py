@@ -120,7 +120,7 @@ def _run(colon: Colon, changed: Mapping[str, Any], seconds: float, judged_every:
 
 
 def step_costs(
-    patients: Sequence[str], *, worlds: Sequence[int] = _WORLDS, steps: int = 200, rounds: int = 9
+    patients: Sequence[str], *, worlds: Sequence[int] = _WORLDS, steps: int = 500, rounds: int = 15
 ) -> dict[str, list[float]]:
     """Processor time of a step in linear time over that of the colon as imaged, for each number of worlds.
 
@@ -136,7 +136,7 @@ def step_costs(
     colon, found = grow_colon(seed=FIRST_SEED), {name: list[float]() for name in patients}
     for count in worlds:
         backends = {name: _pushed(colon, PATIENTS[name], count) for name in (PLAIN, *patients)}
-        at_once, still = max(steps // max(count // 8, 1), 10), np.zeros(count)
+        at_once, still = max(steps // (1 if count == 1 else 4), 10), np.zeros(count)
         asked = Controls(still + _PUSH_RATE, still, np.zeros((count, 4)))
         took = {name: list[float]() for name in backends}
         for _ in range(rounds):
