@@ -67,6 +67,7 @@ BENCHMARKS: Mapping[str, str] = {
     "bench": f"{_BENCH}.all:BenchAll",
     "bench accuracy": f"{_BENCH}.accuracy:BenchAccuracy",
     "bench agreement": f"{_BENCH}.agreement:BenchAgreement",
+    "bench cells": f"{_BENCH}.cells:BenchCells",
     "bench contracts": f"{_BENCH}.contracts:BenchContracts",
     "bench cores": f"{_BENCH}.cores:BenchCores",
     "bench cost": f"{_BENCH}.cost:BenchCost",

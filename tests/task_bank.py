@@ -17,14 +17,18 @@ from tests.models.wall.conftest import swept_colon
 DESIGN = "paediatric"
 
 
+COARSE = {"shaft_cell": 0.0625, "bending_cell": 0.034, "twist_hinges": 2, "sample_spacing": 0.0315}
+
+
 @cache
 def short_bank() -> ColonSet:
+    """Two short bends, and a scope of coarse cells: what tests ask of episodes does not hang on them."""
     design = named_design(DESIGN)
     colons = [
         swept_colon(winding([(0.08, 0.0), (0.08, turn), (0.12, 0.0)]), name=f"bend {turn}") for turn in (0.6, -0.6)
     ]
     cases = [case_of(colon, device_radius=design.diameter / 2) for colon in colons]
-    return make_bank(cases, design, replace(TASK_OPTIONS, insertion_limit=0.32))
+    return make_bank(cases, design, replace(TASK_OPTIONS, **COARSE, insertion_limit=0.32))
 
 
 @cache

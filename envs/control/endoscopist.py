@@ -56,11 +56,11 @@ class EndoscopistSettings:
     steer_lead: float = number("rad", 0.01, 10.0, default=3.0)
     """Largest lead of the wires over the angle that the bending section has reached [rad]: enough to pull at a tip that
     a wall has caught as hard as wheels do. With 0.6 rad, tips stay bent over in the right colon."""
-    gentle_force: float = number("N", 0.01, 1e3, default=15.0)
+    gentle_force: float = number("N", 0.01, 1e3, default=10.0)
     """Push that is not exceeded while things go well [N]; 9.8 N are exceeded for 5 % of the time (Appleyard 2000)."""
     held_force: float = number("N", 0.01, 1e3, default=6.0)
     """Push that is left on the shaft while it is held [N]: the hand eases what is more."""
-    firm_force: float = number("N", 0.01, 1e3, default=40.0)
+    firm_force: float = number("N", 0.01, 1e3, default=36.0)
     """Push that is not exceeded at all [N]: no patient is pushed at harder on purpose."""
     unbend_time: float = number("s", 0.5, 600.0, default=10.0)
     """Time without lumen passing in whose second half the tip is let go straight, again and again [s]: a tip that is
@@ -71,7 +71,7 @@ class EndoscopistSettings:
     """How long it pushes in one go [s]: quick strokes get on where slow ones only bow the colon."""
     pause: float = number("s", 0.0, 600.0, default=4.0)
     """How long it looks between two strokes, the hand eased [s]."""
-    calm: float = number("s", 0.0, 600.0, default=2.0)
+    calm: float = number("s", 0.0, 600.0, default=3.0)
     """Time without lumen passing for which one goes on gently [s]."""
     firmer: float = number("N/s", 0.0, 1e3, default=2.0)
     """Rate at which one pushes harder from then on, until lumen passes [N/s]."""
@@ -83,7 +83,7 @@ class EndoscopistSettings:
     """Speed of pulling back [m/s]."""
     lost_shaft: float = number("m", 0.005, 1.0, default=0.3)
     """Shaft that goes in without lumen passing before a loop is felt [m]; as much more after each attempt."""
-    new_colon: float = number("m", 0.01, 2.0, default=0.4)
+    new_colon: float = number("m", 0.01, 2.0, default=0.25)
     """New colon after which the shaft is straightened at the next bend that holds the tip [m]."""
     hook: float = number("rad", 0.0, 3.0, default=1.0)
     """Bend of the tip from which on it holds in a bend of the colon while the shaft is pulled [rad]."""
@@ -103,7 +103,7 @@ class EndoscopistSettings:
     """Time of one turn to and fro [s]."""
     patience: float = number("s", 0.1, 600.0, default=60.0)
     """Time without lumen passing after which something else is tried [s]."""
-    most_attempts: float = number("1", 1.0, 1e3, default=6.0)
+    most_attempts: float = number("1", 1.0, 1e3, default=5.0)
     """Attempts without new colon after which it gives up, and rests: pain and looping end one insertion in twenty to
     ten in a clinic (Thieme a-0574-2478)."""
     rest: float = number("s", 0.0, 600.0, default=3.0)

@@ -100,7 +100,7 @@ class InsertionBatch:
         scope, own = parameters.scope, tables.mesentery
         diameter, tip = 2 * scope.radius, scope.tip_place[:, :1, 2]
         lengths = jnp.concatenate([scope.links.offset[:, 1:, 2], tip], axis=1)
-        load = largest_load(jnp, seen, tip_links=len(self._backend.bend_dofs[0]), diameter=diameter)
+        load = largest_load(jnp, seen, tip_links=len(self._backend.bend_dofs[0]), diameter=diameter, lengths=lengths)
         if own is None:
             return *load, *largest_pain(jnp, seen, diameter=diameter, lengths=lengths)
         arcs = own.spacing[:, None] * np.arange(own.nodes.shape[1])

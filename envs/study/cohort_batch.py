@@ -16,7 +16,6 @@ from haustra.envs.learning.hands import BatchHands
 from haustra.envs.runs.linear_insertions import LinearInsertions
 from haustra.envs.runs.outcome import Outcome
 from haustra.envs.sim.conditions import Conditions
-from haustra.envs.sim.scope_bank import BATCH_OPTIONS
 from haustra.envs.study.clinic_watch import EVERY, ClinicWatch
 from haustra.envs.study.cohort import Examiner, patient_of
 from haustra.envs.study.patients import Patient, clinic_number, grow_patients
@@ -30,6 +29,7 @@ from haustra.envs.tasks.sight import Sight
 from haustra.errors import HaustraError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.files import find_design
+from haustra.models.presets import PRESETS, TABLE
 from haustra.models.scene import build_scene, entry_of
 from haustra.models.wall import mesentery
 from haustra.models.wall.abdomen import Abdomen
@@ -90,7 +90,8 @@ def _examined(
     if not sound:
         return
     options = replace(
-        BATCH_OPTIONS,
+        PRESETS["balanced"].apply(law=TABLE),
+        softening=False,
         mesentery=True,
         timestep=float(study.options["timestep"]),
         push_limit=clinic_number("hand_push"),

@@ -19,21 +19,15 @@ from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.store import colon_hash, load_colon
 from haustra.models.devices.scope.design import ScopeDesign
+from haustra.models.presets import PRESETS, TABLE
 from haustra.models.scene import Scene, SceneOptions, build_scene
 from haustra.models.wall.cache import cache_folder
 from haustra.models.wall.lumen_table import ANGLES, STATION_STEP, Tables, stack
 from haustra.provenance import content_hash, package_versions
 
-TASK_OPTIONS = SceneOptions(
-    wall_law="table",
-    softening=False,
-    shaft_cell=0.0625,
-    bending_cell=0.034,
-    twist_hinges=2,
-    sample_spacing=0.0315,
-)
-"""Coarser than in studies: at most sixty dofs and two spheres a link, and tips within 1.4 to 2.4 % of the length inside
-(docs/validation/worlds.md). How far a driver comes hardly depends on it (docs/validation/navigation.md)."""
+TASK_OPTIONS = replace(PRESETS["fast"].apply(law=TABLE), softening=False, timestep=SceneOptions().timestep)
+"""Cells of the preset `fast`, at the usual time step. Coarser shafts kink behind folds and let go in jolts, so that
+drivers got stuck that do not with finer ones (docs/validation/cells.md)."""
 _FORMAT = 4
 """Version of the files' format; a bank of another format is built anew."""
 

@@ -238,7 +238,7 @@ class HostEpisodes(Episodes):
 
     def _sense(self) -> Sensed:
         seen, bank = self._seen, self._bank
-        about = {"tip_links": bank.scene.cable.tip_links, "diameter": bank.design.diameter}
+        about = {"tip_links": bank.scene.cable.tip_links, "diameter": bank.design.diameter, "lengths": self._lengths()}
         facing = self._facing() if self._rules.config.weights.facing else np.ones(len(self._case))
         force = seen.link_forces.max(axis=1)
         load = largest_load(np, seen, **about)
@@ -247,10 +247,13 @@ class HostEpisodes(Episodes):
 
     def _pain(self) -> np.ndarray:
         bank, own = self._bank, self._bank.tables.mesentery
-        about: dict[str, Any] = {"diameter": bank.design.diameter, "lengths": -np.diff(bank.scene.cable.node_distances)}
+        about: dict[str, Any] = {"diameter": bank.design.diameter, "lengths": self._lengths()}
         if own is not None:
             about |= {"own": pick(bank.tables, self._case).mesentery, "radius": bank.node_widths[self._case]}
         return largest_pain(np, self._seen, **about)[0]
+
+    def _lengths(self) -> np.ndarray:
+        return -np.diff(self._bank.scene.cable.node_distances)
 
     def _facing(self) -> np.ndarray:
         behind, ahead = map(vectors.of, self.backend.way_ahead(np.array(seen_by.BESIDE)).swapaxes(0, 1))

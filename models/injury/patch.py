@@ -5,7 +5,13 @@ not depend on how finely the shaft is cut. A link that presses with one place on
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any
+
+from haustra.models.injury.numbers import injury_number
+
+CONTACT_LENGTH = injury_number("contact_length")
+"""Length of shaft whose load counts as one contact [m]."""
 
 
 def patch_rim(diameter: Any, length: Any) -> Any:
@@ -16,3 +22,21 @@ def patch_rim(diameter: Any, length: Any) -> Any:
 def patch_area(diameter: Any, length: Any) -> Any:
     """Area of the patch [m^2]."""
     return math.pi / 4 * diameter**2 + diameter * length
+
+
+def force_on_contact(xp: Any, force: Any, length: Any, beside: Sequence[tuple[Any, Any]]) -> Any:
+    """Force of the wall on the contact in whose middle a link is [N], however finely the shaft is cut.
+
+    A link that is shorter than a contact shares it with its neighbours, each with as much of its length as the contact
+    reaches over it; what a longer link bears may bear on any part of it, and counts as a whole.
+
+    Args:
+        xp: numpy, jax.numpy, or what writes programs.
+        force: on the link [N].
+        length: of the link [m].
+        beside: forces [N] and lengths [m] of its neighbours; those of no force and some length where there is none.
+    """
+    reach = xp.maximum(CONTACT_LENGTH - length, 0.0) / 2
+    for other, long in beside:
+        force = force + other * xp.minimum(reach / long, 1.0)
+    return force

@@ -11,9 +11,10 @@ segment. Force and gas at one place are not added: nobody measured both together
 
 Contact area counts in two ways. Its shape is that of the heads that were tested: the end of a straight one, a bend of
 90 degrees that lies on more wall and bears three times as much, a side. Its size is that of the device's diameter, with
-which a share of the strength grows in proportion; that share is assumed. The force of the wall on a link counts as one
-contact, however long the link, which errs towards tears; a straight head that lies with its side on the wall counts as
-pressing with its end, which errs so too. Nothing is calibrated to how often patients are harmed.
+which a share of the strength grows in proportion; that share is assumed. One contact is what presses on a stretch of
+shaft of assumed length (`haustra.models.injury.patch`), or on one link where links are longer, which errs towards
+tears; a straight head that lies with its side on the wall counts as pressing with its end, which errs so too. Nothing
+is calibrated to how often patients are harmed.
 """
 
 import math
@@ -55,7 +56,7 @@ def link_load(xp: Any, force: Any, bend: Any, of_head: Any, diameter: Any) -> An
 
     Args:
         xp: numpy, jax.numpy, or what writes programs.
-        force: of the wall on it [N].
+        force: of the wall on the contact around it [N] (`haustra.models.injury.patch.force_on_contact`).
         bend: of the bending section [rad].
         of_head: whether the link is of the bending section; the shaft lies on the wall with its side.
         diameter: of the device [m].

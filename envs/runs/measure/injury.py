@@ -72,7 +72,7 @@ class InjuryMeter:
                 and `displacement` are used.
             pressure: of gas at each of `stations`, over that of the abdomen [Pa]; no gas when None.
         """
-        load, arc = largest_load(np, seen, tip_links=self._tip_links, diameter=self._diameter)
+        load, arc = largest_load(np, seen, tip_links=self._tip_links, diameter=self._diameter, lengths=self._lengths)
         forces, patch = np.where(seen.link_arcs > 0, seen.link_forces, 0.0), (self._diameter, self._lengths)
         each = forces, mucosal_shear(forces, self._friction, *patch), pressed_tension(forces, *patch)
         pressed, shear, wall = (at_stations(values, seen.link_arcs, len(self.stations)) for values in each)

@@ -7,11 +7,12 @@ from jaxtyping import Float
 
 from haustra.envs.sim.state import Readings
 from haustra.models.injury.pain import axis_tensions, pain, pressed_tension
+from haustra.models.injury.patch import force_on_contact
 from haustra.models.injury.perforation import link_load
 from haustra.models.wall.mesentery import Mesentery
 
 
-def largest_load(xp: Any, seen: Readings, *, tip_links: int, diameter: Any) -> tuple[Any, Any]:
+def largest_load(xp: Any, seen: Readings, *, tip_links: int, diameter: Any, lengths: Any) -> tuple[Any, Any]:
     """Load over the median person's strength [1] and arc length [m], one a world.
 
     Args:
@@ -19,11 +20,21 @@ def largest_load(xp: Any, seen: Readings, *, tip_links: int, diameter: Any) -> t
         seen: readings of worlds, or of several records: `link_forces`, `link_arcs` and `bend` are used.
         tip_links: links of the bending section, the last ones.
         diameter: of the scope [m]: one number, or one a world.
+        lengths: of the links [m].
     """
-    forces, bend = xp.asarray(seen.link_forces), xp.asarray(seen.bend)
+    forces, bend = contact_forces(xp, xp.asarray(seen.link_forces), xp.asarray(lengths)), xp.asarray(seen.bend)
     of_head = np.arange(forces.shape[-1]) >= forces.shape[-1] - tip_links
     bent = xp.sqrt((bend**2).sum(axis=-1))[..., None]
     return _most(xp, link_load(xp, forces, bent, of_head, xp.asarray(diameter)[..., None]), seen.link_arcs)
+
+
+def contact_forces(xp: Any, forces: Any, lengths: Any) -> Any:
+    """Forces of the wall on the contacts around links [N], by forces on links and their lengths; last axis: links."""
+    lengths = xp.broadcast_to(lengths, forces.shape)
+    none, some = xp.zeros_like(forces[..., :1]), xp.ones_like(lengths[..., :1])
+    before = xp.concatenate([none, forces[..., :-1]], axis=-1), xp.concatenate([some, lengths[..., :-1]], axis=-1)
+    after = xp.concatenate([forces[..., 1:], none], axis=-1), xp.concatenate([lengths[..., 1:], some], axis=-1)
+    return force_on_contact(xp, forces, lengths, (before, after))
 
 
 def largest_pain(

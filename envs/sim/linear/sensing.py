@@ -3,6 +3,7 @@
 from haustra.envs.sim.linear.program import ScopeProgram
 from haustra.envs.sim.linear.trace import Value
 from haustra.models.injury.pain import pain, pressed_tension
+from haustra.models.injury.patch import force_on_contact
 from haustra.models.injury.perforation import link_load
 
 
@@ -39,8 +40,14 @@ def largest_load(scopes: ScopeProgram) -> tuple[Value, Value]:
     up, left = scopes.bend()
     bend, diameter = xp.sqrt(up * up + left * left), 2 * scopes.scope("radius")
     most, where = program.variable(0.0), program.variable(0.0)
+    before, length = (program.variable(0.0), program.variable(1.0)), scopes.link_length
     with program.loop(0, scopes.bodies) as body:
-        load = link_load(xp, scopes.link_force(body), bend, scopes.of_tip(body), diameter)
+        force, own, last = scopes.link_force(body), length(body), body == scopes.bodies - 1
+        following = xp.where(last, body, body + 1)
+        after = xp.where(last, 0.0, scopes.link_force(following)), length(following)
+        shared = force_on_contact(xp, force, own, ((before[0].value, before[1].value), after))
+        before[0].value, before[1].value = force, own
+        load = link_load(xp, shared, bend, scopes.of_tip(body), diameter)
         where.value = xp.where(load > most.value, xp.maximum(scopes.link_arc(body), 0.0), where.value)
         most.value = xp.maximum(most.value, load)
     return most.value, where.value

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from haustra.scripts.bench.pages.cells_page import cells_page
 from haustra.scripts.bench.pages.cohort_page import validation_page
 from haustra.scripts.bench.pages.commands_page import commands_page
 from haustra.scripts.bench.pages.front_page import front_page
@@ -18,6 +19,7 @@ from haustra.scripts.bench.pages.trials_page import trials_page
 
 PAGES = Path(__file__).parents[4] / "docs" / "validation"
 MAKERS: Mapping[str, Callable[[Any], str]] = {
+    "cells": cells_page,
     "commands": commands_page,
     "cohort": lambda kept: validation_page(kept["cohorts"]),
     "accuracy": front_page,
