@@ -121,7 +121,9 @@ class SceneOptions:
                 "A colon that moves on its mesentery needs wall law 'table' or 'pieces': 'planes' is fixed in space."
             )
         if self.abdomen != Abdomen() and not self.mesentery:
-            raise InvalidOptionError("Posture, mobile segments, adhesions and a hand need a colon that moves.")
+            raise InvalidOptionError(
+                "Posture, mobile segments, adhesions and all else of an abdomen need a colon that moves."
+            )
         if self.gas is not None and self.wall_law != "table":
             raise InvalidOptionError(f"Gas moves the wall of law 'table' only, not that of '{self.wall_law}'.")
         for name, usual in (("elasticity", LINEAR), ("friction_rise", 0.0)):

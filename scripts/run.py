@@ -43,6 +43,12 @@ class Run:
     """Segments that have grown to what is beside them: sigmoid, transverse."""
     pressed: Literal["none", "sigmoid", "transverse"] = "none"
     """Segment on which an assistant's hand presses through the belly."""
+    envelope: bool = False
+    """Let the abdominal wall and the organs around hold the colon in."""
+    breathing: bool = False
+    """Let quiet breath move what the colon hangs on."""
+    loops_touch: bool = False
+    """Let loops of the colon press on each other where they meet."""
     backend: Literal["native", "linear"] | None = None
     """What steps the scene: MuJoCo's CPU engine (native), or a chain in linear time (linear), many times as fast,
     which knows the table of the lumen only. Linear where that honours what is asked, when not given."""
@@ -206,15 +212,16 @@ class Run:
         from haustra.errors import InvalidOptionError
         from haustra.models.wall.abdomen import Abdomen
 
-        names = ("gas_flow", "gas_start")
-        chosen: dict[str, Any] = {name: value for name in names if (value := getattr(self, name)) is not None}
+        flow = ("gas_flow", "gas_start")
+        chosen: dict[str, Any] = {name: value for name in flow if (value := getattr(self, name)) is not None}
         if self.insufflate is not None:
             from haustra.models.anatomy.insufflation import pressure_from
 
             chosen["gas"] = pressure_from(self.insufflate)
         elif chosen:
             raise InvalidOptionError("A flow or pressure of gas needs gas: give --insufflate 25mmHg too.")
-        around = Abdomen(self.posture, self.mobile, self.adhesions, self.pressed)
+        names = ("posture", "mobile", "adhesions", "pressed", "envelope", "breathing", "loops_touch")
+        around = Abdomen(**{name: getattr(self, name) for name in names})
         return chosen if around == Abdomen() else {**chosen, "abdomen": around}
 
     def _options(self) -> dict[str, Any]:

@@ -10,7 +10,18 @@ if TYPE_CHECKING:
 
 _ALWAYS = ("colon", "output", "device", "seconds", "friction", "fixed", "wall", "error", "json")
 _TABLE = ("wall_law", "wall_stiffness", "elasticity", "timestep", "gravity")
-_PATIENT = ("insufflate", "gas_flow", "gas_start", "posture", "mobile", "adhesions", "pressed")
+_PATIENT = (
+    "insufflate",
+    "gas_flow",
+    "gas_start",
+    "posture",
+    "mobile",
+    "adhesions",
+    "pressed",
+    "envelope",
+    "breathing",
+    "loops_touch",
+)
 """Options of `haustra run` that all devices honour; `start` is honoured by those that stand in the colon."""
 
 

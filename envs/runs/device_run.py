@@ -158,7 +158,7 @@ def _borne(backend: NativeDevice, meter: DeviceMeter) -> dict[str, Any]:
         "wall_pressure": meter.pressure(forces)[0],
         "power": backend.power()[0],
         "colon_moved": moved,
-        "pain": meter.pain(forces, backend.body_arcs(), displacement)[0],
+        "pain": meter.pain(forces, backend.body_arcs(), displacement, backend.read().time)[0],
     }
 
 

@@ -25,7 +25,7 @@ from haustra.models.wall.moving_colon import POSE
 CONTROL_INTERVAL = 0.02
 """Time between two decisions of the driver, and between two records [s]; engineering choice: 50 Hz."""
 
-_FELT = "link_forces", "link_arcs", "bend", "displacement"
+_FELT = "time", "link_forces", "link_arcs", "bend", "displacement"
 """Names of those readings that tell what the colon bears."""
 
 Progress = Callable[[float, float], None]

@@ -70,6 +70,8 @@ SCENE = (
     *_in("scene", "wall_law", only=_only("table")),
     *_in("scene", "mesentery"),
     *_in("scene.abdomen", "posture", "mobile", "adhesions", "pressed", "hand", about="of a colon that moves"),
+    *_in("scene.abdomen", "envelope", "breathing", about="of a colon that moves"),
+    *_in("scene.abdomen", "loops_touch", only=_only(False, backends=("warp",)), about="of a colon that moves"),
     *_in("scene", "gas", only=_only(None, backends=("native-batch", "warp")), about="of one scope, not of many"),
     *_in("scene", "gas_flow", "gas_start", about="with gas"),
     *_in("scene", "softening", only=_only(False, backends=("native-batch", "warp"))),
@@ -153,6 +155,7 @@ DEVICE = (
     *_in("device", "elasticity", only=_only(LINEAR, backends=("warp",)), about=_TABLE),
     *_in("device", "wall_law", only=_only("table", backends=("warp",)), about="others than the table in one world"),
     *_in("device", "mesentery", about="on warp under spheres of one radius, whose law is the wall's"),
+    *_in("device.abdomen", "loops_touch", only=_only(False, backends=("warp",)), about="of a colon that moves"),
     *_in("device", "treads", only=_only(False, backends=("warp",))),
 )
 """Options of scenes of any device (`haustra.models.device_scene`), and treads; which backends step devices, says

@@ -94,7 +94,8 @@ class WarpDevice:
         require_on_warp(scene)
         pose, samples = scene.pose, scene.handles.samples
         moves, what = scene.options.mesentery, f"a device of kind '{scene.device.kind}'"
-        wall = WarpPlanes.of(scene.compile(), len(samples), moves=moves, what=what)
+        surrounded = scene.options.abdomen.surrounds
+        wall = WarpPlanes.of(scene.compile(), len(samples), moves=moves, what=what, surrounded=surrounded)
         data = mujoco.MjData(wall.host)
         mujoco.mj_forward(wall.host, data)
         start = {name: np.array(getattr(data, name), np.float32) for name in _USED}
@@ -182,7 +183,7 @@ class WarpDevice:
         data = data.replace(ctrl=ctrl, **{name: now.data[name] for name in _KEPT})
         places = jax.vmap(mjx.kinematics, in_axes=(None, 0))(wall.model, data).geom_xpos[:, wall.spheres]
         radius = jnp.asarray(wall.radius, jnp.float32)[None]
-        done = wall.step(contacts, tables, now.displacement, places, now.arcs, radius, data, now.healthy)
+        done = wall.step(contacts, tables, now.displacement, places, now.arcs, radius, data, now.healthy, now.time)
         after = Worlds(
             data={name: getattr(done.data, name).reshape(now.data[name].shape) for name in _USED},
             arcs=done.arcs,

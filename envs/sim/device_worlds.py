@@ -1,6 +1,7 @@
 """Worlds of any device that are stepped together, natively or on MuJoCo Warp, behind one interface."""
 
 from collections.abc import Sequence
+from operator import attrgetter
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -95,7 +96,7 @@ def require_on_warp(scene: DeviceScene) -> None:
     kind = scene.device.kind
     for entry in DEVICE:
         name = entry.path.removeprefix("device.")
-        value = scene.device.has_treads if name == "treads" else getattr(scene.options, name)
+        value = scene.device.has_treads if name == "treads" else attrgetter(name)(scene.options)
         if not entry.honoured("warp", value):
             raise UnsupportedSceneError(
                 f"The backend 'warp' cannot honour {entry.path} = {value!r} of a device of kind '{kind}': 'native' can."

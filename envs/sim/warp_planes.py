@@ -75,9 +75,11 @@ class WarpPlanes:
     """(spheres,) of each sphere's link, as MuJoCo's contacts see it [1/kg]."""
     moves: bool
     """Whether colons move."""
+    surrounded: bool
+    """Whether those have an envelope or breath around them."""
 
     @classmethod
-    def of(cls, host: mujoco.MjModel, count: int, *, moves: bool, what: str) -> "WarpPlanes":
+    def of(cls, host: mujoco.MjModel, count: int, *, moves: bool, what: str, surrounded: bool = False) -> "WarpPlanes":
         """Take a model with that many spheres.
 
         Args:
@@ -85,6 +87,7 @@ class WarpPlanes:
             count: spheres.
             moves: whether colons move.
             what: is modelled, for messages.
+            surrounded: whether those have an envelope or breath around them.
 
         Raises:
             UnsupportedSceneError: when Warp has not what the model is made of.
@@ -107,6 +110,7 @@ class WarpPlanes:
             radius=host.geom_size[spheres, 0],
             inverse_inertia=host.body_invweight0[host.geom_bodyid[spheres], 0],
             moves=moves,
+            surrounded=surrounded,
         )
 
     @property
@@ -168,6 +172,7 @@ class WarpPlanes:
         radius: Array,
         data: Any,
         healthy: Array,
+        time: Array,
     ) -> Stepped:
         """One time step of MuJoCo's, and of the colons.
 
@@ -184,6 +189,7 @@ class WarpPlanes:
             radius: of the spheres (worlds or 1, places or 1), all alike where colons move [m].
             data: MuJoCo's, with state and controls.
             healthy: worlds that are not lost yet.
+            time: of each world (worlds,) [s].
         """
         count, own = len(self.spheres), tables.mesentery
         found, grip = look(tables, displacement, places, arcs, radius[:, 0])
@@ -210,7 +216,8 @@ class WarpPlanes:
         done = jax.lax.cond(lost, again, lambda made: made, done)
         force, damping = self._on_wall(contacts, done._impl)
         if displacement and grip and own:
-            displacement = moving_colon.step_axis(jnp, own, displacement, grip, force, damping, self.timestep)
+            pressed, when = (grip, force, damping, self.timestep), time if self.surrounded else None
+            displacement = moving_colon.step_axis(jnp, own, displacement, *pressed, time=when)
         normal = -jnp.einsum("wpi,wpi->wp", force, inwards)
         return Stepped(done, found.arcs, depth, inwards, normal, displacement)
 

@@ -50,7 +50,8 @@ class WarpScopes(ScopeChain):
         chain = read_chain(scene, backend="warp")
         host, moves = batch_model(scene), scene.options.mesentery
         locks = np.array([host.actuator(name).id for pair in scene.cable.locks for name in pair])
-        wall = WarpPlanes.of(host, len(scene.samples), moves=moves, what="this scope")
+        surrounded = scene.options.abdomen.surrounds
+        wall = WarpPlanes.of(host, len(scene.samples), moves=moves, what="this scope", surrounded=surrounded)
         return cls(**vars(chain), wall=wall, locks=locks)
 
     @property
@@ -201,9 +202,8 @@ class WarpScopes(ScopeChain):
             qacc_warmstart=worlds.warm,
             ctrl=self._controls(parameters, worlds, hands),
         )
-        done = self.wall.step(
-            contacts, tables, worlds.displacement, places, worlds.arcs, scope.radius[:, None], data, worlds.healthy
-        )
+        seen = places, worlds.arcs, scope.radius[:, None]
+        done = self.wall.step(contacts, tables, worlds.displacement, *seen, data, worlds.healthy, worlds.time)
         after = worlds._replace(
             qpos=done.data.qpos,
             qvel=done.data.qvel,

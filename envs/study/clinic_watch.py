@@ -148,7 +148,7 @@ class ClinicWatch:
             np.array([patient.values[name] for patient in self._patients])[:, None]
             for name in ("painful_wall", "painful_mesentery")
         )
-        along, held = axis_tensions(np, own, seen.displacement, radius)
+        along, held = axis_tensions(np, own, seen.displacement, radius, seen.time)
         self._tension = np.where(going, np.maximum(self._tension, held.max(axis=1)), self._tension)
         forces = np.where(seen.link_arcs > 0, seen.link_forces, 0.0)
         pressed = pressed_tension(forces, self._diameter, self._lengths)

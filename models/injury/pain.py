@@ -23,6 +23,7 @@ from haustra.models.injury.patch import patch_rim
 from haustra.models.wall import vectors
 from haustra.models.wall.mesentery import Mesentery
 from haustra.models.wall.moving_colon import edge_tension, hold_force
+from haustra.models.wall.surroundings import hung
 from haustra.models.wall.vectors import norm
 
 
@@ -51,7 +52,11 @@ def pain(xp: Any, wall: Any, mesentery: Any) -> Any:
 
 
 def axis_tensions(
-    xp: Any, own: Mesentery, displacement: Float[Any, "*worlds nodes _"], radius: Float[Any, "*any nodes"]
+    xp: Any,
+    own: Mesentery,
+    displacement: Float[Any, "*worlds nodes _"],
+    radius: Float[Any, "*any nodes"],
+    time: Float[Any, "*worlds"] | float = 0.0,
 ) -> tuple[Float[Any, "*worlds nodes"], Float[Any, "*worlds nodes"]]:
     """Tensions of the wall along the colon behind each node of the axis, and of the mesentery at it [N/m].
 
@@ -60,10 +65,12 @@ def axis_tensions(
         own: the axis of one colon, or of one a world.
         displacement: poses of its nodes (`moving_colon.AxisDisplacement`), in the coordinates of `own`.
         radius: of the lumen at the nodes [m].
+        time: when breath has moved what they hang on (`haustra.models.wall.surroundings`) [s].
     """
     nodes = own.nodes + displacement[..., :3]
     lengths = xp.sqrt(((nodes[..., 1:, :] - nodes[..., :-1, :]) ** 2).sum(axis=-1))
     spacing, pleating = (xp.asarray(part)[..., None] for part in (own.spacing, own.pleating))
     along = axial_tension(xp, lengths, own.lengths, own.tension, pleating, radius[..., :-1])
-    held = mesentery_tension(xp, vectors.of(displacement), own.slack, own.hold, own.support, spacing)
+    place = hung(xp, own, vectors.of(displacement), xp.asarray(time))
+    held = mesentery_tension(xp, place, own.slack, own.hold, own.support, spacing)
     return xp.concatenate([along, xp.zeros_like(held[..., :1])], axis=-1), held

@@ -1,4 +1,4 @@
-"""What a colon lies in: how the patient lies, what has grown to what, and a hand on the belly.
+"""What a colon lies in: how the patient lies, what has grown to what, a hand on the belly, what holds it in, breath.
 
 A colon that was imaged was in balance on the patient's back: its shape at rest is that of the posture `SCANNED`. In
 another one what weighs is the same, and pulls another way: the load of the axis is its weight times the change of
@@ -42,6 +42,18 @@ class Abdomen:
     hand: float = number("N", 0.0, 100.0, default=20.0)
     """Force of the assistant's hand towards the back [N]; engineering choice, a firm press that a forearm holds for
     minutes."""
+
+    envelope: bool = False
+    """Let the abdominal wall and the organs around hold the colon in (`haustra.models.wall.surroundings`)."""
+    breathing: bool = False
+    """Let quiet breath move what the colon hangs on, most below the diaphragm."""
+    loops_touch: bool = False
+    """Let loops of the colon press on each other where they meet (`haustra.models.wall.loops`)."""
+
+    @property
+    def surrounds(self) -> bool:
+        """Whether nodes of the axis feel anything that others do not: `haustra.models.wall.surroundings`."""
+        return self.envelope or self.breathing
 
     def __post_init__(self) -> None:
         require_declared(self)

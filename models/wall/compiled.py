@@ -23,11 +23,14 @@ from haustra.models.wall import (
     plane_pose,
     planes,
     sections,
+    surroundings,
     unfolding,
     vectors,
 )
+from haustra.models.wall import loops as loops_law
 from haustra.models.wall.indentation import FALL, NEAR, crossed, reached
 from haustra.models.wall.law import soft_numbers
+from haustra.models.wall.loops import MARGIN, apart, contact, nearer, nearness, touch_force
 from haustra.models.wall.lumen_table import axis_point, query_point
 from haustra.models.wall.moving_colon import (
     bend_gradient,
@@ -65,6 +68,7 @@ from haustra.models.wall.sections import (
     twisted,
 )
 from haustra.models.wall.signed_distance import ANUS
+from haustra.models.wall.surroundings import breath, envelope_force
 from haustra.models.wall.unfolding import aside, span
 from haustra.models.wall.vectors import add, between, cross, dot, minus, norm, times, unit_rate
 
@@ -602,14 +606,20 @@ def _step_axis(
     force: Any,
     damping: Any,
     h: float,
+    time: Any,
+    found: Any,
+    way: Any,
 ) -> None:
-    """One time step of the axes of these worlds, in place."""
+    """One time step of the axes of these worlds, in place, that begins at those times [s].
+
+    Partners of nodes are found anew where loops may have come nearer, since that was done, by `way`.
+    """
     _shape(own, worlds, pose, shape)
     count = pose.shape[1]
     pulled, couples, torque = np.empty((1, count, 3)), np.empty((count, 3, 3)), np.empty(count)
     gripped, gripped_turn = np.empty(count), np.empty(count)
     flattened, leaning = np.empty(count), np.empty(count)
-    diagonal, tie = np.empty(count), np.empty(count)
+    diagonal, tie, braked = np.empty(count), np.empty(count), np.zeros(count)
     for world in worlds:
         pulled[:], couples[:], gripped[:], gripped_turn[:] = 0.0, 0.0, 0.0, 0.0
         flattened[:], leaning[:] = 0.0, 0.0
@@ -633,9 +643,19 @@ def _step_axis(
                         couples[node, i, j] += part * f[i] * held[j]
         _add_springs(own, world, shape, couples, pulled, torque)
         _lean(own, world, shape, flattened, leaning)
+        surrounded = own.walls[world, 1] > 0 or own.breaths[world, 1] > 0
+        drawn = breath(np, own.breaths[world, 1], time[world]) if surrounded else 0.0
+        if own.touch[world] > 0:
+            if way[world] >= MARGIN:
+                _look(own, world, pose, found)
+                way[world] = 0.0
+            _press_loops(own, world, pose, found, pulled, braked)
         for i in range(count):
-            at = _node(pose, world, i)
-            _put_more(pulled, 0, i, times(gripped[i], _node(speed, world, i)))
+            at, pressed, stiffness = _node(pose, world, i), (0.0, 0.0, 0.0), 0.0
+            if surrounded:
+                pressed, stiffness = _enveloped(own, world, i, at, drawn)
+                at = add(at, times(drawn * own.sway[world, i], _node(own.body, world, 2)))
+            _put_more(pulled, 0, i, add(pressed, times(gripped[i], _node(speed, world, i))))
             _put_more(pulled, 0, i, hold_force(np, at, own.slack[world, i], own.hold[world, i], own.support[world, i]))
             diagonal[i] = node_resistance(
                 np,
@@ -644,7 +664,7 @@ def _step_axis(
                 own.hold[world, i],
                 own.support[world, i],
                 own.drag[world, i],
-                gripped[i],
+                gripped[i] + h * (stiffness + braked[i]),
                 h,
             )
         for i in range(count - 1):
@@ -665,6 +685,7 @@ def _step_axis(
             share = tie[i - 1] / diagonal[i - 1]
             diagonal[i] -= share * tie[i - 1]
             _put_more(pulled, 0, i, times(share, _node(pulled, 0, i - 1)))
+        fastest = 0.0
         for i in range(count - 1, -1, -1):
             right = _node(pulled, 0, i)
             if i + 1 < count:
@@ -672,7 +693,57 @@ def _step_axis(
             moving = times(1 / diagonal[i], right)
             _put(speed, world, i, moving)
             _put_more(pose, world, i, times(h, moving))
+            fastest = max(fastest, dot(moving, moving))
+        way[world] += nearer(np.sqrt(fastest), h)
         _turn_sections(own, world, pose, speed, shape, torque, gripped_turn, h)
+
+
+def _look(own: Any, world: int, pose: Any, found: Any) -> None:
+    """Find the partners of all nodes of a world (`haustra.models.wall.loops.partners`)."""
+    count = pose.shape[1]
+    places = np.empty((1, count, 3))
+    for i in range(count):
+        _put(places, 0, i, add(_node(own.nodes, world, i), _node(pose, world, i)))
+    for i in range(count):
+        here, best, most = _node(places, 0, i), np.inf, 0.0
+        for j in range(1, count, 2):
+            kept = own.girth[world, i] + own.girth[world, j]
+            if apart(i - j, own.spacing[world], kept):
+                near = nearness(_node(places, 0, j), here, kept)
+                if near < best:
+                    best, most, found[world, i] = near, kept, j
+        if best >= MARGIN * (2 * most + MARGIN):
+            found[world, i] = -1
+
+
+def _press_loops(own: Any, world: int, pose: Any, found: Any, pulled: Any, braked: Any) -> None:
+    """Add what loops do to each other to the forces on nodes; write what bounds its slope."""
+    last = pose.shape[1] - 1
+    braked[:] = 0.0
+    for i in range(last + 1):
+        at = found[world, i]
+        if at < 0:
+            continue
+        three = max(at - 1, 0), at, min(at + 1, last)
+        here = add(_node(own.nodes, world, i), _node(pose, world, i))
+        before = add(_node(own.nodes, world, three[0]), _node(pose, world, three[0]))
+        middle = add(_node(own.nodes, world, three[1]), _node(pose, world, three[1]))
+        after = add(_node(own.nodes, world, three[2]), _node(pose, world, three[2]))
+        shares, distance, way = contact(np, here, before, middle, after)
+        kept = own.girth[world, i] + own.girth[world, at]
+        force, slope = touch_force(np, distance, kept, own.touch[world] / 2)
+        _put_more(pulled, 0, i, times(force, way))
+        braked[i] += 2 * slope
+        for part in range(3):
+            _put_more(pulled, 0, three[part], times(-shares[part] * force, way))
+            braked[three[part]] += 2 * shares[part] * slope
+
+
+def _enveloped(own: Any, world: int, node: int, place: Any, drawn: float) -> Any:
+    """Force of the envelope on a node, and a bound of its slope, with so much of a breath in."""
+    body = _node(own.body, world, 0), _node(own.body, world, 1), _node(own.body, world, 2)
+    walls = own.walls[world, 0], own.walls[world, 1]
+    return envelope_force(np, place, body, own.room[world, node], walls, drawn * own.breaths[world, 0])
 
 
 def _lean(own: Any, world: int, shape: Any, flattened: Any, leaning: Any) -> None:
@@ -780,7 +851,7 @@ def loops() -> Loops:
 
     overload(vectors.where)(lambda xp, condition, yes, no: lambda xp, condition, yes, no: yes if condition else no)
     own = (_node, _put, _put_more, _turn, _put_turn, _section, _cells, _rest_closing, _node_between, _edge_rate)
-    own = (*own, _rates, _add_springs, _lean, _turn_sections, _spread)
+    own = (*own, _rates, _add_springs, _lean, _turn_sections, _spread, _enveloped, _press_loops, _look)
     entries = (
         _query,
         _query_moved,
@@ -795,7 +866,8 @@ def loops() -> Loops:
         _lift,
     )
     entries = (*entries, _unfold, contact_solver.solve)
-    laws = (*vectors.PARTS, *law.PARTS, *lumen_table.PARTS, *sections.PARTS, *moving_colon.PARTS)
+    laws = (*vectors.PARTS, *law.PARTS, *lumen_table.PARTS, *sections.PARTS, *surroundings.PARTS, *loops_law.PARTS)
+    laws = (*laws, *moving_colon.PARTS)
     laws = (*laws, *plane_pose.PARTS, *indentation.PARTS, *unfolding.PARTS)
     laws = (*laws, *own, *entries[:-1])
     # Products may be added at once; sums keep their order, or code from the cache would round as no other does.
@@ -805,8 +877,8 @@ def loops() -> Loops:
     for part, how in each:
         plain = unwrap(part)  # of what checks types at run time
         overload(part, strict=False, jit_options=how)(lambda *_, plain=plain: plain)
-    modules = vectors, law, lumen_table, sections, moving_colon, plane_pose, planes, contact_solver
-    modules = (*modules, indentation, unfolding)
+    modules = vectors, law, lumen_table, sections, surroundings, loops_law, moving_colon, plane_pose, planes
+    modules = (*modules, contact_solver, indentation, unfolding)
     files = [Path(str(module.__file__)) for module in modules]
     version = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 

@@ -16,6 +16,8 @@ from haustra.assets import asset
 from haustra.models.anatomy.colon import ColonSegment
 from haustra.models.wall import sections, vectors
 from haustra.models.wall.abdomen import DOWN, FALL, Abdomen, turned_weight
+from haustra.models.wall.loops import girths
+from haustra.models.wall.surroundings import UNBOUND, rooms, swayed
 from haustra.quantity import load_quantities
 
 NODE_SPACING = 0.01
@@ -71,10 +73,34 @@ class Mesentery(NamedTuple):
     """(nodes,) damping of that turning [N m s]."""
     load: Any
     """(nodes, 3) constant forces: weight, and what presses on the belly [N]."""
+    room: Any
+    """(nodes, 6) how far a node moves before the envelope presses on it, to each of `surroundings.SIDES` [m]."""
+    sway: Any
+    """(nodes,) how far a whole breath moves what a node hangs on towards the feet [m]."""
+    body: Any
+    """(3, 3) the patient's directions: to the left, to the back and to the head."""
+    walls: Any
+    """(2,) stiffness of the envelope at the front and elsewhere, for a node [N/m]; 0 without an envelope."""
+    breaths: Any
+    """(2,) how far breath moves the envelope's wall at the head [m], and breaths a second [1/s]; 0 without breath."""
+    girth: Any
+    """(nodes,) from the axis to where other loops touch the colon [m]."""
+    touch: Any
+    """Stiffness of loops against each other, for a node [N/m]: one number, or one a colon; 0 if they do not touch."""
     pleating: Any
     """Stiffness in compression over that in tension [1]: one number, or one a colon."""
     spacing: Any
     """Arc length between nodes [m]: one number, or one a colon."""
+
+    @property
+    def surrounded(self) -> bool:
+        """Whether there is an envelope or breath (`haustra.models.wall.surroundings`)."""
+        return bool(np.any(self.walls) or np.any(self.breaths))
+
+    @property
+    def touching(self) -> bool:
+        """Whether loops touch each other (`haustra.models.wall.loops`)."""
+        return bool(np.any(self.touch))
 
 
 def hang(
@@ -135,6 +161,9 @@ def hang(
     torsion = numbers["mesentery.torsion"] * 2 / 3 * stretch * tube_radius**2 / 2 / spacing
     hold[0] += numbers["mesentery.anus"]
     closings = _closings(tangents, lengths)
+    walls = np.array([numbers[f"mesentery.envelope.{side}"] for side in ("front", "firm")]) * spacing
+    outer = tube_radius + thickness
+    breaths = np.array([numbers["mesentery.breath.excursion"], numbers["mesentery.breath.rate"]])
     return Mesentery(
         nodes=nodes,
         tangents=tangents,
@@ -153,6 +182,13 @@ def hang(
         upright=upright,
         turn_drag=drag * tube_radius**2,
         load=turned_weight(around.posture, weight) + hand[:, None] * np.array(DOWN["supine"]),
+        room=rooms(nodes, outer, numbers["mesentery.envelope.margin"]),
+        sway=swayed(nodes, breaths[0]) * around.breathing,
+        body=np.eye(3),
+        walls=walls * around.envelope,
+        breaths=breaths * around.breathing,
+        girth=girths(nodes, outer, spacing) if around.loops_touch else outer,
+        touch=np.float64(numbers["mesentery.touch"] * spacing * around.loops_touch),
         pleating=np.float64(numbers["mesentery.pleating"]),
         spacing=np.float64(spacing),
     )
@@ -207,6 +243,7 @@ def seen_from(own: Mesentery, origin: Float[np.ndarray, "3"], axes: Float[np.nda
         ways=np.hstack([own.ways[:, :1], own.ways[:, 1:] @ axes]),
         closings=own.closings @ axes,
         load=own.load @ axes,
+        body=own.body @ axes,
     )
 
 
@@ -244,4 +281,7 @@ def _filled(own: Mesentery, more: int) -> Mesentery:
         upright=grown(own.upright, float(own.upright[-1])),
         turn_drag=grown(own.turn_drag, float(own.turn_drag[0])),
         load=grown(own.load, 0.0),
+        room=grown(own.room, UNBOUND),
+        sway=grown(own.sway, 0.0),
+        girth=grown(own.girth, 0.0),
     )

@@ -17,6 +17,7 @@ import numpy as np
 
 from haustra.models.wall import lumen_table as table
 from haustra.models.wall import vectors
+from haustra.models.wall.loops import touching
 from haustra.models.wall.lumen_table import Tables, WallQuery
 from haustra.models.wall.mesentery import Mesentery
 from haustra.models.wall.sections import (
@@ -43,6 +44,7 @@ from haustra.models.wall.sections import (
     twist,
     twisted,
 )
+from haustra.models.wall.surroundings import breath, envelope_energy, envelope_force, hung
 from haustra.models.wall.vectors import Vector, add, between, cross, dot, minus, norm, stacked, times, unit_rate, where
 
 Array: TypeAlias = Any
@@ -406,6 +408,9 @@ def step_axis(
     force: Array,
     damping: Array,
     h: Array,
+    *,
+    time: Array | None = None,
+    found: Array | None = None,
 ) -> AxisDisplacement:
     """One time step.
 
@@ -417,6 +422,8 @@ def step_axis(
         force: on the wall there, at the end of the step as the device sees it (worlds, points, 3) [N].
         damping: of each contact along its normal, and at least that across it (worlds, points, 2) [N s/m].
         h: time step [s].
+        time: of each world, where there is an envelope or breath around the colon (worlds,) [s].
+        found: partners of nodes (worlds, nodes), where loops touch (`haustra.models.wall.loops.partners`).
     """
     inside = grip.arcs > 0
     force, damping = (xp.where(inside[..., None], part, 0.0) for part in (force, damping))
@@ -427,10 +434,11 @@ def step_axis(
     leans = lean_grip(xp, vectors.of(force), pressed, damping[..., 1])
     parts = resists, resists * square, pressed * square, leans * square
     gripped, gripped_turn, flattened, leaning = (_onto_nodes(xp, own, cell, part) for part in parts)
-    springs, turning, shape = _forces(xp, own, displacement.pose, couples)
+    around = _surroundings(xp, own, displacement.pose, time, found)
+    springs, turning, shape = _forces(xp, own, displacement.pose, couples, around)
     pulled = _onto_nodes(xp, own, cell, force) + springs + gripped[..., None] * displacement.speed[..., :3]
-    place = vectors.of(displacement.pose)
-    diagonal = node_resistance(xp, place, own.slack, own.hold, own.support, own.drag, gripped, h)
+    diagonal = node_resistance(xp, around.hung, own.slack, own.hold, own.support, own.drag, gripped, h)
+    diagonal = diagonal + h * around.stiffness
     stiff = bend_stiffness(xp, own.bending, shape.sums) + own.upright
     tie, along = edge_resistance(xp, shape.lengths, own.lengths, own.tension, stiff[:, :-1], stiff[:, 1:], h)
     leaning = lean_resistance(leaning + _flattening(xp, own, shape, flattened), shape.sums)
@@ -464,7 +472,9 @@ def _after(xp: Any, pose: Array, speed: Array, shape: AxisShape, time: Any) -> A
     return xp.concatenate([moved, xp.stack([turn[0], *turn[1]], axis=-1)], axis=-1)
 
 
-def spring_forces(xp: Any, own: Mesentery, pose: Array, couples: Array) -> tuple[Array, Array]:
+def spring_forces(
+    xp: Any, own: Mesentery, pose: Array, couples: Array, time: Array | None = None, found: Array | None = None
+) -> tuple[Array, Array]:
     """Forces of the axis, its mesentery, its load and what turns cross-sections on the nodes, and torques about it.
 
     Args:
@@ -472,14 +482,52 @@ def spring_forces(xp: Any, own: Mesentery, pose: Array, couples: Array) -> tuple
         own: of each world.
         pose: of the nodes (worlds, nodes, 7).
         couples: sums of f v^T of forces on vectors from each node's axis to the wall (worlds, nodes, 3, 3) [N m].
+        time: of each world, where there is an envelope or breath (worlds,) [s].
+        found: partners of nodes (worlds, nodes), where loops touch.
 
     Returns:
         Forces (worlds, nodes, 3) [N], and torques about the tangents (worlds, nodes) [N m].
     """
-    return _forces(xp, own, pose, couples)[:2]
+    return _forces(xp, own, pose, couples, _surroundings(xp, own, pose, time, found))[:2]
 
 
-def _forces(xp: Any, own: Mesentery, pose: Array, couples: Array) -> tuple[Array, Array, AxisShape]:
+class _Surroundings(NamedTuple):
+    """What lies around nodes (worlds, nodes)."""
+
+    hung: Vector
+    """How far they are from what they hang on [m]."""
+    force: Vector
+    """Force of the envelope and of other loops [N]."""
+    stiffness: Array
+    """Bound of that force's slope [N/m]."""
+    energy: Array
+    """Energy of that force [J]."""
+
+
+def _surroundings(xp: Any, own: Mesentery, pose: Array, time: Array | None, found: Array | None) -> _Surroundings:
+    around = _outside(xp, own, pose, time)
+    if found is None:
+        return around
+    force, stiffness, stored = touching(xp, own, pose, found)
+    both = add(around.force, vectors.of(force))
+    return _Surroundings(around.hung, both, around.stiffness + stiffness, around.energy + stored)
+
+
+def _outside(xp: Any, own: Mesentery, pose: Array, time: Array | None) -> _Surroundings:
+    place, none = vectors.of(pose), xp.zeros_like(pose[..., 0])
+    if time is None:
+        return _Surroundings(place, (none, none, none), none, none)
+    left, back, head = (vectors.of(own.body[:, i, None, :]) for i in range(3))
+    drawn = breath(xp, own.breaths[:, 1], time)[:, None]
+    walls = own.walls[:, 0, None], own.walls[:, 1, None]
+    room = tuple(own.room[..., side] for side in range(6))
+    envelope = place, (left, back, head), room, walls, drawn * own.breaths[:, 0, None]
+    return _Surroundings(hung(xp, own, place, time), *envelope_force(xp, *envelope), envelope_energy(xp, *envelope))
+
+
+def _forces(
+    xp: Any, own: Mesentery, pose: Array, couples: Array, around: _Surroundings
+) -> tuple[Array, Array, AxisShape]:
     shape = shape_of(xp, own, pose)
     tangents = vectors.of(shape.tangents)
     rows = vectors.of(couples[..., 0, :]), vectors.of(couples[..., 1, :]), vectors.of(couples[..., 2, :])
@@ -507,7 +555,7 @@ def _forces(xp: Any, own: Mesentery, pose: Array, couples: Array) -> tuple[Array
     tension = edge_tension(xp, shape.lengths, own.lengths, own.tension, own.pleating[:, None])
     tension = tension - shortening
     pull = stacked(xp, minus(times(tension, units), unit_rate(units, shape.lengths, over_units)))
-    held = stacked(xp, hold_force(xp, vectors.of(pose), own.slack, own.hold, own.support))
+    held = stacked(xp, add(hold_force(xp, around.hung, own.slack, own.hold, own.support), around.force))
     return held + own.load + _from_edges(xp, pull), turning, shape
 
 
@@ -561,8 +609,12 @@ def solve_tridiagonal(xp: Any, below: Array, diagonal: Array, above: Array, righ
     return right / diagonal[..., None]
 
 
-def energy(xp: Any, own: Mesentery, pose: Array) -> Array:
-    """Stored in the axis, its mesentery and its load (worlds,) [J]."""
+def energy(xp: Any, own: Mesentery, pose: Array, time: Array | None = None, found: Array | None = None) -> Array:
+    """Stored in the axis, its mesentery and its load, at a time [s] in its surroundings, with partners between loops.
+
+    Returns:
+        (worlds,) [J].
+    """
     shape, place = shape_of(xp, own, pose), pose[..., :3]
     strain = shape.lengths / own.lengths - 1
     tension = xp.where(strain > 0, own.tension, own.tension * own.pleating[:, None])
@@ -571,10 +623,12 @@ def energy(xp: Any, own: Mesentery, pose: Array) -> Array:
     along = along + own.tension * own.lengths / 3 * (0.5 * left**2 + 1 / left - 1.5)
     change = norm(xp, vectors.of(shape.units[:, 1:] - shape.units[:, :-1]))
     bent = own.bending[:, 1:-1] * _bend_energy(xp, change, own.turns[:, 1:-1])
-    moved = norm(xp, vectors.of(place))
+    around = _surroundings(xp, own, pose, time, found)
+    moved = norm(xp, around.hung)
     held = 0.5 * own.hold * xp.maximum(moved - own.slack, 0.0) ** 2 + 0.5 * own.support * moved**2
     wound = own.torsion * _twist_energy(xp, _twists(xp, own, shape)[0])
     held = held + own.upright * _twist_energy(xp, _upright(xp, own, shape)[0]) - (own.load * place).sum(-1)
+    held = held + around.energy
     return along.sum(axis=1) + bent.sum(axis=1) + held.sum(axis=1) + wound.sum(axis=1)
 
 

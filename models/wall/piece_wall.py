@@ -13,15 +13,12 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from haustra.models.wall import lumen_table, moving_colon, vectors
-from haustra.models.wall.compiled import loops
 from haustra.models.wall.law import WallContact, apply_contact, soft_contact
-from haustra.models.wall.moving_colon import AxisDisplacement, AxisShape
 from haustra.models.wall.pieces.wall import Wall
 from haustra.models.wall.plane_pose import moving_contact
 from haustra.models.wall.planes import Sample, add_sphere
 from haustra.models.wall.table_wall import SLIP_SPEED, TableLook
 
-_ONE = np.zeros(1, int)
 """Number of the only world."""
 
 BLOCK = "wall/block_"
@@ -170,8 +167,7 @@ class PieceWall:
 
     def resume(self, other: "PieceWall") -> None:
         """Take over where the same colon has moved to in another scene."""
-        if self._moved is not None and other._moved is not None:
-            self._moved.pose[:], self._moved.speed[:] = other._moved.pose, other._moved.speed
+        self._look.resume(other._look)
 
     def update(self, data: mujoco.MjData) -> None:
         """Put the blocks where the colon is now; to be called before every step."""
@@ -180,7 +176,6 @@ class PieceWall:
         ahead = moving_colon.carried_on(np, self._own, self._moved, self._ahead)
         both = np.concatenate([self._moved.pose, ahead])
         shape = moving_colon.shape_of(np, self._own, both)
-        self._shape = AxisShape(*(part[:1] for part in shape))
         points, arcs = (np.repeat(part[None], 2, axis=0) for part in (self._blocks.places, self._blocks.arcs))
         self._poses, self._turns = moving_colon.section_poses(np, self._axis, both, shape, points, arcs)
         data.mocap_pos[self._mocap], data.mocap_quat[self._mocap] = self._poses[0], self._turns[0]
@@ -215,9 +210,9 @@ class PieceWall:
         step_once(self._model, data, self._sphere_of >= 0, amend=self._take_along)
         self._seen = data
         if self._moved is not None:
-            self._give_way(data, self._moved)
+            self._give_way(data)
 
-    def _give_way(self, data: mujoco.MjData, moved: AxisDisplacement) -> None:
+    def _give_way(self, data: mujoco.MjData) -> None:
         """Let the colon move under the contacts of the step that was made."""
         contact, h = data.contact, self._model.opt.timestep
         rows, block = contact.efc_address, self._block_of[contact.geom[:, 1]]
@@ -236,7 +231,7 @@ class PieceWall:
         lever = np.einsum("cji,cj->ci", turned, contact.pos[on] - data.mocap_pos[self._mocap[block]])
         lever += self._levers[block]
         arcs = self._blocks.arcs[block]
-        loops().step_axis(self._own, _ONE, *moved, self._shape, arcs[None], lever[None], force[None], damping[None], h)
+        self._look.move((arcs, lever, force, damping), h)
 
     def _find_blocks(self) -> None:
         model, blocks = self._model, self._blocks

@@ -16,6 +16,7 @@ from haustra.models.wall import contact_solver
 from haustra.models.wall.compiled import loops
 from haustra.models.wall.elasticity import ELASTICITIES, LINEAR, stored_energy
 from haustra.models.wall.law import SLIP_SPEED, WallContact, contact_parameters
+from haustra.models.wall.loops import MARGIN
 from haustra.models.wall.lumen_table import LumenTable, Tables, pick, stack
 from haustra.models.wall.mesentery import Mesentery
 from haustra.models.wall.moving_colon import AT_REST, POSE, AxisDisplacement, AxisShape
@@ -43,6 +44,9 @@ class TableWalls:
         """Which colon each world has."""
         self.displacement: AxisDisplacement | None = None
         """Where the axes are, for colons that move."""
+        self.time: Float[np.ndarray, " worlds"] = np.zeros(worlds)
+        """For how long axes have moved since they were at rest [s]: breath goes by it."""
+        self._way, self._partners = np.full(worlds, MARGIN), np.zeros((worlds, 0), int)
         if tables.mesentery is not None:
             nodes = tables.mesentery.nodes.shape[1]
 
@@ -51,6 +55,7 @@ class TableWalls:
 
             self.displacement = AxisDisplacement(zeros(nodes, POSE), zeros(nodes, 4))
             edges, flat = (zeros(nodes - 1, 3), zeros(nodes - 1)), (zeros(nodes), zeros(nodes, 3))
+            self._partners = np.full((worlds, nodes), -1)
             self._shape = AxisShape(*edges, zeros(nodes, 3), zeros(nodes), zeros(nodes, 4), zeros(nodes - 1, 3), *flat)
         self.begin(np.arange(worlds), self.colon, self.arcs)
         none = np.zeros(0, int)  # what is compiled is compiled before the first step
@@ -76,6 +81,7 @@ class TableWalls:
         self._tables = picked._replace(mesentery=None)
         if self.displacement is not None:
             self.displacement.pose[worlds], self.displacement.speed[worlds] = AT_REST, 0.0
+            self.time[worlds], self._way[worlds] = 0.0, MARGIN
 
     def look(self, worlds: Int[np.ndarray, " some"], points: Float[np.ndarray, "worlds spheres 3"]) -> None:
         """Find the wall next to the spheres of these worlds [m]."""
@@ -113,6 +119,13 @@ class TableWalls:
                 loops().query_moved(*about, points, found, rest, np.zeros(points.shape), lever, speed)
         return found
 
+    def resume(self, other: "TableWalls") -> None:
+        """Take over where the same colons have moved to in another scene."""
+        if self.displacement is not None and other.displacement is not None:
+            for mine, theirs in zip(self.displacement, other.displacement, strict=True):
+                mine[:] = theirs
+            self.time[:], self._way[:] = other.time, MARGIN
+
     def share_axis(self, other: "TableWalls") -> None:
         """Take the axes of other spheres of the same colons for one's own."""
         self.displacement = other.displacement
@@ -136,7 +149,20 @@ class TableWalls:
         if others:
             arcs = np.concatenate([arcs, *(other.arcs for other in others)], axis=1)
             lever = np.concatenate([lever, *(other.lever for other in others)], axis=1)
-        loops().step_axis(self._own, worlds, *self.displacement, self._shape, arcs, lever, force, damping, timestep)
+        self.move(worlds, (arcs, lever, force, damping), timestep)
+
+    def move(self, worlds: Int[np.ndarray, " some"], held: tuple[np.ndarray, ...], timestep: float) -> None:
+        """Let the axes of these worlds move for a step [s] where devices hold on to the wall.
+
+        Args:
+            worlds: which.
+            held: arc lengths [m], levers [m], forces on the wall [N] and damping [N s/m] there.
+            timestep: [s].
+        """
+        assert self.displacement is not None
+        moved = *self.displacement, self._shape
+        loops().step_axis(self._own, worlds, *moved, *held, timestep, self.time, self._partners, self._way)
+        self.time[worlds] += timestep
 
 
 class TableLook:
@@ -149,6 +175,14 @@ class TableLook:
         self._shift = model.geom_size[spheres, 0] - float(tables.device_radius[-1])
         self.axis: Tables = pick(tables, self._colon)
         """Tables of the colon that is looked up in."""
+
+    def move(self, held: tuple[np.ndarray, ...], timestep: float) -> None:
+        """Let its axis move for a step [s] (`TableWalls.move`)."""
+        self._walls.move(_ONE, tuple(part[None] for part in held), timestep)
+
+    def resume(self, other: "TableLook") -> None:
+        """Take over where the same colon has moved to in another scene."""
+        self._walls.resume(other._walls)
 
     @property
     def displacement(self) -> AxisDisplacement | None:
@@ -240,9 +274,7 @@ class TableWall:
 
     def resume(self, other: "TableWall") -> None:
         """Take over where the same colon has moved to in another scene."""
-        mine, theirs = self._walls.displacement, other._walls.displacement
-        if mine is not None and theirs is not None:
-            mine.pose[:], mine.speed[:] = theirs.pose, theirs.speed
+        self._walls.resume(other._walls)
 
     def update(self, data: mujoco.MjData) -> None:
         """Put the planes where the wall is now next to their spheres; to be called before every step."""

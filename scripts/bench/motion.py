@@ -1,5 +1,6 @@
 """How colons that move hold together while a scope is driven into them, and what the patient around them changes."""
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
@@ -12,12 +13,16 @@ from haustra.envs.control.follower import FollowerSettings
 from haustra.envs.runs.linear_insertion import run_linear_insertion
 from haustra.envs.runs.measure.scores import score
 from haustra.envs.runs.measure.surface import left_behind
+from haustra.envs.sim.linear.backend import LinearBackend
+from haustra.envs.sim.state import Controls
+from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.store import load_colon
 from haustra.models.devices.scope.library import named_design
-from haustra.models.scene import SceneOptions, build_scene
+from haustra.models.scene import SceneOptions, build_scene, entry_of
 from haustra.models.wall.abdomen import Abdomen
+from haustra.models.wall.lumen_table import lumen_table, stack
 from haustra.provenance import Provenance
 
 FIRST_SEED = 300_000
@@ -33,8 +38,16 @@ PATIENTS: Mapping[str, Mapping[str, Any]] = {
     "sigmoid adherent": {"abdomen": Abdomen(adhesions=("sigmoid",))},
     "a hand on the sigmoid": {"abdomen": Abdomen(pressed="sigmoid")},
     "gas let in up to 25 mmHg": {"gas": 3333.0},
+    "held in by an envelope": {"abdomen": Abdomen(envelope=True)},
+    "breathing": {"abdomen": Abdomen(breathing=True)},
+    "loops that touch": {"abdomen": Abdomen(loops_touch=True)},
+    "all three": {"abdomen": Abdomen(envelope=True, breathing=True, loops_touch=True)},
 }
 """What each colon is put into: options of the scene that differ from the usual."""
+NEIGHBOURS = ("held in by an envelope", "breathing", "loops that touch", "all three")
+"""Patients that cost a step something."""
+_WORLDS, _PUSH_RATE = (1, 128), 0.02
+"""Numbers of worlds whose steps are timed, and how fast scopes are pushed meanwhile [m/s]; engineering choice."""
 COMPARED = {
     "tip_arc_max_m": ("reach [m]", 3),
     "push_force_mean_N": ("mean push [N]", 2),
@@ -53,22 +66,31 @@ def bench_motion(
     colons: int,
     seconds: float,
     judged_every: float,
+    patients: Sequence[str] = (),
     others: Sequence[Path] = (),
     processes: int = 1,
     progress: Callable[[float, str], None] = lambda done, note: None,
 ) -> list[dict[str, Any]]:
-    """Drive an adult scope into held-out grown colons by the lumen follower, in each of the `PATIENTS`.
+    """Drive an adult scope into held-out grown colons by the lumen follower, in several of the `PATIENTS`.
 
     Args:
         colons: how many.
         seconds: of each run [s].
         judged_every: time between two surfaces that are judged [s].
+        patients: names of those beside the colon as imaged; all when none are given.
         others: folders of colons to run beside them, as imaged only.
         processes: that share the colons.
         progress: told runs done.
+
+    Raises:
+        InvalidOptionError: when a patient is not known.
     """
+    for name in patients:
+        if name not in PATIENTS:
+            raise InvalidOptionError(f"Patient '{name}' is not known. Known: {', '.join(PATIENTS)}.")
     jobs: list[tuple[int | Path, tuple[str, ...]]] = [(folder, (PLAIN,)) for folder in others]
-    jobs += [(FIRST_SEED + number, tuple(PATIENTS)) for number in range(colons)]
+    asked = (PLAIN, *patients) if patients else tuple(PATIENTS)
+    jobs += [(FIRST_SEED + number, asked) for number in range(colons)]
     with ProcessPoolExecutor(min(processes, len(jobs)), mp_context=get_context("spawn")) as pool:
         given = [pool.submit(_in_patients, *job, seconds, judged_every) for job in jobs]
         done = 0
@@ -97,6 +119,44 @@ def _run(colon: Colon, changed: Mapping[str, Any], seconds: float, judged_every:
     return {name: found[name] for name in _SCORED} | {"wall_clock_s": run.wall_clock}
 
 
+def step_costs(
+    patients: Sequence[str], *, worlds: Sequence[int] = _WORLDS, steps: int = 500, rounds: int = 15
+) -> dict[str, list[float]]:
+    """Processor time of a step in linear time over that of the colon as imaged, for each number of worlds.
+
+    Scopes are pushed into the first grown colon, all patients in turn, so that whatever else a machine does counts for
+    all alike; medians over rounds.
+
+    Args:
+        patients: names.
+        worlds: numbers of worlds; one is in double precision, more are in single precision.
+        steps: of each world in each round; fewer of many worlds.
+        rounds: how often each patient has its turn.
+    """
+    colon, found = grow_colon(seed=FIRST_SEED), {name: list[float]() for name in patients}
+    for count in worlds:
+        backends = {name: _pushed(colon, PATIENTS[name], count) for name in (PLAIN, *patients)}
+        at_once, still = max(steps // (1 if count == 1 else 4), 10), np.zeros(count)
+        asked = Controls(still + _PUSH_RATE, still, np.zeros((count, 4)))
+        took = {name: list[float]() for name in backends}
+        for _ in range(rounds):
+            for name, backend in backends.items():
+                begun = time.process_time()
+                backend.step(asked, at_once)
+                took[name].append(time.process_time() - begun)
+        for name in patients:
+            found[name].append(float(np.median(np.array(took[name]) / np.array(took[PLAIN]))))
+    return found
+
+
+def _pushed(colon: Colon, changed: Mapping[str, Any], worlds: int) -> LinearBackend:
+    options = SceneOptions(wall_law="table", mesentery=True, softening=worlds == 1, **changed)
+    scene = build_scene(colon, None, named_design(DESIGN), options, show_lumen=False)
+    own = {"device_radius": scene.cable.radius, "with_mesentery": True, "abdomen": options.abdomen}
+    tables = stack([lumen_table(colon, **own).seen_from(*entry_of(colon))])
+    return LinearBackend(scene, tables, worlds=worlds, real=np.float64 if worlds == 1 else np.float32)
+
+
 def soundness(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Whether surfaces held together, in all of these runs."""
     escaped = [row for row in rows if row["outcome"] == "escaped"]
@@ -119,7 +179,9 @@ def effects(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     found = []
     for name in PATIENTS:
         own = [row for row in rows if row["patient"] == name]
-        entry: dict[str, Any] = {"patient": name}
+        if not own:
+            continue
+        entry: dict[str, Any] = {"patient": name, "colons": len(own)}
         for key in COMPARED:
             more = np.array([row[key] - plain[row["colon"]][key] for row in own])
             half = float(t.ppf(0.975, len(more) - 1) * more.std(ddof=1) / np.sqrt(len(more))) if len(more) > 1 else 0.0

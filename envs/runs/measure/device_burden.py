@@ -35,6 +35,7 @@ class DeviceMeter:
         forces: Float[np.ndarray, "records bodies"],
         arcs: Float[np.ndarray, "records bodies"],
         displacement: Float[np.ndarray, "records nodes 7"] | None,
+        time: Float[np.ndarray, " records"],
     ) -> Float[np.ndarray, "records stations"]:
         """Pain at each station [1] (`haustra.models.injury.pain`).
 
@@ -42,11 +43,12 @@ class DeviceMeter:
             forces: of the wall on bodies [N].
             arcs: arc lengths of the bodies [m].
             displacement: of the nodes of the colon's axis; None where it is fixed.
+            time: of each record [s].
         """
         tension = pressed_tension(np.where(arcs > 0, forces, 0.0), self._width, self._length)
         wall, held = at_stations(tension, arcs, self._stations), np.zeros((len(forces), self._stations))
         if self._axis is not None and displacement is not None:
-            along, mesentery = axis_tensions(np, self._axis, displacement, self._node_radius)
+            along, mesentery = axis_tensions(np, self._axis, displacement, self._node_radius, time)
             along, held = (at_stations(part, self._node_arcs, self._stations) for part in (along, mesentery))
             wall = np.maximum(wall, along)
         return pain(np, wall, held)

@@ -68,8 +68,8 @@ class InjuryMeter:
         """What the colon bears.
 
         Args:
-            seen: readings of several records in the scene's coordinates: `link_forces`, `link_arcs`, `bend` and
-                `displacement` are used.
+            seen: readings of several records in the scene's coordinates: `time`, `link_forces`, `link_arcs`, `bend`
+                and `displacement` are used.
             pressure: of gas at each of `stations`, over that of the abdomen [Pa]; no gas when None.
         """
         load, arc = largest_load(np, seen, tip_links=self._tip_links, diameter=self._diameter, lengths=self._lengths)
@@ -78,7 +78,7 @@ class InjuryMeter:
         pressed, shear, wall = (at_stations(values, seen.link_arcs, len(self.stations)) for values in each)
         mesentery = np.zeros_like(wall)
         if self._axis is not None:
-            along, held = axis_tensions(np, self._axis, seen.displacement, self._node_radius)
+            along, held = axis_tensions(np, self._axis, seen.displacement, self._node_radius, seen.time)
             along, mesentery = (at_stations(part, self._node_arcs, len(self.stations)) for part in (along, held))
             wall = np.maximum(wall, along)
         if pressure is not None:

@@ -50,7 +50,7 @@ def largest_pain(
 
     Args:
         xp: numpy or jax.numpy.
-        seen: readings of worlds: `link_forces`, `link_arcs` and `displacement` are used.
+        seen: readings of worlds: `time`, `link_forces`, `link_arcs` and `displacement` are used.
         diameter: of the scope [m]: one number, or one a world.
         lengths: of the links [m].
         own: the axes of the worlds' colons; None where they are fixed.
@@ -60,7 +60,7 @@ def largest_pain(
     worst = _most(xp, pain(xp, wall, xp.zeros_like(wall)), seen.link_arcs)
     if own is None:
         return worst
-    hurts = pain(xp, *axis_tensions(xp, own, xp.asarray(seen.displacement), radius))
+    hurts = pain(xp, *axis_tensions(xp, own, xp.asarray(seen.displacement), radius, xp.asarray(seen.time)))
     arcs = xp.asarray(own.spacing)[..., None] * np.arange(hurts.shape[-1])
     held = _most(xp, hurts, xp.broadcast_to(arcs, hurts.shape))
     return xp.maximum(worst[0], held[0]), xp.where(held[0] > worst[0], held[1], worst[1])

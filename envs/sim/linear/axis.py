@@ -1,8 +1,10 @@
 """A colon that moves on its mesentery, in programs: the laws of `haustra.models.wall.moving_colon`, node by node."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from haustra.envs.sim.linear.layout import AXIS, CELL_ALONE, NODE, NODE_ROOM, PRESS, WORLD, Layout
+from haustra.envs.sim.linear.layout import CELL_ALONE, LOOP_ROOM, NODE, NODE_ROOM, PRESS, WORLD, Layout
+from haustra.envs.sim.linear.loops import Loops
 from haustra.envs.sim.linear.memory import Lanes, Rows
 from haustra.envs.sim.linear.sweep import Before, NodeNumbers, NodeRows, Nodes, along, in_turn, kept_numbers
 from haustra.envs.sim.linear.trace import Changing, Program, Value
@@ -44,6 +46,7 @@ from haustra.models.wall.sections import (
     twist,
     twisted,
 )
+from haustra.models.wall.surroundings import SIDES, breath, envelope_force
 from haustra.models.wall.vectors import Vector, add, between, cross, dot, minus, norm, times, unit_rate
 
 _CLOSING, _LENGTH, _SECTION, _SPIN, _FLAT_RATE, _ACROSS_RATE = 0, 3, 4, 12, 15, 16
@@ -91,7 +94,7 @@ class Axis:
         """
         self.program, self.layout, self.nodes = program, layout, layout.nodes
         state, self._world, room = arrays
-        apart = (NODE, NODE_ROOM) if layout.abreast == 1 else (1, 1)
+        apart = (NODE, NODE_ROOM, LOOP_ROOM) if layout.abreast == 1 else (1, 1, 1)
         self._state = NodeNumbers(state, layout.node_state, apart[0])
         self._room, self._rows_of_cells = room, layout.abreast > 1
         self._cells: Any = NodeNumbers(room, layout.node_slot, apart[1])
@@ -103,7 +106,10 @@ class Axis:
             self._pressed = NodeRows(room, layout.press_room + ahead * PRESS, PRESS // 4)
             self._moving = NodeNumbers(room, layout.node_slot, 1)
         self._rows, self._first_row = rows, {}
+        self._time = lambda: state.load(layout.time)
         self._tables, self._stations = tables
+        looping = NodeNumbers(room, layout.loop_slot, apart[2])
+        self.loops = Loops(program, layout, looping, self._now, self._row) if layout.touching else None
 
     def shape(self, reached: Value) -> Value:
         """Find how the axes lie and their sections go along, and let nothing press on them.
@@ -261,6 +267,8 @@ class Axis:
             beyond: from which node on nothing presses (`shape`).
         """
         start = self._now(self._at(0))
+        if self.loops:
+            self.loops.press()
         with self.program.side_by_side(self.layout.abreast):
             self._outwards(start, h, beyond)
             self._back(h, fastest, limit)
@@ -281,6 +289,7 @@ class Axis:
         bends, lower, shortened, pulls = (Before(program, *[0.0] * count) for count in (3, 3, 1, 3))
         closes, leant, leaning = Before(program, 0.0), Before(program, 0.0), Before(program, 0.0)
         moved, spun = kept_numbers(program, *[0.0] * 5), kept_numbers(program, *[0.0] * 3)
+        around = self._surroundings()
         with along(program, self.nodes, 1, self.nodes + 3) as i:
             node, cell, own = i.back(1), i.back(2), i.back(3)
             self._state.fetch(i.first + 2, 0, POSE)
@@ -364,7 +373,14 @@ class Axis:
                 held.now = *add(pushed, times(gripped, speed)), resisted, resisted * self._state.load(own, _TURNING)
             place, drag = self._state.vector(own, 0), self._number(own, "drag")
             springs = self._number(own, "slack"), self._number(own, "hold"), self._number(own, "support")
-            force = add(add(held.now[:3], self._vector(own, "load")), hold_force(xp, place, *springs))
+            force = add(held.now[:3], self._vector(own, "load"))
+            if around:
+                place, pressed, stiffness = around(own, place)
+                force, gripped = add(force, pressed), gripped + h * stiffness
+            if self.loops:
+                pressed, stiffness = self.loops.of(own)
+                force, gripped = add(force, pressed), gripped + h * stiffness
+            force = add(force, hold_force(xp, place, *springs))
             force = add(force, minus(pull, pulls(*pull)))
             resists = node_resistance(xp, place, *springs, drag, gripped, h)
             found = in_turn(program, _eliminated, moved, (resists, tie, *force))
@@ -378,7 +394,7 @@ class Axis:
     def _back(self, h: float, fastest: Any, limit: float) -> None:
         """Velocities of node before node, and where they take it."""
         program, xp = self.program, self.program.xp
-        beyond, worst = kept_numbers(program, *[0.0] * 4), program.variable(0.0)
+        beyond, worst, square = kept_numbers(program, *[0.0] * 4), program.variable(0.0), program.variable(0.0)
         with along(program, self.nodes, 0, self.nodes, backwards=True) as i:
             self._state.fetch(i.first - 3, 0, POSE)
             self._moving.fetch(i.first - 3, _MOVING, 6)
@@ -389,10 +405,14 @@ class Axis:
             for value in speed:
                 size = xp.where(i.each < self.nodes, xp.abs(value), 0.0)
                 worst.value = xp.where(size < limit, worst.value, size)
+            if self.loops:
+                square.value = xp.maximum(xp.where(i.each < self.nodes, dot(speed, speed), 0.0), square.value)
             turn = self._turn(i)
             turn = twisted(turn, turned(*turn, self._vector(i, "tangent")), h * speed[3])
             place = add(self._state.vector(i, 0), times(h, speed[:3]))
             self._state.put(i, 0, (*place, turn[0], *turn[1], *speed))
+        if self.loops:
+            self.loops.moved(square.value, h)
         for value in program.apart(worst.value):
             fastest.value = xp.where(value < limit, fastest.value, value)
 
@@ -428,10 +448,29 @@ class Axis:
         xp, at = self.program.xp, self._at(node)
         place, names = self._state.vector(at, 0), ("length", "tension", "slack", "hold", "support")
         rest, tension, slack, hold, support = (self._number(at, name) for name in names)
+        if around := self._surroundings():
+            place = around(at, place)[0]
         lengths = norm(xp, minus(self._now(at.back(-1)), self._now(at))), rest
         along = axial_tension(xp, *lengths, tension, self._of_world("pleating"), radius)
         held = mesentery_tension(xp, place, slack, hold, support, self._of_world("spacing"))
         return xp.where(node < self.nodes - 1, along, 0.0), held
+
+    def _surroundings(self) -> Callable[[Nodes, Vector], tuple[Vector, Vector, Value]] | None:
+        """What says of nodes how far they are from what they hang on, what the envelope does, and how stiffly."""
+        if not self.layout.surrounded:
+            return None
+        xp, first = self.program.xp, self.program.index(0)
+        left, back, head = (self._row_vector(first, name) for name in ("left", "back", "head"))
+        front, firm, dome = (self._row(first, name) for name in ("front", "firm", "dome"))
+        drawn = breath(xp, self._row(first, "breaths"), self._time())
+        start = self.layout.columns.index("room")
+
+        def around(at: Nodes, place: Vector) -> tuple[Vector, Vector, Value]:
+            room = tuple(self._read(at.within, start + side) for side in range(len(SIDES)))
+            force, stiffness = envelope_force(xp, place, (left, back, head), room, (front, firm), drawn * dome)
+            return add(place, times(drawn * self._number(at, "sway"), head)), force, stiffness
+
+        return around
 
     def _at(self, node: Any) -> Nodes:
         return Nodes.at(self.program, self.program.index(node), self.nodes)
@@ -459,7 +498,7 @@ class Axis:
 
     def _way(self, at: Nodes) -> Turn:
         """Brings the direction at rest of a node to that of the next."""
-        column = AXIS.index("way")
+        column = self.layout.columns.index("way")
         x, y, z = (self._read(at.within, column + 1 + i) for i in range(3))
         return self._read(at.within, column), (x, y, z)
 
@@ -485,10 +524,10 @@ class Axis:
         return self._row_vector(at.within, name)
 
     def _row(self, node: Value, name: str) -> Value:
-        return self._read(node, AXIS.index(name))
+        return self._read(node, self.layout.columns.index(name))
 
     def _row_vector(self, node: Value, name: str) -> Vector:
-        column = AXIS.index(name)
+        column = self.layout.columns.index(name)
         return self._read(node, column), self._read(node, column + 1), self._read(node, column + 2)
 
     def _read(self, node: Value, column: int) -> Value:

@@ -13,7 +13,7 @@ from haustra.envs.sim.conditions import Conditions, Snapshot
 from haustra.envs.sim.gas import RunGas
 from haustra.envs.sim.linear.compile import Driver, lanes_of
 from haustra.envs.sim.linear.dual import with_slopes
-from haustra.envs.sim.linear.layout import AXIS, LEAST, NODE, SEEN, WORLD, seen_slot
+from haustra.envs.sim.linear.layout import LEAST, NODE, SEEN, WORLD, seen_slot
 from haustra.envs.sim.linear.pack import pack_axis, pack_design, pack_tables, structure_of
 from haustra.envs.sim.linear.place import CpuPlace, GpuPlace, Place
 from haustra.envs.sim.link_places import link_arcs, middle_spheres
@@ -130,13 +130,17 @@ class LinearBackend(AbstractBackend):
         moving = tables.mesentery
         nodes = 0 if moving is None else moving.nodes.shape[1]
         abreast = lanes_of(real) if worlds == 1 and device == "cpu" and not directions else 1
-        self._layout, self._coils = replace(structure.layout, nodes=nodes, abreast=abreast), structure.coils
+        around = {name: moving is not None and getattr(moving, name) for name in ("surrounded", "touching")}
+        self._layout = replace(structure.layout, nodes=nodes, abreast=abreast, **around)
+        self._coils = structure.coils
         self._places = int(structure.coils.max()) + 1
         self._first_link = seen_slot("coils") + 3 * self._places
         if scene.options.gas is not None and (worlds > 1 or len(tables.count) > 1 or directions):
             raise UnsupportedSceneError(
                 "The backend 'linear' honours scene.gas of one scope in one colon, without derivatives: leave gas out."
             )
+        if directions and around["touching"]:
+            raise UnsupportedSceneError("Derivatives leave out scene.abdomen.loops_touch: leave it out of the scene.")
         if directions and device != "cpu":
             raise InvalidOptionError("Derivatives are carried on a CPU only: leave the device out.")
         self.directions = directions
@@ -144,7 +148,7 @@ class LinearBackend(AbstractBackend):
         program: dict[str, Any] = {"real": real, "timestep": scene.options.timestep, "worlds": worlds}
         program |= {"threads": min(threads, worlds)} if device == "cpu" else {}
         program |= {"angles": tables.wall.shape[1], "one_design": not self._one_each, "moving": moving is not None}
-        program |= {"abreast": abreast} if abreast > 1 else {}
+        program |= {**around, **({"abreast": abreast} if abreast > 1 else {})}
         program |= {name: getattr(scene.options, name) for name in ("elasticity", "friction_rise")}
         program |= {"driver": driver, **({"directions": directions} if directions else {})}
         self._program = program
@@ -166,7 +170,7 @@ class LinearBackend(AbstractBackend):
             "structure": structure.numbers,
             "stations": stations,
             "wall": wall,
-            "axis": np.zeros((1, len(AXIS))) if moving is None else pack_axis(moving),
+            "axis": np.zeros((1, 1)) if moving is None else pack_axis(moving, self._layout.columns),
         }
         values |= {name: with_slopes(each, directions) for name, each in values.items() if self._has_slopes(name)}
         self._held = {name: self._place.hold(each) for name, each in values.items()}
@@ -329,7 +333,7 @@ class LinearBackend(AbstractBackend):
 
     def rehang(self, mesentery: Mesentery) -> None:
         """Give colons that move other mesenteries, of as many nodes; axes stay where they are."""
-        self._held["axis"].change()[:] = pack_axis(mesentery)
+        self._held["axis"].change()[:] = pack_axis(mesentery, self._layout.columns)
         for name in ("spacing", "pleating"):
             self.give(name, getattr(mesentery, name)[self._case])
 

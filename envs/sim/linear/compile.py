@@ -13,7 +13,7 @@ from llvmlite import ir
 
 from haustra.envs.sim.linear.alone import AloneProgram
 from haustra.envs.sim.linear.dual import DualLanes, DualProgram
-from haustra.envs.sim.linear.layout import AXIS, WORLD, Layout, seen_slot
+from haustra.envs.sim.linear.layout import WORLD, Layout, seen_slot
 from haustra.envs.sim.linear.memory import Lanes, Rows, Shared
 from haustra.envs.sim.linear.program import ARGUMENTS, COUNTS, ScopeProgram
 from haustra.envs.sim.linear.trace import INDEX, Program, Value
@@ -67,6 +67,8 @@ def write_program(
     angles: int,
     one_design: bool,
     moving: bool,
+    surrounded: bool = False,
+    touching: bool = False,
     wheels: bool = False,
     driver: Driver | None = None,
     directions: int = 0,
@@ -82,6 +84,8 @@ def write_program(
         angles: of the wall's table.
         one_design: whether all worlds have the same design; else each has its own.
         moving: whether colons move on their mesentery.
+        surrounded: whether those have an envelope or breath around them.
+        touching: whether their loops touch.
         wheels: whether hands ask for travel of wires, which are springs then, instead of pulls.
         driver: who decides what the hands ask for; None: that is given. `steps` of `COUNTS` are then decisions.
         directions: along how many the derivatives of all numbers are carried.
@@ -90,7 +94,7 @@ def write_program(
     """
     program, arrays, counts, (steps, row, first, last) = _begun(lanes, real, directions=directions)
     with program.loop(first, last) as block:
-        layout = Layout(*counts[:-1], wheels=wheels, abreast=abreast)
+        layout = Layout(*counts[:-1], wheels=wheels, abreast=abreast, surrounded=surrounded, touching=touching)
         own = _Worlds(program, arrays, (layout, counts[-1]), driver, block=block, stride=lanes, row=row)
         given = own.arrays(angles, one_design, moving, room_of_block=False)
         kind = ScopeProgram if abreast == 1 else AloneProgram
@@ -111,6 +115,8 @@ def write_kernel(
     angles: int,
     one_design: bool,
     moving: bool,
+    surrounded: bool = False,
+    touching: bool = False,
     wheels: bool = False,
     driver: Driver | None = None,
     **wall: Any,
@@ -127,7 +133,7 @@ def write_kernel(
     with program.when(world < worlds):
         lane = world % WARP
         place: dict[str, Any] = {"block": (world - lane) // WARP, "stride": WARP, "lane": lane, "row": row}
-        layout = Layout(*counts[:-1], wheels=wheels)
+        layout = Layout(*counts[:-1], wheels=wheels, surrounded=surrounded, touching=touching)
         own = _Worlds(program, arrays, (layout, counts[-1]), driver, **place)
         given = own.arrays(angles, one_design, moving, room_of_block=True)
         scopes = ScopeProgram(program, given, layout, counts[-1], timestep=timestep, **wall)
@@ -179,6 +185,7 @@ class _Worlds:
         self._program, self._arrays, self._block, self._stride, self._lane = program, arrays, block, stride, lane
         self._row = row
         layout, coils = counts
+        self._columns = len(layout.columns)
         self._sizes = {
             "state": layout.state,
             "worlds": program.index(len(WORLD)),
@@ -197,7 +204,7 @@ class _Worlds:
         own |= {name: self._of_rows(name) for name in ("asked", "told")}
         own["lookup"] = Shared(program, given["lookup"])
         tables = {"stations": Rows(program, given["stations"], 4), "wall": (Rows(program, given["wall"], 1), angles)}
-        return own | tables | {"axis": Rows(program, given["axis"], len(AXIS) // 4) if moving else None}
+        return own | tables | {"axis": Rows(program, given["axis"], self._columns // 4) if moving else None}
 
     def _lanes(self, name: str) -> Lanes:
         program, builder = self._program, self._program.builder

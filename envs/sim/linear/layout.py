@@ -31,6 +31,13 @@ AXIS = ("place", "y", "z", "turn", "tangent", "tangent_y", "tangent_z", "upright
         "support", "drag", "load", "load_y", "load_z", "turn_drag")  # fmt: skip
 """Numbers of each node of the axis of a colon that moves: a row of `haustra.models.wall.mesentery.Mesentery`."""
 
+AROUND = ("room", "room_front", "room_feet", "room_left", "room_back", "room_head", "sway", "front", "firm", "dome",
+          "breaths", "left", "left_y", "left_z", "back", "back_y", "back_z", "head", "head_y", "head_z")  # fmt: skip
+"""What is behind those where there is an envelope or breath; from 'front' on the same at all nodes of a colon."""
+
+LOOPS = ("girth", "touch", "between", "_")
+"""What is last where loops touch: thickness of each node for others, stiffness, spacing, and what fills a four."""
+
 STATION = 16
 """Numbers of a row of a colon's station: point and least radius, first normal and width, second normal, and tangent,
 each of four."""
@@ -51,6 +58,15 @@ class Layout:
     """Whether wheels steer, so that wires are springs."""
     abreast: int = 1
     """Nodes of one axis that stand side by side; their numbers then lie by what they are, and else by node."""
+    surrounded: bool = False
+    """Whether nodes feel an envelope or breath (`haustra.models.wall.surroundings`)."""
+    touching: bool = False
+    """Whether loops of the colon touch each other (`haustra.models.wall.loops`)."""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Numbers of each node of the axis at rest."""
+        return AXIS + (AROUND if self.surrounded else ()) + (LOOPS if self.touching else ())
 
     @property
     def speeds(self) -> Any:
@@ -105,6 +121,10 @@ class Layout:
         """Where a number of the nodes' rooms is counted from."""
         return self.node_room + self._of_number(number)
 
+    def loop_slot(self, number: int) -> Any:
+        """Where a number of the nodes' rooms for loops that touch is counted from."""
+        return self.loop_room + self._of_number(number)
+
     def _of_number(self, number: int) -> Any:
         return number if self.abreast == 1 else self.row * number + self.abreast
 
@@ -157,6 +177,11 @@ class Layout:
     @property
     def wire_room(self) -> Any:
         """`WIRE_ROOM` slots a joint, where wheels steer."""
+        return self.loop_room + (self.row * LOOP_ROOM if self.touching else 0)
+
+    @property
+    def loop_room(self) -> Any:
+        """`LOOP_ROOM` slots a node, or as many rows where nodes stand side by side, where loops touch."""
         if self.abreast == 1:
             return self.node_room + self.row * NODE_ROOM
         return self.press_scratch + self.abreast * PRESS
@@ -198,6 +223,8 @@ NODE_ROOM = 35
 """`haustra.envs.sim.linear.axis`."""
 NODE_ALONE, CELL_ALONE, PRESS = 6, 28, 16
 """Where nodes stand side by side: what of that is theirs, what spheres look up, and what these do to them."""
+LOOP_ROOM = 9
+"""`haustra.envs.sim.linear.loops`."""
 WIRE_ROOM = 2
 """`haustra.envs.sim.linear.wires`."""
 

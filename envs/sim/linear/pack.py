@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from haustra.envs.sim.linear.layout import AXIS, BODY, DOF, SCOPE, STATION, STRUCTURE, Layout
+from haustra.envs.sim.linear.layout import AROUND, AXIS, BODY, DOF, SCOPE, STATION, STRUCTURE, Layout
 from haustra.envs.sim.scope_reading import ScopeChain
 from haustra.envs.sim.scope_values import Scope
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
@@ -107,16 +107,23 @@ def pack_tables(tables: Tables, width: Any = 0.0) -> tuple[np.ndarray, np.ndarra
     return rows.reshape(-1, STATION), np.asarray(tables.wall)
 
 
-def pack_axis(own: Mesentery) -> Float[np.ndarray, "nodes columns"]:
+def pack_axis(own: Mesentery, columns: tuple[str, ...]) -> Float[np.ndarray, "nodes columns"]:
     """Rows of the nodes of stacked colons that move, one colon after the other.
 
+    Args:
+        own: the colons' axes.
+        columns: of the program (`Layout.columns`).
+
     Raises:
-        InvalidOptionError: when a mesentery holds NaN, which laws that take the larger of two numbers would pass over.
+        InvalidOptionError: when a mesentery holds NaN, which laws that take the larger of two numbers would pass over;
+            when it has neighbours that the program leaves out.
     """
+    if (own.surrounded and "room" not in columns) or (own.touching and "girth" not in columns):
+        raise InvalidOptionError("An envelope, breath or loops that touch cannot be added to colons: begin with them.")
     if any(np.isnan(part).any() for part in own):
         raise InvalidOptionError("A colon's mesentery holds what is no number: give it numbers.")
     colons, nodes = own.turns.shape
-    rows = np.zeros((colons, nodes, len(AXIS)))
+    rows = np.zeros((colons, nodes, len(columns)))
     rows[..., 0:3], rows[..., 4:7] = own.nodes, own.tangents
     for name, values in (("closing", own.closings), ("load", own.load)):
         first = AXIS.index(name)
@@ -128,4 +135,15 @@ def pack_axis(own: Mesentery) -> Float[np.ndarray, "nodes columns"]:
     rows[..., AXIS.index("width")] = own.widths
     rows[:, :-1, AXIS.index("way") :][..., :4] = own.ways
     rows[..., AXIS.index("turn")] = own.turns
-    return np.vstack([rows.reshape(-1, len(AXIS)), np.ones((1, len(AXIS)))])  # one more, that is read behind the last
+    if "room" in columns:
+        alike = np.concatenate([own.walls, own.breaths, own.body.reshape(colons, 9)], axis=1)
+        alike = np.broadcast_to(alike[:, None], (colons, nodes, alike.shape[1]))
+        around = np.concatenate([own.room, own.sway[..., None], alike], axis=2)
+        rows[..., columns.index("room") :][..., : len(AROUND)] = around
+    if "girth" in columns:
+        rows[..., columns.index("girth")] = own.girth
+        rows[..., columns.index("touch")], rows[..., columns.index("between")] = (
+            own.touch[:, None],
+            own.spacing[:, None],
+        )
+    return np.vstack([rows.reshape(-1, len(columns)), np.ones((1, len(columns)))])  # one more: read behind the last

@@ -202,6 +202,8 @@ class ScopeProgram:
                 put(layout.node_state(AT_REST.index(1.0)) + node * (NODE if layout.abreast == 1 else 1), 1.0)
             for slot in (1, layout.hand + 1):
                 put(slot, self.world("start_roll"))
+            if self.axis and self.axis.loops:
+                self.axis.loops.forget()
             self.ask("begins", 0.0)
 
     def advance(self, count: Any, going: Value | None = None) -> None:

@@ -22,6 +22,12 @@ bend's loop is empty, and the scope no longer follows the colon ([known limits](
 """
 
 
+_COSTS = """
+Processor time of a step in linear time over that of the colon as imaged, one core, scopes pushed in; other patients are
+numbers of the axis and cost nothing:
+"""
+
+
 def motion_page(measured: Mapping[str, Any]) -> str:
     """Markdown with a table of soundness for each kind of colon, and one of what patients change."""
     grown = [row for row in measured["runs"] if row["colon"].startswith("grown")]
@@ -61,12 +67,20 @@ def motion_page(measured: Mapping[str, Any]) -> str:
         _SAID,
         "## The patient around it\n",
         "Change against the same colon as it was imaged and without gas, mean over colons with its 95 % interval"
-        " (paired); **bold** where the interval leaves out 0.\n",
+        " (paired); **bold** where the interval leaves out 0. A number of colons stands where it is not all of them:"
+        " those runs were added later.\n",
         "| patient | " + " | ".join(words for words, _ in COMPARED.values()) + " |",
         "| --- |" + " --- |" * len(COMPARED),
     ]
-    for entry in effects(grown):
-        lines.append(f"| {entry['patient']} | " + " | ".join(_told(entry, name) for name in COMPARED) + " |")
+    found = effects(grown)
+    for entry in found:
+        fewer = f" ({entry['colons']} colons)" if entry["colons"] < found[0]["colons"] else ""
+        lines.append(f"| {entry['patient']}{fewer} | " + " | ".join(_told(entry, name) for name in COMPARED) + " |")
+    if costs := measured.get("costs"):
+        lines += [_COSTS, "| patient | one scope | 128 scopes |", "| --- | --- | --- |"]
+        lines += [
+            f"| {name} | " + " | ".join(f"{ratio:.2f}" for ratio in found) + " |" for name, found in costs.items()
+        ]
     return "\n".join(lines) + "\n"
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from haustra.fields import number, whole
+from haustra.fields import number, texts, whole
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,8 @@ class BenchMotion:
     """Time between two surfaces of a run that are judged [s]; each takes some half a second."""
     processes: int = whole(1, 1000, default=1)
     """Processes that share the colons."""
+    patients: tuple[str, ...] = texts(most=100, default=())
+    """Names of the patients that each grown colon is put into beside that as imaged; all when none are given."""
     others: tuple[Path, ...] = ()
     """Folders of other colons, run as they were imaged."""
     json: bool = field(default=False)
@@ -38,17 +40,19 @@ class BenchMotion:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
         from haustra.files import prepare_folder, write_atomically, write_json
-        from haustra.scripts.bench.motion import PATIENTS, bench_motion, effects, soundness
+        from haustra.scripts.bench.motion import NEIGHBOURS, PATIENTS, bench_motion, effects, soundness, step_costs
         from haustra.scripts.bench.pages.motion_page import motion_page
         from haustra.scripts.console import progress_bar
 
         folder = prepare_folder(self.output)
-        runs = len(PATIENTS) * self.colons + len(self.others)
+        runs = (1 + len(self.patients) if self.patients else len(PATIENTS)) * self.colons + len(self.others)
         asked: dict[str, Any] = {"colons": self.colons, "seconds": self.seconds, "judged_every": self.judged_every}
+        own: dict[str, Any] = {"patients": self.patients, "others": self.others, "processes": self.processes}
         with progress_bar("motion", runs, unit="runs") as advance:
-            rows = bench_motion(**asked, others=self.others, processes=self.processes, progress=advance)
+            rows = bench_motion(**asked, **own, progress=advance)
         grown = [row for row in rows if row["colon"].startswith("grown")]
-        result = {"soundness": soundness(rows), "effects": effects(grown), **asked, "runs": rows}
+        costs = step_costs([name for name in NEIGHBOURS if name in (self.patients or PATIENTS)])
+        result = {"soundness": soundness(rows), "effects": effects(grown), "costs": costs, **asked, "runs": rows}
         page = motion_page(result)
         write_atomically(folder / "motion.md", lambda temporary: temporary.write_text(page, encoding="utf-8"))
         write_json(folder / "motion.json", result)

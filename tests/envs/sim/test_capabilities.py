@@ -325,12 +325,15 @@ REFUSALS = {
     "scene.abdomen.posture": replace(
         OPTIONS, wall_law="table", mesentery=True, softening=False, abdomen=Abdomen(posture="left")
     ),
+    "scene.abdomen.loops_touch": replace(
+        OPTIONS, wall_law="table", mesentery=True, softening=False, abdomen=Abdomen(loops_touch=True)
+    ),
     "scene.softening": replace(OPTIONS, wall_law="table"),
     "scene.gas": replace(OPTIONS, wall_law="table", softening=False, gas=3333.0),
     "scene.elasticity": replace(OPTIONS, wall_law="table", softening=False, elasticity="exponential"),
     "scene.friction_rise": replace(OPTIONS, wall_law="table", softening=False, friction_rise=0.78),
 }
-AROUND = {f"scene.abdomen.{name}" for name in ("mobile", "adhesions", "pressed", "hand")}
+AROUND = {f"scene.abdomen.{name}" for name in ("mobile", "adhesions", "pressed", "hand", "envelope", "breathing")}
 """Fields of the patient around a colon that moves: `test_moving_native.py` beside this one."""
 WITH_GAS = {"scene.gas_flow", "scene.gas_start"}
 """Fields that count with gas: `test_gas.py` beside this one."""
@@ -408,7 +411,7 @@ def test_no_field_is_missing_from_the_table_and_none_has_gone() -> None:
     asked = _names(SceneOptions, SceneOptions(), "scene.") | design | _names(TaskConfig, TaskConfig(), "task.")
     inner = {path for path in asked if path.startswith("task.randomisation.")}
     asked |= _names(TrackedDesign, TrackedDesign(), "tracked.")
-    asked |= {f"device.{name}" for name in (*HONOURED, "treads")}
+    asked |= {f"device.{name}" for name in (*HONOURED, "abdomen.loops_touch", "treads")}
     asked = (asked - inner) | {path.removeprefix("task.") for path in inner} | {"task.randomisation"}
     assert named == asked
 

@@ -131,6 +131,10 @@ def test_spheres_with_a_law_of_their_own_keep_it_on_warp() -> None:
     ("changed", "named"),
     [
         ({"gas": 3333.0}, r"device\.gas = 3333\.0 of a device of kind 'capsule'"),
+        (
+            {"mesentery": True, "abdomen": Abdomen(loops_touch=True)},
+            r"device\.abdomen\.loops_touch = True of a device of kind 'capsule'",
+        ),
         ({"elasticity": "exponential"}, r"device\.elasticity = 'exponential' of a device of kind 'capsule'"),
     ],
 )

@@ -16,7 +16,8 @@ from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
 from haustra.models.wall.abdomen import Abdomen
 from haustra.models.wall.lumen_table import lumen_table, stack
-from tests.bent_colon import bent_colon
+from tests.bent_colon import bent_colon, winding
+from tests.models.wall.conftest import swept_colon
 
 OPTIONS = SceneOptions(
     wall_law="table",
@@ -34,10 +35,15 @@ DESIGN = named_design("adult")
 def colon() -> Colon:
     """A bend that hangs on a sigmoid's mesentery."""
     bend = bent_colon([(0.1, 0.0), (0.1, 1.2), (0.2, 0.0)])[0]
-    ends = (0.05, bend.centreline.length - 0.05, bend.centreline.length)
+    return _with_segments(bend, bend.centreline.length - 0.05)
+
+
+def _with_segments(colon: Colon, end: float) -> Colon:
+    """A colon whose sigmoid ends there [m]."""
+    ends = (0.05, end, colon.centreline.length)
     names = ("rectum", "sigmoid", "descending")
     parts = [ColonSegment(n, start, end) for n, start, end in zip(names, (0.0, *ends), ends, strict=False)]
-    return replace(bend, segments=tuple(parts))
+    return replace(colon, segments=tuple(parts))
 
 
 def _scene(colon: Colon, **changed) -> Scene:
@@ -84,13 +90,17 @@ def test_one_scene_goes_as_in_linear_time(colon) -> None:
         Abdomen(pressed="sigmoid", hand=10.0),
         Abdomen(posture="prone", mobile=("descending",)),
         Abdomen(posture="right", adhesions=("sigmoid",)),
+        Abdomen(pressed="sigmoid", hand=60.0, envelope=True, breathing=True),
+        Abdomen(pressed="sigmoid", hand=40.0, loops_touch=True),
     ],
-    ids=["posture", "hand", "mobile", "adhesions"],
+    ids=["posture", "hand", "mobile", "adhesions", "surroundings", "loops"],
 )
 def test_what_the_colon_lies_in_moves_it_alike_on_all_backends(colon, around) -> None:
     """The scope at rest: the axis sags or gives way to the hand, within 0.1 mm alike natively and in linear time."""
     from haustra.envs.sim.linear.single import LinearSingle
 
+    if around.loops_touch:
+        colon = _with_segments(swept_colon(winding([(0.12, 0.0), (0.08, np.pi), (0.12, 0.0)]), name="hairpin"), 0.12)
     scene, still = _scene(colon, abdomen=around), Controls(0.0, 0.0, np.zeros(4))
     table = lumen_table(colon, device_radius=scene.cable.radius, with_mesentery=True, abdomen=around)
     batch = NativeBackend(scene, stack([table.seen_from(*entry_of(colon))]), worlds=1)

@@ -9,7 +9,7 @@ from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.linear.gradients import Direction, Gradients
 from haustra.envs.sim.scope_reading import read_chain
 from haustra.envs.sim.state import Controls
-from haustra.errors import InvalidOptionError
+from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.scripts.bench.gradients import READINGS, agreement, random_script
 from haustra.scripts.bench.linear import bank_of, conditions
 
@@ -103,3 +103,9 @@ def test_what_makes_no_sense_is_refused_by_name():
         Gradients(bank.scene, bank.tables, worlds=2, directions=[Direction(joint_stiffness=np.ones(3))])
     with pytest.raises(InvalidOptionError, match="on a CPU only"):
         LinearBackend(bank.scene, bank.tables, worlds=2, directions=1, device="cuda")
+    moving = _bank(mesentery=True)
+    own = moving.tables.mesentery
+    assert own is not None
+    touching = moving.tables._replace(mesentery=own._replace(touch=np.ones_like(own.touch)))
+    with pytest.raises(UnsupportedSceneError, match=r"leave out scene\.abdomen\.loops_touch"):
+        LinearBackend(moving.scene, touching, worlds=2, directions=1)
