@@ -36,8 +36,9 @@ Records = Mapping[str, Any]
 """What was recorded at every control interval, by name: `time` [s], `tip_arc` [m], `wall_force` [N], `deepest` [m] and
 the device's own readings, each (records,); where they are known `tip` (records, 3), `qpos`, `ctrl`, `wall_force_sum` of
 all bodies [N], the largest `wall_pressure` [Pa], `power` that drives the device [W], `colon_moved`, the farthest that a
-place of the colon is from where it was at rest [m], `pain` (records, stations) [1], and `mocap_pos` and `mocap_quat` of
-the bodies on which pieces of a wall that moves stand."""
+place of the colon is from where it was at rest [m], `mesentery_extension`, the farthest that the mesentery is drawn out
+beyond its slack [m], `pain` (records, stations) [1], and `mocap_pos` and `mocap_quat` of the bodies on which pieces of
+a wall that moves stand."""
 
 
 @dataclass(frozen=True)
@@ -153,12 +154,14 @@ def _borne(backend: NativeDevice, meter: DeviceMeter) -> dict[str, Any]:
     """What the colon bears now, and what is put into the device."""
     forces, displacement = backend.body_forces(), backend.displacement
     moved = 0.0 if displacement is None else np.linalg.norm(displacement[0, :, :3], axis=1).max()
+    time = backend.read().time
     return {
         "wall_force_sum": forces[0].sum(),
         "wall_pressure": meter.pressure(forces)[0],
         "power": backend.power()[0],
         "colon_moved": moved,
-        "pain": meter.pain(forces, backend.body_arcs(), displacement, backend.read().time)[0],
+        "mesentery_extension": meter.extension(displacement, time)[0],
+        "pain": meter.pain(forces, backend.body_arcs(), displacement, time)[0],
     }
 
 
@@ -265,8 +268,9 @@ def burden_scores(records: Records, colon: Colon) -> dict[str, Any]:
     """What the colon bore in a whole run, as plain JSON values.
 
     `wall_impulse_N_s_m` is the sum of wall forces over time per metre that the tip gained, null where it gained none;
-    `colon_moved_peak_mm` how far a colon on its mesentery was moved at most, `work_J` what the actuators that drive put
-    in; `pain_*` as of scopes (`haustra.envs.runs.measure.injury.injury_scores`).
+    `colon_moved_peak_mm` how far a colon on its mesentery was moved at most, `mesentery_extension_peak_mm` how far the
+    mesentery was drawn out beyond its slack, both with means over time, `work_J` what the actuators that drive put in;
+    `pain_*` as of scopes (`haustra.envs.runs.measure.injury.injury_scores`).
     """
     time = np.asarray(records["time"], float)
     if not len(time):
@@ -279,6 +283,8 @@ def burden_scores(records: Records, colon: Colon) -> dict[str, Any]:
         "wall_pressure_peak_kPa": float(np.max(records["wall_pressure"])) / 1e3,
         "colon_moved_peak_mm": 1e3 * float(np.max(records["colon_moved"])),
         "colon_moved_mean_mm": 1e3 * float(np.mean(records["colon_moved"])),
+        "mesentery_extension_peak_mm": 1e3 * float(np.max(records["mesentery_extension"])),
+        "mesentery_extension_mean_mm": 1e3 * float(np.mean(records["mesentery_extension"])),
         "work_J": float(np.sum(records["power"])) * interval,
         "pain_peak": float(peak.max()),
         "pain_by_site": by_site(peak, colon),

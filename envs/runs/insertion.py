@@ -88,6 +88,8 @@ class Trajectory:
     """Largest shear of the mucosa there [Pa]."""
     pain: Float[np.ndarray, "records places"]
     """Tension of wall or mesentery there, over that which is assumed to hurt [1]."""
+    mesentery_extension: Float[np.ndarray, " records"]
+    """Farthest that the mesentery is drawn out beyond its slack [m]."""
     displacement: Float[np.ndarray, "records nodes 7"]
     """Poses of the colon's axis in the scene's coordinates (`haustra.models.wall.moving_colon.AxisDisplacement`); no
     nodes where the colon is fixed."""

@@ -6,7 +6,7 @@ in the caecum, when the device is out or lost, when it came no further for `pati
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from haustra.fields import number
 from haustra.models.device_scene import build_device_scene, device_options
 from haustra.models.devices.base import Device, load_device
 from haustra.models.devices.scope.interface import Scope
+from haustra.models.presets import TABLE, find_preset
 from haustra.models.scene import SceneOptions
 
 PICTURES = "pictures"
@@ -41,9 +42,10 @@ SCORES = (
     Column("wall_force_mean_N", "N", "mean of that over the run"),
     Column("wall_pressure_peak_kPa", "kPa", "largest pressure of a body on the patch of wall that it lies on"),
     Column("wall_impulse_N_s_m", "N s/m", "sum of all wall forces over time, per metre gained"),
-    Column("mesentery_extension_mm", "mm", "farthest that a place of the colon was moved from where it was at rest"),
-    Column("mesentery_extension_mean_mm", "mm", "mean over the run of the farthest place at each time"),
-    Column("extension_per_metre_mm_m", "mm/m", "largest extension per metre gained"),
+    Column("colon_moved_mm", "mm", "farthest that a place of the colon was moved from where it was at rest"),
+    Column("mesentery_extension_mm", "mm", "farthest that the mesentery was drawn out beyond its slack"),
+    Column("mesentery_extension_mean_mm", "mm", "mean over the run of the farthest at each time"),
+    Column("extension_per_metre_mm_m", "mm/m", "largest extension of the mesentery per metre gained"),
     Column("p_perforation", "1", "share of people whose colon would be perforated"),
     Column("pain", "1", "largest tension of wall or mesentery over that which is assumed to hurt"),
     Column("pain_site", "text", "where that was"),
@@ -140,10 +142,7 @@ def _scope(device: Scope, patient: Patient, options: CompareOptions) -> Passage:
     from haustra.models.scene import build_scene
 
     colon = patient.colon
-    chosen = SceneOptions(
-        wall_law="table", mesentery=True, friction=patient.friction, wall_stiffness=patient.wall_stiffness
-    )
-    scene = build_scene(colon, None, device.design, chosen, show_lumen=False)
+    scene = build_scene(colon, None, device.design, scope_options(patient), show_lumen=False)
     run = run_linear_insertion(scene, seconds=options.seconds, settings=FollowerSettings(straighten=True))
     seen, outcome = run.trajectory, run.outcome
     if outcome is Outcome.DIVERGED or not len(seen.time):
@@ -168,6 +167,15 @@ def _scope(device: Scope, patient: Patient, options: CompareOptions) -> Passage:
     )
 
 
+def scope_options(patient: Patient) -> SceneOptions:
+    """How scopes are modelled in a patient: as `haustra run` does, on the mesentery.
+
+    Coarser joints kink behind folds and let go in jolts, which press up to twice as hard.
+    """
+    own = {"friction": patient.friction, "wall_stiffness": patient.wall_stiffness}
+    return replace(find_preset("balanced").apply(law=TABLE), mesentery=True, **own)
+
+
 def _torn(load: np.ndarray, outcome: Outcome) -> float:
     """Share of people whose colon would be perforated, by what was recorded of each link."""
     from haustra.models.injury.perforation import TORN, perforation_probability
@@ -188,7 +196,7 @@ def _scores(
     common: Mapping[str, Any], borne: Mapping[str, Any], *, begins: float, mesentery: bool
 ) -> dict[str, Value | None]:
     gained = common["tip_arc_max_m"] - begins
-    sites: Mapping[str, float] = borne["pain_by_site"]
+    sites, extension = borne["pain_by_site"], borne["mesentery_extension_peak_mm"]
     worst = max(sites, key=lambda site: sites[site])
     return {
         "intubation": float(common["outcome"] == Outcome.COMPLETED.value),
@@ -200,9 +208,10 @@ def _scores(
         "wall_force_mean_N": common["wall_force_mean_N"],
         "wall_pressure_peak_kPa": borne["wall_pressure_peak_kPa"],
         "wall_impulse_N_s_m": borne["wall_impulse_N_s_m"],
-        "mesentery_extension_mm": borne["colon_moved_peak_mm"] if mesentery else None,
-        "mesentery_extension_mean_mm": borne["colon_moved_mean_mm"] if mesentery else None,
-        "extension_per_metre_mm_m": borne["colon_moved_peak_mm"] / gained if mesentery and gained > 0 else None,
+        "colon_moved_mm": borne["colon_moved_peak_mm"] if mesentery else None,
+        "mesentery_extension_mm": extension if mesentery else None,
+        "mesentery_extension_mean_mm": borne["mesentery_extension_mean_mm"] if mesentery else None,
+        "extension_per_metre_mm_m": extension / gained if mesentery and gained > 0 else None,
         "p_perforation": common["p_perforation"],
         "pain": borne["pain_peak"],
         "pain_site": worst if sites[worst] > 0 else "none",

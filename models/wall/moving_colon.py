@@ -156,6 +156,21 @@ def hold_force(xp: Any, place: Vector, slack: Any, hold: Any, support: Any) -> V
     return times(-hold * xp.maximum(moved - slack, 0.0) / moved - support, place)
 
 
+def mesentery_extension(xp: Any, own: Mesentery, displacement: Any, time: Any = 0.0) -> Any:
+    """How far the mesentery is drawn out beyond its slack at each node of axes (*worlds, nodes) [m].
+
+    A node without slack has no mesentery: it is fixed to the back wall, or to the pelvic floor.
+
+    Args:
+        xp: numpy or jax.numpy.
+        own: the axis of one colon, or of one a world.
+        displacement: poses of its nodes (*worlds, nodes, 7), in the coordinates of `own` [m].
+        time: when breath has moved what they hang on (*worlds,) [s].
+    """
+    moved = norm(xp, hung(xp, own, vectors.of(displacement), xp.asarray(time)))
+    return xp.where(own.slack > 0, xp.maximum(moved - own.slack, 0.0), 0.0)
+
+
 def node_resistance(
     xp: Any, place: Vector, slack: Any, hold: Any, support: Any, drag: Any, gripped: Any, h: Any
 ) -> Any:

@@ -1,4 +1,4 @@
-"""What any device does to the colon it is in: pressure on the wall and pain, as scopes are measured."""
+"""What any device does to the colon it is in: pressure, pain and the mesentery's extension, as scopes are measured."""
 
 import numpy as np
 from jaxtyping import Float
@@ -10,6 +10,7 @@ from haustra.models.device_scene import DeviceScene
 from haustra.models.injury.pain import axis_tensions, pain, pressed_tension
 from haustra.models.injury.patch import patch_area
 from haustra.models.wall.lumen_table import axis_tables
+from haustra.models.wall.moving_colon import mesentery_extension
 
 
 class DeviceMeter:
@@ -29,6 +30,19 @@ class DeviceMeter:
     def pressure(self, forces: Float[np.ndarray, "records bodies"]) -> Float[np.ndarray, " records"]:
         """Largest pressure of a body on the patch of wall that it lies on [Pa]."""
         return (forces / patch_area(self._width, self._length)).max(axis=1)
+
+    def extension(
+        self, displacement: Float[np.ndarray, "records nodes 7"] | None, time: Float[np.ndarray, " records"]
+    ) -> Float[np.ndarray, " records"]:
+        """Farthest that the mesentery is drawn out beyond its slack [m]; 0 where the colon is fixed.
+
+        Args:
+            displacement: of the nodes of the colon's axis; None where it is fixed.
+            time: of each record [s].
+        """
+        if self._axis is None or displacement is None:
+            return np.zeros(len(time))
+        return mesentery_extension(np, self._axis, displacement, time).max(axis=-1)
 
     def pain(
         self,

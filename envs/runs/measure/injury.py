@@ -21,6 +21,7 @@ from haustra.models.injury.perforation import (
 )
 from haustra.models.scene import Scene
 from haustra.models.wall.lumen_table import axis_tables
+from haustra.models.wall.moving_colon import mesentery_extension
 
 STATION_STEP = PATCH
 """Distance between the places along the colon at which it is recorded what it bears [m]."""
@@ -45,6 +46,8 @@ class Burden(NamedTuple):
     """Largest shear of the mucosa there [Pa]."""
     pain: Float[np.ndarray, "records stations"]
     """Pain at each station [1] (`haustra.models.injury.pain`)."""
+    mesentery_extension: Float[np.ndarray, " records"]
+    """Farthest that the mesentery is drawn out beyond its slack [m]."""
 
 
 class InjuryMeter:
@@ -76,8 +79,9 @@ class InjuryMeter:
         forces, patch = np.where(seen.link_arcs > 0, seen.link_forces, 0.0), (self._diameter, self._lengths)
         each = forces, mucosal_shear(forces, self._friction, *patch), pressed_tension(forces, *patch)
         pressed, shear, wall = (at_stations(values, seen.link_arcs, len(self.stations)) for values in each)
-        mesentery = np.zeros_like(wall)
+        mesentery, extension = np.zeros_like(wall), np.zeros(len(wall))
         if self._axis is not None:
+            extension = mesentery_extension(np, self._axis, seen.displacement, seen.time).max(axis=-1)
             along, held = axis_tensions(np, self._axis, seen.displacement, self._node_radius, seen.time)
             along, mesentery = (at_stations(part, self._node_arcs, len(self.stations)) for part in (along, held))
             wall = np.maximum(wall, along)
@@ -86,7 +90,7 @@ class InjuryMeter:
             most = gas.max(axis=1)
             load, arc = np.maximum(load, most), np.where(most > load, self.stations[gas.argmax(axis=1)], arc)
             wall = np.maximum(wall, pressure * self._radius)
-        return Burden(load, arc, pressed, shear, pain(np, wall, mesentery))
+        return Burden(load, arc, pressed, shear, pain(np, wall, mesentery), extension)
 
 
 def at_stations(
@@ -127,7 +131,8 @@ def injury_scores(burden: Burden, outcome: Outcome, colon: Colon, *, interval: f
     ended as escaped has torn everybody's. `bleeding_places` counts places of two centimetres whose mucosa was sheared
     by more than the assumed threshold, `bleeding_by_site` by segment. `pain_peak` is the largest tension of wall or
     mesentery over that which is assumed to hurt, `pain_s` how long any place was above it, `pain_by_site` the peak by
-    segment, and within five centimetres of the flexures.
+    segment, and within five centimetres of the flexures. `mesentery_extension_peak_mm` is the farthest that the
+    mesentery was drawn out beyond its slack.
 
     Args:
         burden: what was recorded.
@@ -147,6 +152,7 @@ def injury_scores(burden: Burden, outcome: Outcome, colon: Colon, *, interval: f
         "pain_peak": float(peak.max()),
         "pain_s": float((burden.pain.max(axis=1, initial=0.0) > 1).sum() * interval),
         "pain_by_site": by_site(peak, colon),
+        "mesentery_extension_peak_mm": 1e3 * float(burden.mesentery_extension.max(initial=0.0)),
     }
 
 

@@ -168,7 +168,7 @@ def _looping(scene: Scene, run: Insertion) -> dict[str, object]:
 def _injury(scene: Scene, run: Insertion) -> dict[str, object]:
     seen = run.trajectory
     return injury_scores(
-        Burden(seen.load, seen.load_arc, seen.pressed, seen.shear, seen.pain),
+        Burden(*(getattr(seen, name) for name in Burden._fields)),
         run.outcome,
         scene.colon,
         interval=float(seen.time[0]) if len(seen.time) else 0.0,

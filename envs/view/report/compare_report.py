@@ -21,8 +21,9 @@ _ROWS = (
     ("mean wall force [N]", "wall_force_mean_N", "{:.2f}"),
     ("peak pressure on the wall [kPa]", "wall_pressure_peak_mean_kPa", "{:.1f}"),
     ("wall-force impulse per metre gained [N s/m]", "wall_impulse_mean_N_s_m", "{:.0f}"),
-    ("mesentery extension [mm]", "mesentery_extension_mean_mm", "{:.0f}"),
-    ("mesentery extension per metre gained [mm/m]", "extension_per_metre_mean_mm_m", "{:.0f}"),
+    ("colon moved [mm]", "colon_moved_mean_mm", "{:.0f}"),
+    ("mesentery extension [mm]", "mesentery_extension_mean_mm", "{:.1f}"),
+    ("mesentery extension per metre gained [mm/m]", "extension_per_metre_mean_mm_m", "{:.1f}"),
     ("P(perforation)", "p_perforation_mean", "{:.2g}"),
     ("pain, over where it is assumed to begin", "pain_mean", "{:.2f}"),
     ("work along the body [J]", "work_mean_J", "{:.1f}"),
@@ -33,9 +34,10 @@ _PICTURES = {
     "-close": "The device close by, there.",
 }
 _ABOUT = (
-    "Means over the same patients. Extension: the farthest that a place of the colon was moved from where it was at "
-    "rest. Work: of the hand along a scope, of all actuators of other devices. Scopes are driven by the lumen "
-    "follower, other devices by the driver that comes with each."
+    "Means over the same patients. Colon moved: the farthest that a place of it was moved from where it was at rest. "
+    "Extension: the farthest that the mesentery, slack at rest, was drawn out beyond its slack. Work: of the hand "
+    "along a scope, of all actuators of other devices. Scopes are driven by the lumen follower, other devices by the "
+    "driver that comes with each."
 )
 
 

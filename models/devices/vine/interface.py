@@ -43,9 +43,12 @@ _RELAXATION_TIME = 0.1
 """Viscous over elastic torque of its wall [s]; engineering choice."""
 _ROUTING = 0.9
 """Where what steers the tip pulls, over the radius [1]; engineering choice: along its skin."""
-_CELL = 0.04
-"""Largest distance between joints of the body [m]; engineering choice: as finely as the scope's shaft, whose bends are
-wider."""
+_CELL = 0.025
+"""Largest distance between joints of the body [m]; engineering choice: as finely as the scope's shaft in linear time.
+Over the first 10 s in a moving colon 99 % of peak forces were below 2.7 N at 40 mm, 1.8 N at 25 and 1.5 N at 10."""
+_LONGEST_STEP = 0.0025
+"""Time step that suits so light a body [s]; engineering choice. At 5 ms its links chatter on the wall and press several
+times as hard; half of it changes the largest force by less than 3 % in grown colons."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,6 +101,11 @@ class Vine(Device):
     def flexural_rigidity(self) -> float:
         """Collapse moment of the inflated tube times the radius of a usual bend [N m^2]."""
         return math.pi * self.pressure * (self.diameter / 2) ** 3 * self.bend_radius
+
+    @property
+    def usual(self) -> Mapping[str, Any]:
+        """A time step of its own."""
+        return {"timestep": _LONGEST_STEP}
 
     @property
     def controls(self) -> tuple[Channel, ...]:

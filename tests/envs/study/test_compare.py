@@ -14,6 +14,7 @@ from haustra.envs.study.sampling import designs_of, jobs_of
 from haustra.envs.view.report.compare_report import report_comparison
 from haustra.errors import InvalidDesignError, InvalidOptionError
 from haustra.models.anatomy.colon import Colon
+from haustra.models.presets import preset_of
 from haustra.scripts.main import BAD_INPUT, main
 from tests.tube_colon import straight_tube
 
@@ -43,6 +44,16 @@ def _copy(folder) -> str:
     from haustra.models.devices.scope.library import named_design
 
     return str(save_design(named_design("adult"), folder / "adult.toml"))
+
+
+def test_a_scope_is_modelled_as_it_is_run():
+    """Joints twice as far apart press up to twice as hard."""
+    options = compare.scope_options(patients("smoke")[1])
+    assert (preset_of(options), options.wall_law, options.mesentery) == ("balanced", "table", True)
+    assert (options.friction, options.wall_stiffness) == (
+        patients("smoke")[1].friction,
+        patients("smoke")[1].wall_stiffness,
+    )
 
 
 def test_an_interval_is_students():

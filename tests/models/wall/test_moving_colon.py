@@ -15,6 +15,7 @@ from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.scope_bank import ScopeBank, build_bank
 from haustra.envs.sim.state import Controls, Readings
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
+from haustra.models.anatomy.colon import ColonSegment
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions
 from haustra.models.wall import mesentery, moving_colon
@@ -83,6 +84,20 @@ def _only(count: int, node: int, force: list[float]) -> np.ndarray:
 def _double_precision():
     with jax.enable_x64(True):
         yield
+
+
+def test_a_mesentery_extends_only_beyond_its_slack():
+    """Shifted aside by d, a node that hangs on a slack s has drawn its mesentery out by d - s; a fixed one has none."""
+    arcs = np.linspace(0.0, 0.4, 81)
+    segments = [ColonSegment("rectum", 0.0, 0.1), ColonSegment("sigmoid", 0.1, 0.4)]
+    own = hang(arcs[:, None] * [0.0, 0.0, 1.0], arcs, np.full(81, 0.02), segments)
+    aside = np.zeros((2, len(own.nodes), 3))
+    aside[:, :, 0] = [[0.03], [0.08]]
+    found = moving_colon.mesentery_extension(np, own, aside, np.zeros(2))
+    assert (found[:, own.slack == 0] == 0).all()
+    middle = len(own.nodes) * 5 // 8
+    assert own.slack[middle] == pytest.approx(0.063)
+    np.testing.assert_allclose(found[:, middle], [0.0, 0.08 - 0.063], atol=1e-12)
 
 
 def test_a_pulled_tube_stretches_and_a_pushed_one_pleats_more() -> None:

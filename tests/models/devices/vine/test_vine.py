@@ -11,6 +11,8 @@ from haustra.models.device_scene import build_device_scene, device_options, devi
 from haustra.models.devices.base import BENDS, Pose, load_device
 from haustra.models.devices.tether import tether_tension
 from haustra.models.devices.vine.interface import Vine
+from tests.bent_colon import winding
+from tests.models.wall.conftest import swept_colon
 from tests.tube_colon import straight_tube
 
 
@@ -44,9 +46,21 @@ def test_the_pressure_leaves_what_eversion_and_tail_do_not_take(tube):
     scene = build_device_scene(device, device_options(device), pose=Pose())
     one = NativeDevice(scene, device_tables(scene, [tube]), worlds=2)
     for _ in range(50):
-        assert one.step(np.array([[0.03, 3500.0, 0, 0], [0.03, 20000.0, 0, 0]]), 4).all()
+        assert one.step(np.array([[0.03, 3500.0, 0, 0], [0.03, 20000.0, 0, 0]]), 8).all()  # 20 ms
     tip = one.read().tip_arc
     assert abs(tip[0] - 0.03) < 2e-3 and tip[1] - 0.03 == pytest.approx(0.03, rel=0.1)
     tail = tether_tension(np, np.zeros((2, BENDS)), tip, friction=0.5, mass_per_length=0.04, held=0.5)
     np.testing.assert_allclose(one.readings()["tail_tension"], tail, rtol=1e-3)
     np.testing.assert_allclose(one.readings()["available"], (20000.0 - 3000.0) * device.area - tail, rtol=1e-3)
+
+
+def test_its_time_step_is_short_enough_for_so_light_a_body():
+    """Halved, it presses the same; at 5 ms links chattered and pressed two to six times as hard."""
+    bends = swept_colon(winding([(0.02, 0.0), (0.06, 1.5), (0.10, -1.2)]), name="two bends")
+    usual, halved = (
+        run_device(vine(), bends, device_options(vine(), wall_stiffness=2400.0, **short), seconds=3.0).records
+        for short in ({}, {"timestep": device_options(vine()).timestep / 2})
+    )
+    assert halved["wall_force"].max() > 0.5
+    assert usual["wall_force"].max() == pytest.approx(halved["wall_force"].max(), rel=0.05)
+    assert usual["wall_force_sum"].mean() == pytest.approx(halved["wall_force_sum"].mean(), rel=0.05)
