@@ -191,9 +191,9 @@ def shade(
 
             if bleeding > 0.0:
                 edge = bleeding + 0.5 * (bend - 0.5) + 0.25 * (wide - 0.5)
-                wet = min(max((edge - 0.35) / 0.12, 0.0), 1.0)
-                blood += 2.6 * wet
-                gx, gy, gz = gx * (1 - 0.8 * wet), gy * (1 - 0.8 * wet), gz * (1 - 0.8 * wet)
+                soaked = min(max((edge - 0.35) / 0.12, 0.0), 1.0)
+                blood += 2.6 * soaked
+                gx, gy, gz = gx * (1 - 0.8 * soaked), gy * (1 - 0.8 * soaked), gz * (1 - 0.8 * soaked)
             red *= np.exp(-_RED * blood)
             green *= np.exp(-_GREEN * blood)
             blue *= np.exp(-_BLUE * blood)
