@@ -106,7 +106,7 @@ class Value:
 
     __hash__ = object.__hash__
 
-    def __and__(self, other: "Value") -> "Value":
+    def __and__(self, other: "Value | int") -> "Value":
         return Value(self.program, self.program.builder.and_(*self.program.alike(self, other)))
 
     def __or__(self, other: "Value") -> "Value":

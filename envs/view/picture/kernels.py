@@ -200,7 +200,7 @@ def _vertex_normal(vertex, faces, local, starts, around, normals):
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def resolve(first_row, last_row, faces, local, rays, triangle, starts, around, stamps, now, normals, weights, normal):
+def resolve(first_row, last_row, faces, local, rays, triangle, starts, around, stamps, now, normals, found):
     """Barycentric coordinates and smooth unit normals, in the camera's axes, of what the rays of some rows met.
 
     Args:
@@ -215,8 +215,7 @@ def resolve(first_row, last_row, faces, local, rays, triangle, starts, around, s
         stamps: picture for which each vertex's normal was worked out.
         now: this picture.
         normals: of the vertices, worked out where they are needed.
-        weights: of the pixels, into which they are written.
-        normal: of the pixels, into which they are written.
+        found: coordinates and normals of the pixels, plane after plane, into which they are written.
     """
     for row in range(first_row, last_row):
         for column in range(rays.shape[1]):
@@ -238,9 +237,19 @@ def resolve(first_row, last_row, faces, local, rays, triangle, starts, around, s
             r = max(x * rx + y * ry + z * rz, 0.0)
             scale = 1 / max(p + q + r, 1e-30)
             p, q, r = p * scale, q * scale, r * scale
-            weights[row, column, 0], weights[row, column, 1], weights[row, column, 2] = p, q, r
+            found[0, row, column], found[1, row, column], found[2, row, column] = p, q, r
             nx = p * normals[i, 0] + q * normals[j, 0] + r * normals[k, 0]
             ny = p * normals[i, 1] + q * normals[j, 1] + r * normals[k, 1]
             nz = p * normals[i, 2] + q * normals[j, 2] + r * normals[k, 2]
             size = max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-30)
-            normal[row, column, 0], normal[row, column, 1], normal[row, column, 2] = nx / size, ny / size, nz / size
+            found[3, row, column], found[4, row, column], found[5, row, column] = nx / size, ny / size, nz / size
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def develop(first_row, last_row, light, gain, curve, picture):
+    """Exposure and the camera's curve: light, plane after plane, to bytes, by a table over light from 0 to 1."""
+    top = len(curve) - 1
+    for row in range(first_row, last_row):
+        for column in range(light.shape[2]):
+            for band in range(3):
+                picture[row, column, band] = curve[int(min(gain * light[band, row, column], 1.0) * top)]

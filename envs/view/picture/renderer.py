@@ -73,14 +73,25 @@ class SurfaceView:
     """What they look at. It may have moved on since."""
     vertices: Float[np.ndarray, "vertices 3"]
     """Where the vertices of the surface as it was given were then [m]."""
-    distance: Float[np.ndarray, "height width"]
-    """Along each pixel's ray [m]; infinite where it meets nothing."""
     own: Int[np.ndarray, "height width"]
-    """Which of `surface.faces` it meets; -1 for none."""
-    weights: Float[np.ndarray, "height width 3"]
-    """Barycentric coordinates there; zero for none."""
-    normals: Float[np.ndarray, "height width 3"]
-    """Unit normals in the camera's axes, into the lumen, smooth from triangle to triangle; zero for none."""
+    """Which of `surface.faces` each pixel's ray meets; -1 for none."""
+    planes: Float[np.ndarray, "7 height width"]
+    """`distance`, `weights` and `normals`, plane after plane."""
+
+    @property
+    def distance(self) -> Float[np.ndarray, "height width"]:
+        """Along each pixel's ray [m]; infinite where it meets nothing."""
+        return self.planes[0]
+
+    @property
+    def weights(self) -> Float[np.ndarray, "height width 3"]:
+        """Barycentric coordinates there; zero for none."""
+        return np.moveaxis(self.planes[1:4], 0, -1)
+
+    @property
+    def normals(self) -> Float[np.ndarray, "height width 3"]:
+        """Unit normals in the camera's axes, into the lumen, smooth from triangle to triangle; zero for none."""
+        return np.moveaxis(self.planes[4:7], 0, -1)
 
     @property
     def faces(self) -> Int[np.ndarray, "triangles 3"]:
@@ -162,8 +173,9 @@ class RayRenderer(Renderer):
         self._now += 1
         surface, (height, width) = self.surface, self.rays.shape[:2]
         eye, axes = np.ascontiguousarray(pose.position, float), np.ascontiguousarray(pose.rotation, float)
-        distance, triangle = np.full((height, width), np.inf, np.float32), np.full((height, width), -1, np.int32)
-        weights, normals = np.zeros((height, width, 3), np.float32), np.zeros((height, width, 3), np.float32)
+        planes, triangle = np.zeros((7, height, width), np.float32), np.full((height, width), -1, np.int32)
+        distance = planes[0]
+        distance[:] = np.inf
         lens = self._placement, self._radii, _MOST
         widest = np.tan(np.radians(min(self.lens.field_of_view_deg, 250.0)) / 4)
 
@@ -195,10 +207,16 @@ class RayRenderer(Renderer):
 
             met = surface.faces, self._local, self._boxes, self._kept, ranges, self.rays, distance, triangle
             self.each_row(lambda first, last, met=met: kernels.cast(first, last, *met))
-        about = self._starts, self._around, self._stamps, self._now, self._normals, weights, normals
+        about = self._starts, self._around, self._stamps, self._now, self._normals, planes[1:]
         met = surface.faces, self._local, self.rays, triangle
         self.each_row(lambda first, last: kernels.resolve(first, last, *met, *about))
-        return SurfaceView(pose, self.lens, surface, surface.given_vertices, distance, triangle, weights, normals)
+        return SurfaceView(pose, self.lens, surface, surface.given_vertices, triangle, planes)
+
+    def each_block(self, size: int, work: Callable[[int, int], Any]) -> None:
+        """Do work on all blocks of so many pixels, some at a time, from a first one to before a last one."""
+        count = -(-self.lens.height * self.lens.width // size)
+        some = max(_ROWS * self.lens.width // size, 1)
+        self._each(lambda first: work(first, min(first + some, count)), range(0, count, some))
 
     def each_row(self, work: Callable[[int, int], Any]) -> None:
         """Do work on all rows of a picture, some at a time, from a first one to before a last one."""
