@@ -134,7 +134,9 @@ class Program:
             real: precision of real numbers.
             approximate: whether quotients and roots may be off in their last digits, as graphics processors have them.
         """
-        self.lanes, self.flags = lanes, (*_FREE, *(("afn",) if approximate else ()))
+        self.lanes = lanes
+        self.flags: tuple[str, ...] = (*_FREE, *(("afn",) if approximate else ()))
+        """What LLVM may do to sums and quotients."""
         self.fetches = False
         """Whether memory is asked ahead for what will be read soon."""
         self.abreast = 1

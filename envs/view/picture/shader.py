@@ -1,22 +1,20 @@
 """The mucosa's law as machine code of this processor: sixteen pixels at a time, in single precision."""
 
-import ctypes
 import functools
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from llvmlite import ir
 
-from haustra.envs.sim.linear.compile import engine_of
-from haustra.envs.sim.linear.memory import Lanes, Rows, Shared
+from haustra.envs.sim.linear.memory import Rows, Shared
 from haustra.envs.sim.linear.place import aligned
-from haustra.envs.sim.linear.trace import INDEX, Changing, Program, Value
+from haustra.envs.sim.linear.trace import Changing, Program, Value
 from haustra.envs.view.picture.appearance import Appearance
 from haustra.envs.view.picture.lens import Lens
 from haustra.envs.view.picture.light import Light
 from haustra.envs.view.picture.mucosa import Change, Landmark, Looks, Scene, Sight, WallPlace, corners, masked, shade
+from haustra.envs.view.picture.pixels import Pixels, begun, function_of
 from haustra.envs.view.picture.renderer import SurfaceView
 from haustra.models.wall.vectors import dot
 
@@ -36,20 +34,18 @@ def write_shader(kinds: tuple[int, ...], guides: int) -> str:
         kinds: of the landmarks.
         guides: number of light guides.
     """
-    kind = [ir.PointerType()] * len(_ARRAYS) + [INDEX] * len(_COUNTS)
-    program = Program("shade", kind, lanes=LANES, real=np.dtype(np.float32))
-    arrays: dict[str, Any] = dict(zip(_ARRAYS, program.function.args, strict=False))
-    pixels, first, last = (Value(program, each) for each in program.function.args[len(_ARRAYS) :])
-    scene = _scene(program, arrays, kinds, guides)
-    corners_of = Shared(program, arrays["faces"], whole=True)
-    wall = Rows(program, arrays["wall"], FOURS)
+    program, given = begun("shade", _ARRAYS, _COUNTS, lanes=LANES)
+    pixels, first, last = (given[name] for name in _COUNTS)
+    scene = _scene(program, given, kinds, guides)
+    corners_of = Shared(program, given["faces"], whole=True)
+    wall = Rows(program, given["wall"], FOURS)
     with program.loop(first, last) as block:
         pixel = program.xp.minimum(block * LANES, pixels - LANES)  # the last block begins within the one before it
-        lens, met, light = (_planes(program, arrays[name], pixel, pixels) for name in ("lens", "met", "light"))
-        own = _triangles(program, arrays["own"], pixel)
-        seen = own >= 0
+        lens, met, light = (Pixels(program, given[name], pixel, pixels) for name in ("lens", "met", "light"))
+        own = Pixels(program, given["own"], pixel, whole=True).load()
+        seen, dark = own >= 0, Value(program, program.spread(0.0))
         for band in range(3):
-            light.store(band, 0.0)
+            light.store(dark, band)
         with program.when(seen):
             begin = program.xp.maximum(own, 0) * 3
             a, b, c = (corners_of.gather(begin + corner) for corner in range(3))
@@ -60,7 +56,7 @@ def write_shader(kinds: tuple[int, ...], guides: int) -> str:
             sight = Sight(met.load(0), lens.vector(0), met.vector(4), lens.load(3))
             bands = shade(program.xp, WallPlace((x, y, z), *known), sight, scene, functools.partial(_only, program))
             for band, value in enumerate(bands):
-                light.store(band, program.xp.where(seen, value, 0.0))
+                light.store(program.xp.where(seen, value, 0.0), band)
     return program.finish()
 
 
@@ -87,7 +83,8 @@ class Shader:
         lattice = aligned(corners(looks.lattice), np.float32)
         arrays = common, lattice, looks.wall, view.surface.faces, self._lens, view.own, view.planes, light
         addresses = [each.ctypes.data for each in arrays]
-        _, function = _compiled(tuple(int(kind) for kind in places[:, 0]), len(guides))
+        text = write_shader(tuple(int(kind) for kind in places[:, 0]), len(guides))
+        _, function = function_of(text, "shade", len(_ARRAYS), len(_COUNTS))
 
         def work(first: int, last: int, arrays: Any = arrays) -> None:  # which stay alive with it
             function(*addresses, view.own.size, first, last)
@@ -95,16 +92,8 @@ class Shader:
         return work
 
 
-@functools.cache
-def _compiled(kinds: tuple[int, ...], guides: int) -> tuple[Any, Callable[..., None]]:
-    """The program's function, and what keeps it alive."""
-    engine = engine_of(write_shader(kinds, guides))
-    arguments = [ctypes.c_void_p] * len(_ARRAYS) + [ctypes.c_int32] * len(_COUNTS)
-    return engine, ctypes.CFUNCTYPE(None, *arguments)(engine.get_function_address("shade"))
-
-
-def _scene(program: Program, arrays: dict[str, Any], kinds: tuple[int, ...], guides: int) -> Scene:
-    shared = Shared(program, arrays["common"])
+def _scene(program: Program, given: dict[str, Any], kinds: tuple[int, ...], guides: int) -> Scene:
+    shared = Shared(program, given["common"])
     numbers = iter([shared.load(slot) for slot in range(12 + 3 * guides + 7 * len(kinds))])
 
     def vector() -> Any:
@@ -114,23 +103,12 @@ def _scene(program: Program, arrays: dict[str, Any], kinds: tuple[int, ...], gui
     spread, pixel, wet = vector()
     places = [vector() for _ in range(guides)]
     landmarks = [Landmark(kind, vector(), next(numbers), vector()) for kind in kinds]
-    lattice = Rows(program, arrays["lattice"], 1)
+    lattice = Rows(program, given["lattice"], 1)
 
     def four(row: Any) -> list[Value]:
         return [lattice.read(row, each) for each in range(4)]
 
     return Scene(four, landmarks, axes, places, spread, pixel, wet)
-
-
-def _planes(program: Program, base: Any, pixel: Value, apart: Value) -> Lanes:
-    """Numbers of some pixels, plane after plane."""
-    return Lanes(program, program.builder.gep(base, [pixel.written], source_etype=program.real), apart)
-
-
-def _triangles(program: Program, base: Any, pixel: Value) -> Value:
-    builder = program.builder
-    place = builder.gep(base, [pixel.written], source_etype=INDEX)
-    return Value(program, builder.load(place, typ=ir.VectorType(INDEX, LANES), align=4))
 
 
 def _only(program: Program, condition: Value, change: Change, looks: Looks) -> Looks:
