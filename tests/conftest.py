@@ -12,7 +12,6 @@ from runtime_types import check_anew, unchecked
 # Compiled from their sources, which the checks would change.
 import haustra.envs.view.picture.cover
 import haustra.envs.view.picture.kernels
-import haustra.envs.view.picture.mucosa
 
 with suppress(ImportError):  # so is this, for the GPU
     import haustra.envs.runs.warp_kernels  # noqa: F401

@@ -82,16 +82,13 @@ class Painter:
         self._process = context.Process(target=_paint, args=(camera, theirs), daemon=True)
         self._process.start()
         theirs.close()
-        self._busy, self.ready = True, False
+        self.busy, self.ready = True, False
         self._about: Any = None
 
-    def ask(self, glance: Glance, about: Any) -> bool:
-        """Ask for a picture, unless one is being drawn; `about` comes back with it."""
-        if self._busy:
-            return False
-        self._busy, self._about = True, about
+    def ask(self, glance: Glance, about: Any) -> None:
+        """Ask for a picture, when it is not `busy` with one; `about` comes back with it."""
+        self.busy, self._about = True, about
         self._own.send(glance)
-        return True
 
     def take(self) -> tuple[bytes, Any] | None:
         """A JPEG picture that is done, and what it is about; None when there is none.
@@ -102,7 +99,7 @@ class Painter:
         if not self._own.poll():
             return None
         content = self._own.recv_bytes()
-        self._busy = False
+        self.busy = False
         if not self.ready:
             self.ready = True
             return None

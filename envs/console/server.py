@@ -10,6 +10,7 @@ import contextlib
 import hmac
 import json
 import secrets
+import time
 from collections.abc import Callable
 from importlib.resources import files
 from typing import Any
@@ -50,15 +51,16 @@ def page() -> str:
 class _Client:
     """One page; of what it has not been sent yet, the newest of each kind waits.
 
-    A page that says what it has drawn is sent more only then: otherwise seconds of pictures would queue in the
-    buffers between a quick server and a slow browser, and hands would see the past.
+    A page that says what it has drawn is sent more of a kind only then: otherwise seconds of pictures would queue in
+    the buffers between a quick server and a slow browser, and hands would see the past. Pictures do not wait for views
+    from outside, which take a browser longer.
     """
 
     def __init__(self, socket: web.WebSocketResponse) -> None:
         self.socket = socket
         self._waiting: dict[str, bytes] = {}
-        self._woken, self._drawn = asyncio.Event(), asyncio.Event()
-        self._owed, self._says = 0, False
+        self._woken, self._says = asyncio.Event(), False
+        self._owed: dict[str, tuple[int, float]] = {}
 
     def tell(self, what: str, message: bytes) -> None:
         self._waiting[what] = message
@@ -67,22 +69,29 @@ class _Client:
     async def send(self) -> None:
         """Send until the connection ends."""
         while not self.socket.closed:
-            await self._woken.wait()
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._woken.wait(), PATIENCE)
             self._woken.clear()
-            waiting, self._waiting = self._waiting, {}
-            self._drawn.clear()
-            for message in waiting.values():
-                self._owed += 1
+            for what in [what for what in self._waiting if self._awaits(what.split()[0])]:
+                kind, message = what.split()[0], self._waiting.pop(what)
+                self._owed[kind] = self._owed.get(kind, (0, 0.0))[0] + 1, time.monotonic()
                 await self.socket.send_bytes(message)
-            if self._says and self._owed:
-                with contextlib.suppress(TimeoutError):
-                    await asyncio.wait_for(self._drawn.wait(), PATIENCE)
 
-    def drew(self) -> None:
-        """Hear that the page has drawn one more of what it was sent."""
-        self._says, self._owed = True, max(self._owed - 1, 0)
-        if not self._owed:
-            self._drawn.set()
+    def drew(self, kind: str) -> None:
+        """Hear that the page has drawn one more of that kind."""
+        self._says = True
+        if kind in self._owed:
+            owed, since = self._owed[kind]
+            self._owed[kind] = max(owed - 1, 0), since
+            self._woken.set()
+
+    def _awaits(self, kind: str) -> bool:
+        """Whether the page has drawn all that it was sent of a kind, or will not say so."""
+        owed, since = self._owed.get(kind, (0, 0.0))
+        if self._says and owed and time.monotonic() < since + PATIENCE:
+            return False
+        self._owed[kind] = 0, since
+        return True
 
 
 class Server:
@@ -192,8 +201,8 @@ class Server:
         if not isinstance(said, dict):
             answer("that is no message")
             return
-        if said.get("drawn") is True:
-            client.drew()
+        if "drawn" in said:
+            client.drew(str(said["drawn"]))
             return
         if client is self._clients[-1]:  # the page that came last has the hand
             self.source.command(said, answer)

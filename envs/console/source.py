@@ -6,7 +6,8 @@ import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from functools import partial
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -24,10 +25,15 @@ from haustra.models.injury.perforation import perforation_probability
 Publish = Callable[[str, bytes], None]
 """Called with what a message replaces if it was not sent yet, and the message."""
 
+Seen: TypeAlias = tuple[Mapping[str, Any], Mapping[str, Any], Mapping[str, Any]]
+"""A row, what is drawn with it, and what a picture of it is about."""
+
 WATCHDOG = 0.3
 """A hand that was not heard of for this long has let go [s]; engineering choice: three beats of the page."""
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 """Simulated time over time."""
+INTERVAL = 1 / 25
+"""Least time between two messages of what is seen from outside, and between two pictures [s]; engineering choice."""
 _MOST_BEHIND = 0.25
 """Backlog beyond this is given up instead of being caught up with [s]."""
 _REST = 0.002
@@ -43,6 +49,7 @@ class View:
         self.stage, self.painter = Stage(around), Painter(Camera(around, size))
         self.pictures = 0
         """Pictures that were drawn."""
+        self._asked = -math.inf
 
     def scene(self, **more: Any) -> bytes:
         """What does not change."""
@@ -73,9 +80,13 @@ class View:
             arrays["gas"] = row["gas_pressure"]
         return pack({**header, **more}, {name: np.asarray(values, np.float32) for name, values in arrays.items()})
 
-    def glance(self, row: Mapping[str, Any], frame: Mapping[str, Any], about: Any) -> None:
-        """Ask for a picture, if none is being drawn."""
+    def glance(self, now: float, seen: Callable[[], Seen]) -> None:
+        """Ask for a picture of what is seen, unless one is being drawn or was asked for just now."""
+        if now - self._asked < INTERVAL or self.painter.busy:
+            return
+        row, frame, about = seen()
         self.painter.ask(glance_at(row, frame), about)
+        self._asked = now
 
     def picture(self) -> bytes | None:
         """A picture that is done."""
@@ -97,8 +108,6 @@ class Source(ABC):
     """Runs in a thread of its own; commands are obeyed between two steps."""
 
     mode: str
-    frame_interval = 1 / 25
-    """Time between two messages of what is seen from outside [s]."""
 
     def __init__(self, views: Sequence[View]) -> None:
         """Show these."""
@@ -158,8 +167,12 @@ class Source(ABC):
         """Go on by up to so much simulated time, and say by how much it went [s]."""
 
     @abstractmethod
-    def show(self) -> None:
-        """Publish what is seen from outside, and ask for pictures."""
+    def seen(self, number: int) -> Seen:
+        """What a view shows now."""
+
+    @abstractmethod
+    def state(self, number: int) -> dict[str, Any]:
+        """What else is said of a view."""
 
     def _run(self) -> None:
         try:
@@ -188,12 +201,16 @@ class Source(ABC):
             raise
 
     def _look(self, now: float) -> None:
+        due = now - self._shown >= INTERVAL
         for view in self.views:
             if (picture := view.picture()) is not None:
                 self._publish(f"picture {view.number}", picture)
-        if now - self._shown >= self.frame_interval:
+            view.glance(now, partial(self.seen, view.number))
+            if due:
+                row, frame, _ = self.seen(view.number)
+                self._publish(f"frame {view.number}", view.frame(row, frame, **self.state(view.number)))
+        if due:
             self._shown = now
-            self.show()
 
     def _obey(self, said: Mapping[str, Any], answer: Callable[[str], None]) -> None:
         for name, value in said.items():
@@ -254,26 +271,28 @@ class Drive(Source):
         self._acted_on = self._said_at
         return interval
 
-    def show(self) -> None:
-        """What all sessions see."""
-        for session, view in zip(self.sessions, self.views, strict=True):
-            look = session.look
-            state = {
-                "conditions": session.conditions(),
-                "marks": session.marks,
-                "assisted": session.assisted,
-                "correcting": session.correcting,
-                "sound": session.sound,
-                "paused": self.paused,
-                "speed": self.speed,
-                "late": round(self.late, 3),
-                "knobs": session.hand.knobs.round(4).tolist(),
-                "locked": session.hand.locked.tolist(),
-                "echo": self._acted_on,
-                "recording": session.recorder is not None,
-            }
-            self._publish(f"frame {view.number}", view.frame(look.row, look.frame, **state))
-            view.glance(look.row, look.frame, {"time": float(look.row["time"]), "echo": self._acted_on})
+    def seen(self, number: int) -> Seen:
+        """What a session has come to."""
+        look = self.sessions[number].look
+        return look.row, look.frame, {"time": float(look.row["time"]), "echo": self._acted_on}
+
+    def state(self, number: int) -> dict[str, Any]:
+        """What the page shows of a session beside numbers."""
+        session = self.sessions[number]
+        return {
+            "conditions": session.conditions(),
+            "marks": session.marks,
+            "assisted": session.assisted,
+            "correcting": session.correcting,
+            "sound": session.sound,
+            "paused": self.paused,
+            "speed": self.speed,
+            "late": round(self.late, 3),
+            "knobs": session.hand.knobs.round(4).tolist(),
+            "locked": session.hand.locked.tolist(),
+            "echo": self._acted_on,
+            "recording": session.recorder is not None,
+        }
 
     def obey(self, name: str, value: Any) -> None:
         """What a page may say."""
@@ -347,13 +366,14 @@ class Playback(Source):
             self.paused = True
         return seconds
 
-    def show(self) -> None:
-        """Where all recordings are at this time."""
-        for recording, view in zip(self.recordings, self.views, strict=True):
-            row, frame = moment(recording, self.time)
-            state = {"paused": self.paused, "speed": self.speed, "time": round(self.time, 3), "late": 0.0}
-            self._publish(f"frame {view.number}", view.frame(row, frame, **state))
-            view.glance(row, frame, {"time": round(self.time, 3), "echo": 0.0})
+    def seen(self, number: int) -> Seen:
+        """Where a recording is at this time."""
+        row, frame = moment(self.recordings[number], self.time)
+        return row, frame, {"time": round(self.time, 3), "echo": 0.0}
+
+    def state(self, number: int) -> dict[str, Any]:
+        """What the slider shows."""
+        return {"paused": self.paused, "speed": self.speed, "time": round(self.time, 3), "late": 0.0}
 
     def obey(self, name: str, value: Any) -> None:
         """What a page may say."""

@@ -82,6 +82,8 @@ def bench_rays(
 ) -> list[dict[str, Any]]:
     """Frames a second without OpenGL in a colon that moves on its mesentery, each a physics step and a picture.
 
+    Beside them stands the processor time of a picture's parts, which other work on the cores changes less.
+
     Args:
         colon: the colon.
         design: the scope.
@@ -105,12 +107,32 @@ def bench_rays(
         row["frames_per_s_real_time"] = _rate(lambda now=moving: scope.picture(now.bring(surface, steps=4)))
         row["draw_ms"] = 1e3 / _rate(lambda now=moving: scope.picture(now.bring(surface)))
         row["rays_ms"] = 1e3 / _rate(lambda at=pose: scope.look(at))
+        row |= _processor_times(scope, lambda now=moving: now.bring(surface))
         row["steps_per_s"] = _rate(lambda now=moving: now.step(1))
         row["colon_moved_mm"] = 1e3 * moving.moved()
         row["picture_spread"] = float(scope.picture(moving.bring(surface)).std())
         rows.append(row)
         progress(len(rows), f"{count} joints")
     return rows
+
+
+def _processor_times(scope: Endoscope, bring: Callable[[], CameraPose]) -> dict[str, float]:
+    """Processor time of the parts of a picture, of all cores together [ms]."""
+
+    def each(act: Callable[[], object]) -> float:
+        act()
+        began = time.process_time()
+        for _ in range(_FRAMES):
+            act()
+        return 1e3 * (time.process_time() - began) / _FRAMES
+
+    pose = bring()
+    view = scope.look(pose)
+    light = scope.radiance(view)
+    rays = each(lambda: scope.look(pose))
+    parts = {"surface": each(lambda: scope.look(bring())) - rays, "rays": rays}
+    parts |= {"shading": each(lambda: scope.radiance(view)), "exposure": each(lambda: scope.develop(light))}
+    return {f"{name}_processor_ms": spent for name, spent in parts.items()}
 
 
 class _Moving:

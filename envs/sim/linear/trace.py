@@ -106,7 +106,7 @@ class Value:
 
     __hash__ = object.__hash__
 
-    def __and__(self, other: "Value") -> "Value":
+    def __and__(self, other: "Value | int") -> "Value":
         return Value(self.program, self.program.builder.and_(*self.program.alike(self, other)))
 
     def __or__(self, other: "Value") -> "Value":
@@ -134,7 +134,9 @@ class Program:
             real: precision of real numbers.
             approximate: whether quotients and roots may be off in their last digits, as graphics processors have them.
         """
-        self.lanes, self.flags = lanes, (*_FREE, *(("afn",) if approximate else ()))
+        self.lanes = lanes
+        self.flags: tuple[str, ...] = (*_FREE, *(("afn",) if approximate else ()))
+        """What LLVM may do to sums and quotients."""
         self.fetches = False
         """Whether memory is asked ahead for what will be read soon."""
         self.abreast = 1

@@ -6,11 +6,13 @@ Everything is fixed to the colon at rest and made from one seed, for the shader 
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.sim.linear.place import aligned
 from haustra.envs.view.picture import mucosa
 from haustra.envs.view.picture.camera import unit
 from haustra.envs.view.picture.surface import LumenSurface
 from haustra.models.anatomy.colon import Colon, Lesion
 from haustra.models.anatomy.landmarks import VALVE
+from haustra.models.wall.vectors import of
 
 TAENIA_WIDTH = 0.005
 """Breadth of a taenia [m]; some 6 to 8 mm in adults, of which the middle shows; engineering choice."""
@@ -42,14 +44,17 @@ class Appearance:
         offset = surface.rest - line.points[station]
         frames = line.frames[station]
         angle = np.arctan2(*(np.einsum("vi,vi->v", offset, frames[:, :, axis]) for axis in (1, 0)))
-        self.known: Float[np.ndarray, "vertices 5"] = np.zeros((len(surface.arcs), 5), np.float32)
+        self.wall: Float[np.ndarray, "vertices 12"] = aligned(np.zeros((len(surface.arcs), 12)), np.float32)
+        """Vertices' places at rest and arc lengths [m], and what is known of each."""
+        self.wall[:, :3], self.wall[:, 3] = surface.rest, surface.arcs
+        self.known: Float[np.ndarray, "vertices 5"] = self.wall[:, 4:9]
         """Columns as `haustra.envs.view.picture.mucosa` names them."""
         self.known[:, mucosa.TAENIA] = _taeniae(colon, surface.arcs, angle, np.linalg.norm(offset, axis=1), rng)
         for lesion in colon.lesions:
             self._mark(lesion, line.points[int(np.searchsorted(line.arc, lesion.arc))])
         if stool > 0:
-            at = surface.rest / STOOL_SCALE
-            heap = np.array([mucosa.noise(self.lattice, *place)[0] for place in at])
+            corners = mucosa.corners(self.lattice)
+            heap, _ = mucosa.noise(np, lambda row: corners[row].T, of(surface.rest), 1 / STOOL_SCALE)
             low = -offset[:, 1] / np.maximum(np.linalg.norm(offset, axis=1), 1e-9)
             self.known[:, mucosa.STOOL] = np.clip(heap + 0.45 * low + stool - 0.75, 0, 1)
         self.landmarks: Float[np.ndarray, "landmarks 8"] = np.array(_landmarks(colon, rng)).reshape(-1, 8)

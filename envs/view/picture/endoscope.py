@@ -3,11 +3,12 @@
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from haustra.envs.view.picture import mucosa
+from haustra.envs.view.picture import kernels
 from haustra.envs.view.picture.appearance import Appearance
 from haustra.envs.view.picture.lens import Lens
 from haustra.envs.view.picture.light import Light, Response
 from haustra.envs.view.picture.renderer import CameraPose, RayRenderer, SurfaceView
+from haustra.envs.view.picture.shader import LANES, Shader
 from haustra.envs.view.picture.surface import LumenSurface
 from haustra.models.anatomy.colon import Colon
 from haustra.models.wall.signed_distance import surface_arcs
@@ -46,11 +47,10 @@ class Endoscope:
         self.surface = surface or LumenSurface(colon.lumen, surface_arcs(colon))
         self.appearance = appearance or Appearance(colon, self.surface, seed=seed)
         self.renderer = RayRenderer(self.surface, lens, threads=threads)
-        self._light, self._response = light or Light(), response or Response()
+        self._shader, self._response = Shader(lens, light or Light()), response or Response()
         self._curve = self._response.curve()
         self._gain: float | None = None
         self._random = np.random.default_rng(seed)
-        self._rest, self._arcs = (part.astype(np.float32) for part in (self.surface.rest, self.surface.arcs))
 
     def look(self, pose: CameraPose) -> SurfaceView:
         """What the rays of all pixels meet (`haustra.envs.view.picture.renderer`)."""
@@ -62,22 +62,17 @@ class Endoscope:
 
     def radiance(self, view: SurfaceView) -> Float[np.ndarray, "height width 3"]:
         """Light that comes back in each pixel, before exposure [in units of a guide's at 1 m]."""
-        lens, looks, (height, width) = self.renderer.lens, self.appearance, view.distance.shape
-        light = np.empty((height, width, 3), np.float32)
-        pixel = float(1 / np.sqrt(abs(np.linalg.det(lens.stretch)))) * _per_radius(lens)
-        seen = self.renderer.rays, view.pose.rotation, view.distance, view.own, view.weights, view.normals
-        known = self.surface.faces, self._rest, self._arcs, looks.known, looks.lattice, looks.landmarks, looks.wet
-        own = lens.vignetting, np.array(self._light.guides), self._light.spread, pixel, light
-        self.renderer.each_row(lambda first, last: mucosa.shade(first, last, *known, *seen, *own))
-        return light
+        light = np.empty((3, *view.distance.shape), np.float32)
+        self.renderer.each_block(LANES, self._shader.bind(self.appearance, view, light))
+        return np.moveaxis(light, 0, -1)
 
     def develop(self, radiance: Float[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "height width 3"]:
         """Expose light that came back."""
         self._gain = gain = self._response.gain_for(radiance, self._gain)
         if self._response.noise > 0:
             radiance = self._response.noisy(radiance, gain, self._random)
-        picture = np.empty(radiance.shape, np.uint8)
-        self.renderer.each_row(lambda first, last: mucosa.develop(first, last, radiance, gain, self._curve, picture))
+        picture, light = np.empty(radiance.shape, np.uint8), np.ascontiguousarray(np.moveaxis(radiance, -1, 0))
+        self.renderer.each_row(lambda first, last: kernels.develop(first, last, light, gain, self._curve, picture))
         return picture
 
     def _blurred(self, pose: CameraPose, before: CameraPose) -> Float[np.ndarray, "height width 3"]:
@@ -88,9 +83,3 @@ class Endoscope:
             turned = turned * np.sign(np.einsum("ij,ij->j", turned, pose.rotation))
             total += self.radiance(self.look(CameraPose(place, turned)))
         return total / _MOVES
-
-
-def _per_radius(lens: Lens) -> float:
-    """Angle from the axis over radius in the lens's plane, near its middle [rad]."""
-    small = float(lens.radius(np, np.array(0.01)))
-    return 0.01 / small

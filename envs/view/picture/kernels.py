@@ -68,7 +68,7 @@ def _follow(a, b, lens, radii, most, box):
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def find_boxes(faces, first, last, local, image, lens, radii, most, widest, width, height, boxes, kept):
+def find_boxes(faces, first, last, local, image, lens, radii, most, widest, width, height, boxes, planes, kept):
     """Which triangles face the camera, and the pixels that each may be seen at.
 
     Args:
@@ -84,6 +84,7 @@ def find_boxes(faces, first, last, local, image, lens, radii, most, widest, widt
         width: columns of the picture.
         height: rows.
         boxes: first and last column, first and last row of each triangle kept, into which they are written.
+        planes: of each triangle kept, b x c, c x a, a x b, its normal n, and a . n, into which they are written.
         kept: those triangles.
 
     Returns:
@@ -128,54 +129,14 @@ def find_boxes(faces, first, last, local, image, lens, radii, most, widest, widt
         if left > right or top > bottom:
             continue
         boxes[count, 0], boxes[count, 1], boxes[count, 2], boxes[count, 3] = left, right, top, bottom
+        planes[count, 0], planes[count, 1], planes[count, 2] = _cross(b, c)
+        planes[count, 3], planes[count, 4], planes[count, 5] = _cross(c, a)
+        planes[count, 6], planes[count, 7], planes[count, 8] = _cross(a, b)
+        planes[count, 9], planes[count, 10] = uy * vz - uz * vy, uz * vx - ux * vz
+        planes[count, 11], planes[count, 12] = ux * vy - uy * vx, facing
         kept[count] = face
         count += 1
     return count
-
-
-@njit(nogil=True, cache=True, error_model="numpy")
-def cast(first_row, last_row, faces, local, boxes, kept, ranges, rays, distance, triangle):
-    """Rays of some rows against triangles that were kept: the nearest stays.
-
-    Args:
-        first_row: of the rows.
-        last_row: after the last of them.
-        faces: as in `find_boxes`.
-        local: of the vertices.
-        boxes: as `find_boxes` left them.
-        kept: see there.
-        ranges: first of those kept, and after the last, of each stretch.
-        rays: of all pixels, unit vectors.
-        distance: along the ray to what is nearest so far, into which nearer ones are written [m].
-        triangle: which triangle that is.
-    """
-    for part in range(len(ranges)):
-        for n in range(ranges[part, 0], ranges[part, 1]):
-            top, bottom = max(boxes[n, 2], first_row), min(boxes[n, 3], last_row - 1)
-            if top > bottom:
-                continue
-            face = kept[n]
-            a, b, c = local[faces[face, 0]], local[faces[face, 1]], local[faces[face, 2]]
-            px, py, pz = _cross(b, c)
-            qx, qy, qz = _cross(c, a)
-            rx, ry, rz = _cross(a, b)
-            ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-            vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-            nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-            ahead = np.float32(a[0] * nx + a[1] * ny + a[2] * nz)
-            p0, p1, p2 = np.float32(px), np.float32(py), np.float32(pz)
-            q0, q1, q2 = np.float32(qx), np.float32(qy), np.float32(qz)
-            r0, r1, r2 = np.float32(rx), np.float32(ry), np.float32(rz)
-            n0, n1, n2 = np.float32(nx), np.float32(ny), np.float32(nz)
-            for row in range(top, bottom + 1):
-                for column in range(boxes[n, 0], boxes[n, 1] + 1):
-                    x, y, z = rays[row, column, 0], rays[row, column, 1], rays[row, column, 2]
-                    if x * p0 + y * p1 + z * p2 < 0 or x * q0 + y * q1 + z * q2 < 0 or x * r0 + y * r1 + z * r2 < 0:
-                        continue
-                    way = ahead / (x * n0 + y * n1 + z * n2)
-                    if way >= 0 and way < distance[row, column]:
-                        distance[row, column] = way
-                        triangle[row, column] = face
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
@@ -200,47 +161,59 @@ def _vertex_normal(vertex, faces, local, starts, around, normals):
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def resolve(first_row, last_row, faces, local, rays, triangle, starts, around, stamps, now, normals, weights, normal):
-    """Barycentric coordinates and smooth unit normals, in the camera's axes, of what the rays of some rows met.
+def resolve(first_row, last_row, faces, local, rays, planes, kept, starts, around, stamps, now, normals, own, found):
+    """Triangles, barycentric coordinates and smooth unit normals, in the camera's axes, that the rays of some rows met.
 
     Args:
         first_row: of the rows.
         last_row: after the last of them.
         faces: as in `find_boxes`.
         local: of the vertices.
-        rays: of all pixels.
-        triangle: that they met; -1 for none.
+        rays: of all pixels, plane after plane.
+        planes: as `find_boxes` left them.
+        kept: see there.
         starts: of each vertex in `around`.
         around: triangles around the vertices.
         stamps: picture for which each vertex's normal was worked out.
         now: this picture.
         normals: of the vertices, worked out where they are needed.
-        weights: of the pixels, into which they are written.
-        normal: of the pixels, into which they are written.
+        own: which of those kept each pixel met, -1 for none; which triangle that is, is written there.
+        found: coordinates and normals of the pixels, plane after plane, into which they are written.
     """
+    last, i, j, k = -1, 0, 0, 0
     for row in range(first_row, last_row):
-        for column in range(rays.shape[1]):
-            face = triangle[row, column]
-            if face < 0:
+        for column in range(own.shape[1]):
+            met = own[row, column]
+            if met < 0:
                 continue
-            i, j, k = faces[face, 0], faces[face, 1], faces[face, 2]
-            for vertex in (i, j, k):
-                if stamps[vertex] != now:
-                    _vertex_normal(vertex, faces, local, starts, around, normals)
-                    stamps[vertex] = now
-            a, b, c = local[i], local[j], local[k]
-            x, y, z = rays[row, column, 0], rays[row, column, 1], rays[row, column, 2]
-            px, py, pz = _cross(b, c)
-            qx, qy, qz = _cross(c, a)
-            rx, ry, rz = _cross(a, b)
-            p = max(x * px + y * py + z * pz, 0.0)
-            q = max(x * qx + y * qy + z * qz, 0.0)
-            r = max(x * rx + y * ry + z * rz, 0.0)
-            scale = 1 / max(p + q + r, 1e-30)
+            own[row, column] = kept[met]
+            if met != last:  # neighbours often meet the same one
+                last, face = met, kept[met]
+                i, j, k = faces[face, 0], faces[face, 1], faces[face, 2]
+                for vertex in (i, j, k):
+                    if stamps[vertex] != now:
+                        _vertex_normal(vertex, faces, local, starts, around, normals)
+                        stamps[vertex] = now
+            x, y, z = rays[0, row, column], rays[1, row, column], rays[2, row, column]
+            none = np.float32(0.0)
+            p = max(x * planes[met, 0] + y * planes[met, 1] + z * planes[met, 2], none)
+            q = max(x * planes[met, 3] + y * planes[met, 4] + z * planes[met, 5], none)
+            r = max(x * planes[met, 6] + y * planes[met, 7] + z * planes[met, 8], none)
+            scale = np.float32(1.0) / max(p + q + r, np.float32(1e-30))
             p, q, r = p * scale, q * scale, r * scale
-            weights[row, column, 0], weights[row, column, 1], weights[row, column, 2] = p, q, r
             nx = p * normals[i, 0] + q * normals[j, 0] + r * normals[k, 0]
             ny = p * normals[i, 1] + q * normals[j, 1] + r * normals[k, 1]
             nz = p * normals[i, 2] + q * normals[j, 2] + r * normals[k, 2]
-            size = max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-30)
-            normal[row, column, 0], normal[row, column, 1], normal[row, column, 2] = nx / size, ny / size, nz / size
+            scale = np.float32(1.0) / np.sqrt(max(nx * nx + ny * ny + nz * nz, np.float32(1e-30)))
+            found[0, row, column], found[1, row, column], found[2, row, column] = p, q, r
+            found[3, row, column], found[4, row, column], found[5, row, column] = nx * scale, ny * scale, nz * scale
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def develop(first_row, last_row, light, gain, curve, picture):
+    """Exposure and the camera's curve: light, plane after plane, to bytes, by a table over light from 0 to 1."""
+    top = len(curve) - 1
+    for row in range(first_row, last_row):
+        for column in range(light.shape[2]):
+            for band in range(3):
+                picture[row, column, band] = curve[int(min(gain * light[band, row, column], 1.0) * top)]

@@ -1,4 +1,4 @@
-"""What the inner wall looks like: one shader over place at rest, normal, distance and view, for every renderer.
+"""What the inner wall looks like: one law over place at rest, normal, distance and view, for every renderer.
 
 Colour is that of blood in a scattering tissue: white light comes back as exp(-c k) in each band, with c how much blood
 lies under the place and k the share that haemoglobin takes of red, green and blue. More blood makes it redder and then
@@ -7,11 +7,16 @@ are noise at the place at rest, so that they go along with the wall, and are mad
 
 Appearance only: nothing here is a measurement. Light falls by the formula of `haustra.envs.view.picture.light`.
 
-Nothing here imports haustra, since its tests put type checks on what they import, which numba cannot compile.
+Numbers are numpy's arrays, or the values from which `haustra.envs.view.picture.shader` makes a program.
 """
 
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
 import numpy as np
-from numba import njit
+from jaxtyping import Float
+
+from haustra.models.wall.vectors import Vector, add, dot, minus, times
 
 PERIOD = 16
 """Cells after which noise repeats: so few that all stay in the processor's nearest cache."""
@@ -30,235 +35,261 @@ _PALE = 0.94, 0.86, 0.74
 """What comes back of tissue without blood; engineering choice."""
 
 
-@njit(nogil=True, cache=True, error_model="numpy", fastmath=True)
-def noise(lattice, x, y, z):
-    """Smooth noise from 0 to 1 and its gradient, over a lattice of random numbers that repeats."""
-    fx, fy, fz = np.floor(x), np.floor(y), np.floor(z)
-    u, v, w = x - fx, y - fy, z - fz
-    i, j, k = int(fx) & 15, int(fy) & 15, int(fz) & 15
-    i1, j1, k1 = (i + 1) & 15, (j + 1) & 15, (k + 1) & 15
-    su, sv, sw = u * u * (3 - 2 * u), v * v * (3 - 2 * v), w * w * (3 - 2 * w)
-    du, dv, dw = 6 * u * (1 - u), 6 * v * (1 - v), 6 * w * (1 - w)
-    a, b = lattice[i, j, k], lattice[i1, j, k]
-    c, d = lattice[i, j1, k], lattice[i1, j1, k]
-    e, f = lattice[i, j, k1], lattice[i1, j, k1]
-    g, h = lattice[i, j1, k1], lattice[i1, j1, k1]
-    near0, near1 = a + su * (b - a), c + su * (d - c)
-    far0, far1 = e + su * (f - e), g + su * (h - g)
+Lattice = Callable[[Any], Any]
+"""Gives rows of `corners`: for their numbers, four random numbers each."""
+
+
+class WallPlace(NamedTuple):
+    """A place of the wall, and what is known of it."""
+
+    rest: Vector
+    """Where it is in the colon at rest [m]."""
+    arc: Any
+    """Arc length beside it [m]."""
+    taenia: Any
+    polyp: Any
+    sac: Any
+    bleeding: Any
+    stool: Any
+
+
+class Sight(NamedTuple):
+    """How a pixel sees a place, in the camera's axes."""
+
+    away: Any
+    """Distance along the ray [m]."""
+    ray: Vector
+    """Unit vector towards the place."""
+    normal: Vector
+    """Unit normal of the wall there, towards the camera."""
+    dim: Any
+    """Share of the light that the lens lets through there."""
+
+
+class Landmark(NamedTuple):
+    """A named place that is drawn pixel by pixel."""
+
+    kind: int
+    place: Vector
+    """At rest [m]."""
+    width: Any
+    """Half of its breadth [m]."""
+    along: Vector
+    """Direction of its long axis."""
+
+
+class Scene(NamedTuple):
+    """What all pixels of a picture share."""
+
+    lattice: Lattice
+    """Random numbers of all patterns."""
+    landmarks: Sequence[Landmark]
+    axes: tuple[Vector, Vector, Vector]
+    """The camera's: right, up and backwards in the world."""
+    guides: Sequence[Vector]
+    """Places of the light guides in the camera's axes [m]."""
+    spread: Any
+    """mu of their light's fall with the angle."""
+    pixel: Any
+    """Angle that a pixel sees [rad]."""
+    wet: Any
+    """Brightness of the film's highlights."""
+
+
+class Looks(NamedTuple):
+    """What a place looks like."""
+
+    blood: Any
+    """How much lies under it."""
+    lean: Vector
+    """How the film of water leans there, over the wall under it."""
+    pale: Vector
+    """What comes back of it without blood, in red, green and blue."""
+    dark: Any
+    """Share of light that comes back of what would."""
+    gloss: Any
+    """Share of the film that is there."""
+
+    @property
+    def numbers(self) -> tuple[Any, ...]:
+        """All of them."""
+        return self.blood, *self.lean, *self.pale, self.dark, self.gloss
+
+    @classmethod
+    def of(cls, numbers: Sequence[Any]) -> "Looks":
+        """What such numbers say."""
+        blood, x, y, z, red, green, blue, dark, gloss = numbers
+        return cls(blood, (x, y, z), (red, green, blue), dark, gloss)
+
+
+Change = Callable[[Looks], Looks]
+Only = Callable[[Any, Change, Looks], Looks]
+"""Changes looks where a condition holds, and saves the work where it holds nowhere: condition, change, looks before."""
+
+
+def masked(xp: Any, condition: Any, change: Change, looks: Looks) -> Looks:
+    """Looks changed where a condition holds."""
+    pairs = zip(change(looks).numbers, looks.numbers, strict=True)
+    return Looks.of([xp.where(condition, new, old) for new, old in pairs])
+
+
+def corners(lattice: Float[np.ndarray, "16 16 16"]) -> Float[np.ndarray, "4096 4"]:
+    """Random numbers by rows of four, for `noise`: each, and those beyond it along the second axis and the third."""
+    beyond = np.roll(lattice, -1, axis=1)
+    four = [lattice, beyond, np.roll(lattice, -1, axis=2), np.roll(beyond, -1, axis=2)]
+    return np.stack(four, axis=-1).reshape(-1, 4)
+
+
+def noise(xp: Any, lattice: Lattice, place: Vector, fine: float, shift: Vector = (0.0, 0.0, 0.0)) -> tuple[Any, Vector]:
+    """Smooth noise from 0 to 1 with `fine` cells a unit of length, and its gradient over cells."""
+    at = tuple(fine * each + more for each, more in zip(place, shift, strict=True))
+    cell = tuple(xp.floor(each) for each in at)
+    u, v, w = (each - whole for each, whole in zip(at, cell, strict=True))
+    i, j, k = (xp.int32(whole) & (PERIOD - 1) for whole in cell)
+    row, behind = j * PERIOD + k, PERIOD * PERIOD
+    (a, c, e, g), (b, d, f, h) = (lattice(first * behind + row) for first in (i, (i + 1) & (PERIOD - 1)))
+    su, sv, sw = (each * each * (3 - 2 * each) for each in (u, v, w))
+    du, dv, dw = (6 * each * (1 - each) for each in (u, v, w))
+    near0, near1, far0, far1 = a + su * (b - a), c + su * (d - c), e + su * (f - e), g + su * (h - g)
     near, far = near0 + sv * (near1 - near0), far0 + sv * (far1 - far0)
-    gx0 = (b - a) + sv * ((d - c) - (b - a))
-    gx1 = (f - e) + sv * ((h - g) - (f - e))
+    gx0, gx1 = (b - a) + sv * ((d - c) - (b - a)), (f - e) + sv * ((h - g) - (f - e))
     gy = (near1 - near0) + sw * ((far1 - far0) - (near1 - near0))
-    return near + sw * (far - near), du * (gx0 + sw * (gx1 - gx0)), dv * gy, dw * (far - near)
+    return near + sw * (far - near), (du * (gx0 + sw * (gx1 - gx0)), dv * gy, dw * (far - near))
 
 
-@njit(nogil=True, cache=True, error_model="numpy", fastmath=True)
-def shade(
-    first_row,
-    last_row,
-    faces,
-    rest,
-    arcs,
-    known,
-    lattice,
-    landmarks,
-    wet,
-    rays,
-    axes,
-    distance,
-    own,
-    weights,
-    normal,
-    vignetting,
-    guides,
-    spread,
-    pixel,
-    radiance,
-):
-    """Light that comes back to the camera from what the rays of some rows met, before exposure.
+def shade(xp: Any, place: WallPlace, sight: Sight, scene: Scene, only: Only) -> Vector:
+    """Light that comes back to the camera in red, green and blue, before exposure.
 
     Args:
-        first_row: of the rows.
-        last_row: after the last of them.
-        faces: corners of the triangles.
-        rest: places of the vertices at rest [m].
-        arcs: arc length of each vertex [m].
-        known: of each vertex, columns as named above.
-        lattice: random numbers from 0 to 1 (16, 16, 16).
-        landmarks: kind, place at rest [m], half-width [m] and the direction of its long axis, each.
-        wet: brightness of the film's highlights.
-        rays: of all pixels, in the camera's axes.
-        axes: columns are the camera's axes in the world.
-        distance: along the rays [m].
-        own: which of `faces` they met.
-        weights: barycentric coordinates.
-        normal: unit normals in the camera's axes.
-        vignetting: power of the cosine by which the lens loses light.
-        guides: places of the light guides in the camera's axes [m].
-        spread: mu of their light's fall with the angle.
-        pixel: angle that a pixel sees [rad].
-        radiance: (rows, columns, 3), into which it is written.
+        xp: numpy, or what writes a program.
+        place: of the wall.
+        sight: how it is seen.
+        scene: what all pixels share.
+        only: changes what a place looks like where a condition holds.
     """
-    share = 1.0 / len(guides)
-    for row in range(first_row, last_row):
-        for column in range(rays.shape[1]):
-            face = own[row, column]
-            if face < 0:
-                radiance[row, column, 0] = radiance[row, column, 1] = radiance[row, column, 2] = 0.0
-                continue
-            i, j, k = faces[face, 0], faces[face, 1], faces[face, 2]
-            p, q, r = weights[row, column, 0], weights[row, column, 1], weights[row, column, 2]
-            x = p * rest[i, 0] + q * rest[j, 0] + r * rest[k, 0]
-            y = p * rest[i, 1] + q * rest[j, 1] + r * rest[k, 1]
-            z = p * rest[i, 2] + q * rest[j, 2] + r * rest[k, 2]
-            arc = p * arcs[i] + q * arcs[j] + r * arcs[k]
-            taenia = p * known[i, 0] + q * known[j, 0] + r * known[k, 0]
-            polyp = p * known[i, 1] + q * known[j, 1] + r * known[k, 1]
-            sac = p * known[i, 2] + q * known[j, 2] + r * known[k, 2]
-            bleeding = p * known[i, 3] + q * known[j, 3] + r * known[k, 3]
-            stool = p * known[i, 4] + q * known[j, 4] + r * known[k, 4]
-            away = distance[row, column]
-            size = away * pixel
-            nx, ny, nz = normal[row, column, 0], normal[row, column, 1], normal[row, column, 2]
-            dx, dy, dz = rays[row, column, 0], rays[row, column, 1], rays[row, column, 2]
+    x, y, z = place.rest
+    size = sight.away * scene.pixel
 
-            # Patches of more and less blood, a wandering of the vessels, and the wall's own unevenness.
-            patch, _, _, _ = noise(lattice, x * 45.0, y * 45.0, z * 45.0)
-            bend, bx, by, bz = noise(lattice, x * 130.0 + 7.3, y * 130.0 + 1.9, z * 130.0 + 4.1)
-            wx, wy, wz = x + 0.0022 * by, y + 0.0022 * bz, z + 0.0022 * bx
-            blood = 0.88 + 0.36 * (patch - 0.5) + 0.20 * (bend - 0.5)
-            blood -= 0.30 * taenia * (1 - polyp)
-            wide, _, _, _ = noise(lattice, wx * 75.0 + 3.7, wy * 75.0 + 8.8, wz * 75.0 + 2.2)
-            blurred = size * 75.0 * 0.7
-            thick = 0.020 * (0.25 + 1.5 * patch) + blurred
-            trunk = np.exp(-(((wide - 0.5) / thick) ** 2)) * (0.022 / (0.022 + blurred))
-            presence = min(max(2.6 * bend - 0.55, 0.0), 1.0)
-            vessels = 1.0 * trunk * presence
-            gx, gy, gz = 0.0, 0.0, 0.0
-            if size < _FINE:  # what is finer than a pixel is not drawn
-                clear = 1 - size / _FINE
-                fine, _, _, _ = noise(lattice, wx * 210.0 + 5.5, wy * 210.0 + 0.6, wz * 210.0 + 9.4)
-                blurred = size * 210.0 * 0.7
-                vessels += 0.6 * clear * np.exp(-(((fine - 0.5) / (0.045 + blurred)) ** 2)) * min(2 * presence, 1.0)
-                _, gx, gy, gz = noise(lattice, x * 620.0 + 2.5, y * 620.0 + 6.6, z * 620.0 + 3.4)
-                gx, gy, gz = 0.10 * clear * gx, 0.10 * clear * gy, 0.10 * clear * gz
-            blood += vessels * (1 - 0.9 * polyp) * (1 - 0.5 * taenia)
-            gx, gy, gz = gx + 0.07 * bx, gy + 0.07 * by, gz + 0.07 * bz
+    def ripple(at: Vector, fine: float, shift: Vector = (0.0, 0.0, 0.0)) -> tuple[Any, Vector]:
+        return noise(xp, scene.lattice, at, fine, shift)
 
-            # Polyps are redder, with pits; the mouth of a diverticulum is dark; beyond the dentate line there is skin.
-            if polyp > 0.01:
-                pits, hx, hy, hz = noise(lattice, x * 900.0, y * 900.0, z * 900.0)
-                blood += polyp * (0.30 + 0.55 * (pits - 0.5))
-                gx, gy, gz = gx + 0.25 * polyp * hx, gy + 0.25 * polyp * hy, gz + 0.25 * polyp * hz
-            dark = 1.0 - 0.55 * sac
-            skin = min(max((0.022 + 0.012 * (bend - 0.5) + 0.006 * (wide - 0.5) - arc) / 0.002, 0.0), 1.0)
-            verge = min(max((0.008 - arc) / 0.006, 0.0), 1.0)
-            blood = blood * (1 - 0.45 * skin) + 0.30 * verge
-            red, green, blue = _PALE[0], _PALE[1], _PALE[2]
-            red, green, blue = red * (1 - 0.25 * verge), green * (1 - 0.32 * verge), blue * (1 - 0.40 * verge)
+    # Patches of more and less blood, a wandering of the vessels, and the wall's own unevenness.
+    patch, _ = ripple(place.rest, 45.0)
+    bend, (bx, by, bz) = ripple(place.rest, 130.0, (7.3, 1.9, 4.1))
+    wandered = x + 0.0022 * by, y + 0.0022 * bz, z + 0.0022 * bx
+    wide, _ = ripple(wandered, 75.0, (3.7, 8.8, 2.2))
+    blurred = 52.5 * size
+    thick = 0.020 * (0.25 + 1.5 * patch) + blurred
+    trunk = xp.exp(-(((wide - 0.5) / thick) ** 2)) * (0.022 / (0.022 + blurred))
+    presence = xp.clip(2.6 * bend - 0.55, 0.0, 1.0)
+    drawn = (1 - 0.9 * place.polyp) * (1 - 0.5 * place.taenia)
+    blood = 0.88 + 0.36 * (patch - 0.5) + 0.20 * (bend - 0.5) - 0.30 * place.taenia * (1 - place.polyp)
+    blood = blood + trunk * presence * drawn
+    looks = Looks(blood, (0.07 * bx, 0.07 * by, 0.07 * bz), _PALE, 1.0 - 0.55 * place.sac, 1.0)
 
-            for n in range(len(landmarks)):
-                ox, oy, oz = x - landmarks[n, 1], y - landmarks[n, 2], z - landmarks[n, 3]
-                wide_by = landmarks[n, 4]
-                if ox * ox + oy * oy + oz * oz > 9 * wide_by * wide_by:
-                    continue
-                along = ox * landmarks[n, 5] + oy * landmarks[n, 6] + oz * landmarks[n, 7]
-                off = np.sqrt(max(ox * ox + oy * oy + oz * oz - along * along, 0.0))
-                if landmarks[n, 0] == ORIFICE:  # a dark slit, bent, within a ring of mucosa
-                    bent = off + 0.35 * along * along / wide_by
-                    reach = np.sqrt((along / wide_by) ** 2 + (2.6 * bent / wide_by) ** 2)
-                    dark *= 1 - 0.93 / (1 + np.exp(10 * (reach - 0.9)))
-                    ring = np.exp(-(((np.sqrt(off * off + along * along) / wide_by - 1.5) / 0.28) ** 2))
-                    blood -= 0.16 * ring
-                    slope = 0.9 * np.exp(-(((np.sqrt(off * off + along * along) / wide_by - 1.25) / 0.35) ** 2))
-                    scale = slope / max(np.sqrt(off * off + along * along), 1e-5)
-                    gx, gy, gz = gx + scale * ox, gy + scale * oy, gz + scale * oz
-                else:  # two lips of fat under the mucosa, and the slit between them
-                    reach = np.sqrt((along / wide_by) ** 2 + (1.7 * off / wide_by) ** 2)
-                    lips = 1 / (1 + np.exp(9 * (reach - 1.0)))
-                    slit = np.exp(-((off / (0.09 * wide_by)) ** 2)) / (1 + np.exp(14 * (abs(along) / wide_by - 0.62)))
-                    blood -= lips * (0.30 - 0.25 * bend)
-                    blue *= 1 - 0.38 * lips
-                    green *= 1 - 0.08 * lips
-                    dark *= 1 - 0.85 * slit
-                    scale = (1.3 * np.exp(-(((reach - 1.0) / 0.30) ** 2)) - 0.9 * lips * (1 - slit)) / wide_by
-                    ox, oy, oz = (
-                        ox - along * landmarks[n, 5],
-                        oy - along * landmarks[n, 6],
-                        oz - along * landmarks[n, 7],
-                    )
-                    gx, gy, gz = gx - scale * ox, gy - scale * oy, gz - scale * oz
+    def refine(looks: Looks) -> Looks:
+        clear = 1 - size / _FINE
+        fine, _ = ripple(wandered, 210.0, (5.5, 0.6, 9.4))
+        vessels = 0.6 * clear * xp.exp(-(((fine - 0.5) / (0.045 + 147.0 * size)) ** 2)) * xp.minimum(2 * presence, 1.0)
+        _, uneven = ripple(place.rest, 620.0, (2.5, 6.6, 3.4))
+        return looks._replace(blood=looks.blood + vessels * drawn, lean=add(looks.lean, times(0.10 * clear, uneven)))
 
-            if bleeding > 0.0:
-                edge = bleeding + 0.5 * (bend - 0.5) + 0.25 * (wide - 0.5)
-                wet = min(max((edge - 0.35) / 0.12, 0.0), 1.0)
-                blood += 2.6 * wet
-                gx, gy, gz = gx * (1 - 0.8 * wet), gy * (1 - 0.8 * wet), gz * (1 - 0.8 * wet)
-            red *= np.exp(-_RED * blood)
-            green *= np.exp(-_GREEN * blood)
-            blue *= np.exp(-_BLUE * blood)
-            gloss = 1.0
-            if stool > 0.0:
-                edge = stool + 0.9 * (bend - 0.5) + 0.5 * (patch - 0.5)
-                thickness = min(max((edge - 0.45) / 0.25, 0.0), 1.0)
-                cover = 0.85 * thickness
-                red += cover * (0.62 - red)
-                green += cover * (0.46 - green)
-                blue += cover * (0.16 - blue)
-                gloss = 1 - 0.4 * thickness
-            red, green, blue = dark * red, dark * green, dark * blue
-            gloss *= dark
+    def redden(looks: Looks) -> Looks:
+        pits, slope = ripple(place.rest, 900.0)
+        more, lean = place.polyp * (0.30 + 0.55 * (pits - 0.5)), times(0.25 * place.polyp, slope)
+        return looks._replace(blood=looks.blood + more, lean=add(looks.lean, lean))
 
-            # The film of water is smoother than the wall; both lean as the noise does, turned into the camera's axes.
-            tx = gx * axes[0, 0] + gy * axes[1, 0] + gz * axes[2, 0]
-            ty = gx * axes[0, 1] + gy * axes[1, 1] + gz * axes[2, 1]
-            tz = gx * axes[0, 2] + gy * axes[1, 2] + gz * axes[2, 2]
-            up = tx * nx + ty * ny + tz * nz
-            mx, my, mz = nx - (tx - up * nx), ny - (ty - up * ny), nz - (tz - up * nz)
-            scale = 1 / np.sqrt(mx * mx + my * my + mz * mz)
-            mx, my, mz = mx * scale, my * scale, mz * scale
-            diffuse, glint = 0.0, 0.0
-            for n in range(len(guides)):
-                lx, ly, lz = guides[n, 0] - away * dx, guides[n, 1] - away * dy, guides[n, 2] - away * dz
-                square = max(lx * lx + ly * ly + lz * lz, 1e-7)
-                scale = 1 / np.sqrt(square)
-                lx, ly, lz = lx * scale, ly * scale, lz * scale
-                power = share * np.exp(-spread * (1 - lz)) / square
-                facing = mx * lx + my * ly + mz * lz
-                diffuse += power * max((facing + 0.15) / 1.15, 0.03)
-                hx, hy, hz = lx - dx, ly - dy, lz - dz
-                scale = 1 / np.sqrt(hx * hx + hy * hy + hz * hz)
-                shine = max((mx * hx + my * hy + mz * hz) * scale, 0.0)
-                shine *= shine
-                shine *= shine
-                shine *= shine
-                shine *= shine
-                shine *= shine  # to the power of 32
-                glint += power * (0.35 * shine * shine + 2.2 * shine**12)
-            glint *= gloss * 0.35 * wet
+    def soak(looks: Looks) -> Looks:
+        edge = place.bleeding + 0.5 * (bend - 0.5) + 0.25 * (wide - 0.5)
+        soaked = xp.clip((edge - 0.35) / 0.12, 0.0, 1.0)
+        return looks._replace(blood=looks.blood + 2.6 * soaked, lean=times(1 - 0.8 * soaked, looks.lean))
 
-            # A lens that presses the wall sees light that has gone through it: red, without shape.
-            pressed = min(max((0.0035 - away) / 0.0028, 0.0), 1.0)
-            dim = 1.0
-            if vignetting == 1.0:
-                dim = max(-dz, 0.0)
-            elif vignetting > 0:
-                dim = max(-dz, 0.0) ** vignetting
-            # Light that comes from the depth has been sent on by other wall before, and is redder.
-            deep = min(away / _DEEP, 1.5)
-            green, blue = green * (1 - 0.30 * deep), blue * (1 - 0.38 * deep)
-            through = 6e3 * pressed
-            diffuse, glint = (1 - pressed) * diffuse, (1 - pressed) * glint
-            radiance[row, column, 0] = dim * (red * diffuse + glint + 0.60 * through)
-            radiance[row, column, 1] = dim * (green * diffuse + glint + 0.07 * through)
-            radiance[row, column, 2] = dim * (blue * diffuse + 0.95 * glint + 0.035 * through)
+    def cover(looks: Looks) -> Looks:
+        edge = place.stool + 0.9 * (bend - 0.5) + 0.5 * (patch - 0.5)
+        thickness = xp.clip((edge - 0.45) / 0.25, 0.0, 1.0)
+        laid = tuple(own + 0.85 * thickness * (o - own) for own, o in zip(looks.pale, (0.62, 0.46, 0.16), strict=True))
+        return looks._replace(pale=laid, gloss=1 - 0.4 * thickness)
+
+    looks = only(size < _FINE, refine, looks)  # what is finer than a pixel is not drawn
+    looks = only(place.polyp > 0.01, redden, looks)  # polyps are redder, with pits
+    # Beyond the dentate line there is skin.
+    skin = xp.clip((0.022 + 0.012 * (bend - 0.5) + 0.006 * (wide - 0.5) - place.arc) / 0.002, 0.0, 1.0)
+    verge = xp.clip((0.008 - place.arc) / 0.006, 0.0, 1.0)
+    pale = tuple(own * (1 - share * verge) for own, share in zip(_PALE, (0.25, 0.32, 0.40), strict=True))
+    looks = looks._replace(blood=looks.blood * (1 - 0.45 * skin) + 0.30 * verge, pale=pale)
+    for landmark in scene.landmarks:
+        off = minus(place.rest, landmark.place)
+        draw = _orifice if landmark.kind == ORIFICE else _valve
+        near = dot(off, off) <= 9 * landmark.width * landmark.width
+        looks = only(near, lambda now, by=draw, off=off, of=landmark: by(xp, now, of, off, bend), looks)
+    looks = only(place.bleeding > 0.0, soak, looks)
+    taken = (xp.exp(-share * looks.blood) for share in (_RED, _GREEN, _BLUE))
+    looks = looks._replace(pale=tuple(own * left for own, left in zip(looks.pale, taken, strict=True)))
+    looks = only(place.stool > 0.0, cover, looks)
+    return _lit(xp, looks, sight, scene)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
-def develop(first_row, last_row, radiance, gain, curve, picture):
-    """Exposure and the camera's curve: light to bytes, by a table over light from 0 to 1."""
-    top = len(curve) - 1
-    for row in range(first_row, last_row):
-        for column in range(radiance.shape[1]):
-            for band in range(3):
-                picture[row, column, band] = curve[int(min(gain * radiance[row, column, band], 1.0) * top)]
+def _orifice(xp: Any, looks: Looks, landmark: Landmark, off: Vector, bend: Any) -> Looks:
+    """A dark slit, bent, within a ring of mucosa."""
+    width, along = landmark.width, dot(off, landmark.along)
+    square = dot(off, off)
+    bent = xp.sqrt(xp.maximum(square - along * along, 0.0)) + 0.35 * along * along / width
+    reach = xp.sqrt((along / width) ** 2 + (2.6 * bent / width) ** 2)
+    dark = looks.dark * (1 - 0.93 / (1 + xp.exp(10 * (reach - 0.9))))
+    round_it = xp.sqrt(square)
+    blood = looks.blood - 0.16 * xp.exp(-(((round_it / width - 1.5) / 0.28) ** 2))
+    slope = 0.9 * xp.exp(-(((round_it / width - 1.25) / 0.35) ** 2)) / xp.maximum(round_it, 1e-5)
+    return looks._replace(blood=blood, dark=dark, lean=add(looks.lean, times(slope, off)))
+
+
+def _valve(xp: Any, looks: Looks, landmark: Landmark, off: Vector, bend: Any) -> Looks:
+    """Two lips of fat under the mucosa, and the slit between them."""
+    width, along = landmark.width, dot(off, landmark.along)
+    aside = xp.sqrt(xp.maximum(dot(off, off) - along * along, 0.0))
+    reach = xp.sqrt((along / width) ** 2 + (1.7 * aside / width) ** 2)
+    lips = 1 / (1 + xp.exp(9 * (reach - 1.0)))
+    slit = xp.exp(-((aside / (0.09 * width)) ** 2)) / (1 + xp.exp(14 * (xp.abs(along) / width - 0.62)))
+    red, green, blue = looks.pale
+    slope = (1.3 * xp.exp(-(((reach - 1.0) / 0.30) ** 2)) - 0.9 * lips * (1 - slit)) / width
+    lean = minus(looks.lean, times(slope, minus(off, times(along, landmark.along))))
+    return looks._replace(
+        blood=looks.blood - lips * (0.30 - 0.25 * bend),
+        pale=(red, green * (1 - 0.08 * lips), blue * (1 - 0.38 * lips)),
+        dark=looks.dark * (1 - 0.85 * slit),
+        lean=lean,
+    )
+
+
+def _lit(xp: Any, looks: Looks, sight: Sight, scene: Scene) -> Vector:
+    """What comes back of the guides' light, of the wall and of the film of water on it."""
+    # The film is smoother than the wall; both lean as the noise does, turned into the camera's axes.
+    lean = tuple(dot(looks.lean, axis) for axis in scene.axes)
+    aside = minus(lean, times(dot(lean, sight.normal), sight.normal))
+    film = _unit(xp, minus(sight.normal, aside))
+    diffuse, glint = 0.0, 0.0
+    for guide in scene.guides:
+        way = minus(guide, times(sight.away, sight.ray))
+        square = xp.maximum(dot(way, way), 1e-7)
+        way = times(1 / xp.sqrt(square), way)
+        power = xp.exp(-scene.spread * (1 - way[2])) / square
+        diffuse = diffuse + power * xp.maximum((dot(film, way) + 0.15) / 1.15, 0.03)
+        shine = xp.maximum(dot(film, _unit(xp, minus(way, sight.ray))), 0.0) ** 32
+        glint = glint + power * (0.35 * shine * shine + 2.2 * shine**12)
+    share = 1.0 / len(scene.guides)
+    glint = glint * (0.35 * share * scene.wet * looks.gloss * looks.dark)
+    # A lens that presses the wall sees light that has gone through it: red, without shape.
+    pressed = xp.clip((0.0035 - sight.away) / 0.0028, 0.0, 1.0)
+    diffuse, glint, through = (1 - pressed) * share * looks.dark * diffuse, (1 - pressed) * glint, 6e3 * pressed
+    # Light that comes from the depth has been sent on by other wall before, and is redder.
+    deep = xp.minimum(sight.away / _DEEP, 1.5)
+    red, green, blue = looks.pale
+    green, blue = green * (1 - 0.30 * deep), blue * (1 - 0.38 * deep)
+    return (
+        sight.dim * (red * diffuse + glint + 0.60 * through),
+        sight.dim * (green * diffuse + glint + 0.07 * through),
+        sight.dim * (blue * diffuse + 0.95 * glint + 0.035 * through),
+    )
+
+
+def _unit(xp: Any, vector: Vector) -> Vector:
+    return times(1 / xp.sqrt(dot(vector, vector)), vector)

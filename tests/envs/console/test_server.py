@@ -118,6 +118,27 @@ async def _meet(vehicle: Any) -> None:
             assert message.data == 1009 and not hand.share.any()
 
 
+def test_pictures_do_not_wait_for_views_from_outside(colon_folder, capsule, monkeypatch):
+    """A page that is slow with one kind of message is still sent the other as soon as it has drawn it."""
+    from haustra.envs.console import server
+
+    monkeypatch.setattr(server, "PATIENCE", 1e6)
+    asyncio.run(_draw_pictures_only(make_vehicle(colon_folder, capsule)))
+
+
+async def _draw_pictures_only(vehicle: Any) -> None:
+    async with _served(vehicle) as (_, url), aiohttp.ClientSession() as client:
+        base, _, token = url.partition("?token=")
+        async with client.ws_connect(f"{base}socket?token={token}") as page:
+            kinds: list[str] = []
+            while kinds.count("picture") < 8:
+                header, _ = unpack((await page.receive()).data)
+                kinds.append(header["kind"])
+                if kinds[-1] == "picture":
+                    await page.send_json({"drawn": "picture"})
+        assert "frame" not in kinds[-4:], "it has not said that it has drawn the ones before"
+
+
 def test_keys_in_a_browser_drive_past_the_sigmoid(colon_folder, tmp_path):
     """`haustra drive` prints one line; real key events of a headless Chromium bring the tip through the bend."""
     from haustra.scripts.bench.browser import chromium

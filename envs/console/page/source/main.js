@@ -105,8 +105,8 @@ class Console {
     this.socket = new WebSocket(`ws://${location.host}/socket?token=${encodeURIComponent(token)}`);
     this.socket.binaryType = "arraybuffer";
     this.socket.onopen = () => { this.veil.hidden = true; };
-    // The server sends more once this is drawn, so that nothing waits in between.
-    this.socket.onmessage = async (event) => { await this.hear(unpack(event.data)); this.say({ drawn: true }); };
+    // The server sends more of a kind once this is drawn, so that nothing waits in between.
+    this.socket.onmessage = async (event) => { const message = unpack(event.data); await this.hear(message); this.say({ drawn: message.kind }); };
     this.socket.onclose = () => {
       this.veil.textContent = "The connection is lost. The hand has let go; the drive waits.";
       this.veil.hidden = false;

@@ -7,6 +7,7 @@ import trimesh
 from haustra.envs.view.picture.camera import looking
 from haustra.envs.view.picture.lens import named_lens
 from haustra.envs.view.picture.renderer import CameraPose, RayRenderer
+from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import Colon, Surface
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
@@ -92,3 +93,13 @@ def test_threads_change_nothing(bent: Colon) -> None:
     one, two = (renderer.look(pose_in(bent, 0.05)) for renderer in views)
     for part in ("distance", "triangle", "weights", "normals"):
         np.testing.assert_array_equal(getattr(one, part), getattr(two, part))
+
+
+def test_pictures_are_as_small_as_they_may_be(bent: Colon) -> None:
+    """Whose rows are as long as what is worked out at a time, and no shorter."""
+    pose, large = pose_in(bent, 0.03), named_lens("equidistant").at(8, 8)
+    view = RayRenderer(bent.lumen, large).look(pose)
+    known = followed(bent.lumen, pose, large.grid[large.within])
+    assert np.abs(view.distance[large.within] - known).max() < 5e-5
+    with pytest.raises(InvalidOptionError, match="at least 8"):
+        RayRenderer(bent.lumen, named_lens("equidistant").at(7, 9))

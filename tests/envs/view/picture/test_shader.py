@@ -1,0 +1,78 @@
+"""The program that shades pixels is the mucosa's law as numpy computes it."""
+
+import functools
+
+import numpy as np
+
+from haustra.envs.view.picture import mucosa
+from haustra.envs.view.picture.appearance import Appearance
+from haustra.envs.view.picture.camera import looking
+from haustra.envs.view.picture.endoscope import Endoscope
+from haustra.envs.view.picture.lens import named_lens
+from haustra.envs.view.picture.light import Light, Response
+from haustra.envs.view.picture.renderer import CameraPose, SurfaceView
+from haustra.models.wall.vectors import of
+from tests.bent_colon import winding
+from tests.models.wall.conftest import RADIUS, swept_colon
+
+WIDTH, HEIGHT = 60, 51
+"""No multiple of what is shaded at a time."""
+WET = 0.8
+
+
+def shaded_by_numpy(scope: Endoscope, view: SurfaceView) -> np.ndarray:
+    """Light of all pixels in double precision."""
+    looks, lens, light = scope.appearance, scope.renderer.lens, Light()
+    wall = np.empty((len(looks.wall), 12))
+    wall[view.surface.order] = looks.wall
+    found = np.nan_to_num(view.interpolate(wall))
+    place = mucosa.WallPlace(of(found[..., :3]), *np.moveaxis(found[..., 3:9], -1, 0))
+    away = np.where(view.own >= 0, view.distance, 1.0)
+    dim = np.maximum(-lens.grid[..., 2], 0.0) ** lens.vignetting
+    sight = mucosa.Sight(away, of(lens.grid), of(view.normals.astype(float)), dim)
+    # What a pixel sees in the middle of the picture: the angle between neighbours.
+    row, column = (round(place) for place in lens.centre[::-1])
+    beside = np.cross(lens.grid[row, column], lens.grid[row, column + 1])
+    corners = mucosa.corners(looks.lattice.astype(float))
+    landmarks = [mucosa.Landmark(int(row[0]), of(row[1:4]), row[4], of(row[5:8])) for row in looks.landmarks]
+    scene = mucosa.Scene(
+        lambda row: np.moveaxis(corners[row], -1, 0),
+        landmarks,
+        (of(view.pose.rotation[:, 0]), of(view.pose.rotation[:, 1]), of(view.pose.rotation[:, 2])),
+        light.guides,
+        light.spread,
+        float(np.linalg.norm(beside)),
+        looks.wet,
+    )
+    with np.errstate(all="ignore"):
+        bands = mucosa.shade(np, place, sight, scene, functools.partial(mucosa.masked, np))
+    return np.where((view.own >= 0)[..., None], np.stack(bands, axis=-1), 0.0)
+
+
+def test_the_program_shades_as_the_law_says() -> None:
+    """Within a grey level at 99.9 % of the pixels, of all that a wall may have on it, near and far."""
+    tube = swept_colon(winding([(0.3, 0.0)]), name="straight")
+    lens = named_lens("endomapper").at(WIDTH, HEIGHT)
+    scope = Endoscope(tube, lens, response=Response(gain=3e-4))
+    looks: Appearance = scope.appearance
+    random = np.random.default_rng(0)
+    near = np.abs(scope.surface.arcs - 0.07) < 0.02
+    looks.known[near] = random.uniform(0, 1, (near.sum(), 5)) * random.integers(0, 2, (near.sum(), 5))
+    looks.wet = WET
+    along = (1.0, 0.0, 0.0)
+    looks.landmarks = np.array([
+        [mucosa.ORIFICE, 0.075, 0.0, RADIUS, 0.0035, *along],
+        [mucosa.VALVE, 0.08, RADIUS, 0.0, 0.011, *along],
+    ])  # fmt: skip
+    seen = []
+    for arc, aside in ((0.005, 0.0), (0.05, 0.0), (0.06, 0.6 * RADIUS), (0.07, RADIUS - 0.002)):
+        pose = CameraPose(np.array([arc, 0.0, aside]), looking(np.array([1.0, 0.1, 0.3]), np.array([0.0, 0.0, 1.0])))
+        view = scope.look(pose)
+        light = scope.radiance(view)
+        known = shaded_by_numpy(scope, view).astype(np.float32)
+        assert np.isfinite(light).all() and (light[view.own < 0] == 0).all()
+        off = np.abs(scope.develop(light).astype(int) - scope.develop(known)).max(axis=-1)
+        seen.append(off[view.own >= 0])
+    off = np.concatenate(seen)
+    assert len(off) > 7000
+    assert (off <= 1).mean() >= 0.999, np.bincount(off)
