@@ -102,6 +102,7 @@ class LinearInsertions:
             driver=program,
             width=station_widths(tables, map(lumen_widths, colons)),
             lookup=lookup,
+            colons=colons,
             **arrangement,
         )
 
@@ -149,13 +150,14 @@ class LinearInsertions:
             tally = self.program.tally_of(self.backend.driver_numbers())
             if ((tally.ended > 0) | ~self.backend.alive).all():
                 break
-        seen, numbers = self.backend.read(), self.backend.driver_numbers()
+        seen, numbers, gas = self.backend.read(), self.backend.driver_numbers(), self.backend.gas
         return Insertions.of(
             self.program.tally_of(numbers),
             healthy=self.backend.alive,
             attempts=self.program.memory_of(numbers).attempts,
             simulated=seen.time,
             insertion=seen.insertion,
+            gas=gas and (gas.pressure_peak, gas.volume),
         )
 
     def told(self) -> Float[np.ndarray, "rows worlds"]:
