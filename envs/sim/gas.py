@@ -35,7 +35,7 @@ ANAL_CANAL = 0.04
 INTERVAL = 0.1
 """Time between two steps of the gas [s]: it fills a colon in minutes."""
 
-_MOMENTARY = ("state", "_due", "_tip", "_share", "_case", "_peak", "asked", "tissue_stiffness")
+_MOMENTARY = ("state", "volume", "pressure_peak", "_due", "_tip", "_share", "_case", "asked", "tissue_stiffness")
 """What of worlds' gas changes; each value is replaced, never written into."""
 
 
@@ -120,7 +120,11 @@ class GasWorlds:
         self._lumens = _lumens_of(colons, list(stations), widths)
         self._device, self._bursting = np.asarray(device_radius, float), np.array([*map(bursting_pressure, SEGMENTS)])
         self._case, self._tip, self._due = np.zeros(worlds, int), np.zeros(worlds, int), np.zeros(worlds)
-        self._share, self._peak = np.ones((worlds, len(SEGMENTS))), np.zeros(worlds)
+        self._share = np.ones((worlds, len(SEGMENTS)))
+        self.volume: Float[np.ndarray, " worlds"] = np.zeros(worlds)
+        """Volume of each colon's gas now [m^3]."""
+        self.pressure_peak: Float[np.ndarray, " worlds"] = np.zeros(worlds)
+        """Highest pressure of any segment since the world began [Pa]."""
         self.tissue_stiffness: Float[np.ndarray, " worlds"] = np.full(worlds, float(options.wall_stiffness))
         """Stiffness of a contact with the wall where nothing makes it taut [N/m]."""
         self.asked: Float[np.ndarray, " worlds"] = np.full(worlds, np.nan)
@@ -145,7 +149,7 @@ class GasWorlds:
             case: the colons that they have now.
             tissue_stiffness: of their walls [N/m].
         """
-        self._put(worlds, _case=case, tissue_stiffness=tissue_stiffness, _due=0.0, _peak=-np.inf)
+        self._put(worlds, _case=case, tissue_stiffness=tissue_stiffness, _due=0.0, pressure_peak=-np.inf)
         self._step(worlds, np.full(len(worlds), self._start_depth), filled(np, self._persons(worlds), self._start))
 
     def advance(
@@ -175,8 +179,9 @@ class GasWorlds:
         flow = np.where(np.isnan(asked), insufflated, asked)
         state = step_gas(np, person, state, flow=flow, place=tip, timestep=self._due[worlds])
         share = np.sqrt(filling(np, person, state.pressure[:, :-1]) / lumens.given[case])
-        peak = np.maximum(self._peak[worlds], state.pressure[:, :-1].max(axis=1))
-        self._put(worlds, _due=0.0, _tip=tip, _share=share, _peak=peak)
+        peak = np.maximum(self.pressure_peak[worlds], state.pressure[:, :-1].max(axis=1))
+        volume = gas_volumes(np, person, state).sum(axis=1)
+        self._put(worlds, _due=0.0, _tip=tip, _share=share, pressure_peak=peak, volume=volume)
         self.state = GasState(*(_with(old, worlds, new) for old, new in zip(self.state, state, strict=True)))
 
     def _put(self, worlds: np.ndarray, **values: Any) -> None:
@@ -212,17 +217,6 @@ class GasWorlds:
     def pressure(self) -> Float[np.ndarray, "worlds segments"]:
         """Pressure of each segment now, over that of the atmosphere [Pa]."""
         return self.state.pressure[:, :-1]
-
-    @property
-    def volume(self) -> Float[np.ndarray, " worlds"]:
-        """Volume of each colon's gas now [m^3]."""
-        everyone = np.arange(len(self._case))
-        return gas_volumes(np, self._persons(everyone), self.state).sum(axis=1)
-
-    @property
-    def pressure_peak(self) -> Float[np.ndarray, " worlds"]:
-        """Highest pressure of any segment since the world began [Pa]."""
-        return self._peak
 
     def keep(self) -> dict[str, Any]:
         """Where the gas is, to go back to."""

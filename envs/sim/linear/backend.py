@@ -323,12 +323,8 @@ class LinearBackend(AbstractBackend):
         return self._of_worlds("worlds", slot, slot + 1)[:, 0] > 0
 
     def drive(self, count: int) -> None:
-        """Let the program's own driver decide `count` times."""
-        if self.gas is None:
-            self._run(count)
-            return
-        for _ in range(count):
-            self._run(1)
+        """Let the program's own driver decide `count` times; gas moves behind the last."""
+        self._run(count)
 
     def give(self, name: str, values: Float[np.ndarray, " worlds"] | float) -> None:
         """Set a number of all worlds, by its name in `haustra.envs.sim.linear.layout.WORLD`."""
