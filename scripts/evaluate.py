@@ -14,7 +14,7 @@ class Evaluate:
     """Let drivers insert a scope into held-out grown colons, or yours; the same episodes for all; compare them."""
 
     drivers: Annotated[tuple[str, ...], tyro.conf.Positional] = texts(least=1, most=100)
-    """Folders of policies, or names: insertion, insertion-paced and insertion-easy, which ship, random, push, pull,
+    """Folders of policies, or names: insertion and insertion-easy, which ship, random, push, pull,
     follower, endoscopist."""
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
     """Folder for the table, the episodes and pictures; nothing is written when not given."""

@@ -18,7 +18,7 @@ SHIPPED = (
     "insertion",
     "insertion-ppo",
     "insertion-gpu",
-    "insertion-paced",
+    "insertion-sb3",
     "insertion-easy",
     "insertion-sac",
     "for-a-design",

@@ -43,7 +43,7 @@ class PolicyStudyOptions:
 
     training: str = "for-a-design"
     """A shipped training of the learner 'device': everything that is not named here."""
-    start: str = "insertion-paced"
+    start: str = "insertion"
     """Policy that every training begins as: a shipped one's name, or a folder."""
     steps: int = whole(0, 10**10, default=1_000_000)
     """Length of a training in environment steps; 0 judges the policy to begin as."""

@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parents[3]
 PAGES = tuple(sorted([*(ROOT / "docs/how-to").glob("*.md"), *(ROOT / "docs/tutorials").glob("*.md")]))
 LEFT_OUT = {
     r"insertion-gpu|runs/gpu|linear-gpu|--processes 16|backend=\"warp\"": "needs an NVIDIA GPU",
-    r"insertion-ppo|runs/ppo|insertion-paced --start|cohort full": "takes hours on two cores",
+    r"insertion-ppo|runs/ppo|insertion --start|cohort full": "takes hours on two cores",
     r"^haustra drive|haptic|replay my-drive|export my-drive|replay by-follower": "needs a person at a browser",
     r"patients=48|cohort quick .*--driver endoscopist \w": "a longer form of the command above it",
     r"labels\.nii\.gz": "another form of the command above it (tests/models/anatomy/test_label_map.py)",

@@ -16,7 +16,7 @@ class BenchCells:
 
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for cells.json."""
-    drivers: str = "insertion,insertion-paced"
+    drivers: str = "insertion"
     """Names of policies, or their folders, separated by commas."""
     cells: str = ""
     """Names of `haustra.scripts.bench.cells.CELLS`, separated by semicolons; all if empty."""

@@ -98,5 +98,5 @@ def test_what_the_device_does_not_do_is_refused():
             replace(SMALL, **{name: value})
     with pytest.raises(InvalidOptionError, match="most_pain is for the learner 'device'"):
         Training(most_pain=1.0)
-    own = shipped("insertion-paced")
+    own = shipped("insertion")
     assert own.learner == "device" and own.most_p_perforation == 0.002

@@ -67,9 +67,9 @@ def test_what_is_not_known_is_refused(asked):
 
 
 def test_policies_examine_with_the_scope_that_they_were_trained_with():
-    policy = Examiner.of({"driver": "insertion-paced", "device": OWN_DEVICE})
+    policy = Examiner.of({"driver": "insertion", "device": OWN_DEVICE})
     assert policy.device == "paediatric-long" and policy.policy is not None
-    assert Examiner.of({"driver": "insertion-paced", "device": "adult"}).device == "adult"
+    assert Examiner.of({"driver": "insertion", "device": "adult"}).device == "adult"
     law = Examiner.of({"driver": "endoscopist", "device": OWN_DEVICE})
     assert law.device == "adult" and law.policy is None and law.batch != policy.batch
 

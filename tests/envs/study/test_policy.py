@@ -76,4 +76,4 @@ def test_what_cannot_be_trained_is_refused(tmp_path):
         study(tmp_path, start="nowhere")
     with pytest.raises(InvalidOptionError, match="does not answer"):
         find_backend("policy", "native")
-    assert load_study("policy-stiffness").options["start"] == "insertion-paced"
+    assert load_study("policy-stiffness").options["start"] == "insertion"
