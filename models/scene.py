@@ -103,8 +103,8 @@ class SceneOptions:
     any direction is as stiff; backends of many worlds have linear springs only."""
     gas: float | None = number("Pa", 500.0, 8000.0, default=None)
     """Set point of insufflation [Pa]: the scope lets gas in while the pressure at its tip is less, and gas sets how
-    wide the lumen is (`haustra.models.gas`). No gas when None: the lumen is as wide as it was given. One scope against
-    law 'table' only."""
+    wide the lumen is (`haustra.models.gas`). No gas when None: the lumen is as wide as it was given. Law
+    'table' only."""
     gas_flow: float = number("m^3/s", 0.0, 1e-4, default=4.17e-6)
     """Flow of the gas that insufflation lets in [m^3/s]; 0.25 L/min by default, as in colonoscopy."""
     gas_start: float = number("Pa", 300.0, 8000.0, default=2000.0)

@@ -34,6 +34,13 @@ class Evaluate:
     """Range of Coulomb's coefficient that episodes draw from [1]; that of the first policy's task when not given."""
     mesentery: bool | None = None
     """Let colons move on their mesentery; as the first policy's when not given."""
+    insufflate: str | None = None
+    """Let gas in through the scope while the pressure at its tip is less than this ('25mmHg', '3.3kPa'); as the first
+    policy's task when not given. On backend linear, with --no-video."""
+    gas_flow: float | None = number("m^3/s", 0.0, 1e-4, default=None)
+    """Flow of the gas that insufflation lets in [m^3/s]; 0.25 L/min when not given."""
+    gas_start: float | None = number("Pa", 300.0, 8000.0, default=None)
+    """Gas pressure that colons are filled to at the start of an episode [Pa]; 15 mmHg when not given."""
     seconds: float = number("s", 0.002, 3600.0, default=300.0)
     """Longest episode, in simulated time [s]."""
     backend: Literal["native", "linear", "linear-gpu", "warp"] | None = None
@@ -161,10 +168,17 @@ class Evaluate:
 
     def _config(self, own: Any) -> Any:
         from haustra.envs.tasks.config import Limits, TaskConfig
+        from haustra.errors import InvalidOptionError
 
         base = own or TaskConfig(design="adult", observation="state")
-        names = ("task", "design", "difficulty", "mesentery")
+        names = ("task", "design", "difficulty", "mesentery", "gas_flow", "gas_start")
         named = {name: value for name in names if (value := getattr(self, name)) is not None}
+        if self.insufflate is not None:
+            from haustra.models.anatomy.insufflation import pressure_from
+
+            named["gas"] = pressure_from(self.insufflate)
+        elif base.gas is None and (self.gas_flow, self.gas_start) != (None, None):
+            raise InvalidOptionError("A flow or pressure of gas needs gas: give --insufflate 25mmHg too.")
         ranges = replace(base.randomisation, friction=self.friction) if self.friction else base.randomisation
         return replace(base, **named, randomisation=ranges, limits=Limits(seconds=self.seconds))
 
@@ -207,6 +221,8 @@ def _row(summary: dict[str, Any]) -> dict[str, Any]:
         "peak_force_N",
         "p_perforation",
         "pain",
+        "gas_pressure_peak_mmHg",
+        "gas_volume_mL",
     )
     return {
         name: summary[name]

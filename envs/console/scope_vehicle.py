@@ -119,7 +119,7 @@ class ScopeVehicle(Vehicle):
         gas = self._scope.gas
         assert gas is not None
         by_hand = self._value("insufflator") == "by hand"
-        gas.asked = lever * self._scene.options.gas_flow if lever or by_hand else None
+        gas.ask(lever * self._scene.options.gas_flow if lever or by_hand else None)
 
     def look(self) -> Look:
         """Readings, what the colon bears, and the shape."""
@@ -184,7 +184,7 @@ class ScopeVehicle(Vehicle):
         if scope.gas is None:
             scope.many.give("stiffness", stiffness)
         else:
-            scope.gas.tissue_stiffness = stiffness
+            scope.gas.soften(stiffness)
             scope.many.give("stiffness", scope.gas.stiffness)
         if name in ("posture", "pressed"):
             own = axis_tables(self.given, options.abdomen).mesentery

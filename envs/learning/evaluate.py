@@ -13,6 +13,8 @@ from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.drivers import Driver
 from haustra.envs.tasks.scope_task import ScopeTask
+from haustra.errors import UnsupportedSceneError
+from haustra.models.gas.law import MMHG
 
 FELT = 2.0
 """Wall force above which a step counts as pressing [N]."""
@@ -23,6 +25,8 @@ _SHARES = (
     ("perforated", "perforated"),
 )
 """Shares of episodes in a summary, and the column that each counts."""
+_GAS = {"gas_pressure_peak_mmHg": ("gas_pressure_peak", 1 / MMHG), "gas_volume_mL": ("gas_volume", 1e6)}
+"""Columns of gas, what `Step.info` calls each, and what of them one of its units is."""
 MOST_WORLDS = {"cpu": 40, "gpu": 8192}
 """Episodes that run at once on a device. A world whose episode is over is stepped on in vain once none is waiting: a
 CPU pays for it, a GPU does not."""
@@ -64,6 +68,10 @@ class Episode:
     tip_ahead_m: float
     """How far the tip's arc length was ahead of the inserted length at most [m]. Cutting corners gains a little; where
     loops touch, several centimetres mean that the tip went through a wall from one loop to the next."""
+    gas_pressure_peak_mmHg: float | None
+    """Highest pressure of gas in any segment [mmHg]; None without gas."""
+    gas_volume_mL: float | None
+    """Gas in the colon at the end [mL]; None without gas."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +97,9 @@ class Evaluation:
         for column in ("progress", "coverage", *forces, "p_perforation", "pain", "tip_ahead_m"):
             rows[column] = float(found[column].mean())
             rows[f"{column}_bootstrap"] = self._over_colons(found[column])
+        for column in _GAS:
+            known = [value for value in found[column] if value is not None]
+            rows[column] = float(np.mean(known)) if known else None
         done = found["seconds"][found["reached"]]
         rows["seconds_when_reached"] = float(np.median(done)) if len(done) else None
         reasons, counts = np.unique(found["reason"], return_counts=True)
@@ -148,7 +159,14 @@ def evaluate(
         most_worlds: stepped at once; what suits the backend and its device when None.
         record: keep the states of the best episode.
         progress: told episodes done and their number.
+
+    Raises:
+        UnsupportedSceneError: when episodes under gas are to be recorded, or the backend cannot honour the task.
     """
+    if record and config.gas is not None:
+        raise UnsupportedSceneError(
+            "Recordings do not hold how wide gas held the lumen: record none, or leave gas out."
+        )
     plan = [(case, episode) for case in range(len(bank.cases)) for episode in range(episodes)]
     worlds = min(most_worlds or MOST_WORLDS[_platform(backend)], len(plan))
     task = ScopeTask(config, worlds=worlds, threads=threads, backend=backend, bank=bank)
@@ -261,6 +279,7 @@ class _Record:
             reason=_reason(last, history[1], task),
             failed_at_m=float(last["tip_arc"]),
             tip_ahead_m=float(history[2].max()),
+            **{column: unit * float(last[name]) if name in last else None for column, (name, unit) in _GAS.items()},
         )
 
 

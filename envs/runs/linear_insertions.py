@@ -11,6 +11,7 @@ from haustra.envs.runs.insertion_program import InsertionProgram, Sees
 from haustra.envs.runs.measure.containment import lumen_widths, station_widths
 from haustra.envs.runs.tally import Insertions
 from haustra.envs.sim.conditions import Conditions
+from haustra.envs.sim.gas import INTERVAL
 from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.scope_values import Scope
 from haustra.errors import InvalidOptionError
@@ -102,6 +103,7 @@ class LinearInsertions:
             driver=program,
             width=station_widths(tables, map(lumen_widths, colons)),
             lookup=lookup,
+            colons=colons,
             **arrangement,
         )
 
@@ -149,13 +151,14 @@ class LinearInsertions:
             tally = self.program.tally_of(self.backend.driver_numbers())
             if ((tally.ended > 0) | ~self.backend.alive).all():
                 break
-        seen, numbers = self.backend.read(), self.backend.driver_numbers()
+        seen, numbers, gas = self.backend.read(), self.backend.driver_numbers(), self.backend.gas
         return Insertions.of(
             self.program.tally_of(numbers),
             healthy=self.backend.alive,
             attempts=self.program.memory_of(numbers).attempts,
             simulated=seen.time,
             insertion=seen.insertion,
+            gas=gas and (gas.pressure_peak, gas.volume),
         )
 
     def told(self) -> Float[np.ndarray, "rows worlds"]:
@@ -163,9 +166,12 @@ class LinearInsertions:
         return self.backend.told(self.program.tells)[:, : self.backend.worlds].copy()
 
     def _drive(self, first: int, last: int, hand: Hand | None) -> None:
-        """From one control interval to another, stopping where it is a hand's turn."""
+        """From one control interval to another, stopping where it is a hand's turn, or gas moves."""
+        turns = [] if hand is None else [hand.every]
+        if self.backend.gas is not None:
+            turns.append(max(1, round(INTERVAL / self.interval)))
         while first < last:
-            count = last - first if hand is None else min(last - first, hand.every - first % hand.every)
+            count = min([last - first, *(turn - first % turn for turn in turns)])
             self.backend.drive(count)
             first += count
             if hand is not None and first % hand.every == 0:

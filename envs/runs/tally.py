@@ -115,6 +115,10 @@ class Insertions:
     """Largest tension of wall or mesentery over that which is assumed to hurt [1]."""
     pain_arc: Float[np.ndarray, " worlds"]
     """Arc length there [m]."""
+    gas_pressure_peak: Float[np.ndarray, " worlds"] | None = None
+    """Highest pressure of gas in any segment [Pa]; None without gas."""
+    gas_volume: Float[np.ndarray, " worlds"] | None = None
+    """Volume of the colon's gas at the end [m^3]; None without gas."""
 
     @classmethod
     def of(
@@ -125,6 +129,7 @@ class Insertions:
         attempts: Float[np.ndarray, " worlds"],
         simulated: Float[np.ndarray, " worlds"],
         insertion: Float[np.ndarray, " worlds"],
+        gas: tuple[Float[np.ndarray, " worlds"], Float[np.ndarray, " worlds"]] | None = None,
     ) -> "Insertions":
         """Say how runs went.
 
@@ -134,6 +139,7 @@ class Insertions:
             attempts: times that the driver backed off since the last progress.
             simulated: when they ended [s].
             insertion: length past the anus then [m].
+            gas: highest pressure [Pa], and volume at the end [m^3].
         """
         kept = Tally(*(np.asarray(part, float) for part in tally))
         ends = zip(kept.ended, np.asarray(healthy), np.asarray(attempts), strict=True)
@@ -152,4 +158,6 @@ class Insertions:
             load_arc=kept.load_arc,
             pain_peak=kept.pain_peak,
             pain_arc=kept.pain_arc,
+            gas_pressure_peak=gas and gas[0],
+            gas_volume=gas and gas[1],
         )

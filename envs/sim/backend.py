@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from haustra.envs.sim.conditions import Conditions, Snapshot
-from haustra.envs.sim.gas import RunGas
+from haustra.envs.sim.gas import GasWorlds, RunGas
 from haustra.envs.sim.state import Controls, Readings
 from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import Scene
@@ -33,6 +33,8 @@ class AbstractBackend(ABC):
     """The colons, seen from their entries and stacked."""
     worlds: int
     """How many scopes."""
+    gas: GasWorlds | None = None
+    """What fills the worlds' colons, where the scene has gas."""
 
     @abstractmethod
     def reset(self, worlds: Int[np.ndarray, " reset"], case: Int[np.ndarray, " reset"], conditions: Conditions) -> None:

@@ -56,6 +56,7 @@ _SECTION = (
 )
 _WHEELS = "counts where wheels steer, which native-batch and warp refuse"
 _LABEL = "a name, which shapes nothing"
+_FILLED = "against the table; of one scope or many on linear's CPU threads, of one natively"
 _TABLE = "other walls than the table are refused any but the usual"
 
 SCENE = (
@@ -72,7 +73,7 @@ SCENE = (
     *_in("scene.abdomen", "posture", "mobile", "adhesions", "pressed", "hand", about="of a colon that moves"),
     *_in("scene.abdomen", "envelope", "breathing", about="of a colon that moves"),
     *_in("scene.abdomen", "loops_touch", only=_only(False, backends=("warp",)), about="of a colon that moves"),
-    *_in("scene", "gas", only=_only(None, backends=("native-batch", "warp")), about="of one scope, not of many"),
+    *_in("scene", "gas", only=_only(None, backends=("native-batch", "warp")), about=_FILLED),
     *_in("scene", "gas_flow", "gas_start", about="with gas"),
     *_in("scene", "softening", only=_only(False, backends=("native-batch", "warp"))),
 )
@@ -106,12 +107,15 @@ RANDOMISATION = (
 )
 """Fields of `Randomisation`."""
 
+_UNSEEN = "on linear's CPU threads, but for pictures and depth, which show colons as they were given"
 _RULES = "a rule of the task, which every backend steps"
 TASK = (
     *_in(
         "task", "task", only=_only("insertion", backends=("warp",)), about="linear alone withdraws from moving colons"
     ),
     *_in("task", "mesentery", "design", "difficulty", "seeds"),
+    *_in("task", "gas", only=_only(None, backends=("native-batch", "warp")), about=_UNSEEN),
+    *_in("task", "gas_flow", "gas_start", about="with gas"),
     *_in("task", "observation", "privileged", "imager", "memory", "picture_size", "depth", "pictures", about=_RULES),
     *_in("task", "randomisation", about="its fields follow"),
     *_in("task.drive", "control_interval", "push_rate", "roll_rate", "wheel_rate", "hand_lead", about=_RULES),

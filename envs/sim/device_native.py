@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from mujoco.batch import Batch
 
-from haustra.envs.sim.gas import RunGas
+from haustra.envs.sim.gas import run_gas
 from haustra.envs.sim.log import log_to_stderr_only
 from haustra.envs.sim.native import FATAL_WARNINGS
 from haustra.envs.sim.scene_wall import SceneWall, SceneWorld
@@ -34,7 +34,7 @@ class DeviceGas:
         first, count = np.asarray(tables.first), np.asarray(tables.count)
         self._walls = [tables.wall[begin : begin + size] for begin, size in zip(first, count, strict=True)]
         self._rest, self._radii = [wall.copy() for wall in self._walls], np.asarray(tables.device_radius, float)
-        self.run = RunGas(colon, options, self._rest[-1], device_radius=float(self._radii[-1]))
+        self.run = run_gas(colon, options, stations=int(count[-1]), device_radius=float(self._radii[-1]))
 
     def advance(self, tip_arc: float, seconds: float) -> bool:
         """Let gas in where the tip is, and let it move; says whether the wall is another than before."""

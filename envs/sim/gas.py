@@ -1,5 +1,6 @@
-"""Gas in one run: let in at the tip, it sets how wide the lumen is and how stiff its wall."""
+"""Gas in runs: let in at the tips, it sets how wide each world's lumen is and how stiff its wall."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -10,24 +11,32 @@ from scipy.ndimage import gaussian_filter1d
 from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import Colon, Surface
 from haustra.models.anatomy.landmarks import SEGMENTS, segment_names
-from haustra.models.gas.compartments import filled, filling, gas_volumes, segment_volumes, step_gas, typical_colon
+from haustra.models.gas.compartments import (
+    GasColon,
+    GasState,
+    filled,
+    filling,
+    gas_volumes,
+    opened_at,
+    segment_volumes,
+    step_gas,
+    typical_colon,
+)
 from haustra.models.gas.law import tension_stiffness, wall_tension
-from haustra.models.gas.numbers import gas_numbers
+from haustra.models.injury.pain import pain
+from haustra.models.injury.perforation import bursting_pressure, gas_load
 from haustra.models.scene import SceneOptions
-from haustra.models.wall.lumen_table import put_distended
 from haustra.models.wall.signed_distance import surface_arcs
 
 TAPER = 0.01
 """Standard deviation of the arc length over which the width of one segment goes over into the next's [m]."""
 ANAL_CANAL = 0.04
 """Length behind the anus that the scope holds open, not gas [m]: Ellis, Clinical Anatomy."""
-LEAST_CHANGE = 1e-3
-"""The wall is moved when the share of its width changed by this [1]: 0.02 mm of its radius."""
 INTERVAL = 0.1
 """Time between two steps of the gas [s]: it fills a colon in minutes."""
 
-_MOMENTARY = ("_state", "_due", "_volume", "_shares", "widths", "_placed", "_tip", "asked", "tissue_stiffness")
-"""What of a run's gas changes; each value is replaced, never written into."""
+_MOMENTARY = ("state", "volume", "pressure_peak", "_due", "_tip", "_share", "_case", "asked", "tissue_stiffness")
+"""What of worlds' gas changes; each value is replaced, never written into."""
 
 
 class GasRecord(NamedTuple):
@@ -41,54 +50,199 @@ class GasRecord(NamedTuple):
     """Let in through the scope so far, at standard pressure [m^3]."""
 
 
-class RunGas:
-    """The gas of one colon, of a typical person, in which a scope lets in gas up to a set point."""
+class GasBurden(NamedTuple):
+    """What the wall bears of gas alone, one number a world."""
+
+    gas_load: Float[np.ndarray, " worlds"]
+    """Largest load over the median person's strength [1]."""
+    gas_load_arc: Float[np.ndarray, " worlds"]
+    """Arc length there [m]."""
+    gas_pain: Float[np.ndarray, " worlds"]
+    """Largest tension over that which hurts [1]."""
+    gas_pain_arc: Float[np.ndarray, " worlds"]
+    """Arc length there [m]."""
+
+
+class _Lumens(NamedTuple):
+    """What gas finds in colons as they were given; leading axis: colons."""
+
+    person: GasColon
+    given: Float[np.ndarray, "colons segments"]
+    """Filling of each segment, as `filling` counts it [1]."""
+    radius: Float[np.ndarray, "colons segments"]
+    """Mean radius of each segment [m]."""
+    step: Float[np.ndarray, " colons"]
+    """Distance between the stations of the colon's table [m]."""
+    number: Int[np.ndarray, "colons stations"]
+    """Segment of each station; behind a colon's last station as at it."""
+    weights: Float[np.ndarray, "colons stations segments"]
+    """What each segment has to say of the width at each station [1]; nothing behind a colon's last."""
+    widest: Float[np.ndarray, "colons segments"]
+    """Largest radius of each segment [m], and 0 of one that a colon lacks."""
+    widest_arc: Float[np.ndarray, "colons segments"]
+    """Arc length there [m]."""
+    first_arc: Float[np.ndarray, "colons segments"]
+    """Arc length where each segment begins [m]."""
+
+
+class GasWorlds:
+    """The gas of worlds, each a colon of a typical person, in which a scope lets in gas up to a set point.
+
+    Worlds know nothing of each other.
+    """
 
     def __init__(
         self,
-        colon: Colon,
+        colons: Sequence[Colon],
         options: SceneOptions,
-        wall: Float[np.ndarray, "stations angles 4"],
         *,
-        device_radius: float,
+        stations: Sequence[int],
+        device_radius: Float[np.ndarray, " colons"],
+        worlds: int = 1,
+        widths: Sequence[np.ndarray] | None = None,
     ) -> None:
-        """Fill the colon to the pressure at the start.
+        """Fill all worlds, in the first colon, to the pressure at the start.
+
+        Args:
+            colons: as they were given.
+            options: name the set point.
+            stations: of each colon's table.
+            device_radius: that each colon's table is for [m].
+            worlds: how many.
+            widths: of each colon's lumen, at its stations [m], for `burden`.
+
+        Raises:
+            InvalidOptionError: when a colon's segments are not the usual ones.
+        """
+        assert options.gas is not None
+        self._set_point, self._flow, self._start = options.gas, options.gas_flow, options.gas_start
+        self._start_depth = options.start_depth
+        self._lumens = _lumens_of(colons, list(stations), widths)
+        self._device, self._bursting = np.asarray(device_radius, float), np.array([*map(bursting_pressure, SEGMENTS)])
+        self._case, self._tip, self._due = np.zeros(worlds, int), np.zeros(worlds, int), np.zeros(worlds)
+        self._share = np.ones((worlds, len(SEGMENTS)))
+        self.volume: Float[np.ndarray, " worlds"] = np.zeros(worlds)
+        """Volume of each colon's gas now [m^3]."""
+        self.pressure_peak: Float[np.ndarray, " worlds"] = np.zeros(worlds)
+        """Highest pressure of any segment since the world began [Pa]."""
+        self.tissue_stiffness: Float[np.ndarray, " worlds"] = np.full(worlds, float(options.wall_stiffness))
+        """Stiffness of a contact with the wall where nothing makes it taut [N/m]."""
+        self.asked: Float[np.ndarray, " worlds"] = np.full(worlds, np.nan)
+        """Flow that hands ask for at standard pressure [m^3/s], negative to suck; the insufflator's where NaN."""
+        self.rows: list[tuple] | None = None
+        """Pressures, volume and what was given of the first world after every advance; None: nobody keeps them."""
+        everyone, none = np.arange(worlds), np.zeros((worlds, len(SEGMENTS)))
+        self.state: GasState = filled(np, self._persons(everyone), none + self._start)
+        """Where the gas is."""
+        self.begin(everyone, self._case, self.tissue_stiffness)
+
+    def begin(
+        self,
+        worlds: Int[np.ndarray, " begun"],
+        case: Int[np.ndarray, " begun"],
+        tissue_stiffness: Float[np.ndarray, " begun"],
+    ) -> None:
+        """Fill some worlds anew.
+
+        Args:
+            worlds: which.
+            case: the colons that they have now.
+            tissue_stiffness: of their walls [N/m].
+        """
+        self._put(worlds, _case=case, tissue_stiffness=tissue_stiffness, _due=0.0, pressure_peak=-np.inf)
+        self._step(worlds, np.full(len(worlds), self._start_depth), filled(np, self._persons(worlds), self._start))
+
+    def advance(
+        self, tip_arc: Float[np.ndarray, " worlds"], seconds: Float[np.ndarray, " worlds"]
+    ) -> Int[np.ndarray, " moved"]:
+        """Let gas in where the tips are, and let it move; says in which worlds wall and stiffness are others now.
+
+        Args:
+            tip_arc: arc length of the tip in each world [m].
+            seconds: how long, in each.
+        """
+        self._due = self._due + seconds
+        moving = np.flatnonzero(self._due > INTERVAL * (1 - 1e-9))
+        if len(moving):
+            self._step(moving, tip_arc[moving], GasState(*(part[moving] for part in self.state)))
+        if self.rows is not None:
+            self.rows.append((self.pressure[0], self.volume[0], float(self.state.given[0])))
+        return moving
+
+    def _step(self, worlds: np.ndarray, tip_arc: np.ndarray, state: GasState) -> None:
+        """Move the gas of some worlds, which is in that state, for the time that is due."""
+        case, row, person = self._case[worlds], np.arange(len(worlds)), self._persons(worlds)
+        lumens = self._lumens
+        station = np.ceil(np.nan_to_num(tip_arc) / lumens.step[case]).clip(0, lumens.number.shape[1] - 1)
+        tip = lumens.number[case, station.astype(int)]
+        insufflated, asked = self._flow * (state.pressure[row, tip] < self._set_point), self.asked[worlds]
+        flow = np.where(np.isnan(asked), insufflated, asked)
+        state = step_gas(np, person, state, flow=flow, place=tip, timestep=self._due[worlds])
+        share = np.sqrt(filling(np, person, state.pressure[:, :-1]) / lumens.given[case])
+        peak = np.maximum(self.pressure_peak[worlds], state.pressure[:, :-1].max(axis=1))
+        volume = gas_volumes(np, person, state).sum(axis=1)
+        self._put(worlds, _due=0.0, _tip=tip, _share=share, pressure_peak=peak, volume=volume)
+        self.state = GasState(*(_with(old, worlds, new) for old, new in zip(self.state, state, strict=True)))
+
+    def _put(self, worlds: np.ndarray, **values: Any) -> None:
+        for name, value in values.items():
+            setattr(self, name, _with(getattr(self, name), worlds, value))
+
+    def _persons(self, worlds: np.ndarray) -> GasColon:
+        return GasColon(*(part[self._case[worlds]] for part in self._lumens.person))
+
+    def stiffness(self, worlds: Int[np.ndarray, " some"]) -> Float[np.ndarray, " some"]:
+        """Stiffness of a contact with the wall: the tissue's, and its tension's in the segment of the tip [N/m]."""
+        case, tip = self._case[worlds], self._tip[worlds]
+        radius = self._lumens.radius[case, tip] * self._share[worlds, tip]
+        tension = wall_tension(np.maximum(self.state.pressure[worlds, tip], 0.0), radius)
+        return self.tissue_stiffness[worlds] + tension_stiffness(np, tension, radius, self._device[case])
+
+    def widths(self, worlds: Int[np.ndarray, " some"]) -> Float[np.ndarray, "some stations"]:
+        """Width of the lumen at each station of the table, over that of the colon as it was given [1]."""
+        wider = self._share[worlds] - 1
+        return 1 + (self._lumens.weights[self._case[worlds]] @ wider[..., None])[..., 0]
+
+    def burden(self, worlds: Int[np.ndarray, " some"]) -> GasBurden:
+        """What the walls of some worlds bear of gas alone."""
+        case, row, own = self._case[worlds], np.arange(len(worlds)), self._lumens
+        pressure, there = self.state.pressure[worlds, :-1], own.widest[case] > 0
+        load = gas_load(pressure, self._bursting) * there
+        hurts = pain(np, pressure * own.widest[case], 0.0)
+        most, worst = load.argmax(axis=1), hurts.argmax(axis=1)
+        arcs = own.first_arc[case, most], own.widest_arc[case, worst]
+        return GasBurden(load[row, most], arcs[0], hurts[row, worst], arcs[1])
+
+    @property
+    def pressure(self) -> Float[np.ndarray, "worlds segments"]:
+        """Pressure of each segment now, over that of the atmosphere [Pa]."""
+        return self.state.pressure[:, :-1]
+
+    def keep(self) -> dict[str, Any]:
+        """Where the gas is, to go back to."""
+        return {name: getattr(self, name) for name in _MOMENTARY}
+
+    def put_back(self, kept: dict[str, Any]) -> None:
+        """Go back to where the gas was."""
+        for name, value in kept.items():
+            setattr(self, name, value)
+
+
+class RunGas:
+    """The gas of a run, which is the only world: what is asked of it, and what was recorded."""
+
+    def __init__(self, colon: Colon, worlds: GasWorlds, *, stations: int) -> None:
+        """Begin a record.
 
         Args:
             colon: as it was given.
-            options: name the set point.
-            wall: table of the colon's wall as it was given, `haustra.models.wall.lumen_table.Tables.wall`.
-            device_radius: that the table is for [m].
-
-        Raises:
-            InvalidOptionError: when the colon's segments are not the usual ones.
+            worlds: its gas.
+            stations: of the colon's table.
         """
-        line = colon.centreline
-        assert options.gas is not None
-        self._set_point, self._flow, self._device = options.gas, options.gas_flow, device_radius
-        self.tissue_stiffness = options.wall_stiffness
-        """Stiffness of a contact with the wall where nothing makes it taut [N/m]."""
-        volumes = segment_volumes(colon)
-        own = colon.provenance.configuration.get("pressure")  # what it was grown at
-        given = own if isinstance(own, int | float) else gas_numbers()["full_pressure"]
-        self._person = typical_colon(volumes, pressure=given)
-        self._given = filling(np, self._person, np.full(len(SEGMENTS), float(given)))
-        self._state = filled(np, self._person, options.gas_start)
-        self._arcs = np.linspace(0.0, line.length, len(wall))
+        self.worlds, self._arcs = worlds, np.linspace(0.0, colon.centreline.length, stations)
         self._number = _numbers(segment_names(colon.segments, self._arcs))
-        inside = (self._number[:, None] == np.arange(len(SEGMENTS))) & (self._arcs > ANAL_CANAL)[:, None]
-        self._weights = gaussian_filter1d(inside.astype(float), TAPER / self._arcs[1], axis=0, mode="nearest")
-        lengths = np.bincount(self._number, minlength=len(SEGMENTS)) * self._arcs[1]
-        self._radius = np.sqrt(volumes / (np.pi * np.maximum(lengths, self._arcs[1])))
-        self._rest, self._placed = np.array(wall, float), np.zeros(len(wall))
         self._surface_arcs: Float[np.ndarray, " vertices"] | None = None
-        self.asked: float | None = None
-        """Flow that the hand asks for at standard pressure [m^3/s], negative to suck; the insufflator's when None."""
-        self._due = 0.0
-        self.widths: Float[np.ndarray, " stations"]
-        """Width of the lumen at each station of the table, over that of the colon as it was given [1]."""
-        self._step(options.start_depth)
-        self._rows: list[tuple] = []
+        self._rows = worlds.rows = []
 
     def advance(self, tip_arc: float, seconds: float) -> bool:
         """Let gas in where the tip is, and let it move; says whether wall and stiffness are others than before.
@@ -97,41 +251,29 @@ class RunGas:
             tip_arc: arc length of the tip [m].
             seconds: how long.
         """
-        self._due += seconds
-        moves = self._due > INTERVAL * (1 - 1e-9)
-        if moves:
-            self._step(tip_arc)
-        self._rows.append((self._state.pressure[:-1], self._volume, float(self._state.given)))
-        return moves
+        return bool(len(self.worlds.advance(np.array([tip_arc]), np.array([seconds]))))
 
-    def _step(self, tip_arc: float) -> None:
-        """Move the gas for the time that is due."""
-        self._tip = int(self.segments_at(np.array([tip_arc]))[0])
-        flow = self.asked
-        if flow is None:
-            flow = self._flow * float(self._state.pressure[self._tip] < self._set_point)
-        self._state = step_gas(np, self._person, self._state, flow=flow, place=self._tip, timestep=self._due)
-        self._due, self._volume = 0.0, float(gas_volumes(np, self._person, self._state).sum())
-        share = np.sqrt(filling(np, self._person, self._state.pressure[:-1]) / self._given)
-        self._shares, self.widths = share, 1 + self._weights @ (share - 1)
+    def ask(self, flow: float | None) -> None:
+        """Let the hand ask for a flow at standard pressure [m^3/s], negative to suck; the insufflator when None."""
+        self.worlds.asked = np.array([np.nan if flow is None else flow])
+
+    def soften(self, tissue_stiffness: float) -> None:
+        """Set the stiffness of a contact with the wall where nothing makes it taut [N/m]."""
+        self.worlds.tissue_stiffness = np.array([tissue_stiffness])
 
     @property
     def stiffness(self) -> float:
         """Stiffness of a contact with the wall: the tissue's, and its tension's in the segment of the tip [N/m]."""
-        radius = float(self._radius[self._tip] * self._shares[self._tip])
-        tension = wall_tension(max(float(self._state.pressure[self._tip]), 0.0), radius)
-        return self.tissue_stiffness + tension_stiffness(np, tension, radius, self._device)
+        return float(self.worlds.stiffness(_ONLY)[0])
+
+    @property
+    def widths(self) -> Float[np.ndarray, " stations"]:
+        """Width of the lumen at each station of the table, over that of the colon as it was given [1]."""
+        return self.worlds.widths(_ONLY)[0]
 
     def segments_at(self, arcs: Float[np.ndarray, " places"]) -> Int[np.ndarray, " places"]:
         """Numbers of the segments at arc lengths [m], as columns of `GasRecord.pressure`."""
         return self._number[np.searchsorted(self._arcs[:-1], arcs)]
-
-    def place(self, wall: Float[np.ndarray, "stations angles 4"], *, anew: bool = False) -> None:
-        """Put a table's wall where gas holds it; `anew` when the table is another one."""
-        widths = self.widths
-        if anew or np.abs(widths - self._placed).max() > LEAST_CHANGE:
-            put_distended(wall, self._rest, widths, device_radius=self._device)
-            self._placed = widths
 
     def colon(self, colon: Colon) -> Colon:
         """A colon as wide as gas holds it now, wherever it has moved to."""
@@ -148,25 +290,16 @@ class RunGas:
     @property
     def pressure(self) -> Float[np.ndarray, " segments"]:
         """Pressure of each segment now, over that of the atmosphere [Pa]."""
-        return self._state.pressure[:-1]
+        return self.worlds.pressure[0]
 
     @property
     def volume(self) -> float:
         """Volume of the colon's gas now [m^3]."""
-        return self._volume
+        return float(self.worlds.volume[0])
 
     def forget(self) -> None:
         """Drop what was recorded: nobody asks for it of a run without end."""
         self._rows.clear()
-
-    def keep(self) -> dict[str, Any]:
-        """Where the gas is, to go back to."""
-        return {name: getattr(self, name) for name in _MOMENTARY}
-
-    def put_back(self, kept: dict[str, Any]) -> None:
-        """Go back to where the gas was."""
-        for name, value in kept.items():
-            setattr(self, name, value)
 
     def record(self, count: int) -> GasRecord:
         """The first so many rows."""
@@ -176,11 +309,62 @@ class RunGas:
         return GasRecord(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
+_ONLY = np.zeros(1, int)
+
+
+def run_gas(colon: Colon, options: SceneOptions, *, stations: int, device_radius: float) -> RunGas:
+    """The gas of one colon whose table has so many stations, for a device of that radius [m].
+
+    Raises:
+        InvalidOptionError: when the colon's segments are not the usual ones.
+    """
+    worlds = GasWorlds([colon], options, stations=[stations], device_radius=np.array([device_radius]))
+    return RunGas(colon, worlds, stations=stations)
+
+
 def gas_pressures(
     gas: RunGas | None, count: int, arcs: Float[np.ndarray, " places"]
 ) -> Float[np.ndarray, "records places"] | None:
     """Pressures at arc lengths [m], of the first so many rows [Pa]; None of a run without gas."""
     return gas and gas.record(count).pressure[:, gas.segments_at(arcs)]
+
+
+def _with(old: np.ndarray, worlds: np.ndarray, new: Any) -> np.ndarray:
+    found = old.copy()
+    found[worlds] = new
+    return found
+
+
+def _lumens_of(colons: Sequence[Colon], stations: list[int], widths: Sequence[np.ndarray] | None) -> _Lumens:
+    most = max(stations)
+    each = [
+        _lumen_of(colon, count, most, np.zeros(count) if widths is None else widths[index])
+        for index, (colon, count) in enumerate(zip(colons, stations, strict=True))
+    ]
+    person, *rest = zip(*each, strict=True)
+    return _Lumens(GasColon(*map(np.stack, zip(*person, strict=True))), *map(np.stack, rest))
+
+
+def _lumen_of(colon: Colon, stations: int, most: int, width: np.ndarray) -> tuple[Any, ...]:
+    """A row of `_Lumens`."""
+    if not colon.segments:
+        raise InvalidOptionError(f"Gas asks for segments, which colon '{colon.name}' has none of: leave gas out.")
+    volumes = segment_volumes(colon)
+    pressure = opened_at(colon)
+    person = typical_colon(volumes, pressure=pressure)
+    given = filling(np, person, np.full(len(SEGMENTS), pressure))
+    arcs = np.linspace(0.0, colon.centreline.length, stations)
+    number = _numbers(segment_names(colon.segments, arcs))
+    inside = number[:, None] == np.arange(len(SEGMENTS))
+    held = inside & (arcs > ANAL_CANAL)[:, None]
+    weights = gaussian_filter1d(held.astype(float), TAPER / arcs[1], axis=0, mode="nearest")
+    lengths = np.bincount(number, minlength=len(SEGMENTS)) * arcs[1]
+    radius = np.sqrt(volumes / (np.pi * np.maximum(lengths, arcs[1])))
+    wide = np.where(inside, width[:, None], 0.0)
+    behind = (0, most - stations)
+    number, weights = np.pad(number, behind, mode="edge"), np.pad(weights, (behind, (0, 0)))
+    places = arcs[wide.argmax(axis=0)], arcs[inside.argmax(axis=0)]
+    return person, given, radius, arcs[1], number, weights, wide.max(axis=0), *places
 
 
 def _numbers(names: list[str]) -> Int[np.ndarray, " stations"]:

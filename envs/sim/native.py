@@ -11,7 +11,7 @@ from haustra.envs.sim.at_origin import without_pieces
 from haustra.envs.sim.capabilities import require_supported
 from haustra.envs.sim.coils import coil_samples
 from haustra.envs.sim.energy import Energies, EnergyMeter
-from haustra.envs.sim.gas import RunGas
+from haustra.envs.sim.gas import RunGas, run_gas
 from haustra.envs.sim.link_places import link_arcs, middle_spheres
 from haustra.envs.sim.log import log_to_stderr_only
 from haustra.envs.sim.moved_colon import CurrentColon
@@ -26,7 +26,7 @@ from haustra.models.devices.scope.cable import PULL_OUT_LIMIT
 from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.scene import Scene
 from haustra.models.wall.elasticity import LINEAR
-from haustra.models.wall.lumen_table import LumenTable, lumen_table, stack
+from haustra.models.wall.lumen_table import LumenTable, lumen_table, put_distended, stack
 from haustra.models.wall.piece_wall import Blocks, PieceWall
 from haustra.models.wall.planes import PlaneWall, add_planes
 from haustra.models.wall.segment_law import SegmentLaw
@@ -45,6 +45,8 @@ FATAL_WARNINGS = [
     )
 ]
 """Numbers of MuJoCo's warnings after which a state is not sound."""
+LEAST_CHANGE = 1e-3
+"""The wall is moved when the share of its width changed by this [1]: 0.02 mm of its radius; a tolerance."""
 
 
 class NativeEngine:
@@ -113,7 +115,9 @@ class NativeEngine:
         if self.table is not None and scene.options.gas is not None:
             assert isinstance(self._wall, TableWall)
             self._stiffness = stiffness = np.zeros(model.ngeom)
-            self.gas = RunGas(scene.colon, scene.options, self._wall.table, device_radius=self.table.device_radius)
+            self._rest, self._placed = self._wall.table.copy(), np.ones(len(self._wall.table))
+            own = {"stations": len(self._rest), "device_radius": self.table.device_radius}
+            self.gas = run_gas(scene.colon, scene.options, **own)
         self._energies = EnergyMeter(model, wall_stiffness=stiffness)
         self._yield_to_gas(anew=True)
         mujoco.mj_forward(self.model, self.data)
@@ -147,8 +151,11 @@ class NativeEngine:
     def _yield_to_gas(self, *, anew: bool = False) -> None:
         """Put the wall where gas holds it, as stiff as it makes it."""
         if self.gas:
-            assert isinstance(self._wall, TableWall)
-            self.gas.place(self._wall.table, anew=anew)
+            assert isinstance(self._wall, TableWall) and self.table
+            widths = self.gas.widths
+            if anew or np.abs(widths - self._placed).max() > LEAST_CHANGE:
+                put_distended(self._wall.table, self._rest, widths, device_radius=self.table.device_radius)
+                self._placed = widths
             self._wall.set_stiffness(self.gas.stiffness)
             self._stiffness[:] = self.gas.stiffness
 

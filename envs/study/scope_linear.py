@@ -23,6 +23,8 @@ _MANY = 8192
 """Jobs in one call on a GPU, which is full with thousands."""
 _PER_THREAD = 32
 """Worlds that a thread steps: the lanes of a register, four times."""
+_ALIKE = ("timestep", "gas", "gas_flow", "gas_start")
+"""Options of scenes that all worlds of a batch have in common."""
 _BATCHES = 16
 """Batches of a GPU at a time: each alone would wait for its memory."""
 
@@ -41,7 +43,7 @@ def _start_gpu(study: Study, folder: Path) -> Runner:
 
 
 def _can_share(one: World, first: World) -> bool:
-    alike = one.scene.options.timestep == first.scene.options.timestep
+    alike = all(getattr(one.scene.options, name) == getattr(first.scene.options, name) for name in _ALIKE)
     drivers = [(type(world.driver), world.driver.straighten) for world in (one, first)]
     return alike and drivers[0] == drivers[1] and one.chain.same_structure(first.chain)
 

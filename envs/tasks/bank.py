@@ -19,6 +19,7 @@ from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.store import colon_hash, load_colon
 from haustra.models.devices.scope.design import ScopeDesign
+from haustra.models.gas.compartments import opened_at
 from haustra.models.presets import PRESETS, TABLE
 from haustra.models.scene import Scene, SceneOptions, build_scene
 from haustra.models.wall.cache import cache_folder
@@ -49,6 +50,11 @@ class ColonSet:
         if mesentery == self.options.mesentery:
             return self
         return replace(self, options=replace(self.options, mesentery=mesentery))
+
+    def with_gas(self, gas: float | None, *, flow: float, start: float) -> "ColonSet":
+        """The bank of colons that gas holds open, as the options of a scene say [Pa, m^3/s, Pa], or does not."""
+        options = replace(self.options, gas=gas, gas_flow=flow, gas_start=start)
+        return self if options == self.options else replace(self, options=options)
 
     @cached_property
     def tables(self) -> Tables:
@@ -169,7 +175,8 @@ def folder_bank(
     for done, colon in enumerate(colons):
         progress(done)
         key = ["colon", colon_hash(colon), colon.name]
-        cases.append(_kept_case(_path(key, radius), lambda own=colon: own, radius))
+        case, pressure = _kept_case(_path(key, radius), lambda own=colon: own, radius), opened_at(colon)
+        cases.append(replace(case, pressure=pressure))
     progress(len(colons))
     return make_bank(cases, design, options)
 

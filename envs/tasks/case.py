@@ -44,6 +44,8 @@ class TabulatedColon:
     """Columns: axes of the entry's coordinates in the colon's own, in which gravity is given."""
     borders: Float[np.ndarray, " borders"] = field(default_factory=lambda: np.zeros(0))
     """Arc lengths where the six segments begin, and where the last ends [m]; empty when they are not known."""
+    pressure: float | None = None
+    """Pressure of the gas that holds the colon as wide as this [Pa]; CT colonography's when None. No file keeps it."""
 
     @property
     def length(self) -> float:
@@ -84,6 +86,7 @@ class TabulatedColon:
     def colon(self) -> Colon:
         """The case as a colon: the surface that a camera sees, ring by ring, without landmarks."""
         stations, angles = self.sight.shape
+        opened = {} if self.pressure is None else {"pressure": self.pressure}
         turn = 2 * np.pi * np.arange(angles) / angles
         across = np.einsum("sij,aj->sai", self.frames[:, :, :2], np.column_stack([np.cos(turn), np.sin(turn)]))
         rings = self.points[:, None] + self.sight[..., None] * across
@@ -106,7 +109,7 @@ class TabulatedColon:
             centreline=self.line,
             radius=self.sight,
             segments=self.segments,
-            provenance=Provenance(inputs={}, configuration={"method": "case", "name": self.name}),
+            provenance=Provenance(inputs={}, configuration={"method": "case", "name": self.name} | opened),
         )
 
 

@@ -9,6 +9,7 @@ from haustra.fields import choice, number, read_fields, require_declared, severa
 from haustra.models.anatomy.person import DIFFICULTIES
 from haustra.models.devices.scope.library import DESIGN_NAMES
 from haustra.models.injury.numbers import injury_number
+from haustra.models.scene import SceneOptions
 
 OBSERVATIONS = ("state", "lumen", "depth", "pixels", "dict")
 """What a learner sees: what scope and hand can measure; a few distances as a depth camera gives them; the whole picture
@@ -116,6 +117,13 @@ class TaskConfig:
     """Seeds of the grown colons: from the first up to, not including, the last."""
     mesentery: bool = False
     """Let colons swing, stretch and pleat on their mesentery instead of standing fixed."""
+    gas: float | None = number("Pa", 500.0, 8000.0, default=None)
+    """Set point of insufflation [Pa], up to which the scope lets gas in at its tip (`SceneOptions.gas`); no gas when
+    None. On `linear` only; no camera sees colons that gas holds open."""
+    gas_flow: float = number("m^3/s", 0.0, 1e-4, default=SceneOptions.gas_flow)
+    """Flow of the gas that insufflation lets in [m^3/s]."""
+    gas_start: float = number("Pa", 300.0, 8000.0, default=SceneOptions.gas_start)
+    """Gas pressure that the colon is filled to at the start of an episode [Pa]."""
     observation: str = choice(*OBSERVATIONS, default="dict")
     """What the learner sees: readings of scope and hand (state), a few distances (lumen), a depth camera's picture
     (depth), one in colour (pixels), or state and lumen under names (dict)."""

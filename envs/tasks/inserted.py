@@ -102,5 +102,6 @@ def _driver(config: TaskConfig, backend: str) -> tuple[TaskConfig, Callable[[Any
     from haustra.envs.learning.policy import load_policy, policy_folder
 
     policy = load_policy(policy_folder(_POLICY))
-    own = replace(policy.config, design=config.design, mesentery=config.mesentery)
+    around = {name: getattr(config, name) for name in ("design", "mesentery", "gas", "gas_flow", "gas_start")}
+    own = replace(policy.config, **around)
     return own, lambda task: PolicyDriver(policy, sampled=True), _TRIES

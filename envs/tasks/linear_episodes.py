@@ -75,6 +75,7 @@ class LinearEpisodes(Episodes):
             device="cuda" if backend == "linear-gpu" else "cpu",
             driver=self._program,
             width=station_widths(bank.tables, bank.widths),
+            colons=[case.colon() for case in bank.cases] if bank.options.gas else (),
             lookup=lookup_of(sight, begin) if "lumen" in self._rows or rules.covers else None,
         )
         self._seen: Readings | None = None

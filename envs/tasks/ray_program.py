@@ -142,7 +142,7 @@ def _distance(scopes: ScopeProgram, placed: seen_by.Placed, ray: list[Value]) ->
 
 
 class _Distances:
-    """Distance from the centreline to the lumen, by row and angle, in what is looked up."""
+    """Distance from the centreline to the lumen, by row and angle, in what is looked up, as wide as gas holds it."""
 
     def __init__(self, scopes: ScopeProgram) -> None:
         self._scopes, self._first = scopes, _rays(scopes) + _TABLE
@@ -150,4 +150,5 @@ class _Distances:
 
     def __getitem__(self, at: tuple[Value, Value]) -> Value:
         row, angle = at
-        return self._scopes.lookup.gather(row * self.shape[1] + angle + self._first)
+        distance, gas = self._scopes.lookup.gather(row * self.shape[1] + angle + self._first), self._scopes.gas
+        return gas.width(row) * distance if gas else distance

@@ -50,7 +50,8 @@ class Step:
     info: dict[str, np.ndarray]
     """Ground truth that no device knows, terms of the reward, and why an episode ended. `p_perforation` is the share
     of people whose colon the episode has torn so far (`haustra.models.injury`), `perforation_arc` where [m]; `pain` is
-    the largest so far, 1 where it is taken to begin."""
+    the largest so far, 1 where it is taken to begin. Under gas, `gas_pressure_peak` is the highest of any segment so
+    far [Pa], `gas_volume` what the colon holds [m^3]."""
 
 
 class ScopeTask:
@@ -92,10 +93,13 @@ class ScopeTask:
         design = named_design(config.design)
         timestep = (bank.options if bank else TASK_OPTIONS).timestep
         require_task(config, backend, design=bank.design if bank else design)
+        if config.gas is not None and on_host:
+            raise UnsupportedSceneError("Under gas only the backend's own program sees the lumen: leave out `on_host`.")
         self.steps = whole_steps(config.drive.control_interval, timestep)
         self.interval = self.steps * timestep
         bank = bank or grown_bank(range(*config.seeds), design, difficulty=config.difficulty, progress=progress)
-        self.bank = bank.with_mesentery(config.mesentery)
+        filled = {"flow": config.gas_flow, "start": config.gas_start}
+        self.bank = bank.with_mesentery(config.mesentery).with_gas(config.gas, **filled)
         self._require_way()
         self.rules, self.sight = EpisodeRules(config, self.interval), Sight(self.bank.cases)
         about = {"worlds": worlds, "threads": threads, "steps": self.steps, "on_host": on_host}
@@ -210,17 +214,34 @@ class ScopeTask:
         return None if found is None else np.asarray(found)
 
     def render_depth(self, world: int, size: int) -> Float[np.ndarray, "size size"]:
-        """Depth along the camera's rays [m]."""
+        """Depth along the camera's rays [m].
+
+        Raises:
+            UnsupportedSceneError: under gas.
+        """
+        self._require_as_given()
         seen, one = self.seen, slice(world, world + 1)
         return self.pictures.depth(self.case[one], seen.tip[one], seen.tip_frame[one], seen.tip_arc[one], size)[0]
 
     def render(self, world: int, size: int) -> np.ndarray:
-        """What the camera shows, RGB."""
+        """What the camera shows, RGB.
+
+        Raises:
+            UnsupportedSceneError: under gas.
+        """
+        self._require_as_given()
         return self.pictures.colour(*self._before(world), size, self._displaced(world))
 
     def close(self) -> None:
         """End the threads."""
         self.backend.close()
+
+    def _require_as_given(self) -> None:
+        """Refuse to show colons that gas holds open otherwise."""
+        if self.config.gas is not None:
+            raise UnsupportedSceneError(
+                "Pictures show colons as they were given, not as gas holds them: leave gas out."
+            )
 
     def _require_way(self) -> None:
         """Refuse an end of the way that lies before its beginning."""
@@ -267,7 +288,13 @@ class ScopeTask:
             "pain": told["pain"],
             "time_up": told["truncated"],
             **{name: told[name] for name in self.rules.terms},
+            **self._gas(),
         }
+
+    def _gas(self) -> dict[str, np.ndarray]:
+        """Highest pressure of the episode [Pa] and volume now [m^3] of gas, where there is gas."""
+        gas = self.backend.gas
+        return {} if gas is None else {"gas_pressure_peak": gas.pressure_peak.copy(), "gas_volume": gas.volume}
 
     @cached_property
     def _eyes(self) -> Eyes:
@@ -319,5 +346,10 @@ def require_task(config: TaskConfig, backend: str, *, design: ScopeDesign | None
     if config.mesentery and config.task == "withdrawal" and not backend.startswith("linear"):
         raise UnsupportedSceneError(
             "From colons that move on their mesentery only 'linear' and 'linear-gpu' withdraw: choose one."
+        )
+    if config.gas is not None and (backend == "linear-gpu" or {"depth", "pixels"} & {*seen_by.sizes(config)}):
+        raise UnsupportedSceneError(
+            "Gas holds colons open on 'linear' only, and pictures and depth show them as they were given: leave gas "
+            "out, or choose that backend and observation 'state', 'lumen', or 'dict' without pictures."
         )
     require_task_supported(config, design or named_design(config.design), backend_of(backend).name)

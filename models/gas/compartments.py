@@ -92,6 +92,12 @@ def segment_volumes(colon: Colon) -> Float[np.ndarray, " segments"]:
     return np.array([max(spans.get(name, 0.0), LEAST_VOLUME) for name in SEGMENTS])
 
 
+def opened_at(colon: Colon) -> float:
+    """Pressure of gas at which a colon is as wide as it was given [Pa]: what it was grown at, or CT colonography's."""
+    own = colon.provenance.configuration.get("pressure")
+    return float(own if isinstance(own, int | float) else gas_numbers()["full_pressure"])
+
+
 def filled(xp: Any, colon: GasColon, pressure: Any) -> GasState:
     """Every segment at one pressure [Pa], and nothing in the small bowel."""
     known = gas_numbers()
@@ -119,7 +125,7 @@ def collapsed(xp: Any, colon: GasColon, state: GasState) -> Any:
     return filling(xp, colon, state.pressure[..., :-1]) < gas_numbers()["closed_share"]
 
 
-def step_gas(xp: Any, colon: GasColon, state: GasState, *, flow: Any, place: Any, timestep: float) -> GasState:
+def step_gas(xp: Any, colon: GasColon, state: GasState, *, flow: Any, place: Any, timestep: Any) -> GasState:
     """Let gas in or out at the tip and let it move for a time step.
 
     Args:
@@ -128,17 +134,18 @@ def step_gas(xp: Any, colon: GasColon, state: GasState, *, flow: Any, place: Any
         state: before.
         flow: into the colon at standard pressure [m^3/s]; negative when the scope sucks.
         place: number of the segment that the tip is in, in each world.
-        timestep: [s].
+        timestep: one, or one a world [s].
     """
     known = gas_numbers()
     held, over = state.held, state.pressure
-    flow = xp.asarray(flow, dtype=held.dtype)
+    flow, timestep = xp.asarray(flow, dtype=held.dtype), xp.asarray(timestep, dtype=held.dtype)
+    span = timestep[..., None]
     here = xp.asarray(place)[..., None] == np.arange(len(COMPARTMENTS))
     there = (held * here).sum(-1)
     given = xp.where(flow > 0, flow * timestep, -xp.minimum(-flow * timestep, MOST_TAKEN * there))
-    gone = held * (1 - np.exp(-known["absorption"] * timestep))
+    gone = held * (1 - xp.exp(-known["absorption"] * span))
     rooms = _compliance(xp, colon, over)
-    ways = timestep * _passages(xp, colon, over)
+    ways = span * _passages(xp, colon, over)
     anus = timestep * known["leak.conductance"] * xp.where(over[..., 0] > known["leak.opening"], 1.0, 0.0)
     push = rooms * over + given[..., None] * here - gone
     push = push + (anus * known["leak.opening"])[..., None] * (np.arange(len(COMPARTMENTS)) == 0)

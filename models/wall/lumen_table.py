@@ -260,9 +260,14 @@ def put_distended(
         device_radius: that both are for [m].
     """
     share = widths[:, None]
-    wide = np.clip((rest[..., 0] + device_radius) * share - device_radius, LEAST_RADIUS, MOST_RADIUS)
-    wall[..., 0] = np.where(rest[..., 0] > LEAST_RADIUS, wide, rest[..., 0])
+    wall[..., 0] = distended_radius(np, rest[..., 0], share, device_radius)
     wall[..., 3] = rest[..., 3] * share
+
+
+def distended_radius(xp: Any, radius: Any, width: Any, device_radius: Any) -> Any:
+    """`put_distended` of one number: largest radius of the device's middle [m]; what has no room gets none."""
+    wide = xp.minimum(xp.maximum((radius + device_radius) * width - device_radius, LEAST_RADIUS), MOST_RADIUS)
+    return where(xp, radius > LEAST_RADIUS, wide, radius)
 
 
 def table_between(first: Tables, last: Tables, device_radius: float) -> Tables:

@@ -1,5 +1,6 @@
 """Many scopes in linear time: one program steps all worlds, in the lanes of a CPU or the threads of a GPU."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any, Literal, NamedTuple, final
@@ -10,10 +11,10 @@ from jaxtyping import Bool, Float, Int
 
 from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.sim.conditions import Conditions, Snapshot
-from haustra.envs.sim.gas import RunGas
+from haustra.envs.sim.gas import GasWorlds
 from haustra.envs.sim.linear.compile import Driver, lanes_of
 from haustra.envs.sim.linear.dual import with_slopes
-from haustra.envs.sim.linear.layout import LEAST, NODE, SEEN, WORLD, seen_slot
+from haustra.envs.sim.linear.layout import NODE, SEEN, WORLD, seen_slot
 from haustra.envs.sim.linear.pack import pack_axis, pack_design, pack_tables, structure_of
 from haustra.envs.sim.linear.place import CpuPlace, GpuPlace, Place
 from haustra.envs.sim.link_places import link_arcs, middle_spheres
@@ -23,10 +24,11 @@ from haustra.envs.sim.scope_values import Scope, State
 from haustra.envs.sim.state import Controls, Readings, refuse_others
 from haustra.envs.sim.wheels import require_stretch
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
+from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.wires import travel_of_wheels
 from haustra.models.scene import Scene
 from haustra.models.wall import moving_colon
-from haustra.models.wall.lumen_table import Tables, least_radius, pick
+from haustra.models.wall.lumen_table import Tables, pick
 from haustra.models.wall.mesentery import Mesentery
 from haustra.models.wall.moving_colon import POSE, AxisDisplacement
 
@@ -94,6 +96,7 @@ class LinearBackend(AbstractBackend):
         width: Float[np.ndarray, " rows"] | None = None,
         lookup: Float[np.ndarray, " numbers"] | None = None,
         directions: int = 0,
+        colons: Sequence[Colon] = (),
     ) -> None:
         """Compile, or read what was compiled before.
 
@@ -111,10 +114,11 @@ class LinearBackend(AbstractBackend):
             width: of the lumen at each row of the tables [m], for drivers that ask for it.
             lookup: what else drivers look up.
             directions: along how many the derivatives of all numbers are carried (`gradients.Gradients`).
+            colons: those of the tables, which gas asks for their segments; that of the scene when left out.
 
         Raises:
             InvalidOptionError: when there is not one design a world, of the scene's joints and spheres; when
-                derivatives are wanted on a GPU.
+                derivatives are wanted on a GPU; when gas is, and colons are missing or their segments strange.
             InvalidDesignError: when wheels steer wires that do not stretch.
             MissingDependencyError: when there is no such device.
             UnsupportedSceneError: when the scene has what this backend cannot honour.
@@ -135,9 +139,10 @@ class LinearBackend(AbstractBackend):
         self._coils = structure.coils
         self._places = int(structure.coils.max()) + 1
         self._first_link = seen_slot("coils") + 3 * self._places
-        if scene.options.gas is not None and (worlds > 1 or len(tables.count) > 1 or directions):
+        gas = scene.options.gas is not None
+        if gas and (directions or device != "cpu"):
             raise UnsupportedSceneError(
-                "The backend 'linear' honours scene.gas of one scope in one colon, without derivatives: leave gas out."
+                "The backend 'linear' honours scene.gas on a CPU, without derivatives: leave gas out, or the device."
             )
         if directions and around["touching"]:
             raise UnsupportedSceneError("Derivatives leave out scene.abdomen.loops_touch: leave it out of the scene.")
@@ -148,7 +153,7 @@ class LinearBackend(AbstractBackend):
         program: dict[str, Any] = {"real": real, "timestep": scene.options.timestep, "worlds": worlds}
         program |= {"threads": min(threads, worlds)} if device == "cpu" else {}
         program |= {"angles": tables.wall.shape[1], "one_design": not self._one_each, "moving": moving is not None}
-        program |= {**around, **({"abreast": abreast} if abreast > 1 else {})}
+        program |= {**around, **({"abreast": abreast} if abreast > 1 else {}), **({"gas": True} if gas else {})}
         program |= {name: getattr(scene.options, name) for name in ("elasticity", "friction_rise")}
         program |= {"driver": driver, **({"directions": directions} if directions else {})}
         self._program = program
@@ -166,6 +171,7 @@ class LinearBackend(AbstractBackend):
             "told": np.zeros((max(driver.tells if driver else 0, 1), blocks * lanes)),
             "seen": np.zeros((blocks, self._first_link + self._layout.bodies, lanes)),
             "lookup": np.zeros(1) if lookup is None else lookup,
+            "widths": np.ones((int(np.max(tables.count)), blocks * lanes) if gas else (1, 1)),
             "design": self._designs(blocks),
             "structure": structure.numbers,
             "stations": stations,
@@ -175,8 +181,8 @@ class LinearBackend(AbstractBackend):
         values |= {name: with_slopes(each, directions) for name, each in values.items() if self._has_slopes(name)}
         self._held = {name: self._place.hold(each) for name, each in values.items()}
         self._case = np.zeros(worlds, int)
-        self.gas: RunGas | None = None
-        """What fills the colon of a scope that is alone, where the scene has gas."""
+        self.gas: GasWorlds | None = self._filled(colons or [scene.colon], width) if gas else None
+        """What fills the worlds' colons, where the scene has gas."""
         one, options = np.ones(blocks * lanes), scene.options
         plain = Conditions(options.friction * one, options.wall_stiffness * one, one)
         self._reset(np.arange(blocks * lanes), np.zeros(blocks * lanes, int), plain)
@@ -185,6 +191,8 @@ class LinearBackend(AbstractBackend):
     def reset(self, worlds: Int[np.ndarray, " reset"], case: Int[np.ndarray, " reset"], conditions: Conditions) -> None:
         """Lay the scopes of some worlds straight, tips at the start depth, in the colons of those numbers."""
         self._case[worlds] = case
+        if self.gas is not None:
+            self.gas.begin(worlds, case, conditions.wall_stiffness)
         self._reset(worlds, case, conditions)
 
     def _reset(self, worlds: np.ndarray, case: np.ndarray, conditions: Conditions) -> None:
@@ -193,11 +201,7 @@ class LinearBackend(AbstractBackend):
         values |= {"push_limit": options.push_limit, "torque_limit": options.torque_limit}
         for name, value in values.items():
             self._put("worlds", worlds, WORLD.index(name), value)
-        if options.gas is not None:
-            self.gas = RunGas(
-                self.scene.colon, options, self.tables.wall, device_radius=float(self.tables.device_radius[0])
-            )
-            self._yield_to_gas(anew=True)
+        self._yield_to_gas(worlds[worlds < self.worlds])
         self._run(0)
 
     def deal(
@@ -205,7 +209,12 @@ class LinearBackend(AbstractBackend):
     ) -> dict[str, Any]:
         """Numbers that the driver is to give worlds which begin anew, by their names in `layout.WORLD` (`BEGUN`)."""
         self._case[worlds] = case
-        return self._begun(case, conditions)
+        values = self._begun(case, conditions)
+        if self.gas is None:
+            return values
+        self.gas.begin(worlds, case, conditions.wall_stiffness)
+        self._yield_to_gas(worlds)
+        return values | {"stiffness": self.gas.stiffness(worlds)}
 
     def _begun(self, case: np.ndarray, conditions: Conditions) -> dict[str, Any]:
         tables, moving = self.tables, self.tables.mesentery
@@ -295,7 +304,7 @@ class LinearBackend(AbstractBackend):
 
     def keep(self) -> tuple[dict[str, np.ndarray], Any]:
         """All that changes of all worlds, to go back to."""
-        changes = ("state", "worlds", "driver", "seen", "axis", *(("wall",) if self.gas else ()))
+        changes = ("state", "worlds", "driver", "seen", "axis", *(("widths",) if self.gas else ()))
         held = {name: self._held[name].read().copy() for name in changes}
         return held, self.gas and self.gas.keep()
 
@@ -314,12 +323,8 @@ class LinearBackend(AbstractBackend):
         return self._of_worlds("worlds", slot, slot + 1)[:, 0] > 0
 
     def drive(self, count: int) -> None:
-        """Let the program's own driver decide `count` times."""
-        if self.gas is None:
-            self._run(count)
-            return
-        for _ in range(count):
-            self._run(1)
+        """Let the program's own driver decide `count` times; gas moves behind the last."""
+        self._run(count)
 
     def give(self, name: str, values: Float[np.ndarray, " worlds"] | float) -> None:
         """Set a number of all worlds, by its name in `haustra.envs.sim.linear.layout.WORLD`."""
@@ -366,22 +371,35 @@ class LinearBackend(AbstractBackend):
         if self.gas is None or not count:
             self._place.run(self._held, counts, self.worlds)
             return
-        begun = self._first(layout.time)
+        begun = self._slot(layout.time)
         self._place.run(self._held, counts, self.worlds)
-        if self.gas.advance(self._first(layout.arcs + layout.spheres), self._first(layout.time) - begun):
-            self._yield_to_gas()
+        passed = np.maximum(self._slot(layout.time) - begun, 0.0)  # worlds that begin anew are at nought again
+        self._yield_to_gas(self.gas.advance(self._slot(layout.arcs + layout.spheres), passed))
 
-    def _yield_to_gas(self, *, anew: bool = False) -> None:
-        """Put the wall where gas holds it, as stiff as it makes it."""
-        assert self.gas is not None
-        wall = self._held["wall"].change()
-        self.gas.place(wall, anew=anew)
-        self._held["stations"].change()[:, LEAST] = least_radius(wall)
-        self.give("stiffness", self.gas.stiffness)
+    def _filled(self, colons: Sequence[Colon], width: Float[np.ndarray, " rows"] | None) -> GasWorlds:
+        """Gas in all worlds' colons."""
+        tables = self.tables
+        stations, radii = np.atleast_1d(tables.count).astype(int), np.atleast_1d(tables.device_radius)
+        if len(colons) != len(stations):
+            raise InvalidOptionError(
+                f"Gas asks {len(stations)} tabulated colons for their segments, but {len(colons)} were given: give all."
+            )
+        widths = None if width is None else np.split(width, np.cumsum(stations)[:-1])
+        about: dict[str, Any] = {"stations": stations.tolist(), "device_radius": radii, "widths": widths}
+        return GasWorlds(colons, self.scene.options, worlds=self.worlds, **about)
 
-    def _first(self, slot: int) -> float:
-        """A number of the first world's state."""
-        return float(self._of_worlds("state", slot, slot + 1)[0, 0])
+    def _yield_to_gas(self, worlds: np.ndarray) -> None:
+        """Put the walls of some worlds where gas holds them, as stiff as it makes them."""
+        if self.gas is None or not len(worlds):
+            return
+        self._held["widths"].change()[:, worlds] = self.gas.widths(worlds).T
+        self._put("worlds", worlds, WORLD.index("stiffness"), self.gas.stiffness(worlds))
+        for name, values in self.gas.burden(worlds)._asdict().items():
+            self._put("worlds", worlds, WORLD.index(name), values)
+
+    def _slot(self, slot: int) -> Float[np.ndarray, " worlds"]:
+        """A number of all worlds' states."""
+        return self._of_worlds("state", slot, slot + 1)[:, 0]
 
     def read(self) -> Readings:
         """What can be read off at the end of the last step."""
@@ -481,8 +499,7 @@ class LinearBackend(AbstractBackend):
 
     def way_ahead(self, distances: Float[np.ndarray, " places"]) -> Float[np.ndarray, "worlds places 3"]:
         """As `AbstractBackend.way_ahead`."""
-        tip = self._layout.arcs + self._layout.spheres
-        arcs = self._of_worlds("state", tip, tip + 1) + distances
+        arcs = self._slot(self._layout.arcs + self._layout.spheres)[:, None] + distances
         return moving_colon.axis_at(np, pick(self.tables, self._case), self.displacement, arcs)
 
     def positions(self) -> Float[np.ndarray, "worlds joints"]:

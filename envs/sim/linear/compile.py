@@ -70,6 +70,7 @@ def write_program(
     surrounded: bool = False,
     touching: bool = False,
     wheels: bool = False,
+    gas: bool = False,
     driver: Driver | None = None,
     directions: int = 0,
     abreast: int = 1,
@@ -87,6 +88,7 @@ def write_program(
         surrounded: whether those have an envelope or breath around them.
         touching: whether their loops touch.
         wheels: whether hands ask for travel of wires, which are springs then, instead of pulls.
+        gas: whether gas sets how wide lumens are.
         driver: who decides what the hands ask for; None: that is given. `steps` of `COUNTS` are then decisions.
         directions: along how many the derivatives of all numbers are carried.
         abreast: things of one world, such as nodes or spheres, that one instruction serves where that world is alone.
@@ -96,7 +98,7 @@ def write_program(
     with program.loop(first, last) as block:
         layout = Layout(*counts[:-1], wheels=wheels, abreast=abreast, surrounded=surrounded, touching=touching)
         own = _Worlds(program, arrays, (layout, counts[-1]), driver, block=block, stride=lanes, row=row)
-        given = own.arrays(angles, one_design, moving, room_of_block=False)
+        given = own.arrays(angles, one_design, moving, gas=gas, room_of_block=False)
         kind = ScopeProgram if abreast == 1 else AloneProgram
         scopes = kind(program, given, layout, counts[-1], timestep=timestep, **wall)
         _step(program, scopes, given, steps, driver)
@@ -195,13 +197,16 @@ class _Worlds:
             "design": layout.design[-1],
         }
 
-    def arrays(self, angles: int, one_design: bool, moving: bool, *, room_of_block: bool) -> dict[str, Any]:
+    def arrays(
+        self, angles: int, one_design: bool, moving: bool, *, room_of_block: bool, gas: bool = False
+    ) -> dict[str, Any]:
         program, given = self._program, self._arrays
         own: dict[str, Any] = {name: self._lanes(name) for name in ("state", "worlds", "seen", "driver")}
         own["room"] = self._lanes("room") if room_of_block else self._from(given["room"], "room")
         own["design"] = Shared(program, given["design"]) if one_design else self._lanes("design")
         own["structure"] = Shared(program, given["structure"], whole=True)
-        own |= {name: self._of_rows(name) for name in ("asked", "told")}
+        own |= {name: self._of_rows(name) for name in ("asked", "told", "widths")}
+        own["widths"] = own["widths"] if gas else None
         own["lookup"] = Shared(program, given["lookup"])
         tables = {"stations": Rows(program, given["stations"], 4), "wall": (Rows(program, given["wall"], 1), angles)}
         return own | tables | {"axis": Rows(program, given["axis"], self._columns // 4) if moving else None}

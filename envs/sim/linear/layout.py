@@ -17,10 +17,11 @@ SCOPE = ("radius", "start", "tip", "pull_limit", "wire_friction", "wire_hysteres
 WORLD = ("one", "bending", "tip_bending", "torsion", "stiffness", "damping_time", "friction", "push_limit",
          "torque_limit", "gravity_x", "gravity_y", "gravity_z", "step", "first", "count", "device_radius",
          "first_node", "spacing", "pleating",
-         "push_rate", "roll_rate", "up", "left", "down", "right", "alive", "begins", "start_roll")  # fmt: skip
+         "push_rate", "roll_rate", "up", "left", "down", "right", "alive", "begins", "start_roll",
+         "gas_load", "gas_load_arc", "gas_pain", "gas_pain_arc")  # fmt: skip
 """Numbers of a world: what scales joints, its wall, hand and colon, what hands ask, whether it is stepped, whether its
-scope is to be laid straight before that, and how it is turned then [rad]. Of each wire hands ask a pull [N], or, where
-wheels steer, how much of it is taken up [m]."""
+scope is to be laid straight before that, how it is turned then [rad], and what gas alone does to it. Of each wire hands
+ask a pull [N], or, where wheels steer, how much of it is taken up [m]."""
 
 BEGUN = ("step", "first", "count", "device_radius", "first_node", "spacing", "pleating", "gravity_x", "gravity_y",
          "gravity_z", "bending", "stiffness", "friction", "start_roll", "alive", "begins")  # fmt: skip

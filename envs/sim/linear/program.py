@@ -26,6 +26,7 @@ from haustra.envs.sim.linear.layout import (
     BODY_ROOM,
     DOF,
     JOINT_ROOM,
+    LEAST,
     NODE,
     SCOPE,
     SPHERE_ROOM,
@@ -50,6 +51,7 @@ from haustra.models.wall.lumen_table import (
     Tables,
     axis_point,
     depth_bound,
+    distended_radius,
     nearest_arc,
     station_width,
     wall_beside,
@@ -58,7 +60,7 @@ from haustra.models.wall.moving_colon import AT_REST
 from haustra.models.wall.vectors import Vector, add, cross, dot, minus, times
 
 ARGUMENTS = ("state", "worlds", "seen", "room", "design", "structure", "stations", "wall", "axis", "driver",
-             "asked", "told", "lookup")  # fmt: skip
+             "asked", "told", "lookup", "widths")  # fmt: skip
 """Arrays of a program, in this order; then whole numbers: `COUNTS`."""
 COUNTS = ("dofs", "bodies", "spheres", "nodes", "coils", "steps", "row", "first", "last")
 """`row`: numbers in a row of what drivers are asked and tell; the last two are blocks of worlds."""
@@ -69,6 +71,8 @@ _lock_activation, _stop_torque = unwrap(lock_activation), unwrap(stop_torque)
 
 _HAND_LIMITS = ("push_limit", "torque_limit")
 _NONE: Vector = (0.0, 0.0, 0.0)
+_ALONG = 3
+"""Part of the wall's numbers that is its normal's along the colon, which grows with width."""
 _BEFORE = 0.02
 """So far before the anus, nothing of a colon that moves is near [m]: twice as far as a sphere may move in a step."""
 
@@ -112,7 +116,11 @@ class ScopeProgram:
         self.lookup: Shared = arrays["lookup"]
         self._world: Lanes = arrays["worlds"]
         stations, wall = arrays["stations"], arrays["wall"]
-        parts = _Points(stations), _Frames(stations), _Wall(wall)
+        self.gas: HeldOpen | None = None
+        """How wide gas holds the worlds' lumens, where there is gas."""
+        if widths := arrays["widths"]:
+            self.gas = HeldOpen(program, widths, self.world)
+        parts = _Points(stations, self.gas), _Frames(stations), _Wall(wall, self.gas)
         self.tables = Tables(*parts, step=None, first=None, count=None, axes=None, device_radius=None)
         links, self._places, self._scope, _ = layout.design
         abreast = layout.abreast
@@ -755,19 +763,43 @@ class Link:
             mine.now = column
 
 
-class _Points:
-    """`Tables.points` of rows of stations."""
+class HeldOpen:
+    """How wide gas holds each world's lumen: `haustra.models.wall.lumen_table.put_distended`, number by number."""
 
-    def __init__(self, rows: Rows) -> None:
-        self._rows = rows
+    def __init__(self, program: Program, widths: Lanes, world: Callable[[str], Value]) -> None:
+        """Bind widths, a row a station of each world's colon, and the numbers of worlds by name."""
+        self._program, self._widths, self._world = program, widths, world
+        self._seen: dict[Any, Value] = {}
+
+    def width(self, row: Value) -> Value:
+        """Width at a row of the colons' stations, over that of the lumen as it was given [1]."""
+        key = self._program.builder.block, row.written
+        if key not in self._seen:
+            self._seen[key] = self._widths.gather(row - self._program.xp.int32(self._world("first")))
+        return self._seen[key]
+
+    def radius(self, row: Value, rest: Value) -> Value:
+        """Largest radius of the device's middle at a row, of that at rest [m]."""
+        return distended_radius(self._program.xp, rest, self.width(row), self._world("device_radius"))
+
+
+class _Points:
+    """`Tables.points` of rows of stations, and behind them the least radius."""
+
+    def __init__(self, rows: Rows, gas: HeldOpen | None) -> None:
+        self._rows, self._gas = rows, gas
 
     def __getitem__(self, at: tuple[Value, int]) -> Value:
         row, component = at
-        return self._rows.read(row, component)
+        number = self._rows.read(row, component)
+        return self._gas.radius(row, number) if self._gas and component == LEAST else number
 
 
-class _Frames(_Points):
+class _Frames:
     """`Tables.frames` of rows of stations."""
+
+    def __init__(self, rows: Rows) -> None:
+        self._rows = rows
 
     def __getitem__(self, at: Any) -> Value:
         row, component, axis = at
@@ -777,13 +809,16 @@ class _Frames(_Points):
 class _Wall:
     """`Tables.wall`."""
 
-    def __init__(self, rows: tuple[Rows, int]) -> None:
+    def __init__(self, rows: tuple[Rows, int], gas: HeldOpen | None) -> None:
         self._rows, angles = rows
-        self.shape = (0, angles, 4)
+        self._gas, self.shape = gas, (0, angles, 4)
 
     def __getitem__(self, at: tuple[Value, Value, int]) -> Value:
         row, angle, part = at
-        return self._rows.read(row * self.shape[1] + angle, part)
+        number = self._rows.read(row * self.shape[1] + angle, part)
+        if self._gas and part == 0:
+            return self._gas.radius(row, number)
+        return self._gas.width(row) * number if self._gas and part == _ALONG else number
 
 
 def flat(inertia: Inertia) -> tuple[Any, ...]:

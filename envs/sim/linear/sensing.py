@@ -1,7 +1,7 @@
 """What drivers within a program look up: places, wall forces, loads and pain when scopes were last read off."""
 
 from haustra.envs.sim.linear.program import ScopeProgram
-from haustra.envs.sim.linear.trace import Value
+from haustra.envs.sim.linear.trace import Value, Variable
 from haustra.models.injury.pain import pain, pressed_tension
 from haustra.models.injury.patch import force_on_contact
 from haustra.models.injury.perforation import link_load
@@ -39,7 +39,7 @@ def largest_load(scopes: ScopeProgram) -> tuple[Value, Value]:
     program, xp = scopes.program, scopes.program.xp
     up, left = scopes.bend()
     bend, diameter = xp.sqrt(up * up + left * left), 2 * scopes.scope("radius")
-    most, where = program.variable(0.0), program.variable(0.0)
+    most, where = _by_gas(scopes, "load")
     before, length = (program.variable(0.0), program.variable(1.0)), scopes.link_length
     with program.loop(0, scopes.bodies) as body:
         force, own, last = scopes.link_force(body), length(body), body == scopes.bodies - 1
@@ -59,7 +59,7 @@ def largest_pain(scopes: ScopeProgram) -> tuple[Value, Value]:
     Backends must know how wide colons that move are (`LinearBackend`'s `width`).
     """
     program, xp, diameter = scopes.program, scopes.program.xp, 2 * scopes.scope("radius")
-    most, where = program.variable(0.0), program.variable(0.0)
+    most, where = _by_gas(scopes, "pain")
 
     def judge(hurts: Value, arc: Value) -> None:
         where.value = xp.where(hurts > most.value, xp.maximum(arc, 0.0), where.value)
@@ -73,3 +73,9 @@ def largest_pain(scopes: ScopeProgram) -> tuple[Value, Value]:
             arc = program.real_of(node) * scopes.world("spacing")
             judge(pain(xp, *axis.tensions(node, scopes.station(arc)[1])), arc)
     return most.value, where.value
+
+
+def _by_gas(scopes: ScopeProgram, what: str) -> tuple[Variable, Variable]:
+    """What gas alone does to the wall [1], and arc length there [m]."""
+    own = [scopes.world(f"gas_{what}{name}") if scopes.gas else 0.0 for name in ("", "_arc")]
+    return scopes.program.variable(own[0]), scopes.program.variable(own[1])

@@ -76,11 +76,9 @@ class LinearSingle:
         self._locks = np.array([[self.model.actuator(name).id for name in pair] for pair in scene.cable.locks])
         self.hand, self._arms = Controls(0.0, 0.0), wire_arms(self.model)
         self._begun = scene.options.start_depth
-
-    @property
-    def gas(self) -> RunGas | None:
+        gas = self.many.gas
+        self.gas = gas and RunGas(scene.colon, gas, stations=int(tables.count[0]))
         """What fills the colon, where the scene has gas."""
-        return self.many.gas
 
     def step(self, inputs: Controls, count: int) -> bool:
         """Advance by `count` time steps; False when the simulation has diverged.

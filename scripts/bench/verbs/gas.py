@@ -46,6 +46,7 @@ class BenchGas:
             "rows": table(found["rows"]),
             "collapsed": found["collapsed"],
             "runs": found["runs"],
+            "worlds": found["worlds"],
         }
         write_json(folder / "gas.json", result)
         page = gas_page(result)

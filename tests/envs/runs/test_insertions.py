@@ -17,6 +17,7 @@ from haustra.envs.runs.tally import Insertions
 from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.scope_bank import ScopeBank, build_bank
 from haustra.errors import InvalidOptionError
+from haustra.models.anatomy.colon import ColonSegment
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions, build_scene
 from tests.bent_colon import winding
@@ -89,6 +90,29 @@ def test_one_scope_leaves_the_rows_of_the_run_that_many_make(bank: ScopeBank) ->
     assert seen.load.max() == pytest.approx(scores.load_peak[0], rel=1e-9)
     assert seen.load_arc[seen.load.argmax()] == pytest.approx(scores.load_arc[0], rel=1e-9)
     np.testing.assert_allclose(run.shape[-1], seen.tip[-1], atol=1e-9)
+
+
+def test_gas_of_a_batch_is_that_of_one_run(bank: ScopeBank) -> None:
+    """Pressures, volumes, loads and pain of a run whose rows are measured afterwards.
+
+    A program hears of pressures one decision later, so that what is said of loads leaves out their last rise.
+    """
+    given = bank.colons[1]
+    colon = replace(given, segments=(ColonSegment("sigmoid", 0.0, given.centreline.length),))
+    options = replace(bank.scene.options, insertion_limit=0.4, gas=4000.0, gas_flow=2e-5, gas_start=2500.0)
+    scene = build_scene(colon, None, bank.scene.design, options)
+    run, tables = run_linear_insertion(scene, seconds=6.0), build_bank([colon], bank.scene.design, options).tables
+    many = LinearInsertions(scene, tables, [colon], worlds=2, settings=FollowerSettings(), real=np.float64)
+    one = np.ones(2)
+    many.begin(np.zeros(2, int), Conditions(options.friction * one, options.wall_stiffness * one, one))
+    scores, seen = many.run(seconds=6.0), run.trajectory
+    assert run.gas is not None and scores.gas_pressure_peak is not None and scores.gas_volume is not None
+    np.testing.assert_allclose(scores.gas_pressure_peak, run.gas.pressure.max(), rtol=1e-6)
+    np.testing.assert_allclose(scores.gas_volume, run.gas.volume[-1], rtol=1e-6)
+    np.testing.assert_allclose(scores.tip_arc_max, seen.tip_arc.max(), rtol=1e-6)
+    np.testing.assert_allclose(scores.push_force_peak, np.abs(seen.push_force).max(), rtol=1e-4)
+    np.testing.assert_allclose(scores.load_peak, seen.load.max(), rtol=5e-3)
+    np.testing.assert_allclose(scores.pain_peak, seen.pain.max(), rtol=0.02)
 
 
 def test_followers_of_a_batch_have_settings_of_their_own(bank: ScopeBank) -> None:
