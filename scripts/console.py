@@ -3,6 +3,8 @@
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
+from haustra.scripts.interruption import raise_if_interrupted
+
 
 def summary(result: Mapping[str, object]) -> None:
     """Print a result as a table of names and values; its provenance is in the files that it left."""
@@ -38,7 +40,11 @@ def _rows(result: Mapping[str, object], prefix: str = ""):
 
 @contextmanager
 def progress_bar(title: str, total: float, *, unit: str) -> Iterator[Callable[..., None]]:
-    """A bar on stderr; yields a function that takes what is done so far, a note, and a new total if that changed."""
+    """A bar on stderr; yields a function that takes what is done so far, a note, and a new total if that changed.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C was pressed and a library lost it; said at the next call of that function.
+    """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -51,4 +57,9 @@ def progress_bar(title: str, total: float, *, unit: str) -> Iterator[Callable[..
     )
     with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(title, total=total, note="")
-        yield lambda done, note, total=None: bar.update(task, completed=done, note=note, total=total)
+
+        def show(done: float, note: str, total: float | None = None) -> None:
+            raise_if_interrupted()
+            bar.update(task, completed=done, note=note, total=total)
+
+        yield show

@@ -11,6 +11,7 @@ from typing import Any
 
 from haustra.errors import HaustraError
 from haustra.scripts.console import one_line, summary
+from haustra.scripts.interruption import interruption_kept
 from haustra.scripts.registry import BENCHMARKS, FURTHER, GROUPS, VERBS, first_sentence, load_verb
 
 SUCCESS, BAD_INPUT, DIVERGED, INTERRUPTED = 0, 2, 3, 130
@@ -26,8 +27,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(errors="replace")  # a terminal that takes ASCII only gets question marks
-        name = verb_of(words)
-        return _overview(words) if name is None else _call(name, words[len(name.split()) :])
+        with interruption_kept():
+            name = verb_of(words)
+            return _overview(words) if name is None else _call(name, words[len(name.split()) :])
     except BaseException as error:
         if not stems_from_interruption(error):
             raise

@@ -1,0 +1,31 @@
+"""Ctrl-C that a library swallows ends the work all the same."""
+
+import contextlib
+import signal
+
+import pytest
+
+from haustra.scripts.console import progress_bar
+from haustra.scripts.interruption import interruption_kept, raise_if_interrupted
+
+
+def _swallowed() -> None:
+    with contextlib.suppress(BaseException):  # as a destructor or a catch-all within a library does
+        signal.raise_signal(signal.SIGINT)
+
+
+def test_an_interruption_that_was_lost_is_raised_at_the_next_progress() -> None:
+    with interruption_kept(), progress_bar("work", 2.0, unit="s") as show:
+        show(1.0, "")
+        _swallowed()
+        with pytest.raises(KeyboardInterrupt):
+            show(2.0, "")
+
+
+def test_one_call_inherits_no_interruption_of_the_call_before() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    with interruption_kept():
+        _swallowed()
+    assert signal.getsignal(signal.SIGINT) is before
+    with interruption_kept():
+        raise_if_interrupted()
