@@ -47,17 +47,22 @@ class Drivable:
         """
         from dataclasses import asdict, replace
 
+        from haustra.envs.control.laws import DRIVERS
         from haustra.models.devices.base import load_device
         from haustra.models.devices.scope.interface import Scope
         from haustra.models.presets import find_preset
         from haustra.models.wall.abdomen import Abdomen
 
-        if self.task is not None or driver != "follower":
+        if self.task is not None or driver not in DRIVERS:
             return self._episode(driver)
         device = load_device(self.device)
         changed = {name: value for name in ("friction", "wall_stiffness") if (value := getattr(self, name)) is not None}
         abdomen = Abdomen(self.posture, self.mobile, self.adhesions)
         if not isinstance(device, Scope):
+            if driver != "follower":
+                raise InvalidOptionError(
+                    f"A device of kind '{device.kind}' has a driver of its own: leave --driver out."
+                )
             if abdomen != Abdomen() or self.preset != "balanced":
                 raise InvalidOptionError(
                     f"A device of kind '{device.kind}' honours neither a preset nor posture, mobile segments and "
@@ -68,19 +73,20 @@ class Drivable:
         gas = {"gas": _SET_POINT} if self.gas else {}
         options = find_preset(self.preset).apply(law="table")
         options = replace(options, mesentery=not self.fixed, abdomen=abdomen, **gas, **changed)
-        return {"kind": "scope", "design": asdict(device.design), "options": asdict(options)}
+        return {"kind": "scope", "design": asdict(device.design), "options": asdict(options), "driver": driver}
 
     def _episode(self, driver: str) -> dict[str, Any]:
         from dataclasses import replace
 
+        from haustra.envs.control.laws import DRIVERS
         from haustra.envs.learning.policy import load_policy, policy_folder
         from haustra.envs.tasks.config import TaskConfig
 
         for name in ("friction", "wall_stiffness"):
             if getattr(self, name) is not None:
                 raise InvalidOptionError(f"An episode draws its {name} by its seed: leave --{name} out.")
-        source = driver if driver != "follower" else self.task
-        if source == "insertion":
+        source = self.task if driver in DRIVERS else driver
+        if source == "insertion" and driver in DRIVERS:
             task = replace(TaskConfig(), mesentery=not self.fixed)
         else:
             task = load_policy(policy_folder(str(source))).config

@@ -23,7 +23,8 @@ class Drive(Drivable):
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
     """Folder for a recording of the drive; nothing is recorded when not given."""
     driver: str = "follower"
-    """Name of who helps: the lumen follower (of other devices than scopes, their own driver), or a policy's folder."""
+    """Name of who helps: follower (of other devices than scopes, their own driver), endoscopist, or a policy's name or
+    folder."""
     assist: bool = False
     """Let the driver drive from the start while you correct; the key T does so at any time."""
     beside: str | None = None

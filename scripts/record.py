@@ -13,14 +13,14 @@ from haustra.scripts.drivable import Drivable
 
 @dataclass(frozen=True, kw_only=True)
 class Record(Drivable):
-    """Record drives without a browser: by the lumen follower, a device's own driver, a policy, or a script of keys."""
+    """Record drives without a browser: by follower, endoscopist, a device's own driver, policy, or script of keys."""
 
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for the recording; of several episodes, for folders of recordings."""
     driver: str = "follower"
-    """Name of who drives: follower (of other devices than scopes, their own driver), a policy's folder or name, or a
-    JSON file of keys: a list of {"at": seconds, "hand": {lever: share}, "change": {condition: value}, "assist": bool,
-    "back": seconds}."""
+    """Name of who drives: follower (of other devices than scopes, their own driver), endoscopist (its assistant presses
+    and turns the patient, but in episodes of a task), a policy's folder or name, or a JSON file of keys: a list of
+    {"at": seconds, "hand": {lever: share}, "change": {condition: value}, "assist": bool, "back": seconds}."""
     episodes: int = whole(1, 10_000, default=1)
     """Number of recordings; of episodes of a task, from --seed on."""
     seconds: float = number("s", 0.02, 36_000.0, default=60.0)
@@ -30,11 +30,12 @@ class Record(Drivable):
 
     def __call__(self) -> dict[str, Any]:
         """Record."""
+        from haustra.envs.control.laws import DRIVERS
         from haustra.files import prepare_folder
         from haustra.scripts.console import progress_bar
 
         keys = _keys(Path(self.driver)) if self.driver.endswith(".json") else None
-        if self.episodes > 1 and self.task is None and (keys is not None or self.driver == "follower"):
+        if self.episodes > 1 and self.task is None and (keys is not None or self.driver in DRIVERS):
             raise InvalidOptionError("Drives without a task are all the same: give --task, or one episode.")
         from haustra.envs.console.vehicles import make_vehicle
 

@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from haustra.envs.console.scope_vehicle import LENS_SIZE
 from haustra.envs.console.vehicle import Lever, Look, Repeating, Surroundings, digest
+from haustra.envs.control.laws import DRIVERS
 from haustra.envs.runs.measure.injury import stations_of
 from haustra.envs.sim.native_batch import batch_model
 from haustra.envs.tasks import observation as seen_by
@@ -40,7 +41,7 @@ class EpisodeVehicle(Repeating):
             folder: of the colon.
             config: rules of the episode.
             seed: of what the episode draws: friction, stiffness, how the wires are.
-            policy: who assists: a policy's folder or name, or the lumen follower.
+            policy: who assists: a policy's folder or name, or a driver of `haustra.envs.control.laws.DRIVERS`.
 
         Raises:
             UnreadableFileError: when the policy cannot be read.
@@ -68,8 +69,8 @@ class EpisodeVehicle(Repeating):
         self.restart()
 
     def _make_driver(self, policy: str) -> Any:
-        if policy == "follower":
-            return FollowerDriver(self.task)
+        if policy in DRIVERS:
+            return FollowerDriver(self.task, law=policy)
         from haustra.envs.learning.drivers import PolicyDriver
         from haustra.envs.learning.policy import load_policy, policy_folder
 
@@ -135,7 +136,7 @@ class EpisodeVehicle(Repeating):
         return np.vstack([self._data.xpos[self._links], self._data.site_xpos[self._tip]])
 
     def assist(self) -> Float[np.ndarray, " levers"]:
-        """What the policy, or the follower, does."""
+        """What the policy, or the driver, does."""
         return np.asarray(self._driver.act(self._seen)[0], float)
 
     def change(self, name: str, number: float) -> None:

@@ -8,7 +8,9 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.console.vehicle import Condition, Grasp, Lever, Look, Surroundings, Vehicle, digest
-from haustra.envs.control.follower import FollowerSettings, LumenFollower
+from haustra.envs.control.endoscopist import ASSISTANT, Memory
+from haustra.envs.control.follower import LumenFollower
+from haustra.envs.control.laws import driver_settings
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.measure.injury import InjuryMeter
 from haustra.envs.runs.measure.progress import ArcTracker
@@ -21,7 +23,7 @@ from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
 from haustra.models.wall import mesentery
-from haustra.models.wall.abdomen import DOWN
+from haustra.models.wall.abdomen import DOWN, Abdomen
 from haustra.models.wall.lumen_table import axis_tables, lumen_table, seen_from, stack
 
 LENS_SIZE = 480
@@ -48,15 +50,21 @@ class ScopeVehicle(Vehicle):
     kind = "scope"
     backend = "linear"
 
-    def __init__(self, colon: Colon, design: ScopeDesign, options: SceneOptions) -> None:
+    def __init__(self, colon: Colon, design: ScopeDesign, options: SceneOptions, *, driver: str = "follower") -> None:
         """Build the scene and compile.
+
+        Args:
+            colon: what it is driven in.
+            design: of the scope.
+            options: of the scene.
+            driver: who helps: a name of `haustra.envs.control.laws.DRIVERS`.
 
         Raises:
             UnsupportedSceneError: when the backend cannot honour the options.
-            InvalidOptionError: when the scope does not fit through the entry.
+            InvalidOptionError: when the scope does not fit through the entry, or there is no such driver.
         """
         self.given = colon
-        self._design = design
+        self._design, self._helps = design, driver
         scene = build_scene(colon, None, design, options)
         about: dict[str, Any] = {"with_mesentery": options.mesentery, "abdomen": options.abdomen}
         table = lumen_table(colon, device_radius=scene.cable.radius, **about)
@@ -66,7 +74,7 @@ class ScopeVehicle(Vehicle):
         self._scope = LinearSingle(scene, tables=tables, wheels=self._wheels)
         self._steps = max(1, round(CONTROL_INTERVAL / options.timestep))
         self.interval = self._steps * options.timestep
-        settings = FollowerSettings(steer="wheels" if self._wheels else "pulls", straighten=options.mesentery)
+        settings = driver_settings(driver, moves=options.mesentery, steer="wheels" if self._wheels else "pulls")
         self._follower = LumenFollower(colon.centreline, design, tip_links=scene.cable.tip_links, settings=settings)
         self._lead, self._bend = settings.hand_lead_limit, math.radians(design.limits.smallest)
         self._tracker = ArcTracker(colon.centreline, start=options.start_depth)
@@ -85,8 +93,9 @@ class ScopeVehicle(Vehicle):
         return self._scene
 
     def configuration(self) -> dict[str, Any]:
-        """Design and options."""
-        return {"kind": self.kind, "design": asdict(self._design), "options": asdict(self._scene.options)}
+        """Design, options, and who helps."""
+        about = {"design": asdict(self._design), "options": asdict(self._scene.options)}
+        return {"kind": self.kind, **about, "driver": self._helps}
 
     def step(self, levers: Float[np.ndarray, " levers"]) -> bool:
         """Advance by one control step; a hand that has run ahead of the shaft waits for it."""
@@ -165,11 +174,24 @@ class ScopeVehicle(Vehicle):
         return Grasp(seen.time, aim, place, speed, np.array([options.push_limit, options.torque_limit]))
 
     def assist(self) -> Float[np.ndarray, " levers"]:
-        """What the lumen follower does."""
+        """What the driver does; what it asks of an assistant is done at once."""
+        before = self._asked_of_assistant()
         inputs = self._follower.act(self._seen, self._tracker.arc, self.interval)
+        if (asked := self._asked_of_assistant()) != before:
+            self._assist_as(ASSISTANT[asked])
         up, left = self._follower.asked / self._bend
         values = {"push": inputs.push_rate, "roll": inputs.roll_rate, "up": up, "left": left}
         return np.array([one.limited(float(values.get(one.name, 0.0))) for one in self.levers])
+
+    def _asked_of_assistant(self) -> int:
+        """Place in `ASSISTANT` of what the driver asks for; the first where it asks for nothing."""
+        memory = self._follower.memory
+        return int(memory.assist[0]) if isinstance(memory, Memory) else 0
+
+    def _assist_as(self, abdomen: Abdomen) -> None:
+        """Turn the patient and press on the belly."""
+        for name in {"posture", "pressed"} & {one.name for one in self.conditions}:
+            self.change(name, self.condition(name).number(getattr(abdomen, name)))
 
     def change(self, name: str, number: float) -> None:
         """Set a condition: from the next step on."""

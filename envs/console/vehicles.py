@@ -51,7 +51,9 @@ def _scope(folder: Path, values: Mapping[str, Any], whole: bool) -> Any:
 
     design = read_fields(ScopeDesign, dict(values["design"]), "design", error=InvalidDesignError)
     options = read_fields(SceneOptions, dict(values["options"]), "options")
-    return (ScopeVehicle if whole else scope_surroundings)(load_colon(folder), design, options)
+    if not whole:
+        return scope_surroundings(load_colon(folder), design, options)
+    return ScopeVehicle(load_colon(folder), design, options, driver=str(values["driver"]))
 
 
 def _device(folder: Path, values: Mapping[str, Any], whole: bool) -> Any:

@@ -27,7 +27,8 @@ def colon_folder(tmp_path_factory) -> Path:
 def scope() -> dict[str, Any]:
     """A scope on a colon that moves and is full of gas."""
     options = replace(find_preset("fast").apply(), wall_law="table", mesentery=True, gas=2500.0)
-    return {"kind": "scope", "design": asdict(named_design("paediatric")), "options": asdict(options)}
+    about = {"design": asdict(named_design("paediatric")), "options": asdict(options)}
+    return {"kind": "scope", **about, "driver": "follower"}
 
 
 @pytest.fixture(scope="session")

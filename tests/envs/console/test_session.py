@@ -2,15 +2,18 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from haustra.envs.console import recording as recordings
+from haustra.envs.console import scope_vehicle
 from haustra.envs.console.recording import Recorder, load_recording
 from haustra.envs.console.replay import repeat
 from haustra.envs.console.session import KNOB_RATE, KNOB_RETURN, LET_GO, Session
 from haustra.envs.console.vehicles import make_vehicle
+from haustra.envs.control.laws import driver_settings
 from haustra.errors import InvalidOptionError, OutputError, UnreadableFileError
 
 
@@ -70,6 +73,28 @@ def test_the_moment_of_a_correction_is_recorded(driven):
     assert (rows["levers"][held[:10], push] == -0.06).all()
     free = ~rows["by_person"][:, push] & rows["assisted"]
     np.testing.assert_array_equal(rows["levers"][free, push][1:], rows["proposed"][free, push][1:])
+
+
+def test_an_endoscopist_helps_and_its_assistant_is_recorded(colon_folder, scope, tmp_path, monkeypatch):
+    """Attempts that fail quickly: a hand on the belly, then the patient turned, all of it done again to the bit."""
+    hasty: dict[str, Any] = {
+        "patience": 0.3,
+        "calm": 0.1,
+        "rest": 0.1,
+        "jiggle_time": 0.1,
+        "least_pull": 1e-3,
+        "most_pull": 0.01,
+    }
+    monkeypatch.setattr(scope_vehicle, "driver_settings", lambda name, **about: driver_settings(name, **about, **hasty))
+    vehicle = make_vehicle(colon_folder, {**scope, "driver": "endoscopist"})
+    session = Session(vehicle, Recorder(tmp_path, vehicle, driver="endoscopist"), assisted=True)
+    _run(session, 6.0)
+    session.close()
+    recording = load_recording(tmp_path)
+    assert recording.about["vehicle"]["driver"] == "endoscopist"
+    pressed = recording.rows["conditions"][:, [one.name for one in vehicle.conditions].index("pressed")]
+    assert np.ptp(pressed) > 0
+    assert repeat(recording).exact
 
 
 def test_knobs_stay_where_they_are_unless_they_are_unlocked(colon_folder, scope):
