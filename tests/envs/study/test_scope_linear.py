@@ -174,12 +174,12 @@ def test_each_diameter_meets_a_wall_tabulated_for_it(
             super().__init__(scene, tables, colons, scopes=scopes, **own)
             self._met = tables, scopes.radius
 
-        def begin(self, which, *rest) -> None:
+        def begin(self, case, conditions, given=None) -> None:
             tables, radii = self._met
-            for radius, own in zip(radii, which, strict=True):
+            for radius, own in zip(radii, case, strict=True):
                 rows = slice(tables.first[own], tables.first[own] + tables.count[own])
                 walls[float(radius)] = float(tables.device_radius[own]), tables.wall[rows, :, 0]
-            super().begin(which, *rest)
+            super().begin(case, conditions, given)
 
     monkeypatch.setattr(scope_linear, "LinearInsertions", Spied)
     study = replace(study, changes=_SHORT, options={**study.options, "seconds": 0.5})
