@@ -24,7 +24,7 @@ from haustra.models.accuracy import NumericalError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.store import colon_hash
 from haustra.models.scene import entry_of
-from haustra.provenance import Provenance
+from haustra.provenance import Provenance, backend_record
 
 _CLOSE = 0.08
 """Part of a device that is shown close by, from its tip [m]."""
@@ -51,7 +51,9 @@ def write_device_run(
         OutputError: when the folder cannot be written to.
     """
     provenance = Provenance(
-        inputs={"colon": colon_hash(colon), "colon_name": colon.name}, configuration=run.configuration
+        inputs={"colon": colon_hash(colon), "colon_name": colon.name},
+        configuration=run.configuration,
+        backend=backend_record(run.backend),
     )
     scores: dict[str, Any] = {**device_scores(run, colon, error=error), "provenance": provenance.to_json()}
     spec = _ended(run)
