@@ -92,6 +92,7 @@ BENCHMARKS: Mapping[str, str] = {
     "bench rods": f"{_BENCH}.rods:BenchRods",
     "bench skip": f"{_BENCH}.skip:BenchSkip",
     "bench stability": f"{_BENCH}.stability:BenchStability",
+    "bench teaching": f"{_BENCH}.teaching:BenchTeaching",
     "bench tracked": f"{_BENCH}.tracked:BenchTracked",
     "bench view": f"{_BENCH}.view:BenchView",
     "bench worlds": f"{_BENCH}.worlds:BenchWorlds",

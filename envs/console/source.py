@@ -128,6 +128,11 @@ class Source(ABC):
         """Whether pictures can be drawn."""
         return all(view.painter.ready for view in self.views)
 
+    @property
+    def backlog(self) -> float:
+        """Simulated time that is still to be caught up with [s]."""
+        return self._due
+
     def start(self, publish: Publish) -> None:
         """Begin."""
         self._publish = publish

@@ -38,6 +38,8 @@ class Browser:
         self._size = width, height
         self._folder = tempfile.TemporaryDirectory(prefix="haustra-browser-", ignore_cleanup_errors=True)
         self._next = 0
+        self.process = 0
+        """Number of the browser's process, once it has started."""
         self.errors: list[str] = []
         """What the page complained about."""
 
@@ -50,6 +52,7 @@ class Browser:
             path, *_OPTIONS, size, f"--user-data-dir={self._folder.name}", "about:blank",
             stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.DEVNULL,
         )  # fmt: skip
+        self.process = self._process.pid
         self._session = aiohttp.ClientSession()
         port = await self._port()
         async with self._session.get(f"http://127.0.0.1:{port}/json/list") as answer:

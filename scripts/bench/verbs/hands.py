@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import tyro
 
@@ -18,6 +18,8 @@ class BenchHands(Drivable):
     """Folder for hands.json and a picture of the page."""
     seconds: float = number("s", 2.0, 36_000.0, default=20.0)
     """Time to drive in the page, and by the haptic port [s]."""
+    only: Literal["steps", "page", "haptic"] | None = None
+    """Measure one part only."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 
@@ -29,7 +31,7 @@ class BenchHands(Drivable):
 
         folder = prepare_folder(self.output) if self.output is not None else None
         picture = None if folder is None else folder / "page.png"
-        found = measured(self.colon, self.configuration(), seconds=self.seconds, picture=picture)
+        found = measured(self.colon, self.configuration(), seconds=self.seconds, picture=picture, only=self.only)
         if folder is not None:
             write_json(folder / "hands.json", found)
         return found
