@@ -43,20 +43,22 @@ def _given_back(managed: int) -> None:
     _lent.pop(managed, None)
 
 
-_python = ctypes.pythonapi
 _destructor = ctypes.PYFUNCTYPE(None, ctypes.c_void_p)
-_python.PyCapsule_New.restype = ctypes.py_object
-_python.PyCapsule_New.argtypes = (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p)
-_python.PyCapsule_IsValid.argtypes = (ctypes.c_void_p, ctypes.c_char_p)
-_python.PyCapsule_GetPointer.restype = ctypes.c_void_p
-_python.PyCapsule_GetPointer.argtypes = (ctypes.c_void_p, ctypes.c_char_p)
+# Functions of our own: other libraries (dill, Warp) give ctypes.pythonapi's, which all share, other arguments.
+_new = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p)(
+    ("PyCapsule_New", ctypes.pythonapi)
+)
+_is_valid = ctypes.PYFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_char_p)(("PyCapsule_IsValid", ctypes.pythonapi))
+_pointer_of = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_char_p)(
+    ("PyCapsule_GetPointer", ctypes.pythonapi)
+)
 
 
 @_destructor
 def _dropped(capsule: int) -> None:
     """A capsule that nobody has taken gives back what it lent."""
-    if _python.PyCapsule_IsValid(capsule, _UNUSED):
-        _lent.pop(_python.PyCapsule_GetPointer(capsule, _UNUSED), None)
+    if _is_valid(capsule, _UNUSED):
+        _lent.pop(_pointer_of(capsule, _UNUSED), None)
 
 
 def capsule(
@@ -79,4 +81,4 @@ def capsule(
     managed = _Managed(tensor, None, ctypes.cast(_given_back, ctypes.c_void_p))
     address = ctypes.addressof(managed)
     _lent[address] = (owner, managed, own, apart)
-    return _python.PyCapsule_New(address, _UNUSED, ctypes.cast(_dropped, ctypes.c_void_p))
+    return _new(address, _UNUSED, ctypes.cast(_dropped, ctypes.c_void_p))

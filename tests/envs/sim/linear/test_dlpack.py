@@ -1,5 +1,6 @@
 """Arrays go to other libraries by DLPack as they lie, and live as long as these look at them."""
 
+import ctypes
 import gc
 import weakref
 from typing import Any
@@ -38,7 +39,11 @@ def test_numpy_and_jax_read_where_the_numbers_lie(kind):
         np.testing.assert_array_equal(jax.dlpack.from_dlpack(Columns(of, 0, 4), copy=True), of.T)
 
 
-def test_what_is_lent_lives_until_it_is_given_back():
+@pytest.mark.parametrize("capsules", [ctypes.c_void_p, ctypes.py_object])
+def test_what_is_lent_lives_until_it_is_given_back(capsules, monkeypatch):
+    """Whatever other libraries tell ctypes of Python's functions, which all share: dill and Warp ask for objects."""
+    for name in ("PyCapsule_IsValid", "PyCapsule_GetPointer"):
+        monkeypatch.setattr(getattr(ctypes.pythonapi, name), "argtypes", (capsules, ctypes.c_char_p))
     owner = Columns(np.ones((2, 2)), 0, 2)
     seen, taken = weakref.ref(owner), np.from_dlpack(owner)
     unused = owner.__dlpack__()
