@@ -2,19 +2,22 @@
 
 import io
 import signal
+from collections.abc import Sequence
 from dataclasses import dataclass
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Int, UInt8
 
+from haustra.envs.console.channel import INTACT, treated, wounds
 from haustra.envs.console.vehicle import Surroundings
 from haustra.envs.view.picture.endoscope import Endoscope
 from haustra.envs.view.picture.light import Response
 from haustra.envs.view.picture.renderer import CameraPose
 from haustra.envs.view.picture.surface import ColonSurface, MovingSurface
+from haustra.errors import InvalidMeshError
 
 _INERTIA = 0.8
 """Share of the last picture's exposure that stays: it does not flicker [1]; engineering choice."""
@@ -36,6 +39,8 @@ class Glance:
     """Displacement of the colon's axis; at rest when None."""
     widths: Float[np.ndarray, " rows"] | None = None
     """Widths of the lumen at even arc lengths, over that at rest [1]; as at rest when None."""
+    tissue: Int[np.ndarray, " lesions"] | None = None
+    """What was taken of lesions (`haustra.envs.console.channel.Channel.tissue`); nothing when None."""
 
 
 @dataclass(frozen=True)
@@ -52,17 +57,30 @@ class Eye:
 
     def __init__(self, camera: Camera) -> None:
         """Take the colon's surface."""
-        around = self._around = camera.around
-        colon = around.colon
+        self._around, self._size = camera.around, camera.size
+        self._see([INTACT] * len(camera.around.colon.lesions))
+
+    def _see(self, tissue: Sequence[int]) -> None:
+        """Take the surface without what was taken, and blood where it was."""
+        around, given = self._around, self._around.colon
+        self._tissue = list(tissue)
+        try:
+            colon = treated(given, tissue)
+        except InvalidMeshError:  # another wall is too near: it is drawn uncut, and bleeds
+            colon = given
         if around.tables is None:
             self._surface = ColonSurface(colon)
         else:
             self._surface = MovingSurface(colon, around.tables, around.origin, around.axes)
-        lens = around.lens.at(camera.size, camera.size)
+        lens = around.lens.at(self._size, self._size)
         self._scope = Endoscope(colon, lens, surface=self._surface, response=Response(inertia=_INERTIA))
+        for place, reach in wounds(given, tissue):
+            self._scope.appearance.bleed(place, reach)
 
     def draw(self, glance: Glance) -> UInt8[np.ndarray, "size size 3"]:
         """What the camera sees; the wall makes room for the tip."""
+        if glance.tissue is not None and glance.tissue.tolist() != self._tissue:
+            self._see(glance.tissue.tolist())
         surface = self._surface
         if glance.widths is not None:
             surface.widen(glance.widths)

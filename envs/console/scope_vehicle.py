@@ -1,4 +1,4 @@
-"""A scope that is driven live, in linear time, with what it lies in: gas, posture and a hand on the belly."""
+"""A scope that is driven live, in linear time, with its instruments, and gas, posture and a hand on the belly."""
 
 import math
 from dataclasses import asdict, replace
@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.console.channel import IN_CHANNEL, Channel
 from haustra.envs.console.vehicle import Condition, Grasp, Lever, Look, Surroundings, Vehicle, digest
 from haustra.envs.control.endoscopist import ASSISTANT, Memory
 from haustra.envs.control.follower import LumenFollower
@@ -42,6 +43,7 @@ class _Kept(NamedTuple):
     tracked: float
     follower: Any
     conditions: Float[np.ndarray, " conditions"]
+    channel: Any
 
 
 class ScopeVehicle(Vehicle):
@@ -80,8 +82,13 @@ class ScopeVehicle(Vehicle):
         self._tracker = ArcTracker(colon.centreline, start=options.start_depth)
         self.levers = _levers(options)
         self.conditions = _conditions(options)
+        self._channel: Channel | None = None
+        if any(lesion.kind == "polyp" for lesion in colon.lesions):  # there is something to take
+            self.conditions += (Condition("instrument", "", 0, len(IN_CHANNEL) - 1, IN_CHANNEL),)
+            self._channel = Channel(scene)
         abdomen = options.abdomen
         words = {"posture": abdomen.posture, "pressed": abdomen.pressed, "insufflator": "automatic"}
+        words["instrument"] = IN_CHANNEL[0]
         begun = {"friction": options.friction, "wall_stiffness": options.wall_stiffness} | words
         self._now = np.array([one.number(begun[one.name]) for one in self.conditions])
         self._scene, self._injury = scene, InjuryMeter(scene)
@@ -98,7 +105,10 @@ class ScopeVehicle(Vehicle):
         return {"kind": self.kind, **about, "driver": self._helps}
 
     def step(self, levers: Float[np.ndarray, " levers"]) -> bool:
-        """Advance by one control step; a hand that has run ahead of the shaft waits for it."""
+        """Advance by one control step; a hand that has run ahead of the shaft waits for it.
+
+        An instrument that has just been closed takes what it reaches before.
+        """
         seen, interval = self._seen, self.interval
         asked = {one.name: one.limited(value) for one, value in zip(self.levers, levers, strict=True)}
         room = self._scope.scene.cable.length - LEFT_OUTSIDE - seen.insertion
@@ -108,6 +118,8 @@ class ScopeVehicle(Vehicle):
         hand = Controls(push, asked["roll"], **self._steered(asked["up"], asked["left"]))
         if self._scope.gas is not None:
             self._let_gas(asked["gas"])
+        if self._channel is not None:
+            self._channel.hold(self._value("instrument"), seen, self._tracker.arc)
         sound = self._scope.step(hand, self._steps)
         if self._scope.gas is not None:
             self._scope.gas.forget()
@@ -154,7 +166,7 @@ class ScopeVehicle(Vehicle):
             "load_arc": float(burden.load_arc[0]),
             "pain": float(burden.pain.max()),
             "coils": seen.coils,
-            "digest": digest(*self._scope.many.row()),
+            "digest": digest(*self._scope.many.row(), *(() if self._channel is None else (self._channel.tissue,))),
         }
         if gas is not None:
             row |= {"gas_pressure": gas.pressure.copy(), "gas_volume": gas.volume}
@@ -163,7 +175,15 @@ class ScopeVehicle(Vehicle):
             frame["displacement"] = seen.displacement
         if gas is not None:
             frame["widths"] = gas.widths
+        if self._channel is not None:
+            row |= {"polyps_taken": self._channel.taken, "bleeding_mm2": self._channel.bleeding_mm2}
+            frame["tissue"] = self._channel.tissue.copy()
         return Look(row, frame)
+
+    @property
+    def said(self) -> str:
+        """What came of closing an instrument last."""
+        return "" if self._channel is None else self._channel.said
 
     def grasp(self) -> Grasp:
         """The handle between two control steps; the hand aims where it turns the shaft to."""
@@ -196,6 +216,8 @@ class ScopeVehicle(Vehicle):
     def change(self, name: str, number: float) -> None:
         """Set a condition: from the next step on."""
         self._now[[one.name for one in self.conditions].index(name)] = number
+        if name == "instrument":
+            return
         scope, options = self._scope, self._scene.options
         friction, stiffness = float(self._value("friction")), float(self._value("wall_stiffness"))
         options = replace(options, friction=friction, wall_stiffness=stiffness)
@@ -226,7 +248,8 @@ class ScopeVehicle(Vehicle):
     def keep(self) -> _Kept:
         """All numbers of scope, gas, follower and conditions."""
         scope = self._scope
-        return _Kept(scope.keep(), scope.hand, self._tracker.arc, self._follower.memory, self.now())
+        channel = None if self._channel is None else self._channel.keep()
+        return _Kept(scope.keep(), scope.hand, self._tracker.arc, self._follower.memory, self.now(), channel)
 
     def put_back(self, kept: _Kept) -> None:
         """Go back to where the scope was, under the conditions of then."""
@@ -235,6 +258,8 @@ class ScopeVehicle(Vehicle):
                 self.change(condition.name, number)
         self._scope.put_back(kept.scope, kept.hand)
         self._tracker.arc, self._follower.memory = kept.tracked, kept.follower
+        if self._channel is not None:
+            self._channel.put_back(kept.channel)
         self._before = self._seen = self._scope.read()
 
     def close(self) -> None:

@@ -101,6 +101,7 @@ class View:
 def glance_at(row: Mapping[str, Any], frame: Mapping[str, Any]) -> Glance:
     """Where the camera is in a row and what is drawn with it."""
     given = {name: np.asarray(frame[name], float) for name in ("displacement", "widths") if name in frame}
+    given |= {name: np.asarray(frame[name], int) for name in ("tissue",) if name in frame}
     return Glance(np.asarray(row["tip"], float), np.asarray(row["tip_frame"], float), float(row["tip_arc"]), **given)
 
 
@@ -296,6 +297,7 @@ class Drive(Source):
             "knobs": session.hand.knobs.round(4).tolist(),
             "locked": session.hand.locked.tolist(),
             "echo": self._acted_on,
+            "said": session.vehicle.said,
             "recording": session.recorder is not None,
         }
 
@@ -408,5 +410,6 @@ def moment(recording: Recording, at: float) -> tuple[dict[str, Any], dict[str, A
     share = float(np.clip((exact - float(frames["step"][before])) / span, 0.0, 1.0)) if span > 0 else 0.0
     drawn = {}
     for name, values in frames.items():
-        drawn[name] = values[before] + share * (values[after].astype(float) - values[before])
+        between = share if values.dtype.kind == "f" else float(share >= 1.0)  # what is counted changes at once
+        drawn[name] = values[before] + between * (values[after].astype(float) - values[before])
     return row, drawn

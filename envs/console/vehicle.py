@@ -101,7 +101,8 @@ class Look(NamedTuple):
     `wall_force` [N] and `digest` are always there."""
     frame: Mapping[str, Any]
     """What is drawn: `shape` (nodes, 3) [m] from the rear to the tip, `pressed` (stations,) [N], `pain` (stations,) [1]
-    and, of a colon that moves, `displacement` (nodes, 7)."""
+    of a colon that moves, `displacement` (nodes, 7), and where there are polyps, `tissue` (lesions,): what was taken
+    (`haustra.envs.console.channel.Channel.tissue`)."""
 
 
 class Vehicle(ABC):
@@ -130,6 +131,11 @@ class Vehicle(ABC):
     @abstractmethod
     def look(self) -> Look:
         """What is seen now."""
+
+    @property
+    def said(self) -> str:
+        """What came of what was done last, in words; nothing where there is nothing to say."""
+        return ""
 
     @abstractmethod
     def assist(self) -> Float[np.ndarray, " levers"]:

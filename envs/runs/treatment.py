@@ -5,6 +5,7 @@ scope does not notice the instrument, and the table that the physics go by keeps
 loses what was taken (`haustra.models.anatomy.resection`), and every cut bleeds (`haustra.models.injury.bleeding`).
 """
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -58,6 +59,75 @@ class TreatmentEvent:
     """Raw surface that bleeds [mm^2]; 0 where nothing was taken."""
 
 
+class Reach:
+    """What an instrument through a scope's channel can take of a colon's polyps, and what is left of the colon."""
+
+    def __init__(self, scene: Scene) -> None:
+        """Look for polyps of a scene."""
+        self.colon, self._moved = scene.colon, current_colon(scene)
+        self.polyps = tuple(number for number, lesion in enumerate(scene.colon.lesions) if lesion.kind == "polyp")
+        """Indices of polyps in the colon's lesions."""
+
+    def why_not(self, instrument: Instrument, index: int, seen: Readings, arc: float) -> str | None:
+        """Why an instrument cannot take a polyp from here; None when it can.
+
+        Args:
+            instrument: which.
+            index: of the polyp in the colon's lesions.
+            seen: where the tip is, and the colon.
+            arc: arc length of the tip [m].
+        """
+        polyp, mouth = self.pose(index, seen), channel_mouth(seen.tip, seen.tip_frame)
+        why = out_of_reach(instrument, mouth, seen.tip_frame[:, 2], polyp)
+        return "behind a fold" if why is None and not self._clear(seen, mouth, polyp, arc) else why
+
+    def wound(self, instrument: Instrument, index: int) -> float:
+        """Raw surface where a polyp was taken, which bleeds [mm^2]."""
+        bite, margin = instrument_number("forceps.bite"), instrument_number("snare.margin")
+        return 1e6 * wound_area(bite if instrument == "forceps" else self.colon.lesions[index].size + 2 * margin)
+
+    def pose(self, index: int, seen: Readings) -> PolypPose:
+        """Where a polyp is now."""
+        lesion = self.colon.lesions[index]
+        foot = np.array(lesion.position)
+        places = foot, foot + lesion.extent * lesion_axis(self.colon, lesion)
+        if self._moved is not None:
+            moved = self._moved.from_scene(seen.displacement)
+            places = tuple(self._moved.to_current(moved, place, lesion.arc) for place in places)
+        return PolypPose(top=places[1], foot=places[0], lesion=lesion)
+
+    def _clear(self, seen: Readings, mouth: np.ndarray, polyp: PolypPose, arc: float) -> bool:
+        """Whether the way from the channel's mouth to a polyp's top lies in the lumen, as the centreline sees it."""
+        line = self.colon.centreline
+        for share in _BETWEEN:
+            place, guess = mouth + share * (polyp.top - mouth), arc + share * (polyp.lesion.arc - arc)
+            if self._moved is not None:
+                place = self._moved.to_reference(self._moved.from_scene(seen.displacement), place, guess)
+            near = np.flatnonzero(np.abs(line.arc - guess) < _PASSED)
+            station = near[np.linalg.norm(line.points[near] - place, axis=1).argmin()]
+            across = (place - line.points[station]) @ line.frames[station, :, :2]
+            angles = self.colon.radius.shape[1]
+            angle = round(float(np.arctan2(across[1], across[0])) / (2 * np.pi) * angles) % angles
+            if np.linalg.norm(across) > self.colon.radius[station, angle] + _GIVES_WAY:
+                return False
+        return True
+
+
+def without(colon: Colon, taken: Mapping[int, Instrument]) -> Colon:
+    """The colon without what instruments took of its lesions, which are named by their indices.
+
+    Raises:
+        InvalidMeshError: when cutting did not leave one closed surface.
+    """
+    for lesion in sorted(taken, reverse=True):  # those behind a resected one move up
+        if taken[lesion] == "snare":
+            own = {"margin": instrument_number("snare.margin"), "depth": instrument_number("snare.defect")}
+            colon = resected(colon, lesion, **own)
+        else:
+            colon = bitten(colon, lesion, size=instrument_number("forceps.bite"))
+    return colon
+
+
 class Treatment:
     """One instrument, and what was done with it."""
 
@@ -67,8 +137,8 @@ class Treatment:
         self.events: list[TreatmentEvent] = []
         self.too_far = False
         """Whether the polyp at hand is farther than the instrument reaches: whoever drives may go on a little."""
-        self._colon, self._moved = scene.colon, current_colon(scene)
-        self._left = [index for index, lesion in enumerate(scene.colon.lesions) if lesion.kind == "polyp"]
+        self._reach, self._colon = Reach(scene), scene.colon
+        self._left = list(self._reach.polyps)
         self._since: dict[int, float] = {}
 
     def goal(self, seen: Readings, arc: float) -> Float[np.ndarray, "3"] | None:
@@ -81,13 +151,11 @@ class Treatment:
             return None
         index = near[0]
         began = self._since.setdefault(index, float(seen.time))
-        polyp, mouth = self._polyp(index, seen), channel_mouth(seen.tip, seen.tip_frame)
-        why = out_of_reach(self.instrument, mouth, seen.tip_frame[:, 2], polyp)
-        if why is None and not self._clear(seen, mouth, polyp, arc):
-            why = "behind a fold"
+        why = self._reach.why_not(self.instrument, index, seen, arc)
+        polyp, mouth = self._reach.pose(index, seen), channel_mouth(seen.tip, seen.tip_frame)
         if why is None or seen.time - began > PATIENCE:
             self._left.remove(index)
-            bleeding = 0.0 if why else 1e6 * wound_area(self._wound(index))
+            bleeding = 0.0 if why else self._reach.wound(self.instrument, index)
             event = TreatmentEvent(index, float(seen.time), polyp.lesion.arc, not why, why or "reached", bleeding)
             self.events.append(event)
             return None
@@ -96,14 +164,7 @@ class Treatment:
 
     def after(self) -> Colon:
         """The colon without what was taken."""
-        colon = self._colon
-        for event in sorted((event for event in self.events if event.taken), key=lambda event: -event.lesion):
-            if self.instrument == "snare":
-                own = {"margin": instrument_number("snare.margin"), "depth": instrument_number("snare.defect")}
-                colon = resected(colon, event.lesion, **own)
-            else:
-                colon = bitten(colon, event.lesion, size=instrument_number("forceps.bite"))
-        return colon
+        return without(self._colon, {event.lesion: self.instrument for event in self.events if event.taken})
 
     def scores(self) -> dict[str, Any]:
         """What was done, as plain JSON values."""
@@ -113,35 +174,3 @@ class Treatment:
             "bleeding_events": sum(event.bleeding_mm2 > 0 for event in self.events),
             "treatments": [asdict(event) for event in self.events],
         }
-
-    def _clear(self, seen: Readings, mouth: np.ndarray, polyp: PolypPose, arc: float) -> bool:
-        """Whether the way from the channel's mouth to a polyp's top lies in the lumen, as the centreline sees it."""
-        line = self._colon.centreline
-        for share in _BETWEEN:
-            place, guess = mouth + share * (polyp.top - mouth), arc + share * (polyp.lesion.arc - arc)
-            if self._moved is not None:
-                place = self._moved.to_reference(self._moved.from_scene(seen.displacement), place, guess)
-            near = np.flatnonzero(np.abs(line.arc - guess) < _PASSED)
-            station = near[np.linalg.norm(line.points[near] - place, axis=1).argmin()]
-            across = (place - line.points[station]) @ line.frames[station, :, :2]
-            angles = self._colon.radius.shape[1]
-            angle = round(float(np.arctan2(across[1], across[0])) / (2 * np.pi) * angles) % angles
-            if np.linalg.norm(across) > self._colon.radius[station, angle] + _GIVES_WAY:
-                return False
-        return True
-
-    def _wound(self, index: int) -> float:
-        """Width of the wound [m]."""
-        if self.instrument == "forceps":
-            return instrument_number("forceps.bite")
-        return self._colon.lesions[index].size + 2 * instrument_number("snare.margin")
-
-    def _polyp(self, index: int, seen: Readings) -> PolypPose:
-        """Where a polyp is now."""
-        lesion = self._colon.lesions[index]
-        foot = np.array(lesion.position)
-        places = foot, foot + lesion.extent * lesion_axis(self._colon, lesion)
-        if self._moved is not None:
-            moved = self._moved.from_scene(seen.displacement)
-            places = tuple(self._moved.to_current(moved, place, lesion.arc) for place in places)
-        return PolypPose(top=places[1], foot=places[0], lesion=lesion)

@@ -21,13 +21,13 @@ class BenchTeaching:
     """Folder for recordings, policies and teaching.json."""
     episodes: int = whole(1, 10_000, default=20)
     """Demonstrations of each driver, in as many training colons."""
-    steps: int = whole(1, 10**9, default=200_000)
+    steps: int = whole(1, 10**9, default=400_000)
     """Environment steps of each training."""
     seeds: int = whole(1, 1000, default=4)
     """Trainings of each arm, with seeds of their own."""
     colons: int = whole(1, 10_000, default=16)
     """Held-out colons, two episodes each."""
-    seconds: float = number("s", 1.0, 3600.0, default=120.0)
+    seconds: float = number("s", 1.0, 3600.0, default=240.0)
     """Longest episode [s]."""
     processes: int = whole(1, 4096, default=os.cpu_count() or 1)
     """Processes that work beside each other, a thread each."""

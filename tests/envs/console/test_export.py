@@ -38,28 +38,44 @@ def test_a_script_of_keys_is_repeated_to_the_bit(keys, capsys):
     assert json.loads(capsys.readouterr().out)["exact"]
 
 
+@pytest.fixture(scope="module", params=["follower's task", "keys", "endoscopist", "capsule", "policy"])
+def recorded(request, colon_folder, tmp_path_factory) -> Path:
+    """What each kind of driver has recorded."""
+    if request.param in ("follower's task", "keys"):
+        return request.getfixturevalue({"follower's task": "episodes"}.get(request.param, request.param))
+    how = {
+        "endoscopist": ["--device", "paediatric", "--preset", "fast", "--driver", "endoscopist"],
+        "capsule": ["--device", "capsule"],
+        "policy": ["--driver", "insertion-easy"],
+    }[request.param]
+    folder = tmp_path_factory.mktemp("recorded") / "drive"
+    call = ["record", "--colon", str(colon_folder), *how, "--seconds", "1", "-o", str(folder), "--json"]
+    assert main(call) == SUCCESS
+    return folder
+
+
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
-def test_episodes_of_minari_repeat_to_the_bit(episodes, keys, tmp_path, monkeypatch):
+def test_episodes_of_minari_repeat_to_the_bit(recorded, tmp_path, monkeypatch):
     minari = pytest.importorskip("minari")
-    for folder, name in ((episodes, "haustra/task-v0"), (keys, "haustra/keys-v0")):
-        assert main(["export", str(folder), "--to", "minari", "--name", name, "-o", str(tmp_path), "--json"]) == SUCCESS
+    name, several = "haustra/driven-v0", not (recorded / "recording.json").exists()
+    export = ["export", str(recorded), "--to", "minari", "--name", name, "-o", str(tmp_path), "--json"]
+    assert main(export) == SUCCESS
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
-    for name, count in (("haustra/task-v0", 2), ("haustra/keys-v0", 1)):
-        dataset = minari.load_dataset(name)
-        assert dataset.total_episodes == count
-        env = dataset.recover_environment(disable_env_checker=True)
-        for episode in dataset.iterate_episodes():
-            assert len(episode.actions) >= 25
-            seen, info = env.reset(seed=int(episode.infos["seed"][0]))
-            for step, action in enumerate(episode.actions):
-                np.testing.assert_array_equal(seen, episode.observations[step])
-                assert info["digest"] == episode.infos["digest"][step]
-                seen, reward, ended, _, info = env.step(action)
-                assert (reward, ended) == (episode.rewards[step], episode.terminations[step])
-            np.testing.assert_array_equal(seen, episode.observations[-1])
-        env.close()
-    taken = ["export", str(keys), "--to", "minari", "--name", "haustra/keys-v0", "-o", str(tmp_path)]
-    assert main(taken) == BAD_INPUT
+    dataset = minari.load_dataset(name)
+    assert dataset.total_episodes == (2 if several else 1)
+    env = dataset.recover_environment(disable_env_checker=True)
+    for episode in dataset.iterate_episodes():
+        assert len(episode.actions) >= 8
+        assert np.abs(episode.actions).max() > 0, "nobody drove"
+        seen, info = env.reset(seed=int(episode.infos["seed"][0]))
+        for step, action in enumerate(episode.actions):
+            np.testing.assert_array_equal(seen, episode.observations[step])
+            assert info["digest"] == episode.infos["digest"][step]
+            seen, reward, ended, _, info = env.step(action)
+            assert (reward, ended) == (episode.rewards[step], episode.terminations[step])
+        np.testing.assert_array_equal(seen, episode.observations[-1])
+    env.close()
+    assert main(export) == BAD_INPUT, "a name is taken once"
 
 
 def test_the_layout_of_lerobot_holds(episodes, tmp_path):

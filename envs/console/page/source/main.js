@@ -20,6 +20,8 @@ const GAUGES = [
   ["pain over its threshold", "", (row) => row.pain, 2, 2, 1],
   ["people perforated", "%", (row) => row.p_perforation * 100, 2, 5, 1],
   ["gas", "L", (row) => row.gas_volume * 1000, 2, 4],
+  ["polyps taken", "", (row) => row.polyps_taken, 0, 5],
+  ["bleeding", "mm²", (row) => row.bleeding_mm2, 0, 100],
   ["magnet", "N", (row) => row.magnet_force, 2, 2],
   ["progress", "%", (row) => row.progress * 100, 0, 100],
   ["time", "s", (row) => row.time, 1, 600],
@@ -200,6 +202,13 @@ class Console {
       const turn = { posture: "KeyO", pressed: "KeyP" }[name];
       if (turn) this.acts[turn] = () => this.say({ change: { [name]: choices[(choices.indexOf(this.last.conditions[name]) + 1) % choices.length] } });
     }
+    if (this.inputs.instrument) {
+      // What is in the channel: B brings out the next instrument, X closes it and opens it again.
+      const hold = (value) => this.say({ change: { instrument: value } });
+      const open = ["none", "snare", "forceps"], now = () => this.last.conditions.instrument;
+      this.acts.KeyB = () => hold(open[(open.indexOf(now().replace(" closed", "")) + 1) % open.length]);
+      this.acts.KeyX = () => { if (now() !== "none") hold(now().endsWith("closed") ? now().replace(" closed", "") : `${now()} closed`); };
+    }
     this.stick("push · roll", names[1], names[0], 1);
     if (names.length > 3) this.stick("knobs", names[3], names[2], -1);
     this.hand.onButton = (number) => ({ 0: lock, 1: assist, 2: () => this.freeze(), 8: back, 9: () => this.say({ pause: !this.last.paused }) }[number] || (() => {}))();
@@ -208,7 +217,7 @@ class Console {
       const pair = this.hand.keys[name].map((code) => code.replace(/Key|Arrow|Digit/, ""));
       if (pair.length) keys.append(...pair.flatMap((key) => [element("kbd", { textContent: key }), " "]), `${name}  `);
     }
-    keys.append("· Z slow · O posture · P press the belly · gamepad: sticks and triggers");
+    keys.append(`· Z slow · O posture · P press the belly ${this.inputs.instrument ? "· B instrument · X close it " : ""}· gamepad: sticks and triggers`);
   }
 
   buildReplay(scene) {
@@ -260,6 +269,8 @@ class Console {
     if (this.locks) this.locks.classList.toggle("on", frame.locked.every(Boolean));
     const said = [frame.sound ? "" : "diverged: go back", frame.correcting ? "you correct" : frame.assisted ? "driver drives" : "", frame.recording ? "● recording" : "", frame.paused ? "paused" : ""];
     this.views[0].state.textContent = said.filter(Boolean).join(" · ");
+    if (frame.said && frame.said !== this.said) this.note.textContent = frame.said;
+    this.said = frame.said;
     if (this.marks.length !== frame.marks.length) {
       this.marks.replaceChildren(...frame.marks.map((mark) => element("option", { value: mark, textContent: mark })));
     }
