@@ -85,6 +85,11 @@ class Scope(Device):
         )
 
     @property
+    def view_deg(self) -> float:
+        """That of its design."""
+        return self.design.tip.field_of_view_deg
+
+    @property
     def readings(self) -> tuple[Reading, ...]:
         """What the hand feels."""
         return (
