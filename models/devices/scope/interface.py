@@ -86,7 +86,7 @@ class Scope(Device):
 
     @property
     def view_deg(self) -> float:
-        """That of its design."""
+        """The field of view of its tip."""
         return self.design.tip.field_of_view_deg
 
     @property

@@ -104,7 +104,7 @@ class Vine(Device):
 
     @property
     def view_deg(self) -> float:
-        """That of its TOML."""
+        """The field of its design."""
         return self.field_of_view_deg
 
     @property
