@@ -1,6 +1,6 @@
 """The page of how far tracked robots come, from what `haustra bench reach` kept.
 
-python -m haustra.scripts.bench.pages.reach_page docs/validation/data/reach.json docs/validation/reach.md
+`python -m haustra.scripts.bench.pages.reach_page reach.json docs/validation/reach.md` writes it.
 """
 
 import sys
@@ -20,8 +20,8 @@ def reach_page(kept: Mapping[str, Any]) -> str:
         "",
         f"`haustra bench reach -o DIR`: {base['colons']} grown colons from seed 300000 on, on their mesentery, each "
         f"run up to {kept['seconds']:g} s, from where the robot fits first, by its own driver; a run that comes no "
-        "further for 10 s is over. Nothing here was measured on a real robot. Pressure is that of a tip, a ball as wide "
-        "as a tread, on the patch of wall under it.",
+        "further for 10 s is over. Nothing here was measured on a real robot. Pressure is that of a tip, a ball as "
+        "wide as a tread, on the patch of wall under it.",
         "",
         *_summaries(found),
         "",
@@ -76,7 +76,7 @@ def _reasons(found: Mapping[str, Any]) -> list[str]:
 
 def _runs(runs: Sequence[Mapping[str, Any]]) -> list[str]:
     lines = [
-        "| colon | began | came | after | stopped by | in | lumen there | tracks stand at | worm at | core over treads |",
+        "| colon | began | came | after | stopped by | in | lumen there | across tracks | worm at | core over treads |",
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for row in runs:
