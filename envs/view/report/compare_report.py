@@ -44,6 +44,9 @@ _ABOUT = (
     "that comes with each."
 )
 
+ABOUT_SITES = "Mean over the patients of the largest there, over where pain is assumed to begin."
+ABOUT_WIDTHS = "Speed while the tip was in lumens of that width at rest, standing still and all; what it gained there."
+
 
 def report_comparison(folder: Path, found: Mapping[str, Any]) -> dict[str, str]:
     """Write the page, `paper.tex` and CSV files of what `haustra.envs.study.compare.compared` told.
@@ -75,16 +78,35 @@ def _flat(device: Mapping[str, Any]) -> dict[str, Any]:
     return {**rest, **{name: _counted(device[name]) for name in _COUNTS}, **pain}
 
 
-def _sections(folder: Path, found: Mapping[str, Any]) -> list[Section]:
-    devices = found["devices"]
-    header = ["", *(one["name"] for one in devices)]
+def device_rows(devices: Sequence[Mapping[str, Any]]) -> list[list[str]]:
+    """What is told of each device, a row a score: its label, then a value a device."""
     rows = [[label, *(_shown(one[key], pattern) for one in devices)] for label, key, pattern in _ROWS]
-    rows += [
+    return [
+        *rows,
         ["pain is largest at", *(_counted(one["pain_sites"]) for one in devices)],
         ["colon on its mesentery", *("yes" if one["on_mesentery"] else "no" for one in devices)],
         ["stopped by", *(_counted(one["stopped_by"]) for one in devices)],
         ["patients", *(str(one["patients"]) for one in devices)],
     ]
+
+
+def site_rows(devices: Sequence[Mapping[str, Any]]) -> list[list[str]]:
+    """Pain at each site, a value a device."""
+    return [
+        [site.replace("_", " "), *(_shown(one["pain_by_site"][site], "{:.2f}") for one in devices)] for site in SITES
+    ]
+
+
+def width_rows(devices: Sequence[Mapping[str, Any]]) -> list[list[str]]:
+    """Speed and gain in lumens of each width, a value a device."""
+    speeds = [{band["from_mm"]: band for band in one["advance_by_width"]} for one in devices]
+    bands = sorted({(low, band["to_mm"]) for each in speeds for low, band in each.items()})
+    return [[f"{low:.0f} to {high:.0f} mm", *(_band(each.get(low)) for each in speeds)] for low, high in bands]
+
+
+def _sections(folder: Path, found: Mapping[str, Any]) -> list[Section]:
+    devices = found["devices"]
+    names = [one["name"] for one in devices]
     lost = [f"{one['device']} in {one['patient']}: {one['state']}. {one['reason']}" for one in found["lost"]]
     pairs = [
         [
@@ -104,12 +126,15 @@ def _sections(folder: Path, found: Mapping[str, Any]) -> list[Section]:
     ]
     sections: list[Section] = [
         Warnings(lost),
-        Table("Devices in the same patients", header, rows, _ABOUT),
+        Table("Devices in the same patients", ["", *names], device_rows(devices), _ABOUT),
         Gallery("Where they came to", pictures),
     ]
     if films := [film for one in devices if (film := folder / "pictures" / f"{one['name']}.webp").is_file()]:
         sections.append(Gallery("Films", [Picture(film.stem, film, _FILM) for film in films]))
-    sections += [_sites(devices), _widths(devices)]
+    sections += [
+        Table("Pain by site", ["", *names], site_rows(devices), ABOUT_SITES),
+        Table("Lumen widths in which they work", ["lumen", *names], width_rows(devices), ABOUT_WIDTHS),
+    ]
     if chart := _chart(found["runs"]):
         sections.append(chart)
     sections.append(
@@ -121,23 +146,6 @@ def _sections(folder: Path, found: Mapping[str, Any]) -> list[Section]:
         )
     )
     return sections
-
-
-def _sites(devices: Sequence[Mapping[str, Any]]) -> Table:
-    rows = [
-        [site.replace("_", " "), *(_shown(one["pain_by_site"][site], "{:.2f}") for one in devices)] for site in SITES
-    ]
-    note = "Mean over the patients of the largest there, over where pain is assumed to begin."
-    return Table("Pain by site", ["", *(one["name"] for one in devices)], rows, note)
-
-
-def _widths(devices: Sequence[Mapping[str, Any]]) -> Table:
-    """Speed of each device by the width of the lumen that its tip was in."""
-    speeds = {one["name"]: {band["from_mm"]: band for band in one["advance_by_width"]} for one in devices}
-    bands = sorted({(low, band["to_mm"]) for each in speeds.values() for low, band in each.items()})
-    rows = [[f"{low:.0f} to {high:.0f} mm", *(_band(each.get(low)) for each in speeds.values())] for low, high in bands]
-    note = "Speed while the tip was in lumens of that width at rest, standing still and all; what it gained there."
-    return Table("Lumen widths in which they work", ["lumen", *speeds], rows, note)
 
 
 def _band(band: Mapping[str, float] | None) -> str:
