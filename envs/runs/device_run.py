@@ -61,7 +61,7 @@ class DeviceRun:
     scene: DeviceScene
     """What was run."""
     spec: mujoco.MjSpec
-    """The same with the lumen as a picture, in the colon's coordinates."""
+    """Its spec, with the lumen as a picture, in the colon's coordinates."""
     wall_clock: float
     """Time that stepping and deciding took [s]."""
     backend: str
