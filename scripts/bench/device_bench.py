@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.sim.physics.wires import yielded_pulls
+from haustra.envs.view.picture.lens import lens_of
 from haustra.models.devices.base import Device
 from haustra.models.devices.scope.cable import add_scope
 from haustra.models.devices.scope.cells import Cell, cut_into_cells
@@ -47,6 +48,10 @@ _ROUNDS = 4
 """Times that both wires of a pair are solved for, each with what the other pulls."""
 _STILL_DEG = 0.5
 """Less than this of the tip is no answer to the knob [degrees]."""
+_PIXELS = 675, 540
+"""Columns and rows of the picture whose field is measured: those of a video colonoscope, halved."""
+_FLATTEST = math.radians(87.5)
+"""Half a field beyond which no flat target shows it [rad]."""
 _CM2, _PER_DEGREE = 1e4, math.pi / 180
 
 
@@ -202,12 +207,18 @@ def _bend_radius(design: ScopeDesign) -> float:
     return design.bending.length / math.radians(design.limits.largest)
 
 
+def lens_half_angle(design: ScopeDesign) -> float:
+    """Largest angle from its axis that the lens shows in any pixel of its picture [rad]."""
+    lens = lens_of(design.tip, *_PIXELS)
+    return float(np.arccos(-lens.grid[lens.within][:, 2]).max())
+
+
 def _optics(design: ScopeDesign) -> list[dict[str, Any]]:
     """Field and direction of view by ISO 8600-3: method A from the distal window, method B from the entrance pupil."""
-    half = math.radians(min(design.tip.field_of_view_deg, 175.0) / 2)
-    seen = (TARGET + PUPIL) * math.tan(half)
+    half = lens_half_angle(design)
+    seen = (TARGET + PUPIL) * math.tan(min(half, _FLATTEST))
     return [
-        row("field of view, method B (from the entrance pupil)", design.tip.field_of_view_deg, "degrees"),
+        row("field of view, method B (from the entrance pupil)", 2 * math.degrees(half), "degrees"),
         row("field of view, method A (from the distal window)", 2 * math.degrees(math.atan(seen / TARGET)), "degrees"),
         row("direction of view", design.tip.camera_tilt_deg, "degrees"),
     ]

@@ -9,7 +9,15 @@ import pytest
 from haustra.models.devices.base import load_device
 from haustra.models.devices.scope.library import at_body_temperature, named_design
 from haustra.scripts.bench.curved_tube import BEND_RADIUS, BORE, TubeBench, bending_force
-from haustra.scripts.bench.device_bench import bench_device, buckling_force, knob_loop, stiffness_profile, tip_force
+from haustra.scripts.bench.device_bench import (
+    PUPIL,
+    TARGET,
+    bench_device,
+    buckling_force,
+    knob_loop,
+    stiffness_profile,
+    tip_force,
+)
 from haustra.scripts.main import SUCCESS, main
 
 
@@ -51,6 +59,16 @@ def test_without_friction_a_bend_takes_what_bending_takes_up(adult):
     least = bending_force(adult, radius=BEND_RADIUS + BORE - adult.diameter / 2)
     assert least < push.max() < bending_force(adult)
     assert TubeBench(adult, np.pi / 2, friction=0.1).push_through().push.max() > push.max()
+
+
+def test_field_of_view_is_what_the_lens_shows(adult):
+    """An equidistant lens ends at its angle; of the CF-HQ190L 126 degrees are seen across, more at the mask's corners."""
+    ideal = replace(adult, tip=replace(adult.tip, lens="equidistant", field_of_view_deg=120.0))
+    assert 2 * np.degrees(lens_half_angle(ideal)) == pytest.approx(120.0, abs=0.6)
+    assert 126.0 < 2 * np.degrees(lens_half_angle(adult)) < adult.tip.field_of_view_deg
+    rows = {row["quantity"]: row["value"] for row in bench_device(replace(load_device("adult"), design=ideal))["rows"]}
+    method_a = 2 * np.degrees(np.arctan((TARGET + PUPIL) / TARGET * np.tan(np.radians(60))))
+    assert rows["field of view, method A (from the distal window)"] == pytest.approx(method_a, abs=0.6)
 
 
 def test_long_free_shafts_buckle_by_euler(adult):
