@@ -15,6 +15,7 @@ from haustra.scripts.bench.device_bench import (
     bench_device,
     buckling_force,
     knob_loop,
+    lens_half_angle,
     stiffness_profile,
     tip_force,
 )
@@ -62,7 +63,7 @@ def test_without_friction_a_bend_takes_what_bending_takes_up(adult):
 
 
 def test_field_of_view_is_what_the_lens_shows(adult):
-    """An equidistant lens ends at its angle; of the CF-HQ190L 126 degrees are seen across, more at the mask's corners."""
+    """An equidistant lens ends at its angle; a CF-HQ190L shows 126 degrees across, more at its mask's corners."""
     ideal = replace(adult, tip=replace(adult.tip, lens="equidistant", field_of_view_deg=120.0))
     assert 2 * np.degrees(lens_half_angle(ideal)) == pytest.approx(120.0, abs=0.6)
     assert 126.0 < 2 * np.degrees(lens_half_angle(adult)) < adult.tip.field_of_view_deg
