@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.models.anatomy.colon import Colon, Surface
-from haustra.models.wall.vectors import Vector, cross, dot, minus
+from haustra.models.wall.vectors import Vector, cross, dot, minus, where
 
 APART = 0.001
 """Distance between the places of the device's axis that are looked at [m]."""
@@ -108,9 +108,8 @@ def reached(xp: Any, away: Vector, ray: Vector, radius: Any) -> Any:
     along = dot(away, ray)
     aside = xp.sqrt(xp.maximum(dot(away, away) - along * along, 0.0))
     rise = np.sqrt(1 + SLOPE**2)
-    if aside * rise < SLOPE * radius:
-        return along + xp.sqrt(radius * radius - aside * aside)
-    return along + rise * radius - SLOPE * aside
+    ball = xp.sqrt(xp.maximum(radius * radius - aside * aside, 0.0))
+    return along + where(xp, aside * rise < SLOPE * radius, ball, rise * radius - SLOPE * aside)
 
 
 def crossed(ray: Vector, a: Vector, b: Vector, c: Vector) -> Any:

@@ -339,6 +339,16 @@ class Program:
         self.go(test, enter=after)
 
     @contextmanager
+    def repeat(self, going: "Variable") -> Iterator[None]:
+        """Do something again and again, as long as a number is above nought in any lane."""
+        test, body, after = (self.function.append_basic_block(part) for part in ("test", "body", "after"))
+        self.go(test)
+        self.builder.cbranch(self.any(going.value > 0), body, after)
+        self._enter(body)
+        yield
+        self.go(test, enter=after)
+
+    @contextmanager
     def when(self, condition: Value) -> Iterator[None]:
         """Do something only if the condition holds in any lane."""
         held, after = (self.function.append_basic_block(part) for part in ("held", "after"))
