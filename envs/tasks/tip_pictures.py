@@ -25,6 +25,7 @@ from haustra.envs.view.picture.picture_program import (
     LANES,
     SPARSE,
     STATION_ROW,
+    TILE,
     write_develop,
     write_look,
     write_places,
@@ -102,10 +103,11 @@ class TipPictures:
         blocks, of_samples = -(-self._pixels // lanes), self._samples // lanes
         views = self._views.run(written=True) if self._backend.on_device else self._views.read()
         about = {"kinds": self._kinds, "guides": self._guides, "angles": self._angles, "reach": RANGE}
+        about["tiled"] = lanes == 1 and self._size % max(TILE) == 0
         text = write_look(lanes=lanes, moving=self._nodes > 0, **about)
         names = ("stations", "corners", "known", "landmarks", "lattice", "common", "lens", "light", "distance")
         arrays = [views, *(held[name] for name in names)]
-        self._launcher.run("look", text, arrays, (blocks, self._pixels, self._nodes), worlds)
+        self._launcher.run("look", text, arrays, (blocks, self._pixels, self._nodes, self._size), worlds)
         counts = of_samples, self._samples, self._columns**2, self._columns, self._size, self._pixels
         self._run("measure", write_places(lanes=lanes), ("light", "bright"), counts)
         self._run("rank", write_ranks(lanes=lanes), ("bright", "edges"), (of_samples, self._samples))

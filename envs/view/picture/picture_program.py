@@ -37,10 +37,12 @@ from haustra.models.wall.moving_colon import node_cell
 from haustra.models.wall.sections import Section, carried_normal, lengthening, taken_back
 from haustra.models.wall.vectors import Vector, add, between, dot, minus, norm, times
 
+TILE = 8, 4
+"""Columns and rows that neighbouring threads of a graphics processor look at."""
 LANES = 16
 """Pixels of a CPU that are worked out at a time."""
 LOOK = ("views", "stations", "corners", "known", "landmarks", "lattice", "common", "lens", "light", "distance")
-LOOK_COUNTS = ("blocks", "pixels", "nodes", "first", "last")
+LOOK_COUNTS = ("blocks", "pixels", "nodes", "width", "first", "last")
 """Arguments of the program that looks."""
 PLACES = ("light", "bright"), ("blocks", "samples", "used", "columns", "width", "pixels", "first", "last")
 """Arguments of the program that measures light."""
@@ -77,8 +79,20 @@ def _begun(name: str, arguments: tuple[tuple[str, ...], tuple[str, ...]], lanes:
     return begun(name, *arguments, lanes=lanes, approximate=lanes == 1)
 
 
+def _in_tiles(program: Program, thing: _Thing, width: Value) -> _Thing:
+    """Pixels of `TILE` in the order of a graphics processor's threads: what stands together there sees the same wall."""
+    columns, rows = TILE
+    number, within = thing.pixel // (columns * rows), thing.pixel % (columns * rows)
+    across = width // columns
+    row, column = number // across, number % across
+    pixel = (row * rows + within // columns) * width + column * columns + within % columns
+    return thing._replace(pixel=pixel)
+
+
 @functools.cache
-def write_look(*, lanes: int, moving: bool, kinds: tuple[int, ...], guides: int, angles: int, reach: float) -> str:
+def write_look(
+    *, lanes: int, moving: bool, kinds: tuple[int, ...], guides: int, angles: int, reach: float, tiled: bool = False
+) -> str:
     """The program that follows rays and shades where they end, in LLVM's language.
 
     Args:
@@ -88,10 +102,13 @@ def write_look(*, lanes: int, moving: bool, kinds: tuple[int, ...], guides: int,
         guides: number of light guides.
         angles: of the table.
         reach: farthest distance that pictures of depth know [m].
+        tiled: whether rows and columns of a graphics processor's pictures divide into `TILE`.
     """
     program, given = _begun("look", (LOOK, LOOK_COUNTS), lanes)
     with each_block(program, given["first"], given["last"]) as block:
-        _Looking(program, given, _things(program, given, block, "pixels"), moving, angles).look(kinds, guides, reach)
+        thing = _things(program, given, block, "pixels")
+        thing = _in_tiles(program, thing, given["width"]) if tiled else thing
+        _Looking(program, given, thing, moving, angles).look(kinds, guides, reach)
     return program.finish()
 
 
