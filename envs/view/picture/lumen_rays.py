@@ -13,16 +13,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from haustra.models.wall.indentation import GAP, reached
-from haustra.models.wall.vectors import TINY, Vector, add, between, dot, minus, times
+from haustra.models.wall.indentation import FALL, GAP, TOP, reached
+from haustra.models.wall.vectors import Vector, add, between, dot, minus, norm, times
 
 FAR = 0.35
 """Wall is looked for as far as this along a ray [m]: in a colon, light from there is a 34th of that from 6 cm."""
-MOST_LOOKS = 96
+MOST_LOOKS = 200
 """A ray is looked for so often at most."""
 REFINED = 5
 """So many of these between the last place in the lumen and the first in the wall."""
-LEAST_STEP, STEP_PER_DISTANCE, LARGEST_STEP = 5e-4, 0.02, 0.01
+LEAST_STEP, STEP_PER_DISTANCE, LARGEST_STEP = 2.5e-4, 0.01, 0.01
 """A ray goes on by at least this [m], and this share of how far it has come; and by at most this more [m]."""
 INDENTED = 0.045
 """Farther than this from the camera its own device indents no wall in pictures [m]."""
@@ -136,23 +136,43 @@ def wall_at(found: Around, corners: Sequence[Any], angles: int) -> Any:
     return evened(found, corners) * (1 - sag * found.turn * (1 - found.turn))
 
 
-def indented(xp: Any, tip: Vector, behind: Vector, radius: Any, middle: Vector, place: Vector) -> Any:
+class Tip(NamedTuple):
+    """The device behind a camera."""
+
+    end: Vector
+    """Place of the camera [m]."""
+    behind: Vector
+    """Direction from there along the device."""
+    radius: Any
+    """Of the device [m]."""
+    arc: Any
+    """Arc length beside the camera [m]."""
+    top: Any
+    """How far from the centreline the wall over the tip stands at most [m] (`haustra.models.wall.indentation.tops`)."""
+
+
+def tip_of(xp: Any, end: Vector, behind: Vector, radius: Any, arc: Any, middle: Vector) -> Tip:
+    """The device behind a camera, given the place of the centreline beside that [m]."""
+    return Tip(end, behind, radius, arc, norm(xp, minus(end, middle)) + TOP * (radius + GAP))
+
+
+def indented(xp: Any, tip: Tip, middle: Vector, arc: Any, place: Vector) -> Any:
     """How far beyond a place the device's tip pushes the wall [m], as surfaces that make room for it have it.
 
     Args:
         xp: numpy, or what writes programs.
-        tip: its end [m].
-        behind: direction from there along it.
-        radius: of the device [m].
+        tip: the device.
         middle: of the centreline beside the place, as it is now [m].
+        arc: arc length there [m].
         place: see there [m].
     """
     off = minus(place, middle)
-    aside = xp.sqrt(dot(off, off) + TINY)
+    aside = norm(xp, off)
     ray, most = times(1 / aside, off), -1.0
-    for ball in np.linspace(1.0, 3.0, 5):
-        away = minus(add(tip, times(radius * float(ball), behind)), middle)
-        most = xp.maximum(reached(xp, away, ray, radius + GAP), most)
+    for ball in np.linspace(1.0, 3.0, 5).tolist():
+        away = minus(add(tip.end, times(tip.radius * ball, tip.behind)), middle)
+        falls = tip.top - FALL * xp.abs(tip.arc - tip.radius * ball - arc)
+        most = xp.maximum(xp.minimum(reached(xp, away, ray, tip.radius + GAP), falls), most)
     return most - aside
 
 

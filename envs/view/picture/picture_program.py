@@ -80,7 +80,7 @@ def _begun(name: str, arguments: tuple[tuple[str, ...], tuple[str, ...]], lanes:
 
 
 def _in_tiles(program: Program, thing: _Thing, width: Value) -> _Thing:
-    """Pixels of `TILE` in the order of a graphics processor's threads: what stands together there sees the same wall."""
+    """Pixels of `TILE` in the order of a graphics processor's threads: neighbours see the same wall."""
     columns, rows = TILE
     number, within = thing.pixel // (columns * rows), thing.pixel % (columns * rows)
     across = width // columns
@@ -131,6 +131,12 @@ class _Looking:
         self._line = Line(station, step, first, self._number(1))
         self._eye, self._eye_arc = self._vector(EYE), self._number(ARC)
         self._axes = self._vector(RIGHT), self._vector(UP), self._vector(BACKWARDS)
+        middle = self._axis(self._eye_arc)
+        if moving:
+            cell = self._cell(self._eye_arc)
+            middle = add(middle, between(*cell.places, cell.share))
+        about = self._axes[2], self._number(RADIUS), self._eye_arc
+        self._tip = lumen_rays.tip_of(program.xp, self._eye, *about, middle)
         pixels = given["pixels"]
         self._lens = Pixels(program, given["lens"], thing.pixel, pixels)
         ray = self._lens.vector(0)
@@ -194,14 +200,14 @@ class _Looking:
         wall = wall_at(found, self._four(found), self._angles)
         left = program.variable(wall - found.aside)
         with program.when(way < INDENTED):
-            pushed = self._indented(middle if self._moving else found.middle)(place)
+            pushed = self._indented(found, middle)(place)
             left.value = xp.maximum(left.value, xp.where(way < INDENTED, pushed, -1.0))
         return xp.minimum(left.value, lumen_rays.lids(xp, self._line, found.arc, self._eye_arc)), found
 
-    def _indented(self, middle: Vector) -> Callable[[Vector], Value]:
-        """How far beyond places the tip pushes the wall, given the axis beside them [m]."""
-        radius = self._number(RADIUS)
-        return lambda place: lumen_rays.indented(self._xp, self._eye, self._axes[2], radius, middle, place)
+    def _indented(self, found: Around, middle: Vector) -> Callable[[Vector], Value]:
+        """How far beyond places the tip pushes the wall, given where they stand and the axis beside them now [m]."""
+        beside = middle if self._moving else found.middle
+        return lambda place: lumen_rays.indented(self._xp, self._tip, beside, found.arc, place)
 
     def _four(self, found: Around) -> list[Value]:
         row = found.row * self._angles + found.column
@@ -275,7 +281,7 @@ class _Looking:
         x, y, z, taenia, polyp, sac, bleeding, stool = numbers
         wall = wall_at(found, self._four(found), self._angles)
         facing = Changing(program, self._normal_now((x, y, z), place, rest, self._arc))
-        indented = self._indented(middle if self._moving else found.middle)
+        indented = self._indented(found, middle)
         pushed = (away < INDENTED) & (indented(place) > wall - found.aside)
         with program.when(pushed):
             slope = lumen_rays.slope(indented, place)
