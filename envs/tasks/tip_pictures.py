@@ -46,6 +46,8 @@ class _Wall(NamedTuple):
 
     known: Float[np.ndarray, "stations angles 8"]
     """Normal into the lumen, and the columns of `haustra.envs.view.picture.mucosa`."""
+    lids: Float[np.ndarray, "2 8"]
+    """The same of the middles of the lids at its anus and its end."""
     looks: Appearance
 
 
@@ -80,7 +82,7 @@ class TipPictures:
             "stations": _stations(bank.cases),
             "corners": np.concatenate([_corners(case.sight).reshape(-1, 4) for case in bank.cases]),
             "known": np.concatenate([wall.known.reshape(-1, 8) for wall in walls]),
-            "landmarks": np.concatenate([_landmarks(wall.looks, len(self._kinds)) for wall in walls]),
+            "landmarks": np.concatenate([_landmarks(wall, len(self._kinds)) for wall in walls]),
             "lattice": mucosa.corners(walls[0].looks.lattice),
             "common": np.array(common),
             "lens": planes,
@@ -89,7 +91,7 @@ class TipPictures:
             "bright": np.zeros((self._worlds, samples)),
             "edges": np.ones((self._worlds, 4)),
         }
-        self._held: dict[str, Any] = {name: self._launcher.hold(np.float32(each)) for name, each in real.items()}
+        self._held: dict[str, Any] = {name: self._launcher.hold(each.astype(np.float32)) for name, each in real.items()}
         self._held["curve"] = self._launcher.hold(response.curve().astype(np.int32))
         self._held["pictures"] = self._launcher.hold(np.zeros((self._worlds, size, size, 4), np.uint8))
         self._samples, self._pixels, self._curve_length = samples, pixels, len(response.curve())
@@ -147,7 +149,7 @@ def _wall(case: TabulatedColon) -> _Wall:
     known = np.empty((len(vertices), 8))
     known[:, :3] = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
     known[surface.order, 3:] = looks.known
-    return _Wall(known[: case.sight.size].reshape(*case.sight.shape, 8), looks)
+    return _Wall(known[: case.sight.size].reshape(*case.sight.shape, 8), known[case.sight.size :], looks)
 
 
 def _stations(cases: tuple[TabulatedColon, ...]) -> Float[np.ndarray, "stations 16"]:
@@ -165,9 +167,9 @@ def _corners(sight: Float[np.ndarray, "stations angles"]) -> Float[np.ndarray, "
     return np.stack([sight, np.roll(sight, -1, axis=1), after, np.roll(after, -1, axis=1)], axis=-1)
 
 
-def _landmarks(looks: Appearance, count: int) -> Float[np.ndarray, "landmarks 8"]:
-    """Place, half breadth and long axis of the landmarks of a colon, or of none."""
+def _landmarks(wall: _Wall, count: int) -> Float[np.ndarray, "rows 8"]:
+    """Place, half breadth and long axis of the landmarks of a colon, or of none, and behind them its lids."""
     rows = np.tile([_NOWHERE, 0.0, 0.0, 1e-6, 1.0, 0.0, 0.0, 0.0], (count, 1))
-    if len(looks.landmarks):
-        rows[:, :7] = looks.landmarks[:, 1:]
-    return rows
+    if len(wall.looks.landmarks):
+        rows[:, :7] = wall.looks.landmarks[:, 1:]
+    return np.concatenate([rows, wall.lids])

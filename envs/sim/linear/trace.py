@@ -75,14 +75,14 @@ class Value:
         half = self if power == 1 else self ** (power // 2)
         return half if power == 1 else half * half * self if power % 2 else half * half
 
-    def __mod__(self, divisor: int) -> "Value":
+    def __mod__(self, divisor: "Value | int") -> "Value":
         """Rest of a whole number, as Python's: not negative."""
         program = self.program
         own, other = program.alike(self, divisor)
         rest = Value(program, program.builder.srem(own, other))
         return program.xp.where(rest < 0, rest + divisor, rest)
 
-    def __floordiv__(self, divisor: int) -> "Value":
+    def __floordiv__(self, divisor: "Value | int") -> "Value":
         """A whole number that is not negative, over another, without the rest."""
         return Value(self.program, self.program.builder.udiv(*self.program.alike(self, divisor)))
 

@@ -56,6 +56,8 @@ SPARSE = 4
 """Exposure looks at one of so many rows and columns."""
 STATION_ROW, KNOWN_ROW, LANDMARK_ROW = 4, 2, 2
 """Fours of a row of stations, of the wall at an angle of them, and of a landmark."""
+LIDS = 2
+"""Behind a colon's landmarks stands what is known of the middles of the lids at its anus and its end."""
 COLON = 3
 """Where a row of a station says which colon it is of."""
 
@@ -266,34 +268,43 @@ class _Looking:
         return between(before, after, xp.clip(way - row, 0.0, 1.0))
 
     def _shaded(self, away: Value, kinds: tuple[int, ...], guides: int) -> Vector:
-        program, xp, given = self._program, self._xp, self._given
+        program, xp = self._program, self._xp
         place = add(self._eye, times(away, self._ray))
         rest, middle = self._at_rest(place, self._arc)
         found = around(xp, self._line, self._angles, rest, self._arc)
-        known = Rows(program, given["known"], KNOWN_ROW)
-        numbers = []
-        beside = xp.where(found.column == self._angles - 1, 0, found.column + 1)
-        rows = [
-            (found.row + station) * self._angles + column for station in range(2) for column in (found.column, beside)
-        ]
-        for column in range(8):
-            numbers.append(evened(found, [known.read(row, column) for row in rows]))
-        x, y, z, taenia, polyp, sac, bleeding, stool = numbers
-        wall = wall_at(found, self._four(found), self._angles)
-        facing = Changing(program, self._normal_now((x, y, z), place, rest, self._arc))
-        indented = self._indented(found, middle)
+        wall, indented = wall_at(found, self._four(found), self._angles), self._indented(found, middle)
+        on_lid = lumen_rays.lids(xp, self._line, found.arc, self._eye_arc) < wall - found.aside
+        numbers = self._known(found, on_lid, found.aside / xp.maximum(wall, LEAST_STEP), len(kinds))
+        facing = Changing(program, self._normal_now((numbers[0], numbers[1], numbers[2]), place, rest, self._arc))
         pushed = (away < INDENTED) & (indented(place) > wall - found.aside)
         with program.when(pushed):
             slope = lumen_rays.slope(indented, place)
             facing.now = tuple(xp.where(pushed, new, old) for new, old in zip(slope, facing.now, strict=True))
-        normal = facing.now
-        normal = times(1 / norm(xp, normal), normal)
+        across, up, back = facing.now
+        normal = times(1 / norm(xp, (across, up, back)), (across, up, back))
         seen = tuple(dot(normal, axis) for axis in self._axes)
         # Where a device pushes the wall, the pattern is that of the wall before.
-        rest = add(found.middle, times(wall / xp.maximum(found.aside, LEAST_STEP), minus(rest, found.middle)))
+        out = xp.where(on_lid, 1.0, wall / xp.maximum(found.aside, LEAST_STEP))
+        rest = add(found.middle, times(out, minus(rest, found.middle)))
         sight = Sight(away, self._own_ray, (seen[0], seen[1], seen[2]), self._lens.load(3))
-        at = WallPlace(rest, found.arc, taenia, polyp, sac, bleeding, stool)
+        at = WallPlace(rest, found.arc, *numbers[3:])
         return shade(xp, at, sight, self._scene(kinds, guides), functools.partial(only_where, program))
+
+    def _known(self, found: Around, on_lid: Value, share: Value, kinds: int) -> list[Value]:
+        """Normal at rest and looks of a place of the wall, or of a lid, so far from its middle to its rim [1]."""
+        xp, known = self._xp, Rows(self._program, self._given["known"], KNOWN_ROW)
+        beside = xp.where(found.column == self._angles - 1, 0, found.column + 1)
+        rows = [
+            (found.row + station) * self._angles + column for station in range(2) for column in (found.column, beside)
+        ]
+        lids = Rows(self._program, self._given["landmarks"], LANDMARK_ROW)
+        last = xp.int32(xp.where(found.arc > 0.5 * self._line.step * self._line.count, 1.0, 0.0))
+        lid = (self._colon * (kinds + LIDS) + kinds) + last
+        share, numbers = xp.where(on_lid, xp.minimum(share, 1.0), 1.0), []
+        for column in range(4 * KNOWN_ROW):
+            middle = lids.read(lid, column)
+            numbers.append(middle + share * (evened(found, [known.read(row, column) for row in rows]) - middle))
+        return numbers
 
     def _scene(self, kinds: tuple[int, ...], guides: int) -> Scene:
         program, given = self._program, self._given
@@ -303,7 +314,7 @@ class _Looking:
         table = Rows(program, given["landmarks"], LANDMARK_ROW)
         landmarks = []
         for number, kind in enumerate(kinds):
-            row = self._colon * len(kinds) + number
+            row = self._colon * (len(kinds) + LIDS) + number
             landmarks.append(Landmark(kind, _three(table, row, 0), table.read(row, 3), _three(table, row, 4)))
         spread, pixel, wet = numbers[:3]
         return Scene(lattice_of(program, given["lattice"]), landmarks, self._axes, places, spread, pixel, wet)

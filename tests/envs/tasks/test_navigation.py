@@ -20,6 +20,7 @@ MODES = [
     {"observation": "lumen"},
     {"observation": "depth", "picture_size": 36},
     {"observation": "pixels", "picture_size": 36},
+    {"observation": "pixels", "picture_size": 36, "mesentery": True},
     {"observation": "dict"},
     {"observation": "dict", "privileged": True, "depth": True, "pictures": True, "picture_size": 36},
 ]
