@@ -66,7 +66,7 @@ class ClinicWatch:
         self._beside: list[Float[np.ndarray, "worlds points"]] = []
         self._inserted: list[Float[np.ndarray, " worlds"]] = []
         self._loop_times: list[Float[np.ndarray, " worlds"]] = []
-        self._loads: list[Float[np.ndarray, " worlds"]] = []
+        self._loads: list[Float[np.ndarray, "2 worlds"]] = []
         self._assist = np.zeros(worlds)
         self._pain = PainWatch(
             patients,
@@ -80,7 +80,8 @@ class ClinicWatch:
     def __call__(self) -> None:
         """Look, and let the assistants do what they are asked."""
         self._looks.append(self._batch.told()[: len(TOLD)].astype(float))
-        self._loads.append(self._batch.program.tally_of(self._batch.backend.driver_numbers()).load_peak)
+        tally = self._batch.program.tally_of(self._batch.backend.driver_numbers())
+        self._loads.append(np.array([tally.load_peak, tally.load_arc]))
         if len(self._looks) % _LOOPS_EVERY == 0:
             seen = self._batch.backend.read()
             self._look_at_shapes(seen)
@@ -149,7 +150,7 @@ class ClinicWatch:
         reached = bool(len(there))
         last = int(there[0]) + 1 if reached else len(time)
         time, shaft, arc, force, torque = (part[:last] for part in (time, shaft, arc, force, torque))
-        load = self._loads_seen[self._going_on(world), world][last - 1]
+        loads, places = self._loads_seen[self._going_on(world), :, world][:last].T
         loops, at_flexure = self._loops_until(world, float(time[-1]), time[arc >= flexure])
         each = SECONDS * _LOOPS_EVERY
         stood = {kind: each * sum(kind in seen for seen in loops) for kind in LoopKind}
@@ -187,7 +188,9 @@ class ClinicWatch:
             **axial,
             "straightenings": float(pull_backs(shaft, clinic_number("pull_back"))),
             **self._pain.scores(world),
-            "p_perforation": float(perforation_probability(load)),
+            "p_perforation": float(perforation_probability(loads[-1])),
+            "load_s": float(time[np.argmax(loads >= loads[-1])]),
+            "load_from_tip_m": float(arc[np.argmax(loads >= loads[-1])] - places[-1]),
         }
 
     def _loops_until(
@@ -214,7 +217,7 @@ class ClinicWatch:
         return np.array(self._looks)
 
     @cached_property
-    def _loads_seen(self) -> Float[np.ndarray, "looks worlds"]:
+    def _loads_seen(self) -> Float[np.ndarray, "looks 2 worlds"]:
         return np.array(self._loads)
 
     def curves(self, world: int) -> dict[str, list[float]]:

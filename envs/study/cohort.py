@@ -50,6 +50,8 @@ SCORES = (
     *(Column(f"pain_{cause}_s", "s", f"how long what hurt was: {cause.replace('_', ' ')}") for cause in HURTS),
     Column("pain_dose_s", "s", "time integral of the worst site's tension over what hurts, less 1 where it is more"),
     Column("p_perforation", "1", "share of people whose colon would have been torn"),
+    Column("load_s", "s", "when the wall bore most of its strength"),
+    Column("load_from_tip_m", "m", "how much colon behind the tip that was"),
 )
 
 
