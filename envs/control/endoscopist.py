@@ -87,7 +87,7 @@ class EndoscopistSettings:
     lost_shaft: float = number("m", 0.005, 1.0, default=0.2)
     """Shaft that goes in beyond the lumen that passes, since it was last straightened, before a loop is felt [m]; as
     much more after each attempt."""
-    new_colon: float = number("m", 0.01, 2.0, default=0.45)
+    new_colon: float = number("m", 0.01, 2.0, default=0.25)
     """New colon after which the shaft is straightened at the next bend that holds the tip [m]."""
     hook: float = number("rad", 0.0, 3.0, default=1.0)
     """Bend of the tip from which on it holds in a bend of the colon while the shaft is pulled [rad]."""

@@ -169,7 +169,7 @@ def test_a_study_of_patients_asks_a_driver_by_name_and_their_numbers_within_thei
     asked = load_study("cohort-causes")
     known = {variable.path: variable for variable in patient_variables()}
     assert all(variable == known[variable.path] for variable in asked.variables)
-    assert asked.conditions == {"driver": ("endoscopist",), "device": ("own",)}
+    assert asked.conditions == {"driver": ("endoscopist",), "device": ("paediatric-long",)}
     grown = {"patient.sex", "patient.age", "patient.seed", "patient.coiled", "patient.gas_pressure"}
     assert {variable.path for variable in asked.variables} == set(known) - grown
     (tmp_path / "mine.toml").write_text('law = "endoscopist"\n', encoding="utf-8")
