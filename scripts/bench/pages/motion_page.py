@@ -35,8 +35,8 @@ def motion_page(measured: Mapping[str, Any]) -> str:
     lines = [
         _HEAD,
         "## The surface\n",
-        f"Scope {DESIGN}; the lumen follower, and the policy `insertion` that ships; grown colons from seed {FIRST_SEED}"
-        " on, others as imaged. With the scope's own indentation:\n",
+        f"Scope {DESIGN}; the lumen follower, and the policy `insertion` that ships; grown colons from seed "
+        f"{FIRST_SEED} on, others as imaged. With the scope's own indentation:\n",
         "| figure | " + " | ".join(kinds) + " | bound |",
         "| --- |" + " --- |" * (len(kinds) + 1),
         *(_line(figure, [told(found) for found in sound], bound) for figure, told, bound in _FIGURES),
