@@ -104,7 +104,7 @@ _FIGURES: Sequence[tuple[str, Callable[[Mapping[str, Any]], str], str]] = (
 
 def _kinds(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:
     """Runs that go into a column together: of grown colons, or of one other, by one driver, for as long."""
-    alike: dict[tuple[Any, ...], list[Mapping[str, Any]]] = {}
+    alike: dict[tuple[str, str, float, float], list[Mapping[str, Any]]] = {}
     for row in rows:
         kind = "" if _grown(row) else row["colon"]
         alike.setdefault((kind, row["driver"], row["seconds"], row["judged_every"]), []).append(row)
