@@ -29,7 +29,7 @@ what endoscopists say that they do; its settings were chosen on 16 other patient
 caeca it reaches, all by observables of the half named `choose` in `assets/clinic/observables.toml`. The observables of
 the half named `judge` were seen there, but nothing was chosen by them; by the patients below nothing was chosen at all.
 The endoscopist's gentle, firm and pulling forces are inputs that its peaks follow from: peaks say little about the
-model. What moves the observables is told by [Sobol's indices](causes.md) too.
+model.
 """
 
 
