@@ -9,9 +9,9 @@ by how much lumen has passed since. What it does is one of a few small manoeuvre
   is turned to and fro meanwhile, which lets it slip;
 - **look** between two strokes: the hand eases what pushes hard, so that a strong push never lasts;
 - **straighten**: with the tip hooked round the bend that it looks into, it pulls back and turns the shaft until the
-  lumen slips away or the pull gets strong; after every stretch of new colon, then as far as it gathers more than it
-  loses, and whenever shaft has gone in beyond the lumen that passed since, which is how a loop feels. The torque is
-  held while it goes on, so that the loop does not form again. A loop that comes again is left deeper, up to a limit;
+  lumen slips away or the pull gets strong; after every stretch of new colon, and whenever shaft has gone in beyond the
+  lumen that passed since, which is how a loop feels. The torque is held while it goes on, so that the loop does not
+  form again. A loop that comes again is left deeper, up to a limit;
 - **jiggle**: short strokes in and out, which pleat the colon onto the shaft;
 - **rest**: a while without any motion after each manoeuvre, in which one looks, lets gas in or out, and breathes;
 - **ask the assistant**: a hand on the belly, and then other postures, one after the other, when attempts have failed.
@@ -78,7 +78,7 @@ class EndoscopistSettings:
     """Time without lumen passing for which one goes on gently [s]."""
     firmer: float = number("N/s", 0.0, 1e3, default=2.0)
     """Rate at which one pushes harder from then on, until lumen passes [N/s]."""
-    pull_force: float = number("N", 0.01, 1e3, default=16.0)
+    pull_force: float = number("N", 0.01, 1e3, default=13.0)
     """Pull at which withdrawal stands still [N]."""
     torque_limit: float = number("N m", 1e-3, 10.0, default=0.8)
     """Torque at which turning stands still [N m]."""
@@ -93,9 +93,6 @@ class EndoscopistSettings:
     """Bend of the tip from which on it holds in a bend of the colon while the shaft is pulled [rad]."""
     slip: float = number("m", 1e-3, 0.5, default=0.03)
     """Lumen that slips away before pulling back ends [m]."""
-    lets_go: float = number("1", 0.0, 1.0, default=0.2)
-    """Lumen that one may lose besides, over the shaft that comes out, where no attempt has failed [1]: there it still
-    gathers more than it loses; where loops come again, one keeps what lumen there is."""
     least_pull: float = number("m", 1e-3, 0.5, default=0.04)
     """Pulling back goes at least this far [m]."""
     most_pull: float = number("m", 1e-2, 2.0, default=0.6)
@@ -214,8 +211,7 @@ def rules(
     routine = (arc > memory.straight_arc + own.new_colon) & hooked
     gives_up = advancing & (looping | stuck | routine)
     withdrawn = begun - shaft
-    may_lose = own.slip + xp.where(memory.attempts == 0.0, own.lets_go * withdrawn, 0.0)
-    slipped = (arc < memory.held_arc - may_lose) & (withdrawn > own.least_pull)
+    slipped = (arc < memory.held_arc - own.slip) & (withdrawn > own.least_pull)
     strong = (force < -_STRONG * own.pull_force) & (withdrawn > own.least_pull)
     far = (withdrawn > own.most_pull) | (shaft < _LEAST_SHAFT)
     over = pulling & (slipped | strong | far | (waited > _LONGEST_PULL))
