@@ -48,6 +48,8 @@ of 8. With less pull, and no lumen let go, none and 10. With the scope of 2 m an
 one came to 11 caeca, the endoscopist of this page to 14, with mean P(perforation) of 0.076 against 0.004. So it was not
 kept, by the share of caeca. Walls were most at risk under the shaft, 0.3 to 1.4 m behind the tip, not under the tip:
 pushing no wall with the tip spares nobody. What gathers the colon is lost again as the scope goes on.
+On those other patients the endoscopist of this page has 4 of 12 observables inside with the adult scope (seed 2024) and
+5 with that of 2 m (seed 32): 16 patients resolve no loop's share, and have no correlation to be told.
 """
 
 
