@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from haustra.envs.study.clinic_pain import HURTS
 from haustra.envs.study.cohort import OWN_DEVICE
 from haustra.envs.study.cohort_causes import causes
 from haustra.envs.study.cohort_table import GROUP, Observable, Published, observables, published, rows_of, verdicts
@@ -16,6 +17,8 @@ from haustra.files import write_atomically, write_json
 
 _PASSED = 0.5
 """Colon passed from which on gathering is told of [m]; engineering choice."""
+_RISKY = 0.002
+"""P(perforation) from which on it is told where [1]: what clinics see at most."""
 _INSIDE, _OUTSIDE, _BAND = "#2f6f8f", "#c2413b", "#d9dfe3"
 
 
@@ -64,13 +67,24 @@ def cohort_told(store: SweepStore, *, seconds: float | None = None) -> dict[str,
 
 def _examiner(store: SweepStore, driver: str, device: str) -> dict[str, Any]:
     own = {"driver": driver, "device": device}
-    found = observables(rows_of(store, **own))
+    rows = rows_of(store, **own)
+    found = observables(rows)
     moved = {
         about.name: [asdict(cause) for cause in causes(store, about, driver=driver, device=device)]
         for about, one in zip(published(), found, strict=True)
         if one.inside is False
     }
-    return own | {"observables": [one.to_json() for one in found], "causes": moved, "gathered": _gathered(store, own)}
+    told = {"observables": [one.to_json() for one in found], "causes": moved, "gathered": _gathered(store, own)}
+    return own | told | _harm(rows)
+
+
+def _harm(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """For how long each cause hurt a patient [s], and how far behind the tip walls were at risk [m]."""
+    risky = [row for row in rows if row["p_perforation"] > _RISKY]
+    return {
+        "hurts": {cause: float(np.mean([row[f"pain_{cause}_s"] for row in rows])) for cause in HURTS} if rows else None,
+        "risky": [float(row["load_from_tip_m"]) for row in risky],
+    }
 
 
 def _gathered(store: SweepStore, own: Mapping[str, str]) -> list[float] | None:
@@ -139,6 +153,7 @@ def cohort_page(cohorts: Sequence[Mapping[str, Any]], *, image: str, head: str =
                     f"{_named(cohort, examiner, several)}: past half a metre of colon, shaft inside over colon passed "
                     f"fell to {shares[0]:.2f} (median) and {shares[1]:.2f} (least).\n"
                 )
+            lines += _harm_told(_named(cohort, examiner, several), examiner)
     lines += [f"![Every observable against its band]({image})", ""]
     lines += [f"| observable | published | band | {' | '.join(found)} |", "|---" * (3 + len(found)) + "|"]
     for index, one in enumerate(published()):
@@ -155,6 +170,21 @@ def cohort_page(cohorts: Sequence[Mapping[str, Any]], *, image: str, head: str =
         "",
     ]
     return "\n".join(lines) + _causes_table(cohorts[0], several=several, most=most)
+
+
+def _harm_told(name: str, examiner: Mapping[str, Any]) -> list[str]:
+    """Lines on what hurt, and where walls were most at risk."""
+    if not examiner["hurts"]:
+        return []
+    hurts = ", ".join(f"{cause.replace('_', ' ')} {seconds:.0f} s" for cause, seconds in examiner["hurts"].items())
+    risky = np.array(examiner["risky"])
+    where = (
+        f" {len(risky)} patients bore more than P(perforation) = {_RISKY}, where the scope pressed most from "
+        f"{risky.min():.2f} to {risky.max():.2f} m behind the tip (median {np.median(risky):.2f} m)."
+        if len(risky)
+        else f" Nobody bore more than P(perforation) = {_RISKY}."
+    )
+    return [f"{name}: what hurt a patient, and for how long on average: {hurts}.{where}\n"]
 
 
 def _causes_table(cohort: Mapping[str, Any], *, several: bool, most: int) -> str:

@@ -28,8 +28,8 @@ One colon, a woman's of seed {seed:.0f}, is examined by the endoscopist with the
 {seconds:g} s, by Saltelli's sample of {count} points: {designs} examinations. What differs are the {variables} numbers
 of patients that need no new colon, each within its sourced range (`assets/clinic/patients.toml`). ST is the share of a
 score's variance that a number makes alone and with others, S1 that which it makes alone; in brackets half the width of
-the {confidence:.0%} interval. Shares of a score that jumps (0 or 1) and of a course that small changes upset are mostly
-of the second kind: ST of several numbers is then large together, and S1 small.
+the {confidence:.0%} interval. Shares of a score that jumps (0 or 1), and of a course that small changes upset, are
+mostly of the second kind: ST of several numbers is then large together, and S1 small.
 
 {missing}
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from haustra.scripts.bench.pages.causes_page import causes_page
 from haustra.scripts.bench.pages.cells_page import cells_page
 from haustra.scripts.bench.pages.cohort_page import validation_page
 from haustra.scripts.bench.pages.commands_page import commands_page
@@ -21,6 +22,7 @@ from haustra.scripts.bench.pages.trials_page import trials_page
 
 PAGES = Path(__file__).parents[4] / "docs" / "validation"
 MAKERS: Mapping[str, Callable[[Any], str]] = {
+    "causes": causes_page,
     "cells": cells_page,
     "commands": commands_page,
     "cohort": lambda kept: validation_page(kept["cohorts"]),
