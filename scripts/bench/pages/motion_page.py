@@ -115,10 +115,10 @@ def _kinds(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any
     for row in rows:
         kind = "" if _grown(row) else row["colon"]
         alike.setdefault((kind, row["driver"], row["seconds"], row["judged_every"]), []).append(row)
-    return {_heading(*key, own): own for key, own in sorted(alike.items(), key=lambda item: item[0])}
+    return {_heading(*key, own=own): own for key, own in sorted(alike.items(), key=lambda item: item[0])}
 
 
-def _heading(kind: str, driver: str, seconds: float, every: float, own: Sequence[Mapping[str, Any]]) -> str:
+def _heading(kind: str, driver: str, seconds: float, every: float, *, own: Sequence[Mapping[str, Any]]) -> str:
     named = kind or f"{len({row['colon'] for row in own})} grown colons"
     return f"{named}, {driver}, {seconds:g} s, judged every {every:g} s"
 
