@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.control.follower import FollowerSettings, LumenFollower
-from haustra.envs.runs.measure.containment import Containment
+from haustra.envs.runs.measure.containment import Containment, most_skipped
 from haustra.envs.runs.measure.injury import Burden, InjuryMeter, stations_of
 from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.runs.outcome import Outcome, ending, outcome_of, withdrawn
@@ -232,7 +232,8 @@ def drive(
             ended = withdrawn(scene.options.start_depth, **where)
         else:
             lengths = {"length": line.length, "modelled": scene.cable.length}
-            ended = int(ending(np, outside=outside, **where, **lengths))
+            skipped = 0.0 if seen.way is None else most_skipped(np, seen.link_arcs, behind, inside)
+            ended = int(ending(np, outside=outside, skipped=skipped, **where, **lengths))
         if ended:
             break
     return Insertion(

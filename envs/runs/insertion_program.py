@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.control.follower import Law, Sensed, Steering, wheel_lead
-from haustra.envs.runs.measure.containment import beside, furthest_ahead, stands_out
+from haustra.envs.runs.measure.containment import beside, furthest_ahead, skipped_colon, stands_out
 from haustra.envs.runs.outcome import ESCAPE_DEPTH, ending
 from haustra.envs.runs.tally import Measured, Tally, counted
 from haustra.envs.sim.linear.layout import seen_slot
@@ -190,7 +190,8 @@ class InsertionProgram:
         tally = Tally(*(numbers.load(self._tally + slot) for slot in range(len(Tally._fields))))
         outside = self._outside(scopes, room, arc, insertion)
         modelled = scopes.scope("length")
-        ended = ending(xp, outside=outside, arc=arc, length=scopes.length(), insertion=insertion, modelled=modelled)
+        where = {"arc": arc, "length": scopes.length(), "insertion": insertion, "modelled": modelled}
+        ended = ending(xp, outside=outside, skipped=self._skipped(scopes) if self.moves else 0.0, **where)
         wall, _ = largest_force(scopes)
         hand = scopes.reading("push_force"), scopes.reading("torque")
         measured = Measured(arc, insertion, *hand, wall, *largest_load(scopes), *largest_pain(scopes))
@@ -265,6 +266,19 @@ class InsertionProgram:
                 judge(scopes.origin(body), behind.value)
             behind.value = behind.value + scopes.link(body, "offset")
         return furthest.value
+
+    def _skipped(self, scopes: ScopeProgram) -> Value:
+        """The most colon between neighbouring spheres past the anus (`skipped_colon`) [m]."""
+        program, xp = scopes.program, scopes.program.xp
+        most, before, place = program.variable(0.0), program.variable(0.0), program.variable(0.0)
+        with program.loop(0, scopes.bodies) as body:
+            place.value = place.value - scopes.link(body, "offset")
+            with program.loop(*scopes.spheres_of(body)) as sphere:
+                arc, own = scopes.state.load(scopes.layout.arcs + sphere), scopes.sphere_place(sphere)
+                found = skipped_colon(arc, before.value, own - place.value)
+                most.value = xp.maximum(most.value, xp.where(before.value > 0, found, 0.0))
+                before.value, place.value = arc, own
+        return most.value
 
     # What worlds are given, and what is kept of them.
 

@@ -10,7 +10,7 @@ import numpy as np
 from haustra.envs.control.follower import FollowerSettings, Memory
 from haustra.envs.control.follower_worlds import WorldsFollower
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
-from haustra.envs.runs.measure.containment import LumenWidths, outside, stack_widths
+from haustra.envs.runs.measure.containment import LumenWidths, most_skipped, outside, stack_widths
 from haustra.envs.runs.measure.load import largest_load, largest_pain
 from haustra.envs.runs.outcome import ending
 from haustra.envs.runs.tally import Insertions, Measured, Tally, counted
@@ -124,9 +124,11 @@ class InsertionBatch:
             radius=scope.radius,
             moves=seen.displacement is not None,
         )
+        moves, inside = seen.displacement is not None, behind < seen.insertion[:, None]
         return ending(
             jnp,
             outside=apart,
+            skipped=most_skipped(jnp, seen.link_arcs, behind, inside) if moves else jnp.zeros_like(apart),
             arc=seen.tip_arc,
             length=(tables.step * (tables.count - 1))[:, 0].astype(worlds.qpos.dtype),
             insertion=seen.insertion,

@@ -7,6 +7,9 @@ CAECUM_MARGIN = 0.03
 """The caecum counts as reached this far before the end of the centreline [m]; engineering choice."""
 ESCAPE_DEPTH = 0.03
 """A scope that stands this far outside the lumen has left the colon [m]: the default wall is no thicker."""
+EMPTY_LOOP = 0.05
+"""A scope that leaves so much colon between two neighbouring places [m], beyond what may be gathered there, has gone
+through its wall on the inside of a bend and is in it again behind; engineering choice: a hairpin's axis is as long."""
 LEFT_OUTSIDE = 0.005
 """A scope is fully inserted when less than this is left outside [m]: a hand has nothing to push by any more."""
 MANY_ATTEMPTS = 3
@@ -45,12 +48,13 @@ ENDINGS = (None, Outcome.ESCAPED, Outcome.COMPLETED, Outcome.FULLY_INSERTED, Out
 """What the numbers of `ending` and `withdrawn` mean; None: the run goes on."""
 
 
-def ending(xp: Any, *, outside: Any, arc: Any, length: Any, insertion: Any, modelled: Any) -> Any:
+def ending(xp: Any, *, outside: Any, skipped: Any, arc: Any, length: Any, insertion: Any, modelled: Any) -> Any:
     """Why runs end now, as rows of `ENDINGS`: one number, or one a world.
 
     Args:
         xp: numpy or jax.numpy.
         outside: how far the scope stands outside the lumen [m].
+        skipped: most colon between two neighbouring places of the scope beyond what may be gathered there [m].
         arc: arc length of the tip [m].
         length: of the colon's centreline [m].
         insertion: length of scope past the anus [m].
@@ -58,7 +62,7 @@ def ending(xp: Any, *, outside: Any, arc: Any, length: Any, insertion: Any, mode
     """
     inserted = xp.where(insertion >= modelled - LEFT_OUTSIDE, 3, 0)
     reached = xp.where(arc >= length - CAECUM_MARGIN, 2, inserted)
-    return xp.where(outside > ESCAPE_DEPTH, 1, reached)
+    return xp.where((outside > ESCAPE_DEPTH) | (skipped > EMPTY_LOOP), 1, reached)
 
 
 def withdrawn(start: float, *, arc: float, insertion: float) -> int:

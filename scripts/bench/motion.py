@@ -128,7 +128,7 @@ def _run(colon: Colon, changed: Mapping[str, Any], driver: str, seconds: float, 
     return {name: found[name] for name in _SCORED} | pictures | {"wall_clock_s": run.wall_clock}
 
 
-def _judged(scene: Scene, run: Insertion, *, records: int) -> tuple[LeftBehind, dict[str, float]]:
+def _judged(scene: Scene, run: Insertion, *, records: int) -> tuple[LeftBehind, dict[str, Any]]:
     """The colon as a run has left it, and what its camera saw, at the end and at the worst of the records."""
     lens = lens_of(scene.design.tip, _PICTURE, _PICTURE)
     check, figures, seen, last = WallCheck(scene.colon, lens), [], [], scene.colon
@@ -137,10 +137,12 @@ def _judged(scene: Scene, run: Insertion, *, records: int) -> tuple[LeftBehind, 
         figures.append(each.figures)
         seen.append(check.look(each.colon.lumen.vertices, CameraPose.of_tip(each.tip, each.tip_frame)))
     return LeftBehind(last, worst(figures)), {
-        "last_picture_mucosa_share": seen[0].inner,
-        "last_picture_outside_share": seen[0].outer,
-        "picture_mucosa_min_share": min(each.inner for each in seen),
-        "picture_outside_max_share": max(each.outer for each in seen),
+        "last_picture_mucosa_share": seen[0].mucosa,
+        "last_picture_outside": seen[0].outside,
+        "last_picture_across_share": seen[0].across,
+        "picture_mucosa_min_share": min(each.mucosa for each in seen),
+        "pictures_outside": sum(each.outside for each in seen),
+        "picture_across_max_share": max(each.across for each in seen),
     }
 
 
@@ -202,8 +204,10 @@ def soundness(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         return found
     return found | {
         "last_picture_mucosa_min_share": min(row["last_picture_mucosa_share"] for row in drawn),
-        "last_pictures_from_outside": sum(row["last_picture_outside_share"] > 0 for row in drawn),
-        "picture_outside_max_share": max(row["picture_outside_max_share"] for row in drawn),
+        "last_pictures_from_outside": sum(row["last_picture_outside"] for row in drawn),
+        "pictures_from_outside": sum(row["pictures_outside"] for row in drawn),
+        "last_picture_across_max_share": max(row["last_picture_across_share"] for row in drawn),
+        "pictures_across_runs": sum(row["picture_across_max_share"] > 0 for row in drawn),
     }
 
 

@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 
 from haustra.models.anatomy.colon import Colon
 from haustra.models.wall.lumen_table import Tables
+from haustra.models.wall.sections import SHORTEST
 
 _LARGEST_RADIUS = 0.06
 """Radii above this are looks along the lumen, not across [m]."""
@@ -24,6 +25,8 @@ _PLEATED = 3.0
 """By how much more centreline a length of scope may have gathered where the colon moves."""
 
 
+_GATHERED = 1 / SHORTEST
+"""By how much more centreline a length of scope has gathered where folds lie against each other [1]."""
 _STATION_STEP = 0.01
 """Distance between stations for many worlds [m]: a scope that stands out by `ESCAPE_DEPTH` seems 0.3 mm further."""
 
@@ -104,6 +107,33 @@ def outside(
     apart = stands_out(xp, squares, widths.width[..., None, :], xp.asarray(radius)[..., None, None])
     nearest = xp.where(candidates, apart, np.inf).min(-1)
     return xp.where(inside, nearest, -np.inf).max(-1)
+
+
+def skipped_colon(arc: Any, before: Any, apart: Any) -> Any:
+    """Colon between two places of a scope beyond what may be gathered there [m]: a loop that the scope is not in.
+
+    Args:
+        arc: arc length of the place that is nearer to the tip [m].
+        before: of the other [m].
+        apart: distance between them along the scope [m].
+    """
+    return arc - before - _GATHERED * apart
+
+
+def most_skipped(
+    xp: Any, arcs: Float[Any, "*worlds links"], behind: Float[Any, "*any nodes"], inside: Bool[Any, "*worlds nodes"]
+) -> Float[Any, "*worlds"]:
+    """The most colon that is between the middles of neighbouring links past the anus (`skipped_colon`) [m].
+
+    Args:
+        xp: numpy or jax.numpy.
+        arcs: arc lengths beside the middles of links [m].
+        behind: distances of links' origins and of the tip from the tip along the scope [m].
+        inside: which of those are past the anus.
+    """
+    middles = (behind[..., :-1] + behind[..., 1:]) / 2
+    found = skipped_colon(arcs[..., 1:], arcs[..., :-1], middles[..., :-1] - middles[..., 1:])
+    return xp.where(inside[..., :-2], found, 0.0).max(-1)
 
 
 def furthest_ahead(tip_arc: Any) -> Any:

@@ -51,8 +51,9 @@ demands for drugs Shah 2002, Endoscopy 34:435.
 
 - The driver is the lumen follower with an adult scope, one design, friction 0.1. It pushes on where an endoscopist
   would stop, so P is that of the follower, not of patients; what moves it by how much stands in the rows above.
-- A link gathers the load of up to 5 cm of shaft and counts as one contact, which errs towards tears; a straight head
-  that lies with its side on the wall counts as pressing with its end, which errs so too.
+- Force counts on a contact of 25 mm of shaft, whatever length links have; what a longer link bears counts as a whole,
+  which errs towards tears, and links of an adult scope's shaft are 49 mm. A straight head that lies with its side on
+  the wall counts as pressing with its end, which errs so too.
 - Strength and thresholds are the same in all segments but for gas; inflamed, thin and diseased walls are not modelled.
 - Shear is bounded by friction times force; pull on the mucosa by suction is not modelled, and blood is not drawn.
 - Pain has no memory, no sedation and no person: thresholds are one number each.

@@ -17,8 +17,10 @@ page says whether the moving surface stays a surface, and how much the patient a
 """
 
 
-_SAID = """Where triangles of a grown colon are left turned over, the shaft has left the inside of a bend both ways: the
-bend's loop is empty, and the scope no longer follows the colon ([known limits](../limits.md)).
+_SAID = """Where triangles of a grown colon are left turned over, the shaft has left the inside of a bend both ways, and
+the bend's loop is empty. The runs of that figure are of before such a run ended as escaped, as it does now
+([known limits](../limits.md)). Pictures are drawn of the wall's inner sides only. A camera may stand within the colon
+and have another loop's wall across its view, since loops pass through each other unless a run asks for `--loops-touch`.
 """
 
 
@@ -35,8 +37,8 @@ def motion_page(measured: Mapping[str, Any]) -> str:
     lines = [
         _HEAD,
         "## The surface\n",
-        f"Scope {DESIGN}; the lumen follower, and the policy `insertion` that ships; grown colons from seed "
-        f"{FIRST_SEED} on, others as imaged. With the scope's own indentation:\n",
+        f"Scope {DESIGN}; the lumen follower, and the policy `insertion` that ships; grown colons from seed"
+        f" {FIRST_SEED} on, others as imaged. With the scope's own indentation:\n",
         "| figure | " + " | ".join(kinds) + " | bound |",
         "| --- |" + " --- |" * (len(kinds) + 1),
         *(_line(figure, [told(found) for found in sound], bound) for figure, told, bound in _FIGURES),
@@ -85,18 +87,23 @@ _FIGURES: Sequence[tuple[str, Callable[[Mapping[str, Any]], str], str]] = (
     ("diverged", lambda found: str(found["diverged"]), "0"),
     (
         "least share of a last picture from the tip that is mucosa",
-        lambda found: _if_drawn(found, "last_picture_mucosa_min_share", "{:.1%}"),
+        lambda found: _if_drawn(found, "{last_picture_mucosa_min_share:.1%}"),
         "",
     ),
     (
-        "last pictures that see the colon from outside anywhere",
-        lambda found: _if_drawn(found, "last_pictures_from_outside", "{}"),
+        "last pictures whose camera stands outside the colon; of all that were judged",
+        lambda found: _if_drawn(found, "{last_pictures_from_outside}; {pictures_from_outside}"),
         "0",
     ),
     (
-        "largest share of any picture judged that is seen from outside",
-        lambda found: _if_drawn(found, "picture_outside_max_share", "{:.2%}"),
-        "0",
+        "largest share of a last picture across which another loop's wall stands",
+        lambda found: _if_drawn(found, "{last_picture_across_max_share:.1%}"),
+        "",
+    ),
+    (
+        "runs in which one does at any time",
+        lambda found: _if_drawn(found, "{pictures_across_runs}"),
+        "",
     ),
 )
 """Rows of the table of soundness: words, how what was found is told, and the bound."""
@@ -104,14 +111,14 @@ _FIGURES: Sequence[tuple[str, Callable[[Mapping[str, Any]], str], str]] = (
 
 def _kinds(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:
     """Runs that go into a column together: of grown colons, or of one other, by one driver, for as long."""
-    alike: dict[tuple[str, str, float, float], list[Mapping[str, Any]]] = {}
+    alike: dict[tuple[Any, ...], list[Mapping[str, Any]]] = {}
     for row in rows:
         kind = "" if _grown(row) else row["colon"]
         alike.setdefault((kind, row["driver"], row["seconds"], row["judged_every"]), []).append(row)
-    return {_heading(*key, own): own for key, own in sorted(alike.items(), key=lambda item: item[0])}
+    return {_heading(*key, own=own): own for key, own in sorted(alike.items(), key=lambda item: item[0])}
 
 
-def _heading(kind: str, driver: str, seconds: float, every: float, own: Sequence[Mapping[str, Any]]) -> str:
+def _heading(kind: str, driver: str, seconds: float, every: float, *, own: Sequence[Mapping[str, Any]]) -> str:
     named = kind or f"{len({row['colon'] for row in own})} grown colons"
     return f"{named}, {driver}, {seconds:g} s, judged every {every:g} s"
 
@@ -120,8 +127,8 @@ def _grown(row: Mapping[str, Any]) -> bool:
     return row["colon"].startswith("grown")
 
 
-def _if_drawn(found: Mapping[str, Any], name: str, told: str) -> str:
-    return told.format(found[name]) if found["pictures"] == found["runs"] else "not looked at"
+def _if_drawn(found: Mapping[str, Any], told: str) -> str:
+    return told.format(**found) if found["pictures"] == found["runs"] else "not looked at"
 
 
 def _line(figure: str, found: Sequence[str], bound: str = "") -> str:

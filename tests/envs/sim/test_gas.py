@@ -23,7 +23,17 @@ from haustra.models.devices.scope.library import named_design
 from haustra.models.gas.law import MMHG
 from haustra.models.gas.numbers import gas_numbers
 from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
-from haustra.models.wall.lumen_table import Tables, axis_at, lumen_table, put_distended, query, stack
+from haustra.models.wall.abdomen import Abdomen
+from haustra.models.wall.lumen_table import (
+    Tables,
+    axis_at,
+    distended_radius,
+    lumen_table,
+    put_distended,
+    query,
+    stack,
+)
+from haustra.models.wall.table_wall import TableWalls
 from haustra.provenance import Provenance
 from haustra.scripts.run import Run
 from tests.bent_colon import bent_colon
@@ -47,6 +57,36 @@ def colon() -> Colon:
     found = bent_colon([(0.1, 0.0), (0.1, 1.2), (0.2, 0.0)])[0]
     parts = ("rectum", 0.0, 0.1), ("sigmoid", 0.1, 0.3), ("descending", 0.3, found.centreline.length)
     return replace(found, segments=tuple(ColonSegment(*part) for part in parts))
+
+
+def test_gas_widens_the_wall_and_does_no_work_on_the_axis(colon: Colon) -> None:
+    """A colon on its side creeps to the same bit whatever width gas holds it at."""
+    own = {"device_radius": 0.006, "with_mesentery": True, "abdomen": Abdomen("left")}
+    tables, found = stack([lumen_table(colon, **own).tables]), []
+    nothing = np.zeros((1, 0)), np.zeros((1, 0, 3)), np.zeros((1, 0, 3)), np.zeros((1, 0, 2))
+    for width in (1.0, 1.3):
+        walls = TableWalls(tables._replace(wall=tables.wall.copy()), 1, 1, radius=0.006)
+        assert walls.displacement is not None
+        put_distended(walls.table, tables.wall, np.full(len(tables.wall), width), device_radius=0.006)
+        for _ in range(20):
+            walls.move(np.zeros(1, int), nothing, 0.005)
+        found.append(walls.displacement.pose.copy())
+    assert np.abs(found[0][..., :3]).max() > 1e-5
+    np.testing.assert_array_equal(*found)
+
+
+def test_gas_works_on_what_presses_by_force_times_way(colon: Colon) -> None:
+    """The energy of a contact changes with the width as the force on it times the way of the wall, to 1e-8."""
+    tables = stack([lumen_table(colon, device_radius=0.006).tables])
+    radius, stiffness, width, step = tables.wall[40:60, :, 0], 1500.0, 0.9, 1e-4
+    place = (radius + 0.006) * width  # 6 mm in the wall
+
+    def depth(width: float) -> np.ndarray:
+        return place - distended_radius(np, radius, width, 0.006)
+
+    stored = [0.5 * stiffness * (depth(width + side * step) ** 2).sum() for side in (-1, 1)]
+    work = -(stiffness * depth(width) * (radius + 0.006)).sum()
+    assert (stored[1] - stored[0]) / (2 * step) == pytest.approx(work, rel=1e-8)
 
 
 def scene_of(colon: Colon, **changed) -> Scene:

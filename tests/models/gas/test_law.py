@@ -62,3 +62,19 @@ def test_diameters_go_with_the_root_of_the_volume():
 
 def test_tension_of_a_tube_is_laplaces():
     assert wall_tension(3333.0, 0.02) == pytest.approx(66.66)
+
+
+def test_gas_gives_back_the_work_that_it_took() -> None:
+    """The sum of p dV by the compliance is what is stored by the volumes, p V less the sum of V dp, to 1e-8."""
+    law = {"half": 15 * MMHG, "exponent": 2.0}
+    nodes, weights = np.polynomial.legendre.leggauss(200)
+    first, last = 5 * MMHG, 40 * MMHG
+    pressures, each = (first + last) / 2 + (last - first) / 2 * nodes, (last - first) / 2 * weights
+    work = float((each * pressures * share_rate(np, pressures, **law)).sum())
+    volumes = float((each * open_share(np, pressures, **law)).sum())
+    ends = [float(p * open_share(np, np.float64(p), **law)) for p in (first, last)]
+    assert work == pytest.approx(ends[1] - ends[0] - volumes, rel=1e-8)
+    emptied = float(
+        (each * pressure_of(np, open_share(np, pressures, **law), **law) * share_rate(np, pressures, **law)).sum()
+    )
+    assert emptied == pytest.approx(work, rel=1e-8)

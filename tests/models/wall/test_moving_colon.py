@@ -19,6 +19,7 @@ from haustra.models.anatomy.colon import ColonSegment
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions
 from haustra.models.wall import mesentery, moving_colon
+from haustra.models.wall.abdomen import Abdomen
 from haustra.models.wall.lumen_table import Tables, axis_at, lumen_table, pick, query, stack
 from haustra.models.wall.mesentery import Mesentery, hang
 from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
@@ -173,6 +174,33 @@ def test_contacts_on_a_gathered_bend_come_to_rest(drag: float) -> None:
         )
     assert max(energies) == energies[0] > energies[-1]
     assert np.abs(now.speed[..., :3]).max() < 0.005
+
+
+@pytest.mark.parametrize("steps", [600, pytest.param(100_000, marks=pytest.mark.thorough)])
+def test_a_colon_that_is_let_go_gains_no_energy(steps: int) -> None:
+    """Gathered, bent, twisted and with its weight on its side, it only loses energy, and comes to rest in the end."""
+    random = np.random.default_rng(3)
+    segments = (ColonSegment("rectum", 0.0, 0.06), ColonSegment("sigmoid", 0.06, 0.3))
+    colon = replace(
+        swept_colon(winding([(0.06, 0.0), (0.05, 1.4), (0.06, -1.2), (0.06, 0.0)]), name="s"), segments=segments
+    )
+    tables = stack([lumen_table(colon, device_radius=0.006, with_mesentery=True, abdomen=Abdomen("left")).tables])
+    own, walls = tables.mesentery, TableWalls(tables, 1, 1, radius=0.006)
+    assert own is not None and walls.displacement is not None
+    pose, count = walls.displacement.pose, own.nodes.shape[1]
+    pose[0, :, :3] = -0.4 * (own.nodes[0] - own.nodes[0, :1]) + random.normal(size=(count, 3)) * 1e-3
+    pose[0, :, 3:] = Rotation.from_rotvec(0.3 * random.normal(size=(count, 3))).as_quat(scalar_first=True)
+    nothing = np.zeros((1, 0)), np.zeros((1, 0, 3)), np.zeros((1, 0, 3)), np.zeros((1, 0, 2))
+    walls.move(np.zeros(1, int), nothing, _STEP)  # turns are brought along to where the axis goes in the first step
+    energies = [float(moving_colon.energy(np, own, pose)[0])]
+    for step in range(steps):
+        walls.move(np.zeros(1, int), nothing, _STEP)
+        if step < 40 or step % (steps // 60) == 0:
+            energies.append(float(moving_colon.energy(np, own, pose)[0]))
+    lost = energies[0] - energies[-1]
+    assert lost > 1e-3
+    assert np.diff(energies).max() < 1e-12 * lost + 1e-15
+    assert steps < 100_000 or np.abs(walls.displacement.speed).max() < 1e-6
 
 
 def test_a_clamped_tube_bends_like_a_beam() -> None:

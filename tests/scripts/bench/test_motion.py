@@ -38,13 +38,14 @@ def test_changes_are_those_of_the_same_colon_and_escapes_must_be_said() -> None:
 
 
 def test_a_last_picture_from_outside_is_counted() -> None:
-    shares = {"last_picture_mucosa_share": 0.9, "last_picture_outside_share": 0.1, "picture_outside_max_share": 0.2}
+    shares = {"last_picture_mucosa_share": 0.9, "last_picture_outside": True, "pictures_outside": 3}
+    shares |= {"last_picture_across_share": 0.1, "picture_across_max_share": 0.2}
     rows = [_row("EdinGCA", PLAIN, **shares), _row("EdinGCA", PLAIN, driver="insertion", **shares)]
     sound = soundness(rows)
     assert (sound["last_pictures_from_outside"], sound["last_picture_mucosa_min_share"]) == (2, 0.9)
     page = motion_page({"runs": rows})
     assert "| EdinGCA, follower, 60 s, judged every 1 s | EdinGCA, insertion, 60 s" in page
-    assert "seen from outside | 20.00% | 20.00% | 0 |" in page
+    assert "of all that were judged | 1; 3 | 1; 3 | 0 |" in page
 
 
 @pytest.mark.thorough

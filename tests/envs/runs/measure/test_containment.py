@@ -1,7 +1,9 @@
 import numpy as np
 import pytest
 
-from haustra.envs.runs.measure.containment import Containment, LumenWidths, outside, stack_widths
+from haustra.envs.runs.measure.containment import Containment, LumenWidths, most_skipped, outside, stack_widths
+from haustra.envs.runs.outcome import EMPTY_LOOP, ENDINGS, Outcome, ending
+from haustra.models.wall.sections import SHORTEST
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
 from tests.tube_colon import RADIUS, straight_tube
@@ -69,3 +71,19 @@ def test_many_worlds_are_judged_as_one_is():
                 moves=False,
             )
             assert found == pytest.approx(known, abs=0.001 if away > 0.03 else 0.003)
+
+
+def test_colon_that_a_scope_has_left_out_is_what_cannot_be_gathered_between_two_of_its_links():
+    behind, inside = np.array([0.2, 0.15, 0.1, 0.05, 0.0]), np.array([False, True, True, True, True])
+    sound = np.array([0.0, 0.3, 0.42, 0.5])  # 0.12 m of colon on 0.05 m of shaft: gathered
+    assert most_skipped(np, sound, behind, inside) == 0.0
+    left = np.array([0.0, 0.3, 0.55, 0.6])
+    assert most_skipped(np, left, behind, inside) == pytest.approx(0.25 - 0.05 / SHORTEST)
+    outside = np.array([-0.3, 0.3, 0.35, 0.4])  # what is not past the anus has left nothing out
+    assert most_skipped(np, outside, behind, inside) == 0.0
+
+
+def test_a_scope_that_leaves_a_loop_of_the_colon_empty_has_escaped():
+    where = {"outside": 0.0, "arc": 0.6, "length": 1.5, "insertion": 0.4, "modelled": 1.7}
+    assert ENDINGS[int(ending(np, skipped=EMPTY_LOOP / 2, **where))] is None
+    assert ENDINGS[int(ending(np, skipped=2 * EMPTY_LOOP, **where))] is Outcome.ESCAPED
