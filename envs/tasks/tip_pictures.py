@@ -47,7 +47,7 @@ class _Wall(NamedTuple):
     known: Float[np.ndarray, "stations angles 8"]
     """Normal into the lumen, and the columns of `haustra.envs.view.picture.mucosa`."""
     lids: Float[np.ndarray, "2 8"]
-    """The same of the middles of the lids at its anus and its end."""
+    """Numbers alike of the middles of the lids at its anus and its end."""
     looks: Appearance
 
 

@@ -66,3 +66,12 @@ def test_the_page_shows_every_figure(small_folder, capsys):
 def test_impossible_searches_by_gradient_are_refused(option, capsys):
     assert main(["bench", "gradients", option, "--json"]) == BAD_INPUT
     assert option.partition("=")[0] in capsys.readouterr().err
+
+
+@pytest.mark.thorough
+def test_pictures_of_a_moving_scope_give_rows_with_their_rate(capsys):
+    about = ["--triangles", "60000", "--width", "32", "--height", "32", "--joints", "40", "--no-opengl"]
+    assert main(["bench", "view", *about, "--json"]) == SUCCESS
+    result = json.loads(capsys.readouterr().out)
+    assert [(row["renderer"], row["joints"]) for row in result["rows"]] == [("rays", 40)]
+    assert result["rows"][0]["frames_per_s"] > 0 and result["rows"][0]["triangles"] >= 60_000

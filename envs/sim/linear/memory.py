@@ -69,7 +69,7 @@ class Lanes:
         return Lanes(self._program, self._place(slot), self._stride)
 
     def flat(self, first: Number) -> "Shared":
-        """The same array as numbers behind each other, counted from one that is so far behind slot 0."""
+        """Numbers of the whole array one behind the other, counted from one that is so far behind slot 0."""
         program = self._program
         place = program.builder.gep(self._base, [program.index(first).written], source_etype=program.real)
         return Shared(program, place)

@@ -52,7 +52,7 @@ class Place(Protocol):
         ...
 
     def beside(self, **program: Any) -> "Place":
-        """The same place with another program of the same worlds, which needs no more room to work in."""
+        """This place with another program of its worlds, which needs no more room to work in."""
         ...
 
     def close(self) -> None:

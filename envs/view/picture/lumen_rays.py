@@ -72,13 +72,13 @@ class Around(NamedTuple):
     row: Any
     """Row of the station before it."""
     share: Any
-    """Of the way to the next station [1]."""
+    """Share of the way to the next station [1]."""
     column: Any
     """Angle before it."""
     turn: Any
     """Share of the way to the next angle [1]."""
     aside: Any
-    """From the centreline [m]."""
+    """Distance from the centreline [m]."""
     middle: Vector
     """Place of the centreline beside it [m]."""
 
@@ -144,7 +144,7 @@ class Tip(NamedTuple):
     behind: Vector
     """Direction from there along the device."""
     radius: Any
-    """Of the device [m]."""
+    """Radius of the device [m]."""
     arc: Any
     """Arc length beside the camera [m]."""
     top: Any

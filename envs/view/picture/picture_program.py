@@ -342,11 +342,11 @@ class _Followed(NamedTuple):
     low: Any
     """Farthest distance in the lumen [m]."""
     room: Any
-    """From there to the wall, along the radius [m]."""
+    """Room from there to the wall, along the radius [m]."""
     high: Any
     """Nearest distance in the wall [m]."""
     beyond: Any
-    """From there to the lumen, below nought [m]."""
+    """Room there, below nought [m]."""
     met: Any
     """How often the wall was looked for since it was met."""
 
