@@ -19,7 +19,7 @@ class BenchHands(Drivable):
     seconds: float = number("s", 2.0, 36_000.0, default=20.0)
     """Time to drive in the page, and by the haptic port [s]."""
     only: Literal["steps", "haptic", "page", "keys"] | None = None
-    """Measure one part only: a control step alone, the haptic port, the page, or whether keys alone pass the sigmoid."""
+    """Measure one part only: a control step alone, the haptic port, the page, or an insertion by keys alone."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 
