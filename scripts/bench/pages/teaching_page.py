@@ -29,8 +29,8 @@ Made by `python -m haustra.scripts.bench.pages.teaching_page docs/validation/tea
 _READ = """
 ## How to read it
 
-- Episodes are those of the shipped training `insertion-easy`, of up to {seconds:g} s: a long paediatric scope in grown
-  colons of the easy band, which move. Trainings use the first {episodes} of its colons; all are judged in {held_out}
+- Episodes are those of the shipped training `{training}`, of up to {seconds:g} s: a long paediatric scope in grown
+  colons of its band, which move. Trainings use the first {episodes} of its colons; all are judged in {held_out}
   held-out colons, two episodes each, with actions drawn as in training.
 - Each driver shows {episodes} episodes, one a colon. "Then rewards" is PPO for {steps:,} steps after cloning, in whose
   first tenth only its critic learns; "alone" is cloning without rewards. Steps that were shown are not counted.
@@ -47,7 +47,7 @@ def teaching_page(table: Mapping[str, Any]) -> str:
     """The page of a folder's teaching.json."""
     lesson, arms = table["lesson"], table["arms"]
     command = (
-        f"haustra bench teaching -o DIR --episodes {lesson['episodes']} --steps {lesson['steps']} "
+        f"haustra bench teaching -o DIR --training {lesson['training']} --episodes {lesson['episodes']} --steps {lesson['steps']} "
         f"--seeds {lesson['seeds']} --colons {lesson['held_out']} --seconds {lesson['seconds']:g}"
     )
     teachers = table["teachers"].items()

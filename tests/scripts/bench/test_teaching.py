@@ -7,14 +7,14 @@ import pytest
 from haustra.scripts.bench.pages.teaching_page import teaching_page
 from haustra.scripts.bench.teaching import Lesson, gains, interval
 
-LESSON = Lesson(episodes=20, steps=1000, seeds=3, held_out=4, seconds=60.0)
+LESSON = Lesson(training="insertion-easy", episodes=20, steps=1000, seeds=3, held_out=4, seconds=60.0)
 
 
 def test_arms_differ_in_demonstrations_and_nothing_else():
     arms = LESSON.arms(Path("shown"))
     assert arms["endoscopist, then rewards"] == {"demonstrations": str(Path("shown/endoscopist"))}
     assert arms["rewards alone"] == {}
-    assert LESSON.training(2).seed == 2 and LESSON.training(2).steps == 1000
+    assert LESSON.bare(2).seed == 2 and LESSON.bare(2).steps == 1000
     assert LESSON.task.seeds == (0, 20) and LESSON.task.mesentery
 
 
