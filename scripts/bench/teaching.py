@@ -1,7 +1,8 @@
 """Whether demonstrations help: PPO that first imitates recordings of a driver, and PPO that does not, at equal steps.
 
-The episodes are those of a shipped training: a long paediatric scope in grown colons of its band, which move. Drivers are recorded in training colons, one episode a colon; every arm then learns in the same
-colons for the same number of steps, with several seeds; all are judged in held-out colons by the same draws.
+The episodes are those of a shipped training: a long paediatric scope in grown colons of its band, which move. Drivers
+are recorded in training colons, one episode a colon; every arm then learns in the same colons for the same number of
+steps, with several seeds; all are judged in held-out colons by the same draws.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -47,8 +47,9 @@ def teaching_page(table: Mapping[str, Any]) -> str:
     """The page of a folder's teaching.json."""
     lesson, arms = table["lesson"], table["arms"]
     command = (
-        f"haustra bench teaching -o DIR --training {lesson['training']} --episodes {lesson['episodes']} --steps {lesson['steps']} "
-        f"--seeds {lesson['seeds']} --colons {lesson['held_out']} --seconds {lesson['seconds']:g}"
+        f"haustra bench teaching -o DIR --training {lesson['training']} --episodes {lesson['episodes']} "
+        f"--steps {lesson['steps']} --seeds {lesson['seeds']} --colons {lesson['held_out']} "
+        f"--seconds {lesson['seconds']:g}"
     )
     teachers = table["teachers"].items()
     rows = [(f"{name}, the driver itself", *(float(one[key]) for key in _KEYS)) for name, one in teachers]
@@ -65,9 +66,9 @@ def _answer(gains: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
     """What the gains of the endoscopist's arm over both others say."""
     said = []
     for other, (mean, low, high) in gains[_MAIN].items():
-        verdict = "better" if low > 0 else "worse" if high < 0 else "not told apart"
-        said.append(f"than {other}: {verdict}, {_gain((mean, low, high))}")
-    return f"**After demonstrations of the endoscopist, progress is, {'; '.join(said)}.**"
+        verdict = "gets further than" if low > 0 else "falls behind" if high < 0 else "is not told apart from"
+        said.append(f"it {verdict} {other} ({_gain((mean, low, high))} of the way)")
+    return f"**PPO after demonstrations of the endoscopist: {'; '.join(said)}.**"
 
 
 def _gain(gained: Sequence[float]) -> str:

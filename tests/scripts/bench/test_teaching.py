@@ -30,6 +30,6 @@ def test_the_page_tells_better_from_not_told_apart():
     driver = {"shown_steps": 9, "progress": 0.7, "completion": 0.5, "peak_force_N": 6.0}
     table = {"lesson": vars(LESSON), "teachers": {"endoscopist": driver}, "arms": arms, "gains": gains(arms)}
     page = teaching_page(table)
-    assert "than rewards alone: better, +0.52" in page
-    assert "as shipped trainings explore: not told apart" in page
+    assert "it gets further than rewards alone (+0.52" in page
+    assert "is not told apart from rewards alone, as shipped trainings explore" in page
     assert "--steps 1000" in page and "| endoscopist, the driver itself | 0.70 | 0.50 | 6.0 |" in page
