@@ -34,8 +34,8 @@ HONOURED = (
 )
 """Scene options that scenes of any device take; the others are refused by name where they are not the usual ones."""
 
-_FIELD_OF_VIEW_DEG = 140.0
-"""Field of view of a device's camera [degrees]; as the shipped scopes' (docs/numbers.md)."""
+_WIDEST_DEG = 160.0
+"""Field of view that MuJoCo's flat pictures still show [degrees]; engineering choice."""
 
 _LONG_CHAIN = 100
 """Degrees of freedom beyond which contacts are solved by conjugate gradients, as those of scopes; engineering choice.
@@ -143,7 +143,7 @@ def build_device_scene(
     spec = empty_spec(f"{device.kind} {device.name}", options)
     pose = pose or Pose()
     handles = device.add_to(spec, pose, timestep=options.timestep, start=options.start_depth)
-    _add_camera(spec, handles.tip)
+    _add_camera(spec, handles.tip, device.view_deg)
     bare = spec.compile()
     for name in handles.geoms:
         spec.geom(name).conaffinity = 0
@@ -190,7 +190,7 @@ def _require_honoured(device: Device, options: SceneOptions) -> None:
             )
 
 
-def _add_camera(spec: mujoco.MjSpec, tip: str) -> None:
+def _add_camera(spec: mujoco.MjSpec, tip: str, view_deg: float) -> None:
     """A camera at the tip that looks forwards, and a lamp beside it: a scope has its own."""
     site = spec.site(tip)
     if site.parent.cameras:
@@ -199,7 +199,7 @@ def _add_camera(spec: mujoco.MjSpec, tip: str) -> None:
     mujoco.mju_mulQuat(turn, site.quat, np.array([0.0, 1.0, 0.0, 0.0]))  # MuJoCo's cameras look along their own -z
     ahead = np.empty(3)
     mujoco.mju_rotVecQuat(ahead, np.array([0.0, 0.0, 1.0]), site.quat)
-    site.parent.add_camera(name=f"{tip}/camera", pos=site.pos, quat=turn, fovy=_FIELD_OF_VIEW_DEG)
+    site.parent.add_camera(name=f"{tip}/camera", pos=site.pos, quat=turn, fovy=min(view_deg, _WIDEST_DEG))
     site.parent.add_light(
         name=f"{tip}/light",
         pos=site.pos,

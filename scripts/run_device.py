@@ -8,7 +8,7 @@ from haustra.errors import InvalidOptionError
 if TYPE_CHECKING:
     from haustra.models.devices.base import Device
 
-_ALWAYS = ("colon", "output", "device", "seconds", "friction", "fixed", "wall", "error", "json")
+_ALWAYS = ("colon", "output", "device", "seconds", "friction", "fixed", "wall", "error", "film", "json")
 _TABLE = ("wall_law", "wall_stiffness", "elasticity", "timestep", "gravity")
 _PATIENT = (
     "insufflate",
@@ -67,7 +67,11 @@ def run_any(asked: Any, device: "Device") -> dict[str, Any]:
     run, error = drive("simulate", options), None
     if asked.error:
         error = own_error(run, {name: drive(name, finer) for name, finer in half_step(options).items()})
-    return write_device_run(folder, colon=colon, run=run, error=error)
+    if not asked.film:
+        return write_device_run(folder, colon=colon, run=run, error=error)
+    with progress_bar("film", 1, unit="films") as advance:
+        tell = lambda done, total: advance(done / total, f"{done} of {total} pictures")  # noqa: E731
+        return write_device_run(folder, colon=colon, run=run, error=error, film=tell)
 
 
 def _require_honoured(asked: Any, device: "Device", honoured: tuple[str, ...]) -> None:

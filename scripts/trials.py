@@ -57,6 +57,7 @@ class Trials:
                     "low": answer.low,
                     "high": answer.high,
                     "reproduced": answer.reproduced,
+                    "resolved": answer.resolved,
                 }
                 for answer in answers
             ]
@@ -67,4 +68,4 @@ def told(answer: "Answer") -> dict[str, Any]:
     """All that is known of a trial's answer, as plain JSON values."""
     from dataclasses import asdict
 
-    return {**asdict(answer), "reproduced": answer.reproduced, "sign_right": answer.sign_right}
+    return {**asdict(answer), "reproduced": answer.reproduced, "resolved": answer.resolved}

@@ -18,9 +18,6 @@ from haustra.models.devices.base import Device
 from haustra.models.injury.perforation import link_load
 from haustra.models.wall.lumen_table import axis_tables, stack
 
-_VIEW_DEG = 140.0
-"""Field of view of a device that says nothing of its camera [degrees]; engineering choice, a colonoscope's."""
-
 
 class DeviceVehicle(Repeating):
     """A device on the backend 'native'."""
@@ -109,7 +106,7 @@ def device_surroundings(colon: Colon, scene: DeviceScene) -> Surroundings:
     """The colon of a device."""
     options = scene.options
     tables = stack([axis_tables(colon, options.abdomen)]) if options.mesentery else None
-    lens = equidistant_lens(_VIEW_DEG, LENS_SIZE)
+    lens = equidistant_lens(scene.device.view_deg, LENS_SIZE)
     return Surroundings(colon, tables, np.zeros(3), np.eye(3), scene.handles.samples[-1].radius, lens)
 
 

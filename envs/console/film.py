@@ -16,6 +16,7 @@ from haustra.envs.console.vehicle import Surroundings
 from haustra.envs.console.vehicles import surroundings
 from haustra.envs.runs.measure.progress import segment_at
 from haustra.envs.view.picture.outside import OutsideView, default_rotation
+from haustra.envs.view.picture.tube import Tube, tube
 from haustra.errors import InvalidOptionError, MissingDependencyError
 from haustra.files import write_atomically
 from haustra.models.anatomy.colon import Surface
@@ -74,7 +75,8 @@ def draw_pictures(
     Args:
         around: the colon, and the device's lens.
         times: simulated time of each picture [s].
-        moment: gives the row and the frame of a time, as `haustra.envs.console.vehicle.Look` has them.
+        moment: gives the row and the frame of a time, as `haustra.envs.console.vehicle.Look` has them; a frame may have
+            the device's `body`, a `Tube`, instead of its shape.
         progress: told pictures done and their number.
     """
     from PIL import Image, ImageDraw, ImageFont
@@ -90,8 +92,7 @@ def draw_pictures(
         picture.paste(Image.fromarray(eye.draw(glance_at(row, frame))), (0, 0))
         rings = Surface(stage.vertices(frame.get("displacement"), frame.get("widths")), stage.faces)
         view = OutsideView(rings, rotation, width=SIDE, height=SIDE, framed=framed)
-        drawn = view.draw(_inside(frame["shape"], row, colon), around.radius, bending_length=0.1)
-        picture.paste(Image.fromarray(drawn), (SIDE, 0))
+        picture.paste(Image.fromarray(view.draw_body(_body(row, frame, around))), (SIDE, 0))
         where = segment_at(colon, float(row["tip_arc"])).replace("_", " ")
         time, arc, force = (float(row[name]) for name in ("time", "tip_arc", "wall_force"))
         said = f"{time:.1f} s   {where}, {arc * 100:.0f} cm   wall {force:.1f} N"
@@ -100,7 +101,14 @@ def draw_pictures(
         yield picture
 
 
-def _inside(shape: np.ndarray, row: Any, colon: Any) -> np.ndarray:
+def _body(row: Mapping[str, Any], frame: Mapping[str, Any], around: Surroundings) -> Tube:
+    """The device as the frame gives it, or a tube along its axis."""
+    if "body" in frame:
+        return frame["body"]
+    return tube(_inside(frame["shape"], row), around.radius, bending_length=0.1)
+
+
+def _inside(shape: np.ndarray, row: Any) -> np.ndarray:
     """The axis from shortly before the anus on: the rest of a shaft is not in the picture."""
     if "insertion" not in row:
         return shape

@@ -5,14 +5,17 @@ and knows for how long nothing has moved. It does not know forces of the wall, n
 by how much lumen has passed since. What it does is one of a few small manoeuvres:
 
 - **advance** under sight, in quick strokes with looks between them: it pushes no harder than a soft limit, and firmer
-  the longer no lumen passes; the shaft is turned to and fro meanwhile, which lets it slip;
+  the longer no lumen passes, but at no wall: only with the lumen in view, or round a bend that holds the tip; the shaft
+  is turned to and fro meanwhile, which lets it slip;
 - **look** between two strokes: the hand eases what pushes hard, so that a strong push never lasts;
 - **straighten**: with the tip hooked round the bend that it looks into, it pulls back and turns the shaft until the
-  lumen slips away or the pull gets strong; after every stretch of new colon, and whenever shaft goes in that the tip
-  does not make good, which is how a loop feels. A loop that comes again is left deeper each time;
+  lumen slips away or the pull gets strong; after every stretch of new colon, then as far as it gathers more than it
+  loses, and whenever shaft has gone in beyond the lumen that passed since, which is how a loop feels. The torque is
+  held while it goes on, so that the loop does not form again. A loop that comes again is left deeper, up to a limit;
 - **jiggle**: short strokes in and out, which pleat the colon onto the shaft;
 - **rest**: a while without any motion after each manoeuvre, in which one looks, lets gas in or out, and breathes;
 - **ask the assistant**: a hand on the belly, and then other postures, one after the other, when attempts have failed.
+  It goes on as long as there is time.
 
 Its rules are one function of (xp, …), as the follower's, for any number of worlds in numpy, JAX and programs of linear
 time. What the assistant does is a number in its memory, which who steps the colon must honour (`ASSISTANT`).
@@ -56,11 +59,11 @@ class EndoscopistSettings:
     steer_lead: float = number("rad", 0.01, 10.0, default=3.0)
     """Largest lead of the wires over the angle that the bending section has reached [rad]: enough to pull at a tip that
     a wall has caught as hard as wheels do. With 0.6 rad, tips stay bent over in the right colon."""
-    gentle_force: float = number("N", 0.01, 1e3, default=10.0)
+    gentle_force: float = number("N", 0.01, 1e3, default=9.7)
     """Push that is not exceeded while things go well [N]; 9.8 N are exceeded for 5 % of the time (Appleyard 2000)."""
     held_force: float = number("N", 0.01, 1e3, default=6.0)
     """Push that is left on the shaft while it is held [N]: the hand eases what is more."""
-    firm_force: float = number("N", 0.01, 1e3, default=36.0)
+    firm_force: float = number("N", 0.01, 1e3, default=34.0)
     """Push that is not exceeded at all [N]: no patient is pushed at harder on purpose."""
     unbend_time: float = number("s", 0.5, 600.0, default=10.0)
     """Time without lumen passing in whose second half the tip is let go straight, again and again [s]: a tip that is
@@ -75,37 +78,38 @@ class EndoscopistSettings:
     """Time without lumen passing for which one goes on gently [s]."""
     firmer: float = number("N/s", 0.0, 1e3, default=2.0)
     """Rate at which one pushes harder from then on, until lumen passes [N/s]."""
-    pull_force: float = number("N", 0.01, 1e3, default=13.0)
+    pull_force: float = number("N", 0.01, 1e3, default=16.0)
     """Pull at which withdrawal stands still [N]."""
     torque_limit: float = number("N m", 1e-3, 10.0, default=0.8)
     """Torque at which turning stands still [N m]."""
     withdraw_rate: float = number("m/s", 1e-4, 1.0, default=0.025)
     """Speed of pulling back [m/s]."""
-    lost_shaft: float = number("m", 0.005, 1.0, default=0.3)
-    """Shaft that goes in without lumen passing before a loop is felt [m]; as much more after each attempt."""
+    lost_shaft: float = number("m", 0.005, 1.0, default=0.2)
+    """Shaft that goes in beyond the lumen that passes, since it was last straightened, before a loop is felt [m]; as
+    much more after each attempt."""
     new_colon: float = number("m", 0.01, 2.0, default=0.25)
     """New colon after which the shaft is straightened at the next bend that holds the tip [m]."""
     hook: float = number("rad", 0.0, 3.0, default=1.0)
     """Bend of the tip from which on it holds in a bend of the colon while the shaft is pulled [rad]."""
     slip: float = number("m", 1e-3, 0.5, default=0.03)
     """Lumen that slips away before pulling back ends [m]."""
+    lets_go: float = number("1", 0.0, 1.0, default=0.2)
+    """Lumen that one may lose besides, over the shaft that comes out, where no attempt has failed [1]: there it still
+    gathers more than it loses; where loops come again, one keeps what lumen there is."""
     least_pull: float = number("m", 1e-3, 0.5, default=0.04)
     """Pulling back goes at least this far [m]."""
-    most_pull: float = number("m", 1e-2, 2.0, default=0.3)
+    most_pull: float = number("m", 1e-2, 2.0, default=0.6)
     """And at most this far [m]."""
-    twist: float = number("rad", 0.0, 4 * math.pi, default=math.radians(200))
+    twist: float = number("rad", 0.0, 4 * math.pi, default=math.radians(360))
     """Angle that the shaft is turned through while pulling back, clockwise first [rad]."""
     roll_rate: float = number("rad/s", 0.01, 50.0, default=math.radians(60))
     """Rate of turning [rad/s]."""
-    swing: float = number("rad", 0.0, 2 * math.pi, default=1.0)
+    swing: float = number("rad", 0.0, 2 * math.pi, default=2.0)
     """Angle by which the shaft is turned to and fro while it is pushed [rad]: a shaft that turns slips more easily."""
     swing_time: float = number("s", 0.2, 60.0, default=4.0)
     """Time of one turn to and fro [s]."""
-    patience: float = number("s", 0.1, 600.0, default=60.0)
+    patience: float = number("s", 0.1, 600.0, default=30.0)
     """Time without lumen passing after which something else is tried [s]."""
-    most_attempts: float = number("1", 1.0, 1e3, default=5.0)
-    """Attempts without new colon after which it gives up, and rests: pain and looping end one insertion in twenty to
-    ten in a clinic (Thieme a-0574-2478)."""
     rest: float = number("s", 0.0, 600.0, default=3.0)
     """Rest after each manoeuvre [s]."""
     jiggle: float = number("m", 0.0, 0.2, default=0.015)
@@ -114,7 +118,7 @@ class EndoscopistSettings:
     """Strokes a second [1/s]."""
     jiggle_time: float = number("s", 0.1, 100.0, default=5.0)
     """How long it jiggles [s]."""
-    spare_shaft: float = number("m", 0.01, 1.0, default=0.1)
+    spare_shaft: float = number("m", 0.01, 1.0, default=0.03)
     """Shaft that is left outside: with less of it, it straightens before it goes on [m]."""
     hand_lead_limit: float = number("m", 1e-4, 0.1, default=0.01)
     """Largest distance that the hand aims ahead of where the shaft is [m]."""
@@ -151,8 +155,8 @@ class Memory(NamedTuple):
     """Furthest lumen seen since it began to advance or to pull back [m]."""
     moved_time: Float[Any, "*worlds"]
     """When lumen last passed [s]."""
-    mark_shaft: Float[Any, "*worlds"]
-    """Shaft inside when lumen last passed [m]."""
+    slack: Float[Any, "*worlds"]
+    """Least shaft inside beyond the lumen passed since the shaft was last straightened [m]."""
     pull_shaft: Float[Any, "*worlds"]
     """Shaft inside when it last began to pull back [m]."""
     straight_arc: Float[Any, "*worlds"]
@@ -187,17 +191,20 @@ def rules(
     unbends = advancing & (turns - xp.floor(turns) > 0.5)
     most_bent = xp.where(unbends, xp.minimum(own.unbent, steering.bend_limit), steering.bend_limit)
     up, left = steer_ahead(xp, own, steering._replace(bend_limit=most_bent), sensed, memory, interval)
+    sideways_x, sideways_y, onwards = sensed.ahead
+    in_view = (sideways_x * sideways_x + sideways_y * sideways_y < onwards * onwards) & (onwards > 0)
     passed = advancing & (arc > memory.held_arc + _PASSES)
     further = arc > memory.best_arc + own.slip
     best = xp.where(further, arc, memory.best_arc)
     attempts = xp.where(further & advancing, 0.0, memory.attempts)
     held = xp.where(passed | (pulling & (arc > memory.held_arc)), arc, memory.held_arc)
-    moved, mark = xp.where(passed, time, memory.moved_time), xp.where(passed, shaft, memory.mark_shaft)
+    moved, slack = xp.where(passed, time, memory.moved_time), xp.minimum(memory.slack, shaft - arc)
     begun = memory.pull_shaft
     waited = time - memory.since
     # Whether what is being done ends.
     all_in = shaft > steering.length - own.spare_shaft
-    looping = (shaft > mark + own.lost_shaft * (1 + attempts)) | all_in
+    deeper = own.lost_shaft * (1 + xp.minimum(attempts, _DEEPER))
+    looping = (shaft - arc > slack + deeper) | all_in
     cycle = own.stroke + own.pause
     strokes_done = waited / cycle
     pushes = (strokes_done - xp.floor(strokes_done)) * cycle < own.stroke
@@ -207,11 +214,12 @@ def rules(
     routine = (arc > memory.straight_arc + own.new_colon) & hooked
     gives_up = advancing & (looping | stuck | routine)
     withdrawn = begun - shaft
-    slipped = (arc < memory.held_arc - own.slip) & (withdrawn > own.least_pull)
+    may_lose = own.slip + xp.where(memory.attempts == 0.0, own.lets_go * withdrawn, 0.0)
+    slipped = (arc < memory.held_arc - may_lose) & (withdrawn > own.least_pull)
     strong = (force < -_STRONG * own.pull_force) & (withdrawn > own.least_pull)
     far = (withdrawn > own.most_pull) | (shaft < _LEAST_SHAFT)
     over = pulling & (slipped | strong | far | (waited > _LONGEST_PULL))
-    rested = (memory.mode == _REST) & (waited > own.rest) & (memory.attempts < own.most_attempts)
+    rested = (memory.mode == _REST) & (waited > own.rest)
     jiggled = (memory.mode == _JIGGLE) & (waited > own.jiggle_time)
     # What is done next.
     attempts = xp.where(gives_up & (looping | stuck), attempts + 1, attempts)
@@ -227,10 +235,11 @@ def rules(
     straight = xp.where(over, best, memory.straight_arc)
     odd = attempts - 2 * xp.floor(attempts / 2)
     turn = own.twist * xp.where(odd == 1.0, -1.0, 1.0)
-    roll_goal = xp.where(gives_up & ~jiggles, turn, xp.where(rested & (attempts == 0), 0.0, memory.roll_goal))
+    roll_goal = xp.where(gives_up & ~jiggles, turn, memory.roll_goal)
+    slack = xp.where(begins, shaft - arc, slack)
     assist = attempts - len(ASSISTANT) * xp.floor(attempts / len(ASSISTANT))
     # How the hand moves: the longer no lumen passes, the firmer it pushes.
-    firmly = own.firmer * xp.maximum(time - moved - own.calm, 0.0)
+    firmly = xp.where((in_view | hooked) & ~unbends, own.firmer * xp.maximum(time - moved - own.calm, 0.0), 0.0)
     limit = xp.minimum(own.gentle_force + firmly, own.firm_force)
     ease = own.advance_rate * xp.clip(1 - force / own.held_force, -0.5, 0.0)
     rate = xp.where(pushes, own.advance_rate * xp.clip(3 * (1 - force / limit), -0.5, 1.0), ease)
@@ -248,15 +257,17 @@ def rules(
     turning = xp.clip(3 * (1 - xp.abs(sensed.torque) / own.torque_limit), 0.0, 1.0)
     roll_rate = turning * xp.clip((turned - sensed.roll) / interval, -own.roll_rate, own.roll_rate)
     decision = Decision(push_rate=rate, roll_rate=roll_rate, pulls=pulls_for(xp, steering, up, left))
-    kept = Memory(up, left, attempts, mode, since, best, held, moved, mark, begun, straight, roll_goal, assist)
+    kept = Memory(up, left, attempts, mode, since, best, held, moved, slack, begun, straight, roll_goal, assist)
     return decision, kept
 
 
 _PASSES = 0.01
 """Lumen that passes by is seen from this much on [m]; engineering choice: slower creep is no way to go on."""
-_STRONG = 0.8
+_STRONG = 0.95
 """Pulling back ends at this share of the largest pull [1]: slower than that it hardly goes on."""
+_DEEPER = 3.0
+"""Times that a loop that comes again is left deeper [1]; engineering choice."""
 _LEAST_SHAFT = 0.1
 """Pulling back ends with so much shaft inside [m]: further out is out."""
-_LONGEST_PULL = 20.0
+_LONGEST_PULL = 30.0
 """Pulling back takes no longer [s]; engineering choice."""

@@ -18,6 +18,7 @@ SHIPPED = (
     "insertion",
     "insertion-ppo",
     "insertion-gpu",
+    "insertion-depth",
     "insertion-sb3",
     "insertion-easy",
     "insertion-sac",
@@ -88,7 +89,8 @@ class Training:
     start: str | None = None
     """PPO on the device: policy to begin as, a shipped one's name or a folder."""
     critic_knows: bool = False
-    """PPO on the device: the critic also reads what no device knows (`task.privileged`); the policy does not."""
+    """PPO on the device: the critic also reads what no device knows (`task.privileged`), and all that the policy does
+    not see."""
     most_p_perforation: float | None = number("1", 1e-6, 1.0, default=None)
     """PPO on the device: limit of the mean share of people whose colon an episode would tear [1]."""
     most_pain: float | None = number("1", 1e-3, 1e3, default=None)
@@ -141,8 +143,8 @@ class Training:
 
     @property
     def shown(self) -> TaskConfig:
-        """The task with all that is read in training."""
-        return replace(self.task, privileged=True) if self.critic_knows else self.task
+        """The task with all that is read in training: by a critic that knows more, every part of an observation."""
+        return replace(self.task, observation="dict", privileged=True) if self.critic_knows else self.task
 
     def to_json(self) -> dict[str, Any]:
         """As plain JSON values."""

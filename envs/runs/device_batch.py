@@ -8,6 +8,7 @@ import numpy as np
 
 from haustra.envs.runs.device_run import HEADWAY, PATIENCE, Records, ended, time_is_up
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
+from haustra.envs.runs.measure.device_burden import DeviceMeter
 from haustra.envs.runs.outcome import Outcome
 from haustra.envs.sim.device_native import NativeDevice
 from haustra.errors import UnsupportedSceneError
@@ -54,6 +55,7 @@ def run_devices(
         friction=np.full(count, float(options.friction)),
         wall_stiffness=np.full(count, float(options.wall_stiffness)),
     )
+    meter = DeviceMeter(scene, colons[0])  # patches of wall are the device's, whatever colon it is in
     steps = max(1, round(CONTROL_INTERVAL / options.timestep))
     rows: list[list[dict[str, Any]]] = [[] for _ in range(count)]
     outcomes: list[Outcome | None] = [None] * count
@@ -64,7 +66,8 @@ def run_devices(
         healthy = backend.step(commands, steps)
         seen, own = backend.read(), backend.readings()
         told = {name: getattr(seen, name) for name in ("time", "tip", "tip_arc", "wall_force", "deepest")} | own
-        told["wall_force_sum"] = backend.body_forces().sum(axis=1)
+        forces = backend.body_forces()
+        told |= {"wall_force_sum": forces.sum(axis=1), "wall_pressure": meter.pressure(forces)}
         for world in [number for number, outcome in enumerate(outcomes) if outcome is None]:
             if not healthy[world]:
                 outcomes[world] = Outcome.DIVERGED

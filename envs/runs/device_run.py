@@ -20,11 +20,12 @@ from haustra.models.accuracy import NumericalError, kind_of
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.lumen_meshes import add_lumen
 from haustra.models.device_accuracy import stated_device_error
-from haustra.models.device_scene import build_device_scene, device_options, device_tables, pose_in
+from haustra.models.device_scene import DeviceScene, build_device_scene, device_options, device_tables, pose_in
 from haustra.models.devices.base import Device, Reading
 from haustra.models.injury.perforation import link_load, worst_load
 from haustra.models.scene import SceneOptions
 from haustra.models.wall.lumen_table import pick
+from haustra.models.wall.moving_colon import POSE
 from haustra.models.wall.pieces.wall import Wall
 
 PATIENCE = 10.0
@@ -34,11 +35,12 @@ HEADWAY = 0.005
 
 Records = Mapping[str, Any]
 """What was recorded at every control interval, by name: `time` [s], `tip_arc` [m], `wall_force` [N], `deepest` [m] and
-the device's own readings, each (records,); where they are known `tip` (records, 3), `qpos`, `ctrl`, `wall_force_sum` of
-all bodies [N], the largest `wall_pressure` [Pa], `power` that drives the device [W], `colon_moved`, the farthest that a
-place of the colon is from where it was at rest [m], `mesentery_extension`, the farthest that the mesentery is drawn out
-beyond its slack [m], `pain` (records, stations) [1], and `mocap_pos` and `mocap_quat` of the bodies on which pieces of
-a wall that moves stand."""
+own readings of the device, each (records,); where known `tip` (records, 3), `tip_frame` (records, 3, 3), `qpos`,
+`ctrl`, `wall_force_sum` of all bodies [N], the largest `wall_pressure` [Pa], `power` that drives the device [W],
+`colon_moved`, the farthest that a place of the colon is from where it was at rest [m], `mesentery_extension`, the
+farthest that the mesentery is drawn out beyond its slack [m], `pain` (records, stations) [1], `displacement` (records,
+nodes, 7) of the colon's axis, without nodes where it is fixed, and `mocap_pos` and `mocap_quat` of the bodies on which
+pieces of a wall that moves stand."""
 
 
 @dataclass(frozen=True)
@@ -56,11 +58,15 @@ class DeviceRun:
     """Site at its nose, its z axis forwards."""
     trail: tuple[str, float] | None
     """Site that its tether hangs on, and the tether's radius [m]; None without one."""
+    scene: DeviceScene
+    """What was run."""
     spec: mujoco.MjSpec
-    """The scene that was run, with the lumen as a picture, in the colon's coordinates."""
+    """Its spec, with the lumen as a picture, in the colon's coordinates."""
     wall_clock: float
     """Time that stepping and deciding took [s]."""
     backend: str
+    rest: Colon
+    """The colon at rest."""
     colon: Colon
     """The colon as it lies at the end."""
     wall_law: str
@@ -108,7 +114,9 @@ def run_device(
             break
         seen, shape = backend.read(), backend.spheres()[0]
         qpos, ctrl = backend.positions()
-        row = {name: getattr(seen, name)[0] for name in ("time", "tip", "tip_arc", "wall_force", "deepest")}
+        row = {
+            name: getattr(seen, name)[0] for name in ("time", "tip", "tip_frame", "tip_arc", "wall_force", "deepest")
+        }
         own = {name: value[0] for name, value in backend.readings().items()}
         borne = _borne(backend, meter)
         places, turns = backend.mocap()
@@ -121,8 +129,9 @@ def run_device(
             outcome = Outcome.STUCK
         if progress and len(rows) % 25 == 0:
             progress(float(seen.time[0]), float(seen.tip_arc[0]))
-    records = {name: np.array([row[name] for row in rows], float) for name in rows[0]} if rows else _nothing(device)
+    records = {name: np.array([row[name] for row in rows]) for name in rows[0]} if rows else _nothing(device)
     spec = scene.spec.copy()
+    rest = colon
     if (moved := backend.displacement) is not None:
         colon = CurrentColon(colon, pick(tables, np.zeros(1, int)), np.zeros(3), np.eye(3)).colon(moved[0])
     if backend.gas is not None:
@@ -139,9 +148,11 @@ def run_device(
         radius=scene.handles.samples[-1].radius,
         tip=scene.handles.tip,
         trail=scene.handles.trail,
+        scene=scene,
         spec=spec,
         wall_clock=time.perf_counter() - began,
         backend=backend.name,
+        rest=rest,
         colon=colon,
         wall_law=options.wall_law,
         mesentery=options.mesentery,
@@ -153,6 +164,7 @@ def run_device(
 def _borne(backend: NativeDevice, meter: DeviceMeter) -> dict[str, Any]:
     """What the colon bears now, and what is put into the device."""
     forces, displacement = backend.body_forces(), backend.displacement
+    poses = np.zeros((0, POSE), np.float32) if displacement is None else displacement[0].astype(np.float32)
     moved = 0.0 if displacement is None else np.linalg.norm(displacement[0, :, :3], axis=1).max()
     time = backend.read().time
     return {
@@ -160,6 +172,7 @@ def _borne(backend: NativeDevice, meter: DeviceMeter) -> dict[str, Any]:
         "wall_pressure": meter.pressure(forces)[0],
         "power": backend.power()[0],
         "colon_moved": moved,
+        "displacement": poses,
         "mesentery_extension": meter.extension(displacement, time)[0],
         "pain": meter.pain(forces, backend.body_arcs(), displacement, time)[0],
     }

@@ -112,6 +112,7 @@ class NativeDevice:
             self._surface, self._xmat = batch.expand("geom_surfacevel"), batch.bind("geom_xmat")
         self._nose = self._wall.radius[-1]
         self._bends: Float[np.ndarray, "worlds places"] | None = None
+        self._tread_power = np.zeros(worlds)
         self.gas: DeviceGas | None = None
         """What fills the colon, where it is filled."""
         self.healthy: Bool[np.ndarray, " worlds"] = np.ones(worlds, bool)
@@ -208,8 +209,8 @@ class NativeDevice:
         return self._wall.arcs @ (self.scene.members / self.scene.members.sum(axis=0))
 
     def power(self) -> Float[np.ndarray, " worlds"]:
-        """What the actuators that drive put in [W]; what holds back counts for nothing."""
-        return np.maximum(self._force * self._actuator_speed, 0.0).sum(axis=1)
+        """What the actuators that drive put in, and what turns treads [W]; what holds back counts for nothing."""
+        return np.maximum(self._force * self._actuator_speed, 0.0).sum(axis=1) + self._tread_power
 
     def readings(self) -> dict[str, Float[np.ndarray, " worlds"]]:
         """The device's own quantities, by name."""
@@ -247,6 +248,7 @@ class NativeDevice:
             frames = self._xmat[:, self._wall.spheres].reshape(*treads.speed.shape, 3)
             self._wall.run_treads(np.einsum("wsij,wsj->wsi", frames, treads.speed))
             self._wall.set_grip(treads.grip)
+            self._tread_power = np.asarray(treads.power, float)
 
     def _state(self) -> State:
         # Python's own arrays: a device must not write into what MuJoCo steps.

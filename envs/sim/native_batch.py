@@ -87,7 +87,8 @@ class NativeBackend(AbstractBackend):
     def read(self) -> Readings:
         """What can be read off at the end of the last step."""
         parts = [shard.read() for shard in self._shards]
-        return Readings(**{name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
+        read = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        return Readings(**read, displacement=self.displacement)
 
     @property
     def displacement(self) -> Float[np.ndarray, "worlds nodes 7"] | None:

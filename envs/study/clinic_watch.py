@@ -14,10 +14,10 @@ from haustra.envs.runs.measure.loops import LoopKind
 from haustra.envs.sim.chain import pose
 from haustra.envs.sim.scope_reading import read_chain, read_scope
 from haustra.envs.study.clinic_loops import Seen, all_loops
+from haustra.envs.study.clinic_pain import PainWatch
 from haustra.envs.study.patients import Patient, clinic_number, numbers
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.landmarks import SEGMENTS
-from haustra.models.injury.pain import axis_tensions, pressed_tension
 from haustra.models.injury.perforation import perforation_probability
 
 if TYPE_CHECKING:
@@ -29,7 +29,6 @@ _LOOPS_EVERY = 20
 """Looks between two at shapes: one in two seconds."""
 SECONDS = CONTROL_INTERVAL * EVERY
 """Time between two looks [s]."""
-_SITES = ("sigmoid", "left", "right")
 _CURVE_POINTS = 240
 
 
@@ -56,9 +55,8 @@ class ClinicWatch:
         scene, worlds = batch.backend.scene, len(patients)
         self._chain, scope = read_chain(scene).chain, read_scope(scene)
         self._pose = jax.jit(partial(pose, self._chain, scope.links))
-        self._tip, self._diameter = scope.tip_place[0, 0], 2 * float(scope.radius[0])
+        self._tip = scope.tip_place[0, 0]
         self._behind = np.concatenate([scene.cable.node_distances, [0.0]])[-len(self._chain.last_dof) - 1 :]
-        self._lengths = np.append(scope.links.offset[0, 1:, 2], self._tip[2])
         self._borders = {
             name: np.array([next(part.start for part in colon.segments if part.name == name) for colon in colons])
             for name in SEGMENTS
@@ -68,16 +66,22 @@ class ClinicWatch:
         self._beside: list[Float[np.ndarray, "worlds points"]] = []
         self._inserted: list[Float[np.ndarray, " worlds"]] = []
         self._loop_times: list[Float[np.ndarray, " worlds"]] = []
-        self._loads: list[Float[np.ndarray, " worlds"]] = []
-        self._hurting = np.zeros((worlds, len(_SITES)))
-        self._tension = np.zeros(worlds)
+        self._loads: list[Float[np.ndarray, "2 worlds"]] = []
         self._assist = np.zeros(worlds)
-        self._own = self._mesentery()
+        self._pain = PainWatch(
+            patients,
+            colons,
+            self._mesentery(),
+            self._borders,
+            diameter=2 * float(scope.radius[0]),
+            lengths=np.append(scope.links.offset[0, 1:, 2], self._tip[2]),
+        )
 
     def __call__(self) -> None:
         """Look, and let the assistants do what they are asked."""
         self._looks.append(self._batch.told()[: len(TOLD)].astype(float))
-        self._loads.append(self._batch.program.tally_of(self._batch.backend.driver_numbers()).load_peak)
+        tally = self._batch.program.tally_of(self._batch.backend.driver_numbers())
+        self._loads.append(np.array([tally.load_peak, tally.load_arc]))
         if len(self._looks) % _LOOPS_EVERY == 0:
             seen = self._batch.backend.read()
             self._look_at_shapes(seen)
@@ -126,47 +130,17 @@ class ClinicWatch:
         return np.diff([each[world] for each in self._loop_times], prepend=0.0) > 0
 
     def _mesentery(self) -> Any:
-        """Each patient's own, as it is without an assistant, and the lumen's radius at its nodes."""
+        """Each patient's own, as it is without an assistant."""
         hung = self._batch.backend.tables.mesentery
         assert hung is not None
-        own = type(hung)(*(np.asarray(part)[self._case] for part in hung))
-        arcs = own.spacing[:, None] * np.arange(own.nodes.shape[1])
-        radii = [
-            np.interp(arc, colon.centreline.arc, np.median(colon.radius, axis=1))
-            for arc, colon in zip(arcs, self._colons, strict=True)
-        ]
-        return own, np.array(radii), arcs
+        return type(hung)(*(np.asarray(part)[self._case] for part in hung))
 
     def _look_for_pain(self, seen: Any) -> None:
-        """Count for how long tension has hurt each patient at each site [s]."""
-        going = seen.time > (self._looks[-1 - _LOOPS_EVERY][0] if len(self._looks) > _LOOPS_EVERY else 0.0)
-        going &= (
-            self._batch.program.tally_of(self._batch.backend.driver_numbers()).tip_arc_max < self._borders["caecum"]
-        )
-        own, radius, arcs = self._own
-        wall_limit, mesentery_limit = (
-            np.array([patient.values[name] for patient in self._patients])[:, None]
-            for name in ("painful_wall", "painful_mesentery")
-        )
-        along, held = axis_tensions(np, own, seen.displacement, radius, seen.time)
-        self._tension = np.where(going, np.maximum(self._tension, held.max(axis=1)), self._tension)
-        forces = np.where(seen.link_arcs > 0, seen.link_forces, 0.0)
-        pressed = pressed_tension(forces, self._diameter, self._lengths)
-        each = ((arcs, along / wall_limit), (arcs, held / mesentery_limit), (seen.link_arcs, pressed / wall_limit))
-        near = clinic_number("flexure_site")
-        for column, site in enumerate(_SITES):
-            low, high = self._site(site, near)
-            hurt = np.zeros(len(low), bool)
-            for places, hurts in each:
-                inside = (places >= low[:, None]) & (places < high[:, None])
-                hurt |= (inside & (hurts > 1)).any(axis=1)
-            self._hurting[:, column] += SECONDS * _LOOPS_EVERY * (hurt & going)
-
-    def _site(self, site: str, near: float) -> tuple[np.ndarray, np.ndarray]:
-        if site == "sigmoid":
-            return self._borders["sigmoid"], self._borders["descending"]
-        flexure = self._borders["transverse" if site == "left" else "ascending"]
-        return flexure - near, flexure + near
+        """See what hurts those whose examination goes on, and has not come past the valve."""
+        before = self._looks[-1 - _LOOPS_EVERY][0] if len(self._looks) > _LOOPS_EVERY else 0.0
+        tally = self._batch.program.tally_of(self._batch.backend.driver_numbers())
+        going = (seen.time > before) & (tally.tip_arc_max < self._borders["caecum"])
+        self._pain(seen, going, SECONDS * _LOOPS_EVERY)
 
     def scores(self, world: int) -> dict[str, Any]:
         """What a patient's examination showed, up to where the tip came past the valve."""
@@ -176,7 +150,7 @@ class ClinicWatch:
         reached = bool(len(there))
         last = int(there[0]) + 1 if reached else len(time)
         time, shaft, arc, force, torque = (part[:last] for part in (time, shaft, arc, force, torque))
-        load = self._loads_seen[self._going_on(world), world][last - 1]
+        loads, places = self._loads_seen[self._going_on(world), :, world][:last].T
         loops, at_flexure = self._loops_until(world, float(time[-1]), time[arc >= flexure])
         each = SECONDS * _LOOPS_EVERY
         stood = {kind: each * sum(kind in seen for seen in loops) for kind in LoopKind}
@@ -189,14 +163,12 @@ class ClinicWatch:
             f"axial_{name}_N": float(np.abs(force[segment == index]).mean()) if (segment == index).any() else None
             for index, name in enumerate(SEGMENTS)
         }
-        hurts = self._hurting[world] >= clinic_number("pain_lasts")
         return {
             "sex": self._patients[world].sex,
             "reach": float(min(arc.max() / length, 1.0)),
             "caecum": float(reached),
             "time_s": float(time[-1]),
             "flexure_s": float(time[arc >= flexure][0]) if (arc >= flexure).any() else None,
-            "mesentery_peak_N_m": float(self._tension[world]),
             "inserted_m": float(shaft[-1]) if reached else None,
             "half_metre": float(half),
             "any_loop": float(each * sum(bool(seen) for seen in loops) >= lasts),
@@ -215,8 +187,10 @@ class ClinicWatch:
             "strong_share": float((np.abs(force) > strong).mean()),
             **axial,
             "straightenings": float(pull_backs(shaft, clinic_number("pull_back"))),
-            **{f"pain_{site}": float(hurt) for site, hurt in zip(_SITES, hurts, strict=True)},
-            "p_perforation": float(perforation_probability(load)),
+            **self._pain.scores(world),
+            "p_perforation": float(perforation_probability(loads[-1])),
+            "load_s": float(time[np.argmax(loads >= loads[-1])]),
+            "load_from_tip_m": float(arc[np.argmax(loads >= loads[-1])] - places[-1]),
         }
 
     def _loops_until(
@@ -243,7 +217,7 @@ class ClinicWatch:
         return np.array(self._looks)
 
     @cached_property
-    def _loads_seen(self) -> Float[np.ndarray, "looks worlds"]:
+    def _loads_seen(self) -> Float[np.ndarray, "looks 2 worlds"]:
         return np.array(self._loads)
 
     def curves(self, world: int) -> dict[str, list[float]]:

@@ -8,6 +8,7 @@ from haustra.envs.control.laws import driver_settings
 from haustra.envs.learning.find import find_policy, policy_settings
 from haustra.envs.learning.hands import PolicySettings, require_shown
 from haustra.envs.learning.policy import MlpPolicy
+from haustra.envs.study.clinic_pain import HURTS, SITES
 from haustra.envs.study.patients import Patient, patient_variables
 from haustra.envs.study.questions import Question
 from haustra.envs.study.study import Column, Sampler, Study, Value
@@ -18,8 +19,6 @@ from haustra.models.devices.scope.files import find_design
 
 OWN_DEVICE = "own"
 """Name of the device that a policy was trained with, and that other drivers take: the adult scope."""
-SITES = ("sigmoid", "left", "right")
-"""Where patients feel pain: the sigmoid, the left and the right flexure."""
 LOOPS = ("N", "alpha", "reversed_alpha", "deep_transverse", "gamma")
 """Loops, as `haustra.envs.runs.measure.loops.LoopKind` names them."""
 
@@ -47,7 +46,12 @@ SCORES = (
     *(Column(f"axial_{name}_N", "N", f"mean size of the hand's force with the tip in the {name}") for name in SEGMENTS),
     Column("straightenings", "1", "times that 3 cm of shaft and more were drawn out"),
     *(Column(f"pain_{site}", "1", f"1 where it hurt at the {site} site") for site in SITES),
+    *(Column(f"pain_{site}_s", "s", f"how long it hurt at the {site} site") for site in SITES),
+    *(Column(f"pain_{cause}_s", "s", f"how long what hurt was: {cause.replace('_', ' ')}") for cause in HURTS),
+    Column("pain_dose_s", "s", "time integral of the worst site's tension over what hurts, less 1 where it is more"),
     Column("p_perforation", "1", "share of people whose colon would have been torn"),
+    Column("load_s", "s", "when the wall bore most of its strength"),
+    Column("load_from_tip_m", "m", "how much colon behind the tip that was"),
 )
 
 

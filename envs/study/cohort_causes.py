@@ -10,6 +10,8 @@ from haustra.envs.study.store import SweepStore
 
 FEWEST = 12
 """Fewer patients than this tell nothing about what moves them."""
+_NO_CAUSES = ("seed", "age")
+"""Variables that are no cause: a seed is no quantity, and age changes nothing."""
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,8 @@ class Cause:
     """Mean of patients in the lowest third of the number, or who have the trait."""
     high: float
     """Mean of patients in the highest third, or who have it not."""
+    patients: int
+    """How many patients tell it."""
     allowed: bool
     """Whether either third alone would be inside the band: whether a source allows a number that would do."""
 
@@ -45,6 +49,8 @@ def causes(store: SweepStore, about: Published, *, driver: str, device: str, mos
     values = np.array([value for _, value in pairs])
     found = []
     for variable in patient_variables():
+        if variable.name in _NO_CAUSES:
+            continue
         drawn = np.array([float(variables.get(variable.name, variable.nominal)) for variables, _ in pairs])
         low, high = np.quantile(drawn, [1 / 3, 2 / 3])
         if variable.name in traits():
@@ -55,7 +61,7 @@ def causes(store: SweepStore, about: Published, *, driver: str, device: str, mos
         means = float(below.mean()), float(above.mean())
         band = about.band or (-np.inf, np.inf)
         allowed = any(band[0] <= mean <= band[1] for mean in means)
-        found.append(Cause(variable.name, _rank_correlation(drawn, values), *means, allowed))
+        found.append(Cause(variable.name, _rank_correlation(drawn, values), *means, len(values), allowed))
     return sorted(found, key=lambda cause: -abs(cause.correlation))[:most]
 
 

@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.study.compare_passage import SITES
+from haustra.envs.study.compare_widths import advance_by_width
+
 CONFIDENCE = 0.95
 """Share of such intervals that hold the true mean difference [1]."""
 PAIRED = (
@@ -23,6 +26,7 @@ PAIRED = (
     "extension_per_metre_mm_m",
     "p_perforation",
     "pain",
+    "mucosa_seen",
     "work_J",
 )
 """Scores whose differences are told."""
@@ -32,7 +36,8 @@ def summarise(rows: Sequence[Mapping[str, Any]], devices: Sequence[str]) -> dict
     """Means of each device over the patients, and paired differences of all pairs with their intervals.
 
     Args:
-        rows: finished runs: `device`, `patient` and the scores of `haustra.envs.study.compare.SCORES`.
+        rows: finished runs: `device`, `patient` and the scores of `haustra.envs.study.compare.SCORES`,
+            and where they are known `curves`.
         devices: names, in the order that they are told in.
 
     Returns:
@@ -82,10 +87,13 @@ def _device(name: str, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "p_perforation_mean": mean("p_perforation"),
         "pain_mean": mean("pain"),
         "pain_sites": dict(Counter(row["pain_site"] for row in rows)),
+        "pain_by_site": {site: mean(f"pain_{site}") for site in SITES},
+        "mucosa_seen_mean": mean("mucosa_seen"),
         "work_mean_J": mean("work_J"),
         "begins_mean_m": mean("begins_m"),
         "on_mesentery": bool(rows) and all(row["mesentery"] for row in rows),
         "stopped_by": dict(Counter(row["outcome"] for row in rows)),
+        "advance_by_width": advance_by_width(row.get("curves", {}) for row in rows),
     }
 
 

@@ -22,7 +22,7 @@ from haustra.errors import HaustraError, UnreadableFileError
 from haustra.provenance import content_hash
 from haustra.reading import read_document
 
-SHIPPED = ("propulsion", "scope", "scope-mesentery", "tracked-reach", "policy-stiffness")
+SHIPPED = ("propulsion", "scope", "scope-mesentery", "tracked-reach", "policy-stiffness", "cohort-causes")
 """Studies that ship, under their names."""
 _MOST_TRIED = 100
 """Values of a condition that are tried before a study begins."""
@@ -150,10 +150,18 @@ def _conditions(reader: TableReader, question: str, folder: Path, inputs: dict) 
         text = known[name].unit == "text"
         if any(isinstance(value, bool) or isinstance(value, str) != text for value in values):
             raise reader.wrong(where, f"expected {'text' if text else 'numbers'}")
+        known_as = _case if name == "colon" else _named
         found[name] = tuple(
-            _case(value, folder, inputs) if isinstance(value, str) else float(value) for value in values
+            known_as(value, folder, inputs) if isinstance(value, str) else float(value) for value in values
         )
     return found
+
+
+def _named(value: str, folder: Path, inputs: dict) -> str:
+    """A name, or a file, made absolute and noted by its hash."""
+    place, hashes = _design(value, folder)
+    inputs.update(hashes)
+    return place
 
 
 def _case(value: str, folder: Path, inputs: dict) -> str:

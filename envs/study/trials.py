@@ -3,11 +3,13 @@
 A trial is a file in assets/trials: what was published, two arms, an endpoint, and whether the arms were found different
 or equal. Each arm is a study of a cohort (`haustra.envs.study.cohort`) in a store of its own, which trials share that
 ask for the same arm, so that everything can be stopped and goes on. The effect is the mean difference, first arm less
-second, over patients whom both arms examined; its 95 % interval is a bootstrap over patients.
+second, over patients whom both arms examined and for whom both tell the endpoint (who never comes to the splenic
+flexure has no loop there, nor none); its 95 % interval is a bootstrap over patients.
 
-A difference is reproduced when the whole interval lies on the trial's side of zero; equality when the effect lies
-within the trial's own 95 % interval and the caecum is reached in at least half of the insertions: two scopes that
-hardly ever get there are equal for no good reason.
+A difference is reproduced when the effect lies on the trial's side of zero, and resolved when its whole interval does.
+An equality is reproduced when the effect lies within the trial's own 95 % interval, and resolved when its whole
+interval does; the caecum must be reached in at least half of the insertions for either: two scopes that hardly ever
+get there are equal for no good reason.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -100,7 +102,7 @@ class Answer:
     name: str
     trial: Trial
     patients: int
-    """Patients whom both arms examined."""
+    """Patients for whom both arms tell the endpoint."""
     first: float | None
     """Mean of the first arm; None where there are too few patients."""
     second: float | None
@@ -113,20 +115,20 @@ class Answer:
 
     @property
     def reproduced(self) -> bool:
-        """Whether the trial's answer is reproduced."""
-        if self.effect is None or self.low is None or self.high is None:
-            return False
-        if self.trial.expected == "equal":
-            low, high = self.trial.interval or (0.0, 0.0)
-            return low <= self.effect <= high and self.reached is not None and sum(self.reached) >= 2 * LEAST_REACHED
-        return self.high < 0 if self.trial.direction == "less" else self.low > 0
+        """Whether the trial's answer is reproduced: the sign of a difference, or an equality."""
+        return self.effect is not None and self._as_published(self.effect, self.effect)
 
     @property
-    def sign_right(self) -> bool | None:
-        """Whether the effect itself lies on the trial's side of zero; None of a trial that found no difference."""
-        if self.trial.expected == "equal":
-            return None
-        return self.effect is not None and (self.effect < 0 if self.trial.direction == "less" else self.effect > 0)
+    def resolved(self) -> bool:
+        """Whether the whole 95 % interval says so too."""
+        return self.low is not None and self.high is not None and self._as_published(self.low, self.high)
+
+    def _as_published(self, low: float, high: float) -> bool:
+        """Whether all effects between those are as the trial found."""
+        if self.trial.expected == "different":
+            return high < 0 if self.trial.direction == "less" else low > 0
+        least, most = self.trial.interval or (0.0, 0.0)
+        return least <= low and high <= most and self.reached is not None and sum(self.reached) >= 2 * LEAST_REACHED
 
 
 def trial_names() -> tuple[str, ...]:
@@ -249,27 +251,32 @@ def _finished(folder: Path, study: Study) -> dict[int, Mapping[str, Any]]:
 
 def answered(name: str, trial: Trial, arms: Sequence[Mapping[int, Mapping[str, Any]]], *, seconds: float) -> Answer:
     """A trial's effect, from the scores of both arms by patient, and the longest insertion [s]."""
-    both = sorted(set(arms[0]) & set(arms[1]))
-    values = [np.array([_of_patient(trial.endpoint, arm[patient], seconds) for patient in both]) for arm in arms]
+    told = [{patient: _of_patient(trial.endpoint, scores, seconds) for patient, scores in arm.items()} for arm in arms]
+    both = [one for one in sorted(set(told[0]) & set(told[1])) if told[0][one] is not None and told[1][one] is not None]
     if len(both) < LEAST_PATIENTS:
         return Answer(name, trial, len(both), None, None, None, None, None, None)
-    reached = [float(np.mean([arm[patient][_CAECUM] for patient in both])) for arm in arms]
+    values = [np.array([each[patient] for patient in both], float) for each in told]
+    examined = set(arms[0]) & set(arms[1])
+    reached = [float(np.mean([arm[patient][_CAECUM] for patient in examined])) for arm in arms]
     low, high = _interval(values[0] - values[1])
     first, second = (float(each.mean()) for each in values)
     return Answer(name, trial, len(both), first, second, first - second, low, high, (reached[0], reached[1]))
 
 
-def _of_patient(endpoint: Endpoint, scores: Mapping[str, Any], seconds: float) -> float:
-    """A patient's number; a score that could not be told counts as 0."""
+def _of_patient(endpoint: Endpoint, scores: Mapping[str, Any], seconds: float) -> float | None:
+    """A patient's number; None where it cannot be told."""
+    own = [scores[name] for name in endpoint.scores]
+    if None in own:
+        return None
     if endpoint.statistic == "mean":
-        return float(np.mean([scores[name] or 0.0 for name in endpoint.scores]))
+        return float(np.mean(own))
     if endpoint.statistic == "share of any":
-        return float(any(scores[name] for name in endpoint.scores))
+        return float(any(own))
     time = min(float(scores[_TIME]), seconds) if scores[_CAECUM] else seconds
     if endpoint.statistic == "restricted time":
         return time
     flexure = scores[_FLEXURE_TIME]
-    return seconds if flexure is None else time - min(float(flexure), seconds)
+    return None if flexure is None or flexure > seconds else time - float(flexure)
 
 
 def _interval(differences: Float[np.ndarray, " patients"]) -> tuple[float, float]:

@@ -27,8 +27,8 @@ from haustra.models.wall.lumen_table import ANGLES, STATION_STEP, Tables, stack
 from haustra.provenance import content_hash, package_versions
 
 TASK_OPTIONS = replace(PRESETS["fast"].apply(law=TABLE), softening=False, timestep=SceneOptions().timestep)
-"""Cells of the preset `fast`, at the usual time step. Coarser shafts kink behind folds and let go in jolts, so that
-drivers got stuck that do not with finer ones (docs/validation/cells.md)."""
+"""Cells of the preset `fast`, at the usual time step. With coarser ones folds hold the scope and let it go in jolts, so
+that drivers got stuck that do not with finer ones (docs/validation/cells.md)."""
 _FORMAT = 4
 """Version of the files' format; a bank of another format is built anew."""
 

@@ -5,13 +5,13 @@ turns the colon at the tip is undone, so that mucosa in pleats counts as if thes
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from haustra.envs.tasks.bank import ColonSet
+from haustra.envs.tasks.case import TabulatedColon
 from haustra.envs.tasks.observation import Placed
 from haustra.envs.tasks.sight import Sight, Stations, room
 from haustra.models.anatomy.surface_landmarks import inspection_number
@@ -130,10 +130,10 @@ def half_angle_cosine(field_of_view_deg: float) -> float:
 class Coverage:
     """Cells seen, world by world."""
 
-    def __init__(self, bank: ColonSet, sight: Sight, worlds: int, *, field_of_view_deg: float) -> None:
+    def __init__(self, cases: Sequence[TabulatedColon], sight: Sight, worlds: int, *, field_of_view_deg: float) -> None:
         """Nothing seen yet; a cell counts within `field_of_view_deg` of full viewing angle."""
         self._sight, self._cosine = sight, half_angle_cosine(field_of_view_deg)
-        self._rows = [math.ceil(case.length / CELL) for case in bank.cases]
+        self._rows = [math.ceil(case.length / CELL) for case in cases]
         self._seen = [np.zeros((0, AROUND), bool) for _ in range(worlds)]
 
     def begin(self, world: int, case: int) -> None:

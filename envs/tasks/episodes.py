@@ -49,7 +49,7 @@ class InPlace(NamedTuple):
     action: Any
     """(worlds, 4), to be written to."""
     observation: dict[str, Any]
-    """Parts that the program makes, each (worlds, entries)."""
+    """Parts that programs make, each (worlds, entries); pictures are bytes (worlds, size, size, 4)."""
     reward: Any
     """(worlds, 1)."""
     terminated: Any

@@ -46,5 +46,5 @@ def load_episodes(
         return LinearEpisodes(rules, bank, sight, backend, **about)
     own = load_backend(backend, bank.scene, bank.tables, worlds=worlds, threads=threads)
     view = bank.design.tip.field_of_view_deg
-    coverage = Coverage(bank, sight, worlds, field_of_view_deg=view) if rules.covers else None
+    coverage = Coverage(bank.cases, sight, worlds, field_of_view_deg=view) if rules.covers else None
     return HostEpisodes(rules, own, bank, steps=steps, coverage=coverage, starts=starts)

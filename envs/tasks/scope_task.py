@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float, Int
 from haustra.envs.sim.capabilities import require_task_supported
 from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.jax_setup import share_memory
+from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.load import backend_of
 from haustra.envs.sim.state import Readings
 from haustra.envs.tasks import observation as seen_by
@@ -24,6 +25,7 @@ from haustra.envs.tasks.inserted import inserted_starts
 from haustra.envs.tasks.load_episodes import load_episodes
 from haustra.envs.tasks.pictures import Pictures
 from haustra.envs.tasks.sight import Eyes, HostEyes, Sight
+from haustra.envs.tasks.tip_pictures import TipPictures
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.fields import Number
 from haustra.models.devices.scope.design import ScopeDesign
@@ -77,7 +79,8 @@ class ScopeTask:
             backend: 'native', MuJoCo on threads; 'linear', linear time on them, or 'linear-gpu'; 'warp', MuJoCo Warp.
             bank: colons; those of the configuration's seeds when None.
             progress: told how many colons are there.
-            on_host: work observations, rewards and endings out by numpy also where the backend's own program can.
+            on_host: work observations, rewards and endings out by numpy also where the backend's own program can, and
+                draw pictures world by world, by exact rays.
 
         Raises:
             InvalidOptionError: when worlds, threads or a rule of the episode do not fit the colons and the time step.
@@ -113,6 +116,9 @@ class ScopeTask:
             size = config.picture_size
             lens = {"field_of_view_deg": self.pictures.view, "size": size}
             self._depths = depth_cameras(self.backend, self.bank, self.sight, self._eyes, **lens)
+        self._tips: TipPictures | None = None
+        if "pixels" in self.parts and isinstance(self.backend, LinearBackend) and not on_host:
+            self._tips = TipPictures(self.bank, self.backend, config.picture_size, threads=threads)
         self._random = [np.random.default_rng() for _ in range(worlds)]
         self.case, self.friction = np.zeros(worlds, int), np.zeros(worlds)
 
@@ -175,7 +181,10 @@ class ScopeTask:
         Raises:
             UnsupportedSceneError: when the backend has no such program, or coverage counts.
         """
-        return self._episodes.in_place
+        place = self._episodes.in_place
+        if self._tips is None:
+            return place
+        return place._replace(observation=place.observation | {"pixels": self._tips.in_place})
 
     def advance(self, begins: Bool[np.ndarray, " worlds"] | None = None) -> Bool[np.ndarray, " worlds"]:
         """`step` under the actions that are `in_place`, leaving there what it leads to; which episodes are over then.
@@ -186,7 +195,14 @@ class ScopeTask:
         Raises:
             UnsupportedSceneError: as `in_place`.
         """
-        return self._episodes.advance(self._beginning(begins))
+        over = self._episodes.advance(self._beginning(begins))
+        self.draw()
+        return over
+
+    def draw(self) -> None:
+        """Draw the pictures that are `in_place`, as the worlds are now; `advance` does so. Nothing, where none are."""
+        if self._tips is not None:
+            self._tips.draw()
 
     def info(self) -> dict[str, np.ndarray]:
         """What `Step.info` says of where all worlds are now, before any action."""
@@ -315,6 +331,8 @@ class ScopeTask:
         return self._depths(self.case, self.seen.tip, self.seen.tip_frame, self.seen.tip_arc)[..., None]
 
     def _pixels(self) -> np.ndarray:
+        if self._tips is not None:
+            return self._tips.both()
         size = self.config.picture_size
         return np.stack(
             [self.pictures.both(*self._before(world), size, self._displaced(world)) for world in range(self.worlds)]

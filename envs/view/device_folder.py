@@ -1,6 +1,6 @@
 """A run of any device on disk: scores, trajectory, scene, picture and report."""
 
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -9,27 +9,25 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from haustra.envs.runs.device_run import DeviceRun, device_scores
+from haustra.envs.view.device_body import device_body
 from haustra.envs.view.picture.camera import looking
 from haustra.envs.view.picture.endoscope import Endoscope
 from haustra.envs.view.picture.image import write_png
 from haustra.envs.view.picture.lens import named_lens
 from haustra.envs.view.picture.outside import OutsideView, default_rotation
 from haustra.envs.view.picture.renderer import CameraPose
-from haustra.envs.view.picture.shapes import drawn_shapes
-from haustra.envs.view.picture.tube import Tube, tube
+from haustra.envs.view.picture.tube import Tube
 from haustra.envs.view.report.run_report import report_run
+from haustra.envs.view.run_film import FILM, write_device_film
 from haustra.envs.view.run_folder import write_trajectory
 from haustra.files import replaced_together, write_atomically, write_json
 from haustra.models.accuracy import NumericalError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.store import colon_hash
-from haustra.models.scene import entry_of
-from haustra.provenance import Provenance
+from haustra.provenance import Provenance, backend_record
 
 _CLOSE = 0.08
 """Part of a device that is shown close by, from its tip [m]."""
-_SHOWN_OUTSIDE, _BESIDE = 0.03, 0.03
-"""What lies further before the anus, and so near to the way in, is not shown [m]."""
 _FROM, _UP = np.array([-0.45, 0.80, 0.40]), np.array([-1.0, 0.0, 0.0])
 """Where one looks from at a device close by, and what is up then, in its tip's frame: over its left shoulder."""
 
@@ -38,11 +36,17 @@ _TIP_SIZE = 480
 
 
 def write_device_run(
-    folder: Path, *, colon: Colon, run: DeviceRun, error: NumericalError | None = None
+    folder: Path,
+    *,
+    colon: Colon,
+    run: DeviceRun,
+    error: NumericalError | None = None,
+    film: Callable[[int, int], None] | None = None,
 ) -> dict[str, Any]:
     """Write scores.json, trajectory.npz, scene.xml, pictures and report.html; returns the scores.
 
-    Pictures are outside.png, device.png and tip.png. The scene's keyframe `end` is where the run ended.
+    Pictures are outside.png, device.png and tip.png; film.webp where `film` is given, which is told pictures done and
+    their number. The scene's keyframe `end` is where the run ended.
 
     The numerical error is that of the run itself where it was measured, otherwise that of other runs of its kind. A run
     that was there is replaced as a whole.
@@ -51,7 +55,9 @@ def write_device_run(
         OutputError: when the folder cannot be written to.
     """
     provenance = Provenance(
-        inputs={"colon": colon_hash(colon), "colon_name": colon.name}, configuration=run.configuration
+        inputs={"colon": colon_hash(colon), "colon_name": colon.name},
+        configuration=run.configuration,
+        backend=backend_record(run.backend),
     )
     scores: dict[str, Any] = {**device_scores(run, colon, error=error), "provenance": provenance.to_json()}
     spec = _ended(run)
@@ -61,6 +67,8 @@ def write_device_run(
         write_atomically(place / "scene.xml", lambda path: path.write_text(text, encoding="utf-8"))
         for name, picture in pictures.items():
             write_png(place / f"{name}.png", picture)
+        if film is not None and len(run.records["time"]):
+            write_device_film(place / FILM, run, progress=film)
         write_json(place / "scores.json", scores)
         report_run(place)
     return scores
@@ -73,32 +81,8 @@ def end_pictures(run: DeviceRun) -> dict[str, UInt8[np.ndarray, "height width 3"
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_kinematics(model, data)
-    body = _inside(drawn_shapes(model, data), run.colon)
-    if run.trail:
-        body = _joined(body, _tether(run, data.site(run.trail[0]).xpos, run.trail[1]))
+    body = device_body(run, model, data, run.colon.centreline.points)
     return _pictures(run, body, data.site(run.tip))
-
-
-def _inside(body: Tube, colon: Colon) -> Tube:
-    """A body without what of it lies straight before the anus, in wait."""
-    anus, frame = entry_of(colon)
-    local = (body.vertices - anus) @ frame
-    waits = (local[:, 2] < -_SHOWN_OUTSIDE) & (np.hypot(local[:, 0], local[:, 1]) < _BESIDE)
-    return replace(body, faces=body.faces[~waits[body.faces].all(axis=1)])
-
-
-def _tether(run: DeviceRun, end: Float[np.ndarray, "3"], radius: float) -> Tube:
-    """A tether along the lumen's axis from the anus to where it hangs on the device."""
-    line = run.colon.centreline
-    near = int(np.linalg.norm(line.points - end, axis=1).argmin())
-    return tube(np.vstack([line.points[: max(near - 3, 2)], end]), radius, bending_length=0.0)
-
-
-def _joined(first: Tube, second: Tube) -> Tube:
-    faces = np.concatenate([first.faces, second.faces + len(first.vertices)])
-    names = "vertices", "normals", "colours"
-    parts = (np.concatenate([getattr(first, name), getattr(second, name)]) for name in names)
-    return Tube(faces=faces, **dict(zip(names, parts, strict=True)))
 
 
 def _ended(run: DeviceRun) -> mujoco.MjSpec:

@@ -113,6 +113,8 @@ class Treads(NamedTuple):
     """(worlds, spheres, 3) of the surface against its body, in the body's axes [m/s]."""
     grip: Any
     """(worlds, spheres) share of the friction that is left [1]."""
+    power: Any
+    """(worlds,) what drives the treads [W]: no actuator that has a force does."""
 
 
 class DeviceReadings(NamedTuple):
@@ -140,6 +142,10 @@ lumen is wide does not count as a bend; engineering choice."""
 
 LOOK_AHEAD = 0.03
 """How far along the lumen's axis `DeviceReadings.ahead` looks [m]; engineering choice: a bend's radius."""
+
+
+VIEW_DEG = 140.0
+"""Full viewing angle of a camera of which a design says nothing [degrees]; as the shipped scopes' (docs/numbers.md)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,6 +188,11 @@ class Device(ABC):
     @abstractmethod
     def controls(self) -> tuple[Channel, ...]:
         """What moves it."""
+
+    @property
+    def view_deg(self) -> float:
+        """Full viewing angle of the camera at its tip [degrees]."""
+        return VIEW_DEG
 
     @property
     def readings(self) -> tuple[Reading, ...]:

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.models.anatomy.colon import Colon, Surface
-from haustra.models.wall.vectors import Vector, cross, dot, minus
+from haustra.models.wall.vectors import Vector, cross, dot, minus, where
 
 APART = 0.001
 """Distance between the places of the device's axis that are looked at [m]."""
@@ -21,6 +21,8 @@ GAP = 5e-4
 are 4.5 mm long."""
 SLOPE = 0.5
 """How steeply the indented wall rises beside the device [1]; engineering choice, so that no triangle turns over."""
+TOP = float(np.sqrt(1 + SLOPE**2))
+"""A tent over a ball stands so many of its radii over the ball's middle [1]."""
 FALL = SLOPE / 2
 """A tent falls at least so steeply along the colon, on the inside of bends too [1]; engineering choice."""
 NEAR = 0.01
@@ -91,7 +93,7 @@ def tops(
         beside: of the centreline beside them [m].
         radius: of the device [m].
     """
-    return np.linalg.norm(places - beside, axis=1) + np.sqrt(1 + SLOPE**2) * radius
+    return np.linalg.norm(places - beside, axis=1) + TOP * radius
 
 
 def reached(xp: Any, away: Vector, ray: Vector, radius: Any) -> Any:
@@ -107,10 +109,8 @@ def reached(xp: Any, away: Vector, ray: Vector, radius: Any) -> Any:
     """
     along = dot(away, ray)
     aside = xp.sqrt(xp.maximum(dot(away, away) - along * along, 0.0))
-    rise = np.sqrt(1 + SLOPE**2)
-    if aside * rise < SLOPE * radius:
-        return along + xp.sqrt(radius * radius - aside * aside)
-    return along + rise * radius - SLOPE * aside
+    ball = xp.sqrt(xp.maximum(radius * radius - aside * aside, 0.0))
+    return along + where(xp, aside * TOP < SLOPE * radius, ball, TOP * radius - SLOPE * aside)
 
 
 def crossed(ray: Vector, a: Vector, b: Vector, c: Vector) -> Any:

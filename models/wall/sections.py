@@ -374,11 +374,23 @@ def taken_back(
     back = between(carried_back(before, offset), carried_back(after, offset), share)
     left = minus(offset, between(carried(before, back), carried(after, back), share))
     back = add(back, between(carried_back(before, left), carried_back(after, left), share))
-    inner = xp.maximum(1 - dot(closings[1], offset), _LEAST_JACOBIAN)
-    shortened = xp.maximum(1 - dot(closings[0], back), _LEAST_JACOBIAN) / (xp.maximum(stretch, SHORTEST) * inner) - 1
     way = between(along[0], along[1], share)
     way = times(1 / norm(xp, way), way)
-    return add(back, times(shortened * dot(back, way), way))
+    return add(back, times(lengthening(xp, offset, back, stretch, closings) * dot(back, way), way))
+
+
+def lengthening(xp: Any, offset: Vector, back: Vector, stretch: Any, closings: tuple[Vector, Vector]) -> Any:
+    """By how much of itself what is along the axis beside a point was longer at rest than it is now [1].
+
+    Args:
+        xp: numpy or jax.numpy.
+        offset: of the point from the axis now [m].
+        back: the same at rest [m].
+        stretch: length of the edge there over that at rest [1].
+        closings: of the cell at rest and now [1/m].
+    """
+    inner = xp.maximum(1 - dot(closings[1], offset), _LEAST_JACOBIAN)
+    return xp.maximum(1 - dot(closings[0], back), _LEAST_JACOBIAN) / (xp.maximum(stretch, SHORTEST) * inner) - 1
 
 
 def touched(
@@ -444,6 +456,7 @@ PARTS = (
     carried_back,
     carried_rate,
     section_gradient,
+    lengthening,
     taken_back,
     touched,
     carried_normal,

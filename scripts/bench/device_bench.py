@@ -15,12 +15,14 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.sim.physics.wires import yielded_pulls
+from haustra.envs.view.picture.lens import lens_of
 from haustra.models.devices.base import Device
 from haustra.models.devices.scope.cable import add_scope
 from haustra.models.devices.scope.cells import Cell, cut_into_cells
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.devices.scope.library import at_body_temperature
 from haustra.models.devices.scope.wires import passed_part
+from haustra.scripts.bench.curved_tube import BEND_RADIUS
 from haustra.scripts.bench.devices import row
 from haustra.scripts.bench.reference.chain import Load
 from haustra.scripts.bench.reference.rod import static_shape
@@ -33,8 +35,6 @@ TARGET = 0.05
 PUPIL = 0.002
 """Depth of the entrance pupil behind the distal window [m]; engineering choice: lenses of endoscopes are some
 millimetres long, and their makers do not say."""
-LOOP_RADIUS = 0.1
-"""Radius of the loop that torque goes through [m]; engineering choice: an alpha loop's."""
 TIP_TORQUE = 0.1
 """Torque that holds the tip back while the shaft is turned [N m]; engineering choice."""
 _CELL = 0.05, 0.017
@@ -48,6 +48,10 @@ _ROUNDS = 4
 """Times that both wires of a pair are solved for, each with what the other pulls."""
 _STILL_DEG = 0.5
 """Less than this of the tip is no answer to the knob [degrees]."""
+_PIXELS = 675, 540
+"""Columns and rows of the picture whose field is measured: those of a video colonoscope, halved."""
+_FLATTEST = math.radians(87.5)
+"""Half a field beyond which no flat target shows it [rad]."""
 _CM2, _PER_DEGREE = 1e4, math.pi / 180
 
 
@@ -64,7 +68,7 @@ def tube(design: ScopeDesign, *, wires: bool = True) -> dict[str, Any]:
     ei, gj = profile["EI_N_cm2"], profile["GJ_N_cm2_deg"]
     lengths = np.array([0.05, 0.1, 0.15, 0.2, 0.3, 0.5])
     buckling = np.array([buckling_force(design, float(length)) for length in lengths])
-    loop = 2 * math.pi * LOOP_RADIUS
+    loop = math.tau * BEND_RADIUS
     gj_shaft = float(gj[shaft].mean()) / _CM2 / _PER_DEGREE
     rows = [
         row("largest insertion width (ISO 8600-4)", 1e3 * design.diameter, "mm"),
@@ -72,15 +76,14 @@ def tube(design: ScopeDesign, *, wires: bool = True) -> dict[str, Any]:
         row("EI of the shaft, largest", float(ei[shaft].max()), "N cm^2", "260 to 400"),
         row("EI of the bending section", float(ei[~shaft].mean()), "N cm^2"),
         row("GJ of the shaft, mean", float(gj[shaft].mean()), "N cm^2/deg", "68 to 88, mean 76"),
-        row("GJ clockwise over anticlockwise", 1.0, "1", "0.9: the model has no handedness"),
+        row("GJ clockwise over anticlockwise", 1.0, "1", "0.9; handedness is not modelled"),
         row("EI at 37 over 24 degrees", float((warm["EI_N_cm2"] / ei)[shaft].mean()), "1", "0.83"),
         row("GJ at 37 over 24 degrees", float((warm["GJ_N_cm2_deg"] / gj)[shaft].mean()), "1", "0.93"),
         row(
-            f"lag of the tip behind the handle through a loop of {1e3 * LOOP_RADIUS:.0f} mm at {TIP_TORQUE:g} N m",
+            f"twist of a loop's length of shaft at {TIP_TORQUE:g} N m",
             math.degrees(TIP_TORQUE * loop / gj_shaft),
             "degrees",
         ),
-        row("torque at the tip over that at the handle, loop without friction", 1.0, "1"),
         row("least bend radius, bending section", 1e3 * _bend_radius(design), "mm"),
         row("buckling force of 0.2 m free, pinned", float(np.interp(0.2, lengths, buckling)), "N", "8.1 (EI 0.033)"),
         *_optics(design),
@@ -204,12 +207,18 @@ def _bend_radius(design: ScopeDesign) -> float:
     return design.bending.length / math.radians(design.limits.largest)
 
 
+def lens_half_angle(design: ScopeDesign) -> float:
+    """Largest angle from its axis that the lens shows in any pixel of its picture [rad]."""
+    lens = lens_of(design.tip, *_PIXELS)
+    return float(np.arccos(-lens.grid[lens.within][:, 2]).max())
+
+
 def _optics(design: ScopeDesign) -> list[dict[str, Any]]:
     """Field and direction of view by ISO 8600-3: method A from the distal window, method B from the entrance pupil."""
-    half = math.radians(min(design.tip.field_of_view_deg, 175.0) / 2)
-    seen = (TARGET + PUPIL) * math.tan(half)
+    half = lens_half_angle(design)
+    seen = (TARGET + PUPIL) * math.tan(min(half, _FLATTEST))
     return [
-        row("field of view, method B (from the entrance pupil)", design.tip.field_of_view_deg, "degrees"),
+        row("field of view, method B (from the entrance pupil)", 2 * math.degrees(half), "degrees"),
         row("field of view, method A (from the distal window)", 2 * math.degrees(math.atan(seen / TARGET)), "degrees"),
         row("direction of view", design.tip.camera_tilt_deg, "degrees"),
     ]

@@ -47,6 +47,9 @@ class StepRate:
     in_place_per_second: float | None
     """As `per_second`, where actions and all that they lead to stay in the program's arrays [1/s]; None where it has
     none."""
+    drawn_per_second: float | None
+    """Pictures over all worlds, drawn where no step is taken and left where they lie [1/s]; None where programs draw
+    none."""
     depth: float
     """Mean arc length of the tips at the end [m]: contacts, and with them the cost, grow with it."""
 
@@ -90,9 +93,14 @@ def step_rate(
             turn.step()
     task, count = turns[0].task, steps * worlds
     in_program = linear and not compare and set(task.parts) <= set(IN_PROGRAM)
-    looks = None if config.observation == "state" or in_program else _looks_per_second(turns[-1].task)
+    looks = (
+        None
+        if config.observation == "state" or in_program
+        else _per_second(turns[-1].task, turns[-1].task.observe, _LOOKS)
+    )
     depth = float(task.seen.tip_arc.mean())
     in_place = _in_place_per_second(task) if linear else None
+    drawn = _per_second(task, task.draw, _LOOKS) if linear and "pixels" in task.parts else None
     for turn in turns:
         turn.task.close()
     rate, other = count / turns[0].wall, turns[1] if compare else None
@@ -105,6 +113,7 @@ def step_rate(
         on_host_per_second=other and count / other.wall,
         on_host_cpu_per_step=other and other.cpu / count,
         in_place_per_second=in_place,
+        drawn_per_second=drawn,
         depth=depth,
     )
 
@@ -139,11 +148,11 @@ def _in_place_per_second(task: ScopeTask) -> float:
     return _IN_PLACE * task.worlds / (time.perf_counter() - began)
 
 
-def _looks_per_second(task: ScopeTask) -> float:
+def _per_second(task: ScopeTask, act: Callable[[], object], times: int) -> float:
     began = time.perf_counter()
-    for _ in range(_LOOKS):
-        task.observe()
-    return _LOOKS * task.worlds / (time.perf_counter() - began)
+    for _ in range(times):
+        act()
+    return times * task.worlds / (time.perf_counter() - began)
 
 
 @dataclass(frozen=True)

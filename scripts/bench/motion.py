@@ -9,18 +9,21 @@ from typing import Any
 
 import numpy as np
 
-from haustra.envs.control.follower import FollowerSettings
-from haustra.envs.runs.linear_insertion import run_linear_insertion
+from haustra.envs.runs.insertion import Insertion
 from haustra.envs.runs.measure.scores import score
-from haustra.envs.runs.measure.surface import left_behind
+from haustra.envs.runs.measure.surface import LeftBehind, judged, worst
 from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.state import Controls
+from haustra.envs.simulate import simulate
+from haustra.envs.view.picture.lens import lens_of
+from haustra.envs.view.picture.renderer import CameraPose
+from haustra.envs.view.picture.seen_wall import WallCheck
 from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.store import load_colon
 from haustra.models.devices.scope.library import named_design
-from haustra.models.scene import SceneOptions, build_scene, entry_of
+from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
 from haustra.models.wall.abdomen import Abdomen
 from haustra.models.wall.lumen_table import lumen_table, stack
 from haustra.provenance import Provenance
@@ -28,6 +31,10 @@ from haustra.provenance import Provenance
 FIRST_SEED = 300_000
 """First seed of the grown colons, which nothing was trained on."""
 DESIGN = "adult"
+DRIVERS = ("follower", "insertion")
+"""The lumen follower, and the policy that ships."""
+_PICTURE = 96
+"""Rows and columns of the pictures from the tip that are checked [pixels]; engineering choice."""
 PLAIN = "as imaged"
 PATIENTS: Mapping[str, Mapping[str, Any]] = {
     PLAIN: {},
@@ -57,7 +64,7 @@ COMPARED = {
 """What is compared, with its words and decimals."""
 _SCORED = (
     *("tip_arc_max_m", "push_force_mean_N", "loop_excess_peak_m", "pain_peak", "outcome", "p_perforation"),
-    *("turned_over_max_share", "outside_surface_max_mm", "colon_moved_peak_mm"),
+    *("turned_over_max_share", "outside_surface_max_mm", "surface_records", "colon_moved_peak_mm"),
 )
 
 
@@ -67,31 +74,33 @@ def bench_motion(
     seconds: float,
     judged_every: float,
     patients: Sequence[str] = (),
+    drivers: Sequence[str] = DRIVERS[:1],
     others: Sequence[Path] = (),
     processes: int = 1,
     progress: Callable[[float, str], None] = lambda done, note: None,
 ) -> list[dict[str, Any]]:
-    """Drive an adult scope into held-out grown colons by the lumen follower, in several of the `PATIENTS`.
+    """Drive an adult scope into held-out grown colons, in several of the `PATIENTS`.
 
     Args:
         colons: how many.
         seconds: of each run [s].
         judged_every: time between two surfaces that are judged [s].
         patients: names of those beside the colon as imaged; all when none are given.
+        drivers: who inserts, each in turn.
         others: folders of colons to run beside them, as imaged only.
         processes: that share the colons.
         progress: told runs done.
 
     Raises:
-        InvalidOptionError: when a patient is not known.
+        InvalidOptionError: when a patient or a driver is not known.
     """
-    for name in patients:
-        if name not in PATIENTS:
-            raise InvalidOptionError(f"Patient '{name}' is not known. Known: {', '.join(PATIENTS)}.")
-    jobs: list[tuple[int | Path, tuple[str, ...]]] = [(folder, (PLAIN,)) for folder in others]
-    asked = (PLAIN, *patients) if patients else tuple(PATIENTS)
-    jobs += [(FIRST_SEED + number, asked) for number in range(colons)]
-    with ProcessPoolExecutor(min(processes, len(jobs)), mp_context=get_context("spawn")) as pool:
+    for name, known in (*((name, PATIENTS) for name in patients), *((name, DRIVERS) for name in drivers)):
+        if name not in known:
+            raise InvalidOptionError(f"'{name}' is not known to this benchmark. Known: {', '.join(known)}.")
+    asked = tuple(dict.fromkeys((PLAIN, *(patients or PATIENTS))))
+    sources = [(folder, (PLAIN,)) for folder in others] + [(FIRST_SEED + number, asked) for number in range(colons)]
+    jobs = [(source, driver, names) for source, names in sources for driver in drivers]
+    with ProcessPoolExecutor(max(min(processes, len(jobs)), 1), mp_context=get_context("spawn")) as pool:
         given = [pool.submit(_in_patients, *job, seconds, judged_every) for job in jobs]
         done = 0
         for future in as_completed(given):
@@ -101,22 +110,38 @@ def bench_motion(
 
 
 def _in_patients(
-    source: int | Path, patients: Sequence[str], seconds: float, judged_every: float
+    source: int | Path, driver: str, patients: Sequence[str], seconds: float, judged_every: float
 ) -> list[dict[str, Any]]:
     colon = grow_colon(seed=source) if isinstance(source, int) else load_colon(source)
-    asked = {"seconds": seconds, "judged_every": judged_every}
+    asked = {"driver": driver, "seconds": seconds, "judged_every": judged_every}
     return [
         {"colon": colon.name, "patient": name, **asked, **_run(colon, PATIENTS[name], **asked)} for name in patients
     ]
 
 
-def _run(colon: Colon, changed: Mapping[str, Any], seconds: float, judged_every: float) -> dict[str, Any]:
+def _run(colon: Colon, changed: Mapping[str, Any], driver: str, seconds: float, judged_every: float) -> dict[str, Any]:
     options = SceneOptions(wall_law="table", mesentery=True, **changed)
     scene = build_scene(colon, None, named_design(DESIGN), options, show_lumen=False)
-    run = run_linear_insertion(scene, seconds=seconds, settings=FollowerSettings(straighten=True))
-    left = left_behind(scene, run, records=1 + int(run.trajectory.time[-1] / judged_every))
+    run = simulate(scene, driver=driver, seconds=seconds)
+    left, pictures = _judged(scene, run, records=1 + int(run.trajectory.time[-1] / judged_every))
     found = score(scene, run, Provenance(inputs={}, configuration={}), left=left)
-    return {name: found[name] for name in _SCORED} | {"wall_clock_s": run.wall_clock}
+    return {name: found[name] for name in _SCORED} | pictures | {"wall_clock_s": run.wall_clock}
+
+
+def _judged(scene: Scene, run: Insertion, *, records: int) -> tuple[LeftBehind, dict[str, float]]:
+    """The colon as a run has left it, and what its camera saw, at the end and at the worst of the records."""
+    lens = lens_of(scene.design.tip, _PICTURE, _PICTURE)
+    check, figures, seen, last = WallCheck(scene.colon, lens), [], [], scene.colon
+    for each in judged(scene, run, records=records):
+        last = last if figures else each.colon
+        figures.append(each.figures)
+        seen.append(check.look(each.colon.lumen.vertices, CameraPose.of_tip(each.tip, each.tip_frame)))
+    return LeftBehind(last, worst(figures)), {
+        "last_picture_mucosa_share": seen[0].inner,
+        "last_picture_outside_share": seen[0].outer,
+        "picture_mucosa_min_share": min(each.inner for each in seen),
+        "picture_outside_max_share": max(each.outer for each in seen),
+    }
 
 
 def step_costs(
@@ -158,9 +183,12 @@ def _pushed(colon: Colon, changed: Mapping[str, Any], worlds: int) -> LinearBack
 
 
 def soundness(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Whether surfaces held together, in all of these runs."""
-    escaped = [row for row in rows if row["outcome"] == "escaped"]
-    return {
+    """Whether surfaces held together, in all of these runs; pictures of those whose pictures were checked."""
+    escaped, drawn = [], []
+    for row in rows:
+        escaped += [row] if row["outcome"] == "escaped" else []
+        drawn += [row] if "last_picture_mucosa_share" in row else []
+    found = {
         "runs": len(rows),
         "turned_over_max_share": max(row["turned_over_max_share"] for row in rows),
         "turned_over_runs": sum(row["turned_over_max_share"] > 0 for row in rows),
@@ -168,22 +196,37 @@ def soundness(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "escaped": len(escaped),
         "escaped_unsaid": sum(row["p_perforation"] < 1 for row in escaped),
         "diverged": sum(row["outcome"] == "diverged" for row in rows),
+        "pictures": len(drawn),
+    }
+    if not drawn:
+        return found
+    return found | {
+        "last_picture_mucosa_min_share": min(row["last_picture_mucosa_share"] for row in drawn),
+        "last_pictures_from_outside": sum(row["last_picture_outside_share"] > 0 for row in drawn),
+        "picture_outside_max_share": max(row["picture_outside_max_share"] for row in drawn),
     }
 
 
 def effects(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """What each patient changes against the colon as imaged: mean over colons, and its 95 % interval (paired, t)."""
+    """What each patient changes: mean over colons, and its 95 % interval (paired, t).
+
+    Against the same colon as imaged, inserted into by the same driver for as long.
+    """
     from scipy.stats import t
 
-    plain = {row["colon"]: row for row in rows if row["patient"] == PLAIN}
+    def alike(row: Mapping[str, Any]) -> tuple[Any, ...]:
+        return row["colon"], row["driver"], row["seconds"]
+
+    put = {alike(row) for row in rows if row["patient"] != PLAIN}
+    plain = {alike(row): row for row in rows if row["patient"] == PLAIN and alike(row) in put}
     found = []
     for name in PATIENTS:
-        own = [row for row in rows if row["patient"] == name]
+        own = [row for row in rows if row["patient"] == name and alike(row) in plain]
         if not own:
             continue
         entry: dict[str, Any] = {"patient": name, "colons": len(own)}
         for key in COMPARED:
-            more = np.array([row[key] - plain[row["colon"]][key] for row in own])
+            more = np.array([row[key] - plain[alike(row)][key] for row in own])
             half = float(t.ppf(0.975, len(more) - 1) * more.std(ddof=1) / np.sqrt(len(more))) if len(more) > 1 else 0.0
             mean = float(np.mean([row[key] for row in own]))
             entry[key] = {"mean": mean, "change": float(more.mean()), "half_interval": half}

@@ -1,7 +1,9 @@
 """What the whole tracked robot pulls, how far it comes in grown colons by its own driver, and what stops it there."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +12,7 @@ from jaxtyping import Float
 
 from haustra.envs.runs.device_batch import run_devices
 from haustra.envs.runs.device_run import Records, common_scores
+from haustra.envs.runs.measure.progress import segment_at
 from haustra.envs.runs.outcome import Outcome
 from haustra.envs.sim.device_native import NativeDevice
 from haustra.files import write_json
@@ -28,8 +31,8 @@ from haustra.reading import read_document
 
 FIRST_SEED = 300_000
 """First seed of the grown colons, which nothing was trained on."""
-AT_ONCE = 10
-"""Colons that are run together."""
+AT_ONCE = 4
+"""Colons that one process runs together."""
 HELD_TIMESTEP, HELD_SECONDS, HELD_SETTLED = 2e-3, 1.6, 0.6
 """Time step, length, and time until steady of a run that is held by a string [s]."""
 LATE = 5.0
@@ -70,9 +73,14 @@ def _row(device: TrackedRobot, colon: Colon, start: float, outcome: Outcome, rec
         "track_force_peak_N": scores["normal_peak_N"] / TRACKS,
         "track_force_mean_N": scores["normal_mean_N"] / TRACKS,
         "wall_force_peak_N": scores["wall_force_peak_N"],
+        "wall_pressure_peak_kPa": float(np.max(records["wall_pressure"], initial=0.0)) / 1e3,
+        "wall_pressure_mean_kPa": float(np.mean(records["wall_pressure"])) / 1e3,
         "p_perforation": scores["p_perforation"],
         "slip_work_J": slip_work(device, records),
         "stopped_by": stopped_by(device, outcome, records),
+        "stopped_in": segment_at(colon, float(records["tip_arc"][-1])),
+        "lumen_there_m": float(2 * np.interp(records["tip_arc"][-1], colon.centreline.arc, np.median(colon.radius, 1))),
+        **{f"{name}_there": value for name, value in late_means(records).items()},
     }
 
 
@@ -91,8 +99,7 @@ def stopped_by(device: TrackedRobot, outcome: Outcome, records: Records) -> str:
         return "the caecum"
     if outcome in (Outcome.DIVERGED, Outcome.ESCAPED):
         return outcome.value
-    late = records["time"] > records["time"][-1] - LATE
-    mean = {name: float(records[name][late].mean()) for name in ("width", "normal", "core_force", "worm_share")}
+    mean = late_means(records)
     if mean["worm_share"] < HELD:
         return "the worm's torque limit"
     if outcome is Outcome.TIME_UP:
@@ -100,6 +107,12 @@ def stopped_by(device: TrackedRobot, outcome: Outcome, records: Records) -> str:
     if mean["core_force"] > FORCED * mean["normal"]:
         return "the core against the wall"
     return "a lumen too wide" if mean["width"] > WIDE * device.design.largest_diameter else "treads that slip"
+
+
+def late_means(records: Records) -> dict[str, float]:
+    """Means over the last seconds: width [m], forces of treads and core on the wall [N], share of the worm's speed."""
+    late = records["time"] > records["time"][-1] - LATE
+    return {name: float(records[name][late].mean()) for name in ("width", "normal", "core_force", "worm_share")}
 
 
 def slip_work(device: TrackedRobot, records: Records) -> float:
@@ -112,9 +125,15 @@ def slip_work(device: TrackedRobot, records: Records) -> float:
 
 
 def bench_reach(
-    device: TrackedRobot, folder: Path, *, colons: int, seconds: float, progress: Any = lambda done, note: None
+    device: TrackedRobot,
+    folder: Path,
+    *,
+    colons: int,
+    seconds: float,
+    workers: int = 1,
+    progress: Any = lambda done, note: None,
 ) -> list[dict[str, Any]]:
-    """Runs in that many colons, one file each, so that what is done is not done again."""
+    """Runs in that many colons by so many processes, one file each, so that what is done is not done again."""
     asked = json.loads(json.dumps({"device": device.describe(), "seconds": seconds}))
     paths = {FIRST_SEED + number: folder / f"{device.name}-{FIRST_SEED + number}.json" for number in range(colons)}
     rows = {}
@@ -123,12 +142,26 @@ def bench_reach(
         if known.get("asked") == asked:
             rows[seed] = known["row"]
     missing = [seed for seed in paths if seed not in rows]
-    for first in range(0, len(missing), AT_ONCE):
-        progress(len(rows), device.name)
-        for row in reach_in(device, missing[first : first + AT_ONCE], seconds=seconds):
+    progress(len(rows), device.name)
+    for found in _answers(device, missing, seconds, workers):
+        for row in found:
             rows[row["seed"]] = row
             write_json(paths[row["seed"]], {"asked": asked, "row": row})
+        progress(len(rows), device.name)
     return [rows[seed] for seed in paths]
+
+
+def _answers(
+    device: TrackedRobot, seeds: Sequence[int], seconds: float, workers: int
+) -> Iterator[list[dict[str, Any]]]:
+    """Rows of some colons at a time, as they are done."""
+    some = [seeds[first : first + AT_ONCE] for first in range(0, len(seeds), AT_ONCE)]
+    if workers == 1 or len(some) < 2:
+        yield from (reach_in(device, own, seconds=seconds) for own in some)
+        return
+    with ProcessPoolExecutor(min(workers, len(some)), mp_context=get_context("spawn")) as pool:
+        jobs = [pool.submit(reach_in, device, own, seconds=seconds) for own in some]
+        yield from (job.result() for job in as_completed(jobs))
 
 
 def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
@@ -148,6 +181,8 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
         "reach_mean": float(np.mean([row["reach"] for row in rows])),
         "track_force_mean_N": mean("track_force_mean_N"),
         "wall_force_peak_N": mean("wall_force_peak_N"),
+        "wall_pressure_peak_kPa": mean("wall_pressure_peak_kPa"),
+        "wall_pressure_mean_kPa": mean("wall_pressure_mean_kPa"),
         "slip_work_mean_J": mean("slip_work_J"),
         "stopped_by": dict(sorted(reasons.items(), key=lambda item: -item[1])),
     }

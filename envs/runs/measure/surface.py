@@ -1,5 +1,6 @@
 """Whether the surface that is saved with a run is sound: the scope inside it, and no triangle of it turned over."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,10 +44,24 @@ class LeftBehind:
     """What was wrong with its surface over the run, at worst."""
 
 
-def left_behind(scene: Scene, run: Insertion, *, records: int = _RECORDS) -> LeftBehind:
-    """Lay the colon as a run has left it, indented by its scope, and judge its surface over the run.
+@dataclass(frozen=True)
+class Judged:
+    """A colon at one record of a run, as its scope indented it, and what is wrong with its surface."""
 
-    Each surface that is judged takes some half a second.
+    colon: Colon
+    """The colon there."""
+    tip: Float[np.ndarray, "3"]
+    """Where the tip was [m]."""
+    tip_frame: Float[np.ndarray, "3 3"]
+    """Columns: wire 'up', wire 'left' and the viewing direction."""
+    figures: SurfaceFigures
+    """What was wrong with the surface."""
+
+
+def judged(scene: Scene, run: Insertion, *, records: int = _RECORDS) -> Iterator[Judged]:
+    """Lay the colon at records of a run, its end first, and judge it there.
+
+    Each takes some 0.2 s. A run under gas is judged at its end only: widths under gas are not recorded.
 
     Args:
         scene: what was run.
@@ -58,12 +73,32 @@ def left_behind(scene: Scene, run: Insertion, *, records: int = _RECORDS) -> Lef
     inside = recorded.insertion[-1] if len(recorded.time) else scene.options.start_depth
     path = run.shape[scene.cable.node_distances < inside]
     now = before.indented(run.colon, path)
-    judged = [surface_figures(scene.colon, now, arcs, path)]
-    if run.gas is None and len(recorded.time) > 1:  # widths under gas are not recorded
-        for record in np.unique(np.linspace(0, len(recorded.time) - 1, records).astype(int))[:-1].tolist():
-            judged.append(surface_figures(scene.colon, before.colon(record), arcs, before.path(record)))
-    worst = SurfaceFigures(max(each.outside for each in judged), max(each.turned_over for each in judged), len(judged))
-    return LeftBehind(now, worst)
+    yield Judged(now, run.shape[-1], run.tip_frame, surface_figures(scene.colon, now, arcs, path))
+    if run.gas is not None or len(recorded.time) < 2:
+        return
+    for record in np.unique(np.linspace(0, len(recorded.time) - 1, records).astype(int))[:-1].tolist():
+        now, path, shape = before.colon(record), before.path(record), before.shape(record)
+        figures = surface_figures(scene.colon, now, arcs, path)
+        yield Judged(now, shape[-1], before.tip_frame(), figures)
+
+
+def left_behind(scene: Scene, run: Insertion, *, records: int = _RECORDS) -> LeftBehind:
+    """Lay the colon as a run has left it, indented by its scope, and judge its surface over the run (`judged`).
+
+    Args:
+        scene: what was run.
+        run: how it ended.
+        records: how many surfaces are judged, evenly over the run, its end among them.
+    """
+    at = judged(scene, run, records=records)
+    last = next(at)
+    return LeftBehind(last.colon, worst([last.figures, *(each.figures for each in at)]))
+
+
+def worst(figures: Sequence[SurfaceFigures]) -> SurfaceFigures:
+    """What was wrong at worst with several surfaces of one run."""
+    outside, over = max(each.outside for each in figures), max(each.turned_over for each in figures)
+    return SurfaceFigures(outside, over, len(figures))
 
 
 def surface_figures(

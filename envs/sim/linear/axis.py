@@ -183,6 +183,18 @@ class Axis:
         before, after = (self._state.gather_vector(cell.at + i, 0) for i in range(2))
         return between(before, after, cell.share)
 
+    def lying(self, node: Value) -> list[Value | float]:
+        """How the axis lies at a node that all worlds share, as `haustra.envs.sim.linear.cameras.VIEW` has it."""
+        xp, room, cell = self.program.xp, self._cells, Cell(node, self.program.constant(0.0))
+        place, _ = self._looked_up(cell, 0, _PLACE)
+        tangents = self._row_vector(node, "tangent"), self._row_vector(node + 1, "tangent")
+        length = self._row(node, "length")
+        (real, part, flat, across), _ = self._sections(cell)
+        closings = cell_closing(xp, *tangents, length), room.gather_vector(node, _CLOSING)
+        stretch = room.gather(node, _LENGTH) / length
+        found = *place, stretch, *closings[1], flat, real, *part, *across, 0.0, *closings[0], 0.0, *tangents[0], 0.0
+        return list(found)
+
     def _looked_up(self, cell: Cell, number: int, row: int) -> tuple[Vector, Vector]:
         """Three numbers of the states of the nodes beside a place, or of rows, where spheres look them up."""
         found = (self._cells, row) if self._rows_of_cells else (self._state, number)

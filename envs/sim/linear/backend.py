@@ -159,6 +159,7 @@ class LinearBackend(AbstractBackend):
         self._program = program
         self._made: dict[bool, Place] = {}
         """Programs that pulls or wheels steer, as far as they were asked for."""
+        self._lookers: dict[Driver, Place] = {}
         self._steer(wheels=wheels)
         lanes = self._place.lanes
         blocks = -(-worlds // lanes)
@@ -326,6 +327,17 @@ class LinearBackend(AbstractBackend):
         """Let the program's own driver decide `count` times; gas moves behind the last."""
         self._run(count)
 
+    def hold(self, values: np.ndarray) -> Any:
+        """Numbers where the program runs, for `look_by`."""
+        return self._place.hold(values)
+
+    def look_by(self, program: Driver, told: Any) -> None:
+        """Let another program look at all worlds and change none, and tell into an array that was held for it."""
+        if program not in self._lookers:
+            kept = {name: value for name, value in self._program.items() if name not in ("worlds", "threads", "real")}
+            self._lookers[program] = self._place.beside(**(kept | {"wheels": False, "driver": program}))
+        self._lookers[program].run(self._held | {"told": told}, self._counts(1), self.worlds)
+
     def give(self, name: str, values: Float[np.ndarray, " worlds"] | float) -> None:
         """Set a number of all worlds, by its name in `haustra.envs.sim.linear.layout.WORLD`."""
         self._put("worlds", np.arange(self.worlds), WORLD.index(name), values)
@@ -364,10 +376,13 @@ class LinearBackend(AbstractBackend):
         """Rows of what the driver is asked or tells, as columns (worlds, rows), where they lie."""
         return self._held[name].columns(rows, self.worlds)
 
-    def _run(self, count: int) -> None:
+    def _counts(self, count: int) -> tuple[int, ...]:
         layout, lanes = self._layout, self._place.lanes
         row = -(-self.worlds // lanes) * lanes
-        counts = layout.dofs, layout.bodies, layout.spheres, layout.nodes, self._places, count, row
+        return layout.dofs, layout.bodies, layout.spheres, layout.nodes, self._places, count, row
+
+    def _run(self, count: int) -> None:
+        layout, counts = self._layout, self._counts(count)
         if self.gas is None or not count:
             self._place.run(self._held, counts, self.worlds)
             return

@@ -125,13 +125,8 @@ def write_kernel(
 ) -> str:
     """A control step of worlds on a graphics processor; `last` of `COUNTS` is how many worlds there are."""
     program, arrays, counts, (steps, row, _, worlds) = _begun(1, real, approximate=True)
-    program.function.calling_convention, program.fetches = "ptx_kernel", True
-    builder = program.builder
-    block, size, thread = (
-        builder.call(ir.Function(program.module, ir.FunctionType(INDEX, []), f"llvm.nvvm.read.ptx.sreg.{name}.x"), [])
-        for name in ("ctaid", "ntid", "tid")
-    )
-    world = Value(program, builder.add(builder.mul(block, size), thread))
+    program.fetches = True
+    world = thread_of(program)
     with program.when(world < worlds):
         lane = world % WARP
         place: dict[str, Any] = {"block": (world - lane) // WARP, "stride": WARP, "lane": lane, "row": row}
@@ -141,6 +136,17 @@ def write_kernel(
         scopes = ScopeProgram(program, given, layout, counts[-1], timestep=timestep, **wall)
         _step(program, scopes, given, steps, driver)
     return program.finish()
+
+
+def thread_of(program: Program) -> Value:
+    """Number of a thread on a graphics processor, of whose kernels the program is one."""
+    program.function.calling_convention = "ptx_kernel"
+    builder = program.builder
+    block, size, thread = (
+        builder.call(ir.Function(program.module, ir.FunctionType(INDEX, []), f"llvm.nvvm.read.ptx.sreg.{name}.x"), [])
+        for name in ("ctaid", "ntid", "tid")
+    )
+    return Value(program, builder.add(builder.mul(block, size), thread))
 
 
 def _begun(
@@ -207,7 +213,7 @@ class _Worlds:
         own["structure"] = Shared(program, given["structure"], whole=True)
         own |= {name: self._of_rows(name) for name in ("asked", "told", "widths")}
         own["widths"] = own["widths"] if gas else None
-        own["lookup"] = Shared(program, given["lookup"])
+        own["lookup"], own["first_world"] = Shared(program, given["lookup"]), self._first
         tables = {"stations": Rows(program, given["stations"], 4), "wall": (Rows(program, given["wall"], 1), angles)}
         return own | tables | {"axis": Rows(program, given["axis"], self._columns // 4) if moving else None}
 
@@ -225,9 +231,13 @@ class _Worlds:
     def _of_rows(self, name: str) -> Lanes:
         """Numbers that lie in one row for all worlds."""
         program = self._program
-        first = self._block * self._stride + (0 if self._lane is None else self._lane)
-        base = program.builder.gep(self._arrays[name], [first.written], source_etype=program.real)
+        base = program.builder.gep(self._arrays[name], [self._first.written], source_etype=program.real)
         return Lanes(program, base, self._row)
+
+    @property
+    def _first(self) -> Value:
+        """Number of the first of these worlds."""
+        return self._block * self._stride + (0 if self._lane is None else self._lane)
 
     def _from(self, base: Any, name: str) -> Lanes:
         program = self._program

@@ -43,7 +43,7 @@ def _given_back(managed: int) -> None:
     _lent.pop(managed, None)
 
 
-_python = ctypes.pythonapi
+_python = ctypes.PyDLL(None)  # not `ctypes.pythonapi`, whose functions other modules give types of their own
 _destructor = ctypes.PYFUNCTYPE(None, ctypes.c_void_p)
 _python.PyCapsule_New.restype = ctypes.py_object
 _python.PyCapsule_New.argtypes = (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p)

@@ -1,6 +1,6 @@
 """Where a program's numbers lie: one a world, one for all worlds, or in tables that each world looks up in."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, Protocol
 
 from llvmlite import ir
@@ -68,6 +68,12 @@ class Lanes:
         """These numbers, counted from a slot on."""
         return Lanes(self._program, self._place(slot), self._stride)
 
+    def flat(self, first: Number) -> "Shared":
+        """The same array as numbers behind each other, counted from one that is so far behind slot 0."""
+        program = self._program
+        place = program.builder.gep(self._base, [program.index(first).written], source_etype=program.real)
+        return Shared(program, place)
+
     def gather(self, slot: Any, start: Number = 0) -> Value:
         """The number there, where each lane has a slot of its own, counted from one that all share."""
         program, builder = self._program, self._program.builder
@@ -118,6 +124,34 @@ class Lanes:
         return program.builder.gep(self._base, [offset.written], source_etype=program.real)
 
 
+class OwnRows:
+    """Numbers of each world that lie world by world, in place of rows of one number for all worlds."""
+
+    def __init__(self, program: Program, rows: Lanes, world: Value, size: Value) -> None:
+        """Bind them.
+
+        Args:
+            program: to write to.
+            rows: the array, bound as if it had such rows.
+            world: number of the first of the program's worlds.
+            size: numbers of each world.
+        """
+        self._program, self._size = program, size
+        self._lanes = rows.flat(world * (size - 1))
+
+    def put(self, slot: Number, values: Iterable[Number]) -> None:
+        """Put numbers of each world from there on."""
+        program, builder = self._program, self._program.builder
+        for more, value in enumerate(values):
+            if program.lanes == 1:
+                self._lanes.store(slot + more, value)
+                continue
+            spread = program.spread(value)
+            for lane in range(program.lanes):
+                own = Value(program, builder.extract_element(spread, ir.Constant(INDEX, lane)))
+                self._lanes.store(self._size * lane + (slot + more), own)
+
+
 class Shared:
     """Numbers that all worlds share."""
 
@@ -133,6 +167,12 @@ class Shared:
         program = self._program
         place = program.builder.gep(self._base, [program.index(slot).written], source_etype=self._kind)
         return Value(program, program.builder.load(place, typ=self._kind))
+
+    def store(self, slot: Number, value: Number) -> None:
+        """Put a number there."""
+        program = self._program
+        place = program.builder.gep(self._base, [program.index(slot).written], source_etype=self._kind)
+        program.builder.store(program.alone(value), place)
 
     def load_next(self, slot: Number) -> Value:
         """As many numbers from there on as stand side by side; where nothing does, the number there."""

@@ -1,5 +1,6 @@
 """Where programs run: on threads of the CPU, or on an NVIDIA GPU, behind one interface."""
 
+import copy
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -48,6 +49,10 @@ class Place(Protocol):
 
     def run(self, arrays: dict[str, Any], counts: Sequence[int], worlds: int) -> None:
         """Run the program on all worlds."""
+        ...
+
+    def beside(self, **program: Any) -> "Place":
+        """The same place with another program of the same worlds, which needs no more room to work in."""
         ...
 
     def close(self) -> None:
@@ -116,6 +121,13 @@ class CpuPlace:
         part(0)
         for other in others:
             other.result()
+
+    def beside(self, **program: Any) -> "CpuPlace":
+        """As `Place.beside`."""
+        other = copy.copy(self)
+        with _MAKING:
+            other._engine, other._function = compiled(write_program(lanes=self.lanes, real=self._real.type, **program))
+        return other
 
     def close(self) -> None:
         """End the threads."""
@@ -198,6 +210,12 @@ class GpuPlace:
         own = {name: array.run(written=name in _WRITTEN) for name, array in arrays.items()} | {"room": self._room}
         self._kernel([own[name] for name in ARGUMENTS], [*counts, 0, worlds], threads=worlds)
         self._kernel.wait()
+
+    def beside(self, **program: Any) -> "GpuPlace":
+        """As `Place.beside`."""
+        other = copy.copy(self)
+        other._kernel = _kernel(real=self._real.type, **program)
+        return other
 
     def close(self) -> None:
         """Nothing is held open."""

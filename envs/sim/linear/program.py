@@ -114,6 +114,7 @@ class ScopeProgram:
         self.asked: Lanes = arrays["asked"]
         self.told: Lanes = arrays["told"]
         self.lookup: Shared = arrays["lookup"]
+        self.first_world: Value = arrays["first_world"]
         self._world: Lanes = arrays["worlds"]
         stations, wall = arrays["stations"], arrays["wall"]
         self.gas: HeldOpen | None = None

@@ -75,14 +75,14 @@ class Value:
         half = self if power == 1 else self ** (power // 2)
         return half if power == 1 else half * half * self if power % 2 else half * half
 
-    def __mod__(self, divisor: int) -> "Value":
+    def __mod__(self, divisor: "Value | int") -> "Value":
         """Rest of a whole number, as Python's: not negative."""
         program = self.program
         own, other = program.alike(self, divisor)
         rest = Value(program, program.builder.srem(own, other))
         return program.xp.where(rest < 0, rest + divisor, rest)
 
-    def __floordiv__(self, divisor: int) -> "Value":
+    def __floordiv__(self, divisor: "Value | int") -> "Value":
         """A whole number that is not negative, over another, without the rest."""
         return Value(self.program, self.program.builder.udiv(*self.program.alike(self, divisor)))
 
@@ -336,6 +336,16 @@ class Program:
         self._enter(body)
         yield now
         counter.value = now - 1 if backwards else now + 1
+        self.go(test, enter=after)
+
+    @contextmanager
+    def repeat(self, going: "Variable") -> Iterator[None]:
+        """Do something again and again, as long as a number is above nought in any lane."""
+        test, body, after = (self.function.append_basic_block(part) for part in ("test", "body", "after"))
+        self.go(test)
+        self.builder.cbranch(self.any(going.value > 0), body, after)
+        self._enter(body)
+        yield
         self.go(test, enter=after)
 
     @contextmanager

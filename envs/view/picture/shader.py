@@ -13,7 +13,18 @@ from haustra.envs.sim.linear.trace import Changing, Program, Value
 from haustra.envs.view.picture.appearance import Appearance
 from haustra.envs.view.picture.lens import Lens
 from haustra.envs.view.picture.light import Light
-from haustra.envs.view.picture.mucosa import Change, Landmark, Looks, Scene, Sight, WallPlace, corners, masked, shade
+from haustra.envs.view.picture.mucosa import (
+    Change,
+    Landmark,
+    Lattice,
+    Looks,
+    Scene,
+    Sight,
+    WallPlace,
+    corners,
+    masked,
+    shade,
+)
 from haustra.envs.view.picture.pixels import Pixels, begun, function_of
 from haustra.envs.view.picture.renderer import SurfaceView
 from haustra.models.wall.vectors import dot
@@ -54,7 +65,9 @@ def write_shader(kinds: tuple[int, ...], guides: int) -> str:
                 dot(weights, (wall.read(a, column), wall.read(b, column), wall.read(c, column))) for column in range(9)
             )
             sight = Sight(met.load(0), lens.vector(0), met.vector(4), lens.load(3))
-            bands = shade(program.xp, WallPlace((x, y, z), *known), sight, scene, functools.partial(_only, program))
+            bands = shade(
+                program.xp, WallPlace((x, y, z), *known), sight, scene, functools.partial(only_where, program)
+            )
             for band, value in enumerate(bands):
                 light.store(program.xp.where(seen, value, 0.0), band)
     return program.finish()
@@ -65,12 +78,7 @@ class Shader:
 
     def __init__(self, lens: Lens, light: Light) -> None:
         """Take a lens, at the size of the pictures, and the light beside it."""
-        towards = -lens.grid[..., 2:]
-        dim = np.where(towards > 0, towards, 0.0) ** lens.vignetting
-        self._lens = np.ascontiguousarray(np.moveaxis(np.concatenate([lens.grid, dim], axis=-1), -1, 0), np.float32)
-        self._light = light
-        per_radius = 0.01 / float(lens.radius(np, np.array(0.01)))
-        self._pixel = per_radius / float(np.sqrt(abs(np.linalg.det(lens.stretch))))
+        self._lens, self._pixel, self._light = lens_planes(lens), pixel_angle(lens), light
 
     def bind(
         self, looks: Appearance, view: SurfaceView, light: Float[np.ndarray, "3 height width"]
@@ -92,6 +100,19 @@ class Shader:
         return work
 
 
+def lens_planes(lens: Lens) -> Float[np.ndarray, "4 height width"]:
+    """Rays of all pixels, and the share of light that the lens lets through there, plane after plane."""
+    towards = -lens.grid[..., 2:]
+    dim = np.where(towards > 0, towards, 0.0) ** lens.vignetting
+    return np.ascontiguousarray(np.moveaxis(np.concatenate([lens.grid, dim], axis=-1), -1, 0), np.float32)
+
+
+def pixel_angle(lens: Lens) -> float:
+    """Angle that a pixel in the middle of the picture sees [rad]."""
+    per_radius = 0.01 / float(lens.radius(np, np.array(0.01)))
+    return per_radius / float(np.sqrt(abs(np.linalg.det(lens.stretch))))
+
+
 def _scene(program: Program, given: dict[str, Any], kinds: tuple[int, ...], guides: int) -> Scene:
     shared = Shared(program, given["common"])
     numbers = iter([shared.load(slot) for slot in range(12 + 3 * guides + 7 * len(kinds))])
@@ -103,15 +124,16 @@ def _scene(program: Program, given: dict[str, Any], kinds: tuple[int, ...], guid
     spread, pixel, wet = vector()
     places = [vector() for _ in range(guides)]
     landmarks = [Landmark(kind, vector(), next(numbers), vector()) for kind in kinds]
-    lattice = Rows(program, given["lattice"], 1)
-
-    def four(row: Any) -> list[Value]:
-        return [lattice.read(row, each) for each in range(4)]
-
-    return Scene(four, landmarks, axes, places, spread, pixel, wet)
+    return Scene(lattice_of(program, given["lattice"]), landmarks, axes, places, spread, pixel, wet)
 
 
-def _only(program: Program, condition: Value, change: Change, looks: Looks) -> Looks:
+def lattice_of(program: Program, base: Any) -> Lattice:
+    """The random numbers of `haustra.envs.view.picture.mucosa.corners` in a program."""
+    lattice = Rows(program, base, 1)
+    return lambda row: [lattice.read(row, each) for each in range(4)]
+
+
+def only_where(program: Program, condition: Value, change: Change, looks: Looks) -> Looks:
     """Looks changed where a condition holds, for what is known where it holds anywhere."""
     changing = Changing(program, looks.numbers)
     with program.when(condition):

@@ -163,7 +163,7 @@ def _causes_table(cohort: Mapping[str, Any], *, several: bool, most: int) -> str
     lines = []
     for name, moved in examiner["causes"].items():
         for cause in moved:
-            numbers = f"{cause['correlation']:+.2f} | {cause['low']:.3g} | {cause['high']:.3g}"
+            numbers = f"{cause['correlation']:+.2f} | {cause['patients']} | {cause['low']:.3g} | {cause['high']:.3g}"
             lines.append(f"| {name} | {cause['variable']} | {numbers} | {'yes' if cause['allowed'] else 'no'} |")
     if not lines:
         return ""
@@ -173,8 +173,8 @@ def _causes_table(cohort: Mapping[str, Any], *, several: bool, most: int) -> str
             "Rank correlation over patients with their numbers, the strongest three; means in the lowest and the",
             "highest third of the number, or of patients with and without a trait; and whether either third alone is",
             "inside, so that a value within the sourced range would do.\n",
-            "| observable | number | correlation | lowest third | highest third | inside somewhere |",
-            "|---|---|---|---|---|---|",
+            "| observable | number | correlation | patients | lowest third | highest third | inside somewhere |",
+            "|---|---|---|---|---|---|---|",
             *lines[:most],
             "",
         )

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from haustra.envs.study.compare_passage import SITES
 from haustra.envs.view.report.page import write_report
 from haustra.envs.view.report.sections import Chart, Gallery, Picture, Section, Table, Warnings
 from haustra.files import write_atomically
 
-RUNS, DEVICES, PAIRS, PAPER = "runs.csv", "devices.csv", "pairs.csv", "paper.tex"
+RUNS, DEVICES, PAIRS, WIDTHS, PAPER = "runs.csv", "devices.csv", "pairs.csv", "widths.csv", "paper.tex"
 _ROWS = (
     ("caecal intubation", "intubation", "{:.0%}"),
     ("reach, share of the colon", "reach_mean", "{:.2f}"),
@@ -26,19 +27,25 @@ _ROWS = (
     ("mesentery extension per metre gained [mm/m]", "extension_per_metre_mean_mm_m", "{:.1f}"),
     ("P(perforation)", "p_perforation_mean", "{:.2g}"),
     ("pain, over where it is assumed to begin", "pain_mean", "{:.2f}"),
-    ("work along the body [J]", "work_mean_J", "{:.1f}"),
+    ("mucosa seen on the way", "mucosa_seen_mean", "{:.0%}"),
+    ("energy put in [J]", "work_mean_J", "{:.2g}"),
     ("begins at [m]", "begins_mean_m", "{:.2f}"),
 )
 _PICTURES = {
     "": "How the run in the first patient ended: the colon is drawn translucent.",
     "-close": "The device close by, there.",
 }
+_FILM = "The run in the first patient: what the tip saw, beside the colon from outside."
 _ABOUT = (
     "Means over the same patients. Colon moved: the farthest that a place of it was moved from where it was at rest. "
-    "Extension: the farthest that the mesentery, slack at rest, was drawn out beyond its slack. Work: of the hand "
-    "along a scope, of all actuators of other devices. Scopes are driven by the lumen follower, other devices by the "
-    "driver that comes with each."
+    "Extension: the farthest that the mesentery, slack at rest, was drawn out beyond its slack. Mucosa: cells that "
+    "were near and in view at one look at least. Energy: work of the hand along a scope, of the worm that turns "
+    "treads, of all actuators of other devices. Scopes are driven by the lumen follower, other devices by the driver "
+    "that comes with each."
 )
+
+ABOUT_SITES = "Mean over the patients of the largest there, over where pain is assumed to begin."
+ABOUT_WIDTHS = "Speed while the tip was in lumens of that width at rest, standing still and all; what it gained there."
 
 
 def report_comparison(folder: Path, found: Mapping[str, Any]) -> dict[str, str]:
@@ -51,8 +58,9 @@ def report_comparison(folder: Path, found: Mapping[str, Any]) -> dict[str, str]:
         OutputError: when the folder cannot be written.
     """
     runs = [{name: value for name, value in run.items() if name != "curves"} for run in found["runs"]]
-    devices = [{**one, **{name: _counted(one[name]) for name in _COUNTS}} for one in found["devices"]]
-    tables = {RUNS: runs, DEVICES: devices, PAIRS: found["pairs"]}
+    devices = [_flat(one) for one in found["devices"]]
+    widths = [{"device": one["name"], **band} for one in found["devices"] for band in one["advance_by_width"]]
+    tables = {RUNS: runs, DEVICES: devices, PAIRS: found["pairs"], WIDTHS: widths}
     for name, rows in tables.items():
         _write(folder / name, _csv(rows))
     _write(folder / PAPER, _latex(found["devices"]))
@@ -63,16 +71,42 @@ def report_comparison(folder: Path, found: Mapping[str, Any]) -> dict[str, str]:
 _COUNTS = "stopped_by", "pain_sites"
 
 
-def _sections(folder: Path, found: Mapping[str, Any]) -> list[Section]:
-    devices = found["devices"]
-    header = ["", *(one["name"] for one in devices)]
+def _flat(device: Mapping[str, Any]) -> dict[str, Any]:
+    """A device's numbers in one row."""
+    pain = {f"pain_{site}_mean": value for site, value in device["pain_by_site"].items()}
+    rest = {name: value for name, value in device.items() if name not in ("pain_by_site", "advance_by_width")}
+    return {**rest, **{name: _counted(device[name]) for name in _COUNTS}, **pain}
+
+
+def device_rows(devices: Sequence[Mapping[str, Any]]) -> list[list[str]]:
+    """What is told of each device, a row a score: its label, then a value a device."""
     rows = [[label, *(_shown(one[key], pattern) for one in devices)] for label, key, pattern in _ROWS]
-    rows += [
+    return [
+        *rows,
         ["pain is largest at", *(_counted(one["pain_sites"]) for one in devices)],
         ["colon on its mesentery", *("yes" if one["on_mesentery"] else "no" for one in devices)],
         ["stopped by", *(_counted(one["stopped_by"]) for one in devices)],
         ["patients", *(str(one["patients"]) for one in devices)],
     ]
+
+
+def site_rows(devices: Sequence[Mapping[str, Any]]) -> list[list[str]]:
+    """Pain at each site, a value a device."""
+    return [
+        [site.replace("_", " "), *(_shown(one["pain_by_site"][site], "{:.2f}") for one in devices)] for site in SITES
+    ]
+
+
+def width_rows(devices: Sequence[Mapping[str, Any]]) -> list[list[str]]:
+    """Speed and gain in lumens of each width, a value a device."""
+    speeds = [{band["from_mm"]: band for band in one["advance_by_width"]} for one in devices]
+    bands = sorted({(low, band["to_mm"]) for each in speeds for low, band in each.items()})
+    return [[f"{low:.0f} to {high:.0f} mm", *(_band(each.get(low)) for each in speeds)] for low, high in bands]
+
+
+def _sections(folder: Path, found: Mapping[str, Any]) -> list[Section]:
+    devices = found["devices"]
+    names = [one["name"] for one in devices]
     lost = [f"{one['device']} in {one['patient']}: {one['state']}. {one['reason']}" for one in found["lost"]]
     pairs = [
         [
@@ -92,8 +126,14 @@ def _sections(folder: Path, found: Mapping[str, Any]) -> list[Section]:
     ]
     sections: list[Section] = [
         Warnings(lost),
-        Table("Devices in the same patients", header, rows, _ABOUT),
+        Table("Devices in the same patients", ["", *names], device_rows(devices), _ABOUT),
         Gallery("Where they came to", pictures),
+    ]
+    if films := [film for one in devices if (film := folder / "pictures" / f"{one['name']}.webp").is_file()]:
+        sections.append(Gallery("Films", [Picture(film.stem, film, _FILM) for film in films]))
+    sections += [
+        Table("Pain by site", ["", *names], site_rows(devices), ABOUT_SITES),
+        Table("Lumen widths in which they work", ["lumen", *names], width_rows(devices), ABOUT_WIDTHS),
     ]
     if chart := _chart(found["runs"]):
         sections.append(chart)
@@ -106,6 +146,10 @@ def _sections(folder: Path, found: Mapping[str, Any]) -> list[Section]:
         )
     )
     return sections
+
+
+def _band(band: Mapping[str, float] | None) -> str:
+    return "–" if band is None else f"{band['speed_mm_s']:.1f} mm/s, {band['gained_m']:.2f} m"
 
 
 def _chart(runs: Sequence[Mapping[str, Any]]) -> Chart | None:

@@ -122,4 +122,5 @@ def _figure(picture: Picture, *, titled: bool = False) -> str:
         raise UnreadableFileError(f"Cannot read picture '{picture.path}': {error.strerror or error}.") from error
     title = f"<strong>{escape(picture.title)}</strong> " if titled else ""
     caption = f"<figcaption>{title}{escape(picture.caption)}</figcaption>" if title or picture.caption else ""
-    return f'<figure><img alt="{escape(picture.title)}" src="data:image/png;base64,{content}">{caption}</figure>'
+    kind = picture.path.suffix.removeprefix(".")
+    return f'<figure><img alt="{escape(picture.title)}" src="data:image/{kind};base64,{content}">{caption}</figure>'

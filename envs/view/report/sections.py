@@ -53,7 +53,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Picture:
-    """A PNG file, put into the page."""
+    """A PNG file or a film as WebP, put into the page."""
 
     title: str
     path: Path

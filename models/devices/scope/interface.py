@@ -85,6 +85,11 @@ class Scope(Device):
         )
 
     @property
+    def view_deg(self) -> float:
+        """The field of view of its tip."""
+        return self.design.tip.field_of_view_deg
+
+    @property
     def readings(self) -> tuple[Reading, ...]:
         """What the hand feels."""
         return (

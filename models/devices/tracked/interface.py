@@ -209,6 +209,8 @@ class TrackedRobot(Device):
     def treads(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State, commands: Any) -> Treads:
         """Surfaces run backwards, less what the film between tread and wall slides; shaft losses take from friction.
 
+        What drives them is the worm's torque by the speed that it turns with, losses in the worm and all.
+
         Friction F of all treads slides at the speed where mu(v) is F / N (`SpeedFriction`): what Coulomb's law holds is
         the film's outer side, which runs so much slower than the tread, and around the core as that is turned.
         """
@@ -222,7 +224,8 @@ class TrackedRobot(Device):
         film = self.design.speed_friction.sliding(size / xp.maximum(own, _TOUCH)) / size * used
         along, around = (xp.where(on_tread, film[:, way : way + 1], 0.0) for way in range(len(_WAYS)))
         surface = (along - each)[..., None] * directions + around[..., None] * np.array([0.0, 1.0, 0.0])
-        return Treads(surface, xp.where(on_tread, own, 1.0))
+        worm = self._worm(state).torque * speeds.mean(axis=1) / self.design.worm.lead * math.tau
+        return Treads(surface, xp.where(on_tread, own, 1.0), worm)
 
     def read(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State) -> dict[str, Any]:
         """Each of `readings`, (worlds,)."""

@@ -103,6 +103,11 @@ class Vine(Device):
         return math.pi * self.pressure * (self.diameter / 2) ** 3 * self.bend_radius
 
     @property
+    def view_deg(self) -> float:
+        """The field of its design."""
+        return self.field_of_view_deg
+
+    @property
     def usual(self) -> Mapping[str, Any]:
         """A time step of its own."""
         return {"timestep": _LONGEST_STEP}

@@ -14,32 +14,22 @@ _HEAD = """\
 
 **Question.** Do virtual patients show what published colonoscopies showed, and what of it depends on who drives?
 
-Made by `haustra cohort quick -o DIR` (drivers, patients, seconds and seed as said below) and `python -m
-haustra.scripts.bench.pages.cohort_page docs/validation/cohort.md DIR/cohort.json`, and kept in
+Made by `haustra cohort full -o DIR --device paediatric-long adult` (or `quick`; patients, seconds and seed as said
+below) and `python -m haustra.scripts.bench.pages.cohort_page docs/validation/cohort.md DIR/cohort.json`, and kept in
 docs/validation/data/cohort.json; edit `scripts/bench/pages/cohort_page.py`, not this page.
 
 **Virtual patients** differ in what [Virtual patients](../how-to/cohort.md) lists, every number drawn from its sourced
 range. The hand may push with 100 N and turn with 3 N m, so that peaks are results of the driver. Loops are what the
 push made, told against the colon at rest; a loop counts that stands for 5 s in all, and a site as painful that hurts
 for so long. Everything counts until the tip is past the valve, P(perforation) too. A scope that leaves the lumen counts
-with P(perforation) = 1. The endoscopist has the adult scope of 1.68 m, the policy that of 2 m that it was trained with.
+with P(perforation) = 1. The gas in the colon stays as it is: the endoscopist neither insufflates nor sucks.
 
-**What is calibrated.** Friction is drawn from the lower part of its range (0.03 to 0.1), and the endoscopist's rules
-and settings were chosen on 24 other patients (seed 7), by observables of the half named `choose` in
-`assets/clinic/observables.toml`, with the scope `paediatric-long`; by the patients below nothing was chosen. The
-observables of the half named `judge` were read on those 24, but nothing was chosen by them. That pain must last for 5 s
-was said after a first cohort had hurt nearly everybody's sigmoid for an instant. The endoscopist's gentle, firm and
-pulling forces are inputs that its peaks follow from: peaks say little about the model. The policy was trained on other
-colons, at the rates of a person's hand, and for nothing on this page but to arrive without tearing or hurting.
-
-**What it shows.** With scopes cut into cells of 25 mm ([why](cells.md)) nobody pushes too hard for too long any more:
-what looked like a driver's haste were links that caught behind folds. The endoscopist with the adult scope then has
-loops, their kinds and their share of the time, straightenings, the time of strong pushing, the rise of force and the
-independence of loops and times as published. **What stays outside points to one cause: the colon is not gathered far
-enough.** Past half a metre the shaft inside falls to 0.8 of the colon passed, and 1.4 m are inside at the caecum, where
-clinics are said to have half of that; so half a metre of shaft hardly ever reaches the splenic flexure, a scope of
-1.68 m does not suffice in long colons (one of 2 m always does), and mesenteries are stretched until they hurt. Single
-jams make P(perforation); the policy with its own scope has none. N = 400 was not examined.
+**What is calibrated.** Friction is drawn from the lower part of its range (0.03 to 0.1). The endoscopist's rules follow
+what endoscopists say that they do; its settings were chosen on 16 other patients (seed 2024), the scope by how many
+caeca it reaches, all by observables of the half named `choose` in `assets/clinic/observables.toml`. The observables of
+the half named `judge` were seen there, but nothing was chosen by them; by the patients below nothing was chosen at all.
+The endoscopist's gentle, firm and pulling forces are inputs that its peaks follow from: peaks say little about the
+model. What moves the observables is told by [Sobol's indices](causes.md) too.
 """
 
 

@@ -125,7 +125,7 @@ def main() -> int:
     parser.add_argument("folder", type=Path)
     parser.add_argument("pages", nargs="*", help="names such as own-scope.md; all when none is given")
     parser.add_argument("--data", type=Path, default=None, help="folder of the real colons")
-    asked = parser.parse_args()
+    asked = parser.parse_intermixed_args()  # pages may come after --data
     found = asked.folder / "commands.json"
     rows = [Ran(**row) for row in json.loads(found.read_text(encoding="utf-8"))["rows"]] if found.exists() else []
     colon = asked.folder / "given"

@@ -21,6 +21,8 @@ _LABELS = {
     "width_mm": "width of the lumen [mm]",
     "distance_m": "distance of the magnets [m]",
     "grip": "friction between balloon and wall [1]",
+    "depth_m": "scope in a tube with a loop [m]",
+    "push_N": "force of the hand [N]",
 }
 _TITLES = {
     "stiffness": "stiffness",
@@ -33,6 +35,7 @@ _TITLES = {
     "width": "propulsion",
     "magnet": "pull in line",
     "anchor": "holding force of a balloon",
+    "loop": "insertion through a loop",
 }
 _COLOURS = ("#2f6f8f", "#c2413b")
 

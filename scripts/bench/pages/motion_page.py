@@ -1,6 +1,6 @@
 """The page about colons that move, from what `haustra bench motion` found."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from haustra.scripts.bench.motion import COMPARED, DESIGN, FIRST_SEED, PLAIN, effects, soundness
@@ -29,50 +29,30 @@ numbers of the axis and cost nothing:
 
 
 def motion_page(measured: Mapping[str, Any]) -> str:
-    """Markdown with a table of soundness for each kind of colon, and one of what patients change."""
-    grown = [row for row in measured["runs"] if row["colon"].startswith("grown")]
-    real = [row for row in measured["runs"] if row not in grown]
-    kinds = {f"{len({row['colon'] for row in grown})} grown colons": grown}
-    kinds |= {name: [row for row in real if row["colon"] == name] for name in sorted({row["colon"] for row in real})}
+    """Markdown with a table of soundness for each kind of colon and driver, and one of what patients change."""
+    kinds = _kinds(measured["runs"])
     sound = [soundness(rows) for rows in kinds.values()]
     lines = [
         _HEAD,
         "## The surface\n",
-        f"Scope {DESIGN}, lumen follower; grown colons from seed {FIRST_SEED} on in each patient below, others as"
-        " imaged. With the scope's own indentation:\n",
+        f"Scope {DESIGN}; the lumen follower, and the policy `insertion` that ships; grown colons from seed "
+        f"{FIRST_SEED} on, others as imaged. With the scope's own indentation:\n",
         "| figure | " + " | ".join(kinds) + " | bound |",
         "| --- |" + " --- |" * (len(kinds) + 1),
-        _line(
-            "runs",
-            [f"{found['runs']} of {_told_times(rows)}" for found, rows in zip(sound, kinds.values(), strict=True)],
-        ),
-        _line(
-            "runs in which triangles turned over against their own axis",
-            [str(found["turned_over_runs"]) for found in sound],
-            "0",
-        ),
-        _line("largest share of triangles", [f"{found['turned_over_max_share']:.3%}" for found in sound], "0"),
-        _line(
-            "furthest that the scope's axis stands outside, by winding numbers",
-            [f"{found['outside_surface_max_mm']:.2f} mm" for found in sound],
-            "0.5 mm",
-        ),
-        _line(
-            "ended as escaped; of these with P(perforation) below 1",
-            [f"{found['escaped']}; {found['escaped_unsaid']}" for found in sound],
-            "0 unsaid",
-        ),
-        _line("diverged", [str(found["diverged"]) for found in sound], "0"),
+        *(_line(figure, [told(found) for found in sound], bound) for figure, told, bound in _FIGURES),
         "",
         _SAID,
-        "## The patient around it\n",
-        "Change against the same colon as it was imaged and without gas, mean over colons with its 95 % interval"
-        " (paired); **bold** where the interval leaves out 0. A number of colons stands where it is not all of them:"
-        " those runs were added later.\n",
-        "| patient | " + " | ".join(words for words, _ in COMPARED.values()) + " |",
-        "| --- |" + " --- |" * len(COMPARED),
     ]
-    found = effects(grown)
+    found = effects([row for row in measured["runs"] if _grown(row)])
+    if found:
+        lines += [
+            "## The patient around it\n",
+            "Change against the same colon as it was imaged and without gas, lumen follower, mean over colons with its"
+            " 95 % interval (paired); **bold** where the interval leaves out 0. A number of colons stands where it is"
+            " not all of them: those runs were added later.\n",
+            "| patient | " + " | ".join(words for words, _ in COMPARED.values()) + " |",
+            "| --- |" + " --- |" * len(COMPARED),
+        ]
     for entry in found:
         fewer = f" ({entry['colons']} colons)" if entry["colons"] < found[0]["colons"] else ""
         lines.append(f"| {entry['patient']}{fewer} | " + " | ".join(_told(entry, name) for name in COMPARED) + " |")
@@ -84,12 +64,68 @@ def motion_page(measured: Mapping[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
+_FIGURES: Sequence[tuple[str, Callable[[Mapping[str, Any]], str], str]] = (
+    ("runs", lambda found: str(found["runs"]), ""),
+    (
+        "runs in which triangles turned over against their own axis",
+        lambda found: str(found["turned_over_runs"]),
+        "0",
+    ),
+    ("largest share of triangles", lambda found: f"{found['turned_over_max_share']:.3%}", "0"),
+    (
+        "furthest that the scope's axis stands outside, by winding numbers",
+        lambda found: f"{found['outside_surface_max_mm']:.2f} mm",
+        "0.5 mm",
+    ),
+    (
+        "ended as escaped; of these with P(perforation) below 1",
+        lambda found: f"{found['escaped']}; {found['escaped_unsaid']}",
+        "0 unsaid",
+    ),
+    ("diverged", lambda found: str(found["diverged"]), "0"),
+    (
+        "least share of a last picture from the tip that is mucosa",
+        lambda found: _if_drawn(found, "last_picture_mucosa_min_share", "{:.1%}"),
+        "",
+    ),
+    (
+        "last pictures that see the colon from outside anywhere",
+        lambda found: _if_drawn(found, "last_pictures_from_outside", "{}"),
+        "0",
+    ),
+    (
+        "largest share of any picture judged that is seen from outside",
+        lambda found: _if_drawn(found, "picture_outside_max_share", "{:.2%}"),
+        "0",
+    ),
+)
+"""Rows of the table of soundness: words, how what was found is told, and the bound."""
+
+
+def _kinds(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:
+    """Runs that go into a column together: of grown colons, or of one other, by one driver, for as long."""
+    alike: dict[tuple[str, str, float, float], list[Mapping[str, Any]]] = {}
+    for row in rows:
+        kind = "" if _grown(row) else row["colon"]
+        alike.setdefault((kind, row["driver"], row["seconds"], row["judged_every"]), []).append(row)
+    return {_heading(*key, own): own for key, own in sorted(alike.items(), key=lambda item: item[0])}
+
+
+def _heading(kind: str, driver: str, seconds: float, every: float, own: Sequence[Mapping[str, Any]]) -> str:
+    named = kind or f"{len({row['colon'] for row in own})} grown colons"
+    return f"{named}, {driver}, {seconds:g} s, judged every {every:g} s"
+
+
+def _grown(row: Mapping[str, Any]) -> bool:
+    return row["colon"].startswith("grown")
+
+
+def _if_drawn(found: Mapping[str, Any], name: str, told: str) -> str:
+    return told.format(found[name]) if found["pictures"] == found["runs"] else "not looked at"
+
+
 def _line(figure: str, found: Sequence[str], bound: str = "") -> str:
     return f"| {figure} | {' | '.join(found)} | {bound} |"
-
-
-def _told_times(rows: Sequence[Mapping[str, Any]]) -> str:
-    return f"{rows[0]['seconds']:g} s, judged every {rows[0]['judged_every']:g} s"
 
 
 def _told(entry: Mapping[str, Any], name: str) -> str:

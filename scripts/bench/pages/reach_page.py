@@ -1,37 +1,38 @@
-"""The page of how far tracked robots come, from what `haustra bench reach` found."""
+"""The page of how far tracked robots come, from what `haustra bench reach` kept.
 
+`python -m haustra.scripts.bench.pages.reach_page reach.json docs/validation/reach.md` writes it.
+"""
+
+import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+from haustra.reading import read_document
 
-def reach_page(found: Mapping[str, Mapping[str, Any]], *, seconds: float) -> str:
+
+def reach_page(kept: Mapping[str, Any]) -> str:
     """The page as Markdown; the first robot is what the others are compared with."""
-    first = next(iter(found))
-    base = found[first]["summary"]
+    found = kept["robots"]
+    base = found[next(iter(found))]["summary"]
     lines = [
         "# How far the tracked robot comes",
         "",
         f"`haustra bench reach -o DIR`: {base['colons']} grown colons from seed 300000 on, on their mesentery, each "
-        f"run up to {seconds:g} s, from where the robot fits first, by its own driver; a run that comes no further "
-        "for 10 s is over. Nothing here was measured on a real robot.",
+        f"run up to {kept['seconds']:g} s, from where the robot fits first, by its own driver; a run that comes no "
+        "further for 10 s is over. Nothing here was measured on a real robot. Pressure is that of a tip, a ball as "
+        "wide as a tread, on the patch of wall under it.",
         "",
-        "| robot | colons | came, mean (median) | of the colon, mean | force a track, mean | largest wall force, mean |"
-        " work of slip | way over the first's, same colons |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    for name, each in found.items():
-        got = each["summary"]
-        ratio = _ratio(found[first]["runs"], each["runs"])
-        lines.append(
-            f"| {name} | {got['colons']} | {got['came_mean_m']:.3f} m ({got['came_median_m']:.3f}) | "
-            f"{100 * got['reach_mean']:.0f} % | {got['track_force_mean_N']:.2f} N | {got['wall_force_peak_N']:.2f} N | "
-            f"{1e3 * got['slip_work_mean_J']:.0f} mJ | {ratio:.2f} x |"
-        )
-    lines += ["", "What stopped them:", "", "| robot | by |", "|---|---|"]
-    for name, each in found.items():
-        reasons = ", ".join(f"{reason} ({count})" for reason, count in each["summary"]["stopped_by"].items())
-        lines.append(f"| {name} | {reasons} |")
-    lines += [
+        *_summaries(found),
+        "",
+        "## Why it stops",
+        "",
+        *_reasons(found),
+        "",
+        f"Each run of `{next(iter(found))}`; the last three columns are means over its last 5 s, the core's force over "
+        "that of the treads.",
+        "",
+        *_runs(found[next(iter(found))]["runs"]),
         "",
         "## Held by a string in a straight tube",
         "",
@@ -41,6 +42,58 @@ def reach_page(found: Mapping[str, Mapping[str, Any]], *, seconds: float) -> str
         "Stress: of the belt above a tip at the tip's mean load, from the finite elements. Slip: friction's work on "
         "the wall.",
         "",
+        *_held(found),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _summaries(found: Mapping[str, Any]) -> list[str]:
+    first = next(iter(found))
+    lines = [
+        "| robot | colons | came, mean (median) | of the colon, mean | force a track, mean | largest wall force, mean |"
+        " pressure, mean (largest) | work of slip | way over the first's, same colons |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for name, each in found.items():
+        got = each["summary"]
+        ratio = _ratio(found[first]["runs"], each["runs"])
+        lines.append(
+            f"| {name} | {got['colons']} | {got['came_mean_m']:.3f} m ({got['came_median_m']:.3f}) | "
+            f"{100 * got['reach_mean']:.0f} % | {got['track_force_mean_N']:.2f} N | {got['wall_force_peak_N']:.2f} N | "
+            f"{got['wall_pressure_mean_kPa']:.0f} ({got['wall_pressure_peak_kPa']:.0f}) kPa | "
+            f"{1e3 * got['slip_work_mean_J']:.0f} mJ | {ratio:.2f} x |"
+        )
+    return lines
+
+
+def _reasons(found: Mapping[str, Any]) -> list[str]:
+    lines = ["| robot | by |", "|---|---|"]
+    for name, each in found.items():
+        reasons = ", ".join(f"{reason} ({count})" for reason, count in each["summary"]["stopped_by"].items())
+        lines.append(f"| {name} | {reasons} |")
+    return lines
+
+
+def _runs(runs: Sequence[Mapping[str, Any]]) -> list[str]:
+    lines = [
+        "| colon | began | came | after | stopped by | in | lumen there | across tracks | worm at | core over treads |",
+        "|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for row in runs:
+        if row["start_m"] is None:
+            lines.append(f"| {row['seed']} | – | 0 m | – | {row['stopped_by']} | – | – | – | – | – |")
+            continue
+        core = row["core_force_there"] / max(row["normal_there"], 1e-9)
+        lines.append(
+            f"| {row['seed']} | {row['start_m']:.2f} m | {row['came_m']:.3f} m | {row['simulated_s']:.0f} s | "
+            f"{row['stopped_by']} | {row['stopped_in']} | {1e3 * row['lumen_there_m']:.0f} mm | "
+            f"{1e3 * row['width_there']:.0f} mm | {100 * row['worm_share_there']:.0f} % | {core:.2f} |"
+        )
+    return lines
+
+
+def _held(found: Mapping[str, Any]) -> list[str]:
+    lines = [
         "| robot | surface | rpm | string | against closed form | ripple, string | ripple, track | "
         "stress, mean (peak) | slip |",
         "|---|---|---|---|---|---|---|---|---|",
@@ -53,7 +106,7 @@ def reach_page(found: Mapping[str, Mapping[str, Any]], *, seconds: float) -> str
                 f"{100 * row['track_ripple']:.1f} % | {row['stress_mean_kPa']:.0f} ({row['stress_peak_kPa']:.0f}) kPa "
                 f"| {1e3 * row['slip_power_W']:.2f} mW |"
             )
-    return "\n".join(lines) + "\n"
+    return lines
 
 
 def _ratio(first: Sequence[Mapping[str, Any]], other: Sequence[Mapping[str, Any]]) -> float:
@@ -62,3 +115,7 @@ def _ratio(first: Sequence[Mapping[str, Any]], other: Sequence[Mapping[str, Any]
     both = [(ways[row["seed"]], row["came_m"]) for row in other if row["seed"] in ways]
     before, after = (sum(column) for column in zip(*both, strict=True)) if both else (0.0, 0.0)
     return after / before if before else float("nan")
+
+
+if __name__ == "__main__":
+    Path(sys.argv[2]).write_text(reach_page(read_document(Path(sys.argv[1]), "runs")), encoding="utf-8")

@@ -5,8 +5,8 @@ MkDocs calls these functions by name (`hooks` in mkdocs.yml). Neither page can b
 
 import tomllib
 import warnings
-from argparse import Action
 from pathlib import Path
+from typing import Any
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
@@ -104,30 +104,35 @@ def _verb(name: str) -> str:
     needed = [_given(action) for action in actions if not action.option_strings or "(required)" in str(action.help)]
     usage = " ".join([f"haustra {name}", *needed, "[options]" if len(needed) < len(actions) else ""]).rstrip()
     rows = "".join(f"| `{_name(action)}` | {_value(action)} | {_about(action)} |\n" for action in actions)
-    about = (parser.description or "").replace("<", "&lt;")
+    about = _plain(parser.description or "")
     return f"### haustra {name}\n\n{about}\n\n```text\n{usage}\n```\n\n| option | value | |\n|---|---|---|\n{rows}"
 
 
-def _name(action: Action) -> str:
+def _name(action: Any) -> str:  # argparse's Action, of which tyro has a copy of its own
     """Its names on the command line, without the `--no-` of a switch; in capitals when it is given by its place."""
     return ", ".join(name for name in action.option_strings if not name.startswith("--no-")) or action.dest.upper()
 
 
-def _given(action: Action) -> str:
+def _given(action: Any) -> str:
     """What a call cannot do without: a word in its place, or an option with its value."""
     return f"{action.option_strings[0]} {action.metavar}" if action.option_strings else action.dest.upper()
 
 
-def _value(action: Action) -> str:
+def _value(action: Any) -> str:
     value = "" if action.metavar is None else str(action.metavar).replace("{None}|", "").replace("{None,", "{")
     return f"`{value}`" if value else ""
 
 
-def _about(action: Action) -> str:
+def _about(action: Any) -> str:
     said = " ".join(str(action.help or "").split())
     for nothing in ("(default: )", "(default: None)", "(default: False)"):
         said = said.replace(nothing, "")
-    return said.strip().replace("|", "\\|").replace("<", "&lt;")
+    return _plain(said.strip().replace("|", "\\|"))
+
+
+def _plain(said: str) -> str:
+    """Words of a help text, in which Markdown finds no links and no tags."""
+    return said.replace("[", "\\[").replace("<", "&lt;")
 
 
 def _page_of(package: str) -> str:

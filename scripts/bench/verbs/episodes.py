@@ -23,10 +23,13 @@ class BenchEpisodes:
     """Number of grown colons."""
     design: str = "adult"
     """Name of a scope design."""
-    observation: Literal["state", "lumen", "depth", "dict"] = "state"
-    """What environments show: readings of scope and hand, a few distances, a depth picture, or all under names."""
+    observation: Literal["state", "lumen", "depth", "pixels", "dict"] = "state"
+    """What environments show: readings of scope and hand, a few distances, a picture of depth or in colour, or the
+    first two under names."""
     picture_size: int = whole(8, 512, default=64)
-    """Rows and columns of depth pictures [pixels]."""
+    """Rows and columns of pictures [pixels]."""
+    mesentery: bool = False
+    """Let colons move on their mesentery."""
     memory_steps: int = whole(0, 10**9, default=0)
     """Number of environment steps over which memory is watched; 0 for none."""
     memory_resets: int = whole(0, 10**9, default=0)
@@ -49,6 +52,7 @@ class BenchEpisodes:
             observation=self.observation,
             picture_size=self.picture_size,
             seeds=(0, self.colons),
+            mesentery=self.mesentery,
         )
         with progress_bar("grow", self.colons, unit="colons") as advance:
             bank = grown_bank(range(self.colons), named_design(self.design), progress=lambda done: advance(done, ""))

@@ -18,23 +18,29 @@ class BenchMotion:
 
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for the page and the runs."""
-    colons: int = whole(2, 10_000, default=10)
+    colons: int = whole(0, 10_000, default=10)
     """Number of grown colons, from seed 300000 on."""
     seconds: float = number("s", 1.0, 3600.0, default=120.0)
     """Longest run, in simulated time [s]."""
     judged_every: float = number("s", 0.1, 3600.0, default=1.0)
-    """Time between two surfaces of a run that are judged [s]; each takes some half a second."""
+    """Time between two surfaces of a run that are judged, and pictures from the tip that are checked [s]; each takes
+    some quarter of a second."""
+    driver: tuple[str, ...] = texts(most=10, default=("follower",))
+    """Who inserts, each in turn: follower, and insertion, the policy that ships, which knows no gas."""
     processes: int = whole(1, 1000, default=1)
     """Processes that share the colons."""
     patients: tuple[str, ...] = texts(most=100, default=())
     """Names of the patients that each grown colon is put into beside that as imaged; all when none are given."""
     others: tuple[Path, ...] = ()
     """Folders of other colons, run as they were imaged."""
+    add: tuple[Path, ...] = ()
+    """Files motion.json of earlier calls, whose runs go on the page before those of this one."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 
     def __call__(self) -> dict[str, Any]:
         """Run, compare, write."""
+        import json
         import os
 
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -45,14 +51,15 @@ class BenchMotion:
         from haustra.scripts.console import progress_bar
 
         folder = prepare_folder(self.output)
+        kept = [json.loads(path.read_text(encoding="utf-8"))["runs"] for path in self.add]
         runs = (1 + len(self.patients) if self.patients else len(PATIENTS)) * self.colons + len(self.others)
         asked: dict[str, Any] = {"colons": self.colons, "seconds": self.seconds, "judged_every": self.judged_every}
         own: dict[str, Any] = {"patients": self.patients, "others": self.others, "processes": self.processes}
-        with progress_bar("motion", runs, unit="runs") as advance:
-            rows = bench_motion(**asked, **own, progress=advance)
-        grown = [row for row in rows if row["colon"].startswith("grown")]
+        with progress_bar("motion", runs * len(self.driver), unit="runs") as advance:
+            rows = bench_motion(**asked, **own, drivers=self.driver, progress=advance)
         costs = step_costs([name for name in NEIGHBOURS if name in (self.patients or PATIENTS)])
-        result = {"soundness": soundness(rows), "effects": effects(grown), "costs": costs, **asked, "runs": rows}
+        rows = [row for given in kept for row in given] + rows
+        result = {"soundness": soundness(rows), "effects": effects(rows), "costs": costs, "runs": rows}
         page = motion_page(result)
         write_atomically(folder / "motion.md", lambda temporary: temporary.write_text(page, encoding="utf-8"))
         write_json(folder / "motion.json", result)

@@ -22,8 +22,10 @@ class BenchReach:
     """Tracked robots to drive: names of shipped designs or TOML files; the first is what others are compared with."""
     colons: int = whole(1, 10_000, default=20)
     """Number of grown colons, from seed 300000 on."""
-    seconds: float = number("s", 1.0, 3600.0, default=120.0)
-    """Longest run, in simulated time [s]."""
+    seconds: float = number("s", 1.0, 3600.0, default=300.0)
+    """Longest run, in simulated time [s]; treads at 150 rpm take 190 s for a colon."""
+    workers: int | None = whole(1, 4096, default=None)
+    """Number of processes at a time; as many as there are cores when not given."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 
@@ -36,6 +38,7 @@ class BenchReach:
         from haustra.scripts.bench.pages.reach_page import reach_page
         from haustra.scripts.bench.reach import bench_reach, held_rows, summary
         from haustra.scripts.console import progress_bar
+        from haustra.scripts.sweep import _cores
 
         robots = []
         for name in self.devices:
@@ -49,9 +52,11 @@ class BenchReach:
                 def tell(done: int, note: str, before: int = number_ * self.colons) -> None:
                     advance(before + done, note)
 
-                rows = bench_reach(robot, folder, colons=self.colons, seconds=self.seconds, progress=tell)
+                own = {"colons": self.colons, "seconds": self.seconds, "workers": self.workers or _cores()}
+                rows = bench_reach(robot, folder, progress=tell, **own)
                 found[robot.name] = {"summary": summary(rows), "held": held_rows(robot), "runs": rows}
-        page = reach_page(found, seconds=self.seconds)
+        kept = {"seconds": self.seconds, "robots": found}
+        page = reach_page(kept)
         write_atomically(folder / "reach.md", lambda temporary: temporary.write_text(page, encoding="utf-8"))
-        write_json(folder / "reach.json", found)
+        write_json(folder / "reach.json", kept)
         return found if self.json else {name: each["summary"] for name, each in found.items()}

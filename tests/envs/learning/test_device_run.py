@@ -15,6 +15,7 @@ from haustra.envs.learning.policy import load_policy
 from haustra.envs.learning.settings import Training, shipped
 from haustra.envs.learning.train import train
 from haustra.envs.tasks.config import Limits, TaskConfig
+from haustra.envs.tasks.observation import sizes
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import InvalidOptionError
 from tests.task_bank import DESIGN, short_bank
@@ -57,6 +58,16 @@ def test_a_resumed_run_is_the_same_run(tmp_path):
     with (tmp_path / "whole" / "curve.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert sum(int(row["episodes"]) for row in rows) > 16 and all(float(row["seconds"]) <= 1.0 for row in rows)
+
+
+def test_a_policy_sees_depth_alone_while_its_critic_reads_all(tmp_path):
+    alone = replace(SMALL, steps=256, task=replace(SMALL.task, observation="lumen"))
+    run(alone, tmp_path)
+    policy = load_policy(tmp_path)
+    assert policy.config.observation == "lumen" and policy.weights[0].shape[1] == 27
+    assert policy.act({"lumen": np.zeros((2, 27), np.float32)}).shape == (2, 4)
+    own = shipped("insertion-depth")
+    assert set(sizes(own.task)) == {"lumen"} and set(sizes(own.shown)) == {"state", "lumen", "privileged"}
 
 
 def test_costs_of_an_episode_come_to_what_it_did(tmp_path):

@@ -8,10 +8,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from haustra.envs.sim.conditions import Conditions
+from haustra.envs.sim.load import load_backend
 from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.native_batch import NativeBackend
 from haustra.envs.sim.state import Controls
-from haustra.errors import UnsupportedSceneError
+from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.anatomy.colon import Centreline, Surface
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
@@ -161,6 +162,18 @@ def test_scenes_with_another_wall_are_refused(bend):
         NativeBackend(planes, stack([table]), worlds=1)
 
 
+@pytest.mark.parametrize("backend", ["native", "warp"])
+def test_a_stiffness_that_mujoco_would_clamp_is_refused_in_any_world(bend, backend):
+    """Impedances beyond its range change a contact's stiffness in silence."""
+    if backend == "warp":
+        pytest.importorskip("warp", reason="MuJoCo Warp is not installed")
+    batch = load_backend(backend, bend[0], stack([bend[1]]), worlds=2)
+    for stiffness in (1e-4, 1e8):
+        own = Conditions(np.full(2, 0.1), np.array([1500.0, stiffness]), np.ones(2))
+        with pytest.raises(InvalidOptionError, match="outside what MuJoCo can honour"):
+            batch.reset(np.arange(2), np.zeros(2, int), own)
+
+
 def test_a_worlds_contacts_have_the_law_of_a_scenes(bend):
     batch = begin(bend, 1)
     model = batch.world_data(0)[0]
@@ -197,29 +210,34 @@ def test_worn_wires_lose_pull_as_in_a_single_scope():
     np.testing.assert_allclose(many[10:], alone[10:], rtol=0.01)
 
 
-def test_a_free_scope_sags_the_same_in_a_colon_that_enters_another_way():
-    """Gravity is given in the colon's frame; worlds are stepped in the frame of their entry."""
+@pytest.mark.parametrize(("backend", "within"), [("native", 1e-5), ("linear", 5e-5), ("warp", 5e-5)])
+def test_a_free_scope_sags_the_same_in_a_colon_that_enters_another_way(backend, within):
+    """Gravity is given in the colon's frame; worlds are stepped in the frame of their entry.
+
+    MuJoCo's threads compute in double precision, the others in single.
+    """
+    if backend == "warp":
+        pytest.importorskip("warp", reason="MuJoCo Warp is not installed")
     straight = widened(straight_tube(0.5), 3.0)
     turn = Rotation.from_euler("xyz", [70.0, 20.0, 40.0], degrees=True).as_matrix()
     turned = moved(straight, turn)
-    options = SceneOptions(
-        wall_law="table", softening=False, gravity=(0.0, -9.81, 0.0), start_depth=0.15, friction=0.0, **OPTIONS
-    )
+    options = SceneOptions(wall_law="table", softening=False, gravity=(0.0, -9.81, 0.0), start_depth=0.15, **OPTIONS)
     scene = build_scene(straight, None, DESIGN, options, show_lumen=False)
     tables = [
         lumen_table(colon, device_radius=DESIGN.diameter / 2).seen_from(*entry_of(colon))
         for colon in (straight, turned)
     ]
-    batch = NativeBackend(scene, stack(tables), worlds=2)
-    batch.reset(np.arange(2), np.arange(2), conditions(2, 0.0))
+    batch = load_backend(backend, scene, stack(tables), worlds=2)
+    batch.reset(np.arange(2), np.arange(2), conditions(2))
     for _ in range(20):
-        batch.step(inputs(np.zeros(2), np.zeros(4)), 10)
+        assert batch.step(inputs(np.zeros(2), np.zeros(4)), 10).all()
+    tips = batch.read().tip
     for world, colon in enumerate((straight, turned)):
         alone = NativeEngine(build_scene(colon, None, DESIGN, replace(options, wall_law="planes"), show_lumen=False))
         alone.step(Controls(0.0, 0.0), 200)
         tip = (alone.read().tip - alone.scene.entry) @ entry_of(colon)[1]
-        assert np.linalg.norm(batch.read().tip[world] - tip) < 1e-5
-    assert np.linalg.norm(batch.read().tip[0] - batch.read().tip[1]) > 0.003
+        assert np.linalg.norm(tips[world] - tip) < within
+    assert np.linalg.norm(tips[0] - tips[1]) > 0.003
 
 
 def widened(colon, factor):

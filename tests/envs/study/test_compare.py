@@ -1,5 +1,10 @@
 """Devices side by side: the same patients, paired differences, and nothing lost when it is stopped."""
 
+import json
+import sqlite3
+import subprocess
+import sys
+import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -7,15 +12,16 @@ import numpy as np
 import pytest
 
 from haustra.envs.study import compare, store
-from haustra.envs.study.compare import CompareOptions, comparison
+from haustra.envs.study.compare import comparison
+from haustra.envs.study.compare_passage import CompareOptions, scope_options
 from haustra.envs.study.compare_patients import FRICTION, WALL_STIFFNESS, Patient, patients
 from haustra.envs.study.compare_table import paired_interval, summarise
 from haustra.envs.study.sampling import designs_of, jobs_of
 from haustra.envs.view.report.compare_report import report_comparison
-from haustra.errors import InvalidDesignError, InvalidOptionError
+from haustra.errors import InvalidDesignError, InvalidOptionError, UnreadableFileError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.presets import preset_of
-from haustra.scripts.main import BAD_INPUT, main
+from haustra.scripts.main import BAD_INPUT, SUCCESS, main
 from tests.tube_colon import straight_tube
 
 
@@ -48,7 +54,7 @@ def _copy(folder) -> str:
 
 def test_a_scope_is_modelled_as_it_is_run():
     """Joints twice as far apart press up to twice as hard."""
-    options = compare.scope_options(patients("smoke")[1])
+    options = scope_options(patients("smoke")[1])
     assert (preset_of(options), options.wall_law, options.mesentery) == ("balanced", "table", True)
     assert (options.friction, options.wall_stiffness) == (
         patients("smoke")[1].friction,
@@ -116,8 +122,42 @@ def test_stopped_half_way_it_goes_on_without_loss(tmp_path, monkeypatch):
     assert all(wanted <= set(one) for one in told[0]["devices"])
     assert all({"first", "second", "score", "difference", "low", "high"} <= set(pair) for pair in told[0]["pairs"])
     files = report_comparison(tmp_path / "whole", told[0])
+    page = Path(files["report"]).read_text(encoding="utf-8")
+    assert all(part in page for part in ("Lumen widths in which they work", "mucosa seen on the way", "Pain by site"))
     for path in files.values():
         assert Path(path).stat().st_size > 100, path
+
+
+@pytest.mark.thorough
+def test_killed_it_goes_on_without_loss(tmp_path, capsys):
+    """The process is killed while it computes its second run; all that is told is what one that lived tells."""
+
+    def asked(folder: str) -> list[str]:
+        own = ["--seconds", "2", "--workers", "1", "--resume", "--json", "-o", str(tmp_path / folder)]
+        return ["compare", "capsule", "inchworm", "--cohort", "smoke", *own]
+
+    running = subprocess.Popen([sys.executable, "-m", "haustra.scripts.main", *asked("killed")], stdout=subprocess.PIPE)
+    while running.poll() is None and _finished(tmp_path / "killed") < 1:
+        time.sleep(0.02)
+    running.kill()
+    running.communicate()
+    assert 1 <= _finished(tmp_path / "killed") < 4
+    told = []
+    for folder in ("killed", "whole"):
+        assert main(asked(folder)) == SUCCESS
+        told.append(json.loads(capsys.readouterr().out))
+        assert sorted(path.name for path in (tmp_path / folder / "pictures").iterdir()) == [
+            f"{name}{end}" for name in ("capsule", "inchworm") for end in ("-close.png", ".png", ".webp")
+        ]
+    assert all(told[0][name] == told[1][name] for name in ("devices", "pairs", "lost"))
+
+
+def _finished(folder: Path) -> int:
+    try:
+        with store.read_store(folder) as kept:
+            return kept.counts()["finished"]
+    except (UnreadableFileError, sqlite3.Error):
+        return 0
 
 
 @dataclass(frozen=True)

@@ -1,15 +1,26 @@
 """Studies of scopes in linear time: one batch for designs of a kind, halved where memory is short."""
 
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from haustra.envs.study import scope, scope_batch
+from haustra.envs.study import scope, scope_batch, scope_linear
+from haustra.envs.study.pool import Claim, JobMap
+from haustra.envs.study.run import answer_all
+from haustra.envs.study.sampling import conditions_of, designs_of, jobs_of
+from haustra.envs.study.scope_colons import RADIUS_STEP
 from haustra.envs.study.scope_linear import LINEAR
-from haustra.envs.study.study import Job, Objective, Study, Variable
+from haustra.envs.study.store import open_store
+from haustra.envs.study.study import Job, Objective, Result, Sampler, Study, Variable
 from haustra.models.anatomy.colon import ColonSegment
-from haustra.models.anatomy.store import save_colon
+from haustra.models.anatomy.store import load_colon, save_colon
+from haustra.models.devices.scope.files import find_design
+from haustra.models.wall.lumen_table import lumen_table
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
 
@@ -41,6 +52,8 @@ def study(tmp_path: Path) -> Study:
 
 _SHORT = {"scene.insertion_limit": 0.16, "scene.shaft_cell": 0.0625, "scene.bending_cell": 0.034}
 """Few joints, so that programs compile soon."""
+_TORQUE = 1e-3
+"""Torque limit below what the tip's weight asks for when it is bent aside [N m]."""
 
 
 def _jobs(study: Study) -> list[Job]:
@@ -72,35 +85,117 @@ def test_designs_share_a_batch_and_differ(study: Study, tmp_path: Path, monkeypa
     assert again[0].scores["push_force_peak_N"] == pytest.approx(soft, rel=1e-3)
 
 
-def test_rows_do_not_depend_on_the_order_of_jobs(study: Study, tmp_path: Path) -> None:
-    """A wire of 5 N bends the tip less than one of 80 N, whichever job comes first, and as each does alone."""
-    pulls = Variable(name="pull", path="design.wires.pull_limit", unit="N", nominal=20.0, low=1.0, high=100.0)
-    limits = Variable(name="right", path="design.limits.right", unit="deg", nominal=160.0, low=10.0, high=180.0)
-    torque = Variable(name="torque", path="scene.torque_limit", unit="N m", nominal=1.0, low=1e-4, high=5.0)
-    start = Variable(name="start", path="scene.start_depth", unit="m", nominal=0.03, low=0.02, high=0.1)
-    study = replace(study, variables=(pulls, limits, torque, start), options={**study.options, "seconds": 1.6})
-    study = replace(study, changes=_SHORT)
-    conditions = {name: values[0] for name, values in study.conditions.items()}
-    weak = {"pull": 1.0, "right": 160.0, "torque": 1.0, "start": 0.1}
-    strong = {"pull": 80.0, "right": 160.0, "torque": 1.0, "start": 0.1}
-    straight = {**strong, "right": 12.0}
-    shallow = {**strong, "start": 0.03}
-    designs = [weak, strong, straight, shallow]
-    jobs = [Job(id=i, design=i, variables=each, conditions=conditions) for i, each in enumerate(designs)]
+@pytest.fixture
+def limits(study: Study) -> Study:
+    """Six designs that differ in what their limits are and in where they start, lying on their side."""
+    variables = (
+        Variable(name="pull", path="design.wires.pull_limit", unit="N", nominal=80.0, low=1.0, high=100.0),
+        Variable(name="right", path="design.limits.right", unit="deg", nominal=160.0, low=10.0, high=180.0),
+        Variable(name="torque", path="scene.torque_limit", unit="N m", nominal=1.0, low=1e-4, high=5.0),
+        Variable(name="start", path="scene.start_depth", unit="m", nominal=0.1, low=0.02, high=0.1),
+    )
+    usual = {variable.name: variable.nominal for variable in variables}
+    apart = ({"pull": 1.0}, {}, {"right": 12.0}, {"start": 0.03}, {"torque": _TORQUE}, {"pull": 5.0, "start": 0.05})
+    designs = tuple({"name": f"{index}", **usual, **own} for index, own in enumerate(apart))
+    return replace(
+        study,
+        variables=variables,
+        sampler=Sampler(kind="list", designs=designs),
+        changes={**_SHORT, "scene.gravity.2": -9.81},
+        options={**study.options, "seconds": 1.6},
+    )
+
+
+def test_rows_do_not_depend_on_the_order_of_jobs(limits: Study, tmp_path: Path) -> None:
+    """Limits of pulls, bends and torque and the start are each design's own, whichever comes first, as alone."""
+    answer, jobs = LINEAR.start(limits, tmp_path), list(jobs_of(limits, designs_of(limits)))
 
     def rows(some: list[Job]) -> dict[int, dict]:
-        return {one.job: dict(one.scores) for one in LINEAR.start(study, tmp_path)(some)}
+        return {one.job: dict(one.scores) for one in answer(some)}
 
-    forth, back = rows(jobs), rows(jobs[::-1])
-    alone = {jobs[0].id: rows(jobs[:1])[jobs[0].id]}
-    for name in ("insertion_m", "tip_arc_max_m", "push_force_peak_N", "torque_peak_Nm", "wall_force_peak_N"):
-        for job in jobs:
-            assert forth[job.id][name] == pytest.approx(back[job.id][name], rel=1e-3, abs=1e-6), (name, job.id)
-        for job, row in alone.items():
-            assert forth[job][name] == pytest.approx(row[name], rel=1e-3, abs=1e-6), (name, job)
+    forth = rows(jobs)
+    _require_same(rows(jobs[::-1]), forth)
+    _require_same(rows(jobs[4:] + jobs[:4]), forth)
+    _require_same({job.id: rows([job])[job.id] for job in jobs[::2]}, forth)
     ways = [(round(row["wall_force_peak_N"], 3), round(row["tip_arc_max_m"], 4)) for row in forth.values()]
     assert len(set(ways)) == len(jobs)
-    assert forth[3]["insertion_m"] == pytest.approx(forth[1]["insertion_m"] - 0.07, abs=0.02)
+    weak, usual, straight, shallow, limp, _ = (forth[job.id] for job in jobs)
+    assert weak["tip_arc_max_m"] < usual["tip_arc_max_m"] > straight["tip_arc_max_m"]
+    assert shallow["insertion_m"] == pytest.approx(usual["insertion_m"] - 0.07, abs=0.02)
+    assert limp["torque_peak_Nm"] == pytest.approx(_TORQUE, rel=1e-3)
+    assert usual["torque_peak_Nm"] > 2 * _TORQUE
+
+
+def test_rows_do_not_depend_on_an_interruption(limits: Study, tmp_path: Path) -> None:
+    """Whoever stops after a first row and resumes has the others computed in other company, to the same rows."""
+    answer, count = LINEAR.start(limits, tmp_path), len(limits.sampler.designs)
+
+    def answers(claim: Claim, *, most: int | None = None) -> Iterator[Result]:
+        while jobs := claim(count):
+            for done, result in enumerate(answer(jobs), 1):
+                yield result
+                if done == most:
+                    raise KeyboardInterrupt
+
+    def compute(folder: Path, some: JobMap, *, resume: bool = False) -> dict[int, dict]:
+        jobs = partial(jobs_of, limits, designs_of(limits))
+        with open_store(tmp_path / folder, limits, jobs, kind="sweep", resume=resume) as store:
+            store.begin_session(backend="linear", pool="here")
+            with suppress(KeyboardInterrupt):
+                answer_all(store, some)
+            assert len({row["session"] for row in store.rows()}) == len(store.sessions())
+            return {row["id"]: row["scores"] for row in store.rows() if row["state"] == "finished"}
+
+    halted = compute(Path("halted"), partial(answers, most=1))
+    assert len(halted) == 1
+    resumed = compute(Path("halted"), answers, resume=True)
+    assert len(resumed) == count and resumed | halted == resumed
+    _require_same(resumed, compute(Path("whole"), answers))
+
+
+def _require_same(found: dict[int, dict], known: dict[int, dict]) -> None:
+    assert found.keys() == known.keys()
+    for name in ("insertion_m", "tip_arc_max_m", "push_force_peak_N", "torque_peak_Nm", "wall_force_peak_N"):
+        for job, row in found.items():
+            assert row[name] == pytest.approx(known[job][name], rel=1e-3, abs=1e-6), (name, job)
+
+
+def test_each_diameter_meets_a_wall_tabulated_for_it(
+    study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Folds keep a thick scope further away than by its radius: the base's table, shifted by that, is another wall.
+
+    Colons are tabulated for radii 1 mm apart; in between, tables are made of both neighbours.
+    """
+    walls: dict[float, tuple[float, np.ndarray]] = {}
+
+    class Spied(scope_linear.LinearInsertions):
+        def __init__(self, scene, tables, colons, *, scopes, **own) -> None:
+            super().__init__(scene, tables, colons, scopes=scopes, **own)
+            self._met = tables, scopes.radius
+
+        def begin(self, case, conditions, given=None) -> None:
+            tables, radii = self._met
+            for radius, own in zip(radii, case, strict=True):
+                rows = slice(tables.first[own], tables.first[own] + tables.count[own])
+                walls[float(radius)] = float(tables.device_radius[own]), tables.wall[rows, :, 0]
+            super().begin(case, conditions, given)
+
+    monkeypatch.setattr(scope_linear, "LinearInsertions", Spied)
+    study = replace(study, changes=_SHORT, options={**study.options, "seconds": 0.5})
+    (conditions,), usual = conditions_of(study), find_design("paediatric").diameter
+    asked = [{"EI": 0.02, "diameter": diameter} for diameter in (usual, usual + 2e-3, usual - 2e-3, usual + 7e-4)]
+    jobs = [Job(id=i, design=i, variables=each, conditions=conditions) for i, each in enumerate(asked)]
+    assert {one.state for one in LINEAR.start(study, tmp_path)(jobs)} == {"finished"}
+    assert sorted(walls) == pytest.approx(sorted(each["diameter"] / 2 for each in asked))
+    colon = load_colon(Path(str(conditions["colon"])))
+    base = lumen_table(colon, device_radius=usual / 2).tables.wall[..., 0]
+    for radius, (tabulated, wall) in walls.items():
+        assert tabulated == pytest.approx(radius, abs=RADIUS_STEP / 2)
+        known = lumen_table(colon, device_radius=radius).tables.wall[..., 0]
+        assert np.percentile(np.abs(wall - known), 95) < 1e-4
+        if abs(radius - usual / 2) > 5e-4:
+            assert np.percentile(np.abs(base - (radius - usual / 2) - known), 95) > 2e-4
 
 
 def test_colons_of_a_study_move_when_asked(study: Study, tmp_path: Path) -> None:

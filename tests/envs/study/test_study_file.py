@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from haustra.envs.study.patients import patient_variables
 from haustra.envs.study.sampling import conditions_of, designs_of, jobs_of
 from haustra.envs.study.study import Study, Variable
 from haustra.envs.study.study_file import SHIPPED, load_study, read_study
@@ -160,4 +161,19 @@ def test_jobs_are_numbered_by_design_then_condition() -> None:
 def test_studies_that_ship_are_sound(name: str) -> None:
     asked = load_study(name)
     assert len(designs_of(asked)) * len(conditions_of(asked)) <= asked.budget.jobs
-    assert len(asked.objectives) >= 2
+    assert len(asked.objectives) >= 2 or len(asked.scores) >= 2  # what is searched for, or what is explained
+
+
+def test_a_study_of_patients_asks_a_driver_by_name_and_their_numbers_within_their_own_ranges(tmp_path: Path) -> None:
+    """Drivers and devices are names or files, not colons; what the shipped study varies is as patients have it."""
+    asked = load_study("cohort-causes")
+    known = {variable.path: variable for variable in patient_variables()}
+    assert all(variable == known[variable.path] for variable in asked.variables)
+    assert asked.conditions == {"driver": ("endoscopist",), "device": ("paediatric-long",)}
+    grown = {"patient.sex", "patient.age", "patient.seed", "patient.coiled", "patient.gas_pressure"}
+    assert {variable.path for variable in asked.variables} == set(known) - grown
+    (tmp_path / "mine.toml").write_text('law = "endoscopist"\n', encoding="utf-8")
+    table = {"question": "cohort", "conditions": {"driver": ["mine.toml"], "device": ["adult"]}}
+    varied = [{"name": "friction", "path": "patient.friction", "unit": "1", "nominal": 0.05, "low": 0.03, "high": 0.1}]
+    own = read_study(table | {"variables": varied}, tmp_path / "study.toml")
+    assert own.conditions["driver"] == (str(tmp_path / "mine.toml"),) and str(tmp_path / "mine.toml") in own.inputs

@@ -40,12 +40,14 @@ def test_effects_are_paired() -> None:
     own = np.linspace(20.0, 90.0, 30)
     found = answered("t", trial, [_arm(own - 2.0), _arm(own)], seconds=100.0)
     assert found.effect == pytest.approx(-2.0) and found.low == found.high == pytest.approx(-2.0)
-    assert found.reproduced and found.sign_right
+    assert found.reproduced and found.resolved
     assert not answered("t", trial, [_arm(own + 2.0), _arm(own)], seconds=100.0).reproduced
     noisy = own + np.random.default_rng(0).normal(-0.5, 20, 30)
     unsure = answered("t", trial, [_arm(noisy), _arm(own)], seconds=100.0)
-    assert unsure.low is not None and unsure.high is not None and unsure.low < 0 < unsure.high
-    assert not unsure.reproduced
+    assert unsure.effect is not None and unsure.low is not None and unsure.high is not None
+    assert unsure.low < unsure.effect < 0 < unsure.high
+    assert unsure.reproduced and not unsure.resolved
+    assert not answered("t", trial, [_arm(own), _arm(own)], seconds=100.0).reproduced
 
 
 def test_who_does_not_reach_the_caecum_counts_with_the_longest_time() -> None:
@@ -53,8 +55,21 @@ def test_who_does_not_reach_the_caecum_counts_with_the_longest_time() -> None:
     found = answered("t", trial, [_arm(np.full(4, 150.0)), _arm(np.full(4, 60.0))], seconds=120.0)
     assert (found.first, found.second, found.reached) == (120.0, 60.0, (0.0, 1.0))
     proximal, _ = load_trial("stiffening")
-    later = answered("t", proximal, [_arm(np.full(4, 60.0)), _arm(np.full(4, 60.0), flexure_s=None)], seconds=120.0)
-    assert (later.first, later.second) == (40.0, 120.0)
+    later = answered("t", proximal, [_arm(np.full(4, 60.0)), _arm(np.full(4, 150.0))], seconds=120.0)
+    assert (later.first, later.second) == (40.0, 100.0)
+
+
+@pytest.mark.parametrize(("name", "scores"), [("stiffening", {"flexure_s": None}), ("water", {"at_flexure_N": None})])
+def test_who_does_not_come_to_the_flexure_tells_nothing_about_it(name: str, scores: dict) -> None:
+    """Neither a loop nor none, and no time from there on: the pair does not count."""
+    trial, _ = load_trial(name)
+    loops = {f"at_flexure_{kind}": 0.0 for kind in ("N", "alpha", "reversed_alpha")}
+    first, second = _arm(np.full(8, 60.0), **loops), _arm(np.full(8, 60.0), **loops)
+    second[0] |= scores
+    found = answered("t", trial, [first, second], seconds=120.0)
+    assert (found.patients, found.effect) == (7, 0.0)
+    second = {patient: each | scores for patient, each in second.items()}
+    assert answered("t", trial, [first, second], seconds=120.0).effect is None
 
 
 def test_equality_is_held_to_the_trials_own_interval() -> None:
@@ -63,6 +78,8 @@ def test_equality_is_held_to_the_trials_own_interval() -> None:
     high = [_arm(np.full(100, 50.0)), _arm(np.where(np.arange(100) < 95, 50.0, 150.0))]
     assert answered("t", trial, high, seconds=200.0).effect == pytest.approx(0.05)
     assert answered("t", trial, high, seconds=200.0).reproduced
+    assert not answered("t", trial, high, seconds=200.0).resolved  # 5 of 100 patients: 1 to 10 %
+    assert answered("t", replace(trial, interval=(-0.2, 0.2)), high, seconds=200.0).resolved
     assert not answered("t", replace(trial, interval=(-0.01, 0.01)), high, seconds=200.0).reproduced
     nobody = _arm(np.full(100, 150.0))
     assert answered("t", trial, [nobody, nobody], seconds=200.0).effect == 0.0
@@ -71,7 +88,7 @@ def test_equality_is_held_to_the_trials_own_interval() -> None:
 
 def test_too_few_patients_tell_nothing() -> None:
     trial, _ = load_trial("flaccid")
-    arm = _arm(np.full(2, 50.0), pain_sigmoid=1.0, pain_right=0.0)
+    arm = _arm(np.full(2, 50.0), pain_dose_s=1.0)
     found = answered("t", trial, [arm, arm], seconds=100.0)
     assert found.effect is None and not found.reproduced and found.patients == 2
 
@@ -82,7 +99,7 @@ def test_too_few_patients_tell_nothing() -> None:
         ('direction = "less"', "", "direction"),
         ('expected = "different"', 'expected = "maybe"', "'maybe' is not known"),
         ('name = "standard"', 'name = "standard"\nwings = 2', "wings"),
-        ('scores = ["pain_sigmoid"', 'scores = ["bliss"', "'bliss' is not known"),
+        ('scores = ["pain_dose_s"', 'scores = ["bliss"', "'bliss' is not known"),
     ],
 )
 def test_a_trial_that_cannot_be_is_refused_in_one_line(old: str, new: str, said: str, tmp_path: Path) -> None:

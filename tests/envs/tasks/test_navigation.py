@@ -13,7 +13,7 @@ from haustra.envs.sim.native_batch import NativeBackend
 from haustra.envs.tasks.config import Limits
 from haustra.envs.tasks.navigation import NavigationEnv
 from haustra.errors import InvalidOptionError
-from tests.task_bank import short_bank
+from tests.task_bank import hung_bank, short_bank
 
 MODES = [
     {"observation": "state"},
@@ -28,17 +28,28 @@ PUSH = np.array([1.0, 0.0, 0.0, 0.0], np.float32)
 
 def make(**options) -> Any:
     assert haustra.envs
-    return gymnasium.make("Haustra/Colonoscopy-v0", bank=short_bank(), **options)
+    return gymnasium.make("Haustra/Colonoscopy-v0", **{"bank": short_bank(), **options})
 
 
-@pytest.mark.parametrize("mode", MODES, ids=lambda mode: "-".join(map(str, mode.values())))
-def test_gymnasium_checks_every_mode(mode):
-    environment = make(render_mode="rgb_array", **mode)
+def checked_by_gymnasium(**options) -> None:
+    environment = make(render_mode="rgb_array", **options)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.filterwarnings("ignore", message=".*Not able to test alternative render modes.*")
         warnings.filterwarnings("ignore", message=".*render fps.*")
         check_env(environment.unwrapped)
+
+
+@pytest.mark.parametrize("mode", MODES, ids=lambda mode: "-".join(map(str, mode.values())))
+def test_gymnasium_checks_every_mode(mode):
+    checked_by_gymnasium(**mode)
+
+
+def test_both_check_pictures_in_a_colon_that_moves():
+    mode = {"observation": "pixels", "picture_size": 36, "mesentery": True, "bank": hung_bank()}
+    checked_by_gymnasium(**mode)
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    checker.check_env(NavigationEnv(**mode))
 
 
 @pytest.mark.parametrize("mode", MODES, ids=lambda mode: "-".join(map(str, mode.values())))

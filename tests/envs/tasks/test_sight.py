@@ -52,7 +52,7 @@ def test_a_bend_is_seen_on_its_outer_side():
 
 def test_coverage_grows_with_what_was_in_view_and_stays():
     bank = short_bank()
-    coverage = Coverage(bank, Sight(bank.cases), 1, field_of_view_deg=140.0)
+    coverage = Coverage(bank.cases, Sight(bank.cases), 1, field_of_view_deg=140.0)
     coverage.begin(0, 0)
     shares = []
     for arc in np.linspace(0.25, 0.02, 24):
@@ -60,7 +60,7 @@ def test_coverage_grows_with_what_was_in_view_and_stays():
     assert all(after >= before for before, after in pairwise(shares))
     assert 0.05 < shares[0] < 0.25  # 3 cm of 28 ahead, less what lies beside the camera and behind folds
     assert shares[-1] > 0.85
-    blind = Coverage(bank, Sight(bank.cases), 1, field_of_view_deg=140.0)
+    blind = Coverage(bank.cases, Sight(bank.cases), 1, field_of_view_deg=140.0)
     blind.begin(0, 0)
     share, (missed, *way) = blind.look(0, 0, camera(0.1, aside=0.05))
     assert share == 0.0  # behind the wall nothing is seen

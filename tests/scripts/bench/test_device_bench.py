@@ -8,7 +8,17 @@ import pytest
 
 from haustra.models.devices.base import load_device
 from haustra.models.devices.scope.library import at_body_temperature, named_design
-from haustra.scripts.bench.device_bench import bench_device, buckling_force, knob_loop, stiffness_profile, tip_force
+from haustra.scripts.bench.curved_tube import BEND_RADIUS, BORE, TubeBench, bending_force
+from haustra.scripts.bench.device_bench import (
+    PUPIL,
+    TARGET,
+    bench_device,
+    buckling_force,
+    knob_loop,
+    lens_half_angle,
+    stiffness_profile,
+    tip_force,
+)
 from haustra.scripts.main import SUCCESS, main
 
 
@@ -27,6 +37,39 @@ def test_stiffness_is_that_of_the_design_and_of_a_published_scope(adult):
     assert ei.min() >= 260 and ei.max() <= 400 and gj.min() >= 68 and gj.max() <= 88
     assert (warm["EI_N_cm2"] / cold["EI_N_cm2"])[shaft].mean() == pytest.approx(0.83, abs=0.001)
     assert (warm["GJ_N_cm2_deg"] / cold["GJ_N_cm2_deg"])[shaft].mean() == pytest.approx(0.93, abs=0.001)
+
+
+@pytest.mark.parametrize(("angle", "friction"), [(np.pi / 2, 0.3), (2 * np.pi, 0.1)])
+def test_torque_goes_through_bends_less_what_friction_takes(adult, angle, friction):
+    """mu r times the sum of the wall's forces; a rod that is alike all round turns at its tip as at its handle."""
+    turns = []
+    for mu in (0.0, friction):
+        bench = TubeBench(adult, angle, friction=mu)
+        bench.push_through()
+        turns.append(bench.turn())
+    smooth, rough = turns
+    assert smooth.ratio == pytest.approx(1.0, abs=0.01) and rough.ratio == pytest.approx(1.0, abs=0.01)
+    taken = friction * adult.diameter / 2 * rough.wall_force
+    assert rough.torque - smooth.torque == pytest.approx(taken, rel=0.04)
+    assert rough.lag > smooth.lag
+
+
+def test_without_friction_a_bend_takes_what_bending_takes_up(adult):
+    """EI / (2 R^2), R between that of the tube's axis and of a scope on its outer side."""
+    push = TubeBench(adult, np.pi / 2, friction=0.0).push_through().push
+    least = bending_force(adult, radius=BEND_RADIUS + BORE - adult.diameter / 2)
+    assert least < push.max() < bending_force(adult)
+    assert TubeBench(adult, np.pi / 2, friction=0.1).push_through().push.max() > push.max()
+
+
+def test_field_of_view_is_what_the_lens_shows(adult):
+    """An equidistant lens ends at its angle; a CF-HQ190L shows 126 degrees across, more at its mask's corners."""
+    ideal = replace(adult, tip=replace(adult.tip, lens="equidistant", field_of_view_deg=120.0))
+    assert 2 * np.degrees(lens_half_angle(ideal)) == pytest.approx(120.0, abs=0.6)
+    assert 126.0 < 2 * np.degrees(lens_half_angle(adult)) < adult.tip.field_of_view_deg
+    rows = {row["quantity"]: row["value"] for row in bench_device(replace(load_device("adult"), design=ideal))["rows"]}
+    method_a = 2 * np.degrees(np.arctan((TARGET + PUPIL) / TARGET * np.tan(np.radians(60))))
+    assert rows["field of view, method A (from the distal window)"] == pytest.approx(method_a, abs=0.6)
 
 
 def test_long_free_shafts_buckle_by_euler(adult):

@@ -25,6 +25,13 @@ def test_the_program_of_linear_time_is_compared_with_numpy():
         step_rate(CONFIG, short_bank(), worlds=1, threads=1, seconds=1.0, compare=True)
 
 
+def test_pictures_are_timed_alone_and_in_episodes():
+    config = TaskConfig(design=DESIGN, observation="pixels", picture_size=16)
+    rate = step_rate(config, short_bank(), worlds=4, threads=1, seconds=0.2, backend="linear")
+    assert rate.drawn_per_second and rate.looks_per_second and rate.in_place_per_second
+    assert rate.drawn_per_second > 0.5 * rate.in_place_per_second > 0
+
+
 def test_memory_does_not_grow_with_steps_and_resets():
     found = memory_slope(CONFIG, short_bank(), worlds=8, steps=4000, resets=2000)
     assert abs(found.bytes_per_step) < 40

@@ -13,6 +13,7 @@ def _row(colon: str, patient: str, **changed) -> dict:
     usual = dict.fromkeys(COMPARED, 1.0) | {
         "outcome": "time_up",
         "p_perforation": 0.0,
+        "driver": "follower",
         "seconds": 60.0,
         "judged_every": 1.0,
     }
@@ -24,7 +25,8 @@ def test_changes_are_those_of_the_same_colon_and_escapes_must_be_said() -> None:
     plain = [_row(f"grown-{n}", PLAIN, tip_arc_max_m=1.0 + n) for n in range(4)]
     left = [_row(f"grown-{n}", "on the left side", tip_arc_max_m=1.1 + n + 0.01 * n) for n in range(4)]
     rest = [_row(f"grown-{n}", name) for n in range(4) for name in PATIENTS if name not in (PLAIN, "on the left side")]
-    rows = [*plain, *left, *rest]
+    longer = [_row(f"grown-{n}", PLAIN, seconds=120.0, tip_arc_max_m=9.0) for n in range(4)]  # compared with none
+    rows = [*plain, *left, *rest, *longer]
     found = {entry["patient"]: entry["tip_arc_max_m"] for entry in effects(rows)}
     assert found["on the left side"]["change"] == pytest.approx(0.115)
     assert found["on the left side"]["half_interval"] == pytest.approx(3.182 * 0.0129 / 2, rel=1e-2)
@@ -32,6 +34,17 @@ def test_changes_are_those_of_the_same_colon_and_escapes_must_be_said() -> None:
     torn = _row("grown-9", PLAIN, outcome="escaped", p_perforation=0.5, turned_over_max_share=0.02)
     sound = soundness([*rows, torn])
     assert (sound["escaped"], sound["escaped_unsaid"], sound["turned_over_max_share"]) == (1, 1, 0.02)
+    assert sound["pictures"] == 0 and "not looked at" in motion_page({"runs": rows})
+
+
+def test_a_last_picture_from_outside_is_counted() -> None:
+    shares = {"last_picture_mucosa_share": 0.9, "last_picture_outside_share": 0.1, "picture_outside_max_share": 0.2}
+    rows = [_row("EdinGCA", PLAIN, **shares), _row("EdinGCA", PLAIN, driver="insertion", **shares)]
+    sound = soundness(rows)
+    assert (sound["last_pictures_from_outside"], sound["last_picture_mucosa_min_share"]) == (2, 0.9)
+    page = motion_page({"runs": rows})
+    assert "| EdinGCA, follower, 60 s, judged every 1 s | EdinGCA, insertion, 60 s" in page
+    assert "seen from outside | 20.00% | 20.00% | 0 |" in page
 
 
 @pytest.mark.thorough

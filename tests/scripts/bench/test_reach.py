@@ -12,7 +12,7 @@ from haustra.models.devices.base import load_device
 from haustra.models.devices.tracked.interface import TrackedRobot
 from haustra.models.devices.tracked.published import STRESSES_KPA
 from haustra.scripts.bench.pages.reach_page import reach_page
-from haustra.scripts.bench.reach import FIRST_SEED, bench_reach, held_run, slip_work, stopped_by, summary
+from haustra.scripts.bench.reach import AT_ONCE, FIRST_SEED, bench_reach, held_run, slip_work, stopped_by, summary
 
 
 def robot() -> TrackedRobot:
@@ -49,7 +49,10 @@ def test_readings_tell_what_stopped_it_and_what_its_treads_rubbed() -> None:
 
 def test_runs_are_kept_and_the_page_holds_them(tmp_path: Path) -> None:
     row = {"seed": FIRST_SEED, "came_m": 0.1, "reach": 0.2, "stopped_by": "time", "wall_force_peak_N": 0.3}
-    row |= {"track_force_mean_N": 0.1, "slip_work_J": 0.002}
+    row |= {"track_force_mean_N": 0.1, "slip_work_J": 0.002, "wall_pressure_peak_kPa": 90.0}
+    row |= {"wall_pressure_mean_kPa": 40.0, "start_m": 0.13, "simulated_s": 30.0, "stopped_in": "sigmoid"}
+    row |= {"lumen_there_m": 0.035, "width_there": 0.03, "worm_share_there": 0.2, "normal_there": 2.0}
+    row |= {"core_force_there": 0.5}
     asked = {"device": json.loads(json.dumps(robot().describe())), "seconds": 2.0}
     (tmp_path / f"tracked-{FIRST_SEED}.json").write_text(json.dumps({"asked": asked, "row": row}))
     rows = bench_reach(robot(), tmp_path, colons=1, seconds=2.0)
@@ -57,11 +60,14 @@ def test_runs_are_kept_and_the_page_holds_them(tmp_path: Path) -> None:
     other = {**row, "came_m": 0.3}
     held = {"surface": "tissue", "rpm": 150, "force_N": 0.19, "difference": 0.01, "ripple": 0.02, "track_ripple": 0.1}
     held |= {"stress_mean_kPa": 80.0, "stress_peak_kPa": 110.0, "slip_power_W": 1e-3}
+    none = {"seed": 2, "start_m": None, "came_m": 0.0, "reach": 0.0, "stopped_by": "it fits nowhere"}
     found = {
-        "tracked": {"summary": summary(rows), "held": [held], "runs": [*rows, {**row, "seed": 1, "came_m": 9.0}]},
+        "tracked": {"summary": summary(rows), "held": [held], "runs": [*rows, {**row, "seed": 1, "came_m": 9.0}, none]},
         "longer": {"summary": summary([other]), "held": [], "runs": [other]},
     }
-    page = reach_page(found, seconds=2.0)
+    page = reach_page({"seconds": 2.0, "robots": found})
+    assert "| 0.13 m | 0.100 m | 30 s | time | sigmoid | 35 mm | 30 mm | 20 % | 0.25 |" in page
+    assert "| 40 (90) kPa |" in page and "it fits nowhere" in page
     assert "| 3.00 x |" in page and "time (1)" in page and "| 190.0 mN | +1.0 % |" in page
 
 
@@ -71,3 +77,8 @@ def test_a_run_in_a_grown_colon_says_where_it_began_and_how_far_it_came(tmp_path
     row = bench_reach(fast, tmp_path, colons=1, seconds=0.2)[0]
     assert row["stopped_by"] == "time" and row["start_m"] > 0.1
     assert 0.0 < row["came_m"] <= 0.25 * fast.design.tread_speed(300.0)
+    assert 0.0 < row["wall_pressure_mean_kPa"] < row["wall_pressure_peak_kPa"]
+    (tmp_path / "two").mkdir()
+    two = bench_reach(fast, tmp_path / "two", colons=AT_ONCE + 1, seconds=0.2, workers=2)
+    assert [one["seed"] for one in two] == [FIRST_SEED + number for number in range(AT_ONCE + 1)]
+    assert two[0]["came_m"] == pytest.approx(row["came_m"], rel=1e-4)

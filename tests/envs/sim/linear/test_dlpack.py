@@ -1,5 +1,6 @@
 """Arrays go to other libraries by DLPack as they lie, and live as long as these look at them."""
 
+import ctypes
 import gc
 import weakref
 from typing import Any
@@ -36,6 +37,14 @@ def test_numpy_and_jax_read_where_the_numbers_lie(kind):
     jax = pytest.importorskip("jax")
     if kind != np.float64:
         np.testing.assert_array_equal(jax.dlpack.from_dlpack(Columns(of, 0, 4), copy=True), of.T)
+
+
+def test_what_is_lent_is_given_back_whatever_others_ask_of_the_same_interface(monkeypatch):
+    """Functions of `ctypes.pythonapi` are one for all modules, with the types that the last of them set."""
+    objects = (ctypes.py_object, ctypes.c_char_p)
+    for name in ("PyCapsule_IsValid", "PyCapsule_GetPointer"):
+        monkeypatch.setattr(getattr(ctypes.pythonapi, name), "argtypes", objects)
+    test_what_is_lent_lives_until_it_is_given_back()
 
 
 def test_what_is_lent_lives_until_it_is_given_back():

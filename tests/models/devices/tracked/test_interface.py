@@ -60,7 +60,7 @@ def driven(
     for _ in range(round(seconds / 0.02)):
         assert one.step(np.array([[device.rpm, *press]]), round(0.02 / asked.timestep)).all()
         rows.append({name: float(value[0]) for name, value in one.readings().items()})
-        rows[-1]["arc"] = float(one.read().tip_arc[0])
+        rows[-1] |= {"arc": float(one.read().tip_arc[0]), "power": float(one.power()[0])}
     late = rows[len(rows) // 2 :]
     means = {name: float(np.mean([row[name] for row in late])) for name in rows[0]}
     return one, {**means, "headway": late[-1]["arc"] - late[0]["arc"]}
@@ -102,6 +102,8 @@ def test_uphill_its_treads_pull_its_weight_and_the_worm_its_lever_of_that(timest
     assert seen["worm_share"] == 1.0
     turned = one._force[0, one.model.actuator("tracked/roll").id]
     assert turned == pytest.approx(seen["worm_torque"], rel=0.01)
+    ideal = weight_uphill() * robot().design.tread_speed(robot().rpm)
+    assert seen["power"] == pytest.approx(ideal / robot().design.worm.efficiency, rel=0.03)  # and the core rolls
 
 
 def test_a_worm_at_its_torque_limit_slows_down_and_beyond_it_holds() -> None:

@@ -10,11 +10,13 @@ import pytest
 from haustra.scripts.bench.pages.cells_page import cells_page
 from haustra.scripts.bench.pages.cohort_page import validation_page
 from haustra.scripts.bench.pages.commands_page import commands_page
+from haustra.scripts.bench.pages.compare_page import compare_page
 from haustra.scripts.bench.pages.front_page import front_page
 from haustra.scripts.bench.pages.gas_page import gas_page
 from haustra.scripts.bench.pages.leaderboard_page import leaderboard_page
 from haustra.scripts.bench.pages.motion_page import motion_page
 from haustra.scripts.bench.pages.propulsion_page import propulsion_page
+from haustra.scripts.bench.pages.reach_page import reach_page
 from haustra.scripts.bench.pages.teaching_page import teaching_page
 from haustra.scripts.bench.pages.trials_page import trials_page
 
@@ -24,8 +26,10 @@ MAKERS: Mapping[str, Callable[[Any], str]] = {
     "commands": commands_page,
     "cohort": lambda kept: validation_page(kept["cohorts"]),
     "accuracy": front_page,
+    "devices": compare_page,
     "gas": gas_page,
     "motion": motion_page,
+    "reach": reach_page,
     "tracked": propulsion_page,
     "leaderboard": lambda kept: leaderboard_page(kept["rows"]),
     "teaching": teaching_page,

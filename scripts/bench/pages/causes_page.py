@@ -1,0 +1,87 @@
+"""Write the page of Sobol's indices of a patient's numbers from what `haustra sensitivity cohort-causes -o DIR` leaves.
+
+`python -m haustra.scripts.bench.pages.causes_page docs/validation/causes.md DIR/sensitivity.json`.
+"""
+
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from haustra.envs.study.cohort import SCORES
+from haustra.envs.study.study_file import load_study
+from haustra.files import write_atomically, write_json
+from haustra.reading import read_document
+
+STUDY = "cohort-causes"
+_MOST = 3
+_HEAD = """\
+# Validation: what moves the cohort
+
+**Question.** Which numbers that nobody measured in this patient make what her colonoscopy shows?
+
+Made by `haustra sensitivity {name} --backend linear-gpu -o DIR` and `python -m
+haustra.scripts.bench.pages.causes_page docs/validation/causes.md DIR/sensitivity.json`, and kept in
+docs/validation/data/causes.json; do not edit.
+
+One colon, a woman's of seed {seed:.0f}, is examined by the endoscopist with the scope `{device}` for at most
+{seconds:g} s, by Saltelli's sample of {count} points: {designs} examinations. What differs are the {variables} numbers
+of patients that need no new colon, each within its sourced range (`assets/clinic/patients.toml`). ST is the share of a
+score's variance that a number makes alone and with others, S1 that which it makes alone; in brackets half the width of
+the {confidence:.0%} interval. Shares of a score that jumps (0 or 1) and of a course that small changes upset are mostly
+of the second kind: ST of several numbers is then large together, and S1 small.
+
+{missing}
+
+| score | number | ST | S1 |
+| --- | --- | --- | --- |
+"""
+_TAIL = """
+Told are the {most} numbers with the largest ST of each score, where its interval excludes 0. A score that is not
+listed did not vary, or no number was told apart.
+
+**What it does not tell.** Another colon may have other causes: length, diameters and course are those of one. The
+driver's settings are not varied, nor are the numbers of the scope; [the cohort](cohort.md) varies the colon too.
+"""
+
+
+def causes_page(kept: Mapping[str, Any]) -> str:
+    """The page of a study's sensitivity.json."""
+    study = load_study(STUDY)
+    count, variables = study.sampler.count, len(study.variables)
+    left_out = kept["points_left_out"]
+    head = _HEAD.format(
+        name=STUDY,
+        seed=study.changes["patient.seed"],
+        device=study.conditions["device"][0],
+        seconds=study.options["seconds"],
+        count=count,
+        designs=count * (variables + 2),
+        variables=variables,
+        confidence=kept["confidence"],
+        missing=f"{left_out:.0%} of the points are left out, since an examination of theirs has no number."
+        if left_out
+        else "Every examination came to its end.",
+    )
+    meanings = {column.name: column.meaning for column in SCORES}
+    rows = []
+    for score in study.scores or ():
+        own = [each for each in kept["indices"] if each["score"] == score and each["total"] > each["total_confidence"]]
+        for each in sorted(own, key=lambda one: -one["total"])[:_MOST]:
+            total = f"{each['total']:.2f} (± {each['total_confidence']:.2f})"
+            first = f"{each['first']:.2f} (± {each['first_confidence']:.2f})"
+            rows.append(f"| {meanings[score]} | {each['variable']} | {total} | {first} |\n")
+    return head + "".join(rows) + _TAIL.format(most=_MOST)
+
+
+def main(page: Path, sources: Sequence[Path]) -> None:
+    """Keep the indices beside the page, and write it; without a source from what is kept."""
+    kept = page.parent / "data" / f"{page.stem}.json"
+    for source in sources:
+        write_json(kept, read_document(source, "indices"))
+    text = causes_page(read_document(kept, "indices"))
+    write_atomically(page, lambda file: file.write_text(text, encoding="utf-8"))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), [Path(source) for source in sys.argv[2:]])
