@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 from haustra.envs.runs.treatment import Reach, without
 from haustra.envs.sim.state import Readings
 from haustra.models.anatomy.colon import Colon
+from haustra.models.anatomy.lesion_surface import lesion_axis
 from haustra.models.devices.scope.instrument import Instrument, instrument_number
 from haustra.models.scene import Scene
 
@@ -94,7 +95,9 @@ def wounds(colon: Colon, tissue: Sequence[int]) -> list[tuple[Float[np.ndarray, 
     """Where blood lies on the wall at rest, and how far round it [m]: as wide as what was taken."""
     found = []
     for lesion, number in zip(colon.lesions, tissue, strict=True):
-        if number != INTACT:
-            size = instrument_number("forceps.bite") if _INSTRUMENTS[number - 1] == "forceps" else lesion.size
-            found.append((np.array(lesion.position), size))
+        foot = np.array(lesion.position)
+        if number != INTACT and _INSTRUMENTS[number - 1] == "forceps":  # these bite the top
+            found.append((foot + lesion.extent * lesion_axis(colon, lesion), instrument_number("forceps.bite")))
+        elif number != INTACT:
+            found.append((foot, lesion.size))
     return found

@@ -9,10 +9,13 @@ from haustra.envs.console.session import Session
 from haustra.envs.console.vehicles import make_vehicle
 from haustra.scripts.bench.browser import chromium
 from haustra.scripts.bench.hands_haptic import measure_haptic
+from haustra.scripts.bench.hands_keys import measure_keys
 from haustra.scripts.bench.hands_page import measure_page
 
-Part = Literal["steps", "page", "haptic"]
+Part = Literal["steps", "haptic", "page", "keys"]
 """What is measured."""
+_LONGEST_WAY_IN = 300.0
+"""Longest time in which keys alone are to bring the scope past the sigmoid [s]."""
 
 
 def measure_steps(colon: Path, configuration: dict[str, Any], *, steps: int = 200) -> dict[str, float]:
@@ -45,16 +48,19 @@ def measure_steps(colon: Path, configuration: dict[str, Any], *, steps: int = 20
 
 
 def measured(
-    colon: Path, configuration: dict[str, Any], *, seconds: float, picture: Path | None, only: Part | None = None
+    colon: Path, configuration: dict[str, Any], *, seconds: float, folder: Path | None, only: Part | None = None
 ) -> dict[str, Any]:
-    """All of it, or one part."""
+    """All of it, or one part; pictures of the page go into the folder."""
     found: dict[str, Any] = {}
     if only in (None, "steps"):
         found |= measure_steps(colon, configuration)
     if only in (None, "haptic"):
         found |= measure_haptic(colon, configuration, seconds=seconds)
+    if only in (None, "page", "keys") and chromium() is None:
+        return found | {"page": "no Chromium is installed"}
     if only in (None, "page"):
-        if chromium() is None:
-            return found | {"page": "no Chromium is installed"}
-        found |= measure_page(colon, configuration, seconds=seconds, size=360, picture=picture)
+        place = None if folder is None else folder / "page.png"
+        found |= measure_page(colon, configuration, seconds=seconds, size=360, picture=place)
+    if only in (None, "keys"):
+        found |= measure_keys(colon, configuration, seconds=_LONGEST_WAY_IN, folder=folder)
     return found

@@ -1,8 +1,8 @@
 """Whether demonstrations help: PPO that first imitates recordings of a driver, and PPO that does not, at equal steps.
 
-The episodes are those of the shipped training 'insertion-easy': a long paediatric scope in grown colons of the easy
-band, which move. Drivers are recorded in training colons, one episode a colon; every arm then learns in the same
-colons for the same number of steps, with several seeds; all are judged in held-out colons by the same draws.
+The episodes are those of a shipped training: a long paediatric scope in grown colons of its band, which move. Drivers
+are recorded in training colons, one episode a colon; every arm then learns in the same colons for the same number of
+steps, with several seeds; all are judged in held-out colons by the same draws.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -34,6 +34,8 @@ Progress = Callable[[str], None]
 class Lesson:
     """What is compared, and how much of it."""
 
+    training: str
+    """Shipped training whose episodes they are."""
     episodes: int
     """Demonstrations of each driver, in as many training colons."""
     steps: int
@@ -48,10 +50,10 @@ class Lesson:
     @property
     def task(self) -> TaskConfig:
         """Rules of the episodes."""
-        own = shipped("insertion-easy").task
+        own = shipped(self.training).task
         return replace(own, seeds=(0, self.episodes), limits=replace(own.limits, seconds=self.seconds))
 
-    def training(self, seed: int) -> Training:
+    def bare(self, seed: int) -> Training:
         """PPO on one thread, without demonstrations."""
         leg = max(1, round(_CRITIC * self.steps))
         numbers = {"worlds": 16, "rollout": 128, "batch": 512, "epochs": 6, "layers": (128, 128), "leg": leg}
@@ -65,7 +67,7 @@ class Lesson:
             given = {"demonstrations": str(shown / teacher)}
             alone = {"steps": 1, "leg": 1, "learning_rate": 1e-9}
             found |= {f"{teacher}, then rewards": given, f"{teacher} alone": given | alone}
-        own = shipped("insertion-easy")
+        own = shipped(self.training)
         wide = {name: getattr(own, name) for name in ("log_std", "normalise", "first_push", "entropy", "learning_rate")}
         return found | {_BARE: {}, _WIDE: wide | {"stagger": True}}
 
@@ -86,7 +88,7 @@ def bench_teaching(folder: Path, lesson: Lesson, *, processes: int, progress: Pr
         shown = do(_show, plan, lambda _: progress("episode recorded"))
         arms, runs = lesson.arms(folder / "shown"), range(lesson.seeds)
         trainings = [
-            (folder / "policies" / f"{number}-{seed}", replace(lesson.training(seed), **changed))
+            (folder / "policies" / f"{number}-{seed}", replace(lesson.bare(seed), **changed))
             for number, changed in enumerate(arms.values())
             for seed in runs
         ]

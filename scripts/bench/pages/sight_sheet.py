@@ -1,4 +1,4 @@
-"""`python -m haustra.scripts.bench.pages.sight_sheet PICTURE.webp`: twelve views of a grown colon, anus to caecum."""
+"""`python -m haustra.scripts.bench.pages.sight_sheet PICTURE.webp`: sixteen views of a grown colon, anus to caecum."""
 
 import sys
 from pathlib import Path
@@ -7,14 +7,17 @@ import numpy as np
 
 _SIZE, _SAMPLES = 320, 2
 """Rows and columns of a view [pixels], and how many times finer it is drawn along each side."""
-_SEED, _COLLAPSED = 5, 700.0
-"""Seed of the colon, and gas pressure at which one view is collapsed [Pa]."""
+_SEED, _COLLAPSED, _INFLATED, _STOOL = 5, 700.0, 3333.0, 0.35
+"""Seed of the colon, gas pressures at which two views are collapsed and inflated [Pa], and share of the lower wall
+under residue in one."""
 
 
 def draw(path: Path) -> Path:
     """Draw the sheet."""
     from PIL import Image, ImageDraw, ImageFont
 
+    from haustra.envs.console.channel import treated, wounds
+    from haustra.envs.view.picture.appearance import Appearance
     from haustra.envs.view.picture.camera import looking, unit
     from haustra.envs.view.picture.endoscope import Endoscope
     from haustra.envs.view.picture.lens import named_lens
@@ -62,6 +65,8 @@ def draw(path: Path) -> Path:
         "rectum": along(0.07),
         "sigmoid: diverticulum": lesion("diverticulum", "sac", 0.012, 0.008),
         "descending: sessile polyp": lesion("polyp", "sessile", 0.024),
+        "the same, forceps have bitten": lesion("polyp", "sessile", 0.024),
+        "the same, cut off by a snare": lesion("polyp", "sessile", 0.024),
         "splenic flexure": along(within("descending", 0.93), 0.04),
         "transverse: taeniae, folds": along(within("transverse", 0.7)),
         "transverse: stalked polyp": lesion("polyp", "pedunculated", 0.035),
@@ -69,8 +74,11 @@ def draw(path: Path) -> Path:
         "caecum: appendix orifice": towards(orifice, end, 0.035),
         "blood from a biopsy": along(within("ascending", 0.4)),
         "red-out: lens on the wall": along(within("descending", 0.2)),
-        "collapsed": along(within("descending", 0.2)),
+        "collapsed, 0.7 kPa": along(within("descending", 0.2)),
+        "the same place, 3.3 kPa": along(within("descending", 0.2)),
+        "residue that was not rinsed": along(within("ascending", 0.4)),
     }
+    sessile = next(index for index, each in enumerate(colon.lesions) if each.type == "sessile")
     place = within("ascending", 0.4)
     bleeding = line.points[station(place + 0.035)]
     pictures = []
@@ -87,16 +95,26 @@ def draw(path: Path) -> Path:
             reach = colon.radius[station(within("descending", 0.2))].max()
             pose = CameraPose(pose.position + (reach + 0.004) * aside, looking(aside, line.frames[0][:, 2]))
             surface.make_room(pose.position, aside, within("descending", 0.2), 0.0064)
-        elif name == "collapsed":
-            share = float(diameter_share(np, "descending", _COLLAPSED))
+        elif name.endswith("kPa"):
+            gas = _COLLAPSED if name.startswith("collapsed") else _INFLATED
+            share = float(diameter_share(np, "descending", gas))
             middles = np.column_stack([np.interp(surface.arcs, line.arc, line.points[:, axis]) for axis in range(3)])
             shrunk = np.empty_like(colon.lumen.vertices)
             shrunk[surface.order] = middles + share * (surface.rest - middles)
             surface.place(shrunk)
             surface.make_room(pose.position, -pose.rotation[:, 2], within("descending", 0.2), 0.0064)
-        fine = scope.picture(pose).reshape(_SIZE, _SAMPLES, _SIZE, _SAMPLES, 3)
+        eye = scope
+        if name.startswith("the same, "):
+            tissue = [(1 if "bitten" in name else 2) * (index == sessile) for index in range(len(colon.lesions))]
+            after = treated(colon, tissue)
+            eye = Endoscope(after, lens, surface=ColonSurface(after))
+            for cut, reach in wounds(colon, tissue):
+                eye.appearance.bleed(cut, reach)
+        elif name.startswith("residue"):
+            eye = Endoscope(colon, lens, surface=surface, appearance=Appearance(colon, surface, stool=_STOOL))
+        fine = eye.picture(pose).reshape(_SIZE, _SAMPLES, _SIZE, _SAMPLES, 3)
         pictures.append((name, fine.mean(axis=(1, 3)).astype(np.uint8)))
-    sheet = Image.new("RGB", (4 * _SIZE, 3 * _SIZE), "black")
+    sheet = Image.new("RGB", (4 * _SIZE, 4 * _SIZE), "black")
     text, font = ImageDraw.Draw(sheet), ImageFont.load_default(15)
     for number, (name, picture) in enumerate(pictures):
         corner = (number % 4 * _SIZE, number // 4 * _SIZE)

@@ -15,11 +15,11 @@ class BenchHands(Drivable):
     """Measure the console in a headless Chromium by real key events, and the haptic port."""
 
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
-    """Folder for hands.json and a picture of the page."""
+    """Folder for hands.json and pictures of the page."""
     seconds: float = number("s", 2.0, 36_000.0, default=20.0)
     """Time to drive in the page, and by the haptic port [s]."""
-    only: Literal["steps", "page", "haptic"] | None = None
-    """Measure one part only."""
+    only: Literal["steps", "haptic", "page", "keys"] | None = None
+    """Measure one part only: a control step alone, the haptic port, the page, or an insertion by keys alone."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 
@@ -30,8 +30,7 @@ class BenchHands(Drivable):
         from haustra.scripts.bench.hands import measured
 
         folder = prepare_folder(self.output) if self.output is not None else None
-        picture = None if folder is None else folder / "page.png"
-        found = measured(self.colon, self.configuration(), seconds=self.seconds, picture=picture, only=self.only)
+        found = measured(self.colon, self.configuration(), seconds=self.seconds, folder=folder, only=self.only)
         if folder is not None:
             write_json(folder / "hands.json", found)
         return found

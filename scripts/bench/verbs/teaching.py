@@ -3,7 +3,7 @@
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import tyro
 
@@ -19,11 +19,13 @@ class BenchTeaching:
 
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for recordings, policies and teaching.json."""
+    training: Literal["insertion", "insertion-easy"] = "insertion"
+    """Shipped training whose episodes they are: colons of any band, or easy ones."""
     episodes: int = whole(1, 10_000, default=20)
     """Demonstrations of each driver, in as many training colons."""
-    steps: int = whole(1, 10**9, default=400_000)
+    steps: int = whole(1, 10**9, default=60_000)
     """Environment steps of each training."""
-    seeds: int = whole(1, 1000, default=4)
+    seeds: int = whole(1, 1000, default=5)
     """Trainings of each arm, with seeds of their own."""
     colons: int = whole(1, 10_000, default=16)
     """Held-out colons, two episodes each."""
@@ -44,7 +46,7 @@ class BenchTeaching:
 
         require_learning("torch", "stable_baselines3")
         folder = prepare_folder(self.output)
-        lesson = Lesson(self.episodes, self.steps, self.seeds, self.colons, self.seconds)
+        lesson = Lesson(self.training, self.episodes, self.steps, self.seeds, self.colons, self.seconds)
         arms = len(lesson.arms(folder)) * self.seeds
         jobs, done = self.episodes * (1 + len(TEACHERS)) + self.colons + 2 * arms + len(TEACHERS), iter(range(10**9))
         with progress_bar("teach", jobs, unit="jobs") as advance:

@@ -19,14 +19,18 @@ from haustra.models.anatomy.store import load_colon, save_colon
 
 @pytest.fixture(scope="module")
 def with_polyp(colon_folder, tmp_path_factory) -> Path:
-    """The bent tube with a flat polyp on the wall that the tip looks at when its knob is turned up."""
+    """The bent tube with a flat polyp on the wall that the tip looks at when its knob is turned up, cut into it."""
+    from haustra.models.anatomy import lesion_shapes
+
     colon = load_colon(colon_folder)
     line = colon.centreline
     station = int(np.searchsorted(line.arc, 0.08))
     out = line.frames[station][:, 0]
     foot = line.points[station] + colon.radius[station, 0] * out
     polyp = Lesion("polyp", "flat", "small", 0.006, 0.002, "sigmoid", 0.08, 0.0, tuple(foot.tolist()))
-    return save_colon(replace(colon, lesions=(polyp,)), tmp_path_factory.mktemp("polyp"))
+    cut = lesion_shapes._solid(colon.lumen) - lesion_shapes._placed(lesion_shapes.lesion_outline(polyp), foot, -out)
+    colon = replace(colon, lumen=lesion_shapes._surface(cut), lesions=(polyp,))
+    return save_colon(colon, tmp_path_factory.mktemp("polyp"))
 
 
 def _close(session: Session, instrument: str) -> None:

@@ -1,9 +1,11 @@
 """A device at its own rate: it feels the hand's spring, moves the shaft, and lets go when it is killed."""
 
+import re
 import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -55,6 +57,23 @@ def test_a_device_pushes_feels_and_lets_go_when_it_is_killed(drive):
         assert not session.hand.share.any()
         # In control steps, since a busy machine is late; `bench hands` measures the 50 ms.
         assert after * session.vehicle.interval <= 0.06
+
+
+def test_the_torque_feedback_of_the_guide_resists_who_turns(drive):
+    text = (ROOT / "docs" / "how-to" / "haptic.md").read_text(encoding="utf-8")
+    (program,) = re.findall(r"^```python\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+    names: dict[str, Any] = {}
+    exec(compile(program, "haptic.md", "exec"), names)
+    drive.start(lambda what, message: None)
+    drive.command({"pause": False})
+    session, felt, begun = drive.sessions[0], [], time.perf_counter()
+    with HapticPort(drive) as port:
+        while session.step < 5:  # a busy machine begins late
+            time.sleep(0.01)
+        names["feel"](port.port, lambda: min(time.perf_counter() - begun, 1.0), felt.append, 1.5)
+    assert session.look.row["roll"] > 0.1, "the shaft follows the handle"
+    assert min(felt) < -0.01 and abs(min(felt)) <= names["MOST"], "the handle is turned clockwise, and resists"
+    assert felt[-1] == 0.0
 
 
 def test_what_has_no_shaft_and_what_speaks_otherwise_is_refused(drive, colon_folder, capsule):

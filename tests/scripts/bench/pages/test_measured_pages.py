@@ -18,6 +18,7 @@ from haustra.scripts.bench.pages.leaderboard_page import leaderboard_page
 from haustra.scripts.bench.pages.motion_page import motion_page
 from haustra.scripts.bench.pages.propulsion_page import propulsion_page
 from haustra.scripts.bench.pages.reach_page import reach_page
+from haustra.scripts.bench.pages.teaching_page import teaching_page
 from haustra.scripts.bench.pages.trials_page import trials_page
 
 PAGES = Path(__file__).parents[4] / "docs" / "validation"
@@ -33,6 +34,7 @@ MAKERS: Mapping[str, Callable[[Any], str]] = {
     "reach": reach_page,
     "tracked": propulsion_page,
     "leaderboard": lambda kept: leaderboard_page(kept["rows"]),
+    "teaching": teaching_page,
     "trials": trials_page,
 }
 """What makes the page of each file in docs/validation/data, by its name."""

@@ -1,0 +1,89 @@
+"""Write the page on learning from demonstrations from the teaching.json that `haustra bench teaching -o DIR` leaves.
+
+`python -m haustra.scripts.bench.pages.teaching_page docs/validation/teaching.md DIR/teaching.json`.
+"""
+
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from haustra.files import write_atomically, write_json
+from haustra.reading import read_document
+
+_HEAD = """\
+# Validation: learning from demonstrations
+
+**Question.** Does PPO after demonstrations of the endoscopist get further than PPO without, at equal steps?
+
+Made by `python -m haustra.scripts.bench.pages.teaching_page docs/validation/teaching.md DIR/teaching.json` after
+`{command}`, and kept in docs/validation/data/teaching.json; do not edit.
+
+{answer}
+
+| who drives | progress, mean of seeds | reached the caecum | peak force [N] |
+| --- | --- | --- | --- |
+"""
+_READ = """
+## How to read it
+
+- Episodes are those of the shipped training `{training}`, of up to {seconds:g} s: a long paediatric scope in grown
+  colons of its band, which move. Trainings use the first {episodes} of its colons; all are judged in {held_out}
+  held-out colons, two episodes each, with actions drawn as in training.
+- Each driver shows {episodes} episodes, one a colon. "Then rewards" is PPO for {steps:,} steps after cloning, in whose
+  first tenth only its critic learns; "alone" is cloning without rewards. Steps that were shown are not counted.
+- Rewards alone is the same PPO without demonstrations. As shipped trainings explore, it draws actions more widely,
+  begins with a push, divides what it sees by its deviation and staggers its first episodes.
+- {seeds} trainings an arm, with seeds of their own. Intervals are Student's, 95 %, of differences seed by seed.
+- Cloning sees one moment and its running means; what a driver remembers (which manoeuvre it is in) it cannot see.
+"""
+_MAIN = "endoscopist, then rewards"
+_KEYS = ("progress", "completion", "peak_force_N")
+
+
+def teaching_page(table: Mapping[str, Any]) -> str:
+    """The page of a folder's teaching.json."""
+    lesson, arms = table["lesson"], table["arms"]
+    command = (
+        f"haustra bench teaching -o DIR --training {lesson['training']} --episodes {lesson['episodes']} "
+        f"--steps {lesson['steps']} --seeds {lesson['seeds']} --colons {lesson['held_out']} "
+        f"--seconds {lesson['seconds']:g}"
+    )
+    teachers = table["teachers"].items()
+    rows = [(f"{name}, the driver itself", *(float(one[key]) for key in _KEYS)) for name, one in teachers]
+    rows += [(name, *(float(np.mean(one[key])) for key in _KEYS)) for name, one in arms.items()]
+    text = _HEAD.format(command=command, answer=_answer(table["gains"]))
+    text += "".join(f"| {name} | {far:.2f} | {reached:.2f} | {force:.1f} |\n" for name, far, reached, force in rows)
+    text += "\n| progress gained by | over | mean (95 %) |\n| --- | --- | --- |\n"
+    for name, others in table["gains"].items():
+        text += "".join(f"| {name} | {other} | {_gain(gained)} |\n" for other, gained in others.items())
+    return text + _READ.format(**lesson)
+
+
+def _answer(gains: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
+    """What the gains of the endoscopist's arm over both others say."""
+    said = []
+    for other, (mean, low, high) in gains[_MAIN].items():
+        verdict = "gets further than" if low > 0 else "falls behind" if high < 0 else "is not told apart from"
+        said.append(f"it {verdict} {other} ({_gain((mean, low, high))} of the way)")
+    return f"**PPO after demonstrations of the endoscopist: {'; '.join(said)}.**"
+
+
+def _gain(gained: Sequence[float]) -> str:
+    mean, low, high = gained
+    return f"{mean:+.2f} ({low:+.2f} to {high:+.2f})"
+
+
+def main(page: Path, sources: Sequence[Path]) -> None:
+    """Keep the measurements beside the page, and write it; without a source from what is kept."""
+    kept = page.parent / "data" / f"{page.stem}.json"
+    for source in sources:
+        write_json(kept, read_document(source, "teaching"))
+    text = teaching_page(read_document(kept, "teaching"))
+    write_atomically(page, lambda file: file.write_text(text, encoding="utf-8"))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), [Path(source) for source in sys.argv[2:]])
