@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import wraps
+from functools import cached_property, wraps
 from inspect import getattr_static
 from typing import Any
 
@@ -24,7 +24,7 @@ def check(target: Any) -> Any:
     """
     if isinstance(target, type):
         return _held(target)
-    counter = _Counter(target, _held(target))
+    counter = _Counter(target)
 
     @wraps(target)
     def counted(*args: Any, **kwargs: Any) -> None:
@@ -41,9 +41,14 @@ def check_anew() -> None:
 
 
 class _Counter:
-    def __init__(self, signature: Any, held: Callable[..., Any]) -> None:
-        self._signature, self._held, self._calls = signature, held, 0
+    def __init__(self, signature: Any) -> None:
+        self._signature, self._calls = signature, 0
         self._released: Any = None
+
+    @cached_property
+    def _held(self) -> Callable[..., Any]:
+        """The check, made at the first call: most functions that a test imports are never called by it."""
+        return _held(self._signature)
 
     def count(self, args: tuple[Any, ...], kwargs: dict[str, Any]) -> None:
         """Check a call, or let it pass."""

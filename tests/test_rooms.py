@@ -4,6 +4,7 @@ import ast
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -39,38 +40,55 @@ def _room(module: str) -> str:
     return parts[1] if len(parts) > 1 and parts[1] in ROOMS else "haustra"
 
 
-@pytest.mark.parametrize("path", FILES, ids=_name)
-def test_a_room_imports_only_rooms_before_it(path: Path) -> None:
-    here = ROOMS.index(path.relative_to(ROOT).parts[0])
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    # The trunk names its public values for type checkers; those imports never run.
-    tree.body = [
-        node for node in tree.body if not (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test))
+@cache
+def _tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def test_a_room_imports_only_rooms_before_it() -> None:
+    wrong = []
+    for path in FILES:
+        here = ROOMS.index(path.relative_to(ROOT).parts[0])
+        # The trunk names its public values for type checkers; those imports never run.
+        run = [
+            node
+            for node in _tree(path).body
+            if not (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test))
+        ]
+        for module in _imports(ast.Module(run, [])):
+            if module.startswith("."):
+                wrong.append(f"{_name(path)} imports {module} relatively: write haustra.x.y")
+            elif module.split(".")[0] in ROOMS[1:]:
+                wrong.append(f"{_name(path)} imports {module}: write haustra.{module}")
+            elif module.split(".")[0] == "haustra" and ROOMS.index(_room(module)) > here:
+                wrong.append(f"{_name(path)} imports {module}, which stands after it")
+    assert len(FILES) > 400
+    assert not wrong
+
+
+def test_a_room_of_envs_imports_only_its_own_floor_and_below() -> None:
+    rooms = [(path, path.relative_to(ROOT).parts) for path in FILES]
+    wrong = [
+        f"{_name(path)} imports {module}, which stands above it"
+        for path, parts in rooms
+        if parts[0] == "envs" and len(parts) > 2
+        for module in _imports(_tree(path))
+        if module.startswith("haustra.envs.") and FLOORS[module.split(".")[2]] > FLOORS[parts[1]]
     ]
-    for module in _imports(tree):
-        assert not module.startswith("."), f"{_name(path)} imports {module} relatively: write haustra.x.y"
-        assert module.split(".")[0] not in ROOMS[1:], f"{_name(path)} imports {module}: write haustra.{module}"
-        if module.split(".")[0] == "haustra":
-            assert ROOMS.index(_room(module)) <= here, f"{_name(path)} imports {module}, which stands after it"
+    assert not wrong
 
 
-@pytest.mark.parametrize("path", [path for path in FILES if path.parts[len(ROOT.parts)] == "envs"], ids=_name)
-def test_a_room_of_envs_imports_only_its_own_floor_and_below(path: Path) -> None:
-    parts = path.relative_to(ROOT).parts
-    if len(parts) == 2:
-        return
-    for module in _imports(ast.parse(path.read_text(encoding="utf-8"))):
-        if module.startswith("haustra.envs."):
-            room = module.split(".")[2]
-            assert FLOORS[room] <= FLOORS[parts[1]], f"{_name(path)} imports {module}, which stands above it"
-
-
-@pytest.mark.parametrize("path", FILES, ids=_name)
-def test_only_scripts_print_and_no_file_is_a_ragbag(path: Path) -> None:
-    assert path.stem not in {"utils", "util", "helpers", "misc", "common"}
-    if path.relative_to(ROOT).parts[0] != "scripts":
-        calls = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]
-        assert not [call.lineno for call in calls if isinstance(call.func, ast.Name) and call.func.id == "print"]
+def test_only_scripts_print_and_no_file_is_a_ragbag() -> None:
+    ragbags = {"utils", "util", "helpers", "misc", "common"}
+    assert not [_name(path) for path in FILES if path.stem in ragbags]
+    prints = [
+        f"{_name(path)}:{node.lineno}"
+        for path in FILES
+        if path.relative_to(ROOT).parts[0] != "scripts"
+        for node in ast.walk(_tree(path))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "print"
+    ]
+    assert not prints
 
 
 @pytest.mark.parametrize("statement", ["import haustra", "from haustra.scripts.main import main; main(['--help'])"])

@@ -71,8 +71,8 @@ def test_a_run_says_in_one_line_that_it_was_interrupted(after: float, colon: Pat
     out = tmp_path / "run"
     code, said = _interrupted(["run", "--colon", str(colon), "--seconds", "36000", "-o", str(out)], after)
     assert "Traceback" not in said, said
-    if after > 3.0 and "trajectory" in said:  # it was through, perhaps just before the signal: all is there
-        assert code in (SUCCESS, INTERRUPTED) and (out / "scores.json").exists()
+    if after > 3.0 and (out / "scores.json").is_file():  # it was through, if perhaps not out of Python yet
+        assert code in (SUCCESS, INTERRUPTED) and (out / "report.html").is_file(), said
         return
     assert code == INTERRUPTED and said.rstrip().endswith("haustra: interrupted; nothing was written."), said
     assert not out.exists()

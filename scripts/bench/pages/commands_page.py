@@ -15,14 +15,17 @@ from haustra.files import write_atomically
 _HEAD = """\
 # Commands as printed
 
-**Claim.** Of the {count} commands and programs that tutorials and how-to pages print, {run} ran as printed, page by
-page in an empty folder with a grown colon where the page expects one; {failed} failed, {left} were left out.
+**Claim.** Of the {count} commands and programs that {pages} print, {run} ran as printed, page by page
+in an empty folder with a grown colon where the page expects one; {failed} failed, {left} left out. Other pages were
+not run.
 
     python -m haustra.scripts.bench.pages.commands_run DIR --data shared/data
     python -m haustra.scripts.bench.pages.commands_page docs/validation/commands.md DIR/commands.json
 
-Run on {date} on two cores of an {processor} beside other work, so that times are upper bounds. That every command is
-understood by its parser, and that files of Python in docs/examples run, is tested at every change.
+Run on {date} on two cores of an {processor} beside other work (load {load:.0f}), so that times are far above those of
+quiet cores. With docs/validation/data/commands.json put into DIR, the first command adds the pages that are missing.
+That every command is understood by its parser, and that files of Python in docs/examples run, is tested at every
+change.
 """
 
 
@@ -36,12 +39,17 @@ def commands_page(found: Mapping[str, Any]) -> str:
     left = sum(row["code"] is None for row in rows)
     failed = sum(bool(row["code"]) for row in rows)
     numbers = {"count": len(rows), "run": len(rows) - left - failed, "failed": failed, "left": left}
-    parts = [_HEAD.format(**numbers, date=found["machine"]["date"], processor=found["machine"]["processor"])]
+    about = {key: found["machine"][key] for key in ("date", "processor", "load")}
+    parts = [_HEAD.format(**numbers, **about, pages=_listed(sorted({row["page"] for row in rows})))]
     for page, own in groupby(rows, key=lambda row: row["page"]):
         parts.append(f"## {page}\n\n| command, or the program's last line | came to |\n|---|---|")
         parts += [f"| `{row['what'].replace('|', chr(92) + '|')}` | {_came(row)} |" for row in own]
         parts.append("")
     return "\n".join(parts)
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
 
 
 def _came(row: Mapping[str, Any]) -> str:

@@ -200,8 +200,9 @@ def test_each_diameter_meets_a_wall_tabulated_for_it(
 
 def test_colons_of_a_study_move_when_asked(study: Study, tmp_path: Path) -> None:
     """A bend that hangs by a sigmoid's mesentery takes less push, natively too."""
-    cells = {"scene.shaft_cell": 0.05, "scene.bending_cell": 0.017}
-    moving = replace(study, options={**study.options, "mesentery": True}, changes=cells)
+    cells = {**_SHORT, "scene.insertion_limit": 0.3}
+    study = replace(study, changes=cells)
+    moving = replace(study, options={**study.options, "mesentery": True})
     jobs = _jobs(study)[1:2]
     fixed, moved = (next(iter(LINEAR.start(each, tmp_path)(jobs))) for each in (study, moving))
     assert fixed.state == moved.state == "finished"

@@ -139,7 +139,7 @@ def _one() -> gymnasium.Env:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="forks")
 def test_processes_of_gymnasium_step_it() -> None:
-    vector = gymnasium.vector.AsyncVectorEnv([_one, _one], context="spawn")
+    vector = gymnasium.vector.AsyncVectorEnv([_one], context="spawn")
     seen, _ = vector.reset(seed=0)
     assert vector.observation_space.contains(seen)
     seen, reward, *_ = vector.step(vector.action_space.sample())

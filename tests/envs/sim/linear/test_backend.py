@@ -27,8 +27,8 @@ def bank():
 
 @pytest.mark.parametrize("mesentery", [False, True])
 def test_a_step_is_the_dense_step(mesentery):
-    """The bar of 1e-9 is for any step; rounding leaves 1e-12."""
-    assert largest_difference(_bank(mesentery), worlds=20, instants=10) < 1e-10
+    """The bar of 1e-9 is for any step; rounding leaves 1e-12. `haustra bench linear` asks 200 states of it."""
+    assert largest_difference(_bank(mesentery), worlds=10, instants=5) < 1e-10
 
 
 def test_a_step_is_the_dense_step_where_folds_lie_against_each_other():

@@ -39,7 +39,7 @@ def test_derivatives_are_those_of_central_differences(mesentery):
 
 def test_values_are_those_of_the_plain_program():
     bank = _bank()
-    values, _ = rolled([Direction(friction=1.0)])
+    values, _ = rolled(3 * [Direction(friction=1.0)])  # as many as elsewhere, so that no program is made for one
     plain = LinearBackend(bank.scene, bank.tables, worlds=WORLDS, real=np.float64)
     plain.reset(np.arange(WORLDS), np.zeros(WORLDS, int), conditions(bank, WORLDS))
     for inputs in random_script(WORLDS, 3.0):
@@ -81,7 +81,7 @@ def test_time_and_directions_of_nothing_have_no_derivative():
 
 
 def test_a_world_that_breaks_keeps_its_derivatives_and_harms_no_other():
-    bank, directions = _bank(), [Direction(push_rate=1.0)]
+    bank, directions = _bank(), 3 * [Direction(push_rate=1.0)]
     scopes, twin = (Gradients(bank.scene, bank.tables, worlds=WORLDS, directions=directions) for _ in range(2))
     inputs = Controls(np.full(WORLDS, 0.05), np.zeros(WORLDS), np.tile([9.0, 3.0, 1.0, 1.0], (WORLDS, 1)))
     for each in (scopes, twin):
