@@ -5,7 +5,7 @@ thread). What numpy does with numbers, it writes down; `Program.xp` takes the pl
 stay loops (`Program.loop`), so that a program is as long as the law of one link.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, TypeAlias
 
@@ -336,6 +336,16 @@ class Program:
         self._enter(body)
         yield now
         counter.value = now - 1 if backwards else now + 1
+        self.go(test, enter=after)
+
+    @contextmanager
+    def repeat(self, going: Callable[[], Value]) -> Iterator[None]:
+        """Do something again and again, as long as a condition holds in any lane."""
+        test, body, after = (self.function.append_basic_block(part) for part in ("again", "held", "after"))
+        self.go(test)
+        self.builder.cbranch(self.any(going()), body, after)
+        self._enter(body)
+        yield
         self.go(test, enter=after)
 
     @contextmanager
