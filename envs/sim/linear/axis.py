@@ -334,7 +334,8 @@ class Axis:
             held = Changing(program, [0.0] * 5)
             with program.when(gripped > 0):
                 speed = self._state.vector(own, POSE)
-                pushed = [xp.where(gripped > 0, by_spheres.before(own, PULLED + axis), 0.0) for axis in range(3)]
+                pulled = (by_spheres.before(own, PULLED + i) for i in range(3))
+                pushed: Any = tuple(xp.where(gripped > 0, each, 0.0) for each in pulled)
                 resisted = xp.where(gripped > 0, by_spheres.before(own, SQUARE), 0.0)
                 held.now = *add(pushed, times(gripped, speed)), resisted, resisted * self._state.load(own, _TURNING)
             place, drag = self._state.vector(own, 0), self._number(own, "drag")

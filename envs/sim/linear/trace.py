@@ -82,7 +82,7 @@ class Value:
         rest = Value(program, program.builder.srem(own, other))
         return program.xp.where(rest < 0, rest + divisor, rest)
 
-    def __floordiv__(self, divisor: int) -> "Value":
+    def __floordiv__(self, divisor: "Value | int") -> "Value":
         """A whole number that is not negative, over another, without the rest."""
         return Value(self.program, self.program.builder.udiv(*self.program.alike(self, divisor)))
 
