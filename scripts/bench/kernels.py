@@ -1,91 +1,153 @@
 """Rates of the programs of linear time alone on a GPU, from files that a machine without one has made.
 
-`python -m haustra.scripts.bench.kernels pack FILE.npz [moving]` drives 128 scopes in on the CPU and packs their worlds
-with the kernel for a GPU; `python -m haustra.scripts.bench.kernels rates FILE.npz ...` repeats these worlds until a
-GPU is full and times launches of 40 steps. Files of two versions, run in turn, tell before from after.
+`python -m haustra.scripts.bench.kernels pack FILE.npz [moving] [designs] [groups=1,8,32] [stages]` drives 128 scopes in
+on the CPU and packs their worlds with kernels for a GPU: for blocks of so many worlds each, and with each stage of a
+step done twice, so that what the step takes longer is that stage's time. `python -m haustra.scripts.bench.kernels
+rates FILE.npz ...` repeats these worlds until a GPU is full and times launches of 40 steps, `load` only lets the driver
+finish the kernels, which it keeps. Files of two versions, run in turn, tell before from after.
 """
 
 import json
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from haustra.envs.sim.linear.compile import assembled, write_kernel
+from haustra.envs.sim.linear import compile as compiling
+from haustra.envs.sim.linear.axis import Axis
 from haustra.envs.sim.linear.cuda import DeviceArray, Kernel
+from haustra.envs.sim.linear.program import ScopeProgram
 from haustra.scripts.bench.linear import bank_of, driven
 
-WORLDS = (1_024, 8_192, 32_768, 131_072)
-_PACKED, _THREADS, _STEPS, _LAUNCHES = 128, 32, 40, 4
+WORLDS = (512, 1_024, 2_048, 8_192, 32_768, 131_072)
+_PACKED, _STEPS, _LAUNCHES, _FULL = 128, 40, 4, 32
 _BY_WORLD = "state", "worlds", "driver", "seen"
-"""Arrays that hold worlds side by side, eight on a CPU and a group of threads on a GPU."""
+"""Arrays that hold worlds side by side, as many as a block has."""
 _BY_ROW = "asked", "told"
 _ORDER = (
     "state", "worlds", "seen", "room", "design", "structure", "stations", "wall", "axis", "driver", "asked", "told",
-    "lookup",
+    "lookup", "widths",
 )  # fmt: skip
-_MEMORY = 60e9
-"""Room that is taken at most [bytes]."""
+STAGES = {
+    "shape": (Axis, "shape"),
+    "outwards": (ScopeProgram, "_outwards"),
+    "inwards": (ScopeProgram, "_inwards"),
+    "axis": (Axis, "_outwards"),
+}
+"""Stages of a step that may be done twice without changing it, and where they are written down."""
 
 
-def pack(path: Path, *, moving: bool) -> None:
-    """Drive scopes in for 8 s, and keep their worlds and the kernel."""
-    backend, hands = driven(bank_of(80, mesentery=moving), _PACKED, seconds=8.0, real=np.float32)
+@contextmanager
+def twice(stage: str) -> Iterator[None]:
+    """Let programs that are written meanwhile do a stage two times, with the same outcome."""
+    owner, name = STAGES[stage]
+    once = getattr(owner, name)
+
+    def both(*given: Any) -> Any:
+        once(*given)
+        return once(*given)
+
+    setattr(owner, name, both)
+    try:
+        yield
+    finally:
+        setattr(owner, name, once)
+
+
+def pack(path: Path, *, moving: bool, designs: bool, groups: tuple[int, ...], stages: bool) -> None:
+    """Drive scopes in for 8 s, and keep their worlds and the kernels."""
+    bank = bank_of(80, mesentery=moving)
+    backend, hands = driven(bank, _PACKED, seconds=8.0, real=np.float32, designs=designs)
     backend.step(hands.next(), 2)
-    of_kernel = {name: backend._program[name] for name in ("real", "timestep", "angles", "one_design", "moving")}
-    text = assembled(write_kernel(**of_kernel, driver=backend._program["driver"]), architecture="sm_90")
-    arrays = {}
+    names = "real", "timestep", "angles", "one_design", "moving"
+    about = {name: backend._program[name] for name in names} | {"driver": backend._program["driver"]}
+    write = compiling.write_kernel.__wrapped__
+    kept: dict[str, Any] = {}
+    for group in groups:
+        kept[f"kernel {group}"] = _bytes_of(write(group=group, **about))
+    for stage in STAGES if stages else ():
+        if moving or STAGES[stage][0] is ScopeProgram:
+            with twice(stage):
+                kept[f"kernel {_FULL} {stage}"] = _bytes_of(write(group=_FULL, **about))
+    by_world = (*_BY_WORLD, "design") if designs else _BY_WORLD
     for name, held in backend._held.items():
         values = held.read()
-        if name in _BY_WORLD:
-            side = _THREADS // values.shape[2]
-            groups = values.reshape(len(values) // side, side, values.shape[1], values.shape[2])
-            values = groups.transpose(0, 2, 1, 3).reshape(len(groups), values.shape[1], _THREADS)
-        arrays[name] = values[:, :1] if name in _BY_ROW else values
+        if name in by_world:
+            values = np.swapaxes(values, 1, 2).reshape(-1, values.shape[1])
+        kept[name] = values[:, :1] if name in _BY_ROW else values
     layout = backend._layout
     counts = [layout.dofs, layout.bodies, layout.spheres, layout.nodes, backend._places]
-    kernel = np.frombuffer(text.encode(), np.uint8)
-    np.savez_compressed(path, **arrays, counts=np.array(counts), slots=layout.room, kernel=kernel)
+    np.savez_compressed(path, **kept, counts=np.array(counts), slots=layout.room, by_world=by_world)
 
 
-def rates(path: Path) -> list[dict[str, Any]]:
-    """Steps a second of a packed kernel at each number of worlds that fits."""
+def _bytes_of(text: str) -> np.ndarray:
+    return np.frombuffer(compiling.assembled(text, architecture="sm_90").encode(), np.uint8)
+
+
+def rates(path: Path) -> Iterator[dict[str, Any]]:
+    """Steps a second of packed kernels at each number of worlds that fits."""
     with np.load(path) as kept:
         packed = dict(kept)
-    kernel, slots = Kernel(packed["kernel"].tobytes().decode(), "advance"), int(packed["slots"])
-    rows = []
-    for worlds in (each for each in WORLDS if each * slots * 4 < _MEMORY):
-        arrays = {name: _spread(packed, name, worlds, slots) for name in _ORDER}
-        given = [arrays[name] for name in _ORDER]
-        least = np.inf
-        for launch in range(1 + _LAUNCHES):
-            began = time.perf_counter()
-            kernel(given, [*map(int, packed["counts"]), _STEPS, worlds, 0, worlds], threads=worlds, group=_THREADS)
-            kernel.wait()
-            least = min(least, time.perf_counter() - began) if launch else least
-        sound = bool(np.isfinite(arrays["state"].get(len(packed["state"]))).all())
-        size = 4e-3 * (packed["state"].shape[1] + slots)
-        million = worlds * _STEPS / least / 1e6
-        rows.append({"file": path.name, "worlds": worlds, "million_steps_per_s": million, "kB": size, "sound": sound})
-    return rows
+    for name in [each for each in packed if each.startswith("kernel ")]:
+        kernel, (_, group, *stage) = Kernel(packed[name].tobytes().decode(), "advance"), name.split()
+        for worlds in WORLDS:
+            # Few worlds are not stepped by full warps, nor many by single threads; stages are those of a full GPU.
+            if worlds // int(group) > 8_192 or (stage and worlds != 32_768):
+                continue
+            yield {"file": path.name, "group": int(group), "twice": stage} | _rate(packed, kernel, worlds, int(group))
 
 
-def _spread(packed: dict[str, np.ndarray], name: str, worlds: int, slots: int) -> DeviceArray:
+def _rate(packed: dict[str, np.ndarray], kernel: Kernel, worlds: int, group: int) -> dict[str, Any]:
+    groups = min(worlds // group, kernel.resident(group))
+    room = DeviceArray(np.zeros((groups, int(packed["slots"]), group), np.float32))
+    held = {name: _spread(packed, name, worlds, group) for name in _ORDER if name in packed}
+    arrays = {name: (held | {"room": room})[name] for name in _ORDER}
+    given, least = list(arrays.values()), np.inf
+    for launch in range(1 + _LAUNCHES):
+        began = time.perf_counter()
+        kernel(given, [*map(int, packed["counts"]), _STEPS, worlds, 0, worlds], groups=groups, group=group)
+        kernel.wait()
+        least = min(least, time.perf_counter() - began) if launch else least
+    sound = bool(np.isfinite(arrays["state"].get(_PACKED // group)).all())
+    size = 4e-3 * (packed["state"].shape[1] + int(packed["slots"]) * groups * group / worlds)
+    return {
+        "worlds": worlds,
+        "million_steps_per_s": worlds * _STEPS / least / 1e6,
+        "kB": size,
+        "at_once": groups * group,
+        "sound": sound,
+    }
+
+
+def _spread(packed: dict[str, np.ndarray], name: str, worlds: int, group: int) -> DeviceArray:
     """An array of so many worlds, the packed ones over and over."""
-    if name == "room":
-        return DeviceArray(np.zeros((worlds // _THREADS, slots, _THREADS), np.float32))
     values = packed[name]
-    if name in _BY_WORLD:
-        return DeviceArray(np.tile(values, (worlds // _THREADS // len(values), 1, 1)))
+    if name in packed["by_world"]:
+        blocks = np.swapaxes(values.reshape(-1, group, values.shape[1]), 1, 2)
+        return DeviceArray(np.tile(blocks, (worlds // len(values), 1, 1)))
     return DeviceArray(np.zeros((len(values), worlds), np.float32) if name in _BY_ROW else values)
 
 
+def _main(verb: str, *given: str) -> None:
+    if verb == "pack":
+        groups = next((each.removeprefix("groups=") for each in given if each.startswith("groups=")), str(_FULL))
+        about = {name: name in given for name in ("moving", "designs", "stages")}
+        pack(Path(given[0]), groups=tuple(map(int, groups.split(","))), **about)
+        return
+    for path in given:
+        if verb == "load":
+            with np.load(path) as kept:
+                for name in (each for each in kept if each.startswith("kernel ")):
+                    Kernel(kept[name].tobytes().decode(), "advance")
+            continue
+        for row in rates(Path(path)):
+            sys.stdout.write(json.dumps(row) + "\n")
+            sys.stdout.flush()
+
+
 if __name__ == "__main__":
-    if sys.argv[1] == "pack":
-        pack(Path(sys.argv[2]), moving="moving" in sys.argv[3:])
-    else:
-        for name in sys.argv[2:]:
-            for row in rates(Path(name)):
-                print(json.dumps(row), flush=True)
+    _main(*sys.argv[1:])

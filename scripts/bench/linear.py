@@ -1,8 +1,10 @@
 """What a time step of the backend 'linear' costs, by joints and worlds, and how far it is from the dense one."""
 
+import os
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 import numpy as np
@@ -10,8 +12,12 @@ import numpy as np
 from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.linear.layout import NODE
+from haustra.envs.sim.linear.place import forget
 from haustra.envs.sim.native_batch import NativeBackend
 from haustra.envs.sim.scope_bank import BATCH_OPTIONS, ScopeBank, build_bank
+from haustra.envs.sim.scope_reading import read_scope, stack_scopes
+from haustra.envs.sim.scope_values import Scope
+from haustra.envs.sim.serial_chain import Links
 from haustra.envs.sim.state import Controls
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.devices.scope.library import named_design
@@ -32,6 +38,10 @@ _DENSE_STEPS = 40
 """Time steps in which the dense engine is timed."""
 _TURN, _TRAVEL = 0.002, 0.012
 """Wire that a wheel takes up more or less at a time, and the most that it takes up [m]."""
+_COMPILED = 8
+"""Worlds of the backend whose program is compiled to see how long that takes."""
+_KINDS = 8
+"""Designs that worlds with designs of their own have in turn."""
 INTERVAL = 0.125
 """The hand changes its mind so often [s]."""
 
@@ -50,6 +60,8 @@ class Cost:
     """What MuJoCo's native batch, whose matrices are dense, takes on as many threads, in the same run [us]."""
     touching: float = 0.0
     """Share of the spheres that press."""
+    differ: int = 0
+    """Numbers of all states that differ in their bits when the same launch is repeated."""
 
 
 class Hands:
@@ -97,15 +109,29 @@ def driven(
     device: Literal["cpu", "cuda"] = "cpu",
     threads: int = 1,
     wheels: bool = False,
+    designs: bool = False,
 ) -> tuple[LinearBackend, Hands]:
-    """Scopes that were pushed in for a while, worlds differing in friction and hand."""
-    backend = LinearBackend(bank.scene, bank.tables, worlds=worlds, real=real, device=device, threads=threads)
+    """Scopes that were pushed in for a while, worlds differing in friction and hand, and in design if asked for."""
+    about: dict[str, Any] = {"worlds": worlds, "real": real, "device": device, "threads": threads}
+    backend = LinearBackend(bank.scene, bank.tables, scopes=_designs(bank, worlds) if designs else None, **about)
     all_worlds = np.arange(worlds)
     backend.reset(all_worlds, all_worlds % len(bank.colons), conditions(bank, worlds))
     hands = Hands(worlds, wheels=wheels)
     for _ in range(round(seconds / INTERVAL)):
         backend.step(hands.next(), round(INTERVAL / bank.scene.options.timestep))
     return backend, hands
+
+
+def _designs(bank: ScopeBank, worlds: int) -> Scope:
+    """A design a world: bending sections from four fifths as stiff to six fifths, worlds in turn."""
+    design, options = bank.scene.design, bank.scene.options
+    stiffer, scopes = np.linspace(0.8, 1.2, _KINDS), []
+    for share in stiffer:
+        bending = replace(design.bending, flexural_rigidity=share * design.bending.flexural_rigidity)
+        scene = build_scene(bank.scene.colon, None, replace(design, bending=bending), options, show_lumen=False)
+        scopes.append(read_scope(scene))
+    each, which = stack_scopes(scopes), np.arange(worlds) % _KINDS
+    return Scope(Links(*(part[which] for part in each.links)), *(part[which] for part in each[1:]))
 
 
 def conditions(bank: ScopeBank, worlds: int) -> Conditions:
@@ -125,6 +151,36 @@ def time_steps(backend: LinearBackend, hands: Hands, *, steps: int, times: int =
     return best / steps / backend.worlds
 
 
+def repeated(backend: LinearBackend, hands: Hands, *, steps: int) -> int:
+    """Numbers of all states that differ in their bits when a launch of so many steps is repeated from its beginning."""
+    begun, inputs, ends = backend.keep(), hands.next(), []
+    for _ in range(2):
+        backend.put_back(begun)
+        backend.step(inputs, steps)
+        ends.append(backend.numbers("state").copy())
+    return int((ends[0] != ends[1]).sum())
+
+
+def compile_cost(bank: ScopeBank, **about: Any) -> tuple[float, float]:
+    """Seconds until a backend stands: with nothing compiled before, and with the program in haustra's cache.
+
+    A GPU's driver has a cache of its own, which is left as it is.
+    """
+    named, seconds = os.environ.get("HAUSTRA_CACHE"), []
+    with TemporaryDirectory() as folder:
+        os.environ["HAUSTRA_CACHE"] = folder
+        try:
+            for _ in range(2):
+                forget()
+                began = time.perf_counter()
+                LinearBackend(bank.scene, bank.tables, worlds=_COMPILED, **about).close()
+                seconds.append(time.perf_counter() - began)
+        finally:
+            os.environ.pop("HAUSTRA_CACHE")
+            os.environ.update({} if named is None else {"HAUSTRA_CACHE": named})
+    return seconds[0], seconds[1]
+
+
 def measure_cost(bank: ScopeBank, worlds: Sequence[int], *, threads: int = 1, **device: Any) -> list[Cost]:
     """Cost with these scopes, in those numbers of worlds."""
     rows = []
@@ -135,8 +191,9 @@ def measure_cost(bank: ScopeBank, worlds: Sequence[int], *, threads: int = 1, **
         spheres = state.normal.shape[1]
         steps = 40 if where == "cuda" else max(4, min(400, 40_000 // count))
         seconds = time_steps(backend, hands, steps=steps)
-        touching = float((state.normal > 0).mean())
-        rows.append(Cost(state.qpos.shape[1], spheres, count, where, seconds * 1e6, touching=touching))
+        touching, differ = float((state.normal > 0).mean()), repeated(backend, hands, steps=steps)
+        about = {"touching": touching, "differ": differ}
+        rows.append(Cost(state.qpos.shape[1], spheres, count, where, seconds * 1e6, **about))
         backend.close()
     return rows
 

@@ -8,16 +8,20 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from haustra.envs.sim.linear.articulated import link_bias, link_inertia, place_inertia
 from haustra.envs.sim.linear.layout import JOINT_ROOM, SPHERE_ROOM
-from haustra.envs.sim.linear.program import Link, ScopeProgram
+from haustra.envs.sim.linear.program import INWARDS, SPRING, Link, ScopeProgram, flat
 from haustra.envs.sim.linear.trace import Changing, Value, Variable
 from haustra.models.wall.lumen_table import WINDOW
 from haustra.models.wall.vectors import Vector, add, times
 
 _DRIVEN, _TURNED, _SCALE = JOINT_ROOM, JOINT_ROOM + 2, JOINT_ROOM + 4
 """Where joints' rooms hold what drives and damps them, sine and 1 - cosine, and what scales them."""
-_FELT = SPHERE_ROOM
-"""Where spheres' rooms hold what their links feel, and before that where spheres are and how they move."""
+_OWN = 3
+"""Where links' rooms hold inertia and wrench, behind their direction."""
+_FELT, _PUSHED, _LEVER = SPHERE_ROOM, SPHERE_ROOM + 21, SPHERE_ROOM + 27
+"""Where spheres' rooms hold what their links feel, inertia and wrench, and before that where spheres are and how they
+move; then the levers of their surfaces."""
 
 
 class AloneProgram(ScopeProgram):
@@ -64,11 +68,21 @@ class AloneProgram(ScopeProgram):
         self._place(self.spheres, tip, self.scope("tip"))
         with self._beside(self.spheres + 1, 2) as sphere:  # what one register waits for, the other does not
             along, centre, turning, moving = (self.touches.vector(sphere, _FELT + 3 * part) for part in range(4))
-            feel = self._feeling(sphere)
-            self._touch(sphere, along, centre, (turning, moving), feel)
+            self._touch(sphere, along, centre, (turning, moving), self._feeling(sphere, _PUSHED))
         with self._beside(self.bodies) as body:
-            axis, turning, moving, *rates = (self.links.vector(body, 3 * part) for part in range(5))
-            self.links.put(body, 0, self._weight(body, axis, turning, moving, rates))
+            axis, turning, moving, first, last = (self.links.vector(body, 3 * part) for part in range(5))
+            own = self._masses(body)
+            torque, force = link_bias(own, axis, turning, moving, (first, last))
+            self.links.put(body, _OWN, (*flat(link_inertia(axis, *own)), *torque, *force))
+
+    def _keep_touch(self, sphere: Value, way: Any, damped: Any, held: Vector, lever: Vector) -> None:
+        super()._keep_touch(sphere, way, damped, held, lever)
+        drag, damper = damped
+        self.touches.put(sphere, _FELT, flat(place_inertia(lever, way[:3], self.h * damper, self.h * drag)))
+        self.touches.put(sphere, _LEVER, lever)
+
+    def _lever(self, sphere: Value, axis: Vector, normal: Vector) -> Vector:
+        return self.touches.vector(sphere, _LEVER)
 
     def _meet(self, body: Value, link: Link) -> None:
         rates = *link.turning_rate, *link.moving_rate
@@ -110,8 +124,8 @@ class AloneProgram(ScopeProgram):
             self._note_force(body, pressed.now, force)
         return tip
 
-    def _feeling(self, sphere: Value) -> Callable[[tuple[Value, ...]], None]:
-        return lambda felt: self.touches.put(sphere, _FELT, felt)
+    def _feeling(self, sphere: Value, slot: int = _FELT) -> Callable[[tuple[Value, ...]], None]:
+        return lambda felt: self.touches.put(sphere, slot, felt)
 
     def _inwards(self) -> None:
         pulls = () if self.wires else self._pulls()
@@ -128,10 +142,10 @@ class AloneProgram(ScopeProgram):
     def _driven(self, dof: Value, pulls: Any, slides: int) -> tuple[Value, Value]:
         return self.joints.load(dof, _DRIVEN), self.joints.load(dof, _DRIVEN + 1)
 
-    def _with_own(self, body: Value, sums: tuple[Value, ...]) -> tuple[Value, ...]:
+    def _with_own(self, body: Value, axis: Vector, sums: tuple[Value, ...]) -> tuple[Value, ...]:
         program = self.program
-        total = [program.variable(each) for each in super()._with_own(body, sums)]
-        with program.loop(*self.spheres_of(body)) as sphere, program.when(self.touches.load(sphere, 9) > 0):
+        total = [program.variable(each + self.links.load(body, _OWN + i)) for i, each in enumerate(sums)]
+        with program.loop(*self.spheres_of(body)) as sphere, program.when(self.touches.load(sphere, SPRING) > 0):
             for number, each in enumerate(total):
                 each.value = each.value + self.touches.load(sphere, _FELT + number)
         return tuple(each.value for each in total)
@@ -141,9 +155,9 @@ class AloneProgram(ScopeProgram):
         with self._beside(self.spheres) as sphere:
             turning, moving = self.touches.vector(sphere, _FELT), self.touches.vector(sphere, _FELT + 3)
             self._keep_normal(sphere, self.program.constant(0.0))
-            self._leave(sphere, turning, moving)
+            self._leave(sphere, INWARDS, turning, moving)
 
-    def _leave_wall(self, body: Value, turning_rate: Vector, moving_rate: Vector) -> None:
+    def _leave_wall(self, body: Value, axis: Vector, turning_rate: Vector, moving_rate: Vector) -> None:
         first, last = self.spheres_of(body)
         with self._beside(last - first) as more:
             self.touches.put(first + more, _FELT, (*turning_rate, *moving_rate))

@@ -3,9 +3,10 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from haustra.envs.sim.linear.layout import CELL_ALONE, LOOP_ROOM, NODE, NODE_ROOM, PRESS, WORLD, Layout
+from haustra.envs.sim.linear.layout import CELL_ALONE, LOOP_ROOM, NODE, NODE_ROOM, WORLD, Layout
 from haustra.envs.sim.linear.loops import Loops
 from haustra.envs.sim.linear.memory import Lanes, Rows
+from haustra.envs.sim.linear.press import COUPLES, DAMPED, LEANS, PULLED, SQUARE, PressLists, PressRows, Touch
 from haustra.envs.sim.linear.sweep import Before, NodeNumbers, NodeRows, Nodes, along, in_turn, kept_numbers
 from haustra.envs.sim.linear.trace import Changing, Program, Value
 from haustra.models.injury.pain import axial_tension, mesentery_tension
@@ -16,9 +17,7 @@ from haustra.models.wall.moving_colon import (
     bend_stiffness,
     edge_resistance,
     edge_tension,
-    grip_resistance,
     hold_force,
-    lean_grip,
     lean_resistance,
     node_cell,
     node_resistance,
@@ -52,8 +51,7 @@ from haustra.models.wall.vectors import Vector, add, between, cross, dot, minus,
 _CLOSING, _LENGTH, _SECTION, _SPIN, _FLAT_RATE, _ACROSS_RATE = 0, 3, 4, 12, 15, 16
 """What each node's room holds, and the cell behind it."""
 _PRESSED = 19
-"""Where, behind that, it holds what spheres do to it: how much they grip it, what resists its section, and then:"""
-_PULLED, _COUPLES = 4, 7
+"""Where, behind that, it has the first of the spheres that press in its cell."""
 _MOVING, _SPINNING = 0, 4
 """Velocity of a node while those behind it are not known, and its share of theirs; the same of the turn. They take the
 place of `_SPIN` and what is behind it."""
@@ -98,13 +96,16 @@ class Axis:
         self._state = NodeNumbers(state, layout.node_state, apart[0])
         self._room, self._rows_of_cells = room, layout.abreast > 1
         self._cells: Any = NodeNumbers(room, layout.node_slot, apart[1])
-        self._pressed: Any = NodeNumbers(room, lambda number: layout.node_slot(_PRESSED + number), apart[1])
         self._moving = NodeNumbers(room, lambda number: layout.node_slot(_SPIN + number), apart[1])
+        self._pressed: PressRows | PressLists
         if self._rows_of_cells:
-            ahead = layout.abreast
-            self._cells = NodeRows(room, layout.cell_room + ahead * CELL_ALONE, CELL_ALONE // 4)
-            self._pressed = NodeRows(room, layout.press_room + ahead * PRESS, PRESS // 4)
+            self._cells = NodeRows(room, layout.cell_room + layout.abreast * CELL_ALONE, CELL_ALONE // 4)
             self._moving = NodeNumbers(room, layout.node_slot, 1)
+            self._pressed = PressRows(program, layout, room)
+        else:
+            heads = NodeNumbers(room, lambda number: layout.node_slot(_PRESSED + number), apart[1])
+            kept = NodeNumbers(room, lambda number: layout.node_slot(_SECTION + number), apart[1])
+            self._pressed = PressLists(program, layout, (state, room), (heads, kept), self._cell)
         self._rows, self._first_row = rows, {}
         self._time = lambda: state.load(layout.time)
         self._tables, self._stations = tables
@@ -163,7 +164,7 @@ class Axis:
                 room.put(cell, _CLOSING, (*closing, stretch[0], *section, *spin, flat_rate, *across_rate))
                 if self._rows_of_cells:
                     room.put(cell, _PLACE, (*self._state.vector(cell, 0), 0.0, *self._state.vector(cell, POSE)))
-                self._pressed.put(cell, 0, [0.0] * (PRESS if self._rows_of_cells else 1))
+                self._pressed.clear(cell)
         return beyond
 
     def reference(self, place: Vector, arc: Value) -> Vector:
@@ -231,43 +232,9 @@ class Axis:
         first, last = self._looked_up(cell, POSE, _SPEED)
         return depth, normal, held, between(speed(cell.at, before, first), speed(cell.at + 1, after, last), cell.share)
 
-    def press(self, arc: Value, held: Vector, force: Vector, damper: Value, drag: Value) -> None:
-        """Let a force on the wall act.
-
-        Args:
-            arc: where [m].
-            held: its lever there, at rest [m].
-            force: [N].
-            damper: what damps it along the normal [N s/m].
-            drag: across it [N s/m].
-        """
-        program, xp, cell, pressed = self.program, self.program.xp, self._cell(arc), self._pressed
-        damped, square = grip_resistance(damper), dot(held, held)
-        leans, grips = lean_grip(xp, force, damped, drag), damped + drag
-        values = [grips, grips * square, damped * square, leans * square, *force]
-        values += [force[i] * held[j] for i in range(3) for j in range(3)]
-        if program.abreast > 1:
-            self._press_in_turn(cell, values)
-            return
-        for later in range(2):
-            node, part = cell.at + later, cell.share if later else 1 - cell.share
-            fresh = pressed.gather(node, 0) > 0  # what else is there was left by earlier steps
-            for more, value in enumerate(values):
-                there = xp.where(fresh, pressed.gather(node, more), 0.0)
-                pressed.scatter(node, more, there + part * value)
-
-    def _press_in_turn(self, cell: Cell, values: list[Value]) -> None:
-        """`press` by what stands side by side: one after the other, since they may press on the same nodes."""
-        program, room, layout = self.program, self._room, self.layout
-        abreast, scratch = program.abreast, room.rows(layout.press_scratch, PRESS // 4)
-        for four in range(0, PRESS, 4):
-            scratch.put(program.index(0), four, values[four : four + 4])
-        for lane, (at, share) in enumerate(zip(program.apart(cell.at), program.apart(cell.share), strict=True)):
-            for number in range(0, PRESS, abreast):
-                value = room.load_next(layout.press_scratch + (PRESS * lane + number))
-                for later, part in enumerate((1 - share, share)):
-                    slot = layout.press_room + (at + (abreast + later)) * PRESS + number
-                    room.store_next(slot, room.load_next(slot) + part * value)
+    def press(self, arc: Value, sphere: Value, touch: Touch) -> None:
+        """Let a sphere press on the wall, or those that stand side by side from that one on, at arc lengths [m]."""
+        self._pressed.add(self._cell(arc), sphere, touch)
 
     def step(self, h: float, fastest: Any, limit: float, beyond: Value) -> None:
         """Let the axes give way for a time step.
@@ -305,7 +272,6 @@ class Axis:
         with along(program, self.nodes, 1, self.nodes + 3) as i:
             node, cell, own = i.back(1), i.back(2), i.back(3)
             self._state.fetch(i.first + 2, 0, POSE)
-            by_spheres.fetch(i.first, 0, 1)
             place = self._now(i)
             edge = self._edge(i, minus(place, places(*place)))
             length = norm(xp, edge)
@@ -330,7 +296,7 @@ class Axis:
             tilt, lean = twist(xp, STILL, turn, (at_rest, tangent), STILL)
             righting = xp.where(inside, upright * tilt, 0.0)
             work, torque = times(-righting, lean), -righting
-            gripped = xp.where(node.each < beyond, by_spheres.load(node, 0), 0.0)
+            gripped = by_spheres.grip(node, beyond)
             pressed = Changing(program, [0.0] * 13)
             with program.when(gripped > 0):
                 pressed.now = self._press_section(node, gripped > 0, turn, tangent)
@@ -380,8 +346,9 @@ class Axis:
             held = Changing(program, [0.0] * 5)
             with program.when(gripped > 0):
                 speed = self._state.vector(own, POSE)
-                pushed = self._where(gripped > 0, by_spheres.vector(own, _PULLED))
-                resisted = xp.where(gripped > 0, by_spheres.load(own, 1), 0.0)
+                pulled = (by_spheres.before(own, PULLED + i) for i in range(3))
+                pushed: Any = tuple(xp.where(gripped > 0, each, 0.0) for each in pulled)
+                resisted = xp.where(gripped > 0, by_spheres.before(own, SQUARE), 0.0)
                 held.now = *add(pushed, times(gripped, speed)), resisted, resisted * self._state.load(own, _TURNING)
             place, drag = self._state.vector(own, 0), self._number(own, "drag")
             springs = self._number(own, "slack"), self._number(own, "hold"), self._number(own, "support")
@@ -435,15 +402,16 @@ class Axis:
         there is has both.
         """
         xp, found, room, last = self.program.xp, self._pressed, self._cells, self.nodes - 1
-        x, y, z = (self._where(pressed, found.vector(node, _COUPLES + 3 * row)) for row in range(3))
+        parts = [xp.where(pressed, found.now(node, COUPLES + part), 0.0) for part in range(9)]
+        x, y, z = ((parts[row], parts[row + 1], parts[row + 2]) for row in (0, 3, 6))
         cells = self._beside(node, room.vector(node.back(1), _CLOSING), room.vector(node, _CLOSING))
         section = *turn, room.load(node, _SECTION + 4), room.vector(node, _SECTION + 5)
         closed = self._vector(node, "closing"), self._number(node, "width")
         work, torque, before, after = section_gradient(xp, section, tangent, cells, *closed, (x, y, z))
         now, rest = node_closing(*cells, tangent), turned(*turn, closed[0])
         reach = flattening_reach(xp, now, rest, closed[1])
-        closes = found.load(node, 2) * reach * reach
-        leaning, closes = (xp.where(pressed, each, 0.0) for each in (found.load(node, 3), closes))
+        closes = found.now(node, DAMPED) * reach * reach
+        leaning, closes = (xp.where(pressed, each, 0.0) for each in (found.now(node, LEANS), closes))
         both, first, end = add(before, after), node.each > 0, node.each < last
         before, after = self._where(first, before), self._where(end, after)
         before, after = self._where(end, before, both), self._where(first, after, both)

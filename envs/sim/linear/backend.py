@@ -135,7 +135,7 @@ class LinearBackend(AbstractBackend):
         nodes = 0 if moving is None else moving.nodes.shape[1]
         abreast = lanes_of(real) if worlds == 1 and device == "cpu" and not directions else 1
         around = {name: moving is not None and getattr(moving, name) for name in ("surrounded", "touching")}
-        self._layout = replace(structure.layout, nodes=nodes, abreast=abreast, **around)
+        self._layout = replace(structure.layout, nodes=nodes, abreast=abreast, moving=moving is not None, **around)
         self._coils = structure.coils
         self._places = int(structure.coils.max()) + 1
         self._first_link = seen_slot("coils") + 3 * self._places

@@ -95,10 +95,11 @@ def write_program(
         wall: what else `ScopeProgram` is told of the wall.
     """
     program, arrays, counts, (steps, row, first, last) = _begun(lanes, real, directions=directions)
+    around = {"moving": moving, "surrounded": surrounded, "touching": touching}
     with program.loop(first, last) as block:
-        layout = Layout(*counts[:-1], wheels=wheels, abreast=abreast, surrounded=surrounded, touching=touching)
+        layout = Layout(*counts[:-1], wheels=wheels, abreast=abreast, **around)
         own = _Worlds(program, arrays, (layout, counts[-1]), driver, block=block, stride=lanes, row=row)
-        given = own.arrays(angles, one_design, moving, gas=gas, room_of_block=False)
+        given = own.arrays(angles, one_design, moving, gas=gas)
         kind = ScopeProgram if abreast == 1 else AloneProgram
         scopes = kind(program, given, layout, counts[-1], timestep=timestep, **wall)
         _step(program, scopes, given, steps, driver)
@@ -106,12 +107,13 @@ def write_program(
 
 
 WARP = 32
-"""Worlds of a block on a graphics processor, where a thread steps a world."""
+"""Threads that a graphics processor runs together; each steps a world."""
 
 
 @functools.cache
 def write_kernel(
     *,
+    group: int = WARP,
     real: Any,
     timestep: float,
     angles: int,
@@ -123,30 +125,40 @@ def write_kernel(
     driver: Driver | None = None,
     **wall: Any,
 ) -> str:
-    """A control step of worlds on a graphics processor; `last` of `COUNTS` is how many worlds there are."""
+    """A control step of worlds on a graphics processor; `last` of `COUNTS` is how many worlds there are.
+
+    `group` worlds are a block: their numbers lie side by side, and their threads are placed together.
+    """
     program, arrays, counts, (steps, row, _, worlds) = _begun(1, real, approximate=True)
+    around = {"moving": moving, "surrounded": surrounded, "touching": touching}
     program.fetches = True
-    world = thread_of(program)
-    with program.when(world < worlds):
-        lane = world % WARP
-        place: dict[str, Any] = {"block": (world - lane) // WARP, "stride": WARP, "lane": lane, "row": row}
-        layout = Layout(*counts[:-1], wheels=wheels, surrounded=surrounded, touching=touching)
-        own = _Worlds(program, arrays, (layout, counts[-1]), driver, **place)
-        given = own.arrays(angles, one_design, moving, room_of_block=True)
-        scopes = ScopeProgram(program, given, layout, counts[-1], timestep=timestep, **wall)
-        _step(program, scopes, given, steps, driver)
+    block, blocks, lane = _launched_as(program, "ctaid", "nctaid", "tid")
+    # Blocks that are launched take worlds in turn, so that there are rooms for those only that run at the same time.
+    rounds = (worlds + group * blocks - 1 - group * block) // (group * blocks)
+    with program.loop(0, rounds) as turn:
+        first = block + turn * blocks
+        with program.when(first * group + lane < worlds):
+            layout = Layout(*counts[:-1], wheels=wheels, **around)
+            place: dict[str, Any] = {"block": first, "stride": group, "lane": lane, "row": row}
+            own = _Worlds(program, arrays, (layout, counts[-1]), driver, **place)
+            given = own.arrays(angles, one_design, moving, room_of_block=block)
+            scopes = ScopeProgram(program, given, layout, counts[-1], timestep=timestep, **wall)
+            _step(program, scopes, given, steps, driver)
     return program.finish()
 
 
 def thread_of(program: Program) -> Value:
     """Number of a thread on a graphics processor, of whose kernels the program is one."""
+    block, size, thread = _launched_as(program, "ctaid", "ntid", "tid")
+    return block * size + thread
+
+
+def _launched_as(program: Program, *registers: str) -> list[Value]:
+    """What registers of a graphics processor say of a thread of a kernel, which the program is."""
     program.function.calling_convention = "ptx_kernel"
-    builder = program.builder
-    block, size, thread = (
-        builder.call(ir.Function(program.module, ir.FunctionType(INDEX, []), f"llvm.nvvm.read.ptx.sreg.{name}.x"), [])
-        for name in ("ctaid", "ntid", "tid")
-    )
-    return Value(program, builder.add(builder.mul(block, size), thread))
+    kind, name = ir.FunctionType(INDEX, []), "llvm.nvvm.read.ptx.sreg.{}.x"
+    asked = [ir.Function(program.module, kind, name.format(each)) for each in registers]
+    return [Value(program, program.builder.call(each, [])) for each in asked]
 
 
 def _begun(
@@ -204,11 +216,14 @@ class _Worlds:
         }
 
     def arrays(
-        self, angles: int, one_design: bool, moving: bool, *, room_of_block: bool, gas: bool = False
+        self, angles: int, one_design: bool, moving: bool, *, room_of_block: Value | None = None, gas: bool = False
     ) -> dict[str, Any]:
+        """By the names of `ARGUMENTS`; of the rooms there are, that of a block that runs, if it is told, or the one."""
         program, given = self._program, self._arrays
         own: dict[str, Any] = {name: self._lanes(name) for name in ("state", "worlds", "seen", "driver")}
-        own["room"] = self._lanes("room") if room_of_block else self._from(given["room"], "room")
+        own["room"] = (
+            self._lanes("room", room_of_block) if room_of_block is not None else self._from(given["room"], "room")
+        )
         own["design"] = Shared(program, given["design"]) if one_design else self._lanes("design")
         own["structure"] = Shared(program, given["structure"], whole=True)
         own |= {name: self._of_rows(name) for name in ("asked", "told", "widths")}
@@ -217,13 +232,14 @@ class _Worlds:
         tables = {"stations": Rows(program, given["stations"], 4), "wall": (Rows(program, given["wall"], 1), angles)}
         return own | tables | {"axis": Rows(program, given["axis"], self._columns // 4) if moving else None}
 
-    def _lanes(self, name: str) -> Lanes:
+    def _lanes(self, name: str, block: Value | None = None) -> Lanes:
+        """Numbers of a block, or of the worlds' own."""
         program, builder = self._program, self._program.builder
         slots = self._sizes[name]
         if isinstance(program, DualProgram):
             slots = slots * (1 + program.directions)
         size = builder.sext((slots * self._stride).written, LONG)
-        start = builder.mul(size, builder.sext(self._block.written, LONG))
+        start = builder.mul(size, builder.sext((self._block if block is None else block).written, LONG))
         if self._lane is not None:
             start = builder.add(start, builder.sext(self._lane.written, LONG))
         return self._from(builder.gep(self._arrays[name], [start], source_etype=program.real), name)

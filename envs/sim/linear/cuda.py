@@ -13,6 +13,8 @@ from haustra.errors import MissingDependencyError
 
 _OUT_OF_MEMORY = 2
 """CUDA_ERROR_OUT_OF_MEMORY."""
+_PARTS = 16
+"""CU_DEVICE_ATTRIBUTE_MULTIPROCESSOR_COUNT."""
 
 
 @cache
@@ -148,18 +150,27 @@ class Kernel:
         _call("cuModuleLoadData", ctypes.byref(module), assembly.encode())
         _call("cuModuleGetFunction", ctypes.byref(self._function), module, name.encode())
 
-    def __call__(self, arrays: Sequence[DeviceArray], counts: Sequence[int], *, threads: int, group: int = 32) -> None:
-        """Launch it with that many threads, in groups.
+    def resident(self, group: int) -> int:
+        """Groups of so many threads that run at the same time."""
+        each, parts, device = ctypes.c_int(), ctypes.c_int(), ctypes.c_int()
+        size = ctypes.c_int(group), ctypes.c_size_t(0)
+        _call("cuOccupancyMaxActiveBlocksPerMultiprocessor", ctypes.byref(each), self._function, *size)
+        _call("cuCtxGetDevice", ctypes.byref(device))
+        _call("cuDeviceGetAttribute", ctypes.byref(parts), _PARTS, device)
+        return max(each.value * parts.value, 1)
+
+    def __call__(self, arrays: Sequence[DeviceArray], counts: Sequence[int], *, groups: int, group: int) -> None:
+        """Launch it.
 
         Args:
             arrays: first arguments.
             counts: whole numbers that follow.
-            threads: at least so many.
+            groups: of threads.
             group: threads that are placed together.
         """
         own = [ctypes.c_uint64(array.pointer) for array in arrays] + [ctypes.c_int32(count) for count in counts]
         arguments = (ctypes.c_void_p * len(own))(*(ctypes.addressof(each) for each in own))
-        size = (-(-threads // group), 1, 1, group, 1, 1, 0)
+        size = (groups, 1, 1, group, 1, 1, 0)
         _call("cuLaunchKernel", self._function, *size, _STREAM, arguments, None)
 
     @staticmethod

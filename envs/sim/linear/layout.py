@@ -63,6 +63,8 @@ class Layout:
     """Whether nodes feel an envelope or breath (`haustra.models.wall.surroundings`)."""
     touching: bool = False
     """Whether loops of the colon touch each other (`haustra.models.wall.loops`)."""
+    moving: bool = False
+    """Whether the colon moves, so that there are nodes."""
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -159,20 +161,30 @@ class Layout:
         return JOINT_ROOM if self.abreast == 1 else JOINT_ALONE
 
     @property
+    def body_numbers(self) -> int:
+        """Slots of a link's room."""
+        return BODY_ROOM if self.abreast == 1 else BODY_ALONE
+
+    @property
     def body_room(self) -> Any:
-        """`BODY_ROOM` slots a link."""
+        """`body_numbers` slots a link."""
         return self.joint_room + self.padded(self.dofs) * self.joint_numbers
 
     @property
     def sphere_room(self) -> Any:
-        """`SPHERE_ROOM` slots a sphere, or rows of `SPHERE_ALONE` numbers, of the tip too."""
-        return self.body_room + self.padded(self.bodies) * BODY_ROOM
+        """`sphere_numbers` slots a sphere, or rows of `SPHERE_ALONE` numbers, of the tip too."""
+        return self.body_room + self.padded(self.bodies) * self.body_numbers
+
+    @property
+    def sphere_numbers(self) -> int:
+        """Slots of a sphere's room, where spheres do not stand side by side."""
+        return SPHERE_ROOM if self.moving else SPHERE_FIXED
 
     @property
     def node_room(self) -> Any:
         """`NODE_ROOM` slots a node, or `NODE_ALONE` rows where nodes stand side by side."""
         if self.abreast == 1:
-            return self.sphere_room + self.spheres * SPHERE_ROOM
+            return self.sphere_room + self.spheres * self.sphere_numbers
         return self.sphere_room + self.padded(self.sphere_row * SPHERE_ALONE)
 
     @property
@@ -210,17 +222,23 @@ class Layout:
 
 JOINT_ROOM = 10
 """U / D (6), tau / D, direction (3)."""
-BODY_ROOM = 30
-"""Inertia (21), wrench (6), offset from its parent (3)."""
-SPHERE_ROOM = 15
-"""Normal, lever, speed against the wall (9), spring, drag, damper, lever at which a colon that moves is held (3)."""
+BODY_ROOM = 9
+"""Direction (3), and the wrench that its velocity and its spheres need (6)."""
+SPHERE_FIXED = 9
+"""Normal, speed against the wall (6), spring, drag, damper."""
+SPHERE_ROOM = SPHERE_FIXED + 3
+"""The same and the lever at which a colon that moves is held (3); at a step's end the force on it (3) and the next
+sphere of the same cell stand where its normal and speed did."""
 JOINT_ALONE = JOINT_ROOM + 5
 """Where joints stand side by side: what drives one, its armature with what damps it, sine, versine, what scales it."""
-SPHERE_ALONE = SPHERE_ROOM + 27
-"""Where spheres stand side by side: what the link feels of it, as `BODY_ROOM`; place and motion until that is known."""
+BODY_ALONE = 30
+"""Where links stand side by side: direction (3), inertia (21) and wrench (6)."""
+SPHERE_ALONE = SPHERE_ROOM + 30
+"""Where spheres stand side by side: what the link feels of it, as links' inertia and wrench; place and motion until
+that is known; and the lever of its surface."""
 NODE = 11
 """Pose and speed (`haustra.models.wall.moving_colon.AxisDisplacement`)."""
-NODE_ROOM = 35
+NODE_ROOM = 20
 """`haustra.envs.sim.linear.axis`."""
 NODE_ALONE, CELL_ALONE, PRESS = 6, 28, 16
 """Where nodes stand side by side: what of that is theirs, what spheres look up, and what these do to them."""

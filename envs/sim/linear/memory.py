@@ -7,6 +7,9 @@ from llvmlite import ir
 
 from haustra.envs.sim.linear.trace import INDEX, Number, Program, Value
 
+_SECTOR = 32
+"""Bytes that a graphics processor's memory hands out together."""
+
 
 class Slots(Protocol):
     """Numbers by their places in a row."""
@@ -106,7 +109,10 @@ class Lanes:
     def fetch(self, slot: Number, count: int = 1) -> None:
         """Ask memory ahead for that many numbers, where that helps; there need not be any."""
         if self._program.fetches:
-            for more in range(count):
+            assert isinstance(self._stride, int), "rows of all worlds are not asked for ahead"
+            for more in sorted(
+                {*range(0, count, max(1, _SECTOR // (self._stride * size_of(self._program)))), count - 1}
+            ):
                 self._program.fetch(self._place(slot + more))
 
     def vector(self, slot: Number) -> tuple[Value, Value, Value]:

@@ -180,10 +180,25 @@ def _kernel(**program: Any) -> Kernel:
         return _made(write_kernel(**program))
 
 
+_GROUPS, _FEW, _MANY = 1024, 256, 8
+"""Groups of threads that fill a graphics processor, eight on each of its 132 parts; and where worlds are fewer, so many
+groups, of so many worlds at most: worlds wait for each other less, and for memory that is near."""
+
+
+def group_of(worlds: int) -> int:
+    """Worlds of a block on a graphics processor, from 1 to those of a whole warp (docs/decisions/linear.md)."""
+    most = max(min(worlds // _FEW, _MANY), worlds // _GROUPS, 1)
+    return min(WARP, 1 << most.bit_length() - 1)
+
+
+def forget() -> None:
+    """Forget all programs that this process has written or read, as a new one begins."""
+    for kept in (write_program, write_kernel, compiled, _made):
+        kept.cache_clear()
+
+
 class GpuPlace:
     """The first NVIDIA GPU; a thread steps a world."""
-
-    lanes = WARP
 
     def __init__(self, *, worlds: int, real: Any, room: int, **program: Any) -> None:
         """Compile a program.
@@ -191,15 +206,16 @@ class GpuPlace:
         Args:
             worlds: how many.
             real: precision.
-            room: slots of a world to work in.
+            room: slots to work in, of each world that is stepped at the same time as others.
             program: the rest of what `write_kernel` wants.
 
         Raises:
             MissingDependencyError: when there is no such GPU.
         """
-        self._real = np.dtype(real)
-        self._kernel = _kernel(real=real, **program)
-        self._room = DeviceArray(np.zeros((-(-worlds // WARP), room, WARP), self._real))
+        self._real, self.lanes = np.dtype(real), group_of(worlds)
+        self._kernel = _kernel(real=real, group=self.lanes, **program)
+        self._groups = min(-(-worlds // self.lanes), self._kernel.resident(self.lanes))
+        self._room = DeviceArray(np.zeros((self._groups, room, self.lanes), self._real))
 
     def hold(self, values: np.ndarray) -> _There:
         """Numbers in its memory."""
@@ -208,7 +224,7 @@ class GpuPlace:
     def run(self, arrays: dict[str, _There], counts: Sequence[int], worlds: int) -> None:
         """Run the program on all worlds."""
         own = {name: array.run(written=name in _WRITTEN) for name, array in arrays.items()} | {"room": self._room}
-        self._kernel([own[name] for name in ARGUMENTS], [*counts, 0, worlds], threads=worlds)
+        self._kernel([own[name] for name in ARGUMENTS], [*counts, 0, worlds], groups=self._groups, group=self.lanes)
         self._kernel.wait()
 
     def beside(self, **program: Any) -> "GpuPlace":

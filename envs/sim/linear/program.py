@@ -23,19 +23,18 @@ from haustra.envs.sim.linear.articulated import (
 from haustra.envs.sim.linear.axis import Axis
 from haustra.envs.sim.linear.layout import (
     BODY,
-    BODY_ROOM,
     DOF,
     JOINT_ROOM,
     LEAST,
     NODE,
     SCOPE,
-    SPHERE_ROOM,
     STRUCTURE,
     WORLD,
     Layout,
     seen_slot,
 )
 from haustra.envs.sim.linear.memory import Lanes, NumberRows, Numbers, Rows, Shared, Slots
+from haustra.envs.sim.linear.press import Touch
 from haustra.envs.sim.linear.trace import Changing, Program, Value, Variable
 from haustra.envs.sim.linear.wires import SprungWires
 from haustra.envs.sim.physics.hand import HAND_DAMPING, HAND_STIFFNESS, held_force
@@ -71,6 +70,12 @@ _lock_activation, _stop_torque = unwrap(lock_activation), unwrap(stop_torque)
 
 _HAND_LIMITS = ("push_limit", "torque_limit")
 _NONE: Vector = (0.0, 0.0, 0.0)
+INWARDS: Vector = (0.0, 0.0, 1.0)
+"""Direction in which the first link begins."""
+_DIRECTION, _WRENCH = 0, 3
+"""What links' rooms hold: `layout.BODY_ROOM`."""
+_NORMAL, _SPEED, SPRING, _DRAG, _DAMPER, _HELD = 0, 3, 6, 7, 8, 9
+"""What spheres' rooms hold: `layout.SPHERE_ROOM`."""
 _ALONG = 3
 """Part of the wall's numbers that is its normal's along the colon, which grows with width."""
 _BEFORE = 0.02
@@ -128,8 +133,8 @@ class ScopeProgram:
         self.joint_design = Numbers(self.design, program.index(0), len(DOF), abreast)
         self.link_design = Numbers(self.design, links, len(BODY), abreast)
         self.joints = Numbers(self.room, layout.joint_room, layout.joint_numbers, abreast)
-        self.links = Numbers(self.room, layout.body_room, BODY_ROOM, abreast)
-        self.touches = NumberRows(self.room, layout.sphere_room, SPHERE_ROOM, layout.sphere_row)
+        self.links = Numbers(self.room, layout.body_room, layout.body_numbers, abreast)
+        self.touches = NumberRows(self.room, layout.sphere_room, layout.sphere_numbers, layout.sphere_row)
         self._scales = self.bodies * STRUCTURE
         self.wires = SprungWires(self) if layout.wheels else None
         self.axis: Axis | None = None
@@ -286,7 +291,6 @@ class ScopeProgram:
         with program.loop(0, self.bodies) as body:
             offset = times(self.link(body, "offset"), link.axis)
             link.shift(offset)
-            self.links.put(body, 27, offset)
             with program.when(body == 0):
                 direction = link.direction(self._axis(0))
                 self.joints.put(program.index(0), 7, direction)
@@ -318,9 +322,10 @@ class ScopeProgram:
         self.state.store(slot, self.nearest(place, self.state.load(slot))[0])
 
     def _meet(self, body: Value, link: "Link") -> None:
-        """What a link's velocity needs and its spheres meet: its inertia and wrench."""
+        """What a link's velocity needs, and what its spheres meet."""
         rates = link.turning_rate, link.moving_rate
-        sums = Changing(self.program, self._weight(body, link.axis, link.turning, link.moving, rates))
+        torque, force = link_bias(self._masses(body), link.axis, link.turning, link.moving, rates)
+        sums = Changing(self.program, (*torque, *force))
 
         def feel(more: tuple[Value, ...]) -> None:
             sums.now = tuple(total + each for total, each in zip(sums.now, more, strict=True))
@@ -328,14 +333,12 @@ class ScopeProgram:
         with self.program.loop(*self.spheres_of(body)) as sphere:
             along = times(self.sphere_place(sphere), link.axis)
             self._touch(sphere, along, add(link.place, along), (link.turning, link.moving), feel)
-        self.links.put(body, 0, sums.now)
+        self.links.put(body, _DIRECTION, (*link.axis, *sums.now))
 
-    def _weight(self, body: Value, axis: Vector, turning: Vector, moving: Vector, rates: Any) -> tuple[Value, ...]:
-        """Inertia of a link, and the wrench that its velocity needs."""
+    def _masses(self, body: Value) -> tuple[Value, Value, Value, Value]:
+        """Mass of a link, its centre and its moments of inertia."""
         mass, centre, across, along = (self.link(body, name) for name in BODY[1:])
-        own = mass, centre, across, along
-        torque, force = link_bias(own, axis, turning, moving, rates)
-        return *flat(link_inertia(axis, *own)), *torque, *force
+        return mass, centre, across, along
 
     def _touch(
         self, sphere: Value, along: Vector, centre: Vector, motion: tuple[Vector, Vector], feel: Callable[..., None]
@@ -347,7 +350,7 @@ class ScopeProgram:
             along: its place from its link's origin [m].
             centre: its place [m].
             motion: angular velocity of its link, and velocity of the link's origin.
-            feel: is told what the link feels of it, if it touches: inertia and wrench.
+            feel: is told what the link feels of it, if it touches: torque and force.
         """
         program, xp, state, layout = self.program, self.program.xp, self.state, self.layout
         turning, moving = motion
@@ -358,7 +361,7 @@ class ScopeProgram:
         self._keep_arc(sphere, before, arc)
         arc = self._to_look_up(sphere, arc)
         carried = state.load_next(layout.normals + sphere) > 0
-        self.touches.put(sphere, 9, (0.0,))
+        self.touches.put(sphere, SPRING, (0.0,))
         with program.when(arc > 0):
             depth, normal, held, leaving = self.wall(rest, arc, near=True)
             lever = minus(along, times(self.scope("radius"), normal))
@@ -375,13 +378,28 @@ class ScopeProgram:
                 friction_rise=self._friction_rise,
                 elasticity=self._elasticity,
             )
-            self.touches.put(sphere, 9, (spring,))
+            self.touches.put(sphere, SPRING, (spring,))
             with program.when(spring > 0):
-                self.touches.put(sphere, 0, (*normal, *lever, *speed))
-                self.touches.put(sphere, 10, (drag, damper, *held) if self.axis else (drag, damper))
-                felt = place_inertia(lever, normal, self.h * damper, self.h * drag)
+                self._keep_touch(sphere, (*normal, *speed), (drag, damper), held, lever)
                 force = place_force(spring, damper, drag, normal, speed)
-                feel((*flat(felt), *times(-1.0, cross(lever, force)), *times(-1.0, force)))
+                feel((*times(-1.0, cross(lever, force)), *times(-1.0, force)))
+
+    def _keep_touch(self, sphere: Value, way: Any, damped: Any, held: Vector, lever: Vector) -> None:
+        """Keep what a sphere that touches will be asked for.
+
+        Args:
+            sphere: which.
+            way: normal of the wall, and speed against it.
+            damped: drag, damper.
+            held: lever at which a colon that moves is held [m].
+            lever: of its surface from its link's origin [m].
+        """
+        self.touches.put(sphere, _NORMAL, way)
+        self.touches.put(sphere, _DRAG, (*damped, *held) if self.axis else damped)
+
+    def _lever(self, sphere: Value, axis: Vector, normal: Vector) -> Vector:
+        """Of a sphere's surface from its link's origin [m]."""
+        return minus(times(self.sphere_place(sphere), axis), times(self.scope("radius"), normal))
 
     def _keep_arc(self, sphere: Value, before: Value, arc: Value) -> None:
         """Keep the arc length of a sphere that was at another before."""
@@ -480,16 +498,18 @@ class ScopeProgram:
         pulls = () if self.wires else self._pulls()
         if self.wires:
             self.wires.begin()
+        axis = Changing(program, self.links.vector(self.bodies - 1, _DIRECTION))
         with program.loop(0, self.bodies, backwards=True) as body:
-            self.links.fetch(body - 1, 0, BODY_ROOM)
-            sums.now = self._with_own(body, sums.now)
+            self.links.fetch(body - 2, 0, self.layout.body_numbers)
+            sums.now = self._with_own(body, axis.now, sums.now)
+            axis.now = self._before(body)
             with program.loop(*self.hinges_of(body), backwards=True) as dof:
                 self._fetch_joint(dof - 1)
                 self.joints.fetch(dof - 1, 7, 3)
                 self._free(dof, sums, pulls, hinge_force, 0)
             with program.when(body == 0):
                 self._free(program.index(0), sums, pulls, slide_force, 1)
-            offset = self.links.vector(body, 27)
+            offset = times(self.link(body, "offset"), axis.now)
             inertia, torque, force = _unflat(sums.now)
             sums.now = (*flat(from_parent(inertia, offset)), *add(torque, cross(offset, force)), *force)
             if self.wires:
@@ -497,9 +517,27 @@ class ScopeProgram:
         if self.wires:
             self.wires.pull()
 
-    def _with_own(self, body: Value, sums: tuple[Value, ...]) -> tuple[Value, ...]:
-        """Inertia and wrench of the links behind one, and its own."""
-        return tuple(total + self.links.load(body, i) for i, total in enumerate(sums))
+    def _before(self, body: Value) -> Vector:
+        """Direction of the link before one."""
+        program, first = self.program, body < 1
+        before = self.links.vector(program.xp.where(first, body, body - 1), _DIRECTION)
+        x, y, z = (program.xp.where(first, *pair) for pair in zip(INWARDS, before, strict=True))
+        return x, y, z
+
+    def _with_own(self, body: Value, axis: Vector, sums: tuple[Value, ...]) -> tuple[Value, ...]:
+        """Inertia and wrench of the links behind one, and its own, with what its spheres are damped by."""
+        program, touches = self.program, self.touches
+        wrench = (self.links.load(body, _WRENCH + i) for i in range(6))
+        own = *flat(link_inertia(axis, *self._masses(body))), *wrench
+        total = Changing(program, [one + more for one, more in zip(sums, own, strict=True)])
+        with program.loop(*self.spheres_of(body)) as sphere:
+            touches.fetch(sphere - 2, SPRING, 1)
+            with program.when(touches.load(sphere, SPRING) > 0):
+                normal = touches.vector(sphere, _NORMAL)
+                along, across = (self.h * touches.load(sphere, which) for which in (_DAMPER, _DRAG))
+                felt = flat(place_inertia(self._lever(sphere, axis, normal), normal, along, across))
+                total.now = (*(one + more for one, more in zip(total.now[:21], felt, strict=True)), *total.now[21:])
+        return total.now
 
     def _pulls(self) -> tuple[Value, ...]:
         """What wires bear of the pulls that arrived [N]."""
@@ -568,7 +606,7 @@ class ScopeProgram:
 
     def _accelerate(self, fastest: Any) -> None:
         program, state, joints, layout = self.program, self.state, self.joints, self.layout
-        turning, moving = Changing(program, _NONE), Changing(program, _NONE)
+        turning, moving, axis = (Changing(program, begun) for begun in (_NONE, _NONE, INWARDS))
 
         def move(dof: Value, along: Changing) -> None:
             self._fetch_joint(dof + 1)
@@ -585,28 +623,30 @@ class ScopeProgram:
             fastest.value = program.xp.where(size < SPEED_LIMIT, fastest.value, size)  # also of what is no number
 
         with program.loop(0, self.bodies) as body:
-            moving.now = add(moving.now, cross(turning.now, self.links.vector(body, 27)))
+            moving.now = add(moving.now, cross(turning.now, times(self.link(body, "offset"), axis.now)))
             with program.when(body == 0):
                 move(program.index(0), moving)
             with program.loop(*self.hinges_of(body)) as dof:
                 move(dof, turning)
-            self._leave_wall(body, turning.now, moving.now)
+            axis.now = self.links.vector(body, _DIRECTION)
+            self._leave_wall(body, axis.now, turning.now, moving.now)
 
-    def _leave_wall(self, body: Value, turning_rate: Vector, moving_rate: Vector) -> None:
-        """What the spheres of a link do at the step's end, by its angular and linear acceleration."""
+    def _leave_wall(self, body: Value, axis: Vector, turning_rate: Vector, moving_rate: Vector) -> None:
+        """What the spheres of a link do at the step's end, by its direction and its angular and linear acceleration."""
         with self.program.loop(*self.spheres_of(body)) as sphere:
             self.state.store(self.layout.normals + sphere, 0.0)
-            self._leave(sphere, turning_rate, moving_rate)
+            self._leave(sphere, axis, turning_rate, moving_rate)
 
-    def _leave(self, sphere: Value, turning_rate: Vector, moving_rate: Vector) -> None:
+    def _leave(self, sphere: Value, axis: Vector, turning_rate: Vector, moving_rate: Vector) -> None:
         """Normal force at the step's end, by the speed at which the surface then leaves the wall."""
         program, touches = self.program, self.touches
-        touches.fetch(sphere + 2, 9, 1)
-        spring = touches.load(sphere, 9)
+        touches.fetch(sphere + 2, SPRING, 1)
+        spring = touches.load(sphere, SPRING)
         with program.when(spring > 0):
-            normal, lever, speed = (touches.vector(sphere, 3 * part) for part in range(3))
+            normal, speed = touches.vector(sphere, _NORMAL), touches.vector(sphere, _SPEED)
+            lever = self._lever(sphere, axis, normal)
             speed = add(speed, times(self.h, add(moving_rate, cross(turning_rate, lever))))
-            pressed = normal_force(program.xp, spring, touches.load(sphere, 11), dot(normal, speed))
+            pressed = normal_force(program.xp, spring, touches.load(sphere, _DAMPER), dot(normal, speed))
             self._keep_normal(sphere, pressed)
             if self.axis:
                 self._press_axis(self.axis, sphere, normal, speed)
@@ -616,16 +656,16 @@ class ScopeProgram:
 
     def _press_axis(self, axis: Axis, sphere: Value, normal: Vector, speed: Vector) -> None:
         """What a sphere does to a colon that moves, at the end of the step."""
-        where, spring = self.program.xp.where, self.touches.load(sphere, 9)
+        where, spring = self.program.xp.where, self.touches.load(sphere, SPRING)
         touching = spring > 0
 
         def there(v: Vector) -> Vector:
             return where(touching, v[0], 0.0), where(touching, v[1], 0.0), where(touching, v[2], 0.0)
 
-        drag, damper = (where(touching, self.touches.load(sphere, slot), 0.0) for slot in (10, 11))
+        drag, damper = (where(touching, self.touches.load(sphere, slot), 0.0) for slot in (_DRAG, _DAMPER))
         force = times(-1.0, place_force(spring, damper, drag, there(normal), there(speed)))
-        held = there(self.touches.vector(sphere, 12))
-        axis.press(self.state.load_next(self.layout.arcs + sphere), held, force, damper, drag)
+        held = there(self.touches.vector(sphere, _HELD))
+        axis.press(self.state.load_next(self.layout.arcs + sphere), sphere, Touch(held, force, damper, drag))
 
     def observe(self) -> None:
         """Read off what there is to see at the end of a control step."""

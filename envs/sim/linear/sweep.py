@@ -70,8 +70,7 @@ class NodeNumbers:
 
     def fetch(self, node: Any, number: int, count: int) -> None:
         """Ask memory ahead for numbers of a node, from one on; there need not be such a node."""
-        for more in range(count):
-            self._lanes.fetch(node * self._apart + self._start(number + more))
+        self._lanes.fetch(node * self._apart + self._start(number), count)
 
     def gather(self, node: Value, number: int) -> Value:
         """A number of a node, which may be another one in each lane."""

@@ -5,7 +5,7 @@ thread). What numpy does with numbers, it writes down; `Program.xp` takes the pl
 stay loops (`Program.loop`), so that a program is as long as the law of one link.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, TypeAlias
 
@@ -339,11 +339,11 @@ class Program:
         self.go(test, enter=after)
 
     @contextmanager
-    def repeat(self, going: "Variable") -> Iterator[None]:
-        """Do something again and again, as long as a number is above nought in any lane."""
-        test, body, after = (self.function.append_basic_block(part) for part in ("test", "body", "after"))
+    def repeat(self, going: Callable[[], Value]) -> Iterator[None]:
+        """Do something again and again, as long as a condition holds in any lane."""
+        test, body, after = (self.function.append_basic_block(part) for part in ("again", "held", "after"))
         self.go(test)
-        self.builder.cbranch(self.any(going.value > 0), body, after)
+        self.builder.cbranch(self.any(going()), body, after)
         self._enter(body)
         yield
         self.go(test, enter=after)

@@ -94,7 +94,7 @@ class GpuLauncher(Launcher):
     def run(self, name: str, text: str, arrays: Sequence[DeviceArray], counts: Sequence[int], worlds: int) -> None:
         """As `Launcher.run`."""
         last = counts[0] * worlds
-        _kernel(text, name)(arrays, [*counts, 0, last], threads=last, group=_GROUP)
+        _kernel(text, name)(arrays, [*counts, 0, last], groups=-(-last // _GROUP), group=_GROUP)
         Kernel.wait()
 
     def fetch(self, held: DeviceArray) -> np.ndarray:

@@ -168,7 +168,7 @@ class _Looking:
         begun = _Followed(0.0, self._eye_arc, 0.0, self._eye_arc, 0.0, 0.0, LEAST_STEP, 0.0, -LEAST_STEP, 0.0)
         now = Changing(program, begun)
         going = program.variable(xp.where(within, float(MOST_LOOKS), 0.0))
-        with program.repeat(going):
+        with program.repeat(lambda: going.value > 0):
             old = _Followed(*now.now)
             way, low, room, high, beyond = old.way, old.low, old.room, old.high, old.beyond
             left, found = self._room(way, old.arc)

@@ -20,6 +20,8 @@ class BenchLinear:
     """Where steps are computed: on threads of the CPU, or on the first NVIDIA GPU."""
     mesentery: bool = False
     """Let the colons move on their mesentery."""
+    designs: bool = False
+    """Give each world a scope design of its own, instead of one to all."""
     dense: bool = True
     """Time MuJoCo's native batch with 80 joints too, and compare with a dense step by MuJoCo's matrices."""
     json: bool = field(default=False)
@@ -42,13 +44,14 @@ class BenchLinear:
             )
         rows: list[linear.Cost] = []
         bank = linear.bank_of(80, mesentery=self.mesentery)
+        found: dict[str, Any] = {}
+        found["compile_s"], found["cached_s"] = linear.compile_cost(bank, device=self.device)
         with progress_bar("time", len(sizes), unit="sizes") as advance:
             for done, size in enumerate(sizes, 1):
-                rows += linear.measure_cost(
-                    linear.resized(bank, size), counts, threads=self.threads, device=self.device
-                )
+                own = linear.resized(bank, size)
+                about: dict[str, Any] = {"threads": self.threads, "device": self.device, "designs": self.designs}
+                rows += linear.measure_cost(own, counts, **about)
                 advance(done, f"{rows[-1].us_per_step:.3g} us a step")
-        found: dict[str, Any] = {}
         if self.dense:
             rows = [
                 replace(row, us_per_step_dense=linear.dense_cost(bank, row.worlds, threads=self.threads) * 1e6)

@@ -1,0 +1,46 @@
+"""What `haustra bench linear` reports: designs of each world, launches that repeat, times of compiling."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from haustra.envs.sim.linear.backend import LinearBackend
+from haustra.envs.sim.linear.place import WARP, group_of
+from haustra.errors import MissingDependencyError
+from haustra.scripts.bench.linear import bank_of, compile_cost, driven, repeated
+
+
+@cache
+def _bank(mesentery=False):
+    return bank_of(40, colons=1, mesentery=mesentery)
+
+
+@pytest.mark.parametrize("mesentery", [False, True])
+def test_a_launch_repeats_to_the_bit_with_a_design_in_each_world(mesentery):
+    backend, hands = driven(_bank(mesentery), 9, seconds=1.0, designs=True)
+    assert repeated(backend, hands, steps=20) == 0
+    designs = np.swapaxes(backend.numbers("design"), 1, 2).reshape(-1, backend.numbers("design").shape[1])[:9]
+    assert len(np.unique(designs, axis=0)) == 8 and (designs[0] == designs[8]).all()
+
+
+@pytest.mark.parametrize("mesentery", [False, True])
+@pytest.mark.parametrize("worlds", [40, 1_100])
+def test_a_launch_on_a_gpu_repeats_to_the_bit(mesentery, worlds):
+    bank = _bank(mesentery)
+    try:
+        LinearBackend(bank.scene, bank.tables, worlds=1, device="cuda").close()
+    except MissingDependencyError as error:
+        pytest.skip(f"there is no NVIDIA GPU here: {error}")
+    backend, hands = driven(bank, worlds, seconds=1.0, designs=True, device="cuda")
+    assert repeated(backend, hands, steps=20) == 0
+
+
+def test_a_program_is_compiled_once_and_read_again():
+    cold, cached = compile_cost(_bank())
+    assert cached < cold < 60
+
+
+def test_worlds_are_grouped_by_how_many_there_are():
+    groups = [group_of(worlds) for worlds in (1, 512, 1_024, 2_048, 8_192, 32_768, 131_072)]
+    assert groups == [1, 2, 4, 8, 8, WARP, WARP]
