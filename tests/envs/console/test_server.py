@@ -189,6 +189,13 @@ async def _press(url: str, folder: Path) -> dict[str, float]:
         await browser.until("haustra.last.row.tip_arc > 0.16 && haustra.last.assisted")
         await browser.key("KeyW", down=False)
         row = await browser.ask("haustra.last.row")
+        # A gamepad as the browser would show one: its left stick forward pushes, and its first button unlocks knobs.
+        pad = "{connected: true, axes: [0, -1, 0, 0], buttons: [{value: 1, pressed: true}]}"
+        await browser.ask(f"void (navigator.getGamepads = () => [{pad}])")
+        await browser.until("haustra.hand.shares().push === 1 && haustra.last.correcting")
+        await browser.until("!haustra.last.locked[2] && !haustra.last.locked[3]")
+        await browser.ask("void (navigator.getGamepads = () => [])")
+        await browser.until("haustra.hand.shares().push === undefined")
         assert await browser.ask("haustra.views[0].outside.drawn > 3 && haustra.stats.latencies.length > 0")
         await browser.picture(folder / "page.png")
         assert not browser.errors and not await browser.ask("haustra.stats.refused.length")

@@ -20,4 +20,6 @@ def test_a_withdrawal_is_inspected(source: Source, tmp_path):
     assert scores["polyps"] == 1 and scores["blind_spots"] >= 1
     assert scores["withdrawal_outcome"] == "withdrawn"
     assert (tmp_path / "inspection.png").is_file() and (tmp_path / "withdrawal.npz").is_file()
-    assert {event.lesion for event in tool.events} <= {0}
+    (event,) = tool.events
+    assert event.taken and event.lesion == 0 and event.reason == "reached"
+    assert event.bleeding_mm2 > 70 and not tool.after().lesions
