@@ -59,8 +59,8 @@ stiffness, by the tip's segment for the whole scope. Pressures count in P(perfor
 tissue holds it closed.
 
 Gas moves the wall without inertia, so that its work is what the wall stores and what it does to a device that presses:
-force times the wall's way, to 10⁻⁸. It does none on a colon's axis, to the bit: the thrust of its pressure along a colon
-that may pleat is left out.
+force times the wall's way, to 10⁻⁸. It does none on a colon's axis, to the bit: the thrust of its pressure along a
+colon that may pleat is left out.
 
 Backends `linear`, on a CPU, and `native`, of one scope, honour it against the table; the others refuse it, and so do
 derivatives, trained policies in single runs, pictures and depth of episodes, and recordings of evaluations.
