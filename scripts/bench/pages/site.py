@@ -131,8 +131,8 @@ def _about(action: Any) -> str:
 
 
 def _plain(said: str) -> str:
-    """Words of a help text, in which Markdown finds no links and no tags."""
-    return said.replace("[", "\\[").replace("<", "&lt;")
+    """Words of a help text, in which Markdown finds no links, no tags and nothing to stress."""
+    return said.replace("[", "\\[").replace("*", "\\*").replace("<", "&lt;")
 
 
 def _page_of(package: str) -> str:

@@ -10,3 +10,4 @@ def test_help_texts_hold_no_links_that_lead_nowhere() -> None:
     page = re.sub(r"```.*?```|`[^`\n]*`", "", command_line_page(), flags=re.DOTALL)
     assert "][" in page.replace("\\", "")
     assert not re.findall(r"(?<!\\)\[[^\]\n]*\]", page)
+    assert "medium*8" in page.replace("\\", "") and "medium*8" not in page, "two stars would be italics"
