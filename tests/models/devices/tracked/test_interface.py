@@ -17,6 +17,7 @@ from haustra.models.anatomy.colon import Colon, ColonSegment
 from haustra.models.anatomy.store import save_colon
 from haustra.models.device_scene import build_device_scene, device_options, device_tables, pose_in
 from haustra.models.devices.base import load_device
+from haustra.models.devices.tracked.design import TrackedDesign
 from haustra.models.devices.tracked.drive import track_normal, worm_lever
 from haustra.models.devices.tracked.interface import TrackedRobot
 from tests.ring_wall import bent_colon
@@ -91,6 +92,17 @@ def test_it_runs_at_the_speed_of_its_treads_and_presses_as_bellows_and_tissue_sa
     assert seen["traction"] == pytest.approx(0.0, abs=1e-3)
     assert seen["core_force"] == 0.0
     assert one.spheres().shape[1] == len(one.scene.handles.samples)
+
+
+@pytest.mark.thorough
+def test_the_prototype_drives_in_a_lumen_four_times_as_wide() -> None:
+    """Lengths and speed are four times those of the device in practice, forces sixteen times."""
+    large = bent_colon(bend=0.16, leg=0.8, length=0.8, radius=0.064)
+    prototype = replace(slack(), design=replace(TrackedDesign(), tether=slack().design.tether))
+    _, seen = driven(prototype, colon=large, start_depth=0.4)
+    assert seen["headway"] == pytest.approx(4 * robot().design.tread_speed(robot().rpm) * 0.02 * 24, rel=0.01)
+    assert seen["normal"] == pytest.approx(16 * 4 * track_normal(robot().design, DIAMETER), rel=0.01)
+    assert seen["width"] == pytest.approx(4 * DIAMETER, rel=0.02)
 
 
 @pytest.mark.parametrize("timestep", [1e-3, 2e-3])
