@@ -28,7 +28,7 @@ from haustra.models.presets import TABLE, find_preset
 from haustra.models.scene import SceneOptions
 
 CURVE_STEP = 1.0
-"""Time between points of curves that are kept [s]."""
+"""Time between points of curves that are kept [s]; engineering choice."""
 SITES = ("rectum", "sigmoid", "descending", "transverse", "ascending", "caecum", "splenic_flexure", "hepatic_flexure")
 """Where pain is told."""
 

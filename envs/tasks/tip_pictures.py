@@ -36,9 +36,9 @@ from haustra.envs.view.picture.surface import LumenSurface
 from haustra.models.wall.signed_distance import surface_arcs
 
 _AROUND = 0.02
-"""Axes of colons that move are worked out so much farther than rays go [m]."""
+"""Axes of colons that move are worked out so much farther than rays go [m]; engineering choice."""
 _NOWHERE = 1e3
-"""Landmarks of colons that have none are as far away [m]."""
+"""Landmarks of colons that have none are as far away [m]; engineering choice: out of sight."""
 
 
 class _Wall(NamedTuple):

@@ -12,7 +12,7 @@ from haustra.envs.view.picture.tube import Tube, tube
 from haustra.models.scene import entry_of
 
 _SHOWN_OUTSIDE, _BESIDE = 0.03, 0.03
-"""What lies further before the anus, and so near to the way in, is not shown [m]."""
+"""What lies further before the anus, and so near to the way in, is not shown [m]; engineering choice."""
 
 
 def device_body(

@@ -145,7 +145,8 @@ LOOK_AHEAD = 0.03
 
 
 VIEW_DEG = 140.0
-"""Full viewing angle of a camera of which a design says nothing [degrees]; as the shipped scopes' (docs/numbers.md)."""
+"""Full viewing angle of a camera of which a design says nothing [degrees]; engineering choice, as of shipped
+scopes."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -227,8 +227,8 @@ BODY_ROOM = 9
 SPHERE_FIXED = 9
 """Normal, speed against the wall (6), spring, drag, damper."""
 SPHERE_ROOM = SPHERE_FIXED + 3
-"""The same and the lever at which a colon that moves is held (3); at a step's end the force on it (3) and the next
-sphere of the same cell stand where its normal and speed did."""
+"""Numbers of a fixed wall's sphere, and the lever at which a colon that moves is held (3); at a step's end the force on
+it (3) and the next sphere of the same cell stand where its normal and speed did."""
 JOINT_ALONE = JOINT_ROOM + 5
 """Where joints stand side by side: what drives one, its armature with what damps it, sine, versine, what scales it."""
 BODY_ALONE = 30

@@ -16,8 +16,8 @@ from haustra.models.wall.moving_colon import grip_resistance, lean_grip
 from haustra.models.wall.vectors import Vector, dot
 
 GRIP, SQUARE, DAMPED, LEANS, PULLED, COUPLES = 0, 1, 2, 3, 4, 7
-"""The sums: how much spheres grip a node [N s/m], what resists that its section turns, flattens and leans, their force
-(3) [N], and by rows the force on the levers (9) [N m]."""
+"""Places of the sums: how much spheres grip a node, what resists that its section turns, flattens and leans, their
+force (3), and by rows the force on the levers (9)."""
 _FORCE, _HELD = 0, 9
 """Where a sphere's room holds its force at a step's end, and behind it the next sphere of its cell; then, after three
 slots, its drag and damper; the lever at which the colon is held (`layout.SPHERE_ROOM`)."""

@@ -398,7 +398,7 @@ class ScopeProgram:
         self.touches.put(sphere, _DRAG, (*damped, *held) if self.axis else damped)
 
     def _lever(self, sphere: Value, axis: Vector, normal: Vector) -> Vector:
-        """Of a sphere's surface from its link's origin [m]."""
+        """Lever of a sphere's surface from its link's origin [m]."""
         return minus(times(self.sphere_place(sphere), axis), times(self.scope("radius"), normal))
 
     def _keep_arc(self, sphere: Value, before: Value, arc: Value) -> None:

@@ -17,25 +17,27 @@ from haustra.models.wall.indentation import FALL, GAP, TOP, reached
 from haustra.models.wall.vectors import Vector, add, between, dot, minus, norm, times
 
 FAR = 0.35
-"""Wall is looked for as far as this along a ray [m]: in a colon, light from there is a 34th of that from 6 cm."""
+"""Wall is looked for as far as this along a ray [m]; engineering choice, since light from there is a 34th of that from
+6 cm."""
 MOST_LOOKS = 200
 """A ray is looked for so often at most."""
 REFINED = 5
 """So many of these between the last place in the lumen and the first in the wall."""
 LEAST_STEP, STEP_PER_DISTANCE, LARGEST_STEP = 2.5e-4, 0.01, 0.01
-"""A ray goes on by at least this [m], and this share of how far it has come; and by at most this more [m]."""
+"""A ray goes on by at least this [m], and this share of how far it has come; and by at most this more [m]; engineering
+choice."""
 INDENTED = 0.045
-"""Farther than this from the camera its own device indents no wall in pictures [m]."""
+"""Farther than this from the camera its own device indents no wall in pictures [m]; engineering choice."""
 _WINDOW = 0.02
-"""Largest change of arc length from one place on a ray to the next [m]."""
+"""Largest change of arc length from one place on a ray to the next [m]; engineering choice."""
 _LEAST_CELL = 0.1
 """Stations count as if no nearer to each other, on the inside of bends, than this share of their distance [1]."""
 _NEAR_BY = 5e-4
-"""Slopes are those between places so far to either side [m]."""
+"""Slopes are those between places so far to either side [m]; engineering choice."""
 _STATIONS = 8.0
 """A place is taken to be at most so many stations from the one it was found next to [1]."""
 _OPEN = 2e-3
-"""A camera that is no further in than this looks out through the anus, which else is a wall [m]."""
+"""A camera that is no further in than this looks out through the anus, which else is a wall [m]; engineering choice."""
 
 
 class Station(NamedTuple):
