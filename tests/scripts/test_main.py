@@ -1,6 +1,7 @@
 """The command line as a shell sees it."""
 
 import os
+import resource
 import subprocess
 import sys
 
@@ -53,6 +54,17 @@ def test_a_terminal_that_takes_ascii_only_gets_help() -> None:
     plain = {**os.environ, "PYTHONIOENCODING": "ascii"}
     finished = subprocess.run(command, capture_output=True, text=True, env=plain, check=True)
     assert finished.stderr == "" and "haustra VERB --help" in finished.stdout
+
+
+def test_help_takes_at_most_0_3_seconds_of_a_processor() -> None:
+    """Least of two calls, since the first may have to compile modules: 0.3 s is asked for."""
+    taken = []
+    for _ in range(2):
+        began = resource.getrusage(resource.RUSAGE_CHILDREN)
+        subprocess.run([sys.executable, "-m", "haustra.scripts.main", "--help"], capture_output=True, check=True)
+        ended = resource.getrusage(resource.RUSAGE_CHILDREN)
+        taken.append(ended.ru_utime + ended.ru_stime - began.ru_utime - began.ru_stime)
+    assert min(taken) <= 0.3
 
 
 def test_an_interruption_is_one_line_before_a_verb_begins_and_while_modules_load(monkeypatch, capsys) -> None:

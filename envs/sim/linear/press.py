@@ -78,7 +78,7 @@ class PressRows:
         return self._rows.load(node, number)
 
     def before(self, node: Nodes, number: int) -> Value:
-        """The same, of nodes that the sweep has passed."""
+        """Another of the sums, of nodes that the sweep has passed."""
         return self._rows.load(node, number)
 
 

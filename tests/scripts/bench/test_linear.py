@@ -1,14 +1,20 @@
 """What `haustra bench linear` reports: designs of each world, launches that repeat, times of compiling."""
 
-from functools import cache
+import json
+from functools import cache, partial
 
 import numpy as np
 import pytest
 
 from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.linear.place import WARP, group_of
+from haustra.envs.sim.scope_bank import build_bank
 from haustra.errors import MissingDependencyError
+from haustra.models.devices.scope.library import named_design
+from haustra.scripts.bench import linear
 from haustra.scripts.bench.linear import bank_of, compile_cost, driven, repeated
+from haustra.scripts.main import SUCCESS, main
+from tests.tube_colon import straight_tube
 
 
 @cache
@@ -44,3 +50,18 @@ def test_a_program_is_compiled_once_and_read_again():
 def test_worlds_are_grouped_by_how_many_there_are():
     groups = [group_of(worlds) for worlds in (1, 512, 1_024, 2_048, 8_192, 32_768, 131_072)]
     assert groups == [1, 2, 4, 8, 8, WARP, WARP]
+
+
+def test_its_json_holds_rows_exponent_and_difference(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In a short tube, with few worlds to compare with the dense step."""
+    bank = build_bank([straight_tube()], named_design("adult"))
+    monkeypatch.setattr(linear, "bank_of", lambda dofs, mesentery: bank)
+    monkeypatch.setattr(linear, "largest_difference", partial(linear.largest_difference, worlds=2, instants=1))
+    assert main(["bench", "linear", "--json", "--worlds", "1", "--dofs", "40,80"]) == SUCCESS
+    found = json.loads(capsys.readouterr().out)
+    assert found.keys() >= {"rows", "exponent", "largest_difference"}
+    assert all(row.keys() >= {"dofs", "worlds", "us_per_step", "us_per_step_dense"} for row in found["rows"])
+    assert len(found["rows"]) == 2 and all(row["us_per_step"] > 0 for row in found["rows"])
+    assert 0 <= found["largest_difference"] < 1e-9

@@ -17,12 +17,15 @@ from haustra.envs.sim.state import Controls
 from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.scope.cable import STOP_SHARE
 from haustra.models.devices.scope.library import named_design
+from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import SceneOptions, build_scene
 from haustra.models.wall.law import SLIP_SPEED
 from tests.tube_colon import RADIUS, straight_tube, wedge_wall
 
 _SHORT = SceneOptions(insertion_limit=0.3, shaft_cell=0.0625, bending_cell=0.034, sample_spacing=0.03)
 _WEIGHT = 9.81
+_STILL = 1e-3
+"""Where nothing is faster than this [m/s, rad/s], differences are relative to it."""
 
 
 def _bank(**changed: Any) -> ScopeBank:
@@ -60,6 +63,39 @@ def test_without_a_wall_it_moves_as_mujoco_does() -> None:
         assert backend.step(_hands(0.05, 0.5, (15.0, 0, 0, 0)), 1).all()
     np.testing.assert_allclose(backend.positions()[0], data.qpos, atol=1e-8)
     np.testing.assert_allclose(backend.state().hand[0], data.act, atol=1e-12)
+
+
+def test_one_step_from_each_of_200_states_is_mujocos() -> None:
+    """Speeds of joints after a step without a wall, relative to each world's fastest: bound 1e-10."""
+    bank, worlds, random = _bank(), 20, np.random.default_rng(0)
+    scene, model = bank.scene, compile_at_origin(bank.scene)
+    data, one = mujoco.MjData(model), np.ones(worlds)
+    names = ["push", "roll", *(f"pull_{wire}" for wire in WIRE_NAMES)]
+    hand = [model.actuator(f"scope/{name}").id for name in names]
+    locks = np.array([[model.actuator(name).id for name in pair] for pair in scene.cable.locks])
+    behind = scene.cable.length - scene.cable.joint_positions
+    backend = LinearBackend(scene, bank.tables, worlds=worlds, real=np.float64)
+    backend.reset(np.arange(worlds), np.zeros(worlds, int), Conditions(0.1 * one, 1e-9 * one, one))
+
+    def hands() -> Controls:
+        rates = random.uniform(-0.1, 0.5, worlds), random.uniform(-1.0, 1.0, worlds)
+        return Controls(0.2 * rates[0], rates[1], random.uniform(0.0, 6.0, (worlds, 4)))
+
+    worst = 0.0
+    for _ in range(10):
+        assert backend.step(hands(), 20).all()
+        before, asked = backend.state(), hands()
+        assert backend.step(asked, 1).all()
+        after = backend.state().qvel
+        for world in range(worlds):
+            data.qpos[:], data.qvel[:], data.act[:] = before.qpos[world], before.qvel[world], before.hand[world]
+            data.ctrl[hand] = [asked.push_rate[world], asked.roll_rate[world], *asked.pulls[world]]
+            held = lock_activation(np, scene.options.start_depth + data.qpos[:1], behind)
+            data.ctrl[locks] = held[:, None]
+            mujoco.mj_step(model, data)
+            apart = np.abs(after[world] - data.qvel).max() / max(np.abs(data.qvel).max(), _STILL)
+            worst = max(worst, apart)
+    assert worst < 1e-10
 
 
 def test_a_shaft_bends_no_tighter_than_its_smallest_radius() -> None:
