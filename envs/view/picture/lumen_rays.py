@@ -24,8 +24,8 @@ MOST_LOOKS = 200
 REFINED = 5
 """So many of these between the last place in the lumen and the first in the wall."""
 LEAST_STEP, STEP_PER_DISTANCE, LARGEST_STEP = 2.5e-4, 0.01, 0.01
-"""A ray goes on by at least this [m], and this share of how far it has come; and by at most this more [m]; engineering
-choice."""
+"""A ray goes on by at least this [m], and this share of how far it has come; and by at most this more [m]. Each is an
+engineering choice."""
 INDENTED = 0.045
 """Farther than this from the camera its own device indents no wall in pictures [m]; engineering choice."""
 _WINDOW = 0.02
