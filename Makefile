@@ -12,7 +12,7 @@ UV_COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --g
 .DELETE_ON_ERROR:
 
 help:
-	@echo 'make demo    grow a colon, build its wall, let a policy drive a scope to the caecum: a report and a film'
+	@echo 'make demo    grow a colon, build its wall, let a policy drive a scope to the caecum: reports and a film'
 	@echo 'make test    lint, types and tests, as the project checks itself'
 	@echo 'make thorough  tests that repeat others with more values, or at length'
 	@echo 'make bench   run time against error, stability, skipping: some ten minutes, one page'
@@ -28,8 +28,10 @@ demo: $(VENV)/.installed
 	$(BIN)/haustra colon grow --seed 100000 -o demo/colon
 	$(BIN)/haustra wall demo/colon --method coacd
 	$(BIN)/haustra run --colon demo/colon --driver insertion --seconds 240 --film -o demo/run
+	$(BIN)/haustra run --colon demo/colon --fixed --wall-law pieces --seconds 5 -o demo/fixed
 	@echo
-	@echo 'Open $(CURDIR)/demo/run/report.html, which plays the run, and demo/run/film.webp'
+	@echo 'Open $(CURDIR)/demo/run/report.html, which plays the run, and demo/run/film.webp;'
+	@echo 'demo/fixed/report.html has the same colon held still, as a wall of convex pieces'
 
 # A process a core, up to four since each takes a gigabyte, and one thread for numpy's BLAS: on small matrices and two cores, more of them wait for each other far longer than they compute.
 test: lint types
