@@ -33,9 +33,10 @@ def chromium() -> str | None:
 class Browser:
     """One page of a headless browser."""
 
-    def __init__(self, *, width: int = 1280, height: int = 760) -> None:
-        """Prepare one with a window of that size [pixels]."""
+    def __init__(self, *, width: int = 1280, height: int = 760, webgl: bool = True) -> None:
+        """Prepare one with a window of that size [pixels], which may do without WebGL."""
         self._size = width, height
+        self._options = _OPTIONS if webgl else (*_OPTIONS, "--disable-3d-apis")
         self._folder = tempfile.TemporaryDirectory(prefix="haustra-browser-", ignore_cleanup_errors=True)
         self._next = 0
         self.process = 0
@@ -49,7 +50,7 @@ class Browser:
         assert path is not None, "no Chromium is installed"
         size = f"--window-size={self._size[0]},{self._size[1]}"
         self._process = await asyncio.create_subprocess_exec(
-            path, *_OPTIONS, size, f"--user-data-dir={self._folder.name}", "about:blank",
+            path, *self._options, size, f"--user-data-dir={self._folder.name}", "about:blank",
             stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.DEVNULL,
         )  # fmt: skip
         self.process = self._process.pid

@@ -139,6 +139,26 @@ async def _draw_pictures_only(vehicle: Any) -> None:
         assert "frame" not in kinds[-4:], "it has not said that it has drawn the ones before"
 
 
+def test_a_browser_without_webgl_shows_the_rest(colon_folder, capsule):
+    """What the tip sees, the numbers and the hand are there; only the view from outside is not."""
+    from haustra.scripts.bench.browser import chromium
+
+    if chromium() is None:
+        pytest.skip("no Chromium is installed")
+    asyncio.run(_push_without_webgl(make_vehicle(colon_folder, capsule)))
+
+
+async def _push_without_webgl(vehicle: Any) -> None:
+    from haustra.scripts.bench.browser import Browser
+
+    async with _served(vehicle) as (_, url), Browser(webgl=False) as browser:
+        await browser.open(url)
+        await browser.until("window.haustra && haustra.stats.frames > 1 && haustra.stats.pictures > 1")
+        assert await browser.ask("haustra.views[0].outside.renderer === null")
+        await browser.press("Space")
+        await browser.until("!haustra.last.paused && haustra.stats.frames > 5")
+
+
 def test_keys_in_a_browser_drive_past_the_sigmoid(colon_folder, tmp_path):
     """`haustra drive` prints one line; real key events of a headless Chromium bring the tip through the bend."""
     from haustra.scripts.bench.browser import chromium

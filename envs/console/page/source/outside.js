@@ -9,6 +9,19 @@ const AROUND = 12; // corners of the device's rings
 const FLESH = new Color(0xe59a90), RED = new Color(0xd01510), BLUE = new Color(0x3355dd);
 const MOST = { pressed: 15, pain: 2, gas: 4000 }; // where colours end: N, 1, Pa
 
+// What draws, or null where the browser has no WebGL: the rest of the page does without this view.
+const rendererOf = (canvas, slow) => {
+  try {
+    return new WebGLRenderer({ canvas, antialias: !slow, alpha: true });
+  } catch {
+    [canvas.width, canvas.height] = [640, 360];
+    const pen = canvas.getContext("2d");
+    [pen.fillStyle, pen.font, pen.textAlign] = ["#8a949e", "20px sans-serif", "center"];
+    pen.fillText("No WebGL in this browser: no view from outside.", 320, 180);
+    return null;
+  }
+};
+
 // Whether WebGL is drawn by the processor, which then has better things to do than many and smooth pixels.
 const drawnBySoftware = () => {
   const gl = document.createElement("canvas").getContext("webgl");
@@ -23,8 +36,8 @@ export class Outside {
     this.canvas = canvas;
     this.shows = "pressed";
     const slow = drawnBySoftware();
-    this.renderer = new WebGLRenderer({ canvas, antialias: !slow, alpha: true });
-    this.renderer.setPixelRatio(slow ? 0.5 : Math.min(window.devicePixelRatio, 1.5));
+    this.renderer = rendererOf(canvas, slow);
+    this.renderer?.setPixelRatio(slow ? 0.5 : Math.min(window.devicePixelRatio, 1.5));
     this.scene = new Scene();
     this.scene.add(new AmbientLight(0xffffff, 1.6));
     this.light = new DirectionalLight(0xffffff, 1.8);
@@ -126,6 +139,7 @@ export class Outside {
     this.asked = true;
     requestAnimationFrame(() => {
       this.asked = false;
+      if (!this.renderer) return;
       const { clientWidth, clientHeight } = this.canvas.parentElement;
       if (!clientWidth || !clientHeight) return;
       const ratio = this.renderer.getPixelRatio();
