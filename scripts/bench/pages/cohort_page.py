@@ -41,9 +41,10 @@ clinics are said to have half of that; so half a metre of shaft hardly ever reac
 1.68 m does not suffice in long colons (one of 2 m always does), and mesenteries are stretched until they hurt. Single
 jams make P(perforation); the policy with its own scope has none. N = 400 was not examined.
 
-**Other patients show less.** 24 more, on whom nothing was chosen either (`haustra cohort quick --seed 33 --seconds 960`,
-25 November 2026, 63 s on two quiet cores), match **4 of 12** with the endoscopist and the adult scope: 0.42 reach the
-caecum, 0.71 have a loop, the hardest push is 26 N, and 8.7 % would be torn. So the table below is the better of two draws.
+**Other patients show less.** 24 more, on whom nothing was chosen either (`haustra cohort quick --seed 33 --seconds
+960`, 25 November 2026, 63 s on two quiet cores), match **4 of 12** with the endoscopist and the adult scope: 0.42 reach
+the caecum, 0.71 have a loop, the hardest push is 26 N, and 8.7 % would be torn. So the table below is the better of two
+draws.
 
 **What was tried.** An endoscopist who feels a loop by shaft that adds up beyond the lumen, pulls with 17 N as long as
 it gathers more than it loses, holds the torque, pushes hard at no wall and never gives up brought 3 of 16 tips to the
