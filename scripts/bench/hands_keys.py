@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from haustra.envs.console.server import Server
 from haustra.envs.console.session import Session
 from haustra.envs.console.source import Drive
 from haustra.envs.console.vehicles import make_vehicle
 from haustra.envs.sim.moved_colon import CurrentColon
-from haustra.scripts.bench.browser import Browser
+from haustra.scripts.bench.shown_drive import shown
 
 _AHEAD = 0.045
 """How far ahead of the tip the hand looks down the lumen [m]."""
@@ -107,37 +106,26 @@ def _past_sigmoid(source: Drive) -> float:
 
 
 async def _bring_in(source: Drive, seconds: float, reach: float, folder: Path | None) -> dict[str, Any]:
-    server, ends = Server(source), asyncio.Event()
-    told: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-    running = asyncio.create_task(server.run(told.set_result, ends))
     session, eyes = source.sessions[0], Eyes(source.sessions[0])
     down: AbstractSet[str] = frozenset()
     events, hardest = 0, 0.0
-    try:
-        async with Browser() as browser:
-            await browser.open(await told)
-            await browser.until("window.haustra && haustra.stats.pictures > 1 && haustra.stats.frames > 1")
-            if folder is not None:
-                await browser.picture(folder / "keys-before.png")
-            await browser.press("Space")
-            begun = time.perf_counter()
-            while float(session.look.row["tip_arc"]) < reach and time.perf_counter() < begun + seconds:
-                held = eyes.keys()
-                for key in sorted(down ^ held):
-                    await browser.key(key, down=key in held)
-                events, down = events + len(down ^ held), held
-                hardest = max(hardest, float(session.look.row["wall_force"]))
-                await asyncio.sleep(_BEAT)
-            for key in down:
-                await browser.key(key, down=False)
-            row = session.look.row
-            if folder is not None:
-                await browser.picture(folder / "keys-after.png")
-            assert not browser.errors, browser.errors
-    finally:
-        ends.set()
-        await running
-        source.close()
+    async with shown(source) as browser:
+        if folder is not None:
+            await browser.picture(folder / "keys-before.png")
+        await browser.press("Space")
+        begun = time.perf_counter()
+        while float(session.look.row["tip_arc"]) < reach and time.perf_counter() < begun + seconds:
+            held = eyes.keys()
+            for key in sorted(down ^ held):
+                await browser.key(key, down=key in held)
+            events, down = events + len(down ^ held), held
+            hardest = max(hardest, float(session.look.row["wall_force"]))
+            await asyncio.sleep(_BEAT)
+        for key in down:
+            await browser.key(key, down=False)
+        row = session.look.row
+        if folder is not None:
+            await browser.picture(folder / "keys-after.png")
     return {
         "keys_reached": bool(row["tip_arc"] >= reach),
         "keys_tip_arc_m": float(row["tip_arc"]),

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from haustra.envs.console.recording import Recorder
-from haustra.envs.console.server import Server
 from haustra.envs.console.session import Session
 from haustra.envs.console.source import Drive
 from haustra.envs.console.vehicles import make_vehicle
 from haustra.scripts.bench.browser import Browser
 from haustra.scripts.bench.memory import flatness, groups
+from haustra.scripts.bench.shown_drive import shown
 
 _LONGEST_WAY = 240.0
 """The driver has as long as this to come in before the hand draws the scope back [s]."""
@@ -67,27 +67,15 @@ def measure_page(
 
 
 async def _page(source: Drive, seconds: float, picture: Path | None) -> dict[str, Any]:
-    server, ends = Server(source), asyncio.Event()
-    told: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-    running = asyncio.create_task(server.run(told.set_result, ends))
-    try:
-        url = await told
-        async with Browser() as browser:
-            await browser.open(url)
-            await browser.until("window.haustra && haustra.stats.pictures > 1 && haustra.stats.frames > 1")
-            await browser.press("KeyT")
-            driving = _Driving(source, browser)
-            first = await driving.leg(seconds / 2)
-            lost = await driving.lose_the_page()
-            legs = first + await driving.leg(seconds / 2)
-            waits = await browser.ask("haustra.stats.latencies")
-            if picture is not None:
-                await browser.picture(picture)
-            assert not browser.errors, browser.errors
-    finally:
-        ends.set()
-        await running
-        source.close()
+    async with shown(source) as browser:
+        await browser.press("KeyT")
+        driving = _Driving(source, browser)
+        first = await driving.leg(seconds / 2)
+        lost = await driving.lose_the_page()
+        legs = first + await driving.leg(seconds / 2)
+        waits = await browser.ask("haustra.stats.latencies")
+        if picture is not None:
+            await browser.picture(picture)
     return {
         "seconds": legs.seconds,
         "pictures_per_s": legs.pictures / legs.seconds,
