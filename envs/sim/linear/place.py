@@ -230,7 +230,7 @@ class GpuPlace:
     def beside(self, **program: Any) -> "GpuPlace":
         """As `Place.beside`."""
         other = copy.copy(self)
-        other._kernel = _kernel(real=self._real.type, **program)
+        other._kernel = _kernel(real=self._real.type, group=self.lanes, **program)
         return other
 
     def close(self) -> None:
