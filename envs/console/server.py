@@ -29,6 +29,8 @@ LONGEST = 4096
 """Most that a page says at once [bytes]."""
 PATIENCE = 0.5
 """A page that has not said for so long that it has drawn what it was sent is sent more [s]; engineering choice."""
+MOST_REFUSALS = 64
+"""Refusals that wait for a page that does not read, then the oldest give way; engineering choice."""
 _HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
     "img-src blob: data:; connect-src 'self'",
@@ -59,12 +61,17 @@ class _Client:
     def __init__(self, socket: web.WebSocketResponse) -> None:
         self.socket = socket
         self._waiting: dict[str, bytes] = {}
-        self._woken, self._says = asyncio.Event(), False
+        self._woken, self._says, self._refusals = asyncio.Event(), False, 0
         self._owed: dict[str, tuple[int, float]] = {}
 
     def tell(self, what: str, message: bytes) -> None:
         self._waiting[what] = message
         self._woken.set()
+
+    def refuse(self, message: bytes) -> None:
+        """Tell what cannot be done; refusals do not replace each other, so that none is lost before it is sent."""
+        self.tell(f"refused {self._refusals % MOST_REFUSALS}", message)
+        self._refusals += 1
 
     async def send(self) -> None:
         """Send until the connection ends."""
@@ -192,7 +199,7 @@ class Server:
 
         def answer(said: str) -> None:
             message = pack({"kind": "refused", "say": said[:300]})
-            loop.call_soon_threadsafe(client.tell, "refused", message)
+            loop.call_soon_threadsafe(client.refuse, message)
 
         try:
             said = json.loads(text)

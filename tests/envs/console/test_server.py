@@ -94,13 +94,13 @@ async def _meet(vehicle: Any) -> None:
             pushes = {"pause": False, "hand": {"force_z": 1.0}, "t": 1.0}
             await _until(lambda: hand.share[2] == 1.0 and source.sessions[0].step > 2, lambda: page.send_json(pushes))
             await page.send_str("[" * 100)
-            await page.send_json({"fly": 1})
+            await page.send_json({"fly": 1, "swim": 2, "crawl": 3})
             said = set()
-            while len(said) < 2:
+            while len(said) < 4:
                 header, _ = unpack((await page.receive()).data)
                 if header["kind"] == "refused":
                     said.add(header["say"])
-            assert said == {"that is no message", "fly: not known to a drive"}
+            assert said == {"that is no message"} | {f"{name}: not known to a drive" for name in ("fly", "swim", "crawl")}
         await _until(lambda: source.paused and not hand.share.any())
         step = source.sessions[0].step
         async with client.ws_connect(socket) as page:
