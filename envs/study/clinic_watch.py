@@ -18,7 +18,6 @@ from haustra.envs.study.clinic_pain import PainWatch
 from haustra.envs.study.patients import Patient, clinic_number, numbers
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.landmarks import SEGMENTS
-from haustra.models.injury.perforation import perforation_probability
 
 if TYPE_CHECKING:
     from haustra.envs.runs.linear_insertions import LinearInsertions
@@ -188,7 +187,8 @@ class ClinicWatch:
             **axial,
             "straightenings": float(pull_backs(shaft, clinic_number("pull_back"))),
             **self._pain.scores(world),
-            "p_perforation": float(perforation_probability(loads[-1])),
+            "p_perforation": self._patients[world].torn(float(loads[-1])),
+            "load_peak": float(loads[-1]),
             "load_s": float(time[np.argmax(loads >= loads[-1])]),
             "load_from_tip_m": float(arc[np.argmax(loads >= loads[-1])] - places[-1]),
         }

@@ -9,7 +9,7 @@ from haustra.envs.learning.find import find_policy, policy_settings
 from haustra.envs.learning.hands import PolicySettings, require_shown
 from haustra.envs.learning.policy import MlpPolicy
 from haustra.envs.study.clinic_pain import HURTS, SITES
-from haustra.envs.study.patients import Patient, patient_variables
+from haustra.envs.study.patients import Patient, injury_variables, patient_variables
 from haustra.envs.study.questions import Question
 from haustra.envs.study.study import Column, Sampler, Study, Value
 from haustra.errors import InvalidOptionError, InvalidStudyError
@@ -50,6 +50,7 @@ SCORES = (
     *(Column(f"pain_{cause}_s", "s", f"how long what hurt was: {cause.replace('_', ' ')}") for cause in HURTS),
     Column("pain_dose_s", "s", "time integral of the worst site's tension over what hurts, less 1 where it is more"),
     Column("p_perforation", "1", "share of people whose colon would have been torn"),
+    Column("load_peak", "1", "largest load of the wall over the median person's strength"),
     Column("load_s", "s", "when the wall bore most of its strength"),
     Column("load_from_tip_m", "m", "how much colon behind the tip that was"),
 )
@@ -167,7 +168,7 @@ def patient_of(study: Study, variables: Mapping[str, float]) -> Patient:
     Raises:
         InvalidStudyError: when something is to differ that patients do not have.
     """
-    known = {variable.path: variable for variable in patient_variables()}
+    known = {variable.path: variable for variable in (*patient_variables(), *injury_variables())}
     for path in (*study.changes, *(variable.path for variable in study.variables)):
         if path not in known:
             raise InvalidStudyError(f"'{path}' is not known. Known: {', '.join(known)}.")

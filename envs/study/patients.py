@@ -13,6 +13,7 @@ from haustra.envs.study.study import Value, Variable
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.store import METADATA, load_colon, save_colon
+from haustra.models.injury.perforation import deviation_of, perforation_probability
 from haustra.models.wall.abdomen import Abdomen
 from haustra.models.wall.cache import cache_folder
 from haustra.models.wall.lumen_table import lumen_table
@@ -32,6 +33,9 @@ _MESENTERY = {
     "pleating": "mesentery.pleating",
 }
 """Variables that are numbers of the mesentery, by their names there."""
+
+_TEARS = ("human_over_porcine", "between_persons")
+"""Numbers of injury that act on the largest load of a run after it: names in assets/numbers/injury.toml."""
 
 
 @cache
@@ -61,6 +65,15 @@ def _variable(name: str, entry: Mapping) -> Variable:
     low = max(low, 1e-3 * high) if entry["spread"] == "log-uniform" else low
     unit = number.unit if number else entry["unit"]
     return Variable(name, f"patient.{name}", unit, (low + high) / 2, low, high, entry["spread"])
+
+
+@cache
+def injury_variables() -> tuple[Variable, ...]:
+    """Numbers of what tears that a study may vary beside patients'; a cohort leaves them as they are."""
+    known = {name: numbers()[f"injury.{name}"] for name in _TEARS}
+    return tuple(
+        Variable(name, f"injury.{name}", n.unit, n.value, n.low, n.high, "uniform") for name, n in known.items()
+    )
 
 
 @cache
@@ -99,6 +112,11 @@ class Patient:
         """Numbers of the mesentery that are this patient's own, by their names in assets/numbers."""
         return {number: self.values[name] for name, number in _MESENTERY.items()}
 
+    def torn(self, load: float) -> float:
+        """Share of people like this patient whose wall is torn by a load over the median person's strength [1]."""
+        weaker = injury_variables()[0].nominal / self.values["human_over_porcine"]
+        return float(perforation_probability(load * weaker, sigma=deviation_of(self.values["between_persons"])))
+
     def folder(self) -> Path:
         """Where the colon is kept."""
         key = content_hash(repr((_FORMAT, *self._grown().items())).encode())
@@ -126,7 +144,7 @@ class Patient:
     @classmethod
     def of(cls, values: Mapping[str, float]) -> "Patient":
         """The patient of a job's variables; those that it leaves out are as in the middle of their range."""
-        usual = {variable.name: variable.nominal for variable in patient_variables()}
+        usual = {each.name: each.nominal for each in (*patient_variables(), *injury_variables())}
         return cls({**usual, **{name: float(value) for name, value in values.items()}})
 
 

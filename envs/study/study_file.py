@@ -22,7 +22,15 @@ from haustra.errors import HaustraError, UnreadableFileError
 from haustra.provenance import content_hash
 from haustra.reading import read_document
 
-SHIPPED = ("propulsion", "scope", "scope-mesentery", "tracked-reach", "policy-stiffness", "cohort-causes")
+SHIPPED = (
+    "propulsion",
+    "scope",
+    "scope-mesentery",
+    "tracked-reach",
+    "policy-stiffness",
+    "cohort-causes",
+    "injury-causes",
+)
 """Studies that ship, under their names."""
 _MOST_TRIED = 100
 """Values of a condition that are tried before a study begins."""

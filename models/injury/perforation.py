@@ -33,7 +33,14 @@ _STRAIGHT, _BENT, _SIDEWAYS = (
 )
 TORN = 1e6
 """Load over strength of a wall that has been left through: beyond anybody's strength [1]."""
-SIGMA = math.sqrt(math.log(1 + injury_number("between_persons") ** 2))
+
+
+def deviation_of(between_persons: float) -> float:
+    """Standard deviation of the logarithm of strength between people, given their coefficient of variation [1]."""
+    return math.sqrt(math.log(1 + between_persons**2))
+
+
+SIGMA = deviation_of(injury_number("between_persons"))
 """Standard deviation of the logarithm of strength between people."""
 
 
@@ -95,14 +102,15 @@ def bursting_pressure(segment: str) -> float:
     return injury_number(f"rupture.{segment if segment in known else 'caecum'}")
 
 
-def perforation_probability(load: Any, *, log: Any = np.log, share_below: Any = ndtr) -> Any:
+def perforation_probability(load: Any, *, sigma: float = SIGMA, log: Any = np.log, share_below: Any = ndtr) -> Any:
     """Share of people whose wall is torn by the largest load over median strength of a run [1].
 
     Args:
         load: that load [1]: one number, or an array.
+        sigma: standard deviation of the logarithm of strength between people (`deviation_of`).
         log: the natural logarithm, of the library that the array is of.
         share_below: its distribution function of the unit normal.
     """
     with np.errstate(divide="ignore"):
-        deviation = log(load) / SIGMA
+        deviation = log(load) / sigma
     return share_below(deviation)

@@ -1,6 +1,7 @@
-"""Write the page of Sobol's indices of a patient's numbers from what `haustra sensitivity cohort-causes -o DIR` leaves.
+"""Write a page of Sobol's indices of a patient's numbers from what `haustra sensitivity STUDY -o DIR` leaves.
 
-`python -m haustra.scripts.bench.pages.causes_page docs/validation/causes.md DIR/sensitivity.json`.
+`python -m haustra.scripts.bench.pages.causes_page docs/validation/causes.md DIR/sensitivity.json` after
+`cohort-causes`, and with `docs/validation/injury-causes.md` after `injury-causes`.
 """
 
 import sys
@@ -13,23 +14,35 @@ from haustra.envs.study.study_file import load_study
 from haustra.files import write_atomically, write_json
 from haustra.reading import read_document
 
-STUDY = "cohort-causes"
+STUDIES = {"causes": "cohort-causes", "injury-causes": "injury-causes"}
+"""Study of each page."""
+_TITLES = {
+    "causes": (
+        "what moves the cohort",
+        "Which numbers that nobody measured in this patient make what her colonoscopy shows?",
+    ),
+    "injury-causes": (
+        "what moves harm, pain and reach",
+        "Which assumed numbers make how likely a wall is torn, how much it hurts, and how far a scope comes?",
+    ),
+}
 _MOST = 3
 _HEAD = """\
-# Validation: what moves the cohort
+# Validation: {title}
 
-**Question.** Which numbers that nobody measured in this patient make what her colonoscopy shows?
+**Question.** {question}
 
-Made by `haustra sensitivity {name} --backend linear-gpu -o DIR` and `python -m
-haustra.scripts.bench.pages.causes_page docs/validation/causes.md DIR/sensitivity.json`, and kept in
-docs/validation/data/causes.json; do not edit.
+Made by `haustra sensitivity {name} --backend linear -o DIR` and `python -m
+haustra.scripts.bench.pages.causes_page docs/validation/{page}.md DIR/sensitivity.json`, and kept in
+docs/validation/data/{page}.json; do not edit.
 
-One colon, a woman's of seed {seed:.0f}, is examined by the endoscopist with the scope `{device}` for at most
+One colon, a woman's of seed {seed:.0f}, is examined by the driver `{driver}` with the scope `{device}` for at most
 {seconds:g} s, by Saltelli's sample of {count} points: {designs} examinations. What differs are the {variables} numbers
-of patients that need no new colon, each within its sourced range (`assets/clinic/patients.toml`). ST is the share of a
-score's variance that a number makes alone and with others, S1 that which it makes alone; in brackets half the width of
-the {confidence:.0%} interval. Shares of a score that jumps (0 or 1), and of a course that small changes upset, are
-mostly of the second kind: ST of several numbers is then large together, and S1 small.
+that need no new colon: those of patients (`assets/clinic/patients.toml`){injury}, each within
+its sourced range. ST is the share of a score's variance that a number makes alone and with others, S1 that which it
+makes alone; in brackets half the width of the {confidence:.0%} interval. Shares of a score that jumps (0 or 1), and of
+a course that small changes upset, are mostly of the second kind: ST of several numbers is then large together, and S1
+small.
 
 {missing}
 
@@ -45,13 +58,20 @@ driver's settings are not varied, nor are the numbers of the scope; [the cohort]
 """
 
 
-def causes_page(kept: Mapping[str, Any]) -> str:
-    """The page of a study's sensitivity.json."""
-    study = load_study(STUDY)
+def causes_page(kept: Mapping[str, Any], *, page: str = "causes") -> str:
+    """The page of a study's sensitivity.json, by its name in `STUDIES`."""
+    study = load_study(STUDIES[page])
     count, variables = study.sampler.count, len(study.variables)
+    title, question = _TITLES[page]
+    torn = any(variable.path.startswith("injury.") for variable in study.variables)
     left_out = kept["points_left_out"]
     head = _HEAD.format(
-        name=STUDY,
+        name=STUDIES[page],
+        page=page,
+        title=title,
+        question=question,
+        injury=" and of what tears (`assets/numbers/injury.toml`)" if torn else "",
+        driver=study.conditions["driver"][0],
         seed=study.changes["patient.seed"],
         device=study.conditions["device"][0],
         seconds=study.options["seconds"],
@@ -79,7 +99,7 @@ def main(page: Path, sources: Sequence[Path]) -> None:
     kept = page.parent / "data" / f"{page.stem}.json"
     for source in sources:
         write_json(kept, read_document(source, "indices"))
-    text = causes_page(read_document(kept, "indices"))
+    text = causes_page(read_document(kept, "indices"), page=page.stem)
     write_atomically(page, lambda file: file.write_text(text, encoding="utf-8"))
 
 

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haustra.envs.study.patients import patient_variables
+from haustra.envs.study.patients import Patient, injury_variables, patient_variables
 from haustra.envs.study.sampling import conditions_of, designs_of, jobs_of
 from haustra.envs.study.study import Study, Variable
 from haustra.envs.study.study_file import SHIPPED, load_study, read_study
 from haustra.errors import HaustraError, InvalidStudyError, UnreadableFileError
+from haustra.models.injury.perforation import perforation_probability
 from tests.envs.study.studies import SPACING, study, table
 
 
@@ -177,3 +178,17 @@ def test_a_study_of_patients_asks_a_driver_by_name_and_their_numbers_within_thei
     varied = [{"name": "friction", "path": "patient.friction", "unit": "1", "nominal": 0.05, "low": 0.03, "high": 0.1}]
     own = read_study(table | {"variables": varied}, tmp_path / "study.toml")
     assert own.conditions["driver"] == (str(tmp_path / "mine.toml"),) and str(tmp_path / "mine.toml") in own.inputs
+
+
+def test_a_study_of_injury_varies_patients_and_what_tears_them_within_their_own_ranges() -> None:
+    asked = load_study("injury-causes")
+    known = {variable.path: variable for variable in (*patient_variables(), *injury_variables())}
+    assert all(variable == known[variable.path] for variable in asked.variables)
+    assert {variable.path for variable in injury_variables()} < {variable.path for variable in asked.variables}
+
+
+def test_weaker_and_more_different_people_are_torn_by_less() -> None:
+    usual, weak, varied = (Patient.of(given) for given in ({}, {"human_over_porcine": 1.0}, {"between_persons": 0.28}))
+    assert usual.torn(0.6) == pytest.approx(float(perforation_probability(0.6)))
+    assert weak.torn(0.4) == pytest.approx(usual.torn(0.6))
+    assert varied.torn(0.6) > usual.torn(0.6)

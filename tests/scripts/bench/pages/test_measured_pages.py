@@ -24,6 +24,7 @@ from haustra.scripts.bench.pages.trials_page import trials_page
 PAGES = Path(__file__).parents[4] / "docs" / "validation"
 MAKERS: Mapping[str, Callable[[Any], str]] = {
     "causes": causes_page,
+    "injury-causes": lambda kept: causes_page(kept, page="injury-causes"),
     "cells": cells_page,
     "commands": commands_page,
     "cohort": lambda kept: validation_page(kept["cohorts"]),
