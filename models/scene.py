@@ -82,7 +82,7 @@ class SceneOptions:
     planes by a table of the lumen (`haustra.models.wall.lumen_table`); a saved scene of the last has no wall."""
     mesentery: bool = False
     """Let the colon swing, stretch and pleat on its mesentery (`haustra.models.wall.mesentery`); otherwise it is fixed
-    in space and gives way by its wall's stiffness only. Laws 'pieces' and 'table'."""
+    in space and gives way by its wall's stiffness only."""
     abdomen: Abdomen = field(default_factory=Abdomen)
     """What a colon that moves lies in: the patient's posture, mobile segments, adhesions, a hand on the belly."""
     sample_spacing: float | None = number("m", 0.001, 0.1, default=None)
@@ -116,10 +116,8 @@ class SceneOptions:
 
     def __post_init__(self) -> None:
         require_declared(self)
-        if self.mesentery and self.wall_law == "planes":
-            raise InvalidOptionError(
-                "A colon that moves on its mesentery needs wall law 'table' or 'pieces': 'planes' is fixed in space."
-            )
+        if self.mesentery and self.segment_stiffness:
+            raise InvalidOptionError("Stiffness by segment needs a colon that is fixed in space: leave out either.")
         if self.abdomen != Abdomen() and not self.mesentery:
             raise InvalidOptionError(
                 "Posture, mobile segments, adhesions and all else of an abdomen need a colon that moves."
@@ -193,7 +191,12 @@ class Scene:
 
         law = changed.pop("wall_law", "table" if wall is None else "pieces")
         options: Any = find_preset("balanced").apply(law=law)
-        return build_scene(colon, wall, device.design, replace(options, **{"mesentery": law != "planes", **changed}))
+        return build_scene(
+            colon,
+            wall,
+            device.design,
+            replace(options, **{"mesentery": not changed.get("segment_stiffness"), **changed}),
+        )
 
     def compile(self) -> mujoco.MjModel:
         """The compiled model."""

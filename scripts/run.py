@@ -30,7 +30,7 @@ class Run:
     wall_law: Literal["pieces", "planes", "table"] | None = None
     """How the wall is modelled: by a table of the lumen (the default), fast and within 2 % of the surface's forces;
     by convex pieces, which are in scene.xml for any MuJoCo;
-    or by tangent planes of the surface itself, fixed in space, at several times the cost of a step."""
+    or by tangent planes of the surface itself, at several times the cost of a step."""
     seconds: float = number("s", 0.02, 36_000.0, default=60.0)
     """Longest run, in simulated time [s]."""
     fixed: bool = False
@@ -230,7 +230,7 @@ class Run:
         chosen = {name: value for name in names if (value := getattr(self, name)) is not None}
         chosen |= self.patient_options()
         chosen.setdefault("wall_law", "planes" if self.segment_stiffness else "table")
-        chosen["mesentery"] = chosen["wall_law"] != "planes" and not self.fixed
+        chosen["mesentery"] = not self.fixed and not self.segment_stiffness
         if self.segment_stiffness:
             from haustra.models.scene import usual_segment_stiffness
 

@@ -46,7 +46,7 @@ def run_any(asked: Any, device: "Device") -> dict[str, Any]:
     _require_honoured(asked, device, (*_ALWAYS, *_TABLE, *_PATIENT, *(("start",) if stands else ())))
     changed = {name: value for name in ("friction", *_TABLE) if (value := getattr(asked, name)) is not None}
     changed |= asked.patient_options()
-    changed["mesentery"] = not asked.fixed and asked.wall_law != "planes"
+    changed["mesentery"] = not asked.fixed
     if asked.start is not None:
         changed["start_depth"] = asked.start
     options = device_options(device, **changed)

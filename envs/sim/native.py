@@ -27,6 +27,7 @@ from haustra.models.devices.scope.wires import WIRE_NAMES, arriving_pulls
 from haustra.models.scene import Scene
 from haustra.models.wall.elasticity import LINEAR
 from haustra.models.wall.lumen_table import LumenTable, lumen_table, put_distended, stack
+from haustra.models.wall.moving_planes import MovedLumen, MovingPlaneWall
 from haustra.models.wall.piece_wall import Blocks, PieceWall
 from haustra.models.wall.planes import PlaneWall, add_planes
 from haustra.models.wall.segment_law import SegmentLaw
@@ -180,6 +181,8 @@ class NativeEngine:
             self._wall.resume(other._wall)
         if isinstance(self._wall, PieceWall) and isinstance(other._wall, PieceWall):
             self._wall.resume(other._wall)
+        if isinstance(self._wall, MovingPlaneWall) and isinstance(other._wall, MovingPlaneWall):
+            self._wall.resume(other._wall)
         self.gas = other.gas
         self._yield_to_gas(anew=True)
         mujoco.mj_forward(self.model, self.data)
@@ -200,7 +203,7 @@ class NativeEngine:
         Pieces that nothing touches are in the saved scene only.
         """
         scene, options = self.scene, self.scene.options
-        if options.wall_law != "planes":
+        if options.wall_law != "planes" or options.mesentery:
             self.table = self.table or lumen_table(
                 scene.colon, device_radius=scene.cable.radius, with_mesentery=options.mesentery, abdomen=options.abdomen
             )
@@ -221,12 +224,11 @@ class NativeEngine:
             return PlaneWall(self.model, LumenDistance(scene.colon), arcs=self._straight_arcs)
         if scene.options.wall_law == "table":
             return TableWall(self.model, self.table, contact, arcs=self._straight_arcs)
-        wall = PieceWall(
-            self.model,
-            contact,
-            TableLook(self.model, np.array(spheres), stack([self.table.tables])),
-            blocks=scene.blocks,
-        )
+        look = TableLook(self.model, np.array(spheres), stack([self.table.tables]))
+        if scene.options.wall_law == "planes":
+            lumen = MovedLumen(scene.colon, look)
+            return MovingPlaneWall(self.model, lumen, look, contact, arcs=self._straight_arcs)
+        wall = PieceWall(self.model, contact, look, blocks=scene.blocks)
         wall.begin(self._straight_arcs)
         return wall
 
@@ -301,8 +303,9 @@ class NativeEngine:
 
     @property
     def _displacement(self) -> Float[np.ndarray, "nodes 7"]:
-        assert not isinstance(self._wall, PlaneWall) and self._wall.displacement is not None
-        return self._wall.displacement
+        moved = self._wall.displacement
+        assert moved is not None
+        return moved
 
     def mocap(self, blocks: Blocks) -> tuple[Float[np.ndarray, "blocks 3"], Float[np.ndarray, "blocks 4"]]:
         """Where these blocks of the wall are [m], and how they are turned, as quaternions; none in a fixed colon."""

@@ -10,9 +10,11 @@ import mujoco
 import numpy as np
 from jaxtyping import Float, Int
 
+from haustra.models.anatomy.colon import Colon
 from haustra.models.device_scene import DeviceScene
-from haustra.models.wall.law import honoured_contact
+from haustra.models.wall.law import WallContact, honoured_contact
 from haustra.models.wall.lumen_table import Tables
+from haustra.models.wall.moving_planes import MovedLumen, MovingPlaneWall
 from haustra.models.wall.piece_wall import PieceWall
 from haustra.models.wall.planes import PlaneWall
 from haustra.models.wall.signed_distance import LumenDistance
@@ -89,11 +91,17 @@ class SceneWall:
         self._rub = np.zeros((1, count))
         self._look = TableLook(model, self.spheres, tables)
         if scene.options.wall_law == "planes":
-            self._wall = PlaneWall(model, LumenDistance(scene.colon), arcs=self._start())
+            self._wall = self._planes(scene.colon, contact)
         else:
             model.geom_condim[self.spheres] = 3
             self._wall = PieceWall(model, contact, self._look, blocks=scene.blocks)
         world.wall = self._wall
+
+    def _planes(self, colon: Colon, contact: WallContact) -> PlaneWall:
+        if self._look.displacement is None:
+            return PlaneWall(self._world.model, LumenDistance(colon), arcs=self._start())
+        lumen = MovedLumen(colon, self._look)
+        return MovingPlaneWall(self._world.model, lumen, self._look, contact, arcs=self._start())
 
     def _start(self) -> Float[np.ndarray, " spheres"]:
         pose = self._scene.pose
@@ -112,7 +120,7 @@ class SceneWall:
     @property
     def displacement(self) -> Float[np.ndarray, "1 nodes 7"] | None:
         """Poses of the colon's axis; None where it is fixed."""
-        moved = self._wall.displacement if isinstance(self._wall, PieceWall) else None
+        moved = self._wall.displacement
         return None if moved is None else moved[None].copy()
 
     @property
@@ -132,12 +140,13 @@ class SceneWall:
         model, spring = self._world.model, (stiffness, stiffness * self._damper_time)
         what = "A stiffness of the wall"
         soft = honoured_contact(self._inverse_inertia, *spring, timestep=model.opt.timestep, what=what)
+        if not isinstance(self._wall, PlaneWall) or isinstance(self._wall, MovingPlaneWall):
+            self._wall.stiffness[:] = stiffness
         if isinstance(self._wall, PlaneWall):
             pairs = self._wall.pairs
             model.pair_solref[pairs], model.pair_solreffriction[pairs] = soft.solref[:, None], soft.sliding[:, None]
             model.pair_solimp[pairs, :2] = soft.impedance[:, None, None]
         else:
-            self._wall.stiffness[:] = stiffness
             model.geom_solref[self.spheres], model.geom_solimp[self.spheres, :2] = soft.solref, soft.impedance[:, None]
         self.set_grip(np.ones_like(self._rub))
 

@@ -9,11 +9,11 @@ MuJoCo does the contacts, with the law of `haustra.models.wall.law`.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from haustra.models.wall.elasticity import LINEAR
 from haustra.models.wall.law import (
@@ -25,7 +25,7 @@ from haustra.models.wall.law import (
     solimp,
 )
 from haustra.models.wall.plane_pose import plane_pose
-from haustra.models.wall.signed_distance import CANDIDATES, ClosestPoints, LumenDistance
+from haustra.models.wall.signed_distance import CANDIDATES, ClosestPoints
 
 PLANES = 2
 """Planes a sphere: one for each side of a valley."""
@@ -197,11 +197,47 @@ ASK_AGAIN = 1e-3
 """Once a sphere has moved this far [m], the triangles next to it are looked for anew: they are 6 mm wide."""
 
 
+@runtime_checkable
+class Lumen(Protocol):
+    """What places planes: `haustra.models.wall.signed_distance.LumenDistance`, and that of a colon that moves."""
+
+    anus: Float[np.ndarray, "3"]
+    inwards: Float[np.ndarray, "3"]
+
+    def candidates(
+        self, points: Float[np.ndarray, "points 3"], arcs: Float[np.ndarray, " points"], *, count: int = CANDIDATES
+    ) -> Int[np.ndarray, "points candidates"]:
+        """Triangles that may be nearest to points [m] near those arc lengths [m]."""
+        ...
+
+    def nearest_of(
+        self, points: Float[np.ndarray, "points 3"], candidates: Int[np.ndarray, "points candidates"]
+    ) -> ClosestPoints:
+        """The nearest place of some triangles to each point [m]."""
+        ...
+
+    def edge(
+        self, point: Float[np.ndarray, " 3"], up: Float[np.ndarray, " 3"], near: Int[np.ndarray, " triangles"]
+    ) -> float:
+        """How far a point [m] between the sides of a fold lies below its edge, seen along `up` [m]."""
+        ...
+
+    def middle(self, arc: float) -> Float[np.ndarray, " 3"]:
+        """The centreline at an arc length [m]."""
+        ...
+
+    def clear(
+        self, start: Float[np.ndarray, " 3"], end: Float[np.ndarray, " 3"], arcs: Float[np.ndarray, " 2"]
+    ) -> bool:
+        """Whether the straight line between two places [m] at those arc lengths [m] meets no wall."""
+        ...
+
+
 class PlaneWall:
     """Moves the planes of one compiled scene to where their spheres are."""
 
     def __init__(
-        self, model: mujoco.MjModel, field: LumenDistance, *, arcs: Float[np.ndarray, " spheres"], prefix: str = "wall/"
+        self, model: mujoco.MjModel, field: Lumen, *, arcs: Float[np.ndarray, " spheres"], prefix: str = "wall/"
     ) -> None:
         """Find spheres and planes; `arcs` says where along the colon each sphere is at the start [m]."""
         self._model, self._field = model, field
@@ -218,6 +254,11 @@ class PlaneWall:
             ]
         )
         self.begin(arcs)
+
+    @property
+    def displacement(self) -> Float[np.ndarray, "nodes 7"] | None:
+        """Poses of the nodes of the colon's axis; None: it is fixed in space."""
+        return None
 
     def begin(self, arcs: Float[np.ndarray, " spheres"]) -> None:
         """Look for every sphere anew, near these arc lengths along the colon [m]."""
@@ -287,7 +328,7 @@ class PlaneWall:
         for other in (sphere - 1, sphere + 1):
             if 0 <= other < len(centres) and self.outside[other] < 0:
                 near = np.linalg.norm(centres[other] - centres[sphere]) < NEIGHBOURS * self._radius[sphere]
-                if near and self._field.clear(centres[other], centres[sphere]):
+                if near and self._field.clear(centres[other], centres[sphere], self.arcs[[other, sphere]]):
                     return True
         return False
 

@@ -68,20 +68,33 @@ class ClosestPoints:
 class LumenDistance:
     """Signed distance from a colon's lumen surface, with loops kept apart by arc length."""
 
-    def __init__(self, colon: Colon) -> None:
-        """Divide the surface and give every triangle its arc length."""
+    def __init__(self, colon: Colon, *, by_sections: bool = False) -> None:
+        """Divide the surface and give every triangle its arc length.
+
+        Args:
+            colon: whose lumen surface.
+            by_sections: let arc lengths be those of the cross-sections that places stand in, smooth along the surface
+                as a colon that moves needs them; those of the places that the centreline sees are found sooner.
+        """
         self.anus, self.inwards = colon.centreline.points[0], colon.centreline.frames[0][:, 2]
         solid = Manifold(Mesh64(colon.lumen.vertices, colon.lumen.faces.astype(np.uint64)))
         mesh = solid.refine_to_length(LONGEST_EDGE).to_mesh64()
         vertices = np.asarray(mesh.vert_properties)[:, :3]
         faces = np.asarray(mesh.tri_verts).astype(np.int64)
-        arcs = _vertex_arcs(colon, vertices, faces)[faces].mean(axis=1)
+        arcs_of = section_arcs if by_sections else _vertex_arcs
+        arcs = arcs_of(colon, vertices, faces)[faces]
         kept = ~_lid(colon, vertices[faces].mean(axis=1))
-        faces, self._arcs = faces[kept], arcs[kept]
+        faces, self._corner_arcs = faces[kept], arcs[kept]
+        self._arcs = self._corner_arcs.mean(axis=1)
         self._triangles = _packed(vertices[faces])
         self._normals = vertex_normals(vertices, np.asarray(mesh.tri_verts).astype(np.int64))[faces]
         self._line, self._lumen = colon.centreline, colon.lumen
         self._tree = KDTree(np.column_stack([vertices[faces].mean(axis=1), ARC_WEIGHT * self._arcs]))
+
+    @property
+    def triangle_arcs(self) -> Float[np.ndarray, " triangles"]:
+        """Arc length of each triangle [m]."""
+        return self._arcs
 
     @cached_property
     def _rays(self) -> LumenRays:
@@ -116,7 +129,9 @@ class LumenDistance:
         inwards = (-sign / np.maximum(distance, 1e-12))[:, None] * apart
         if (on := distance < ON_SURFACE).any():
             inwards[on] = -outwards[on] / np.linalg.norm(outwards[on], axis=1)[:, None]
-        return ClosestPoints(feet, inwards, -outwards, sign * distance, self._arcs[triangle])
+        arcs = self._corner_arcs[triangle]
+        arcs = arcs[:, 0] + v * (arcs[:, 1] - arcs[:, 0]) + w * (arcs[:, 2] - arcs[:, 0])
+        return ClosestPoints(feet, inwards, -outwards, sign * distance, arcs)
 
     def edge(
         self, point: Float[np.ndarray, " 3"], up: Float[np.ndarray, " 3"], near: Int[np.ndarray, " triangles"]
@@ -135,8 +150,10 @@ class LumenDistance:
         """The centreline at an arc length [m]."""
         return self._line.points[np.searchsorted(self._line.arc, arc).clip(0, len(self._line.arc) - 1)]
 
-    def clear(self, start: Float[np.ndarray, " 3"], end: Float[np.ndarray, " 3"]) -> bool:
-        """Whether the straight line between two places [m] meets no wall."""
+    def clear(
+        self, start: Float[np.ndarray, " 3"], end: Float[np.ndarray, " 3"], arcs: Float[np.ndarray, " 2"]
+    ) -> bool:
+        """Whether the straight line between two places [m] meets no wall; arc lengths count where a colon moves."""
         return bool(self._rays.clear(start[None], end[None])[0])
 
 
@@ -145,7 +162,13 @@ def surface_arcs(colon: Colon) -> Float[np.ndarray, " vertices"]:
 
     It is looked for near that of the place which the centreline sees along the surface, smooth from vertex to vertex.
     """
-    vertices, faces = colon.lumen.vertices, colon.lumen.faces
+    return section_arcs(colon, colon.lumen.vertices, colon.lumen.faces)
+
+
+def section_arcs(
+    colon: Colon, vertices: Float[np.ndarray, "vertices 3"], faces: Int[np.ndarray, "triangles 3"]
+) -> Float[np.ndarray, " vertices"]:
+    """`surface_arcs` of a surface with those vertices [m], on that of the colon."""
     arcs = _vertex_arcs(colon, vertices, faces)
     edges = _edges(faces)
     beside = coo_array((np.ones(len(edges)), edges.T), shape=(len(vertices), len(vertices))).tocsr()
@@ -153,12 +176,12 @@ def surface_arcs(colon: Colon) -> Float[np.ndarray, " vertices"]:
     count = np.asarray(beside.sum(axis=1)).ravel()
     for _ in range(_SMOOTHINGS):
         arcs = (arcs + beside @ arcs / count) / 2
-    return _without_jumps(_into_sections(colon, arcs), vertices, edges)
+    return _without_jumps(_into_sections(colon, vertices, arcs), vertices, edges)
 
 
-def _into_sections(colon: Colon, arcs: np.ndarray) -> np.ndarray:
+def _into_sections(colon: Colon, vertices: np.ndarray, arcs: np.ndarray) -> np.ndarray:
     """Arc lengths near those given at which vertices are neither ahead of nor behind the axis' cross-section [m]."""
-    line, vertices = colon.centreline, colon.lumen.vertices
+    line = colon.centreline
     at, _, tangents = axis_nodes(line.points, line.arc)
     bends = np.diff(tangents, axis=0) / at[1]
     low, high = np.maximum(arcs - _FROM_SEEN, 0.0), np.minimum(arcs + _FROM_SEEN, line.length)

@@ -60,13 +60,14 @@ def test_a_capsule_is_pressed_and_rubbed_as_by_the_table(law: str) -> None:
     assert seen.tip[0, 0] == pytest.approx(wanted.tip[0, 0], abs=1e-4)
 
 
-def test_on_the_mesentery_a_capsule_moves_pieces_as_it_moves_the_table() -> None:
+@pytest.mark.parametrize("law", ["planes", "pieces"])
+def test_on_the_mesentery_a_capsule_moves_the_wall_as_it_moves_the_table(law: str) -> None:
     """While it gives way and after: the axis within 1 % of the largest displacement, mean force within 1 %.
 
     It gives way at 30 mm/s at first, by three times the contacts' depth in c / K + h: their damper must be weaker.
     """
     (found, force), (known, expected) = (
-        pressed(law, intervals=80, friction=0.0, mesentery=True) for law in ("pieces", "table")
+        pressed(each, intervals=80, friction=0.0, mesentery=True) for each in (law, "table")
     )
     assert found.displacement is not None and known.displacement is not None
     way, wanted = found.displacement[0, :, :3], known.displacement[0, :, :3]
@@ -74,9 +75,11 @@ def test_on_the_mesentery_a_capsule_moves_pieces_as_it_moves_the_table() -> None
     assert largest > 0.007
     assert np.linalg.norm(way - wanted, axis=1).max() < 0.01 * largest
     assert force == pytest.approx(expected, rel=0.01)
+    assert not known.mocap()[0].size
+    if law == "planes":
+        return
     places, _ = found.mocap()
     assert np.linalg.norm(places - found.scene.blocks.places, axis=1).max() == pytest.approx(largest, rel=0.1)
-    assert not known.mocap()[0].size
 
 
 @pytest.mark.parametrize("law", ["planes", "pieces"])
@@ -100,7 +103,7 @@ def test_a_robots_treads_drive_it_as_on_the_table(law: str) -> None:
 
 @pytest.mark.parametrize("law", ["planes", "pieces"])
 def test_a_world_that_is_lost_stands_and_begins_anew_as_it_began(law: str) -> None:
-    one = placed(capsule(), law, mesentery=law == "pieces", start_depth=0.15)
+    one = placed(capsule(), law, mesentery=True, start_depth=0.15)
     command = np.array([[0.6, 0.0, 0.0, 0, 0, 0]])
     ways = []
     for _ in range(2):

@@ -509,8 +509,8 @@ def test_a_colon_at_rest_holds_what_the_scope_presses() -> None:
 
 
 def test_what_cannot_move_a_colon_says_so() -> None:
-    with pytest.raises(InvalidOptionError, match="needs wall law 'table'"):
-        SceneOptions(wall_law="planes", mesentery=True)
+    with pytest.raises(InvalidOptionError, match="fixed in space"):
+        SceneOptions(wall_law="planes", segment_stiffness=(("rectum", 2000.0),), mesentery=True)
     bank = build_bank([straight_tube()], named_design("adult"), _OPTIONS)
     still = build_bank([straight_tube()], named_design("adult"), replace(_OPTIONS, mesentery=False))
     with pytest.raises(UnsupportedSceneError, match="or none"):
