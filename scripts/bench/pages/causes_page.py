@@ -54,8 +54,11 @@ Told are the {most} numbers with the largest ST of each score, where its interva
 listed did not vary, or no number was told apart.
 
 **What it does not tell.** Another colon may have other causes: length, diameters and course are those of one. The
-driver's settings are not varied, nor are the numbers of the scope; [the cohort](cohort.md) varies the colon too.
+driver's settings are not varied, nor are the numbers of the scope{within}; [the cohort](cohort.md) varies the
+colon too.
 """
+_WITHIN = """, nor those of injury that act within a run
+(strengths by shape of head, size, length of a contact), whose ranges are in [numbers](../numbers.md)"""
 
 
 def causes_page(kept: Mapping[str, Any], *, page: str = "causes") -> str:
@@ -91,7 +94,7 @@ def causes_page(kept: Mapping[str, Any], *, page: str = "causes") -> str:
             total = f"{each['total']:.2f} (± {each['total_confidence']:.2f})"
             first = f"{each['first']:.2f} (± {each['first_confidence']:.2f})"
             rows.append(f"| {meanings[score]} | {each['variable']} | {total} | {first} |\n")
-    return head + "".join(rows) + _TAIL.format(most=_MOST)
+    return head + "".join(rows) + _TAIL.format(most=_MOST, within=_WITHIN if torn else "")
 
 
 def main(page: Path, sources: Sequence[Path]) -> None:
