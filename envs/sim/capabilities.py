@@ -158,11 +158,10 @@ DEVICE = (
     *_in("device", "gas", only=_only(None, backends=("warp",)), about="of one world"),
     *_in("device", "elasticity", only=_only(LINEAR, backends=("warp",)), about=_TABLE),
     *_in("device", "wall_law", only=_only("table", backends=("warp",)), about="others than the table in one world"),
-    *_in("device", "mesentery", about="on warp under spheres of one radius, whose law is the wall's"),
+    *_in("device", "mesentery"),
     *_in("device.abdomen", "loops_touch", only=_only(False, backends=("warp",)), about="of a colon that moves"),
-    *_in("device", "treads", only=_only(False, backends=("warp",))),
 )
-"""Options of scenes of any device (`haustra.models.device_scene`), and treads; which backends step devices, says
+"""Options of scenes of any device (`haustra.models.device_scene`); which backends step devices, says
 `haustra.envs.sim.device_worlds`."""
 
 CAPABILITIES = (*SCENE, *DESIGN, *CAMERA, *TASK, *RANDOMISATION, *TRACKED, *DEVICE)

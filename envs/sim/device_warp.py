@@ -17,12 +17,12 @@ from jaxtyping import Bool, Float, Int
 from mujoco import mjx
 
 from haustra.envs.sim.device_arrays import on_device, tree_where
-from haustra.envs.sim.device_native import bends_behind, look_ahead
+from haustra.envs.sim.device_native import TREAD_INTERVAL, bends_behind, look_ahead
 from haustra.envs.sim.device_worlds import require_on_warp
 from haustra.envs.sim.precision import precise
 from haustra.envs.sim.warp_planes import Contacts, WarpPlanes, sound
 from haustra.models.device_scene import DeviceScene
-from haustra.models.devices.base import DeviceReadings, State
+from haustra.models.devices.base import DeviceReadings, State, Treads
 from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables, pick
 from haustra.models.wall.moving_colon import AxisDisplacement
@@ -44,6 +44,8 @@ class Worlds(NamedTuple):
     """(worlds, spheres) [m]."""
     force: Array
     """(worlds, spheres, 3) normal force of the wall [N]."""
+    rubbed: Array
+    """(worlds, spheres, 3) friction of the wall [N]."""
     displacement: AxisDisplacement | None
     """Where the colons have moved to; None where they are fixed."""
     time: Array
@@ -95,7 +97,8 @@ class WarpDevice:
         pose, samples = scene.pose, scene.handles.samples
         moves, what = scene.options.mesentery, f"a device of kind '{scene.device.kind}'"
         surrounded = scene.options.abdomen.surrounds
-        wall = WarpPlanes.of(scene.compile(), len(samples), moves=moves, what=what, surrounded=surrounded)
+        about = {"moves": moves, "surrounded": surrounded, "runs": scene.device.has_treads}
+        wall = WarpPlanes.of(scene.compile(), len(samples), what=what, **about)
         data = mujoco.MjData(wall.host)
         mujoco.mj_forward(wall.host, data)
         start = {name: np.array(getattr(data, name), np.float32) for name in _USED}
@@ -125,6 +128,7 @@ class WarpDevice:
             arcs=arcs,
             depth=jnp.full(arcs.shape, -1.0),
             force=jnp.zeros((*arcs.shape, 3)),
+            rubbed=jnp.zeros((*arcs.shape, 3)),
             displacement=displacement,
             time=zeros,
             healthy=jnp.ones(worlds, bool),
@@ -134,16 +138,27 @@ class WarpDevice:
     def step(self, conditions: Conditions, now: Worlds, commands: Array, count: Any) -> Worlds:
         """Advance by `count` time steps; worlds that are lost stay as they were."""
         told = jnp.isfinite(commands).all(axis=1)
-        device, handles, host = self.scene.device, self.scene.handles, self.wall.host
         asked = jnp.where(told[:, None], commands, 0.0)
-        ctrl = device.control(jnp, host, handles, self.state(conditions, now), asked).astype(jnp.float32)
         now = now._replace(healthy=now.healthy & told)
         tables, contacts = self._tables_of(conditions.colon), self._contacts(conditions)
+        every = max(1, round(TREAD_INTERVAL / self.wall.timestep))
 
-        def one(_: Any, both: tuple[Worlds, Any]) -> tuple[Worlds, Any]:
-            return self._step(tables, contacts, *both, ctrl)
+        def one(number: Any, carried: tuple[Worlds, Any, Any]) -> tuple[Worlds, Any, Any]:
+            now, data, driven = carried
+            if self.scene.device.has_treads:
+                again = lambda _: self._driven(conditions, now, asked)  # noqa: E731
+                driven = jax.lax.cond(number % every == 0, again, lambda before: before, driven)
+            return *self._step(tables, contacts, now, data, driven), driven
 
-        return jax.lax.fori_loop(0, count, one, (now, self.wall.data(len(now.time))))[0]
+        begun = now, self.wall.data(len(now.time)), self._driven(conditions, now, asked)
+        return jax.lax.fori_loop(0, count, one, begun)[0]
+
+    def _driven(self, conditions: Conditions, now: Worlds, asked: Array) -> tuple[Array, Treads | None]:
+        """Controls of the actuators, and how treads run."""
+        device, about = self.scene.device, (jnp, self.wall.host, self.scene.handles, self.state(conditions, now), asked)
+        ctrl = device.control(*about).astype(jnp.float32)
+        treads = Treads(*(part.astype(jnp.float32) for part in device.treads(*about))) if device.has_treads else None
+        return ctrl, treads
 
     def read(self, conditions: Conditions, now: Worlds) -> DeviceReadings:
         """What every device can be told by."""
@@ -172,23 +187,38 @@ class WarpDevice:
         moved = now.displacement and now.displacement.pose
         bends = bends_behind(jnp, self.tables, conditions.colon * len(self.scene.radii), arcs, moved)
         frame = data["site_xmat"][:, self._tip]
-        return State(data["qpos"], data["qvel"], data["act"], frame, arcs, data["actuator_force"], bends=bends)
+        return State(
+            data["qpos"],
+            data["qvel"],
+            data["act"],
+            frame,
+            arcs,
+            data["actuator_force"],
+            pressed=jnp.linalg.norm(now.force, axis=2),
+            rubbed=now.rubbed,
+            friction=self._own("friction", conditions.friction),
+            bends=bends,
+        )
 
     @property
     def _tip(self) -> int:
         return self.wall.host.site(self.scene.handles.tip).id
 
-    def _step(self, tables: Tables, contacts: Contacts, now: Worlds, data: Any, ctrl: Array) -> tuple[Worlds, Any]:
-        wall = self.wall
+    def _step(
+        self, tables: Tables, contacts: Contacts, now: Worlds, data: Any, driven: tuple[Array, Treads | None]
+    ) -> tuple[Worlds, Any]:
+        wall, (ctrl, treads) = self.wall, driven
         data = data.replace(ctrl=ctrl, **{name: now.data[name] for name in _KEPT})
         places = jax.vmap(mjx.kinematics, in_axes=(None, 0))(wall.model, data).geom_xpos[:, wall.spheres]
         radius = jnp.asarray(wall.radius, jnp.float32)[None]
-        done = wall.step(contacts, tables, now.displacement, places, now.arcs, radius, data, now.healthy, now.time)
+        about = tables, now.displacement, places, now.arcs, radius, data, now.healthy, now.time
+        done = wall.step(contacts, *about, treads)
         after = Worlds(
             data={name: getattr(done.data, name).reshape(now.data[name].shape) for name in _USED},
             arcs=done.arcs,
             depth=done.depth,
             force=done.normal[..., None] * done.inwards,
+            rubbed=-(done.on_wall + done.normal[..., None] * done.inwards),
             displacement=done.displacement,
             time=now.time + wall.timestep,
             healthy=now.healthy,

@@ -91,21 +91,13 @@ def require_on_warp(scene: DeviceScene) -> None:
     """Refuse what Warp cannot honour of a device and its scene; Warp itself need not be there.
 
     Raises:
-        UnsupportedSceneError: naming the field and its value (`haustra.envs.sim.capabilities.DEVICE`), or the spheres.
+        UnsupportedSceneError: naming the field and its value (`haustra.envs.sim.capabilities.DEVICE`).
     """
     kind = scene.device.kind
     for entry in DEVICE:
         name = entry.path.removeprefix("device.")
-        value = scene.device.has_treads if name == "treads" else attrgetter(name)(scene.options)
+        value = attrgetter(name)(scene.options)
         if not entry.honoured("warp", value):
             raise UnsupportedSceneError(
                 f"The backend 'warp' cannot honour {entry.path} = {value!r} of a device of kind '{kind}': 'native' can."
             )
-    if not scene.options.mesentery:
-        return
-    apart = np.isnan([scene.own("stiffness"), scene.own("friction")])
-    own = {"of several radii": len(scene.radii) > 1, "with stiffness or friction of their own": not apart.all()}
-    for what in (name for name, there in own.items() if there):
-        raise UnsupportedSceneError(
-            f"On the backend 'warp' spheres {what} cannot press on a colon that moves: 'native' can."
-        )

@@ -18,8 +18,9 @@ from mujoco import mjx
 
 from haustra.envs.sim.state import SPEED_LIMIT
 from haustra.errors import UnsupportedSceneError
+from haustra.models.devices.base import Treads
 from haustra.models.wall import moving_colon
-from haustra.models.wall.law import SLIP_SPEED, honoured_contact, soft_contact
+from haustra.models.wall.law import SLIP_SPEED, SoftContact, honoured_contact, soft_contact
 from haustra.models.wall.lumen_table import Tables, WallQuery, query
 from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
 from haustra.models.wall.plane_pose import moving_planes, plane_pose
@@ -55,6 +56,8 @@ class Stepped(NamedTuple):
     """(worlds, spheres, 3) normals of the wall."""
     normal: Array
     """(worlds, spheres) force of MuJoCo's contact along them [N]."""
+    on_wall: Array
+    """(worlds, spheres, 3) what the spheres did to the wall, friction and all [N]."""
     displacement: AxisDisplacement | None
     """Where the colons are at its end; None where they are fixed."""
 
@@ -71,15 +74,28 @@ class WarpPlanes:
     """(spheres,) geoms."""
     radius: np.ndarray
     """(spheres,) [m]."""
+    sphere_of: np.ndarray
+    """(spheres,) number of the sphere of each of the model's pairs, which it has by bodies."""
     inverse_inertia: np.ndarray
     """(spheres,) of each sphere's link, as MuJoCo's contacts see it [1/kg]."""
     moves: bool
     """Whether colons move."""
     surrounded: bool
     """Whether those have an envelope or breath around them."""
+    runs: bool
+    """Whether surfaces of spheres run over them, as treads do."""
 
     @classmethod
-    def of(cls, host: mujoco.MjModel, count: int, *, moves: bool, what: str, surrounded: bool = False) -> "WarpPlanes":
+    def of(
+        cls,
+        host: mujoco.MjModel,
+        count: int,
+        *,
+        moves: bool,
+        what: str,
+        surrounded: bool = False,
+        runs: bool = False,
+    ) -> "WarpPlanes":
         """Take a model with that many spheres.
 
         Args:
@@ -88,29 +104,33 @@ class WarpPlanes:
             moves: whether colons move.
             what: is modelled, for messages.
             surrounded: whether those have an envelope or breath around them.
+            runs: whether surfaces of spheres run over them.
 
         Raises:
             UnsupportedSceneError: when Warp has not what the model is made of.
         """
         host = for_warp(host)
-        host.flg_surfacevel = moves  # walls that move drag by friction
+        host.flg_surfacevel = moves or runs  # walls that move, and treads, drag by friction
         try:
             # Room is kept for all that can happen; its solver's limits would be told on stdout at every step.
             model = mjx.put_model(host, impl="warp").tree_replace({"opt._impl.warn_overflow": 0})
         except (NotImplementedError, ValueError) as error:
             raise UnsupportedSceneError(f"The backend 'warp' cannot honour {what}: {error}") from error
         names = [f"wall/plane_{index:04d}_0" for index in range(count)]
-        assert [host.pair(name).id for name in names] == list(range(host.npair)), "one pair a sphere, in their order"
-        assert [host.body(name).mocapid[0] for name in names] == list(range(host.nmocap)), "so are the planes"
+        pairs = np.array([host.pair(name).id for name in names])
+        assert sorted(pairs) == list(range(host.npair)), "one pair a sphere"
+        assert [host.body(name).mocapid[0] for name in names] == list(range(host.nmocap)), "planes, in their order"
         spheres = np.array([host.geom(f"wall/sphere_{index:04d}").id for index in range(count)])
         return cls(
             host=host,
             model=model,
             spheres=spheres,
             radius=host.geom_size[spheres, 0],
+            sphere_of=np.argsort(pairs),
             inverse_inertia=host.body_invweight0[host.geom_bodyid[spheres], 0],
             moves=moves,
             surrounded=surrounded,
+            runs=runs,
         )
 
     @property
@@ -142,11 +162,12 @@ class WarpPlanes:
         """
         ahead = damping_time + self.timestep
         all_own = {
-            "pair_friction": _with_columns(self.model.pair_friction, friction[..., None], 2),
+            "pair_friction": _with_columns(self.model.pair_friction, self._by_pair(friction)[..., None], 2),
             **self._law(stiffness, stiffness * ahead),
             **(own or {}),
         }
-        changing = ("pair_margin", "_impl.geom_surfacevel") if self.moves else ("pair_margin",)
+        drags = self.moves or self.runs
+        changing = ("pair_margin", "_impl.geom_surfacevel") if drags else ("pair_margin",)
         axes = jax.tree.map(lambda _: None, self.model).tree_replace(dict.fromkeys((*all_own, *changing), 0))
         return Contacts(stiffness, ahead, self.model.tree_replace(all_own), axes)
 
@@ -173,6 +194,7 @@ class WarpPlanes:
         data: Any,
         healthy: Array,
         time: Array,
+        treads: Treads | None = None,
     ) -> Stepped:
         """One time step of MuJoCo's, and of the colons.
 
@@ -186,25 +208,32 @@ class WarpPlanes:
             displacement: where the colons are.
             places: of the spheres, and of others whose arc lengths are asked for (worlds, places, 3) [m].
             arcs: of the places at the last look (worlds, places) [m].
-            radius: of the spheres (worlds or 1, places or 1), all alike where colons move [m].
+            radius: of the spheres (worlds or 1, places or 1) [m].
             data: MuJoCo's, with state and controls.
             healthy: worlds that are not lost yet.
             time: of each world (worlds,) [s].
+            treads: how surfaces of spheres run, of devices that have such.
         """
         count, own = len(self.spheres), tables.mesentery
-        found, grip = look(tables, displacement, places, arcs, radius[:, 0])
+        found, grip = look(tables, displacement, places, arcs, radius)
         points, inwards = places[:, :count], found.inwards[:, :count]
         radius = radius[:, :count]
         depth = found.depth[:, :count] + radius - tables.device_radius
         planes = plane_pose(jnp, points, radius, depth, inwards)
-        changed = {"pair_margin": planes.margin}
+        changed = {"pair_margin": self._by_pair(planes.margin)}
+        speeds = jnp.zeros((len(points), self.host.ngeom, 6), points.dtype)
+        if treads is not None:
+            speeds = speeds.at[:, self.spheres, :3].set(treads.speed.astype(points.dtype))
+            left = contacts.model.pair_friction[..., :2] * self._by_pair(treads.grip)[..., None]
+            changed |= {"pair_friction": _with_columns(contacts.model.pair_friction, left, 2)}
+            changed |= {"_impl.geom_surfacevel": speeds}
         if displacement and grip and own:
             grip = AttachmentPoints(grip.arcs[:, :count], grip.lever[:, :count])
             speed = moving_colon.wall_speeds(jnp, own, displacement, grip)
             ahead, h = contacts.ahead, self.timestep
             margin, damped, surface = moving_planes(jnp, planes, depth, inwards, speed, ahead, h)
-            speeds = jnp.zeros((len(points), self.host.ngeom, 6), surface.dtype)
-            changed = {"_impl.geom_surfacevel": speeds.at[:, self._planes, :3].set(surface), "pair_margin": margin}
+            speeds = speeds.at[:, self._planes, :3].set(surface)
+            changed |= {"_impl.geom_surfacevel": speeds, "pair_margin": self._by_pair(margin)}
             changed |= self._law(contacts.stiffness, contacts.stiffness * damped)
         model = contacts.model.tree_replace(changed)
         data = data.replace(mocap_pos=planes.position, mocap_quat=planes.turn)
@@ -219,14 +248,20 @@ class WarpPlanes:
             pressed, when = (grip, force, damping, self.timestep), time if self.surrounded else None
             displacement = moving_colon.step_axis(jnp, own, displacement, *pressed, time=when)
         normal = -jnp.einsum("wpi,wpi->wp", force, inwards)
-        return Stepped(done, found.arcs, depth, inwards, normal, displacement)
+        return Stepped(done, found.arcs, depth, inwards, normal, force, displacement)
 
     def _law(self, stiffness: Array, damper: Array) -> dict[str, Array]:
         """Arrays of the model (worlds, spheres, any) that give its contacts that law."""
         inverse = jnp.asarray(self.inverse_inertia, jnp.float32)
         soft = soft_contact(jnp, inverse, stiffness, damper, timestep=self.timestep)
+        soft = SoftContact(*map(self._by_pair, soft))
         solimp = _with_columns(self.model.pair_solimp, soft.impedance[..., None], 2)
         return {"pair_solref": soft.solref, "pair_solreffriction": soft.sliding, "pair_solimp": solimp}
+
+    def _by_pair(self, values: Array) -> Array:
+        """Values of the spheres (worlds, spheres or 1, ...) in the order of the model's pairs."""
+        in_order = values.shape[1] == 1 or (self.sphere_of == np.arange(len(self.sphere_of))).all()
+        return values if in_order else values[:, self.sphere_of]
 
     def _on_wall(self, contacts: Contacts, done: Any) -> tuple[Array, Array]:
         """What MuJoCo's contacts did to the wall at each sphere, and how they damp it: [N], [N s/m].
@@ -257,7 +292,7 @@ class WarpPlanes:
 def look(
     tables: Tables, displacement: AxisDisplacement | None, points: Array, arcs: Array, radius: Array
 ) -> tuple[WallQuery, AttachmentPoints | None]:
-    """Look spheres of one radius a world up; and where their surfaces hold on to the colon, if it moves."""
+    """Look spheres of those radii (worlds or 1, places or 1) up; and where they hold on to the colon, if it moves."""
     if displacement is None:
         return query(jnp, tables, points, arcs), None
     return moving_colon.query(jnp, tables, displacement, points, arcs, radius)

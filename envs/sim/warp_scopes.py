@@ -159,7 +159,7 @@ class WarpScopes(ScopeChain):
         where = links.pose(self.chain, scope.links, worlds.qpos)
         own = pick(tables, parameters.colon)
         spheres = self._samples(scope, where)
-        found, _ = look(own, worlds.displacement, spheres, worlds.arcs[:, :-1], scope.radius)
+        found, _ = look(own, worlds.displacement, spheres, worlds.arcs[:, :-1], scope.radius[:, None])
         forces = self._body_sums(worlds.normal[..., None] * found.inwards)
         limits = jnp.stack([parameters.push_limit, parameters.torque_limit], axis=-1)
         hand = hand_force(jnp, worlds.hand, worlds.qpos[:, :2], worlds.qvel[:, :2], limits)

@@ -263,7 +263,7 @@ def query(
 ) -> tuple[WallQuery, AttachmentPoints]:
     """As `haustra.models.wall.lumen_table.query`, in a colon that has moved: tables of one colon a world.
 
-    Spheres of that radius a world [m] hold on to the wall with their surfaces.
+    Spheres of that radius (worlds or 1, points or 1) [m] hold on to the wall with their surfaces.
     """
     own = _hung(tables)
     shape = shape_of(xp, own, displacement.pose)
@@ -271,7 +271,7 @@ def query(
     found = table.query(xp, tables, rest, arcs)
     at, share = _cell(xp, own, found.arcs)
     both = _section(shape, at), _section(shape, at + 1)
-    depth, normal, lever = touched(xp, found.depth, vectors.of(found.inwards), radius[:, None], *both, share)
+    depth, normal, lever = touched(xp, found.depth, vectors.of(found.inwards), radius, *both, share)
     grip = AttachmentPoints(found.arcs, rest + stacked(xp, lever) - table.axis_at(xp, tables, found.arcs))
     return found._replace(depth=depth, inwards=stacked(xp, normal)), grip
 

@@ -1,6 +1,7 @@
 """What an engineer decides about the tracked robot. SI units."""
 
 from dataclasses import dataclass, field, replace
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -46,13 +47,13 @@ class FlexibleShaft:
     `SpeedFriction.exponent`: the paper's statements identify only both together, and we let both ends of the range lose
     alike."""
 
-    def transmission(self, speed: Any) -> Any:
+    def transmission(self, speed: Any, *, xp: ModuleType = np) -> Any:
         """Share of the traction force that still reaches the treads at a worm speed [rad/s], or at several.
 
         A motor torque less a viscous loss: efficiency (1 - (w - w_onset) / w_stall), constant below the onset.
         """
-        excess = np.maximum(0.0, speed - self.onset_speed) / self.stall_excess
-        return self.efficiency * np.maximum(0.0, 1.0 - excess)
+        excess = xp.maximum(0.0, speed - self.onset_speed) / self.stall_excess
+        return self.efficiency * xp.maximum(0.0, 1.0 - excess)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,10 +83,10 @@ class Bellows:
         """Outward force at a radial extension from the nominal radius [N]."""
         return self.preload - self.stiffness * extension - self.area * self.pressure
 
-    def regulated(self, extension: Any, press: Any) -> Any:
+    def regulated(self, extension: Any, press: Any, *, xp: ModuleType = np) -> Any:
         """Pressure that makes the outward force `press` [N] at an extension, as far as the limits let it [Pa]."""
         wanted = (self.preload - self.stiffness * extension - press) / self.area
-        return np.clip(wanted, self.lowest_pressure, self.highest_pressure)
+        return xp.clip(wanted, self.lowest_pressure, self.highest_pressure)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,12 +118,12 @@ class SpeedFriction:
         """Coefficient at a sliding speed [m/s] over its nominal value."""
         return min(1.0, max(0.0, speed) / self.peak_speed) ** self.exponent
 
-    def sliding(self, share: Any) -> Any:
+    def sliding(self, share: Any, *, xp: ModuleType = np) -> Any:
         """Speed [m/s] at which friction is that share of its nominal value, or several: `factor` turned round.
 
         Friction that does not depend on the speed holds without sliding.
         """
-        return self.peak_speed * np.clip(share, 0.0, 1.0) ** (1 / self.exponent) if self.exponent else 0.0 * share
+        return self.peak_speed * xp.clip(share, 0.0, 1.0) ** (1 / self.exponent) if self.exponent else 0.0 * share
 
 
 @dataclass(frozen=True, kw_only=True)

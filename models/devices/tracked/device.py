@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import ModuleType
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -81,12 +83,12 @@ class Tracked:
         """Controls of the pads' actuators when all treads have moved by `travel` [m]."""
         return self.phase_controls_each(np.repeat(np.asarray(travel)[..., None], TRACKS, axis=-1))
 
-    def phase_controls_each(self, travel: Float[np.ndarray, "*n tracks"]) -> Float[np.ndarray, "*n pads"]:
+    def phase_controls_each(self, travel: Float[Any, "*n tracks"], *, xp: ModuleType = np) -> Float[Any, "*n pads"]:
         """Controls of the pads' actuators when the tread of each track has moved by its own `travel` [m]."""
-        moved = travel[..., [pad.track for pad in self.pads]]
+        moved = travel[..., np.array([pad.track for pad in self.pads])]
         phases = moved / self.design.tread.pitch + np.array([pad.offset for pad in self.pads])
         operating, mean, contact, (k1, k2, k3) = self._series
-        force = self.law.phase_factor(phases) * mean
+        force = self.law.phase_factor(phases, xp=xp) * mean
         left = operating - force / contact
         return (force - left * (k1 + left * (k2 + left * k3))) / (mean / operating * left)
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -72,14 +73,14 @@ class WormState:
     """Its speed over the speed asked for [1]: less than 1 next to the largest torque that the shaft may transmit."""
 
     @classmethod
-    def under(cls, design: TrackedDesign, traction: Any) -> "WormState":
+    def under(cls, design: TrackedDesign, traction: Any, *, xp: ModuleType = np) -> "WormState":
         """What the worm does while the treads pull with `traction` [N].
 
         A worm that is asked for more than the shaft transmits stands; being self-locking it holds.
         """
-        torque = np.abs(traction) * worm_lever(design)
+        torque = xp.abs(traction) * worm_lever(design)
         spare = (1 - torque / design.worm.torque_limit) / _DROOP
-        return cls(torque, np.clip(spare, 0.0, 1.0))
+        return cls(torque, xp.clip(spare, 0.0, 1.0))
 
 
 def drive_point(design: TrackedDesign, friction: float, rpm: float, *, diameter: float | None = None) -> DrivePoint:

@@ -188,23 +188,20 @@ class TrackedRobot(Device):
         """Speed of treads, tooth phase over each tip, the worm's torque on the core, air in bellows, tether's drag."""
         tracked = self._tracked
         controls = xp.zeros((len(commands), model.nu))
-        phases = tracked.phase_controls_each(state.act[:, :TRACKS])
-        put(xp, controls, [model.actuator("tracked/felt").id], self._traction(state)[:, None])
-        put(
-            xp, controls, [model.actuator(f"tracked/tread{n}").id for n in range(TRACKS)], self._speeds(state, commands)
-        )
-        put(xp, controls, [model.actuator(f"tracked/{way}").id for way in _WAYS], self._used(state))
-        put(xp, controls, [model.actuator(pad.actuator).id for pad in tracked.pads], phases)
-        put(
-            xp,
-            controls,
-            [model.actuator(f"tracked/bellows{n}").id for n in range(TRACKS)],
-            self._air(model, state, commands),
-        )
-        speed = self._forwards(model, state)
+        speed = self._forwards(xp, model, state)
         damper = xp.where(speed > 0, self._tension(xp, state) / xp.maximum(speed, _SLIP), 0.0)  # it cannot push
-        put(xp, controls, [model.actuator("tracked/tether").id], damper[:, None])
-        return put(xp, controls, [model.actuator(tracked.roll_motor).id], self._worm(state).torque[:, None])
+        asked = {
+            ("felt",): self._traction(xp, state)[:, None],
+            tuple(f"tread{n}" for n in range(TRACKS)): self._speeds(xp, state, commands),
+            _WAYS: self._used(xp, state),
+            tuple(f"bellows{n}" for n in range(TRACKS)): self._air(xp, model, state, commands),
+            ("tether",): damper[:, None],
+        }
+        for names, values in asked.items():
+            controls = put(xp, controls, [model.actuator(f"tracked/{name}").id for name in names], values)
+        phases = tracked.phase_controls_each(state.act[:, :TRACKS], xp=xp)
+        controls = put(xp, controls, [model.actuator(pad.actuator).id for pad in tracked.pads], phases)
+        return put(xp, controls, [model.actuator(tracked.roll_motor).id], self._worm(xp, state).torque[:, None])
 
     def treads(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State, commands: Any) -> Treads:
         """Surfaces run backwards, less what the film between tread and wall slides; shaft losses take from friction.
@@ -214,26 +211,26 @@ class TrackedRobot(Device):
         Friction F of all treads slides at the speed where mu(v) is F / N (`SpeedFriction`): what Coulomb's law holds is
         the film's outer side, which runs so much slower than the tread, and around the core as that is turned.
         """
-        speeds, (_, tracks, directions) = self._speeds(state, commands), self._layout
+        speeds, (_, tracks, directions) = self._speeds(xp, state, commands), self._layout
         on_tread = tracks >= 0
         each = xp.where(on_tread, speeds[:, tracks], 0.0)
         turning = xp.abs(speeds).max(axis=1) / self.design.worm.lead * math.tau
-        own = self.design.shaft.transmission(turning)[:, None]
+        own = self.design.shaft.transmission(turning, xp=xp)[:, None]
         used = state.act[:, _FILM : _FILM + len(_WAYS)]
         size = xp.maximum(xp.sqrt((used**2).sum(axis=1, keepdims=True)), _TOUCH)
-        film = self.design.speed_friction.sliding(size / xp.maximum(own, _TOUCH)) / size * used
+        film = self.design.speed_friction.sliding(size / xp.maximum(own, _TOUCH), xp=xp) / size * used
         along, around = (xp.where(on_tread, film[:, way : way + 1], 0.0) for way in range(len(_WAYS)))
         surface = (along - each)[..., None] * directions + around[..., None] * np.array([0.0, 1.0, 0.0])
-        worm = self._worm(state).torque * speeds.mean(axis=1) / self.design.worm.lead * math.tau
+        worm = self._worm(xp, state).torque * speeds.mean(axis=1) / self.design.worm.lead * math.tau
         return Treads(surface, xp.where(on_tread, own, 1.0), worm)
 
     def read(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State) -> dict[str, Any]:
         """Each of `readings`, (worlds,)."""
-        worm, on_tread = self._worm(state), self._layout[1] >= 0
+        worm, on_tread = self._worm(xp, state), self._layout[1] >= 0
         return {
             "worm_torque": worm.torque,
             "worm_share": worm.speed_share,
-            "traction": self._traction(state),
+            "traction": self._traction(xp, state),
             "normal": state.pressed[:, on_tread].sum(axis=1),
             "core_force": state.pressed[:, ~on_tread].sum(axis=1),
             "tether_drag": -state.actuator_force[:, model.actuator("tracked/tether").id],
@@ -296,21 +293,21 @@ class TrackedRobot(Device):
             (Sample(tracked.core, place * forwards, radius, friction=CORE_FRICTION), -1, forwards) for place in places
         ]
 
-    def _worm(self, state: State) -> WormState:
-        return WormState.under(self.design, state.act[:, _FELT])
+    def _worm(self, xp: ModuleType, state: State) -> WormState:
+        return WormState.under(self.design, state.act[:, _FELT], xp=xp)
 
-    def _speeds(self, state: State, commands: Any) -> Any:
+    def _speeds(self, xp: ModuleType, state: State, commands: Any) -> Any:
         """Speeds of the treads (worlds, tracks) [m/s]: as asked, as far as the worm's torque goes."""
-        asked = self.design.tread_speed(1.0) * np.clip(commands[:, : TRACKS if self._steers else 1], 0.0, _LARGEST_RPM)
-        return np.broadcast_to(asked * self._worm(state).speed_share[:, None], (len(commands), TRACKS))
+        asked = self.design.tread_speed(1.0) * xp.clip(commands[:, : TRACKS if self._steers else 1], 0.0, _LARGEST_RPM)
+        return xp.broadcast_to(asked * self._worm(xp, state).speed_share[:, None], (len(commands), TRACKS))
 
-    def _air(self, model: mujoco.MjModel, state: State, commands: Any) -> Any:
+    def _air(self, xp: ModuleType, model: mujoco.MjModel, state: State, commands: Any) -> Any:
         """Pressure that each bellows' regulator asks for, over that of the closed bellows (worlds, tracks) [Pa]."""
         own = self.design.bellows
         if self.regulation == "closed":
-            return np.zeros((len(commands), TRACKS))
-        press = np.full((len(commands), TRACKS), own.preload) if self.regulation == "held" else commands[:, -TRACKS:]
-        return own.regulated(self._struts(model, state), press) - own.pressure
+            return xp.zeros((len(commands), TRACKS))
+        press = xp.full((len(commands), TRACKS), own.preload) if self.regulation == "held" else commands[:, -TRACKS:]
+        return own.regulated(self._struts(model, state), press, xp=xp) - own.pressure
 
     def _tension(self, xp: ModuleType, state: State) -> Any:
         """Tension of a tether as long as the way from the anus to the robot's rear (worlds,) [N]."""
@@ -318,28 +315,29 @@ class TrackedRobot(Device):
         law = {"friction": own.friction, "mass_per_length": own.mass_per_length, "held": own.held}
         return tether_tension(xp, state.bends, length, **law)
 
-    def _forwards(self, model: mujoco.MjModel, state: State) -> Any:
+    def _forwards(self, xp: ModuleType, model: mujoco.MjModel, state: State) -> Any:
         """Speed of the core along itself (worlds,) [m/s]."""
         first = int(model.joint("tracked/free").dofadr[0])
-        return np.einsum("wi,wi->w", state.qvel[:, first : first + 3], state.tip_frame[..., 2])
+        return xp.einsum("wi,wi->w", state.qvel[:, first : first + 3], state.tip_frame[..., 2])
 
     def _struts(self, model: mujoco.MjModel, state: State) -> Any:
         """How far each track is out from its nominal radius (worlds, tracks) [m]."""
-        return state.qpos[:, [int(model.joint(f"tracked/strut{n}").qposadr[0]) for n in range(TRACKS)]]
+        places = [int(model.joint(f"tracked/strut{n}").qposadr[0]) for n in range(TRACKS)]
+        return state.qpos[:, np.array(places)]
 
-    def _used(self, state: State) -> Any:
+    def _used(self, xp: ModuleType, state: State) -> Any:
         """Friction on all treads over the largest, along the core and around it (worlds, 2) [1]."""
         on_tread, azimuth = self._layout[1] >= 0, math.tau * self._layout[1] / TRACKS
         # The tip's frame is down, left and forwards of the core.
-        down, left, forwards = np.moveaxis(np.einsum("wsi,wij->wsj", state.rubbed, state.tip_frame), 2, 0)
+        down, left, forwards = xp.moveaxis(xp.einsum("wsi,wij->wsj", state.rubbed, state.tip_frame), 2, 0)
         around = np.cos(azimuth) * left - np.sin(azimuth) * down
         most = (state.friction * state.pressed)[:, on_tread].sum(axis=1)
-        both = np.stack([forwards, around], axis=2)[:, on_tread].sum(axis=1)
-        return both / np.maximum(most, _TOUCH)[:, None]
+        both = xp.stack([forwards, around], axis=2)[:, on_tread].sum(axis=1)
+        return both / xp.maximum(most, _TOUCH)[:, None]
 
-    def _traction(self, state: State) -> Any:
+    def _traction(self, xp: ModuleType, state: State) -> Any:
         """Friction of the wall on all treads along the core (worlds,), as of the last step [N]."""
-        along = np.einsum("wsi,wi->ws", state.rubbed, state.tip_frame[..., 2])
+        along = xp.einsum("wsi,wi->ws", state.rubbed, state.tip_frame[..., 2])
         return along[:, self._layout[1] >= 0].sum(axis=1)
 
 

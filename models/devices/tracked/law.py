@@ -4,6 +4,8 @@ import csv
 import tomllib
 from dataclasses import dataclass
 from functools import lru_cache
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -176,10 +178,10 @@ class PadLaw:
         k1, k2, k3 = self.stiffness
         return indentation * (k1 + indentation * (k2 + indentation * k3))
 
-    def phase_factor(self, phase: Float[np.ndarray, "*n"] | float) -> Float[np.ndarray, "*n"]:
-        """Force at a tooth phase over the mean; the phase is in pitches and may run on."""
-        angles = 2 * np.pi * np.asarray(phase)[..., None] * np.arange(1, HARMONICS + 1)
-        return 1 + np.cos(angles) @ self.cosines + np.sin(angles) @ self.sines
+    def phase_factor(self, phase: Any, *, xp: ModuleType = np) -> Any:
+        """Force at a tooth phase (...) over the mean; the phase is in pitches and may run on."""
+        angles = 2 * np.pi * xp.asarray(phase)[..., None] * np.arange(1, HARMONICS + 1)
+        return 1 + xp.cos(angles) @ self.cosines + xp.sin(angles) @ self.sines
 
     def indentation(self, force: float) -> float:
         """Indentation that gives a mean force [m].

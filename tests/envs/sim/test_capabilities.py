@@ -411,7 +411,7 @@ def test_no_field_is_missing_from_the_table_and_none_has_gone() -> None:
     asked = _names(SceneOptions, SceneOptions(), "scene.") | design | _names(TaskConfig, TaskConfig(), "task.")
     inner = {path for path in asked if path.startswith("task.randomisation.")}
     asked |= _names(TrackedDesign, TrackedDesign(), "tracked.")
-    asked |= {f"device.{name}" for name in (*HONOURED, "abdomen.loops_touch", "treads")}
+    asked |= {f"device.{name}" for name in (*HONOURED, "abdomen.loops_touch")}
     asked = (asked - inner) | {path.removeprefix("task.") for path in inner} | {"task.randomisation"}
     assert named == asked
 

@@ -428,7 +428,7 @@ def test_compiled_loops_are_the_law() -> None:
     displacement.pose[:] = _poses(random.normal(size=(*displacement.pose.shape[:2], 3)) * 0.003, random)
     displacement.speed[:] = random.normal(size=displacement.speed.shape) * 0.01
     walls.look(world, points)
-    found, grip = moving_colon.query(np, tables, displacement, points, arcs, np.full(1, 0.006))
+    found, grip = moving_colon.query(np, tables, displacement, points, arcs, np.full((1, 1), 0.006))
     speeds = moving_colon.wall_speeds(np, own, displacement, grip)
     for mine, theirs in zip((walls.arcs, walls.depth, walls.inwards, walls.wall_speed), (*found, speeds), strict=True):
         assert np.abs(mine - theirs).max() < 1e-12
@@ -499,7 +499,7 @@ def test_a_colon_at_rest_holds_what_the_scope_presses() -> None:
     # The handle and the anus hold the scope: its own balance is the wall's force on it.
     model, data = backend.world_data(0)
     spheres = data.geom_xpos[[model.geom(f"wall/sphere_{i:04d}").id for i in range(len(bank.scene.samples))]]
-    tables, radius = pick(bank.tables, np.zeros(1, int)), np.full(1, bank.scene.cable.radius)
+    tables, radius = pick(bank.tables, np.zeros(1, int)), np.full((1, 1), bank.scene.cable.radius)
     found, _ = moving_colon.query(np, tables, state.displacement, spheres[None], state.arcs[:, :-1], radius)
     on_scope = (state.normal[..., None] * found.inwards).sum(axis=1)[0]
     assert np.linalg.norm(on_scope) > 1.0
