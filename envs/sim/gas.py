@@ -36,7 +36,7 @@ ANAL_CANAL = 0.04
 INTERVAL = 0.1
 """Time between two steps of the gas [s]: it fills a colon in minutes."""
 
-_MOMENTARY = ("_moved", "pressure_peak", "_due", "_tip", "_case", "asked", "tissue_stiffness")
+_MOMENTARY = ("_sought", "_moved", "pressure_peak", "_due", "_tip", "_case", "asked", "tissue_stiffness")
 """What of worlds' gas changes; each value is replaced, never written into."""
 
 
@@ -116,7 +116,7 @@ class GasWorlds:
             InvalidOptionError: when a colon's segments are not the usual ones.
         """
         assert options.gas is not None
-        self._set_point, self._flow, self._start = options.gas, options.gas_flow, options.gas_start
+        self.set_point, self._flow, self._start = options.gas, options.gas_flow, options.gas_start
         self._start_depth = options.start_depth
         self._lumens = _lumens_of(colons, list(stations), widths)
         self._device, self._bursting = np.asarray(device_radius, float), np.array([*map(bursting_pressure, SEGMENTS)])
@@ -127,6 +127,8 @@ class GasWorlds:
         """Stiffness of a contact with the wall where nothing makes it taut [N/m]."""
         self.asked: Float[np.ndarray, " worlds"] = np.full(worlds, np.nan)
         """Flow that hands ask for at standard pressure [m^3/s], negative to suck; the insufflator's where NaN."""
+        self._sought: Float[np.ndarray, " worlds"] = np.zeros(worlds)
+        """What they have asked for since the gas last moved [m^3]."""
         self.rows: list[tuple] | None = None
         """Pressures, volume and what was given of the first world after every advance; None: nobody keeps them."""
         everyone, own = np.arange(worlds), [*self._lumens.person, self._lumens.given]
@@ -150,7 +152,7 @@ class GasWorlds:
             case: the colons that they have now.
             tissue_stiffness: of their walls [N/m].
         """
-        self._put(worlds, _case=case, tissue_stiffness=tissue_stiffness, _due=0.0, pressure_peak=-np.inf)
+        self._put(worlds, _case=case, tissue_stiffness=tissue_stiffness, _due=0.0, _sought=0.0, pressure_peak=-np.inf)
         self._step(worlds, np.full(len(worlds), self._start_depth), _beside(self._filled(worlds)))
 
     def advance(
@@ -162,7 +164,7 @@ class GasWorlds:
             tip_arc: arc length of the tip in each world [m].
             seconds: how long, in each.
         """
-        self._due = self._due + seconds
+        self._due, self._sought = self._due + seconds, self._sought + self.asked * seconds
         moving = np.flatnonzero(self._due > INTERVAL * (1 - 1e-9))
         if len(moving):
             self._step(moving, tip_arc[moving], self._moved[moving, : -len(SEGMENTS) - 1])
@@ -177,11 +179,15 @@ class GasWorlds:
         station = np.ceil(np.nan_to_num(tip_arc) / lumens.step[case]).clip(0, lumens.number.shape[1] - 1)
         tip = lumens.number[case, station.astype(int)]
         pressure = self._apart(state).pressure
-        insufflated, asked = self._flow * (pressure[row, tip] < self._set_point), self.asked[worlds]
-        flow = np.where(np.isnan(asked), insufflated, asked)
-        told = self._law(_beside([self._persons[case], state, flow, tip, self._due[worlds]]))
+        insufflated, sought, due = (
+            self._flow * (pressure[row, tip] < self.set_point),
+            self._sought[worlds],
+            self._due[worlds],
+        )
+        flow = np.where(np.isnan(sought), insufflated, sought / np.maximum(due, 1e-9))
+        told = self._law(_beside([self._persons[case], state, flow, tip, due]))
         peak = np.maximum(self.pressure_peak[worlds], self._apart(told).pressure[:, :-1].max(axis=1))
-        self._put(worlds, _due=0.0, _tip=tip, _moved=told, pressure_peak=peak)
+        self._put(worlds, _due=0.0, _sought=0.0, _tip=tip, _moved=told, pressure_peak=peak)
 
     def _put(self, worlds: np.ndarray, **values: Any) -> None:
         for name, value in values.items():
@@ -232,6 +238,11 @@ class GasWorlds:
         most, worst = load.argmax(axis=1), hurts.argmax(axis=1)
         arcs = own.first_arc[case, most], own.widest_arc[case, worst]
         return GasBurden(load[row, most], arcs[0], hurts[row, worst], arcs[1])
+
+    @property
+    def tip_pressure(self) -> Float[np.ndarray, " worlds"]:
+        """Pressure in the segment of each tip when the gas last moved, over that of the atmosphere [Pa]."""
+        return self.pressure[np.arange(len(self._tip)), self._tip]
 
     @property
     def pressure(self) -> Float[np.ndarray, "worlds segments"]:
