@@ -55,7 +55,7 @@ class RowLaw:
 
 
 row_law = cache(RowLaw)
-"""The same law is compiled once in a process."""
+"""`RowLaw`, once in a process for the same law."""
 
 
 class Row:

@@ -151,9 +151,8 @@ def test_drivers_leave_gas_to_the_insufflator():
         driver = FollowerDriver(task)
         driver.begin(np.ones(2, bool))
         for _ in range(40):
-            done = task.step(driver.act(seen))
-            seen = done.observation
-        found.append((seen["state"], done.info["gas_volume"]))
+            seen = task.step(driver.act(seen)).observation
+        found.append((seen["state"], task.info()["gas_volume"]))
     for one, other in zip(*found, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-6)
 
@@ -163,12 +162,12 @@ def test_what_is_in_place_takes_gas_and_shows_it():
     task, other = task_of(BY_HAND), task_of(BY_HAND)
     for each in (task, other):
         each.reset(seeds=[0, 1], case=0)
-    own = task.in_place
+    own, action = task.in_place, np.stack([LET_IN, SUCK])
     assert own.action.shape == (2, 5)
     for _ in range(10):
-        own.action[:] = np.stack([LET_IN, SUCK])
+        own.action[:] = action
         task.advance()
-        seen = other.step(np.stack([LET_IN, SUCK])).observation
+    seen = after(other, action, 10).observation
     np.testing.assert_array_equal(own.observation["gas"], seen["gas"])
     np.testing.assert_array_equal(own.observation["state"], seen["state"])
 
@@ -194,7 +193,7 @@ def test_stable_baselines3_takes_the_action():
     worlds = ScopeVecEnv(task_of(BY_HAND), flat=True)
     worlds.reset()
     assert worlds.action_space.shape == (5,)
-    assert worlds.step(np.zeros((2, 5)))[0].shape[1:] == worlds.observation_space.shape
+    assert np.shape(worlds.step(np.zeros((2, 5)))[0])[1:] == worlds.observation_space.shape
 
 
 def test_a_gas_action_wants_gas_and_names_and_linear():
