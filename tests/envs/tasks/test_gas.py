@@ -193,7 +193,8 @@ def test_stable_baselines3_takes_the_action():
     worlds = ScopeVecEnv(task_of(BY_HAND), flat=True)
     worlds.reset()
     assert worlds.action_space.shape == (5,)
-    assert np.shape(worlds.step(np.zeros((2, 5)))[0])[1:] == worlds.observation_space.shape
+    seen: Any = worlds.step(np.zeros((2, 5)))[0]
+    assert seen.shape[1:] == worlds.observation_space.shape
 
 
 def test_a_gas_action_wants_gas_and_names_and_linear():
