@@ -185,7 +185,7 @@ class Evaluate:
 
 def _seeing(config: Any, own: Any) -> Any:
     """The rules for all, with what this policy was trained to see."""
-    names = ("observation", "privileged", "memory", "imager")
+    names = ("observation", "privileged", "memory", "imager", "gas_action")
     return replace(config, **{name: getattr(own, name) for name in names})
 
 

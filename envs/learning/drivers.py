@@ -18,6 +18,6 @@ class PolicyDriver:
     def begin(self, worlds: Bool[np.ndarray, " worlds"]) -> None:
         """Nothing is remembered."""
 
-    def act(self, seen: Observation) -> Float[np.ndarray, "worlds 4"]:
+    def act(self, seen: Observation) -> Float[np.ndarray, "worlds actions"]:
         """The policy's actions."""
         return self._policy.act(seen, self._random)

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from haustra.assets import asset
 from haustra.envs.tasks import observation as seen_by
-from haustra.envs.tasks.actions import ACTIONS
+from haustra.envs.tasks.actions import actions_of
 from haustra.envs.tasks.config import TaskConfig
 from haustra.errors import HaustraError, InvalidOptionError, UnreadableFileError
 from haustra.files import prepare_folder, write_atomically, write_json
@@ -43,7 +43,7 @@ class MlpPolicy:
 
     def act(
         self, seen: seen_by.Observation, random: np.random.Generator | None = None
-    ) -> Float[np.ndarray, "worlds 4"]:
+    ) -> Float[np.ndarray, "worlds actions"]:
         """Actions for what all worlds see: the means, or drawn as in training when given what to draw from.
 
         Raises:
@@ -136,7 +136,8 @@ def _fits(policy: MlpPolicy) -> bool:
         weight.shape == (after, before)
         for weight, before, after in zip(policy.weights, widths[:-1], widths[1:], strict=True)
     )
-    spread = np.ones(len(ACTIONS)) if policy.deviation is None else policy.deviation
+    actions = len(actions_of(policy.config))
+    spread = np.ones(actions) if policy.deviation is None else policy.deviation
     finite = all(np.isfinite(array).all() for array in (*policy.weights, *policy.biases, spread))
-    drawn = spread.shape == (len(ACTIONS),) and bool((spread >= 0).all())
-    return bool(policy.weights) and shaped and finite and drawn and widths[-1] == len(ACTIONS)
+    drawn = spread.shape == (actions,) and bool((spread >= 0).all())
+    return bool(policy.weights) and shaped and finite and drawn and widths[-1] == actions

@@ -17,7 +17,7 @@ from torch import Tensor, nn
 from haustra.envs.learning.policy import MlpPolicy
 from haustra.envs.learning.schedule import LEAST_DEVIATION
 from haustra.envs.learning.settings import Training
-from haustra.envs.tasks.actions import ACTIONS
+from haustra.envs.tasks.actions import ACTIONS, actions_of
 
 _CLIP = 0.2
 """Most that the chance of an action may change in an update before it no longer counts [1]."""
@@ -66,9 +66,10 @@ class Ppo(nn.Module):
         """
         super().__init__()
         self._training, self.seen = training, seen
-        self.actor = _layers(seen, training.layers, len(ACTIONS))
+        actions = len(actions_of(training.task))
+        self.actor = _layers(seen, training.layers, actions)
         self.critic = _layers(seen + hidden, training.layers, 1 + limits)
-        self.log_std = nn.Parameter(torch.full((len(ACTIONS),), training.log_std))
+        self.log_std = nn.Parameter(torch.full((actions,), training.log_std))
         last = self.actor[-1]
         assert isinstance(last, nn.Linear)
         with torch.no_grad():

@@ -116,6 +116,7 @@ TASK = (
     *_in("task", "mesentery", "design", "difficulty", "seeds"),
     *_in("task", "gas", only=_only(None, backends=("native-batch", "warp")), about=_UNSEEN),
     *_in("task", "gas_flow", "gas_start", about="with gas"),
+    *_in("task", "gas_action", only=_only(False, backends=("native-batch", "warp")), about="with gas"),
     *_in("task", "observation", "privileged", "imager", "memory", "picture_size", "depth", "pictures", about=_RULES),
     *_in("task", "randomisation", about="its fields follow"),
     *_in("task.drive", "control_interval", "push_rate", "roll_rate", "wheel_rate", "hand_lead", about=_RULES),

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.ndimage import gaussian_filter1d
 
+from haustra.envs.sim.linear.row_law import Size, row_law
 from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import Colon, Surface
 from haustra.models.anatomy.landmarks import SEGMENTS, segment_names
@@ -35,7 +36,7 @@ ANAL_CANAL = 0.04
 INTERVAL = 0.1
 """Time between two steps of the gas [s]: it fills a colon in minutes."""
 
-_MOMENTARY = ("state", "volume", "pressure_peak", "_due", "_tip", "_share", "_case", "asked", "tissue_stiffness")
+_MOMENTARY = ("_sought", "_moved", "pressure_peak", "_due", "_tip", "_case", "asked", "tissue_stiffness")
 """What of worlds' gas changes; each value is replaced, never written into."""
 
 
@@ -115,25 +116,27 @@ class GasWorlds:
             InvalidOptionError: when a colon's segments are not the usual ones.
         """
         assert options.gas is not None
-        self._set_point, self._flow, self._start = options.gas, options.gas_flow, options.gas_start
+        self.set_point, self._flow, self._start = options.gas, options.gas_flow, options.gas_start
         self._start_depth = options.start_depth
         self._lumens = _lumens_of(colons, list(stations), widths)
         self._device, self._bursting = np.asarray(device_radius, float), np.array([*map(bursting_pressure, SEGMENTS)])
         self._case, self._tip, self._due = np.zeros(worlds, int), np.zeros(worlds, int), np.zeros(worlds)
-        self._share = np.ones((worlds, len(SEGMENTS)))
-        self.volume: Float[np.ndarray, " worlds"] = np.zeros(worlds)
-        """Volume of each colon's gas now [m^3]."""
         self.pressure_peak: Float[np.ndarray, " worlds"] = np.zeros(worlds)
         """Highest pressure of any segment since the world began [Pa]."""
         self.tissue_stiffness: Float[np.ndarray, " worlds"] = np.full(worlds, float(options.wall_stiffness))
         """Stiffness of a contact with the wall where nothing makes it taut [N/m]."""
         self.asked: Float[np.ndarray, " worlds"] = np.full(worlds, np.nan)
         """Flow that hands ask for at standard pressure [m^3/s], negative to suck; the insufflator's where NaN."""
+        self._sought: Float[np.ndarray, " worlds"] = np.zeros(worlds)
+        """What they have asked for since the gas last moved [m^3]."""
         self.rows: list[tuple] | None = None
         """Pressures, volume and what was given of the first world after every advance; None: nobody keeps them."""
-        everyone, none = np.arange(worlds), np.zeros((worlds, len(SEGMENTS)))
-        self.state: GasState = filled(np, self._persons(everyone), none + self._start)
-        """Where the gas is."""
+        everyone, own = np.arange(worlds), [*self._lumens.person, self._lumens.given]
+        self._persons: Float[np.ndarray, "colons numbers"] = _beside(own)
+        state = self._filled(everyone)
+        sizes, changing = tuple(map(_size, own)), tuple(map(_size, state))
+        self._law, self._columns = row_law(_moved_on, (*sizes, *changing, None, None, None)), _columns(changing)
+        self._moved: Float[np.ndarray, "worlds told"] = _beside([*state, np.ones((worlds, len(SEGMENTS) + 1))])
         self.begin(everyone, self._case, self.tissue_stiffness)
 
     def begin(
@@ -149,8 +152,8 @@ class GasWorlds:
             case: the colons that they have now.
             tissue_stiffness: of their walls [N/m].
         """
-        self._put(worlds, _case=case, tissue_stiffness=tissue_stiffness, _due=0.0, pressure_peak=-np.inf)
-        self._step(worlds, np.full(len(worlds), self._start_depth), filled(np, self._persons(worlds), self._start))
+        self._put(worlds, _case=case, tissue_stiffness=tissue_stiffness, _due=0.0, _sought=0.0, pressure_peak=-np.inf)
+        self._step(worlds, np.full(len(worlds), self._start_depth), _beside(self._filled(worlds)))
 
     def advance(
         self, tip_arc: Float[np.ndarray, " worlds"], seconds: Float[np.ndarray, " worlds"]
@@ -161,35 +164,58 @@ class GasWorlds:
             tip_arc: arc length of the tip in each world [m].
             seconds: how long, in each.
         """
-        self._due = self._due + seconds
+        self._due, self._sought = self._due + seconds, self._sought + self.asked * seconds
         moving = np.flatnonzero(self._due > INTERVAL * (1 - 1e-9))
         if len(moving):
-            self._step(moving, tip_arc[moving], GasState(*(part[moving] for part in self.state)))
+            self._step(moving, tip_arc[moving], self._moved[moving, : -len(SEGMENTS) - 1])
         if self.rows is not None:
             self.rows.append((self.pressure[0], self.volume[0], float(self.state.given[0])))
         return moving
 
-    def _step(self, worlds: np.ndarray, tip_arc: np.ndarray, state: GasState) -> None:
+    def _step(self, worlds: np.ndarray, tip_arc: np.ndarray, state: Float[np.ndarray, "some numbers"]) -> None:
         """Move the gas of some worlds, which is in that state, for the time that is due."""
-        case, row, person = self._case[worlds], np.arange(len(worlds)), self._persons(worlds)
+        case, row = self._case[worlds], np.arange(len(worlds))
         lumens = self._lumens
         station = np.ceil(np.nan_to_num(tip_arc) / lumens.step[case]).clip(0, lumens.number.shape[1] - 1)
         tip = lumens.number[case, station.astype(int)]
-        insufflated, asked = self._flow * (state.pressure[row, tip] < self._set_point), self.asked[worlds]
-        flow = np.where(np.isnan(asked), insufflated, asked)
-        state = step_gas(np, person, state, flow=flow, place=tip, timestep=self._due[worlds])
-        share = np.sqrt(filling(np, person, state.pressure[:, :-1]) / lumens.given[case])
-        peak = np.maximum(self.pressure_peak[worlds], state.pressure[:, :-1].max(axis=1))
-        volume = gas_volumes(np, person, state).sum(axis=1)
-        self._put(worlds, _due=0.0, _tip=tip, _share=share, pressure_peak=peak, volume=volume)
-        self.state = GasState(*(_with(old, worlds, new) for old, new in zip(self.state, state, strict=True)))
+        pressure = self._apart(state).pressure
+        insufflated, sought, due = (
+            self._flow * (pressure[row, tip] < self.set_point),
+            self._sought[worlds],
+            self._due[worlds],
+        )
+        flow = np.where(np.isnan(sought), insufflated, sought / np.maximum(due, 1e-9))
+        told = self._law(_beside([self._persons[case], state, flow, tip, due]))
+        peak = np.maximum(self.pressure_peak[worlds], self._apart(told).pressure[:, :-1].max(axis=1))
+        self._put(worlds, _due=0.0, _sought=0.0, _tip=tip, _moved=told, pressure_peak=peak)
 
     def _put(self, worlds: np.ndarray, **values: Any) -> None:
         for name, value in values.items():
             setattr(self, name, _with(getattr(self, name), worlds, value))
 
-    def _persons(self, worlds: np.ndarray) -> GasColon:
-        return GasColon(*(part[self._case[worlds]] for part in self._lumens.person))
+    def _filled(self, worlds: np.ndarray) -> GasState:
+        """Some worlds at the pressure of the start."""
+        person = GasColon(*(part[self._case[worlds]] for part in self._lumens.person))
+        return filled(np, person, self._start)
+
+    @property
+    def state(self) -> GasState:
+        """Where the gas is."""
+        return self._apart(self._moved)
+
+    @property
+    def volume(self) -> Float[np.ndarray, " worlds"]:
+        """Volume of each colon's gas now [m^3]."""
+        return self._moved[:, -1]
+
+    @property
+    def _share(self) -> Float[np.ndarray, "worlds segments"]:
+        """Radius of each segment over that of the colon as it was given [1]."""
+        return self._moved[:, -len(SEGMENTS) - 1 : -1]
+
+    def _apart(self, rows: Float[np.ndarray, "some numbers"]) -> GasState:
+        """The state that rows begin with."""
+        return GasState(*(rows[:, at] for at in self._columns))
 
     def stiffness(self, worlds: Int[np.ndarray, " some"]) -> Float[np.ndarray, " some"]:
         """Stiffness of a contact with the wall: the tissue's, and its tension's in the segment of the tip [N/m]."""
@@ -212,6 +238,11 @@ class GasWorlds:
         most, worst = load.argmax(axis=1), hurts.argmax(axis=1)
         arcs = own.first_arc[case, most], own.widest_arc[case, worst]
         return GasBurden(load[row, most], arcs[0], hurts[row, worst], arcs[1])
+
+    @property
+    def tip_pressure(self) -> Float[np.ndarray, " worlds"]:
+        """Pressure in the segment of each tip when the gas last moved, over that of the atmosphere [Pa]."""
+        return self.pressure[np.arange(len(self._tip)), self._tip]
 
     @property
     def pressure(self) -> Float[np.ndarray, "worlds segments"]:
@@ -327,6 +358,30 @@ def gas_pressures(
 ) -> Float[np.ndarray, "records places"] | None:
     """Pressures at arc lengths [m], of the first so many rows [Pa]; None of a run without gas."""
     return gas and gas.record(count).pressure[:, gas.segments_at(arcs)]
+
+
+def _moved_on(xp: Any, *given: Any) -> tuple[Any, ...]:
+    """The state after a step, how wide each segment is then, and what the colon holds; compiled."""
+    person, (full, *begun) = GasColon(*given[: len(GasColon._fields)]), given[len(GasColon._fields) :]
+    *state, flow, place, timestep = begun
+    state = step_gas(xp, person, GasState(*state), flow=flow, place=place, timestep=timestep)
+    share = xp.sqrt(filling(xp, person, state.pressure[..., :-1]) / full)
+    return *state, share, gas_volumes(xp, person, state).sum(-1)
+
+
+def _size(part: np.ndarray) -> Size:
+    return None if part.ndim == 1 else part.shape[1]
+
+
+def _columns(sizes: Sequence[Size]) -> list[Any]:
+    """Where parts of these sizes lie in a row."""
+    ends = np.cumsum([size or 1 for size in sizes]).tolist()
+    return [end - 1 if size is None else slice(end - size, end) for size, end in zip(sizes, ends, strict=True)]
+
+
+def _beside(parts: Sequence[np.ndarray]) -> Float[np.ndarray, "worlds numbers"]:
+    """Numbers of worlds side by side."""
+    return np.concatenate([part[:, None] if part.ndim == 1 else part for part in parts], axis=1)
 
 
 def _with(old: np.ndarray, worlds: np.ndarray, new: Any) -> np.ndarray:

@@ -2,10 +2,17 @@
 
 from typing import Any, NamedTuple
 
-from haustra.envs.tasks.config import Drive
+from haustra.envs.tasks.config import Drive, TaskConfig
 
 ACTIONS = ("push", "roll", "tip up", "tip left")
 """Each from -1 to 1."""
+GAS_ACTION = "gas"
+"""The fifth, where a task asks for it: from -1, suck, to 1, let in, over `TaskConfig.gas_flow`."""
+
+
+def actions_of(config: TaskConfig) -> tuple[str, ...]:
+    """Names of a task's actions."""
+    return (*ACTIONS, GAS_ACTION) if config.gas_action else ACTIONS
 
 
 class Asked(NamedTuple):
@@ -33,11 +40,11 @@ class Wires(NamedTuple):
 
 
 def within(xp: Any, action: tuple[Any, ...]) -> tuple[Any, tuple[Any, ...]]:
-    """Whether an action is four finite numbers, and the action from -1 to 1; nothing where it is not.
+    """Whether an action is finite numbers, and the action from -1 to 1; nothing where it is not.
 
     Args:
         xp: numpy, or what writes programs.
-        action: one number for each of `ACTIONS`.
+        action: one number for each of `actions_of` the task.
     """
     sound = xp.isfinite(action[0])
     for part in action[1:]:
@@ -63,7 +70,7 @@ def asked(
         xp: numpy, or what writes programs.
         drive: how actions become motion.
         interval: until the next action [s].
-        action: as `within` gives it.
+        action: as `within` gives it; hands leave gas to others.
         sound: whether it was finite.
         wheels: where the wheels are [1].
         wires: of the episode.
@@ -71,7 +78,7 @@ def asked(
         outside: length of scope that is left outside [m].
     """
     most = drive.wheel_rate * interval
-    turned = tuple(wheel + xp.clip(part - wheel, -most, most) for wheel, part in zip(wheels, action[2:], strict=True))
+    turned = tuple(wheel + xp.clip(part - wheel, -most, most) for wheel, part in zip(wheels, action[2:4], strict=True))
     up, left = (_pull(xp, wheel, wires) for wheel in turned)
     push = xp.maximum(action[0] * drive.push_rate, (-drive.hand_lead - lead) / interval)
     push = xp.minimum(push, xp.minimum(drive.hand_lead - lead, outside) / interval)

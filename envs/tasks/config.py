@@ -124,6 +124,10 @@ class TaskConfig:
     """Flow of the gas that insufflation lets in [m^3/s]."""
     gas_start: float = number("Pa", 300.0, 8000.0, default=SceneOptions.gas_start)
     """Gas pressure that the colon is filled to at the start of an episode [Pa]."""
+    gas_action: bool = False
+    """Let the learner let gas in and suck it out instead of the insufflator, by a fifth action over `gas_flow`, and
+    show it under the name 'gas' the pressure at the tip, the colon's gas and what it last asked for; `memory` leaves
+    these out. With gas only."""
     observation: str = choice(*OBSERVATIONS, default="dict")
     """What the learner sees: readings of scope and hand (state), a few distances (lumen), a depth camera's picture
     (depth), one in colour (pixels), or state and lumen under names (dict)."""
@@ -150,6 +154,8 @@ class TaskConfig:
         require_declared(self)
         if self.seeds[0] == self.seeds[1]:
             raise InvalidOptionError(f"seeds {self.seeds} hold no colon: give a first and a larger last one.")
+        if self.gas_action and self.gas is None:
+            raise InvalidOptionError("gas_action lets gas in and out, of which there is none: give a set point `gas`.")
 
     def to_json(self) -> dict[str, Any]:
         """As plain JSON values."""

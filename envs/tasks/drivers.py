@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 from haustra.envs.control import follower
 from haustra.envs.control.follower import Steering
 from haustra.envs.control.laws import driver_settings
-from haustra.envs.tasks.actions import ACTIONS
+from haustra.envs.tasks.actions import ACTIONS, actions_of
 from haustra.envs.tasks.observation import Observation as Parts
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.models.anatomy.surface_landmarks import inspection_number
@@ -21,9 +21,18 @@ class Driver(Protocol):
         """Episodes begin in these worlds."""
         ...
 
-    def act(self, seen: Parts) -> Float[np.ndarray, "worlds 4"]:
+    def act(self, seen: Parts) -> Float[np.ndarray, "worlds actions"]:
         """Actions for what all worlds see."""
         ...
+
+
+def insufflated(task: ScopeTask, action: Float[np.ndarray, "worlds 4"]) -> Float[np.ndarray, "worlds actions"]:
+    """Actions of a driver that leaves gas to the insufflator: all that it lets in below the set point, or nothing."""
+    if len(actions_of(task.config)) == len(ACTIONS):
+        return action
+    gas = task.backend.gas
+    assert gas is not None, "a gas action without gas"
+    return np.column_stack([action, gas.tip_pressure < gas.set_point])
 
 
 class RandomDriver:
@@ -33,12 +42,12 @@ class RandomDriver:
         """Drive the worlds of a task."""
         self._task, self._random = task, np.random.default_rng(seed)
         self._every, self._count = max(1, round(hold / task.interval)), 0
-        self._action = np.zeros((task.worlds, len(ACTIONS)))
+        self._action = np.zeros((task.worlds, len(actions_of(task.config))))
 
     def begin(self, worlds: Bool[np.ndarray, " worlds"]) -> None:
         """Nothing is remembered."""
 
-    def act(self, seen: Parts) -> Float[np.ndarray, "worlds 4"]:
+    def act(self, seen: Parts) -> Float[np.ndarray, "worlds actions"]:
         """Any action."""
         if self._count % self._every == 0:
             self._action = self._random.uniform(-1, 1, self._action.shape)
@@ -51,14 +60,14 @@ class PushDriver:
 
     def __init__(self, task: ScopeTask, *, push: float = 0.67) -> None:
         """Drive the worlds of a task with a constant push action: 4 cm/s."""
-        self._action = np.tile([push, 0.0, 0.0, 0.0], (task.worlds, 1))
+        self._task, self._action = task, np.tile([push, 0.0, 0.0, 0.0], (task.worlds, 1))
 
     def begin(self, worlds: Bool[np.ndarray, " worlds"]) -> None:
         """Nothing is remembered."""
 
-    def act(self, seen: Parts) -> Float[np.ndarray, "worlds 4"]:
+    def act(self, seen: Parts) -> Float[np.ndarray, "worlds actions"]:
         """The push."""
-        return self._action
+        return insufflated(self._task, self._action)
 
 
 class PullDriver:
@@ -67,14 +76,14 @@ class PullDriver:
     def __init__(self, task: ScopeTask) -> None:
         """Drive the worlds of a task, at the rate of assets/numbers/inspection.toml."""
         pull = min(inspection_number("withdrawal_rate") / task.config.drive.push_rate, 1.0)
-        self._action = np.tile([-pull, 0.0, 0.0, 0.0], (task.worlds, 1))
+        self._task, self._action = task, np.tile([-pull, 0.0, 0.0, 0.0], (task.worlds, 1))
 
     def begin(self, worlds: Bool[np.ndarray, " worlds"]) -> None:
         """Nothing is remembered."""
 
-    def act(self, seen: Parts) -> Float[np.ndarray, "worlds 4"]:
+    def act(self, seen: Parts) -> Float[np.ndarray, "worlds actions"]:
         """The pull."""
-        return self._action
+        return insufflated(self._task, self._action)
 
 
 class FollowerDriver:
@@ -96,7 +105,7 @@ class FollowerDriver:
         pairs = zip(self._fresh, self._memory, strict=True)
         self._memory = type(self._fresh)(*(np.where(worlds, new, old) for new, old in pairs))
 
-    def act(self, seen: Parts) -> Float[np.ndarray, "worlds 4"]:
+    def act(self, seen: Parts) -> Float[np.ndarray, "worlds actions"]:
         """What each follower asks for, as actions."""
         task, drive, own = self._task, self._task.config.drive, self._task.seen
         decision, self._memory = follower.decide(
@@ -113,4 +122,4 @@ class FollowerDriver:
         )
         pull = (decision.pulls[:, :2] - decision.pulls[:, 2:]) / task.bank.design.wires.pull_limit
         rates = [decision.push_rate / drive.push_rate, decision.roll_rate / drive.roll_rate]
-        return np.clip(np.column_stack([*rates, pull]), -1, 1)
+        return insufflated(task, np.clip(np.column_stack([*rates, pull]), -1, 1))

@@ -22,7 +22,7 @@ from haustra.envs.sim.linear.sensing import (
 )
 from haustra.envs.sim.linear.trace import Changing, Value
 from haustra.envs.tasks import observation as seen_by
-from haustra.envs.tasks.actions import ACTIONS, Wires, asked, within
+from haustra.envs.tasks.actions import ACTIONS, Wires, actions_of, asked, within
 from haustra.envs.tasks.coverage import half_angle_cosine
 from haustra.envs.tasks.coverage_program import forget, look_around
 from haustra.envs.tasks.episode import EpisodeRules, concluded
@@ -33,12 +33,10 @@ from haustra.models.wall.vectors import Vector, minus, times
 
 REST, ACT, BEGIN = 0.0, 1.0, 2.0
 """What a world is to do in a launch: stay as it is, act, or begin anew."""
-TURN = len(ACTIONS)
-"""Row of what drivers are asked that says so; actions come before it."""
 DEALT = ("gain", "slack", "valve", "bears", "case", *BEGUN)
-"""Rows behind it: what the episode was dealt, and numbers of its world."""
-IN_PROGRAM = ("state", "lumen", "imager", "recent", "unseen", "privileged")
-"""Parts of an observation that the program makes."""
+"""What the episode was dealt, and numbers of its world."""
+IN_PROGRAM = ("state", "lumen", "imager", "recent", "unseen", "privileged", "gas")
+"""Parts of an observation that lie among what the program tells; gas is put there behind it."""
 _OVER = "over"
 
 
@@ -58,9 +56,14 @@ class EpisodeProgram:
     """Full viewing angle of the camera [degrees]."""
 
     @property
+    def turn(self) -> int:
+        """Row of what drivers are asked that says what a world is to do; actions come before it, `DEALT` behind."""
+        return len(actions_of(self.rules.config))
+
+    @property
     def asks(self) -> int:
         """An action, what to do, and what was dealt."""
-        return TURN + 1 + len(DEALT)
+        return self.turn + 1 + len(DEALT)
 
     @property
     def room(self) -> int:
@@ -96,25 +99,29 @@ class EpisodeProgram:
     def write(self, scopes: ScopeProgram, numbers: Lanes, room: Lanes, count: Value) -> None:
         """One control step of worlds that act; those that begin are laid straight; the others stay as they are."""
         program = scopes.program
-        turn = scopes.asked.load(TURN)
+        turn = scopes.asked.load(self.turn)
         begins, acts = turn == BEGIN, turn == ACT
         with program.when(begins):
             self._begin(scopes, numbers, begins)
         before = scopes.state.load(0), scopes.seen.vector(seen_slot("tip"))
-        sound, action = within(program.xp, tuple(scopes.asked.load(row) for row in range(TURN)))
+        sound, action = within(program.xp, tuple(scopes.asked.load(row) for row in range(self.turn)))
         with program.when(acts):
             self._act(scopes, numbers, acts, sound, action)
         with program.when(begins | acts):
             scopes.observe()
             self._tell(_Worlds(scopes, numbers, begins, acts), before, action)
 
+    def _row(self, name: str) -> int:
+        """Row of what drivers are asked, by its name in `DEALT`."""
+        return self.turn + 1 + DEALT.index(name)
+
     def _begin(self, scopes: ScopeProgram, numbers: Lanes, begins: Value) -> None:
         for name in BEGUN:
-            dealt = scopes.asked.load(_row(name))
+            dealt = scopes.asked.load(self._row(name))
             scopes.ask(name, scopes.program.xp.where(begins, dealt, scopes.world(name)))
         scopes.lay()
         if self.rules.config.task == "withdrawal":
-            begin_from(scopes, begins, scopes.asked.load(_row("case")))
+            begin_from(scopes, begins, scopes.asked.load(self._row("case")))
         if self.rules.covers:
             forget(scopes, numbers.from_slot(self._first_cells), self.rows_of_cells, begins)
 
@@ -122,7 +129,9 @@ class EpisodeProgram:
         xp, rules = scopes.program.xp, self.rules
         slots = [Kept._fields.index(name) for name in ("wheel_up", "wheel_left")]
         wheels = numbers.load(slots[0]), numbers.load(slots[1])
-        wires = Wires(*(scopes.asked.load(_row(name)) for name in ("gain", "slack")), limit=scopes.scope("pull_limit"))
+        wires = Wires(
+            *(scopes.asked.load(self._row(name)) for name in ("gain", "slack")), limit=scopes.scope("pull_limit")
+        )
         hand = {"lead": hand_lead(scopes), "outside": scopes.scope("length") - inserted_length(scopes)}
         inputs = asked(xp, rules.config.drive, rules.interval, action, sound, wheels, wires, **hand)
         rates = {"push_rate": inputs.push_rate, "roll_rate": inputs.roll_rate}
@@ -137,7 +146,7 @@ class EpisodeProgram:
         arc = tip_arc(scopes)
         kept = begun(xp, own.begins, Kept(*(own.numbers.load(slot) for slot in range(len(Kept._fields)))), arc)
         kept = kept._replace(age=kept.age + xp.where(own.acts, 1.0, 0.0))
-        gain, slack, valve, bears = (scopes.asked.load(_row(name)) for name in DEALT[:4])
+        gain, slack, valve, bears = (scopes.asked.load(self._row(name)) for name in DEALT[:4])
         dealt = Dealt(gain, slack, scopes.world("friction"), scopes.length(), valve, bears)
         placed = placed_of(scopes, self.coils if rules.config.imager else ())
         share, near_by = self._look(own, placed, kept)
@@ -157,7 +166,7 @@ class EpisodeProgram:
         if "lumen" in self.rows:
             first = self.rows["lumen"].start
             look(scopes, placed, lambda entry, value: own.tell(first + entry, seen_by.clipped(xp, value)))
-        assert {*told, "lumen"} >= set(self.rows)
+        assert {*told, "lumen", "gas"} >= set(self.rows)
         for slot, value in enumerate(kept):
             own.keep(slot, value)
         for name, rows in ((name, rows) for name, rows in self.rows.items() if name in told):
@@ -196,7 +205,7 @@ class EpisodeProgram:
         """What the device measures, and how that differs from its running means."""
         scopes, xp, config = own.scopes, own.scopes.program.xp, self.rules.config
         rate = xp.where(own.acts, 1 / self.rules.interval, 0.0)
-        taken = tuple(xp.where(own.acts, part, 0.0) for part in action)
+        taken = tuple(xp.where(own.acts, part, 0.0) for part in action[: len(ACTIONS)])
         up, left = wheels
         speed = rate * (scopes.state.load(0) - before[0])
         made: dict[str, Any] = {"state": seen_by.state(xp, self._felt(scopes), (up, left), taken, speed)}
@@ -251,8 +260,3 @@ class _Worlds:
 
     def _put(self, lanes: Lanes, slot: Any, value: Value) -> None:
         lanes.store(slot, self.scopes.program.xp.where(self.begins | self.acts, value, lanes.load(slot)))
-
-
-def _row(name: str) -> int:
-    """Row of what drivers are asked, by its name in `DEALT`."""
-    return TURN + 1 + DEALT.index(name)

@@ -47,7 +47,7 @@ class InPlace(NamedTuple):
     """
 
     action: Any
-    """(worlds, 4), to be written to."""
+    """(worlds, actions), to be written to."""
     observation: dict[str, Any]
     """Parts that programs make, each (worlds, entries); pictures are bytes (worlds, size, size, 4)."""
     reward: Any
@@ -86,7 +86,7 @@ class Episodes(ABC):
         """Begin anew in some worlds."""
 
     @abstractmethod
-    def step(self, action: Float[np.ndarray, "worlds 4"], drawn: Drawn | None = None) -> None:
+    def step(self, action: Float[np.ndarray, "worlds actions"], drawn: Drawn | None = None) -> None:
         """Apply one action in each world but those of `drawn`, which begin anew instead, as in `begin`."""
 
     @property

@@ -16,7 +16,7 @@ from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.coverage import CELL
 from haustra.envs.tasks.episode import EpisodeRules
-from haustra.envs.tasks.episode_program import ACT, BEGIN, DEALT, IN_PROGRAM, REST, TURN, EpisodeProgram
+from haustra.envs.tasks.episode_program import ACT, BEGIN, DEALT, IN_PROGRAM, REST, EpisodeProgram
 from haustra.envs.tasks.episodes import Drawn, Episodes, InPlace
 from haustra.envs.tasks.moment import Kept
 from haustra.envs.tasks.ray_program import lookup_of
@@ -114,10 +114,11 @@ class LinearEpisodes(Episodes):
         self._deal(drawn, REST)
         self._run()
 
-    def step(self, action: Float[np.ndarray, "worlds 4"], drawn: Drawn | None = None) -> None:
+    def step(self, action: Float[np.ndarray, "worlds actions"], drawn: Drawn | None = None) -> None:
         """As `Episodes.step`."""
-        asked = self._linear.ask_driver(0, TURN)
-        asked[:TURN, : self._linear.worlds] = np.where(np.isfinite(action), np.clip(action, -1.0, 1.0), np.nan).T
+        turn = self._program.turn
+        asked = self._linear.ask_driver(0, turn)
+        asked[:turn, : self._linear.worlds] = np.where(np.isfinite(action), np.clip(action, -1.0, 1.0), np.nan).T
         self._deal(drawn, ACT)
         self._run()
 
@@ -126,7 +127,7 @@ class LinearEpisodes(Episodes):
         """As `Episodes.in_place`."""
         columns, rows = self._linear.columns, self._rows
         return InPlace(
-            action=columns("asked", slice(0, TURN)),
+            action=columns("asked", slice(0, self._program.turn)),
             observation={name: columns("told", rows[name]) for name in IN_PROGRAM if name in rows},
             reward=columns("told", rows["reward"]),
             terminated=columns("told", rows["terminated"]),
@@ -146,18 +147,33 @@ class LinearEpisodes(Episodes):
 
     def _deal(self, drawn: Drawn | None, others: float) -> None:
         """Say which worlds begin, with what, and what the others are to do."""
-        linear = self._linear
-        asked = linear.ask_driver(TURN, TURN + 1 if drawn is None else None)
-        asked[TURN, : linear.worlds] = others
+        linear, turn = self._linear, self._program.turn
+        asked = linear.ask_driver(turn, turn + 1 if drawn is None else None)
+        asked[turn, : linear.worlds] = others
         if drawn is None:
             return
         values = linear.deal(drawn.worlds, drawn.case, drawn.conditions)
         values |= {"gain": drawn.gain, "slack": drawn.slack, "bears": drawn.bears}
         values |= {"valve": self._bank.valves[drawn.case], "case": drawn.case}
-        asked[TURN, drawn.worlds] = BEGIN
-        for row, name in enumerate(DEALT, start=TURN + 1):
+        asked[turn, drawn.worlds] = BEGIN
+        for row, name in enumerate(DEALT, start=turn + 1):
             asked[row, drawn.worlds] = values[name]
 
     def _run(self) -> None:
-        self._linear.drive(1)
+        own = self._rows.get("gas")
+        if own is None:
+            self._linear.drive(1)
+        else:
+            self._let_gas(self._linear.columns("told", own))
         self._seen = self._told = None
+
+    def _let_gas(self, shown: Float[np.ndarray, "worlds 3"]) -> None:
+        """A control step in which worlds that act let gas in and out, and what is shown of the gas then."""
+        linear, gas, turn = self._linear, self._linear.gas, self._program.turn
+        assert gas is not None, "a gas action without gas"
+        asked, does = (linear.ask_driver(row, row + 1)[row, : linear.worlds] for row in (turn - 1, turn))
+        share = np.where(does == ACT, np.clip(np.nan_to_num(asked), -1.0, 1.0), 0.0).astype(float)
+        gas.asked = share * self._bank.options.gas_flow
+        linear.drive(1)
+        acted = does != REST
+        shown[acted] = seen_by.arrayed(seen_by.gas(gas.tip_pressure, gas.volume, share))[acted]

@@ -7,7 +7,7 @@ import numpy as np
 from gymnasium import spaces
 
 from haustra.envs.tasks import observation as seen_by
-from haustra.envs.tasks.actions import ACTIONS
+from haustra.envs.tasks.actions import actions_of
 from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.calls import checked_action, require_no_options
 from haustra.envs.tasks.config import TaskConfig
@@ -26,9 +26,9 @@ def observation_space(config: TaskConfig) -> spaces.Space:
     return spaces.Dict(boxes) if config.observation == "dict" else boxes[config.observation]
 
 
-def action_space() -> spaces.Box:
-    """Push, roll, tip up, tip left, each from -1 to 1."""
-    return spaces.Box(-1.0, 1.0, (len(ACTIONS),), np.float32)
+def action_space(config: TaskConfig) -> spaces.Box:
+    """Push, roll, tip up, tip left, and gas where the task asks for it, each from -1 to 1."""
+    return spaces.Box(-1.0, 1.0, (len(actions_of(config)),), np.float32)
 
 
 def configured(config: TaskConfig | dict[str, Any] | None, options: dict[str, Any]) -> TaskConfig:
@@ -52,10 +52,11 @@ class NavigationEnv(gymnasium.Env):
         config: TaskConfig | dict[str, Any] | None = None,
         *,
         bank: ColonSet | None = None,
+        backend: str = "native",
         render_mode: str | None = None,
         **options: Any,
     ) -> None:
-        """Build the bank, or take one.
+        """Build the bank, or take one; `backend` is 'native', or 'linear', which alone has gas.
 
         Raises:
             InvalidOptionError: when an option or the render mode is not known.
@@ -63,10 +64,10 @@ class NavigationEnv(gymnasium.Env):
         if render_mode not in (None, *RENDER_MODES):
             raise InvalidOptionError(f"Render mode '{render_mode}' is not known. Known: {', '.join(RENDER_MODES)}.")
         self.config = configured(config, options)
-        self.task = ScopeTask(self.config, bank=bank)
+        self.task = ScopeTask(self.config, backend=backend, bank=bank)
         self.render_mode = render_mode
         self.observation_space = observation_space(self.config)
-        self.action_space = action_space()
+        self.action_space = action_space(self.config)
         self._window: Any = None
         self._began = False
 
@@ -91,11 +92,11 @@ class NavigationEnv(gymnasium.Env):
         """One action of `TaskConfig.drive.control_interval`.
 
         Raises:
-            InvalidOptionError: before the first reset, or when the action is not four numbers.
+            InvalidOptionError: before the first reset, or when the action is not a number for each of the task's.
         """
         if not self._began:
             raise InvalidOptionError("The environment was not reset: call reset first.")
-        done = self.task.step(checked_action(action, (len(ACTIONS),))[None])
+        done = self.task.step(checked_action(action, (len(actions_of(self.config)),))[None])
         if self.render_mode == "human":
             self.render()
         return (

@@ -28,6 +28,8 @@ IMAGER_SIZE = 4 * 3 + 3 * len(COIL_DISTANCES)
 of the shaft from the tip, in the tip's frame [0.3 m]."""
 LUMEN_SIZE = 1 + RAYS * len(RINGS_DEG) + 2
 """Distances along the rays over `RANGE`, then the direction, up and left, in which the lumen is deep."""
+GAS = ("pressure at the tip [3 kPa]", "gas in the colon [L]", "last gas")
+"""Entries of the gas that a learner with a gas action is shown."""
 AHEAD = (0.02, 0.04, 0.06, 0.08, 0.10)
 """Distances along the centreline of the places ahead that the privileged part gives [m]."""
 UNSEEN_SIZE = 5
@@ -49,20 +51,24 @@ def sizes(config: TaskConfig) -> dict[str, tuple[int, ...]]:
     """Shape of each part that this configuration shows.
 
     Raises:
-        InvalidOptionError: when privileged entries, an imager, memory, depth or pictures are asked for without names.
+        InvalidOptionError: when privileged entries, an imager, gas, memory, depth or pictures are asked for without
+            names.
     """
     size = config.picture_size
     every = {"state": (len(STATE),), "lumen": (LUMEN_SIZE,), "depth": (size, size, 1), "pixels": (size, size, 4)}
     if config.observation != "dict":
-        if any((config.privileged, config.memory, config.imager, config.depth, config.pictures)):
+        named = config.privileged, config.memory, config.imager, config.depth, config.pictures, config.gas_action
+        if any(named):
             raise InvalidOptionError(
-                "Privileged entries, imager, memory, and depth or pictures beside them come under names of their own: "
-                "ask for observation 'dict'."
+                "Privileged entries, imager, gas, memory, and depth or pictures beside them come under names of their "
+                "own: ask for observation 'dict'."
             )
         return {config.observation: every[config.observation]}
     parts = {"state": every["state"], "lumen": every["lumen"]}
     if config.imager:
         parts["imager"] = (IMAGER_SIZE,)
+    if config.gas_action:
+        parts["gas"] = (len(GAS),)
     if config.memory:
         parts["recent"] = (len(config.memory) * measured_size(config),)
     if config.task == "withdrawal":
@@ -181,6 +187,17 @@ def imager(placed: Placed, tip_velocity: Vector) -> tuple[Any, ...]:
         *(part / 0.1 for part in placed.in_frame(tip_velocity)),
         *shaft,
     )
+
+
+def gas(pressure: Any, volume: Any, action: Any) -> tuple[Any, ...]:
+    """What a learner with a gas action is shown of the gas (`GAS`), entry by entry.
+
+    Args:
+        pressure: at the tip, over that of the atmosphere [Pa].
+        volume: of the colon's gas [m^3].
+        action: the last one's share of gas [1].
+    """
+    return pressure / 3000.0, volume / 1e-3, action
 
 
 def forgetting(times: tuple[float, ...], interval: float) -> tuple[float, ...]:

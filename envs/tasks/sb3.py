@@ -8,6 +8,7 @@ from gymnasium.spaces import flatten_space
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 
 from haustra.envs.tasks import observation as seen_by
+from haustra.envs.tasks.actions import actions_of
 from haustra.envs.tasks.navigation import action_space, observation_space
 from haustra.envs.tasks.scope_task import ScopeTask
 
@@ -25,8 +26,8 @@ class ScopeVecEnv(VecEnv):
         """
         self.task, self.render_mode, self._flat, self._stagger = task, None, flat, stagger
         space = observation_space(task.config)
-        super().__init__(task.worlds, flatten_space(space) if flat else space, action_space())
-        self._action = np.zeros((task.worlds, 4))
+        super().__init__(task.worlds, flatten_space(space) if flat else space, action_space(task.config))
+        self._action = np.zeros((task.worlds, len(actions_of(task.config))))
         self._return, self._length = np.zeros(task.worlds), np.zeros(task.worlds, int)
 
     def reset(self) -> Any:

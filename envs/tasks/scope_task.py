@@ -152,13 +152,15 @@ class ScopeTask:
         longest = round(self.config.limits.seconds / self.interval)
         self._episodes.grow_older(np.random.default_rng(seed).integers(0, longest, self.worlds))
 
-    def step(self, action: Float[np.ndarray, "worlds 4"], begins: Bool[np.ndarray, " worlds"] | None = None) -> Step:
+    def step(
+        self, action: Float[np.ndarray, "worlds actions"], begins: Bool[np.ndarray, " worlds"] | None = None
+    ) -> Step:
         """Apply one action in each world. Worlds whose episode is over go on regardless until they are reset.
 
         A world whose action is not finite is lost, as if it had diverged: no policy means that.
 
         Args:
-            action: of each world.
+            action: of each world, by `haustra.envs.tasks.actions.actions_of` the task.
             begins: worlds that begin anew instead of acting: nothing is paid there, and nothing ends.
         """
         self._episodes.step(np.asarray(action, float), self._beginning(begins))

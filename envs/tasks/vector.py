@@ -6,7 +6,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from haustra.envs.tasks.actions import ACTIONS
+from haustra.envs.tasks.actions import actions_of
 from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.calls import checked_action, require_no_options
 from haustra.envs.tasks.config import TaskConfig
@@ -50,7 +50,7 @@ class NavigationVectorEnv(VectorEnv):
         self.metadata = self.metadata | {"autoreset_mode": AutoresetMode(autoreset_mode)}
         self.task = ScopeTask(self.config, worlds=num_envs, threads=threads, backend=backend, bank=bank)
         self.single_observation_space = observation_space(self.config)
-        self.single_action_space = action_space()
+        self.single_action_space = action_space(self.config)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._over = np.zeros(num_envs, bool)
@@ -80,15 +80,15 @@ class NavigationVectorEnv(VectorEnv):
         """One action in each world.
 
         Raises:
-            InvalidOptionError: before the first reset, when there are not four numbers a world, or when an episode is
-                over and nothing resets it.
+            InvalidOptionError: before the first reset, when there is not a number for each action of each world, or
+                when an episode is over and nothing resets it.
         """
         if not self._began:
             raise InvalidOptionError("The environment was not reset: call reset first.")
         mode, begins = self.metadata["autoreset_mode"], self._over.copy()
         if mode is AutoresetMode.DISABLED and begins.any():
             raise InvalidOptionError("Episodes are over and autoreset is disabled: reset them with a reset_mask.")
-        done = self.task.step(checked_action(actions, (self.num_envs, len(ACTIONS))), begins)
+        done = self.task.step(checked_action(actions, (self.num_envs, len(actions_of(self.config)))), begins)
         reward, ended, late = done.reward, done.terminated, done.truncated
         seen, info = done.observation, _info(done.info)
         if begins.any():

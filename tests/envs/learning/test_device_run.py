@@ -18,7 +18,8 @@ from haustra.envs.tasks.config import Limits, TaskConfig
 from haustra.envs.tasks.observation import sizes
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import InvalidOptionError
-from tests.task_bank import DESIGN, short_bank
+from haustra.models.gas.law import MMHG
+from tests.task_bank import DESIGN, hung_bank, short_bank
 
 SMALL = Training(
     learner="device",
@@ -68,6 +69,16 @@ def test_a_policy_sees_depth_alone_while_its_critic_reads_all(tmp_path):
     assert policy.act({"lumen": np.zeros((2, 27), np.float32)}).shape == (2, 4)
     own = shipped("insertion-depth")
     assert set(sizes(own.task)) == {"lumen"} and set(sizes(own.shown)) == {"state", "lumen", "privileged"}
+
+
+def test_a_policy_of_a_task_with_a_gas_action_lets_gas_in(tmp_path):
+    """It reads what is shown of the gas, and its fifth action is gas."""
+    gassed = replace(SMALL.task, mesentery=True, gas=12 * MMHG, gas_start=12 * MMHG, gas_action=True)
+    train(replace(SMALL, steps=256, task=gassed), tmp_path, bank=hung_bank(), threads=1)
+    policy = load_policy(tmp_path)
+    assert policy.config == gassed and sizes(gassed)["gas"] == (3,)
+    seen = {name: np.zeros((2, *shape), np.float32) for name, shape in sizes(gassed).items()}
+    assert policy.act(seen).shape == (2, 5) and policy.deviation is not None and policy.deviation.shape == (5,)
 
 
 def test_costs_of_an_episode_come_to_what_it_did(tmp_path):

@@ -21,7 +21,8 @@ from haustra.envs.learning.train import train
 from haustra.envs.tasks.config import Limits, TaskConfig
 from haustra.envs.tasks.drivers import FollowerDriver, RandomDriver
 from haustra.errors import InvalidOptionError, UnreadableFileError
-from tests.task_bank import DESIGN, short_bank
+from haustra.models.gas.law import MMHG
+from tests.task_bank import DESIGN, hung_bank, short_bank
 
 TASK = TaskConfig(design=DESIGN, limits=Limits(seconds=8.0))
 SMALL = Training(
@@ -63,6 +64,17 @@ def test_thousands_of_worlds_at_a_size_for_tests(tmp_path):
     after = json.loads((tmp_path / "checkpoint.json").read_text())["normaliser"]["seen"]
     assert after[2] > before[2] and before[0] != after[0]
     assert load_policy(tmp_path).config == training.task
+
+
+def test_a_policy_learns_gas_from_the_follower_and_from_reward(tmp_path):
+    """The follower leaves gas to the insufflator: it lets all in below the set point."""
+    task = replace(TASK, mesentery=True, gas=15 * MMHG, gas_start=12 * MMHG, gas_action=True)
+    training = replace(SMALL, steps=128, worlds=2, imitate=64, backend="linear", task=task)
+    train(training, tmp_path, bank=hung_bank(), threads=1)
+    policy = load_policy(tmp_path)
+    found = evaluate(lambda _: PolicyDriver(policy), "own", task, hung_bank(), episodes=1, threads=1, backend="linear")
+    assert all(one.gas_volume_mL for one in found.episodes)
+    assert policy.weights[-1].shape == (5, 16)
 
 
 def test_a_policy_has_the_scaling_of_its_inputs_in_its_layers():

@@ -118,7 +118,7 @@ def test_actions_and_observations_can_stay_in_place():
     for task in tasks:
         task.reset(seeds=list(range(WORLDS)))
     own, over = tasks[0].in_place, np.zeros(WORLDS, bool)
-    assert set(own.observation) == set(IN_PROGRAM) - {"unseen"}
+    assert set(own.observation) == set(IN_PROGRAM) - {"unseen", "gas"}
     for action in actions(70):
         own.action[:] = np.clip(action, -1e30, 1e30)
         found, done = tasks[0].advance(over), tasks[1].step(action, over)
