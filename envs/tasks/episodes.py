@@ -248,9 +248,11 @@ class HostEpisodes(Episodes):
     def _pain(self) -> np.ndarray:
         bank, own = self._bank, self._bank.tables.mesentery
         about: dict[str, Any] = {"diameter": bank.design.diameter, "lengths": self._lengths()}
-        if own is not None:
-            about |= {"own": pick(bank.tables, self._case).mesentery, "radius": bank.node_widths[self._case]}
-        return largest_pain(np, self._seen, **about)[0]
+        if own is None:
+            return largest_pain(np, self._seen, **about)[0]
+        about |= {"own": pick(bank.tables, self._case).mesentery, "radius": bank.node_widths[self._case]}
+        moved = np.asarray(self.backend.displacement, float)  # readings of GPUs leave it there
+        return largest_pain(np, self._seen._replace(displacement=moved), **about)[0]
 
     def _lengths(self) -> np.ndarray:
         return -np.diff(self._bank.scene.cable.node_distances)

@@ -8,11 +8,10 @@ import pytest
 
 from haustra.envs.runs.device_run import run_device
 from haustra.envs.sim.device_native import NativeDevice
-from haustra.envs.sim.device_worlds import load_device_worlds
 from haustra.envs.study.run import Computing, run_sweep
 from haustra.envs.study.study_file import load_study
 from haustra.envs.tasks.device_task import DeviceEnv, DeviceRules
-from haustra.errors import HaustraError, UnsupportedSceneError
+from haustra.errors import HaustraError
 from haustra.models.anatomy.colon import Colon, ColonSegment
 from haustra.models.anatomy.store import save_colon
 from haustra.models.device_scene import build_device_scene, device_options, device_tables, pose_in
@@ -254,12 +253,6 @@ def test_its_tether_pulls_as_the_capstan_says() -> None:
         drags.append(seen["tether_drag"])
     assert drags[0] == pytest.approx(0.02, rel=0.01)
     assert drags[1] / drags[0] == pytest.approx(np.exp(0.5 * np.pi / 2), rel=0.03)
-
-
-def test_warp_refuses_it_by_name() -> None:
-    scene = build_device_scene(robot(), pose=pose_in_any())
-    with pytest.raises(UnsupportedSceneError, match=r"'warp' cannot honour device\.treads = True .* kind 'tracked'"):
-        load_device_worlds("warp", scene, device_tables(scene, [COLON]))
 
 
 def test_gas_widens_the_lumen_about_it_and_it_presses_less() -> None:
