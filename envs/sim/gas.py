@@ -1,4 +1,4 @@
-"""Gas in runs: let in at the tips, it sets how wide each world's lumen is and how stiff its wall."""
+"""Gas and water in runs: let in at the tips, they set how wide each world's lumen is and how stiff its wall."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,6 +23,7 @@ from haustra.models.gas.compartments import (
     typical_colon,
 )
 from haustra.models.gas.law import tension_stiffness, wall_tension
+from haustra.models.gas.water import most_filled, with_water
 from haustra.models.injury.pain import pain
 from haustra.models.injury.perforation import bursting_pressure, gas_load
 from haustra.models.scene import SceneOptions
@@ -35,7 +36,8 @@ ANAL_CANAL = 0.04
 INTERVAL = 0.1
 """Time between two steps of the gas [s]: it fills a colon in minutes."""
 
-_MOMENTARY = ("state", "volume", "pressure_peak", "_due", "_tip", "_share", "_case", "asked", "tissue_stiffness")
+_MOMENTARY = ("state", "volume", "pressure_peak", "_due", "_tip", "_share", "_case", "asked", "pouring")
+_MOMENTARY += ("tissue_stiffness",)
 """What of worlds' gas changes; each value is replaced, never written into."""
 
 
@@ -48,6 +50,8 @@ class GasRecord(NamedTuple):
     """Volume of the colon's gas [m^3]."""
     given: Float[np.ndarray, " records"]
     """Let in through the scope so far, at standard pressure [m^3]."""
+    water: Float[np.ndarray, " records"]
+    """Volume of the colon's water [m^3]."""
 
 
 class GasBurden(NamedTuple):
@@ -116,7 +120,7 @@ class GasWorlds:
         """
         assert options.gas is not None
         self._set_point, self._flow, self._start = options.gas, options.gas_flow, options.gas_start
-        self._start_depth = options.start_depth
+        self._start_depth, self._water = options.start_depth, options.water
         self._lumens = _lumens_of(colons, list(stations), widths)
         self._device, self._bursting = np.asarray(device_radius, float), np.array([*map(bursting_pressure, SEGMENTS)])
         self._case, self._tip, self._due = np.zeros(worlds, int), np.zeros(worlds, int), np.zeros(worlds)
@@ -129,11 +133,14 @@ class GasWorlds:
         """Stiffness of a contact with the wall where nothing makes it taut [N/m]."""
         self.asked: Float[np.ndarray, " worlds"] = np.full(worlds, np.nan)
         """Flow that hands ask for at standard pressure [m^3/s], negative to suck; the insufflator's where NaN."""
+        self.pouring: Float[np.ndarray, " worlds"] = np.zeros(worlds)
+        """Flow of water that hands let in [m^3/s]."""
         self.rows: list[tuple] | None = None
-        """Pressures, volume and what was given of the first world after every advance; None: nobody keeps them."""
-        everyone, none = np.arange(worlds), np.zeros((worlds, len(SEGMENTS)))
-        self.state: GasState = filled(np, self._persons(everyone), none + self._start)
-        """Where the gas is."""
+        """Pressures, gas, what was given and water of the first world after every advance; None: nobody keeps them."""
+        self._require_room(colons)
+        everyone = np.arange(worlds)
+        self.state: GasState = self._begun(everyone)
+        """Where gas and water are."""
         self.begin(everyone, self._case, self.tissue_stiffness)
 
     def begin(
@@ -150,7 +157,21 @@ class GasWorlds:
             tissue_stiffness: of their walls [N/m].
         """
         self._put(worlds, _case=case, tissue_stiffness=tissue_stiffness, _due=0.0, pressure_peak=-np.inf)
-        self._step(worlds, np.full(len(worlds), self._start_depth), filled(np, self._persons(worlds), self._start))
+        self._step(worlds, np.full(len(worlds), self._start_depth), self._begun(worlds))
+
+    def _begun(self, worlds: np.ndarray) -> GasState:
+        """Gas and water of some worlds at the start."""
+        person = self._persons(worlds)
+        state = filled(np, person, self._start)
+        return with_water(np, person, state, self._water) if self._water else state
+
+    def _require_room(self, colons: Sequence[Colon]) -> None:
+        for colon, most in zip(colons, most_filled(np, self._lumens.person), strict=True):
+            if self._water > most:
+                raise InvalidOptionError(
+                    f"Water of {1e6 * self._water:.0f} mL hurts in colon '{colon.name}', whose rectum and sigmoid take "
+                    f"{1e6 * most:.0f} mL: give less."
+                )
 
     def advance(
         self, tip_arc: Float[np.ndarray, " worlds"], seconds: Float[np.ndarray, " worlds"]
@@ -166,7 +187,7 @@ class GasWorlds:
         if len(moving):
             self._step(moving, tip_arc[moving], GasState(*(part[moving] for part in self.state)))
         if self.rows is not None:
-            self.rows.append((self.pressure[0], self.volume[0], float(self.state.given[0])))
+            self.rows.append((self.pressure[0], self.volume[0], float(self.state.given[0]), float(self.water[0].sum())))
         return moving
 
     def _step(self, worlds: np.ndarray, tip_arc: np.ndarray, state: GasState) -> None:
@@ -177,7 +198,8 @@ class GasWorlds:
         tip = lumens.number[case, station.astype(int)]
         insufflated, asked = self._flow * (state.pressure[row, tip] < self._set_point), self.asked[worlds]
         flow = np.where(np.isnan(asked), insufflated, asked)
-        state = step_gas(np, person, state, flow=flow, place=tip, timestep=self._due[worlds])
+        inputs = {"flow": flow, "place": tip, "timestep": self._due[worlds], "pour": self.pouring[worlds]}
+        state = step_gas(np, person, state, **inputs)
         share = np.sqrt(filling(np, person, state.pressure[:, :-1]) / lumens.given[case])
         peak = np.maximum(self.pressure_peak[worlds], state.pressure[:, :-1].max(axis=1))
         volume = gas_volumes(np, person, state).sum(axis=1)
@@ -218,6 +240,11 @@ class GasWorlds:
         """Pressure of each segment now, over that of the atmosphere [Pa]."""
         return self.state.pressure[:, :-1]
 
+    @property
+    def water(self) -> Float[np.ndarray, "worlds segments"]:
+        """Water in each segment now [m^3]."""
+        return self.state.water
+
     def keep(self) -> dict[str, Any]:
         """Where the gas is, to go back to."""
         return {name: getattr(self, name) for name in _MOMENTARY}
@@ -256,6 +283,10 @@ class RunGas:
     def ask(self, flow: float | None) -> None:
         """Let the hand ask for a flow at standard pressure [m^3/s], negative to suck; the insufflator when None."""
         self.worlds.asked = np.array([np.nan if flow is None else flow])
+
+    def pour(self, flow: float) -> None:
+        """Let the hand pour in water [m^3/s]."""
+        self.worlds.pouring = np.array([flow])
 
     def soften(self, tissue_stiffness: float) -> None:
         """Set the stiffness of a contact with the wall where nothing makes it taut [N/m]."""
@@ -297,6 +328,11 @@ class RunGas:
         """Volume of the colon's gas now [m^3]."""
         return float(self.worlds.volume[0])
 
+    @property
+    def water(self) -> Float[np.ndarray, " segments"]:
+        """Water in each segment now [m^3]."""
+        return self.worlds.water[0]
+
     def forget(self) -> None:
         """Drop what was recorded: nobody asks for it of a run without end."""
         self._rows.clear()
@@ -305,7 +341,7 @@ class RunGas:
         """The first so many rows."""
         rows = self._rows[:count]
         if not rows:
-            return GasRecord(np.zeros((0, len(SEGMENTS))), np.zeros(0), np.zeros(0))
+            return GasRecord(np.zeros((0, len(SEGMENTS))), np.zeros(0), np.zeros(0), np.zeros(0))
         return GasRecord(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
