@@ -1,4 +1,4 @@
-"""A scope that is driven live, in linear time, with its instruments, and gas, water, posture and a hand on the belly."""
+"""A scope that is driven live, in linear time, with its instruments, gas and water, posture and a hand on the belly."""
 
 import math
 from dataclasses import asdict, replace

@@ -137,7 +137,8 @@ class GasWorlds:
         """Flow of water that hands let in [m^3/s]."""
         self.rows: list[tuple] | None = None
         """Pressures, gas, what was given and water of the first world after every advance; None: nobody keeps them."""
-        self._require_room(colons)
+        for colon in colons if self._water else ():
+            require_room(colon, self._water)
         everyone = np.arange(worlds)
         self.state: GasState = self._begun(everyone)
         """Where gas and water are."""
@@ -164,14 +165,6 @@ class GasWorlds:
         person = self._persons(worlds)
         state = filled(np, person, self._start)
         return with_water(np, person, state, self._water) if self._water else state
-
-    def _require_room(self, colons: Sequence[Colon]) -> None:
-        for colon, most in zip(colons, most_filled(np, self._lumens.person), strict=True):
-            if self._water > most:
-                raise InvalidOptionError(
-                    f"Water of {1e6 * self._water:.0f} mL hurts in colon '{colon.name}', whose rectum and sigmoid take "
-                    f"{1e6 * most:.0f} mL: give less."
-                )
 
     def advance(
         self, tip_arc: Float[np.ndarray, " worlds"], seconds: Float[np.ndarray, " worlds"]
@@ -363,6 +356,24 @@ def gas_pressures(
 ) -> Float[np.ndarray, "records places"] | None:
     """Pressures at arc lengths [m], of the first so many rows [Pa]; None of a run without gas."""
     return gas and gas.record(count).pressure[:, gas.segments_at(arcs)]
+
+
+def require_room(colon: Colon, water: float) -> None:
+    """Refuse to begin with more water than rectum and sigmoid take at the pressure that hurts [m^3].
+
+    Raises:
+        InvalidOptionError: naming both volumes.
+    """
+    most = float(most_filled(np, _person_of(colon)))
+    if water > most:
+        raise InvalidOptionError(
+            f"Water of {1e6 * water:.0f} mL hurts in colon '{colon.name}', whose rectum and sigmoid take "
+            f"{1e6 * most:.0f} mL: give less."
+        )
+
+
+def _person_of(colon: Colon) -> GasColon:
+    return typical_colon(segment_volumes(colon), pressure=opened_at(colon))
 
 
 def _with(old: np.ndarray, worlds: np.ndarray, new: Any) -> np.ndarray:

@@ -237,7 +237,7 @@ class LinearBackend(AbstractBackend):
 
     def hang(self, way: Int[np.ndarray, " worlds"]) -> None:
         """Let each world's colon hang that way, of those that its tables' mesenteries come in one after the other."""
-        self.give("first_node", self._first_node(np.arange(self.worlds), self._case, way))
+        self.give("first_node", self._first_node(np.arange(self.worlds), self._case, way).astype(float))
 
     def _first_node(self, worlds: np.ndarray, case: np.ndarray, way: Any) -> np.ndarray:
         if self._world_axes is not None:

@@ -18,6 +18,7 @@ from haustra.models.anatomy.colon import Colon
 from haustra.models.device_scene import build_device_scene, device_options
 from haustra.models.devices.base import load_device
 from haustra.models.scene import SceneOptions, entry_of
+from haustra.models.wall import mesentery
 from haustra.models.wall.abdomen import DOWN, Abdomen
 from haustra.models.wall.lumen_table import lumen_table, stack
 from haustra.provenance import Provenance
@@ -143,3 +144,25 @@ def test_water_changes_what_a_scope_meets(colon: Colon):
     wet, dry = (pushed(batch_of(colon, 1, water=water)) for water in (2e-4, 0.0))
     assert np.abs(wet - dry).max() > 1e-3
     assert OPTIONS.water == 0.0
+
+
+def test_worlds_whose_colons_hang_otherwise_bear_water_that_way(colon: Colon):
+    """The second of two worlds is turned onto the left side: it sinks as one that lay so from the beginning."""
+    scene = scene_of(colon, **MOVING)
+    about = {"device_radius": scene.cable.radius, "with_mesentery": True}
+    back, left = (
+        lumen_table(colon, **about, abdomen=Abdomen(posture)).seen_from(*entry_of(colon))
+        for posture in ("supine", "left")
+    )
+    assert back.mesentery is not None and left.mesentery is not None
+    both = stack([back])._replace(mesentery=mesentery.stack([back.mesentery, left.mesentery]))
+    turned, alone = (
+        LinearBackend(scene, tables, worlds=count, real=np.float64) for tables, count in ((both, 2), (stack([left]), 1))
+    )
+    turned.hang(np.array([0, 1]))
+    pushed(turned, 1.0)
+    pushed(alone, 1.0)
+    places, lying = turned.displacement, alone.displacement
+    assert places is not None and lying is not None
+    np.testing.assert_allclose(places[1], lying[0], atol=1e-9)
+    assert np.abs(places[0] - places[1]).max() > 1e-4

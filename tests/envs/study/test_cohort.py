@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -206,3 +207,17 @@ def test_patients_are_examined_side_by_side_and_kept(tmp_path):
         assert scores["caecum"] == scores["any_loop"] == scores["half_metre"] == 0
         assert float(scores["p_perforation"] or 0.0) < 0.01
         assert scores["axial_rectum_N"] != 0 and scores["axial_caecum_N"] is None
+
+
+def test_patients_are_examined_under_water_and_too_much_of_it_is_refused_by_name(tmp_path):
+    """Two litres go into nobody's rectum and sigmoid: who cannot be examined says so, in one line."""
+    asked = cohort_study("quick", drivers=("follower",), patients=1, seconds=1.0)
+    fixed = tuple(each for each in asked.variables if each.path != "patient.gas_pressure")
+    states = []
+    for water in (1e-4, 2e-3):
+        options = {**asked.options, "water": water}
+        study = replace(asked, variables=fixed, changes={"patient.gas_pressure": 2000.0}, options=options)
+        jobs = list(jobs_of(study, designs_of(study)))
+        (found,) = find_backend("cohort", "linear").start(study, tmp_path)(jobs)
+        states.append(found.state)
+    assert states == ["finished", "failed"] and "rectum and sigmoid take" in found.reason
