@@ -27,7 +27,7 @@ from haustra.envs.study.study import Job, Result, Study
 from haustra.envs.tasks.case import case_of
 from haustra.envs.tasks.ray_program import LumenSight, lookup_of
 from haustra.envs.tasks.sight import Sight
-from haustra.errors import HaustraError
+from haustra.errors import HaustraError, UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.files import find_design
 from haustra.models.presets import PRESETS, TABLE
@@ -146,6 +146,19 @@ def _filled(study: Study) -> dict[str, Any]:
     return {"gas": pressure, "gas_start": pressure, "water": float(water)}
 
 
+def _prepare_gpu(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
+    """Refuse water, before anything is grown.
+
+    Raises:
+        UnsupportedSceneError: where there is water.
+    """
+    if _filled(study):
+        raise UnsupportedSceneError(
+            "The backend 'linear-gpu' cannot honour options.water, which needs gas; linear can."
+        )
+    _prepare(study, folder, tell)
+
+
 class _Colons:
     """Colons of patients, each once whoever examines it."""
 
@@ -192,5 +205,5 @@ def together(tables: Sequence[Sequence[Tables]]) -> Tables:
 
 LINEAR = Backend(start=partial(_start, device="cpu"), batch=_JOBS, most_workers=1, prepare=_prepare)
 """One process, whose threads step all patients of a batch."""
-LINEAR_GPU = Backend(start=partial(_start, device="cuda"), batch=4096, most_workers=1, prepare=_prepare)
+LINEAR_GPU = Backend(start=partial(_start, device="cuda"), batch=4096, most_workers=1, prepare=_prepare_gpu)
 """One process: it fills the device by itself."""

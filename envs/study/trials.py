@@ -24,7 +24,7 @@ from haustra.assets import asset, assets
 from haustra.envs.study.run import Computing, run_sweep
 from haustra.envs.study.store import read_store
 from haustra.envs.study.study import Sampler, Study
-from haustra.errors import InvalidOptionError, InvalidStudyError
+from haustra.errors import InvalidOptionError, InvalidStudyError, UnsupportedSceneError
 from haustra.fields import number, read_fields, span, texts
 from haustra.provenance import file_hash
 from haustra.reading import read_document
@@ -236,6 +236,11 @@ def run_trials(
     studies = {
         (name, arm.name): arm_study(trial, path, arm, **asked) for name, trial, path in trials for arm in trial.arms
     }
+    for (name, _), study in studies.items():  # before the first runs, not when it is their turn
+        if backend == "linear-gpu" and study.options.get("water") is not None:
+            raise UnsupportedSceneError(
+                f"The backend 'linear-gpu' cannot honour the gas of the trial '{name}'; linear can: name other trials."
+            )
     computing = Computing(backend=backend)
     for index, ((name, arm), study) in enumerate(studies.items()):
         progress(index, len(studies), f"{name}: {arm}")

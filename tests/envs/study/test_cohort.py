@@ -16,7 +16,7 @@ from haustra.envs.study.cohort_table import observables, published, verdicts, wi
 from haustra.envs.study.patients import Patient, clinic_number, numbers, patient_variables, traits
 from haustra.envs.study.questions import find_backend
 from haustra.envs.study.sampling import designs_of, jobs_of
-from haustra.errors import InvalidOptionError
+from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.fields import declaration_of
 from haustra.models.anatomy.landmarks import SEGMENTS
 from haustra.scripts.bench.drivers import settings_files
@@ -221,3 +221,5 @@ def test_patients_are_examined_under_water_and_too_much_of_it_is_refused_by_name
         (found,) = find_backend("cohort", "linear").start(study, tmp_path)(jobs)
         states.append(found.state)
     assert states == ["finished", "failed"] and "rectum and sigmoid take" in found.reason
+    with pytest.raises(UnsupportedSceneError, match=r"options\.water"):
+        find_backend("cohort", "linear-gpu").prepare(study, tmp_path, lambda note: None)

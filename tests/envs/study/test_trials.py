@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haustra.envs.study.trials import Trial, answered, arm_study, load_trial, trial_names
-from haustra.errors import InvalidOptionError, InvalidStudyError
+from haustra.envs.study.trials import Trial, answered, arm_study, load_trial, run_trials, trial_names
+from haustra.errors import InvalidOptionError, InvalidStudyError, UnsupportedSceneError
 
 NAMES = trial_names()
 
@@ -132,3 +132,9 @@ def test_the_arms_of_water_against_air_differ_by_water_and_pressure_under_the_sa
         assert "water" not in study.options
     with pytest.raises(InvalidStudyError, match=r"patient\.gas_pressure"):
         arm_study(trial, path, replace(trial.arms[0], gas_pressure=None), patients=4, driver="follower", seconds=10.0)
+
+
+def test_a_gpu_refuses_the_trial_of_water_before_any_is_run(tmp_path: Path) -> None:
+    with pytest.raises(UnsupportedSceneError, match="trial 'water'"):
+        run_trials(["flaccid", "water"], tmp_path, patients=3, driver="follower", seconds=1.0, backend="linear-gpu")
+    assert not list(tmp_path.iterdir())
