@@ -109,6 +109,9 @@ class SceneOptions:
     """Flow of the gas that insufflation lets in [m^3/s]; 0.25 L/min by default, as in colonoscopy."""
     gas_start: float = number("Pa", 300.0, 8000.0, default=2000.0)
     """Gas pressure that the colon is filled to at the start [Pa]."""
+    water: float = number("m^3", 0.0, 2e-3, default=0.0)
+    """Water in rectum and sigmoid at the start [m^3], in the place of gas there; with gas only. It stays in its
+    segment, and weighs on a colon that moves, as the patient lies (`haustra.models.gas.water`)."""
     insertion_limit: float | None = number("m", 0.01, 10.0, default=None)
     """Length of scope that the scene models [m]; the whole scope, or as much as the colon can take, when None."""
     gravity: tuple[float, float, float] = vector(*[Number("m/s^2", -100.0, 100.0)] * 3, default=(0.0, 0.0, 0.0))
@@ -124,6 +127,8 @@ class SceneOptions:
             )
         if self.gas is not None and self.wall_law != "table":
             raise InvalidOptionError(f"Gas moves the wall of law 'table' only, not that of '{self.wall_law}'.")
+        if self.water and self.gas is None:
+            raise InvalidOptionError("Water takes the place of gas: give a set point of gas too, or leave water out.")
         for name, usual in (("elasticity", LINEAR), ("friction_rise", 0.0)):
             if (asked := getattr(self, name)) != usual and self.wall_law != "table":
                 raise InvalidOptionError(
@@ -321,6 +326,8 @@ def _left_out(
         left_out["gas"] = "the lumen is as wide as the colon that was given; nothing fills, empties or collapses it"
     else:
         left_out["tone that comes and goes"] = "gas meets a typical person's wall, and a scope holds no segment open"
+    if options.water:
+        left_out["flow of water"] = "it stays in the segment that it was put in, and its depth presses on no wall"
     if modelled < design.length - 1e-9:
         left_out["shaft outside"] = f"the last {design.length - modelled:.3f} m of shaft never enter this colon"
     if options.wall_law == "table":

@@ -87,6 +87,8 @@ class Run:
     """Flow of the gas that insufflation lets in [m^3/s]; 0.25 L/min when not given."""
     gas_start: float | None = number("Pa", 300.0, 8000.0, default=None)
     """Gas pressure that the colon is filled to at the start [Pa]; 15 mmHg when not given."""
+    water: str | None = None
+    """Water in rectum and sigmoid at the start ('300mL', '0.3L'), in the place of gas; with --insufflate."""
     whole_shaft: bool = False
     """Model all of the shaft from the start, as scene.xml does.
     Otherwise shaft outside the patient is added when needed: faster, and nearly the same until a scope jams."""
@@ -218,8 +220,12 @@ class Run:
             from haustra.models.anatomy.insufflation import pressure_from
 
             chosen["gas"] = pressure_from(self.insufflate)
-        elif chosen:
-            raise InvalidOptionError("A flow or pressure of gas needs gas: give --insufflate 25mmHg too.")
+        elif chosen or self.water is not None:
+            raise InvalidOptionError("Water, or a flow or pressure of gas, needs gas: give --insufflate 25mmHg too.")
+        if self.water is not None:
+            from haustra.models.gas.water import volume_from
+
+            chosen["water"] = volume_from(self.water)
         names = ("posture", "mobile", "adhesions", "pressed", "envelope", "breathing", "loops_touch")
         around = Abdomen(**{name: getattr(self, name) for name in names})
         return chosen if around == Abdomen() else {**chosen, "abdomen": around}

@@ -1,4 +1,4 @@
-"""A scope that is driven live, in linear time, with its instruments, and gas, posture and a hand on the belly."""
+"""A scope that is driven live, in linear time, with its instruments, gas and water, posture and a hand on the belly."""
 
 import math
 from dataclasses import asdict, replace
@@ -22,6 +22,7 @@ from haustra.envs.sim.state import Controls
 from haustra.envs.view.picture.lens import lens_of
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.design import ScopeDesign
+from haustra.models.gas.numbers import gas_numbers
 from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
 from haustra.models.wall import mesentery
 from haustra.models.wall.abdomen import DOWN, Abdomen
@@ -118,6 +119,7 @@ class ScopeVehicle(Vehicle):
         hand = Controls(push, asked["roll"], **self._steered(asked["up"], asked["left"]))
         if self._scope.gas is not None:
             self._let_gas(asked["gas"])
+            self._scope.gas.pour(asked["water"] * gas_numbers()["water.flow"])
         if self._channel is not None:
             self._channel.hold(self._value("instrument"), seen, self._tracker.arc)
         sound = self._scope.step(hand, self._steps)
@@ -170,6 +172,7 @@ class ScopeVehicle(Vehicle):
         }
         if gas is not None:
             row |= {"gas_pressure": gas.pressure.copy(), "gas_volume": gas.volume}
+            row["water_volume"] = float(gas.water.sum())
         frame = {"shape": self._scope.shape(), "pressed": burden.pressed[0], "pain": burden.pain[0]}
         if seen.displacement is not None:
             frame["displacement"] = seen.displacement
@@ -284,7 +287,10 @@ def _levers(options: SceneOptions) -> tuple[Lever, ...]:
         Lever("up", "1", -1.0, 1.0, knob=True, about="large knob: up, down"),
         Lever("left", "1", -1.0, 1.0, knob=True, about="small knob: left, right"),
     )
-    return (*levers, Lever("gas", "1", -1.0, 1.0, about="insufflate, suck")) if options.gas is not None else levers
+    if options.gas is None:
+        return levers
+    gas = Lever("gas", "1", -1.0, 1.0, about="insufflate, suck, water first")
+    return (*levers, gas, Lever("water", "1", 0.0, 1.0, about="pour in water"))
 
 
 def _conditions(options: SceneOptions) -> tuple[Condition, ...]:

@@ -1,4 +1,4 @@
-"""Gas in runs: let in at the tips, it sets how wide each world's lumen is and how stiff its wall."""
+"""Gas and water in runs: let in at the tips, they set how wide each world's lumen is and how stiff its wall."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -24,6 +24,7 @@ from haustra.models.gas.compartments import (
     typical_colon,
 )
 from haustra.models.gas.law import tension_stiffness, wall_tension
+from haustra.models.gas.water import most_filled, with_water
 from haustra.models.injury.pain import pain
 from haustra.models.injury.perforation import bursting_pressure, gas_load
 from haustra.models.scene import SceneOptions
@@ -36,8 +37,10 @@ ANAL_CANAL = 0.04
 INTERVAL = 0.1
 """Time between two steps of the gas [s]: it fills a colon in minutes."""
 
-_MOMENTARY = ("_sought", "_moved", "pressure_peak", "_due", "_tip", "_case", "asked", "tissue_stiffness")
+_MOMENTARY = ("_sought", "_moved", "pressure_peak", "_due", "_tip", "_case", "asked", "pouring", "tissue_stiffness")
 """What of worlds' gas changes; each value is replaced, never written into."""
+_STEPPED = ("flow", "place", "timestep", "pour")
+"""What a step of the gas is given, as `step_gas` names it."""
 
 
 class GasRecord(NamedTuple):
@@ -49,6 +52,8 @@ class GasRecord(NamedTuple):
     """Volume of the colon's gas [m^3]."""
     given: Float[np.ndarray, " records"]
     """Let in through the scope so far, at standard pressure [m^3]."""
+    water: Float[np.ndarray, " records"]
+    """Volume of the colon's water [m^3]."""
 
 
 class GasBurden(NamedTuple):
@@ -117,7 +122,7 @@ class GasWorlds:
         """
         assert options.gas is not None
         self.set_point, self._flow, self._start = options.gas, options.gas_flow, options.gas_start
-        self._start_depth = options.start_depth
+        self._start_depth, self._water = options.start_depth, options.water
         self._lumens = _lumens_of(colons, list(stations), widths)
         self._device, self._bursting = np.asarray(device_radius, float), np.array([*map(bursting_pressure, SEGMENTS)])
         self._case, self._tip, self._due = np.zeros(worlds, int), np.zeros(worlds, int), np.zeros(worlds)
@@ -129,13 +134,17 @@ class GasWorlds:
         """Flow that hands ask for at standard pressure [m^3/s], negative to suck; the insufflator's where NaN."""
         self._sought: Float[np.ndarray, " worlds"] = np.zeros(worlds)
         """What they have asked for since the gas last moved [m^3]."""
+        self.pouring: Float[np.ndarray, " worlds"] = np.zeros(worlds)
+        """Flow of water that hands let in [m^3/s]."""
         self.rows: list[tuple] | None = None
-        """Pressures, volume and what was given of the first world after every advance; None: nobody keeps them."""
+        """Pressures, gas, what was given and water of the first world after every advance; None: nobody keeps them."""
+        for colon in colons if self._water else ():
+            require_room(colon, self._water)
         everyone, own = np.arange(worlds), [*self._lumens.person, self._lumens.given]
         self._persons: Float[np.ndarray, "colons numbers"] = _beside(own)
-        state = self._filled(everyone)
+        state = self._begun(everyone)
         sizes, changing = tuple(map(_size, own)), tuple(map(_size, state))
-        self._law, self._columns = row_law(_moved_on, (*sizes, *changing, None, None, None)), _columns(changing)
+        self._law, self._columns = row_law(_moved_on, (*sizes, *changing, *[None] * len(_STEPPED))), _columns(changing)
         self._moved: Float[np.ndarray, "worlds told"] = _beside([*state, np.ones((worlds, len(SEGMENTS) + 1))])
         self.begin(everyone, self._case, self.tissue_stiffness)
 
@@ -153,7 +162,7 @@ class GasWorlds:
             tissue_stiffness: of their walls [N/m].
         """
         self._put(worlds, _case=case, tissue_stiffness=tissue_stiffness, _due=0.0, _sought=0.0, pressure_peak=-np.inf)
-        self._step(worlds, np.full(len(worlds), self._start_depth), _beside(self._filled(worlds)))
+        self._step(worlds, np.full(len(worlds), self._start_depth), _beside(self._begun(worlds)))
 
     def advance(
         self, tip_arc: Float[np.ndarray, " worlds"], seconds: Float[np.ndarray, " worlds"]
@@ -169,7 +178,7 @@ class GasWorlds:
         if len(moving):
             self._step(moving, tip_arc[moving], self._moved[moving, : -len(SEGMENTS) - 1])
         if self.rows is not None:
-            self.rows.append((self.pressure[0], self.volume[0], float(self.state.given[0])))
+            self.rows.append((self.pressure[0], self.volume[0], float(self.state.given[0]), float(self.water[0].sum())))
         return moving
 
     def _step(self, worlds: np.ndarray, tip_arc: np.ndarray, state: Float[np.ndarray, "some numbers"]) -> None:
@@ -185,7 +194,7 @@ class GasWorlds:
             self._due[worlds],
         )
         flow = np.where(np.isnan(sought), insufflated, sought / np.maximum(due, 1e-9))
-        told = self._law(_beside([self._persons[case], state, flow, tip, due]))
+        told = self._law(_beside([self._persons[case], state, flow, tip, due, self.pouring[worlds]]))
         peak = np.maximum(self.pressure_peak[worlds], self._apart(told).pressure[:, :-1].max(axis=1))
         self._put(worlds, _due=0.0, _sought=0.0, _tip=tip, _moved=told, pressure_peak=peak)
 
@@ -193,10 +202,11 @@ class GasWorlds:
         for name, value in values.items():
             setattr(self, name, _with(getattr(self, name), worlds, value))
 
-    def _filled(self, worlds: np.ndarray) -> GasState:
-        """Some worlds at the pressure of the start."""
+    def _begun(self, worlds: np.ndarray) -> GasState:
+        """Gas and water of some worlds at the start."""
         person = GasColon(*(part[self._case[worlds]] for part in self._lumens.person))
-        return filled(np, person, self._start)
+        state = filled(np, person, self._start)
+        return with_water(np, person, state, self._water) if self._water else state
 
     @property
     def state(self) -> GasState:
@@ -249,6 +259,11 @@ class GasWorlds:
         """Pressure of each segment now, over that of the atmosphere [Pa]."""
         return self.state.pressure[:, :-1]
 
+    @property
+    def water(self) -> Float[np.ndarray, "worlds segments"]:
+        """Water in each segment now [m^3]."""
+        return self.state.water
+
     def keep(self) -> dict[str, Any]:
         """Where the gas is, to go back to."""
         return {name: getattr(self, name) for name in _MOMENTARY}
@@ -287,6 +302,10 @@ class RunGas:
     def ask(self, flow: float | None) -> None:
         """Let the hand ask for a flow at standard pressure [m^3/s], negative to suck; the insufflator when None."""
         self.worlds.asked = np.array([np.nan if flow is None else flow])
+
+    def pour(self, flow: float) -> None:
+        """Let the hand pour in water [m^3/s]."""
+        self.worlds.pouring = np.array([flow])
 
     def soften(self, tissue_stiffness: float) -> None:
         """Set the stiffness of a contact with the wall where nothing makes it taut [N/m]."""
@@ -328,6 +347,11 @@ class RunGas:
         """Volume of the colon's gas now [m^3]."""
         return float(self.worlds.volume[0])
 
+    @property
+    def water(self) -> Float[np.ndarray, " segments"]:
+        """Water in each segment now [m^3]."""
+        return self.worlds.water[0]
+
     def forget(self) -> None:
         """Drop what was recorded: nobody asks for it of a run without end."""
         self._rows.clear()
@@ -336,7 +360,7 @@ class RunGas:
         """The first so many rows."""
         rows = self._rows[:count]
         if not rows:
-            return GasRecord(np.zeros((0, len(SEGMENTS))), np.zeros(0), np.zeros(0))
+            return GasRecord(np.zeros((0, len(SEGMENTS))), np.zeros(0), np.zeros(0), np.zeros(0))
         return GasRecord(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
@@ -363,8 +387,8 @@ def gas_pressures(
 def _moved_on(xp: Any, *given: Any) -> tuple[Any, ...]:
     """The state after a step, how wide each segment is then, and what the colon holds; compiled."""
     person, (full, *begun) = GasColon(*given[: len(GasColon._fields)]), given[len(GasColon._fields) :]
-    *state, flow, place, timestep = begun
-    state = step_gas(xp, person, GasState(*state), flow=flow, place=place, timestep=timestep)
+    state, inputs = begun[: len(GasState._fields)], dict(zip(_STEPPED, begun[len(GasState._fields) :], strict=True))
+    state = step_gas(xp, person, GasState(*state), **inputs)
     share = xp.sqrt(filling(xp, person, state.pressure[..., :-1]) / full)
     return *state, share, gas_volumes(xp, person, state).sum(-1)
 
@@ -382,6 +406,24 @@ def _columns(sizes: Sequence[Size]) -> list[Any]:
 def _beside(parts: Sequence[np.ndarray]) -> Float[np.ndarray, "worlds numbers"]:
     """Numbers of worlds side by side."""
     return np.concatenate([part[:, None] if part.ndim == 1 else part for part in parts], axis=1)
+
+
+def require_room(colon: Colon, water: float) -> None:
+    """Refuse to begin with more water than rectum and sigmoid take at the pressure that hurts [m^3].
+
+    Raises:
+        InvalidOptionError: naming both volumes.
+    """
+    most = float(most_filled(np, _person_of(colon)))
+    if water > most:
+        raise InvalidOptionError(
+            f"Water of {1e6 * water:.0f} mL hurts in colon '{colon.name}', whose rectum and sigmoid take "
+            f"{1e6 * most:.0f} mL: give less."
+        )
+
+
+def _person_of(colon: Colon) -> GasColon:
+    return typical_colon(segment_volumes(colon), pressure=opened_at(colon))
 
 
 def _with(old: np.ndarray, worlds: np.ndarray, new: Any) -> np.ndarray:

@@ -19,6 +19,7 @@ from haustra.envs.sim.physics.hand import hand_force
 from haustra.envs.sim.physics.lock import lock_activation
 from haustra.envs.sim.physics.wires import sheath_angle
 from haustra.envs.sim.state import SPEED_LIMIT, Controls, Readings
+from haustra.envs.sim.water_weight import WaterWeight
 from haustra.envs.sim.wheels import Wheels
 from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import Colon
@@ -46,6 +47,7 @@ FATAL_WARNINGS = [
     )
 ]
 """Numbers of MuJoCo's warnings after which a state is not sound."""
+_ONLY = np.zeros(1, int)
 LEAST_CHANGE = 1e-3
 """The wall is moved when the share of its width changed by this [1]: 0.02 mm of its radius; a tolerance."""
 
@@ -119,6 +121,8 @@ class NativeEngine:
             self._rest, self._placed = self._wall.table.copy(), np.ones(len(self._wall.table))
             own = {"stations": len(self._rest), "device_radius": self.table.device_radius}
             self.gas = run_gas(scene.colon, scene.options, **own)
+            hung = stack([self.table.tables]).mesentery
+            self._weight = hung and WaterWeight([scene.colon], hung)
         self._energies = EnergyMeter(model, wall_stiffness=stiffness)
         self._yield_to_gas(anew=True)
         mujoco.mj_forward(self.model, self.data)
@@ -150,13 +154,15 @@ class NativeEngine:
         return self.healthy()
 
     def _yield_to_gas(self, *, anew: bool = False) -> None:
-        """Put the wall where gas holds it, as stiff as it makes it."""
+        """Put the wall where gas and water hold it, as stiff and as heavy as they make it."""
         if self.gas:
             assert isinstance(self._wall, TableWall) and self.table
             widths = self.gas.widths
             if anew or np.abs(widths - self._placed).max() > LEAST_CHANGE:
                 put_distended(self._wall.table, self._rest, widths, device_radius=self.table.device_radius)
                 self._placed = widths
+            if self._weight:
+                self._wall.weigh(self._weight.loads(_ONLY, self.gas.water[None])[0])
             self._wall.set_stiffness(self.gas.stiffness)
             self._stiffness[:] = self.gas.stiffness
 

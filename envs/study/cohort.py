@@ -66,6 +66,10 @@ class CohortOptions:
     """Integration step [s]."""
     stiffen_in: Literal["never", "descending", "transverse", "ascending"] = "never"
     """Segment at whose beginning a scope's stiffening ring is turned to its stiffest setting."""
+    water: float | None = number("m^3", 0.0, 2e-3, default=None)
+    """Water in rectum and sigmoid at the start [m^3]; then gas moves through all colons, from the pressure that they
+    have in common (`patient.gas_pressure` among the changes) and up to it. None, unlike 0: colons are as wide as they
+    were grown throughout."""
 
 
 @dataclass(frozen=True)
@@ -180,9 +184,11 @@ def check(study: Study, variables: Mapping[str, float], conditions: Mapping[str,
     """The patient, once driver and device are known to exist.
 
     Raises:
-        HaustraError: as `Examiner.of` and `patient_of`.
+        HaustraError: as `Examiner.of` and `patient_of`; when there is water, but no pressure of all.
     """
     Examiner.of(conditions)
+    if study.options.get("water") is not None and "patient.gas_pressure" not in study.changes:
+        raise InvalidStudyError("options.water: gas has one pressure in all patients: change patient.gas_pressure.")
     return patient_of(study, variables)
 
 

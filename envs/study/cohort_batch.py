@@ -16,6 +16,7 @@ from haustra.envs.learning.hands import BatchHands
 from haustra.envs.runs.linear_insertions import LinearInsertions
 from haustra.envs.runs.outcome import Outcome
 from haustra.envs.sim.conditions import Conditions
+from haustra.envs.sim.gas import require_room
 from haustra.envs.study.clinic_watch import EVERY, ClinicWatch
 from haustra.envs.study.cohort import Examiner, patient_of
 from haustra.envs.study.patients import Patient, clinic_number, grow_patients
@@ -26,7 +27,7 @@ from haustra.envs.study.study import Job, Result, Study
 from haustra.envs.tasks.case import case_of
 from haustra.envs.tasks.ray_program import LumenSight, lookup_of
 from haustra.envs.tasks.sight import Sight
-from haustra.errors import HaustraError
+from haustra.errors import HaustraError, UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.files import find_design
 from haustra.models.presets import PRESETS, TABLE
@@ -77,10 +78,11 @@ def _examined(
     """Results of patients who are examined in one batch, each by an examiner."""
     design, policy = find_design(examiners[0].device), examiners[0].policy
     own, patients, sound, settings = _Colons(design.diameter / 2), [], [], []
+    filled = _filled(study)
     for job, examiner in zip(jobs, examiners, strict=True):
         try:
             patient = patient_of(study, job.variables)
-            own.take(patient)
+            own.take(patient, water=filled.get("water", 0.0))
         except HaustraError as error:
             yield Result(job.id, "failed", reason=" ".join(str(error).split()))
             continue
@@ -96,6 +98,7 @@ def _examined(
         timestep=float(study.options["timestep"]),
         push_limit=clinic_number("hand_push"),
         torque_limit=clinic_number("hand_torque"),
+        **filled,
     )
     longest = max(own.colons, key=lambda colon: colon.centreline.length)
     batch = LinearInsertions(
@@ -135,6 +138,27 @@ def _examined(
         yield Result(job.id, "finished", scores=about | watch.scores(index), curves=watch.curves(index))
 
 
+def _filled(study: Study) -> dict[str, Any]:
+    """Options of scenes by which gas and water move through colons, where the study has water."""
+    if (water := study.options.get("water")) is None:
+        return {}
+    pressure = float(study.changes["patient.gas_pressure"])
+    return {"gas": pressure, "gas_start": pressure, "water": float(water)}
+
+
+def _prepare_gpu(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
+    """Refuse water, before anything is grown.
+
+    Raises:
+        UnsupportedSceneError: where there is water.
+    """
+    if _filled(study):
+        raise UnsupportedSceneError(
+            "The backend 'linear-gpu' cannot honour options.water, which needs gas; linear can."
+        )
+    _prepare(study, folder, tell)
+
+
 class _Colons:
     """Colons of patients, each once whoever examines it."""
 
@@ -145,11 +169,16 @@ class _Colons:
         self.case: list[int] = []
         """Which colon each patient that was taken has."""
 
-    def take(self, patient: Patient) -> None:
-        """Tabulate a patient's colon, unless that was done."""
+    def take(self, patient: Patient, *, water: float) -> None:
+        """Tabulate a patient's colon, unless that was done.
+
+        Raises:
+            HaustraError: when it cannot be grown, or takes less than so much water [m^3].
+        """
         known = tuple(sorted(patient.values.items()))
         if known not in self._seen:
             colon = patient.colon()
+            require_room(colon, water)
             self.tables.append(hung_tables(patient, colon, self.radius))
             self.colons.append(colon)
             self._seen[known] = len(self._seen)
@@ -176,5 +205,5 @@ def together(tables: Sequence[Sequence[Tables]]) -> Tables:
 
 LINEAR = Backend(start=partial(_start, device="cpu"), batch=_JOBS, most_workers=1, prepare=_prepare)
 """One process, whose threads step all patients of a batch."""
-LINEAR_GPU = Backend(start=partial(_start, device="cuda"), batch=4096, most_workers=1, prepare=_prepare)
+LINEAR_GPU = Backend(start=partial(_start, device="cuda"), batch=4096, most_workers=1, prepare=_prepare_gpu)
 """One process: it fills the device by itself."""

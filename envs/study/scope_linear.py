@@ -23,7 +23,7 @@ _MANY = 8192
 """Jobs in one call on a GPU, which is full with thousands."""
 _PER_THREAD = 32
 """Worlds that a thread steps: the lanes of a register, four times."""
-_ALIKE = ("timestep", "gas", "gas_flow", "gas_start")
+_ALIKE = ("timestep", "gas", "gas_flow", "gas_start", "water")
 """Options of scenes that all worlds of a batch have in common."""
 _BATCHES = 16
 """Batches of a GPU at a time: each alone would wait for its memory."""

@@ -24,7 +24,7 @@ from haustra.assets import asset, assets
 from haustra.envs.study.run import Computing, run_sweep
 from haustra.envs.study.store import read_store
 from haustra.envs.study.study import Sampler, Study
-from haustra.errors import InvalidOptionError, InvalidStudyError
+from haustra.errors import InvalidOptionError, InvalidStudyError, UnsupportedSceneError
 from haustra.fields import number, read_fields, span, texts
 from haustra.provenance import file_hash
 from haustra.reading import read_document
@@ -69,6 +69,9 @@ class Arm:
     """Segment in which the stiffening ring is turned, once the tip has come to it."""
     gas_pressure: float | None = number("Pa", 500.0, 6000.0, default=None)
     """Pressure that all colons are held open by [Pa]; each patient's own when None."""
+    water: float | None = number("m^3", 0.0, 2e-3, default=None)
+    """Water in rectum and sigmoid at the start [m^3], with `gas_pressure`, from which and up to which gas moves through
+    the colon then; None, unlike 0: it stays as wide as it was grown."""
 
 
 @dataclass(frozen=True)
@@ -187,6 +190,7 @@ def arm_study(
     if device.endswith(".toml"):
         device = str((path.parent / device).resolve())
         inputs = {device: file_hash(Path(device))}
+    options = {"seconds": seconds, "timestep": CohortOptions().timestep, "stiffen_in": arm.stiffen_in}
     study = Study(
         question="cohort",
         title=arm.name,
@@ -196,7 +200,7 @@ def arm_study(
         objectives=(),
         sampler=Sampler(kind="latin-hypercube", count=patients, seed=seed),
         changes=changes,
-        options={"seconds": seconds, "timestep": CohortOptions().timestep, "stiffen_in": arm.stiffen_in},
+        options=options if arm.water is None else {**options, "water": arm.water},
         inputs=inputs,
     )
     check(study, {}, {"driver": driver, "device": device})
@@ -232,6 +236,11 @@ def run_trials(
     studies = {
         (name, arm.name): arm_study(trial, path, arm, **asked) for name, trial, path in trials for arm in trial.arms
     }
+    for (name, _), study in studies.items():  # before the first runs, not when it is their turn
+        if backend == "linear-gpu" and study.options.get("water") is not None:
+            raise UnsupportedSceneError(
+                f"The backend 'linear-gpu' cannot honour the gas of the trial '{name}'; linear can: name other trials."
+            )
     computing = Computing(backend=backend)
     for index, ((name, arm), study) in enumerate(studies.items()):
         progress(index, len(studies), f"{name}: {arm}")

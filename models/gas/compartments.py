@@ -4,6 +4,10 @@ Gas is counted as the volume it would have at standard pressure, at the body's t
 compartment loses another gains, or a ledger does, so nothing is lost. A segment that is collapsed closes: gas passes
 between neighbours only where the higher of their pressures holds both of them open. Pressures of a step are those at
 its end (one implicit step of the linearised compartments), so that steps may be long.
+
+Water is incompressible and stands in the segment that it was put in: it takes room there, and gas has what is left. A
+scope that sucks takes water first where its tip stands in some. Water neither leaks at the anus nor is absorbed, and
+its own depth adds nothing to the pressure: all of that is assumed.
 """
 
 from typing import Any, NamedTuple
@@ -56,6 +60,10 @@ class GasState(NamedTuple):
     """Out of the anus."""
     absorbed: Float[Any, "..."]
     """Into the blood."""
+    water: Float[Any, "... segments"]
+    """Volume of water in each segment [m^3]."""
+    poured: Float[Any, "..."]
+    """Water let in through the scope, less what it sucked out [m^3]."""
 
 
 def typical_colon(volumes: Float[np.ndarray, "*worlds segments"], *, pressure: float | None = None) -> GasColon:
@@ -105,12 +113,18 @@ def filled(xp: Any, colon: GasColon, pressure: Any) -> GasState:
     held = colon.most * _share(xp, colon, over) * (1 + over / known["atmosphere"])
     none = xp.zeros_like(held[..., :1])
     zero = none[..., 0]
-    return GasState(xp.concatenate([held, none], -1), xp.concatenate([over, none], -1), zero, zero, zero)
+    empty = xp.zeros_like(colon.most)
+    return GasState(xp.concatenate([held, none], -1), xp.concatenate([over, none], -1), zero, zero, zero, empty, zero)
+
+
+def lumen_volumes(xp: Any, colon: GasColon, pressure: Any) -> Float[Any, "... segments"]:
+    """Volume of each segment, whatever fills it, at its pressure, or at one of all [Pa]; [m^3]."""
+    return colon.most * _share(xp, colon, pressure)
 
 
 def gas_volumes(xp: Any, colon: GasColon, state: GasState) -> Float[Any, "... segments"]:
-    """Volume of each segment now [m^3]."""
-    return colon.most * _share(xp, colon, state.pressure[..., :-1])
+    """Volume of the gas in each segment now [m^3]."""
+    return lumen_volumes(xp, colon, state.pressure[..., :-1]) - state.water
 
 
 def filling(xp: Any, colon: GasColon, pressure: Float[Any, "... segments"]) -> Float[Any, "... segments"]:
@@ -125,16 +139,19 @@ def collapsed(xp: Any, colon: GasColon, state: GasState) -> Any:
     return filling(xp, colon, state.pressure[..., :-1]) < gas_numbers()["closed_share"]
 
 
-def step_gas(xp: Any, colon: GasColon, state: GasState, *, flow: Any, place: Any, timestep: Any) -> GasState:
-    """Let gas in or out at the tip and let it move for a time step.
+def step_gas(
+    xp: Any, colon: GasColon, state: GasState, *, flow: Any, place: Any, timestep: Any, pour: Any = 0.0
+) -> GasState:
+    """Let gas and water in or out at the tip, and let gas move for a time step.
 
     Args:
         xp: numpy or jax.numpy.
         colon: of each world.
         state: before.
-        flow: into the colon at standard pressure [m^3/s]; negative when the scope sucks.
+        flow: of gas into the colon at standard pressure [m^3/s]; negative when the scope sucks, water first.
         place: number of the segment that the tip is in, in each world.
         timestep: one, or one a world [s].
+        pour: flow of water into the colon [m^3/s].
     """
     known = gas_numbers()
     held, over = state.held, state.pressure
@@ -142,12 +159,14 @@ def step_gas(xp: Any, colon: GasColon, state: GasState, *, flow: Any, place: Any
     span = timestep[..., None]
     here = xp.asarray(place)[..., None] == np.arange(len(COMPARTMENTS))
     there = (held * here).sum(-1)
-    given = xp.where(flow > 0, flow * timestep, -xp.minimum(-flow * timestep, MOST_TAKEN * there))
+    drawn, let_in = _water_moved(xp, colon, state, here[..., :-1], flow * timestep, pour * timestep)
+    given = xp.where(flow > 0, flow * timestep, -xp.minimum(-flow * timestep - drawn, MOST_TAKEN * there))
     gone = held * (1 - xp.exp(-known["absorption"] * span))
-    rooms = _compliance(xp, colon, over)
+    rooms = _compliance(xp, colon, state)
     ways = span * _passages(xp, colon, over)
     anus = timestep * known["leak.conductance"] * xp.where(over[..., 0] > known["leak.opening"], 1.0, 0.0)
     push = rooms * over + given[..., None] * here - gone
+    push = push + (let_in - drawn)[..., None] * here * (1 + over / known["atmosphere"])  # gas that water displaces
     push = push + (anus * known["leak.opening"])[..., None] * (np.arange(len(COMPARTMENTS)) == 0)
     # Gas that goes through the ileocaecal valve is driven by what is left above its opening pressure.
     barrier = ways[..., -1] * known["reflux.opening"]
@@ -164,31 +183,47 @@ def step_gas(xp: Any, colon: GasColon, state: GasState, *, flow: Any, place: Any
     none = xp.zeros_like(moved[..., :1])
     held = held - gone + given[..., None] * here - xp.concatenate([moved, none], -1) + xp.concatenate([none, moved], -1)
     held = held - leaked[..., None] * (np.arange(len(COMPARTMENTS)) == 0)
+    water = state.water + (let_in - drawn)[..., None] * here[..., :-1]
     return GasState(
         held,
-        pressures_of(xp, colon, held),
+        pressures_of(xp, colon, held, water),
         state.given + given,
         state.leaked + leaked,
         state.absorbed + gone.sum(-1),
+        water,
+        state.poured + let_in - drawn,
     )
 
 
-def pressures_of(xp: Any, colon: GasColon, held: Float[Any, "... compartments"]) -> Float[Any, "... compartments"]:
-    """Pressure of gas of so much at standard pressure in each compartment [Pa].
+def most_water(xp: Any, colon: GasColon) -> Float[Any, "... segments"]:
+    """Water that each segment holds at most [m^3]: what opens it to `highest_pressure`."""
+    return lumen_volumes(xp, colon, highest_pressure())
 
-    Newton's method on ln V(p) + ln(1 + p / p0), which is concave and rises: from below it comes to the root without
-    passing it.
+
+def highest_pressure() -> float:
+    """What no pump of a scope comes to [Pa], assumed: twice the pressure that hurts."""
+    return 2 * gas_numbers()["pain_pressure"]
+
+
+def pressures_of(
+    xp: Any, colon: GasColon, held: Float[Any, "... compartments"], water: Any = 0.0
+) -> Float[Any, "... compartments"]:
+    """Pressure of gas of so much at standard pressure in each compartment, beside so much water [m^3]; [Pa].
+
+    Newton's method on ln V(p) - ln(W + n / (1 + p / p0)), which is concave and rises: from below it comes to the root
+    without passing it.
     """
     known = gas_numbers()
     half, exponent, standard = colon.half, known["exponent"], known["atmosphere"]
-    wanted = xp.maximum(held[..., :-1], 1e-300) / colon.most
-    highest = 2 * known["pain_pressure"]
-    own = xp.minimum(pressure_of(xp, wanted / (1 + highest / standard), half=half, exponent=exponent), highest)
+    wanted, wet = xp.maximum(held[..., :-1], 1e-300) / colon.most, water / colon.most
+    highest = highest_pressure()
+    own = xp.minimum(pressure_of(xp, wanted / (1 + highest / standard) + wet, half=half, exponent=exponent), highest)
     for _ in range(NEWTON_STEPS):
         over = own + colon.tone
         resist = np.log(2) * xp.exp(exponent * xp.log(half / own))
-        short = xp.log(wanted) + resist - xp.log(1 + over / standard)
-        own = xp.maximum(own + short / (exponent * resist / own + 1 / (standard + over)), own / 2)
+        of_gas = 1 + wet * ((1 + over / standard) / wanted)  # what fills the segment, over the gas
+        short = xp.log(wanted) + resist - xp.log(1 + over / standard) + xp.log(of_gas)
+        own = xp.maximum(own + short / (exponent * resist / own + 1 / (standard + over) / of_gas), own / 2)
     ileum = held[..., -1:] / known["reflux.capacity"]
     return xp.concatenate([own + colon.tone, ileum], -1)
 
@@ -197,12 +232,29 @@ def _share(xp: Any, colon: GasColon, over: Any) -> Any:
     return open_share(xp, over - colon.tone, half=colon.half, exponent=gas_numbers()["exponent"])
 
 
-def _compliance(xp: Any, colon: GasColon, over: Any) -> Any:
+def _water_moved(xp: Any, colon: GasColon, state: GasState, here: Any, flowed: Any, pours: Any) -> tuple[Any, Any]:
+    """What of water a scope that sucks takes where its tip is, and what it lets in [m^3].
+
+    Args:
+        xp: numpy or jax.numpy.
+        colon: of each world.
+        state: before.
+        here: 1 in the segment of the tip.
+        flowed: volume that flows in; negative when the scope sucks [m^3].
+        pours: water to be let in [m^3].
+    """
+    room = xp.maximum(most_water(xp, colon) - state.water, 0.0)
+    let_in = xp.minimum(pours, (room * here).sum(-1))
+    return xp.minimum(xp.maximum(-flowed, 0.0), (state.water * here).sum(-1)), let_in
+
+
+def _compliance(xp: Any, colon: GasColon, state: GasState) -> Any:
     """How much more gas each compartment takes as its pressure rises [m^3/Pa]."""
-    known = gas_numbers()
+    known, over = gas_numbers(), state.pressure
     own = over[..., :-1]
     rate = share_rate(xp, own - colon.tone, half=colon.half, exponent=known["exponent"])
-    rooms = colon.most * (rate * (1 + own / known["atmosphere"]) + _share(xp, colon, own) / known["atmosphere"])
+    of_gas = _share(xp, colon, own) - state.water / colon.most
+    rooms = colon.most * (rate * (1 + own / known["atmosphere"]) + of_gas / known["atmosphere"])
     ileum = xp.zeros_like(over[..., -1:]) + known["reflux.capacity"]
     return xp.concatenate([xp.maximum(rooms, SOFTEST), ileum], -1)
 

@@ -79,6 +79,8 @@ class Mesentery(NamedTuple):
     """(nodes,) how far a whole breath moves what a node hangs on towards the feet [m]."""
     body: Any
     """(3, 3) the patient's directions: to the left, to the back and to the head."""
+    down: Any
+    """(3,) direction of gravity, as the patient lies."""
     walls: Any
     """(2,) stiffness of the envelope at the front and elsewhere, for a node [N/m]; 0 without an envelope."""
     breaths: Any
@@ -185,6 +187,7 @@ def hang(
         room=rooms(nodes, outer, numbers["mesentery.envelope.margin"]),
         sway=swayed(nodes, breaths[0]) * around.breathing,
         body=np.eye(3),
+        down=np.array(DOWN[around.posture]),
         walls=walls * around.envelope,
         breaths=breaths * around.breathing,
         girth=girths(nodes, outer, spacing) if around.loops_touch else outer,
@@ -244,6 +247,7 @@ def seen_from(own: Mesentery, origin: Float[np.ndarray, "3"], axes: Float[np.nda
         closings=own.closings @ axes,
         load=own.load @ axes,
         body=own.body @ axes,
+        down=own.down @ axes,
     )
 
 

@@ -44,6 +44,7 @@ class TableWalls:
         """Which colon each world has."""
         self.displacement: AxisDisplacement | None = None
         """Where the axes are, for colons that move."""
+        self._more: Float[np.ndarray, "worlds nodes 3"] | float = 0.0
         self.time: Float[np.ndarray, " worlds"] = np.zeros(worlds)
         """For how long axes have moved since they were at rest [s]: breath goes by it."""
         self._way, self._partners = np.full(worlds, MARGIN), np.zeros((worlds, 0), int)
@@ -78,10 +79,17 @@ class TableWalls:
         self.arcs[worlds], self.depth[worlds] = arcs, -1.0
         picked = pick(self._all, self.colon)
         self._own: Mesentery | None = picked.mesentery
+        self.weigh(self._more)
         self._tables = picked._replace(mesentery=None)
         if self.displacement is not None:
             self.displacement.pose[worlds], self.displacement.speed[worlds] = AT_REST, 0.0
             self.time[worlds], self._way[worlds] = 0.0, MARGIN
+
+    def weigh(self, more: Float[np.ndarray, "worlds nodes 3"] | float) -> None:
+        """Let so much weigh on the nodes of the axes besides what their mesenteries say [N]."""
+        self._more, hung = more, self._all.mesentery
+        if self._own is not None and hung is not None:
+            self._own.load[:] = hung.load[self.colon] + more
 
     def look(self, worlds: Int[np.ndarray, " some"], points: Float[np.ndarray, "worlds spheres 3"]) -> None:
         """Find the wall next to the spheres of these worlds [m]."""
@@ -256,6 +264,10 @@ class TableWall:
     def table(self) -> Float[np.ndarray, "stations angles 4"]:
         """The wall that spheres are looked up in, to be written to (`Tables.wall`)."""
         return self._walls.table
+
+    def weigh(self, more: Float[np.ndarray, "nodes 3"]) -> None:
+        """Let so much weigh on the nodes of the colon's axis besides what its mesentery says [N]."""
+        self._walls.weigh(more[None])
 
     def set_stiffness(self, stiffness: float) -> None:
         """Give the wall another normal stiffness [N/m]; its damping keeps its ratio to it."""

@@ -14,6 +14,7 @@ from haustra.envs.runs.linear_insertions import LinearInsertions
 from haustra.envs.runs.measure.scores import score
 from haustra.envs.sim.conditions import Conditions
 from haustra.models.accuracy import NOT_MEASURED
+from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.course import radius_along
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.landmarks import SEGMENTS
@@ -152,26 +153,42 @@ def bench_gas(
         "held": both,
         "tip": tip[free],
         "runs": runs_under_gas(seconds),
+        "water": runs_with_water(seconds),
         "worlds": many_under_gas(min(seconds, _TIMED)),
     }
 
 
 def runs_under_gas(seconds: float) -> list[dict[str, str]]:
     """An adult scope in grown seed 0 on its mesentery, driven by the follower, without gas and at set points."""
-    colon, design = grow_colon(seed=0), named_design("adult")
-    found = []
+    colon, found = grow_colon(seed=0), []
     for set_point in (None, 10, 15, 25):
-        pressure = None if set_point is None else set_point * MMHG
-        asked: dict[str, Any] = {"mesentery": True, "gas": pressure}
-        options = replace(find_preset("balanced").apply(law="table"), gas_start=pressure or 10 * MMHG, **asked)
-        scene = build_scene(colon, None, design, options, show_lumen=False)
-        run = run_linear_insertion(scene, seconds=seconds, settings=FollowerSettings(straighten=True))
-        scores = score(scene, run, Provenance(inputs={}, configuration={}), error=NOT_MEASURED)
+        scores = _driven(colon, None if set_point is None else set_point * MMHG, seconds)
         words = {name: f"{scores[name]:.3g}" for name in _SCORES}
         volume = scores["gas_volume_mL"]
         words["gas_volume_mL"] = "" if volume is None else f"{volume:.0f}"
         found.append({"set point [mmHg]": "no gas" if set_point is None else str(set_point)} | words)
     return found
+
+
+def runs_with_water(seconds: float) -> list[dict[str, str]]:
+    """An adult scope in grown seed 0 at two set points, with and without 300 mL of water in rectum and sigmoid."""
+    colon, found = grow_colon(seed=0), []
+    for set_point in (10, 15):
+        for water in (0, 300):
+            scores = _driven(colon, set_point * MMHG, seconds, water=water * 1e-6)
+            about = {"set point [mmHg]": str(set_point), "water [mL]": str(water)}
+            wet = {name: f"{scores[name]:.3g}" for name in (*_SCORES, "gas_pressure_peak_mmHg")}
+            found.append({**about, **wet, "gas_volume_mL": f"{scores['gas_volume_mL']:.0f}"})
+    return found
+
+
+def _driven(colon: Colon, pressure: float | None, seconds: float, *, water: float = 0.0) -> dict[str, Any]:
+    """Scores of the adult scope in a colon that moves, driven by the follower, filled to the set point [Pa]."""
+    asked: dict[str, Any] = {"mesentery": True, "gas": pressure, "water": water}
+    options = replace(find_preset("balanced").apply(law="table"), gas_start=pressure or 10 * MMHG, **asked)
+    scene = build_scene(colon, None, named_design("adult"), options, show_lumen=False)
+    run = run_linear_insertion(scene, seconds=seconds, settings=FollowerSettings(straighten=True))
+    return score(scene, run, Provenance(inputs={}, configuration={}), error=NOT_MEASURED)
 
 
 def many_under_gas(seconds: float, *, worlds: Sequence[int] = (1, 40, 128)) -> list[dict[str, str]]:

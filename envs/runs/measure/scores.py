@@ -48,7 +48,8 @@ def score(
     (`haustra.envs.runs.measure.progression`).
     `numerical_error` holds ranges of relative errors of that mean and of the mean push, and of the tip's distance.
     `gas_pressure_peak_mmHg` is the highest of any segment over the run, `gas_volume_mL` what the colon holds at its
-    end; null without gas. `outside_max_mm` is against the colon at rest, as it was given, with gas too.
+    end; null without gas. `water_volume_mL` is the water in it at the end; null in a run without water.
+    `outside_max_mm` is against the colon at rest, as it was given, with gas too.
     `warnings` are the colon's.
 
     Args:
@@ -146,10 +147,11 @@ def provenance_of(scene: Scene, run: Insertion, *, wall: str | None = None, seco
 def _gas(run: Insertion) -> dict[str, object]:
     """Scores of the gas in the whole colon; null in a run without gas."""
     if run.gas is None or not len(run.gas.volume):
-        return {"gas_pressure_peak_mmHg": None, "gas_volume_mL": None}
+        return {"gas_pressure_peak_mmHg": None, "gas_volume_mL": None, "water_volume_mL": None}
     return {
         "gas_pressure_peak_mmHg": float(run.gas.pressure.max()) / MMHG,
         "gas_volume_mL": float(run.gas.volume[-1]) * 1e6,
+        "water_volume_mL": float(run.gas.water[-1]) * 1e6 if run.gas.water.any() else None,
     }
 
 

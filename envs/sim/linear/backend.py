@@ -17,6 +17,7 @@ from haustra.envs.sim.linear.dual import with_slopes
 from haustra.envs.sim.linear.layout import NODE, SEEN, WORLD, seen_slot
 from haustra.envs.sim.linear.pack import pack_axis, pack_design, pack_tables, structure_of
 from haustra.envs.sim.linear.place import CpuPlace, GpuPlace, Place
+from haustra.envs.sim.linear.world_axes import WorldAxes
 from haustra.envs.sim.link_places import link_arcs, middle_spheres
 from haustra.envs.sim.native_batch import posed
 from haustra.envs.sim.scope_reading import read_chain, read_scope
@@ -179,10 +180,16 @@ class LinearBackend(AbstractBackend):
             "wall": wall,
             "axis": np.zeros((1, 1)) if moving is None else pack_axis(moving, self._layout.columns),
         }
+        colons = colons or [scene.colon]
+        self._world_axes: WorldAxes | None = None
+        """What water weighs on, where there may be some: from the beginning, or poured by the hand of one world."""
+        if gas and moving is not None and (worlds == 1 or scene.options.water):
+            self._world_axes = WorldAxes(moving, self._layout.columns, colons, worlds)
+            values["axis"] = self._world_axes.rows
         values |= {name: with_slopes(each, directions) for name, each in values.items() if self._has_slopes(name)}
         self._held = {name: self._place.hold(each) for name, each in values.items()}
         self._case = np.zeros(worlds, int)
-        self.gas: GasWorlds | None = self._filled(colons or [scene.colon], width) if gas else None
+        self.gas: GasWorlds | None = self._filled(colons, width) if gas else None
         """What fills the worlds' colons, where the scene has gas."""
         one, options = np.ones(blocks * lanes), scene.options
         plain = Conditions(options.friction * one, options.wall_stiffness * one, one)
@@ -198,7 +205,7 @@ class LinearBackend(AbstractBackend):
 
     def _reset(self, worlds: np.ndarray, case: np.ndarray, conditions: Conditions) -> None:
         options = self.scene.options
-        values = self._begun(case, conditions) | {"damping_time": options.wall_damping_time}
+        values = self._begun(worlds, case, conditions) | {"damping_time": options.wall_damping_time}
         values |= {"push_limit": options.push_limit, "torque_limit": options.torque_limit}
         for name, value in values.items():
             self._put("worlds", worlds, WORLD.index(name), value)
@@ -210,23 +217,32 @@ class LinearBackend(AbstractBackend):
     ) -> dict[str, Any]:
         """Numbers that the driver is to give worlds which begin anew, by their names in `layout.WORLD` (`BEGUN`)."""
         self._case[worlds] = case
-        values = self._begun(case, conditions)
+        values = self._begun(worlds, case, conditions)
         if self.gas is None:
             return values
         self.gas.begin(worlds, case, conditions.wall_stiffness)
         self._yield_to_gas(worlds)
         return values | {"stiffness": self.gas.stiffness(worlds)}
 
-    def _begun(self, case: np.ndarray, conditions: Conditions) -> dict[str, Any]:
+    def _begun(self, worlds: np.ndarray, case: np.ndarray, conditions: Conditions) -> dict[str, Any]:
         tables, moving = self.tables, self.tables.mesentery
         gravity = np.einsum("wij,i->wj", tables.axes[case], np.asarray(self.scene.options.gravity))
         values: dict[str, Any] = {name: getattr(tables, name)[case] for name in ("step", "first", "count")}
         values |= {"device_radius": tables.device_radius[case], "bending": conditions.shaft_stiffness, "alive": 1.0}
         values |= {f"gravity_{axis}": gravity[:, i] for i, axis in enumerate("xyz")}
-        values |= {"first_node": case * self._layout.nodes}
+        values |= {"first_node": self._first_node(worlds, case, 0)}
         values |= {name: 1.0 if moving is None else getattr(moving, name)[case] for name in ("spacing", "pleating")}
         values |= {"stiffness": conditions.wall_stiffness, "friction": conditions.friction, "begins": 1.0}
         return values | {"start_roll": 0.0 if conditions.roll is None else conditions.roll}
+
+    def hang(self, way: Int[np.ndarray, " worlds"]) -> None:
+        """Let each world's colon hang that way, of those that its tables' mesenteries come in one after the other."""
+        self.give("first_node", self._first_node(np.arange(self.worlds), self._case, way).astype(float))
+
+    def _first_node(self, worlds: np.ndarray, case: np.ndarray, way: Any) -> np.ndarray:
+        if self._world_axes is not None:
+            return self._world_axes.first(worlds, way)
+        return (way * len(self.tables.count) + case) * self._layout.nodes
 
     def redesign(self, scopes: Scope) -> None:
         """Give each world another design of the same joints and spheres, before a reset.
@@ -350,7 +366,11 @@ class LinearBackend(AbstractBackend):
 
     def rehang(self, mesentery: Mesentery) -> None:
         """Give colons that move other mesenteries, of as many nodes; axes stay where they are."""
-        self._held["axis"].change()[:] = pack_axis(mesentery, self._layout.columns)
+        if self._world_axes is None:
+            self._held["axis"].change()[:] = pack_axis(mesentery, self._layout.columns)
+        else:
+            self._world_axes.rehang(mesentery)
+            self._let_water_weigh(np.arange(self.worlds))
         for name in ("spacing", "pleating"):
             self.give(name, getattr(mesentery, name)[self._case])
 
@@ -404,13 +424,20 @@ class LinearBackend(AbstractBackend):
         return GasWorlds(colons, self.scene.options, worlds=self.worlds, **about)
 
     def _yield_to_gas(self, worlds: np.ndarray) -> None:
-        """Put the walls of some worlds where gas holds them, as stiff as it makes them."""
+        """Put the walls of some worlds where gas and water hold them, as stiff and as heavy as they make them."""
         if self.gas is None or not len(worlds):
             return
         self._held["widths"].change()[:, worlds] = self.gas.widths(worlds).T
         self._put("worlds", worlds, WORLD.index("stiffness"), self.gas.stiffness(worlds))
         for name, values in self.gas.burden(worlds)._asdict().items():
             self._put("worlds", worlds, WORLD.index(name), values)
+        self._let_water_weigh(worlds)
+
+    def _let_water_weigh(self, worlds: np.ndarray) -> None:
+        """Put the weight of water on the axes of some worlds."""
+        if self._world_axes is not None and self.gas is not None:
+            rows = self._held["axis"].change()
+            self._world_axes.put(rows, worlds, self._case[worlds], self.gas.water[worlds])
 
     def _slot(self, slot: int) -> Float[np.ndarray, " worlds"]:
         """A number of all worlds' states."""

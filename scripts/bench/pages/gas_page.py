@@ -44,7 +44,7 @@ McLaughlin 2013 (38 of 108), pressures of colonoscopies a study of 34, volumes s
 - **Collapse** is counted where every segment has come to the set point, as after gas has gone round; insufflated from
   the anus, what lies behind a closed segment stays closed too.
 - **Less gas is kept** than published of people with reflux, 3.4 L, whose small bowel takes more than 0.2 L.
-- **Left out**: hysteresis and creep of the wall, tone that comes and goes, water, posture, and a scope that holds a
+- **Left out**: hysteresis and creep of the wall, tone that comes and goes, posture, and a scope that holds a
   segment open or stops its valve.
 """
 
@@ -69,6 +69,31 @@ An adult scope in grown seed 0 on its mesentery, driven by the follower, filled 
 
 """
 
+
+_WATER = """
+## Water
+
+`haustra run --insufflate 10mmHg --water 300mL` (`water` of a scene's options) puts water into rectum and sigmoid at the
+start; the console's hand pours it in at the tip, 0.3 L/min. Water is incompressible: the gas of a segment has V(p) less
+the water, and the pressure follows from both. At the start water takes the place of gas where the lumen is open for it,
+and else the pressure is the one at which both segments hold it. More than they hold at 60 mmHg is refused, and the hand
+pours no more into a segment than it holds at 120. A scope that sucks where there is water takes that first, as fast as
+it would take gas. `water_volume_mL` is what is there at the end. Water is kept to 10⁻⁶, and where there is none,
+pressures are those of gas alone to the bit (`tests/models/gas/test_water.py`).
+
+Water was not there when the colon was imaged in balance, so all of its weight pulls on the axis of a colon that moves,
+evenly along its segment, the way that gravity has in the patient's posture: to the back where none is named. Both
+backends let the axis sink alike, to 2 % of the way (`tests/envs/sim/test_water.py`). A colon that is fixed bears it.
+
+Assumed: water stays in the segment that it was put in, whatever the posture and the pressure beside it; it neither
+leaks at the anus nor is absorbed; its depth, some 4 mmHg at 5 cm, adds nothing to the pressure; it neither wets, nor
+floats, nor resists a scope; a scope that stands in it sees as in gas. Many worlds each have their own. Backends are
+those of gas; episodes, whose hands have no water, and devices that are no scopes refuse it by name.
+
+The adult scope in grown seed 0 of above, with water and without. It is one colon and one driver, which tells nothing
+about people; whether water differs from air as in patients is asked of many by a [trial](trials.md):
+
+"""
 
 _WORLDS = """
 ## In batches
@@ -107,6 +132,8 @@ def gas_page(found: Mapping[str, Any]) -> str:
         + _TAIL
         + _RUNS
         + _lines(found["runs"])
+        + _WATER
+        + _lines(found["water"])
         + _WORLDS
         + _lines(found["worlds"])
     )

@@ -23,7 +23,7 @@ class BenchGas:
     grown: int = whole(2, 10_000, default=20)
     """Number of them whose surface is grown and measured."""
     seconds: float = number("s", 0.1, 600.0, default=60.0)
-    """Simulated time of each of four runs of a scope [s]."""
+    """Simulated time of each of eight runs of a scope [s]."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
 
@@ -46,6 +46,7 @@ class BenchGas:
             "rows": table(found["rows"]),
             "collapsed": found["collapsed"],
             "runs": found["runs"],
+            "water": found["water"],
             "worlds": found["worlds"],
         }
         write_json(folder / "gas.json", result)

@@ -210,6 +210,15 @@ async def _press(url: str, folder: Path) -> dict[str, float]:
         await browser.press("KeyT")  # the driver steers, the person pushes
         await browser.until("haustra.last.row.tip_arc > 0.16 && haustra.last.assisted")
         await browser.key("KeyW", down=False)
+        await browser.key("KeyG", down=True)
+        await browser.until("haustra.last.row.water_volume > 1e-6")
+        await browser.key("KeyG", down=False)
+        button = "document.querySelector('button[data-name=\"water G\"]')"
+        poured = await browser.ask("haustra.last.row.water_volume")
+        await browser.ask(f"void {button}.dispatchEvent(new PointerEvent('pointerdown', {{pointerId: 1}}))")
+        await browser.until(f"haustra.last.row.water_volume > {poured} + 2e-6")
+        await browser.ask(f"void {button}.dispatchEvent(new PointerEvent('pointerup', {{pointerId: 1}}))")
+        await browser.until("haustra.hand.shares().water === undefined")
         row = await browser.ask("haustra.last.row")
         # A gamepad as the browser would show one: its left stick forward pushes, and its first button unlocks knobs.
         pad = "{connected: true, axes: [0, -1, 0, 0], buttons: [{value: 1, pressed: true}]}"

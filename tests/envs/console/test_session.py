@@ -31,7 +31,7 @@ def driven(colon_folder, scope, tmp_path_factory) -> Path:
         patch.setattr(recordings, "CHUNK_SECONDS", 0.5)
         session = Session(vehicle, Recorder(folder, vehicle, driver="follower"), assisted=True)
     _run(session, 1.2)
-    session.hold({"push": -0.5, "up": 1.0, "gas": 1.0})
+    session.hold({"push": -0.5, "up": 1.0, "gas": 1.0, "water": 1.0})
     _run(session, 0.4)
     session.hold({})
     _run(session, 0.3)
@@ -60,6 +60,27 @@ def test_a_corrected_drive_is_repeated_to_the_bit(driven):
     levers[60, 0] += 1e-9
     changed = type(recording)(driven, recording.about, {**recording.rows, "levers": levers}, recording.frames)
     assert repeat(changed).first_difference == 60
+
+
+def test_water_is_poured_while_its_lever_is_held_and_sucked_out_first(colon_folder, scope):
+    """At 0.3 L/min, in steps of 0.1 s; what was kept before is without it again; the lever pours and never draws."""
+    vehicle = make_vehicle(colon_folder, scope)
+    session = Session(vehicle)
+    _run(session, 0.4)
+    kept = vehicle.keep()
+    session.hold({"water": 1.0})
+    _run(session, 1.0)
+    full = session.look.row["water_volume"]
+    assert full == pytest.approx(5e-6, abs=1e-6)
+    session.hold({"water": -1.0})
+    _run(session, 0.4)
+    assert session.look.row["water_volume"] == pytest.approx(full, abs=1e-6)
+    session.hold({"gas": -1.0})
+    _run(session, 0.6)
+    left = vehicle.look().row
+    assert left["water_volume"] < full - 1e-6
+    vehicle.put_back(kept)
+    assert vehicle.look().row["water_volume"] == 0.0
 
 
 def test_the_moment_of_a_correction_is_recorded(driven):

@@ -330,6 +330,7 @@ REFUSALS = {
     ),
     "scene.softening": replace(OPTIONS, wall_law="table"),
     "scene.gas": replace(OPTIONS, wall_law="table", softening=False, gas=3333.0),
+    "scene.water": replace(OPTIONS, wall_law="table", softening=False, gas=3333.0, water=1e-5),
     "scene.elasticity": replace(OPTIONS, wall_law="table", softening=False, elasticity="exponential"),
     "scene.friction_rise": replace(OPTIONS, wall_law="table", softening=False, friction_rise=0.78),
 }

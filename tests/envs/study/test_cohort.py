@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from haustra.envs.study.cohort_table import observables, published, verdicts, wi
 from haustra.envs.study.patients import Patient, clinic_number, numbers, patient_variables, traits
 from haustra.envs.study.questions import find_backend
 from haustra.envs.study.sampling import designs_of, jobs_of
-from haustra.errors import InvalidOptionError
+from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.fields import declaration_of
 from haustra.models.anatomy.landmarks import SEGMENTS
 from haustra.scripts.bench.drivers import settings_files
@@ -206,3 +207,19 @@ def test_patients_are_examined_side_by_side_and_kept(tmp_path):
         assert scores["caecum"] == scores["any_loop"] == scores["half_metre"] == 0
         assert float(scores["p_perforation"] or 0.0) < 0.01
         assert scores["axial_rectum_N"] != 0 and scores["axial_caecum_N"] is None
+
+
+def test_patients_are_examined_under_water_and_too_much_of_it_is_refused_by_name(tmp_path):
+    """Two litres go into nobody's rectum and sigmoid: who cannot be examined says so, in one line."""
+    asked = cohort_study("quick", drivers=("follower",), patients=1, seconds=1.0)
+    fixed = tuple(each for each in asked.variables if each.path != "patient.gas_pressure")
+    states = []
+    for water in (1e-4, 2e-3):
+        options = {**asked.options, "water": water}
+        study = replace(asked, variables=fixed, changes={"patient.gas_pressure": 2000.0}, options=options)
+        jobs = list(jobs_of(study, designs_of(study)))
+        (found,) = find_backend("cohort", "linear").start(study, tmp_path)(jobs)
+        states.append(found.state)
+    assert states == ["finished", "failed"] and "rectum and sigmoid take" in found.reason
+    with pytest.raises(UnsupportedSceneError, match=r"options\.water"):
+        find_backend("cohort", "linear-gpu").prepare(study, tmp_path, lambda note: None)

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haustra.envs.study.trials import Trial, answered, arm_study, load_trial, trial_names
-from haustra.errors import InvalidOptionError, InvalidStudyError
+from haustra.envs.study.trials import Trial, answered, arm_study, load_trial, run_trials, trial_names
+from haustra.errors import InvalidOptionError, InvalidStudyError, UnsupportedSceneError
 
 NAMES = trial_names()
 
@@ -119,3 +119,22 @@ def test_a_trial_that_is_not_known_is_refused() -> None:
     with pytest.raises(InvalidOptionError, match="Known: cf100l-pcf100"):
         load_trial("placebo")
     assert isinstance(load_trial("water")[0], Trial)
+
+
+def test_the_arms_of_water_against_air_differ_by_water_and_pressure_under_the_same_law() -> None:
+    trial, path = load_trial("water")
+    wet, dry = (arm_study(trial, path, arm, patients=4, driver="follower", seconds=10.0) for arm in trial.arms)
+    assert (wet.options["water"], dry.options["water"]) == (2e-4, 0.0)
+    assert wet.changes["patient.gas_pressure"] < dry.changes["patient.gas_pressure"]
+    others = {name: load_trial(name) for name in NAMES if name != "water"}
+    for one, place in others.values():
+        study = arm_study(one, place, one.arms[0], patients=4, driver="follower", seconds=10.0)
+        assert "water" not in study.options
+    with pytest.raises(InvalidStudyError, match=r"patient\.gas_pressure"):
+        arm_study(trial, path, replace(trial.arms[0], gas_pressure=None), patients=4, driver="follower", seconds=10.0)
+
+
+def test_a_gpu_refuses_the_trial_of_water_before_any_is_run(tmp_path: Path) -> None:
+    with pytest.raises(UnsupportedSceneError, match="trial 'water'"):
+        run_trials(["flaccid", "water"], tmp_path, patients=3, driver="follower", seconds=1.0, backend="linear-gpu")
+    assert not list(tmp_path.iterdir())

@@ -1,7 +1,7 @@
 // What the person asks for: keys held down, sticks on the screen, a gamepad. Shares of levers from -1 to 1, by name.
 const NAMED = {
   push: ["KeyW", "KeyS"], roll: ["KeyD", "KeyA"], up: ["ArrowUp", "ArrowDown"], left: ["ArrowLeft", "ArrowRight"],
-  gas: ["KeyE", "KeyQ"],
+  gas: ["KeyE", "KeyQ"], water: ["KeyG", ""],
 };
 const OTHERS = [["KeyW", "KeyS"], ["KeyD", "KeyA"], ["ArrowUp", "ArrowDown"], ["ArrowLeft", "ArrowRight"], ["KeyE", "KeyQ"], ["KeyU", "KeyJ"], ["KeyI", "KeyK"], ["Digit1", "Digit2"], ["Digit3", "Digit4"], ["Digit5", "Digit6"]];
 const BEAT = 80; // the hand is said so often although nothing changed [ms]

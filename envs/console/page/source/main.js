@@ -20,6 +20,7 @@ const GAUGES = [
   ["pain over its threshold", "", (row) => row.pain, 2, 2, 1],
   ["people perforated", "%", (row) => row.p_perforation * 100, 2, 5, 1],
   ["gas", "L", (row) => row.gas_volume * 1000, 2, 4],
+  ["water", "mL", (row) => row.water_volume * 1e6, 0, 500],
   ["polyps taken", "", (row) => row.polyps_taken, 0, 5],
   ["bleeding", "mm²", (row) => row.bleeding_mm2, 0, 100],
   ["magnet", "N", (row) => row.magnet_force, 2, 2],
@@ -211,10 +212,12 @@ class Console {
     }
     this.stick("push · roll", names[1], names[0], 1);
     if (names.length > 3) this.stick("knobs", names[3], names[2], -1);
+    if (names.includes("gas")) { this.held("insufflate E", "gas", 1); this.held("suck Q", "gas", -1); }
+    if (names.includes("water")) this.held("water G", "water", 1);
     this.hand.onButton = (number) => ({ 0: lock, 1: assist, 2: () => this.freeze(), 8: back, 9: () => this.say({ pause: !this.last.paused }) }[number] || (() => {}))();
     const keys = element("span", { className: "keys" }, this.foot);
     for (const name of names) {
-      const pair = this.hand.keys[name].map((code) => code.replace(/Key|Arrow|Digit/, ""));
+      const pair = this.hand.keys[name].filter(Boolean).map((code) => code.replace(/Key|Arrow|Digit/, ""));
       if (pair.length) keys.append(...pair.flatMap((key) => [element("kbd", { textContent: key }), " "]), `${name}  `);
     }
     keys.append(`· Z slow · O posture · P press the belly ${this.inputs.instrument ? "· B instrument · X close it " : ""}· gamepad: sticks and triggers`);
@@ -226,6 +229,15 @@ class Console {
     this.clock = element("span", {}, this.foot);
     if (scene.corrections.length) element("span", { className: "keys", textContent: `corrected at ${scene.corrections.slice(0, 12).map((time) => shown(time)).join(", ")} s` }, this.foot);
     this.acts = { ArrowLeft: () => this.say({ seek: this.last.time - 1 }), ArrowRight: () => this.say({ seek: this.last.time + 1 }) };
+  }
+
+  // A button that holds a lever while it is pressed.
+  held(text, lever, share) {
+    const made = element("button", { textContent: text, className: "held" }, this.foot);
+    made.dataset.name = text;
+    const letGo = () => { made.classList.remove("on"); this.hand.stick(lever, 0); };
+    made.onpointerdown = (event) => { made.setPointerCapture(event.pointerId); made.classList.add("on"); this.hand.stick(lever, share); };
+    made.onpointerup = made.onpointercancel = () => { letGo(); made.blur(); };
   }
 
   stick(name, across, along, sign) {

@@ -36,21 +36,22 @@ def test_what_laws_do_is_numpys() -> None:
 
 def gas(xp: Any, *given: Any) -> tuple[Any, ...]:
     """A step of the gas, and the volumes after it."""
-    person, state, (flow, place, timestep) = GasColon(*given[:4]), GasState(*given[4:9]), given[9:]
-    state = step_gas(xp, person, state, flow=flow, place=place, timestep=timestep)
+    person, state, (flow, place, timestep, pour) = GasColon(*given[:4]), GasState(*given[4:11]), given[11:]
+    state = step_gas(xp, person, state, flow=flow, place=place, timestep=timestep, pour=pour)
     return *state, gas_volumes(xp, person, state)
 
 
 @pytest.mark.parametrize("flow", [1e-4, -1e-4])
 def test_gas_moves_as_by_numpy(flow: float) -> None:
-    """To 1e-11 of the largest number of its kind, from collapsed to full, let in and sucked out, in fifty steps."""
+    """To 1e-11 of the largest number of its kind, from collapsed to full, let in and sucked out, beside water, in fifty steps."""
     most = np.exp(RANDOM.uniform(-11, -7, (WORLDS, 6)))
     reflux = RANDOM.integers(0, 2, WORLDS).astype(float)
     person = typical_colon(most)._replace(tone=RANDOM.normal(0, 300, most.shape), refluxes=reflux)
     state = filled(np, person, RANDOM.uniform(100, 6000, (WORLDS, 1)))
-    law = row_law(gas, (6, 6, 6, None, 7, 7, None, None, None, None, None, None))
+    law = row_law(gas, (6, 6, 6, None, 7, 7, None, None, None, 6, None, None, None, None, None))
     for _ in range(50):
         given = flow * RANDOM.random(WORLDS), RANDOM.integers(0, 6, WORLDS), RANDOM.uniform(0.02, 0.5, WORLDS)
+        given = *given, RANDOM.integers(0, 2, WORLDS) * 1e-5
         known = gas(np, *person, *state, *given)
         found = law(beside(*person, *state, *given))
         expected = beside(*known)
