@@ -244,7 +244,7 @@ class Drive(Source):
         super().__init__([View(session.vehicle.around, number, size) for number, session in enumerate(sessions)])
         self.sessions = list(sessions)
         self.before_step: Callable[[float], None] | None = None
-        """Called with the control step [s] before any, to move the hand: a haptic device does."""
+        """Called with the control step [s] before any, to move the hand: a device on the desk does."""
         self._heard, self._said_at, self._acted_on = -math.inf, 0.0, 0.0
 
     def scenes(self) -> list[bytes]:
@@ -262,7 +262,7 @@ class Drive(Source):
 
     def advance(self, seconds: float) -> float:
         """Whole control steps, of all sessions alike."""
-        if time.perf_counter() - self._heard > WATCHDOG and self.before_step is None:
+        if time.perf_counter() - self._heard > WATCHDOG:
             for session in self.sessions:
                 session.hand.let_go()
         interval = self.sessions[0].vehicle.interval

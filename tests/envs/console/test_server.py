@@ -100,7 +100,9 @@ async def _meet(vehicle: Any) -> None:
                 header, _ = unpack((await page.receive()).data)
                 if header["kind"] == "refused":
                     said.add(header["say"])
-            assert said == {"that is no message"} | {f"{name}: not known to a drive" for name in ("fly", "swim", "crawl")}
+            assert said == {"that is no message"} | {
+                f"{name}: not known to a drive" for name in ("fly", "swim", "crawl")
+            }
         await _until(lambda: source.paused and not hand.share.any())
         step = source.sessions[0].step
         async with client.ws_connect(socket) as page:
