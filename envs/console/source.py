@@ -100,7 +100,7 @@ class View:
 
 def glance_at(row: Mapping[str, Any], frame: Mapping[str, Any]) -> Glance:
     """Where the camera is in a row and what is drawn with it."""
-    given = {name: np.asarray(frame[name], float) for name in ("displacement", "widths") if name in frame}
+    given = {name: np.asarray(frame[name], float) for name in ("displacement", "widths", "blood") if name in frame}
     given |= {name: np.asarray(frame[name], int) for name in ("tissue",) if name in frame}
     return Glance(np.asarray(row["tip"], float), np.asarray(row["tip_frame"], float), float(row["tip_arc"]), **given)
 
