@@ -18,6 +18,8 @@ DEAD_ZONE = 0.15
 _REST = 0.002
 """Time between two reads [s]; engineering choice: several times a report's, so that none queues."""
 
+_NO_LIBRARY = "A SpaceMouse needs the system's library hidapi, such as by 'apt install libhidapi-hidraw0'."
+
 
 @runtime_checkable
 class State(Protocol):
@@ -63,10 +65,12 @@ def find_space_mouse() -> SixAxes:
     except ImportError as error:
         raise MissingDependencyError("A SpaceMouse needs 'pip install haustra[spacemouse]'.") from error
     except OSError as error:
-        raise MissingDependencyError(f"A SpaceMouse needs the system's library hidapi: {error}.") from error
+        raise MissingDependencyError(_NO_LIBRARY) from error
     try:
         return pyspacemouse.open(axis_convention=pyspacemouse.AxisConvention.HID_Z_UP)
     except RuntimeError as error:
+        if isinstance(error.__cause__, AttributeError):  # what it looked for in a library that is not there
+            raise MissingDependencyError(_NO_LIBRARY) from error
         raise InvalidOptionError(
             f"No SpaceMouse can be read ({error}): connect one, or leave --spacemouse out."
         ) from error

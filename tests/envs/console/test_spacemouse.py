@@ -162,6 +162,13 @@ def test_what_is_missing_is_one_line(colon_folder, capsule, monkeypatch, capsys)
     monkeypatch.setitem(sys.modules, "pyspacemouse", library)
     with pytest.raises(InvalidOptionError, match="connect one"):
         find_space_mouse()
+
+    def without_library(**about: Any) -> Any:
+        raise RuntimeError("HID API is probably not installed.") from AttributeError("hid_enumerate")
+
+    library.open = without_library
+    with pytest.raises(MissingDependencyError, match="system's library hidapi"):
+        find_space_mouse()
     monkeypatch.setattr(sources, "Painter", _Painter)
     other = Drive([Session(make_vehicle(colon_folder, capsule))], size=64)
     with pytest.raises(UnsupportedSceneError, match="this vehicle has none"):
