@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import tyro
 
+from haustra.errors import InvalidOptionError
 from haustra.fields import whole
 from haustra.scripts.drivable import Drivable, require_extra
 
@@ -37,6 +38,8 @@ class Drive(Drivable):
     """Number of the port to listen on; any free one when 0."""
     haptic: int | None = whole(0, 65535, default=None)
     """Number of the port for a haptic device on this machine (docs/how-to/haptic.md); none when not given."""
+    spacemouse: bool = False
+    """Let a SpaceMouse on this desk move the hand, beside the page; needs the extra 'spacemouse'."""
     browser: bool = True
     """Open the browser."""
     json: bool = field(default=False)
@@ -50,6 +53,7 @@ class Drive(Drivable):
         from haustra.envs.console.source import Drive as Source
         from haustra.envs.console.vehicles import make_vehicle
 
+        device = self._device()
         vehicle = make_vehicle(self.colon, self.configuration(self.driver))
         recorder = None
         if self.output is not None:
@@ -59,11 +63,21 @@ class Drive(Drivable):
             other = make_vehicle(self.colon, replace(self, device=self.beside).configuration(self.driver))
             sessions.append(Session(other, assisted=self.assist))
         source = Source(sessions, size=self.picture)
-        return serve(source, self, haptic=self.haptic)
+        return serve(source, self, haptic=self.haptic, device=device)
+
+    def _device(self) -> Any:
+        """The SpaceMouse that is asked for; None where none is."""
+        if not self.spacemouse:
+            return None
+        if self.haptic is not None:
+            raise InvalidOptionError("A drive has one hand: give --haptic or --spacemouse, not both.")
+        from haustra.envs.console.spacemouse import find_space_mouse
+
+        return find_space_mouse()
 
 
-def serve(source: Any, asked: Any, *, haptic: int | None = None) -> dict[str, Any] | None:
-    """Serve a source until interrupted; `asked` says host, port, browser and json.
+def serve(source: Any, asked: Any, *, haptic: int | None = None, device: Any = None) -> dict[str, Any] | None:
+    """Serve a source until interrupted; `asked` says host, port, browser and json, `device` is a SpaceMouse.
 
     Returns:
         What came of it; None when all that was to be printed was.
@@ -97,6 +111,10 @@ def serve(source: Any, asked: Any, *, haptic: int | None = None) -> dict[str, An
 
             port = held.enter_context(HapticPort(source, port=haptic)).port
             print(f"A haptic device may connect to 127.0.0.1:{port}.", file=sys.stderr)
+        if device is not None:
+            from haustra.envs.console.spacemouse import SpaceMouse
+
+            held.enter_context(SpaceMouse(source, device))
         asyncio.run(run())
     found = source.close()
     return None if asked.json else found

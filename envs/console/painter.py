@@ -41,6 +41,8 @@ class Glance:
     """Widths of the lumen at even arc lengths, over that at rest [1]; as at rest when None."""
     tissue: Int[np.ndarray, " lesions"] | None = None
     """What was taken of lesions (`haustra.envs.console.channel.Channel.tissue`); nothing when None."""
+    blood: Float[np.ndarray, "places 4"] | None = None
+    """Places of the wall at rest that bleed, and how far blood lies around each [m]; nothing when None."""
 
 
 @dataclass(frozen=True)
@@ -58,12 +60,13 @@ class Eye:
     def __init__(self, camera: Camera) -> None:
         """Take the colon's surface."""
         self._around, self._size = camera.around, camera.size
+        self._none = np.zeros((0, 4))
         self._see([INTACT] * len(camera.around.colon.lesions))
 
     def _see(self, tissue: Sequence[int]) -> None:
         """Take the surface without what was taken, and blood where it was."""
         around, given = self._around, self._around.colon
-        self._tissue = list(tissue)
+        self._tissue, self._blood = list(tissue), self._none
         try:
             colon = treated(given, tissue)
         except InvalidMeshError:  # another wall is too near: it is drawn uncut, and bleeds
@@ -77,10 +80,19 @@ class Eye:
         for place, reach in wounds(given, tissue):
             self._scope.appearance.bleed(place, reach)
 
+    def _bleed(self, blood: Float[np.ndarray, "places 4"]) -> None:
+        """Let it bleed where it does; a wall that no longer does is taken anew."""
+        if len(blood) < len(self._blood) or not np.array_equal(blood[: len(self._blood)], self._blood):
+            self._see(self._tissue)
+        for *place, reach in blood[len(self._blood) :]:
+            self._scope.appearance.bleed(np.array(place), float(reach))
+        self._blood = blood
+
     def draw(self, glance: Glance) -> UInt8[np.ndarray, "size size 3"]:
         """What the camera sees; the wall makes room for the tip."""
         if glance.tissue is not None and glance.tissue.tolist() != self._tissue:
             self._see(glance.tissue.tolist())
+        self._bleed(self._none if glance.blood is None else glance.blood)
         surface = self._surface
         if glance.widths is not None:
             surface.widen(glance.widths)

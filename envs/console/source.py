@@ -100,7 +100,7 @@ class View:
 
 def glance_at(row: Mapping[str, Any], frame: Mapping[str, Any]) -> Glance:
     """Where the camera is in a row and what is drawn with it."""
-    given = {name: np.asarray(frame[name], float) for name in ("displacement", "widths") if name in frame}
+    given = {name: np.asarray(frame[name], float) for name in ("displacement", "widths", "blood") if name in frame}
     given |= {name: np.asarray(frame[name], int) for name in ("tissue",) if name in frame}
     return Glance(np.asarray(row["tip"], float), np.asarray(row["tip_frame"], float), float(row["tip_arc"]), **given)
 
@@ -244,7 +244,7 @@ class Drive(Source):
         super().__init__([View(session.vehicle.around, number, size) for number, session in enumerate(sessions)])
         self.sessions = list(sessions)
         self.before_step: Callable[[float], None] | None = None
-        """Called with the control step [s] before any, to move the hand: a haptic device does."""
+        """Called with the control step [s] before any, to move the hand: a device on the desk does."""
         self._heard, self._said_at, self._acted_on = -math.inf, 0.0, 0.0
 
     def scenes(self) -> list[bytes]:
@@ -262,7 +262,7 @@ class Drive(Source):
 
     def advance(self, seconds: float) -> float:
         """Whole control steps, of all sessions alike."""
-        if time.perf_counter() - self._heard > WATCHDOG and self.before_step is None:
+        if time.perf_counter() - self._heard > WATCHDOG:
             for session in self.sessions:
                 session.hand.let_go()
         interval = self.sessions[0].vehicle.interval

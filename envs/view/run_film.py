@@ -15,6 +15,7 @@ from haustra.envs.runs.insertion import Trajectory
 from haustra.envs.runs.measure.recorded import RecordedRun
 from haustra.envs.sim.moved_colon import CurrentColon
 from haustra.envs.view.device_body import device_body
+from haustra.envs.view.run_blood import run_blood
 from haustra.files import write_atomically
 from haustra.models.scene import Scene
 
@@ -45,12 +46,15 @@ def write_run_film(
     """
     recorded, moves = RecordedRun(scene, seen), bool(seen.displacement.shape[1])
     times = np.linspace(seen.time[0], seen.time[-1], min(_PICTURES, len(seen.time)))
+    blood = run_blood(recorded)
+    blood = blood[np.argsort(blood[:, -1], kind="stable")]
 
     def moment(at: float) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
         record = min(int(np.searchsorted(seen.time, at - 1e-9)), len(seen.time) - 1)
         shape = recorded.shape(record)
         row = {name: getattr(seen, name)[record] for name in ("time", "tip", "tip_arc", "wall_force", "insertion")}
-        frame = {"shape": shape} | ({"displacement": seen.displacement[record]} if moves else {})
+        frame = {"shape": shape, "blood": blood[blood[:, -1] <= seen.time[record], :-1]}
+        frame |= {"displacement": seen.displacement[record]} if moves else {}
         return row | {"tip_frame": recorded.tip_frame()}, frame
 
     return _write(path, draw_pictures(run_surroundings(scene, seen), times, moment, progress), len(times))

@@ -10,6 +10,7 @@ import numpy as np
 from haustra.envs.console.motion import MOTION, write_motion
 from haustra.envs.runs.insertion import Insertion
 from haustra.envs.runs.measure.injury import stations_of
+from haustra.envs.runs.measure.recorded import RecordedRun
 from haustra.envs.runs.measure.scores import provenance_of, score
 from haustra.envs.runs.measure.surface import left_behind
 from haustra.envs.runs.treatment import Treatment
@@ -23,6 +24,7 @@ from haustra.envs.view.picture.plots import time_figure
 from haustra.envs.view.picture.renderer import CameraPose
 from haustra.envs.view.picture.surface import LumenSurface
 from haustra.envs.view.report.run_report import TRAJECTORY, report_run
+from haustra.envs.view.run_blood import run_blood
 from haustra.envs.view.run_film import FILM, write_run_film
 from haustra.files import replaced_together, write_atomically, write_json
 from haustra.models.accuracy import NumericalError
@@ -110,6 +112,8 @@ def _draw(folder: Path, scene: Scene, run: Insertion, colon: Colon, scores: Mapp
     write_png(folder / "outside.png", outside)
     surface = LumenSurface(scene.colon.lumen, surface_arcs(scene.colon))
     scope = Endoscope(scene.colon, lens_of(scene.design.tip, _TIP_SIZE, _TIP_SIZE), surface=surface)
+    for *place, reach, _ in run_blood(RecordedRun(scene, seen)):
+        scope.appearance.bleed(np.array(place), reach)
     surface.place(lumen.vertices)
     write_png(folder / "tip.png", scope.picture(CameraPose.of_tip(run.shape[-1], frame)))
     curves = {

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from haustra.envs.console.film import SIDE
 from haustra.envs.console.recording import load_recording
 from haustra.scripts.main import BAD_INPUT, SUCCESS, main
 
@@ -117,20 +118,58 @@ def _has_pandas() -> bool:
 
 
 @pytest.mark.parametrize("kind", ["mp4", "gif"])
-def test_a_film_shows_the_drive(kind, keys, tmp_path):
+@pytest.mark.parametrize(("fps", "speed", "frames"), [(2.0, 1.0, 3), (4.0, 2.0, 3)])
+def test_a_film_shows_the_drive(kind, fps, speed, frames, keys, tmp_path, capsys):
+    """A recording keeps numbers, no pictures: a film is drawn from them, and lasts as long as what it shows."""
     path = tmp_path / f"film.{kind}"
-    assert main(["export", str(keys), "--to", kind, "--fps", "2", "-o", str(path), "--json"]) == SUCCESS
-    if kind == "mp4":
-        av = pytest.importorskip("av")
-        with av.open(str(path)) as film:
-            pictures = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
-    else:
-        from PIL import Image, ImageSequence
+    call = ["export", str(keys), "--to", kind, "--fps", str(fps), "--speed", str(speed), "-o", str(path), "--json"]
+    assert main(call) == SUCCESS
+    said = json.loads(capsys.readouterr().out)
+    pictures, seconds = {"mp4": _read_mp4, "gif": _read_gif}[kind](path)
+    assert len(pictures) == said["pictures"] == frames
+    assert seconds == pytest.approx(said["seconds"]) and seconds == pytest.approx(frames / fps)
+    assert {one.shape for one in pictures} == {(SIDE + 24, 2 * SIDE, 3)}, "two squares, and a line below them"
+    for side in (slice(None, SIDE), slice(SIDE, None)):  # what the tip sees, and the colon from outside
+        first, last = (one[:SIDE, side].astype(int) for one in (pictures[0], pictures[-1]))
+        assert np.ptp(first) > 100, "nothing is drawn"
+        assert np.abs(first - last).max() > 40, "nothing moved"
 
-        with Image.open(path) as film:
-            pictures = [np.asarray(frame.convert("RGB")) for frame in ImageSequence.Iterator(film)]
-    assert len(pictures) == 3
-    assert np.abs(pictures[0].astype(int) - pictures[-1]).max() > 40, "nothing moved"
+
+def _read_mp4(path: Path) -> tuple[list[np.ndarray], float]:
+    """Pictures of a film, and how long it lasts [s]."""
+    av = pytest.importorskip("av")
+    with av.open(str(path)) as film:
+        (stream,) = film.streams
+        assert (stream.type, stream.codec_context.name, stream.codec_context.pix_fmt) == ("video", "h264", "yuv420p")
+        frames = list(film.decode(video=0))
+        assert [one.time for one in frames] == pytest.approx(np.arange(len(frames)) / float(stream.average_rate))
+        return [one.to_ndarray(format="rgb24") for one in frames], float(stream.duration * stream.time_base)
+
+
+def _read_gif(path: Path) -> tuple[list[np.ndarray], float]:
+    from PIL import Image, ImageSequence
+
+    with Image.open(path) as film:
+        assert film.info["loop"] == 0, "it begins again and again"
+        frames = [(np.asarray(one.convert("RGB")), one.info["duration"]) for one in ImageSequence.Iterator(film)]
+    return [picture for picture, _ in frames], sum(duration for _, duration in frames) / 1000
+
+
+@pytest.mark.parametrize("pictures", [True, False])
+def test_lerobot_is_given_a_film_unless_it_is_to_be_without(pictures, episodes, tmp_path):
+    av, out = pytest.importorskip("av"), tmp_path / "dataset"
+    call = ["export", str(episodes), "--to", "lerobot", "-o", str(out), "--size", "32", "--json"]
+    assert main(call if pictures else [*call, "--no-pictures"]) == SUCCESS
+    info = json.loads((out / "meta/info.json").read_text())
+    films = list(out.rglob("*.mp4"))
+    assert len(films) == pictures == any(one["dtype"] == "video" for one in info["features"].values())
+    for path in films:
+        with av.open(str(path)) as film:
+            frames = list(film.decode(video=0))
+            assert {(one.width, one.height) for one in frames} == {(32, 32)}
+            assert len(frames) == info["total_frames"]
+            stream = film.streams.video[0]
+            assert float(stream.duration * stream.time_base) == pytest.approx(info["total_frames"] / info["fps"])
 
 
 def test_what_cannot_be_done_is_one_line(episodes, keys, tmp_path, capsys):

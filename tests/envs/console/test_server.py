@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -141,24 +142,36 @@ async def _draw_pictures_only(vehicle: Any) -> None:
         assert "frame" not in kinds[-4:], "it has not said that it has drawn the ones before"
 
 
-def test_a_browser_without_webgl_shows_the_rest(colon_folder, capsule):
+@pytest.mark.parametrize("name", ["Chromium", "Firefox"])
+def test_a_browser_without_webgl_shows_the_rest(name, colon_folder, capsule):
     """What the tip sees, the numbers and the hand are there; only the view from outside is not."""
-    from haustra.scripts.bench.browser import chromium
+    from haustra.scripts.bench.browser import Browser, chromium
+    from haustra.scripts.bench.firefox import Firefox, firefox
 
-    if chromium() is None:
-        pytest.skip("no Chromium is installed")
-    asyncio.run(_push_without_webgl(make_vehicle(colon_folder, capsule)))
+    found, kind = {"Chromium": (chromium, partial(Browser, webgl=False)), "Firefox": (firefox, Firefox)}[name]
+    if found() is None:
+        pytest.skip(f"no {name} is installed")
+    browser = kind()
+    asyncio.run(_push_without_webgl(make_vehicle(colon_folder, capsule), browser))
+    assert not browser.folder.exists(), "its profile is left behind"
+    with pytest.raises(ProcessLookupError):
+        os.kill(browser.process, 0)
 
 
-async def _push_without_webgl(vehicle: Any) -> None:
-    from haustra.scripts.bench.browser import Browser
-
-    async with _served(vehicle) as (_, url), Browser(webgl=False) as browser:
+async def _push_without_webgl(vehicle: Any, browser: Any) -> None:
+    async with asyncio.timeout(90), _served(vehicle) as (source, url), browser:
         await browser.open(url)
         await browser.until("window.haustra && haustra.stats.frames > 1 && haustra.stats.pictures > 1")
         assert await browser.ask("haustra.views[0].outside.renderer === null")
         await browser.press("Space")
         await browser.until("!haustra.last.paused && haustra.stats.frames > 5")
+        await browser.key("KeyW", down=True)
+        await browser.until("Object.values(haustra.hand.shares()).includes(1)")
+        await _until(lambda: source.sessions[0].hand.share.max() == 1)
+        await browser.key("KeyW", down=False)
+        await _until(lambda: not source.sessions[0].hand.share.any())
+        assert not await browser.ask("haustra.stats.refused.length")
+    assert [one for one in browser.errors if "WebGL" not in one] == []
 
 
 def test_keys_in_a_browser_drive_past_the_sigmoid(colon_folder, tmp_path):
