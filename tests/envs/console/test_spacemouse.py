@@ -100,10 +100,10 @@ def test_the_cap_holds_what_it_moves_and_leaves_the_rest_to_the_page(drive):
     with SpaceMouse(drive, device):
         device.hold(y=1.0)
         page, begun = {"left": 1.0}, session.look.row["insertion"]
-        _goes_on(drive, lambda: session.hand.share.tolist() == [1, 0, 0, 1, 0], page)
+        _goes_on(drive, lambda: session.hand.share.tolist() == [1, 0, 0, 1, 0, 0], page)
         _goes_on(drive, lambda: session.look.row["insertion"] > begun + 1e-3, page)
         device.hold()
-        _goes_on(drive, lambda: session.hand.share.tolist() == [0, 0, 0, 1, 0], page)
+        _goes_on(drive, lambda: session.hand.share.tolist() == [0, 0, 0, 1, 0, 0], page)
         assert not drive.sessions[1].hand.share.any(), "a capsule has none of these levers"
         _goes_on(drive, lambda: not session.hand.share.any())  # the page is not heard of, though the device is there
     assert device.closed and drive.before_step is None
@@ -140,7 +140,7 @@ def test_buttons_unlock_knobs_and_call_for_help_once_a_press(drive, monkeypatch)
             for name, value in message.items():
                 drive.obey(name, value)
     assert len(said) == 2 and session.assisted
-    assert session.hand.locked.tolist() == [True, True, False, False, True]
+    assert session.hand.locked.tolist() == [True, True, False, False, True, True]
 
 
 def test_what_is_missing_is_one_line(colon_folder, capsule, monkeypatch, capsys):

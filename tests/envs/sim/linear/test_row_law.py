@@ -43,7 +43,7 @@ def gas(xp: Any, *given: Any) -> tuple[Any, ...]:
 
 @pytest.mark.parametrize("flow", [1e-4, -1e-4])
 def test_gas_moves_as_by_numpy(flow: float) -> None:
-    """To 1e-11 of the largest number of its kind, from collapsed to full, let in and sucked out, beside water, in fifty steps."""
+    """To 1e-11 of the largest number of its kind, from collapsed to full, in and out, beside water, in fifty steps."""
     most = np.exp(RANDOM.uniform(-11, -7, (WORLDS, 6)))
     reflux = RANDOM.integers(0, 2, WORLDS).astype(float)
     person = typical_colon(most)._replace(tone=RANDOM.normal(0, 300, most.shape), refluxes=reflux)
