@@ -32,7 +32,7 @@ def short_bank() -> ColonSet:
 
 
 @cache
-def hung_bank() -> ColonSet:
+def moving_bank() -> ColonSet:
     """The short bends, the first 60 % of each a sigmoid."""
     cases = [
         replace(case, borders=case.length * np.array([0.0, 0.05, 0.6, 0.7, 0.8, 0.9, 1.0]))

@@ -89,7 +89,7 @@ def run_policy(
     if options.gas is not None:
         raise UnsupportedSceneError("Policies see colons of fixed width: leave gas out, or let another driver drive.")
     case = case_of(scene.colon, device_radius=scene.cable.radius)
-    tables = stack([case.hung(options.abdomen) if options.mesentery else case.tables])
+    tables = stack([case.with_mesentery(options.abdomen) if options.mesentery else case.tables])
     scope = LinearSingle(scene, tables=tables)
     hand = PolicyHand(policy, settings, scope, Sight([case]))
     every = _longest_share(hand.interval, options.timestep)

@@ -46,7 +46,7 @@ class MovingColon:
         self, case: TabulatedColon, displacement: Float[np.ndarray, "frames nodes 7"], size: tuple[int, int]
     ) -> None:
         """Find a camera that sees all of it at the beginning, in the middle and at the end."""
-        tables = stack([case.hung()])
+        tables = stack([case.with_mesentery()])
         assert tables.mesentery is not None
         # Among longer colons an axis has nodes added at its end.
         self._displacement = at = displacement[:, : tables.mesentery.nodes.shape[1]]

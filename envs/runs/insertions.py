@@ -16,7 +16,7 @@ from haustra.envs.runs.outcome import ending
 from haustra.envs.runs.tally import Insertions, Measured, Tally, counted
 from haustra.envs.sim.device_arrays import tree_where
 from haustra.envs.sim.precision import precise
-from haustra.envs.sim.scope_bank import ScopeBank
+from haustra.envs.sim.scope_colon_set import ScopeColonSet
 from haustra.envs.sim.scope_values import Parameters, State
 from haustra.envs.sim.state import Readings
 from haustra.envs.sim.warp_setup import use_warp
@@ -146,7 +146,7 @@ class InsertionBatch:
 
 
 def run_insertions(
-    bank: ScopeBank,
+    bank: ScopeColonSet,
     *,
     worlds: int,
     seconds: float,

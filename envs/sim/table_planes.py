@@ -229,7 +229,7 @@ class TablePlanes:
         """
         h, moves = self._step_time, self._groups[0].walls.displacement is not None
         if moves:
-            self._give_way(worlds)
+            self._step_axis(worlds)
         for group in self._groups:
             walls = group.walls
             if not moves:
@@ -267,7 +267,7 @@ class TablePlanes:
                 self._surface,
             )
 
-    def _give_way(self, worlds: Int[np.ndarray, " some"]) -> None:
+    def _step_axis(self, worlds: Int[np.ndarray, " some"]) -> None:
         """Let colons give way to what pressed on them in the last step."""
         felt = self._sensed.copy()  # asking for places overwrites it
         self._disabled |= _CONSTRAINT  # where spheres are does not depend on what they touch
@@ -299,7 +299,7 @@ class TablePlanes:
             force = np.concatenate([group.on_wall for group in self._groups], axis=1)
             damping = np.concatenate([group.damping for group in self._groups], axis=1)
         walls = [group.walls for group in others]
-        first.walls.give_way(worlds, force, damping, self._step_time, others=walls)
+        first.walls.step_axis(worlds, force, damping, self._step_time, others=walls)
 
     def felt(self) -> tuple[Float[np.ndarray, "worlds spheres"], Float[np.ndarray, "worlds spheres 3"]]:
         """Normal force on each sphere in the last step, and its friction on the wall, as MuJoCo's sensors tell [N]."""

@@ -179,13 +179,13 @@ class _Colons:
         if known not in self._seen:
             colon = patient.colon()
             require_room(colon, water)
-            self.tables.append(hung_tables(patient, colon, self.radius))
+            self.tables.append(tables_with_mesentery(patient, colon, self.radius))
             self.colons.append(colon)
             self._seen[known] = len(self._seen)
         self.case.append(self._seen[known])
 
 
-def hung_tables(patient: Patient, colon: Colon, radius: float) -> list[Tables]:
+def tables_with_mesentery(patient: Patient, colon: Colon, radius: float) -> list[Tables]:
     """Tables of a patient's colon for a scope of that radius [m], one for each thing that an assistant may do."""
     table = lumen_table(colon, device_radius=radius)
     found = []

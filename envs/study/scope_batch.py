@@ -13,7 +13,7 @@ import numpy as np
 from haustra.envs.runs.measure.injury import perforation_scores
 from haustra.envs.runs.outcome import Outcome
 from haustra.envs.runs.tally import Insertions
-from haustra.envs.sim.scope_bank import BATCH_OPTIONS
+from haustra.envs.sim.scope_colon_set import BATCH_OPTIONS
 from haustra.envs.sim.scope_reading import ScopeChain, read_chain, read_scope
 from haustra.envs.sim.scope_values import Scope
 from haustra.envs.study.halving import halved

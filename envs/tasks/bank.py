@@ -60,7 +60,10 @@ class ColonSet:
     def tables(self) -> Tables:
         """Lumen tables of all cases, one after the other."""
         return stack(
-            [case.hung(self.options.abdomen) if self.options.mesentery else case.tables for case in self.cases]
+            [
+                case.with_mesentery(self.options.abdomen) if self.options.mesentery else case.tables
+                for case in self.cases
+            ]
         )
 
     @cached_property

@@ -77,7 +77,7 @@ class TabulatedColon:
         places = zip(SEGMENTS, pairwise(self.borders.tolist()), strict=False)
         return tuple(ColonSegment(name, start, end) for name, (start, end) in places)
 
-    def hung(self, abdomen: Abdomen | None = None) -> Tables:
+    def with_mesentery(self, abdomen: Abdomen | None = None) -> Tables:
         """The tables of a colon that moves on its mesentery; in a patient as imaged when `abdomen` is None."""
         width, widest = np.median(self.sight, axis=1), self.sight.max(axis=1)
         own = hang(self.points, self.line.arc, width, self.segments, widest=widest, abdomen=abdomen)

@@ -76,5 +76,9 @@ class Pictures:
     def _scope(self, case: int, size: int, *, moves: bool) -> tuple[Endoscope, ColonSurface]:
         tabulated = self._bank.cases[case]
         colon, lens = tabulated.colon(), lens_of(self._bank.design.tip, size, size)
-        surface = MovingSurface(colon, stack([tabulated.hung()]), *entry_of(colon)) if moves else ColonSurface(colon)
+        surface = (
+            MovingSurface(colon, stack([tabulated.with_mesentery()]), *entry_of(colon))
+            if moves
+            else ColonSurface(colon)
+        )
         return Endoscope(colon, lens, surface=surface, threads=1), surface

@@ -265,7 +265,7 @@ def query(
 
     Spheres of that radius (worlds or 1, points or 1) [m] hold on to the wall with their surfaces.
     """
-    own = _hung(tables)
+    own = _mesentery_of(tables)
     shape = shape_of(xp, own, displacement.pose)
     rest = to_reference(xp, tables, displacement.pose, shape, points, arcs)
     found = table.query(xp, tables, rest, arcs)
@@ -312,7 +312,7 @@ def to_reference(xp: Any, tables: Tables, pose: Array, shape: AxisShape, points:
         points: [m].
         arcs: [m].
     """
-    own = _hung(tables)
+    own = _mesentery_of(tables)
     axis = table.axis_at(xp, tables, arcs)
     at, share = _cell(xp, own, arcs)
     world = _worlds(at)
@@ -331,13 +331,13 @@ def to_reference(xp: Any, tables: Tables, pose: Array, shape: AxisShape, points:
 
 def back_to_reference(xp: Any, tables: Tables, pose: Array) -> Callable[[Array, Array], Array]:
     """`to_reference` with such poses of the nodes, of points and arc lengths."""
-    shape = shape_of(xp, _hung(tables), pose)
+    shape = shape_of(xp, _mesentery_of(tables), pose)
     return lambda points, arcs: to_reference(xp, tables, pose, shape, points, arcs)
 
 
 def to_current(xp: Any, tables: Tables, pose: Array, points: Array, arcs: Array) -> Array:
     """Points of the colon at rest at those arc lengths (worlds, points, 3), where they are now [m]."""
-    return _current(xp, tables, pose, shape_of(xp, _hung(tables), pose), points, arcs)
+    return _current(xp, tables, pose, shape_of(xp, _mesentery_of(tables), pose), points, arcs)
 
 
 def directions(xp: Any, own: Mesentery, pose: Array, arcs: Array, v: Array) -> Array:
@@ -361,7 +361,7 @@ def section_poses(
     Returns:
         Points [m], and quaternions (worlds, points, 4).
     """
-    own = _hung(tables)
+    own = _mesentery_of(tables)
     at, share = _cell(xp, own, arcs)
     before, after = shape.turns[_worlds(at), at], shape.turns[_worlds(at), at + 1]
     alike = xp.sign((before * after).sum(-1, keepdims=True))
@@ -373,7 +373,7 @@ def section_poses(
 def axis_at(xp: Any, tables: Tables, pose: Array | None, arcs: Array) -> Array:
     """Points of the centreline at arc lengths, where it is now [m]; without displacements, where it is fixed."""
     still = table.axis_at(xp, tables, arcs)
-    return still if pose is None else still + _between(pose[..., :3], *_cell(xp, _hung(tables), arcs))
+    return still if pose is None else still + _between(pose[..., :3], *_cell(xp, _mesentery_of(tables), arcs))
 
 
 def axis_places(xp: Any, own: Mesentery, pose: Array, arcs: Array) -> Array:
@@ -659,12 +659,12 @@ def _twist_energy(xp: Any, sine: Array) -> Array:
 
 
 def _current(xp: Any, tables: Tables, pose: Array, shape: AxisShape, points: Array, arcs: Array) -> Array:
-    own, axis = _hung(tables), table.axis_at(xp, tables, arcs)
+    own, axis = _mesentery_of(tables), table.axis_at(xp, tables, arcs)
     moved = _between(pose[..., :3], *_cell(xp, own, arcs))
     return axis + moved + _carried(xp, own, shape, arcs, points - axis)
 
 
-def _hung(tables: Tables) -> Mesentery:
+def _mesentery_of(tables: Tables) -> Mesentery:
     assert tables.mesentery is not None, "tables of a colon that is fixed in space"
     return tables.mesentery
 

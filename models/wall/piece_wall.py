@@ -210,9 +210,9 @@ class PieceWall:
         step_once(self._model, data, self._sphere_of >= 0, amend=self._take_along)
         self._seen = data
         if self._moved is not None:
-            self._give_way(data)
+            self._step_axis(data)
 
-    def _give_way(self, data: mujoco.MjData) -> None:
+    def _step_axis(self, data: mujoco.MjData) -> None:
         """Let the colon move under the contacts of the step that was made."""
         contact, h = data.contact, self._model.opt.timestep
         rows, block = contact.efc_address, self._block_of[contact.geom[:, 1]]

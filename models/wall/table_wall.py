@@ -61,7 +61,7 @@ class TableWalls:
         self.begin(np.arange(worlds), self.colon, self.arcs)
         none = np.zeros(0, int)  # what is compiled is compiled before the first step
         self.look(none, self.inwards)
-        self.give_way(none, self.inwards, np.zeros((*self.depth.shape, 2)), 0.0)
+        self.step_axis(none, self.inwards, np.zeros((*self.depth.shape, 2)), 0.0)
 
     @property
     def table(self) -> Float[np.ndarray, "stations angles 4"]:
@@ -138,7 +138,7 @@ class TableWalls:
         """Take the axes of other spheres of the same colons for one's own."""
         self.displacement = other.displacement
 
-    def give_way(
+    def step_axis(
         self,
         worlds: Int[np.ndarray, " some"],
         force: Float[np.ndarray, "worlds all 3"],
@@ -343,9 +343,9 @@ class TableWall:
         """Advance by one step, the colon's too."""
         contact_solver.step(self._model, data, self._tree, loops().solve)
         if self._walls.displacement is not None:
-            self._give_way(data)
+            self._step_axis(data)
 
-    def _give_way(self, data: mujoco.MjData) -> None:
+    def _step_axis(self, data: mujoco.MjData) -> None:
         """Let the colon move under the contacts of the step that was made."""
         contact, law = data.contact, self._contact
         loops().contacts(
@@ -361,4 +361,4 @@ class TableWall:
             self._force,
             self._damping,
         )
-        self._walls.give_way(_ONE, self._force, self._damping, self._model.opt.timestep)
+        self._walls.step_axis(_ONE, self._force, self._damping, self._model.opt.timestep)

@@ -17,7 +17,7 @@ from haustra.envs.sim.physics.hand import HAND_DAMPING, hand_force
 from haustra.envs.sim.physics.lock import lock_activation
 from haustra.envs.sim.physics.stops import stop_torque
 from haustra.envs.sim.physics.wires import borne_pulls, sheath_angle, sprung_pulls, wheel_pulls
-from haustra.envs.sim.scope_bank import ScopeBank
+from haustra.envs.sim.scope_colon_set import ScopeColonSet
 from haustra.envs.sim.scope_reading import read_chain, read_scope
 from haustra.envs.sim.scope_values import State
 from haustra.envs.sim.state import Controls
@@ -35,7 +35,7 @@ _ROUNDS = 50
 class DenseStep:
     """Steps worlds of one scope, whose springs are as designed, in colons without gravity."""
 
-    def __init__(self, bank: ScopeBank, colon: Int[np.ndarray, " worlds"], conditions: Conditions) -> None:
+    def __init__(self, bank: ScopeColonSet, colon: Int[np.ndarray, " worlds"], conditions: Conditions) -> None:
         """Take a scope, which colon each world has, and its wall.
 
         Raises:

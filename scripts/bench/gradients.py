@@ -8,7 +8,7 @@ import numpy as np
 
 from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.linear.gradients import Direction, Gradients
-from haustra.envs.sim.scope_bank import ScopeBank
+from haustra.envs.sim.scope_colon_set import ScopeColonSet
 from haustra.envs.sim.state import Controls, Readings
 from haustra.scripts.bench.linear import Hands, conditions
 
@@ -57,7 +57,7 @@ class SlopeCost:
     """Processor time over the plain program's in the same run [1]; central differences take 2 of those a direction."""
 
 
-def costs(bank: ScopeBank, directions: Sequence[int], *, worlds: int = 16, seconds: float = 4.0) -> list[SlopeCost]:
+def costs(bank: ScopeColonSet, directions: Sequence[int], *, worlds: int = 16, seconds: float = 4.0) -> list[SlopeCost]:
     """Along so many directions, on one core, from where random hands have brought scopes.
 
     Programs take turns, so that what else the machine does falls on all of them.
@@ -88,7 +88,7 @@ def random_script(worlds: int, seconds: float) -> list[Controls]:
     return [each._replace(pulls=each.pulls + _LEAST_PULL) for each in inputs]
 
 
-def agreement(bank: ScopeBank, *, worlds: int = 8, seconds: float = 4.0) -> list[Agreement]:
+def agreement(bank: ScopeColonSet, *, worlds: int = 8, seconds: float = 4.0) -> list[Agreement]:
     """Derivatives at the end of insertions by random hands, by each parameter, against central differences."""
     script, case = random_script(worlds, seconds), np.arange(worlds) % len(bank.colons)
     own, count = conditions(bank, worlds), round(_INTERVAL / bank.scene.options.timestep)

@@ -14,7 +14,7 @@ from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.linear.layout import NODE
 from haustra.envs.sim.linear.place import forget
 from haustra.envs.sim.native_batch import NativeBackend
-from haustra.envs.sim.scope_bank import BATCH_OPTIONS, ScopeBank, build_bank
+from haustra.envs.sim.scope_colon_set import BATCH_OPTIONS, ScopeColonSet, build_bank
 from haustra.envs.sim.scope_reading import read_scope, stack_scopes
 from haustra.envs.sim.scope_values import Scope
 from haustra.envs.sim.serial_chain import Links
@@ -82,13 +82,13 @@ class Hands:
         return Controls(np.full(self._worlds, _PUSH), roll, self._pulls, self._wheels)
 
 
-def bank_of(dofs: int, *, colons: int = 2, mesentery: bool = False) -> ScopeBank:
+def bank_of(dofs: int, *, colons: int = 2, mesentery: bool = False) -> ScopeColonSet:
     """An adult scope of about so many joints, and grown colons, fixed or on their mesentery."""
     options = replace(_options(dofs), mesentery=mesentery)
     return build_bank([grow_colon(seed=seed) for seed in range(colons)], named_design("adult"), options)
 
 
-def resized(bank: ScopeBank, dofs: int) -> ScopeBank:
+def resized(bank: ScopeColonSet, dofs: int) -> ScopeColonSet:
     """A bank of the same colons with a scope of about so many joints."""
     longest = max(bank.colons, key=lambda colon: colon.centreline.length)
     options = replace(_options(dofs), mesentery=bank.scene.options.mesentery)
@@ -101,7 +101,7 @@ def _options(dofs: int) -> SceneOptions:
 
 
 def driven(
-    bank: ScopeBank,
+    bank: ScopeColonSet,
     worlds: int,
     *,
     seconds: float = _WAY,
@@ -122,7 +122,7 @@ def driven(
     return backend, hands
 
 
-def _designs(bank: ScopeBank, worlds: int) -> Scope:
+def _designs(bank: ScopeColonSet, worlds: int) -> Scope:
     """A design a world: bending sections from four fifths as stiff to six fifths, worlds in turn."""
     design, options = bank.scene.design, bank.scene.options
     stiffer, scopes = np.linspace(0.8, 1.2, _KINDS), []
@@ -134,7 +134,7 @@ def _designs(bank: ScopeBank, worlds: int) -> Scope:
     return Scope(Links(*(part[which] for part in each.links)), *(part[which] for part in each[1:]))
 
 
-def conditions(bank: ScopeBank, worlds: int) -> Conditions:
+def conditions(bank: ScopeColonSet, worlds: int) -> Conditions:
     """Friction from 0.03 to 0.2, worlds in turn."""
     one = np.ones(worlds)
     return Conditions(np.linspace(0.03, 0.2, worlds), bank.scene.options.wall_stiffness * one, one)
@@ -161,7 +161,7 @@ def repeated(backend: LinearBackend, hands: Hands, *, steps: int) -> int:
     return int((ends[0] != ends[1]).sum())
 
 
-def compile_cost(bank: ScopeBank, **about: Any) -> tuple[float, float]:
+def compile_cost(bank: ScopeColonSet, **about: Any) -> tuple[float, float]:
     """Seconds until a backend stands: with nothing compiled before, and with the program in haustra's cache.
 
     A GPU's driver has a cache of its own, which is left as it is.
@@ -181,7 +181,7 @@ def compile_cost(bank: ScopeBank, **about: Any) -> tuple[float, float]:
     return seconds[0], seconds[1]
 
 
-def measure_cost(bank: ScopeBank, worlds: Sequence[int], *, threads: int = 1, **device: Any) -> list[Cost]:
+def measure_cost(bank: ScopeColonSet, worlds: Sequence[int], *, threads: int = 1, **device: Any) -> list[Cost]:
     """Cost with these scopes, in those numbers of worlds."""
     rows = []
     for count in worlds:
@@ -203,7 +203,7 @@ def exponent(costs: Sequence[Cost]) -> float:
     return float(np.polyfit(np.log([row.dofs for row in costs]), np.log([row.us_per_step for row in costs]), 1)[0])
 
 
-def dense_cost(bank: ScopeBank, worlds: int, *, threads: int = 1) -> float:
+def dense_cost(bank: ScopeColonSet, worlds: int, *, threads: int = 1) -> float:
     """Time of a step of MuJoCo's own dense engine, the native batch, from where the same hands bring it [s]."""
     backend = NativeBackend(bank.scene, bank.tables, worlds=worlds, threads=threads)
     all_worlds = np.arange(worlds)
@@ -218,7 +218,7 @@ def dense_cost(bank: ScopeBank, worlds: int, *, threads: int = 1) -> float:
 
 
 def largest_difference(
-    bank: ScopeBank, *, worlds: int = 20, instants: int = 10, wheels: bool = False, gathered: bool = False
+    bank: ScopeColonSet, *, worlds: int = 20, instants: int = 10, wheels: bool = False, gathered: bool = False
 ) -> float:
     """How far speeds lie from the dense step after one step, relative to each world's fastest, in double precision.
 

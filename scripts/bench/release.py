@@ -19,7 +19,7 @@ TWIST_HINGES = 5
 """Twist hinges of a released rod; measured: the tip's error with 5 and with one a joint differ by 0.001 % of length."""
 
 DEFAULT_STEP = 0.003
-"""Time step where the rod's loss time allows it [s]; measured: error and real-time factor meet their bars."""
+"""Time step where the rod's loss time allows it [s]; measured: error and real-time factor meet their criteria."""
 
 _STABLE_PART = 0.9
 """Part of the loss time that a step may take; at 1.0 the scheme is at its limit of stability."""

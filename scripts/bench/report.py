@@ -1,4 +1,4 @@
-"""Benchmarks on one page: bars, fronts of error against cost, tables."""
+"""Benchmarks on one page: criteria, fronts of error against cost, tables."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -21,15 +21,15 @@ def report_bench(folder: Path, benches: Sequence[Bench]) -> Path:
     Raises:
         OutputError: when the file cannot be written.
     """
-    bars = [bar for bench in benches for bar in bench.bars]
+    criteria = [criterion for bench in benches for criterion in bench.criteria]
     found: list[page.Section] = [
-        page.Highlights({"bars met": f"{sum(bar.met for bar in bars)} of {len(bars)}"}),
-        page.Warnings([f"Not met: {said(bar)}" for bar in bars if not bar.met]),
+        page.Highlights({"criteria met": f"{sum(criterion.met for criterion in criteria)} of {len(criteria)}"}),
+        page.Warnings([f"Not met: {said(criterion)}" for criterion in criteria if not criterion.met]),
     ]
     for bench in benches:
         found.append(page.Text(bench.title, bench.summary))
-        if bench.bars:
-            found.append(_bars(bench.bars))
+        if bench.criteria:
+            found.append(_criteria(bench.criteria))
         found += [page.Plot(front.question, _figure(front), _note(front)) for front in bench.fronts]
         found += [rows_table(table) for table in bench.tables if table.rows]
         if bench.machine:
@@ -39,17 +39,17 @@ def report_bench(folder: Path, benches: Sequence[Bench]) -> Path:
     )
 
 
-def said(bar: Criterion) -> str:
-    """A bar in one line, without its verdict."""
-    measured, bound = measured_and_bound(bar)
-    return f"{bar.what}: {measured}, {bound}"
+def said(criterion: Criterion) -> str:
+    """A criterion in one line, without its verdict."""
+    measured, bound = measured_and_bound(criterion)
+    return f"{criterion.what}: {measured}, {bound}"
 
 
-def measured_and_bound(bar: Criterion) -> tuple[str, str]:
+def measured_and_bound(criterion: Criterion) -> tuple[str, str]:
     """Both with their unit."""
-    unit = "" if bar.unit == "1" else f" {bar.unit}"
-    measured = f"{bar.measured:.3g}{unit}" if np.isfinite(bar.measured) else f"nothing finite{unit}"
-    return measured, f"{bar.sense} {bar.bound:g}{unit}"
+    unit = "" if criterion.unit == "1" else f" {criterion.unit}"
+    measured = f"{criterion.measured:.3g}{unit}" if np.isfinite(criterion.measured) else f"nothing finite{unit}"
+    return measured, f"{criterion.sense} {criterion.bound:g}{unit}"
 
 
 def rows_table(table: Table) -> page.Table:
@@ -59,9 +59,9 @@ def rows_table(table: Table) -> page.Table:
     return page.Table(table.title, [name.replace("_", " ") for name in header], rows, table.note)
 
 
-def _bars(bars: Sequence[Criterion]) -> page.Table:
-    rows = [(bar.what, *measured_and_bound(bar), bar.verdict) for bar in bars]
-    return page.Table("Bars", ("what", "measured", "bar", "verdict"), rows)
+def _criteria(criteria: Sequence[Criterion]) -> page.Table:
+    rows = [(criterion.what, *measured_and_bound(criterion), criterion.verdict) for criterion in criteria]
+    return page.Table("Bars", ("what", "measured", "criterion", "verdict"), rows)
 
 
 def _pairs(values: Mapping[str, Value]) -> list[tuple[str, str]]:

@@ -1,4 +1,4 @@
-"""What a benchmark says: tables, fronts of error against cost, bars with what was measured. Plain values for JSON."""
+"""What a benchmark says: tables, fronts of error against cost, criteria and what was measured. Plain for JSON."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -123,7 +123,7 @@ class Bench:
     title: str
     summary: tuple[str, ...]
     """Paragraphs that say how it was measured."""
-    bars: tuple[Criterion, ...] = ()
+    criteria: tuple[Criterion, ...] = ()
     fronts: tuple[ParetoFront, ...] = ()
     tables: tuple[Table, ...] = ()
     machine: Mapping[str, Value] = field(default_factory=dict)
@@ -132,8 +132,8 @@ class Bench:
     def to_json(self) -> dict[str, Any]:
         """Plain values; numbers that are not finite become null."""
         values = asdict(self)
-        for bar, plain in zip(self.bars, values["bars"], strict=True):
-            plain["met"], plain["verdict"] = bar.met, bar.verdict
+        for criterion, plain in zip(self.criteria, values["criteria"], strict=True):
+            plain["met"], plain["verdict"] = criterion.met, criterion.verdict
         for front, plain in zip(self.fronts, values["fronts"], strict=True):
             plain["best"] = [point.setting for point in front.best()]
         return _finite(values)
@@ -149,7 +149,7 @@ def bench_from_json(values: Mapping[str, Any]) -> Bench:
         name=values["name"],
         title=values["title"],
         summary=tuple(values["summary"]),
-        bars=tuple(map(_criterion, values["bars"])),
+        criteria=tuple(map(_criterion, values["criteria"])),
         fronts=tuple(
             ParetoFront(
                 **_without(front, "best", "points"),

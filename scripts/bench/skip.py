@@ -87,14 +87,14 @@ def bench_skip(
     Raises:
         HaustraError: when a replay diverges.
     """
-    rows, bars = [], []
+    rows, criteria = [], []
     pairs = levers(colon, wall, design, deepest=SceneOptions.start_depth + ADVANCE * seconds)
     for number, lever in enumerate(pairs):
         row = compare(lever, seconds=seconds, repeats=repeats)
         rows.append(row)
         if lever.use == "left out":
             worst = max(float(row[name]) for name in ("tip_change", "push_change", "wall_change"))
-            bars.append(Criterion(f"Change by leaving out {lever.name}", worst, BOUND, "1", "at most"))
+            criteria.append(Criterion(f"Change by leaving out {lever.name}", worst, BOUND, "1", "at most"))
         progress(number + 1, lever.name, len(pairs))
     return Bench(
         name="skip",
@@ -105,7 +105,7 @@ def bench_skip(
             f"ratio of processor times of {repeats} pairs. Changes: of the tip's last place, and of its path at worst, "
             "over the length inside; and of the peaks of push and wall force.",
         ),
-        bars=tuple(bars),
+        criteria=tuple(criteria),
         tables=(Table("What is left out", tuple(rows)),),
         machine=machine(),
     )

@@ -19,7 +19,7 @@ from haustra.envs.control.follower import FollowerSettings, Steering
 from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.linear.gradients import Direction, Gradients
-from haustra.envs.sim.scope_bank import ScopeBank, build_bank
+from haustra.envs.sim.scope_colon_set import ScopeColonSet, build_bank
 from haustra.envs.sim.scope_reading import read_chain, read_scope, stack_scopes
 from haustra.envs.sim.scope_values import Scope
 from haustra.envs.sim.state import Controls, Readings
@@ -70,7 +70,9 @@ class Search:
 class Problem:
     """Insertions by given hands, in all colons of a bank with each friction."""
 
-    def __init__(self, bank: ScopeBank, *, frictions: Iterable[float] = FRICTIONS, seconds: float = SECONDS) -> None:
+    def __init__(
+        self, bank: ScopeColonSet, *, frictions: Iterable[float] = FRICTIONS, seconds: float = SECONDS
+    ) -> None:
         """Let the lumen follower drive the design that ships for so long [s]; the same hands go for every profile."""
         self.bank, colons = bank, len(bank.colons)
         friction = np.repeat(list(frictions), colons)
@@ -165,19 +167,19 @@ class Problem:
         return script, backend.read().tip_arc
 
 
-def searched(bank: ScopeBank, colons: int) -> ScopeBank:
+def searched(bank: ScopeColonSet, colons: int) -> ScopeColonSet:
     """A bank of the first so many grown colons, without those of `_UNSEEN`."""
     return _grown(bank, [seed for seed in range(colons + len(_UNSEEN)) if seed not in _UNSEEN][:colons])
 
 
-def elsewhere(bank: ScopeBank, searches: Sequence[Search], *, seconds: float = SECONDS) -> list[float]:
+def elsewhere(bank: ScopeColonSet, searches: Sequence[Search], *, seconds: float = SECONDS) -> list[float]:
     """Objectives in colons that were not searched in [N]: of the design that ships, then of what each search found."""
     problem = Problem(_grown(bank, _UNSEEN), seconds=seconds)
     profiles = [np.ones(ZONES), *(each.profile for each in searches)]
     return [problem.value(np.log(profile))[0] for profile in profiles]
 
 
-def _grown(bank: ScopeBank, seeds: Iterable[int]) -> ScopeBank:
+def _grown(bank: ScopeColonSet, seeds: Iterable[int]) -> ScopeColonSet:
     return build_bank([grow_colon(seed=seed) for seed in seeds], bank.scene.design, bank.scene.options)
 
 

@@ -13,7 +13,7 @@ from haustra.envs.runs.linear_insertions import LinearInsertions
 from haustra.envs.runs.tally import Insertions
 from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.load import load_backend
-from haustra.envs.sim.scope_bank import ScopeBank
+from haustra.envs.sim.scope_colon_set import ScopeColonSet
 from haustra.scripts.bench.linear import INTERVAL, Hands, conditions
 
 _REPEATS = 3
@@ -41,7 +41,7 @@ class Rate:
 
 
 def measure_rates(
-    bank: ScopeBank,
+    bank: ScopeColonSet,
     worlds: Sequence[int],
     *,
     backend: str = "linear",
@@ -64,7 +64,7 @@ def measure_rates(
     return rates
 
 
-def _measure(bank: ScopeBank, count: int, *, backend: str, threads: int) -> Rate:
+def _measure(bank: ScopeColonSet, count: int, *, backend: str, threads: int) -> Rate:
     began, every, timestep = time.perf_counter(), np.arange(count), bank.scene.options.timestep
     batch = load_backend(backend, bank.scene, bank.tables, worlds=count, threads=threads)
     batch.reset(every, every % len(bank.colons), conditions(bank, count))
@@ -84,7 +84,7 @@ def _measure(bank: ScopeBank, count: int, *, backend: str, threads: int) -> Rate
 
 
 def measure_insertions(
-    bank: ScopeBank, count: int, *, seconds: float, backend: str = "linear", threads: int = 1
+    bank: ScopeColonSet, count: int, *, seconds: float, backend: str = "linear", threads: int = 1
 ) -> dict[str, Any]:
     """Time that many insertions from the first call to the last score, with friction from 0.03 to 0.1.
 
@@ -112,7 +112,7 @@ def measure_insertions(
 
 
 def _inserted(
-    bank: ScopeBank, colons: np.ndarray, friction: np.ndarray, *, seconds: float, backend: str, threads: int
+    bank: ScopeColonSet, colons: np.ndarray, friction: np.ndarray, *, seconds: float, backend: str, threads: int
 ) -> Insertions:
     count = len(colons)
     if backend == "warp":

@@ -10,7 +10,7 @@ from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.sim.load import load_backend
 from haustra.envs.sim.native import NativeEngine
-from haustra.envs.sim.scope_bank import build_bank
+from haustra.envs.sim.scope_colon_set import build_bank
 from haustra.envs.sim.state import Controls
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.design import ScopeDesign

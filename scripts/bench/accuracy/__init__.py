@@ -1,1 +1,1 @@
-"""Run time against error: one file a question, all answered as fronts, tables and bars."""
+"""Run time against error: one file a question, all answered as fronts, tables and criteria."""

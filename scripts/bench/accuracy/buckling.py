@@ -15,7 +15,7 @@ def answer(effort: Effort) -> Answer:
     """Sweep the number of joints in four metres of rod."""
     counts = (40, 80) if effort.quick else (40, 60, 80, 120)
     loads = {"sinusoidal": ("sinusoidal_load", 2.0), "helical": ("helical_load", np.sqrt(8))}
-    fronts, bars = [], []
+    fronts, criteria = [], []
     rods = {count: TubeRod(count) for count in counts}
     for title, (method, units) in loads.items():
         candidates = []
@@ -36,5 +36,7 @@ def answer(effort: Effort) -> Answer:
             )
         )
         error = next(each.error for each in candidates if each.setting == f"joints={counts[-1]}")
-        bars.append(Criterion(f"error of the {title} buckling load, {counts[-1]} joints", error, BOUND, "1", "at most"))
-    return Answer(fronts, bars=bars)
+        criteria.append(
+            Criterion(f"error of the {title} buckling load, {counts[-1]} joints", error, BOUND, "1", "at most")
+        )
+    return Answer(fronts, criteria=criteria)

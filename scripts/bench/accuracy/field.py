@@ -58,7 +58,9 @@ def answer(effort: Effort) -> Answer:
         Table(f"The follower drives each backend for {driven:g} s", tuple(scores)),
         Table("Differences of scores, field less pieces", tuple(_difference(scores, name) for name in _SCORES)),
     )
-    return Answer(tables=tables, bars=_bars(paths, scores), notes=[_NOTE.format(colons=len(paths), seconds=seconds)])
+    return Answer(
+        tables=tables, criteria=_criteria(paths, scores), notes=[_NOTE.format(colons=len(paths), seconds=seconds)]
+    )
 
 
 _NOTE = (
@@ -136,7 +138,7 @@ def _gaps(rows: list[dict[str, Value]], score: str) -> tuple[np.ndarray, np.ndar
     return field - pieces, pieces
 
 
-def _bars(paths: list[dict[str, Value]], scores: list[dict[str, Value]]) -> tuple[Criterion, ...]:
+def _criteria(paths: list[dict[str, Value]], scores: list[dict[str, Value]]) -> tuple[Criterion, ...]:
     def median(name: str) -> float:
         return float(np.median([float(row[name] or 0.0) for row in paths]))
 

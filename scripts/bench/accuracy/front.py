@@ -17,7 +17,7 @@ import numpy as np
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.linear.backend import LinearBackend
-from haustra.envs.sim.scope_bank import ScopeBank, build_bank
+from haustra.envs.sim.scope_colon_set import ScopeColonSet, build_bank
 from haustra.envs.sim.state import Controls
 from haustra.errors import InvalidOptionError
 from haustra.files import prepare_folder, write_json
@@ -165,7 +165,7 @@ class _Tracks:
     """What scripts do to one way of modelling, a world each."""
 
     def __init__(
-        self, bank: ScopeBank, design: ScopeDesign, options: SceneOptions, scripts: Sequence[Script], deepest: float
+        self, bank: ScopeColonSet, design: ScopeDesign, options: SceneOptions, scripts: Sequence[Script], deepest: float
     ) -> None:
         longest = max(bank.colons, key=lambda colon: colon.centreline.length)
         self._scene = build_scene(longest, None, design, options, show_lumen=False, deepest=deepest, to_save=False)

@@ -7,7 +7,7 @@ import numpy as np
 
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.sim.native import NativeEngine
-from haustra.envs.sim.scope_bank import BATCH_OPTIONS, build_bank
+from haustra.envs.sim.scope_colon_set import BATCH_OPTIONS, build_bank
 from haustra.envs.sim.state import Controls
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.devices.scope.files import find_design

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from haustra.envs.sim.scope_bank import BATCH_OPTIONS
+from haustra.envs.sim.scope_colon_set import BATCH_OPTIONS
 from haustra.models.devices.scope.files import find_design
 from haustra.models.presets import PRESETS
 from haustra.models.scene import SceneOptions

@@ -80,7 +80,7 @@ def answer(effort: Effort) -> Answer:
     costs = dict(zip(blocks, in_turns(list(blocks.values()), repeats=3), strict=True))
     return Answer(
         tables=[_table(costs, errors, details)],
-        bars=_bars(costs, errors),
+        criteria=_criteria(costs, errors),
         notes=[
             f"Plain scene: pushed in at {RATE} m/s for {seconds:g} s ({reference.insertion[-1]:.2f} m) unsteered, "
             "all pieces of the wall standing. MuJoCo's joints have no damping unless a user adds it; 'damped' has the "
@@ -179,19 +179,19 @@ def _table(costs: dict[str, float], errors: dict[str, float], details: dict[str,
     return Table("Against the scene that a competent user would write", tuple(rows))
 
 
-def _bars(costs: dict[str, float], errors: dict[str, float]) -> list[Criterion]:
-    bars = []
+def _criteria(costs: dict[str, float], errors: dict[str, float]) -> list[Criterion]:
+    criteria = []
     for segments, bound in BARS.items():
         name = f"plugin cable, {segments} segments"
         if f"{name}, damped" not in costs:
             continue
         for kind in ("MuJoCo's damping", "damped"):
             ratio = costs[f"{name}, {kind}"] / costs["balanced"]
-            bars.append(
+            criteria.append(
                 Criterion(f"balanced is faster than the plain scene: {name}, {kind}", ratio, bound, "times", "at least")
             )
         plain = errors[f"{name}, damped"]
-        bars.append(
+        criteria.append(
             Criterion(f"tip error of balanced against that of the {name}", errors["balanced"], plain, "mm", "at most")
         )
-    return bars
+    return criteria

@@ -29,7 +29,7 @@ class Answer:
 
     fronts: Sequence[ParetoFront] = ()
     tables: Sequence[Table] = ()
-    bars: Sequence[Criterion] = ()
+    criteria: Sequence[Criterion] = ()
     notes: Sequence[str] = ()
     """Sentences that say how it was measured, or why it was not."""
 

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from haustra.envs.sim.at_origin import compile_at_origin
 from haustra.envs.sim.physics.lock import lock_activation
-from haustra.envs.sim.scope_bank import BATCH_OPTIONS
+from haustra.envs.sim.scope_colon_set import BATCH_OPTIONS
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.design import ScopeDesign
 from haustra.models.scene import Scene, build_scene, entry_of

@@ -37,7 +37,7 @@ def accuracy_log(result: Mapping[str, Any]) -> str:
         _where(result["machine"]),
         _efforts(result.get("full", [])),
         "## Criteria\n\n",
-        _bars(result["bars"]),
+        _criteria(result["criteria"]),
     ]
     parts += ["\n## Presets, one colon each\n\n", _presets(result), "\n![Fronts](../images/accuracy.png)\n"]
     parts += ["\n## How it was measured\n\n", *(f"* {line}\n" for line in result["summary"][1:]), "\n## Fronts\n\n"]
@@ -47,7 +47,7 @@ def accuracy_log(result: Mapping[str, Any]) -> str:
 
 
 def merged(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Several benchmarks as one: of each bar, front and table, the first."""
+    """Several benchmarks as one: of each criterion, front and table, the first."""
 
     def first(kind: str, name: str) -> list[Any]:
         found: dict[str, Any] = {}
@@ -68,7 +68,7 @@ def merged(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
             )
         ],
         "summary": list(dict.fromkeys(line for result in results for line in result["summary"])),
-        "bars": first("bars", "what"),
+        "criteria": first("criteria", "what"),
         "fronts": first("fronts", "question"),
         "tables": first("tables", "title"),
     }
@@ -86,16 +86,22 @@ def _efforts(full: Sequence[str]) -> str:
     return f"{named} by `--quick`: coarser references and fewer settings than the command gives without it.\n\n"
 
 
-def _bars(bars: Sequence[Mapping[str, Any]]) -> str:
+def _criteria(criteria: Sequence[Mapping[str, Any]]) -> str:
     rows = [
-        [bar["what"], _number(bar["measured"]), f"{bar['sense']} {_number(bar['bound'])}", bar["unit"], _met(bar)]
-        for bar in bars
+        [
+            criterion["what"],
+            _number(criterion["measured"]),
+            f"{criterion['sense']} {_number(criterion['bound'])}",
+            criterion["unit"],
+            _met(criterion),
+        ]
+        for criterion in criteria
     ]
     return _rows(["criterion", "full run", "bound", "unit", "verdict"], rows)
 
 
-def _met(bar: Mapping[str, Any]) -> str:
-    return "met" if bar["met"] else f"**{bar.get('verdict', 'not met')}**"
+def _met(criterion: Mapping[str, Any]) -> str:
+    return "met" if criterion["met"] else f"**{criterion.get('verdict', 'not met')}**"
 
 
 def _presets(result: Mapping[str, Any]) -> str:

@@ -1,7 +1,7 @@
-"""Put figures into a page on stability: the largest steps into the page itself, bars and shocks into the log.
+"""Put figures into a page on stability: the largest steps into the page itself, criteria and shocks into the log.
 
 python -m haustra.scripts.bench.pages.stability_page stability.json docs/validation/stability.md steps
-python -m haustra.scripts.bench.pages.stability_page stability.json docs/log/stability.md bars shocks
+python -m haustra.scripts.bench.pages.stability_page stability.json docs/log/stability.md criteria shocks
 
 They stand between `<!-- NAME -->` and `<!-- /NAME -->`; the rest of the page is written by hand.
 """
@@ -24,7 +24,7 @@ from haustra.scripts.bench.stability.step_scenes import INTEGRATORS
 def with_figures(page: str, bench: Bench, only: Sequence[str] = ()) -> str:
     """The page with what the benchmark found; what has no table in it stays as it is."""
     tables = {table.title: table for table in bench.tables}
-    blocks = {"bars": "\n".join(_bars(bench))}
+    blocks = {"criteria": "\n".join(_criteria(bench))}
     if TABLE in tables:
         blocks["steps"] = "\n".join(_steps(tables[TABLE].rows))
     if "Shocks" in tables:
@@ -38,12 +38,12 @@ def with_figures(page: str, bench: Bench, only: Sequence[str] = ()) -> str:
     return page
 
 
-def _bars(bench: Bench) -> Iterator[str]:
+def _criteria(bench: Bench) -> Iterator[str]:
     yield f"{bench.summary[0]} {', '.join(f'{name} {shown(value)}' for name, value in bench.machine.items())}.\n"
-    yield "| bar | measured | bound | |\n|---|---|---|---|"
-    for bar in bench.bars:
-        measured, bound = measured_and_bound(bar)
-        yield f"| {bar.what} | {measured} | {bound} | {bar.verdict if bar.met else f'**{bar.verdict}**'} |"
+    yield "| criterion | measured | bound | |\n|---|---|---|---|"
+    for one in bench.criteria:
+        measured, bound = measured_and_bound(one)
+        yield f"| {one.what} | {measured} | {bound} | {one.verdict if one.met else f'**{one.verdict}**'} |"
 
 
 def _steps(rows: tuple[Mapping[str, Any], ...]) -> Iterator[str]:

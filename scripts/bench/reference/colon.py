@@ -31,7 +31,7 @@ _STRIDE = 0.004
 """No place of the scope moves further in one iteration [m]: what was found holds only near by."""
 
 _STILL = 1e-6
-"""Iterations end when no place of contact moves further than this [m]; 1/1000 of the bar of 1 mm."""
+"""Iterations end when no place of contact moves further than this [m]; 1/1000 of the criterion of 1 mm."""
 
 
 @dataclass(frozen=True)

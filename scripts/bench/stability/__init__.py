@@ -1,1 +1,1 @@
-"""Whether simulations stay stable: random settings, shocks, poisoned inputs, laws of physics, long runs, escapes."""
+"""Whether simulations stay stable: random settings, shocks, NaN and Inf in inputs, laws of physics, long runs."""

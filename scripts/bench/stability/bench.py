@@ -11,15 +11,15 @@ from haustra.scripts.bench.stability.escapes import escapes
 from haustra.scripts.bench.stability.linear import linear
 from haustra.scripts.bench.stability.long import long_run
 from haustra.scripts.bench.stability.moving import moving
+from haustra.scripts.bench.stability.nan_injection import inject
 from haustra.scripts.bench.stability.part import Part, Progress, RunOptions
-from haustra.scripts.bench.stability.poison import poison
 from haustra.scripts.bench.stability.random_runs import random_runs
 from haustra.scripts.bench.stability.shocks import shocks
 from haustra.scripts.bench.stability.step import largest_steps
 
 PARTS: dict[str, Callable[[RunOptions, Progress], Part]] = {
     "conservation": conservation,
-    "nan": poison,
+    "nan": inject,
     "shocks": shocks,
     "step": largest_steps,
     "escapes": escapes,
@@ -66,12 +66,12 @@ def _result(order: RunOptions, found: Mapping[str, Part]) -> Bench:
         name="stability",
         title="Numerical stability",
         summary=(extent, *(part.summary for part in parts if part.summary)),
-        bars=tuple(_told(bar, part) for part in parts for bar in part.bars),
+        criteria=tuple(_told(criterion, part) for part in parts for criterion in part.criteria),
         tables=tuple(table for part in parts for table in part.tables),
         machine=machine(),
     )
 
 
-def _told(bar: Criterion, part: Part) -> Criterion:
-    """A bar of a part that is not finished says so."""
-    return replace(bar, what=f"{bar.what} (so far, {part.unfinished})") if part.unfinished else bar
+def _told(criterion: Criterion, part: Part) -> Criterion:
+    """A criterion of a part that is not finished says so."""
+    return replace(criterion, what=f"{criterion.what} (so far, {part.unfinished})") if part.unfinished else criterion

@@ -16,12 +16,12 @@ def conservation(order: RunOptions, progress: Progress) -> Part:
     folder = order.folder / "colons"
     prepare_colons(folder, 1, lambda seed: progress(0.0, "growing colon 0"), walls=False)
     colon = load_colon(folder / "grown-0")
-    bars = free_bars()
+    criteria = free_bars()
     progress(0.2, "free rods")
-    bars += passive_bars(colon)
+    criteria += passive_bars(colon)
     progress(0.5, "scope at rest in a colon")
     mirrors, handed = mirror_bars(colon)
-    bars += symmetry_bars(colon) + mirrors
+    criteria += symmetry_bars(colon) + mirrors
     progress(1.0, "symmetries")
     steps = [TIMESTEP, TIMESTEP / 2, TIMESTEP / 4, TIMESTEP / 8]
     drift = Table(
@@ -41,4 +41,4 @@ def conservation(order: RunOptions, progress: Progress) -> Part:
         f"Rods of {JOINTS} joints in empty space, damped as in scenes; scopes in grown colon 0, tangent planes. "
         "Energy counts motion, springs, wall, hand and locks; a rod gains what it rises above its least until then."
     )
-    return Part(bars, (drift, handed), summary=text)
+    return Part(criteria, (drift, handed), summary=text)

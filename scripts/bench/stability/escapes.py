@@ -21,7 +21,7 @@ def escapes(order: RunOptions, progress: Progress) -> Part:
     count = QUICK_PUSHES if order.quick else PUSHES
     prepare_colons(order.folder / "colons", 1, lambda seed: progress(0.0, "growing colon 0"), walls=False)
     colons = [order.folder / "colons" / "grown-0", *([order.colon] if order.colon else [])]
-    bars, found, done = [], [], 0
+    criteria, found, done = [], [], 0
     for index, folder in enumerate(colons):
         name, pushes = _pushes(
             order, folder, count, lambda done, note, index=index: progress((index + done) / len(colons), note)
@@ -31,14 +31,16 @@ def escapes(order: RunOptions, progress: Progress) -> Part:
         done += len(pushes)
         figures = summary(pushes)
         found.append({"colon": name, **figures})
-        bars.append(Criterion(f"escapes through tangent planes in {name}", figures["escaped"], 0, "pushes", "at most"))
+        criteria.append(
+            Criterion(f"escapes through tangent planes in {name}", figures["escaped"], 0, "pushes", "at most")
+        )
     text = (
         f"A stiff tip of an adult scope, pushed from random places in random directions with up to {LARGEST_FORCE:g} N "
         f"and {LARGEST_SPEED:g} m/s against tangent planes; out is what stays more than 1 mm deeper than force over "
         "stiffness."
     )
     return Part(
-        tuple(bars),
+        tuple(criteria),
         (Table("Pushes", tuple(found)),),
         summary=text,
         counts={"pushes": done},

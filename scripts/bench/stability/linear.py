@@ -20,10 +20,10 @@ from haustra.scripts.bench.result import Criterion, Table, Value
 from haustra.scripts.bench.stability.linear_runs import WORLDS, begin, both_ways, largest_travel
 from haustra.scripts.bench.stability.long import CYCLE, GROWTH, growth, memory
 from haustra.scripts.bench.stability.moving_rig import OPTIONS, MovingRig, all_finite
+from haustra.scripts.bench.stability.nan_injection import WORLDS as INJECTED_WORLDS
+from haustra.scripts.bench.stability.nan_injection import Injection, batch_cases, small_bank
+from haustra.scripts.bench.stability.nan_injection import judge as judge_cases
 from haustra.scripts.bench.stability.part import Part, Progress, RunOptions
-from haustra.scripts.bench.stability.poison import WORLDS as POISON_WORLDS
-from haustra.scripts.bench.stability.poison import Injection, batch_cases, small_bank
-from haustra.scripts.bench.stability.poison import judge as judge_cases
 from haustra.scripts.bench.stability.random_runs import HOLD, PRESETS_TWICE, prepare_colons
 from haustra.scripts.bench.stability.rows import Row, Rows, fill
 
@@ -69,7 +69,7 @@ def linear(order: RunOptions, progress: Progress) -> Part:
     progress(0.95, "numbers that are none, repeats")
     found = rows.first(count)
     planned = 2 * LONG_WORLDS * (QUICK_LONG_STEPS if order.quick else LONG_STEPS)
-    part = judge(found, shocked, driven, repeats(colon), poison(colon), steps=planned)
+    part = judge(found, shocked, driven, repeats(colon), inject(colon), steps=planned)
     return replace(part, counts={"settings": len(found)}, planned={"settings": count})
 
 
@@ -203,10 +203,10 @@ def shocks(colon: Colon, *, moves: bool, wheels: bool) -> list[dict[str, Value]]
     ]
 
 
-def poison(colon: Colon) -> list[Injection]:
+def inject(colon: Colon) -> list[Injection]:
     """NaN and infinities in what hands do, wheels too, and in what worlds begin with."""
     bank = small_bank(colon)
-    make = partial(LinearBackend, bank.scene, bank.tables, worlds=POISON_WORLDS)
+    make = partial(LinearBackend, bank.scene, bank.tables, worlds=INJECTED_WORLDS)
     return [*batch_cases("linear batch", make), *batch_cases("linear batch, wheels", make, wheels=True)]
 
 
@@ -226,10 +226,10 @@ def judge(
         return Criterion(f"{what}, {where}", measured, 0, unit, "at most")
 
     longer = [row for row in rows if row.get("timestep_s", 0.0) > PRESETS_TWICE]
-    usual, poisoned = [row for row in rows if row not in longer], judge_cases(cases)
+    usual, injected = [row for row in rows if row not in longer], judge_cases(cases)
     grown = max(float(row["growth_MiB_per_million"] or 0.0) for row in driven)
     taken, lost = (sum(int(row[name] or 0) for row in driven) for name in ("world_steps", "lost"))
-    bars = (
+    criteria = (
         none(f"settings that diverged at steps up to {1e3 * PRESETS_TWICE:g} ms", _count(usual, *bad), "runs"),
         none("settings that diverged at longer steps", _count(longer, *bad), "runs"),
         none("settings refused", _count(rows, "refused"), "runs"),
@@ -239,15 +239,15 @@ def judge(
         none("worlds of long runs that diverged", lost, "worlds"),
         Criterion(f"growth of memory per million steps, {where}", grown, GROWTH, "MiB", "at most"),
         none("numbers of the state that differ when a run is repeated", differ, "numbers"),
-        *(none(bar.what, bar.measured, bar.unit) for bar in poisoned.bars),
+        *(none(criterion.what, criterion.measured, criterion.unit) for criterion in injected.criteria),
     )
     tables = (
         _settings(rows),
         Table("Shocks in linear time", tuple(shocked)),
         Table("Long runs in linear time", tuple(driven)),
-        replace(poisoned.tables[0], title="Poisoned inputs in linear time"),
+        replace(injected.tables[0], title="NaN and Inf in inputs in linear time"),
     )
-    return Part(bars, tables, summary=_SUMMARY)
+    return Part(criteria, tables, summary=_SUMMARY)
 
 
 def _count(rows: list[Any], *outcomes: str) -> int:

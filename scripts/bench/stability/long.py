@@ -60,7 +60,7 @@ def judge(rows: list[Row], planned: int) -> Part:
     done = sum(end["steps"] for end in ends)
     finite = sum(end["steps"] for end in ends if end["healthy"])
     slopes = [growth(row["records"]) for row in ran]
-    bars = (
+    criteria = (
         Criterion("steps of runs that stayed finite", finite, planned, "steps", "at least"),
         Criterion(
             "long runs that diverged or crashed", sum(bool(row["outcome"]) for row in rows), 0, "runs", "at most"
@@ -81,7 +81,7 @@ def judge(rows: list[Row], planned: int) -> Part:
         for row, end, slope in zip(ran, ends, slopes, strict=True)
     )
     return Part(
-        bars, (Table("Long runs", table),), summary=_SUMMARY, counts={"steps": done}, planned={"steps": planned}
+        criteria, (Table("Long runs", table),), summary=_SUMMARY, counts={"steps": done}, planned={"steps": planned}
     )
 
 

@@ -14,9 +14,9 @@ from haustra.models.wall.lumen_table import Tables
 from haustra.quantity import load_quantities
 from haustra.scripts.bench.result import Criterion, Table, Value
 from haustra.scripts.bench.stability.moving_rig import OPTIONS, Act, Found, Given, MovingRig, Numbers, all_finite, load
+from haustra.scripts.bench.stability.nan_injection import BAD, BLOCK, Injection
+from haustra.scripts.bench.stability.nan_injection import judge as judge_cases
 from haustra.scripts.bench.stability.part import Part, Progress, RunOptions
-from haustra.scripts.bench.stability.poison import BAD, BLOCK, Injection
-from haustra.scripts.bench.stability.poison import judge as judge_cases
 from haustra.scripts.bench.stability.random_runs import HOLD, prepare_colons
 from haustra.scripts.bench.stability.ranges import BEYOND, Range, draw
 
@@ -57,7 +57,7 @@ def moving(order: RunOptions, progress: Progress) -> Part:
     progress(0.7, "time steps")
     limit = largest_step(rig, order.seed, quick=order.quick)
     progress(0.8, "numbers that are none")
-    return judge(rows, shocked, limit, poison(rig))
+    return judge(rows, shocked, limit, inject(rig))
 
 
 def mesentery_ranges() -> tuple[Range, ...]:
@@ -218,15 +218,15 @@ _HANDLED = tuple(name for name in Controls._fields if name != "wheels")
 """What hands do but turn wheels, which is refused."""
 
 
-def poison(rig: MovingRig) -> list[Injection]:
+def inject(rig: MovingRig) -> list[Injection]:
     """NaN and infinities in what hands do, NaN in parameters and in a mesentery, of one world among others."""
-    poisoned, tables = 1, rig.tables()
+    injected, tables = 1, rig.tables()
     hung, hands = tables.mesentery, _hands(rig, np.ones(rig.worlds))(0.0)
     assert hung is not None, "a rig of colons that move"
     options = {"stiffness": OPTIONS.wall_stiffness, "damping_time": OPTIONS.wall_damping_time}
     options |= {"friction": OPTIONS.friction, "push_limit": OPTIONS.push_limit}
     usual = {name: options.get(name, 1.0) for name in KNOWN}
-    others = np.arange(rig.worlds) != poisoned
+    others = np.arange(rig.worlds) != injected
 
     def run(where: str = "", name: str = "", value: float = 0.0) -> tuple[list[np.ndarray], bool, bool]:
         """State of all worlds, whether the one was lost, and whether all that can be read is finite."""
@@ -234,7 +234,7 @@ def poison(rig: MovingRig) -> list[Injection]:
         def bad(values: np.ndarray | float) -> np.ndarray:
             shape = np.shape(values) or (rig.worlds,)
             changed = np.array(np.broadcast_to(values, shape), float)
-            changed[poisoned] = value
+            changed[injected] = value
             return changed
 
         backend = rig.begin(OPTIONS.timestep)
@@ -249,7 +249,7 @@ def poison(rig: MovingRig) -> list[Injection]:
         state = backend.state()
         axis = state.displacement
         parts = [*state[:5], state.pulls, *(axis or ())]
-        return parts, not alive[poisoned], all_finite(backend) if where in ("", "hands") else _finite(parts)
+        return parts, not alive[injected], all_finite(backend) if where in ("", "hands") else _finite(parts)
 
     clean = run()[0]
 
@@ -259,7 +259,7 @@ def poison(rig: MovingRig) -> list[Injection]:
         except HaustraError:
             return Injection("linear, moving colon", f"{where}: {name}", value, "refused", True, True)
         same = all(np.array_equal(a[others], b[others]) for a, b in zip(found, clean, strict=True))
-        # What is read of the poisoned world after bad numbers is not asked for: a reset takes it out.
+        # What is read of the world that was given them after bad numbers is not asked for: a reset takes it out.
         return Injection("linear, moving colon", f"{where}: {name}", value, "diverged" if lost else "", same, finite)
 
     cases = [case("hands", name, value) for name in _HANDLED for value in BAD]
@@ -276,9 +276,9 @@ def judge(rows: list[dict[str, Value]], shocked: list[dict[str, Value]], limit: 
     inside = [row for row in rows if row["ranges"] == "inside"]
     lost = sum(row["outcome"] == "diverged" for row in inside)
     unsound = sum(not row["finite"] for row in rows)
-    poisoned = judge_cases(cases)
+    injected = judge_cases(cases)
     where = "in colons that move"
-    bars = (
+    criteria = (
         Criterion(f"runs that diverged inside the ranges, {where}", lost, 0, "runs", "at most"),
         Criterion(f"runs that left something not finite to read, {where}", unsound, 0, "runs", "at most"),
         Criterion(
@@ -295,7 +295,12 @@ def judge(rows: list[dict[str, Value]], shocked: list[dict[str, Value]], limit: 
             "1",
             "at least",
         ),
-        *(Criterion(f"{bar.what}, {where}", bar.measured, bar.bound, bar.unit, bar.sense) for bar in poisoned.bars),
+        *(
+            Criterion(
+                f"{criterion.what}, {where}", criterion.measured, criterion.bound, criterion.unit, criterion.sense
+            )
+            for criterion in injected.criteria
+        ),
     )
     kinds = sorted({(str(row["ranges"]), str(row["outcome"])) for row in rows}, reverse=True)
     table = []
@@ -304,11 +309,11 @@ def judge(rows: list[dict[str, Value]], shocked: list[dict[str, Value]], limit: 
         most = {name: max(float(row[name] or 0.0) for row in those) for name in ("fastest_per_s", "furthest_colon_m")}
         table.append({"ranges": ranges, "outcome": outcome, "runs": len(those), **most})
     return Part(
-        bars,
+        criteria,
         (
             Table("Random mesenteries", tuple(table)),
             Table("Shocks in colons that move", tuple(shocked)),
-            Table("Poisoned inputs, colons that move", poisoned.tables[0].rows),
+            Table("NaN and Inf in inputs, colons that move", injected.tables[0].rows),
         ),
         summary=_SUMMARY,
         counts={"runs in colons that move": len(rows)},

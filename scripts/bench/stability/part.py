@@ -33,7 +33,7 @@ class RunOptions:
 class Part:
     """What was found."""
 
-    bars: tuple[Criterion, ...]
+    criteria: tuple[Criterion, ...]
     tables: tuple[Table, ...] = ()
     summary: str = ""
     """How it was measured."""

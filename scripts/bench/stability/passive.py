@@ -23,7 +23,7 @@ in it by speed times time step, and the wall then holds more than the motion gav
 
 
 def passive_bars(colon: Colon) -> tuple[Criterion, ...]:
-    """One bar: a scope laid along the lumen and let go."""
+    """One criterion: a scope laid along the lumen and let go."""
     return (Criterion("energy of a scope laid in a colon above that at first", excess(colon), EXCESS, "1", "at most"),)
 
 

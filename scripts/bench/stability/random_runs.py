@@ -153,7 +153,7 @@ def judge(rows: list[Row], seconds: float, planned: int) -> Part:
     bad = ("diverged", "crashed")
     unnamed = [row for row in rows if row["outcome"] == "diverged" and not row["reason"]]
     silent = [row for row in rows if row.get("unseen") or row["outcome"] == "crashed"]
-    bars = (
+    criteria = (
         *(Criterion(what, _count(some, *bad), 0, "runs", "at most") for what, some in _by_step(inside).items()),
         Criterion("runs refused inside the ranges", _count(inside, "refused"), 0, "runs", "at most"),
         Criterion("divergences without a name, inside or beyond", len(unnamed), 0, "runs", "at most"),
@@ -183,7 +183,7 @@ def judge(rows: list[Row], seconds: float, planned: int) -> Part:
         ),
         note=f"Generalised speed, rad/s or m/s; above {PLAUSIBLE_SPEED:g} is no motion of a scope.",
     )
-    return Part(bars, (table, fastest, _table(ranges())), summary=_SUMMARY, counts=counted, planned=wanted)
+    return Part(criteria, (table, fastest, _table(ranges())), summary=_SUMMARY, counts=counted, planned=wanted)
 
 
 def _by_step(inside: list[Row]) -> dict[str, list[Row]]:

@@ -191,7 +191,7 @@ def judge(found: list[Shocked], planned: int) -> Part:
     restless = [each for each in found if each.outcome == "moving"]
     turning = [each for each in found if not each.speed_end < STILL_SPEED]
     fastest = max((each.fastest for each in found), default=np.inf)
-    bars = (
+    criteria = (
         Criterion("shocks after which a scope diverged or left the colon", len(lost), 0, "shocks", "at most"),
         Criterion("shocks after which a scope did not come to rest", len(restless), 0, "shocks", "at most"),
         Criterion(
@@ -215,7 +215,7 @@ def judge(found: list[Shocked], planned: int) -> Part:
         for each in found
     )
     return Part(
-        bars, (Table("Shocks", rows),), summary=_SUMMARY, counts={"shocks": len(found)}, planned={"shocks": planned}
+        criteria, (Table("Shocks", rows),), summary=_SUMMARY, counts={"shocks": len(found)}, planned={"shocks": planned}
     )
 
 

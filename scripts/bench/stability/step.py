@@ -119,12 +119,12 @@ def judge(rows: list[Row], asked: tuple[Setting, ...], before: Mapping[Setting, 
     shipped = [each for each in found if each["integrator"] == SHIPPED]
     close = sum(each["margin"] != "kept" for each in shipped)
     fallen = sum(each["fallen"] for each in found)
-    bars = (
+    criteria = (
         Criterion(f"presets above half of their largest stable step, {SHIPPED}", close, 0, "presets", "at most"),
         Criterion("largest stable steps more than a tenth below the reference", fallen, 0, "limits", "at most"),
     )
     return Part(
-        bars,
+        criteria,
         (Table(TABLE, tuple(found), note=_NOTE),),
         summary=_SUMMARY,
         counts={"largest steps": len(rows)},

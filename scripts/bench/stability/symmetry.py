@@ -14,7 +14,7 @@ from haustra.models.anatomy.colon import Centreline, Colon, Surface
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions, build_scene
 from haustra.scripts.bench.result import Criterion, Table
-from haustra.scripts.bench.stability.poison import small_bank
+from haustra.scripts.bench.stability.nan_injection import small_bank
 
 SECONDS = 4.0
 """Duration of the insertion [s]: past the first bend."""
@@ -57,12 +57,12 @@ def symmetry_bars(colon: Colon) -> tuple[Criterion, ...]:
 
 def mirror_bars(colon: Colon) -> tuple[tuple[Criterion, ...], Table]:
     """A mirrored scope in a mirrored colon, and what the order of a scope's own hinges makes of the mirror."""
-    bars, rows = (), []
+    criteria, rows = (), []
     for joints in (1, HALF_CELLS):
         options = replace(OPTIONS, shaft_cell=OPTIONS.shaft_cell / joints)
         same, handed = (mirrored_apart(colon, options, hinges_too=too) for too in (True, False))
         if joints == 1:
-            bars = (Criterion("tips of the mirrored run apart", float(same.max()), MIRRORED, "m", "at most"),)
+            criteria = (Criterion("tips of the mirrored run apart", float(same.max()), MIRRORED, "m", "at most"),)
         for name, apart in (("mirrored", same), ("as built", handed)):
             rows.append(
                 {
@@ -73,7 +73,7 @@ def mirror_bars(colon: Colon) -> tuple[tuple[Criterion, ...], Table]:
                 }
             )
     note = "Hinges as built turn the same way round in both; that is a difference of discretisation."
-    return bars, Table("Mirrored runs", tuple(rows), note=note)
+    return criteria, Table("Mirrored runs", tuple(rows), note=note)
 
 
 def mirrored_apart(colon: Colon, options: SceneOptions, *, hinges_too: bool) -> Float[np.ndarray, " records"]:

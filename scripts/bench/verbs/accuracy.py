@@ -54,14 +54,16 @@ class BenchAccuracy:
 
 
 def bars_and_fronts(result: dict[str, Any]) -> dict[str, Any]:
-    """What fits a terminal: the cheapest setting of each front below an error of 1 %, and the bars."""
+    """What fits a terminal: the cheapest setting of each front below an error of 1 %, and the criteria."""
     shown: dict[str, Any] = {}
     for front in result["fronts"]:
         points = {point["setting"]: point for point in front["points"]}
         best = [points[name] for name in front["best"]]
         chosen = next((point for point in best if point["error"] <= 0.01), best[-1] if best else None)
         shown[front["question"]] = chosen and f"{chosen['setting']}: {chosen['error']:.2g} at {chosen['cost']:.2g}"
-    for bar in result["bars"]:
-        measured = "nothing" if bar["measured"] is None else f"{bar['measured']:.3g}"
-        shown[bar["what"]] = f"{measured} {bar['unit']}, {bar['sense']} {bar['bound']:g}: {bar['verdict']}"
+    for criterion in result["criteria"]:
+        measured = "nothing" if criterion["measured"] is None else f"{criterion['measured']:.3g}"
+        shown[criterion["what"]] = (
+            f"{measured} {criterion['unit']}, {criterion['sense']} {criterion['bound']:g}: {criterion['verdict']}"
+        )
     return shown

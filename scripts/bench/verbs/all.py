@@ -37,10 +37,10 @@ class BenchAll:
         write_json(folder / "bench.json", {"benches": found})
         benches = [bench_from_json(values) for values in found]
         report = report_bench(folder, benches)
-        bars = [bar for bench in benches for bar in bench.bars]
+        criteria = [criterion for bench in benches for criterion in bench.criteria]
         return {
             "report": str(report),
-            "bars": len(bars),
-            "bars_met": sum(bar.met for bar in bars),
-            "not_met": [said(bar) for bar in bars if not bar.met],
+            "criteria": len(criteria),
+            "criteria_met": sum(criterion.met for criterion in criteria),
+            "not_met": [said(criterion) for criterion in criteria if not criterion.met],
         }

@@ -13,7 +13,7 @@ from haustra.fields import number, whole
 
 @dataclass(frozen=True)
 class BenchStability:
-    """Try random settings, shocks, poisoned inputs, laws of physics, long runs, escapes: does anything blow up?"""
+    """Try random settings, shocks, NaN and Inf in inputs, laws of physics, long runs: does anything blow up?"""
 
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("bench-stability")
     """Folder of results; an interrupted run goes on in the same one."""
@@ -68,8 +68,8 @@ class BenchStability:
         if self.json:
             return result
         marks = {True: "met", False: "NOT MET"}
-        bars = {
-            bar.what: f"{bar.measured:.3g} {bar.unit} ({bar.sense} {bar.bound:g}: {marks[bar.met]})"
-            for bar in found.bars
+        criteria = {
+            one.what: f"{one.measured:.3g} {one.unit} ({one.sense} {one.bound:g}: {marks[one.met]})"
+            for one in found.criteria
         }
-        return {**bars, "extent": found.summary[0], "written": str(target)}
+        return {**criteria, "extent": found.summary[0], "written": str(target)}

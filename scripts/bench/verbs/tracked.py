@@ -39,7 +39,7 @@ class BenchTracked:
         return {
             "steps_per_cpu_second": rates,
             "over_empty_scene": {name: rate / rates["empty_scene"] for name, rate in rates.items()},
-            "bars": {"one_track": 100_000, "whole_device": 40_000, "study_s": 10},
+            "criteria": {"one_track": 100_000, "whole_device": 40_000, "study_s": 10},
             "study_cpu_s": study,
         }
 

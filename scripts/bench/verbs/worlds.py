@@ -45,7 +45,7 @@ class BenchWorlds:
         if self.backend == "native" and self.insertions:
             raise InvalidOptionError("--insertions needs one of the backends linear, linear-gpu, warp.")
         backend_of(self.backend)  # installed?
-        from haustra.envs.sim.scope_bank import BATCH_OPTIONS, build_bank
+        from haustra.envs.sim.scope_colon_set import BATCH_OPTIONS, build_bank
         from haustra.models.anatomy.grown import grow_colon
         from haustra.models.devices.scope.files import find_design
         from haustra.scripts.bench.machine import machine

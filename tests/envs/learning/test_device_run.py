@@ -19,7 +19,7 @@ from haustra.envs.tasks.observation import sizes
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import InvalidOptionError
 from haustra.models.gas.law import MMHG
-from tests.task_bank import DESIGN, hung_bank, short_bank
+from tests.task_bank import DESIGN, moving_bank, short_bank
 
 SMALL = Training(
     learner="device",
@@ -74,7 +74,7 @@ def test_a_policy_sees_depth_alone_while_its_critic_reads_all(tmp_path):
 def test_a_policy_of_a_task_with_a_gas_action_lets_gas_in(tmp_path):
     """It reads what is shown of the gas, and its fifth action is gas."""
     gassed = replace(SMALL.task, mesentery=True, gas=12 * MMHG, gas_start=12 * MMHG, gas_action=True)
-    train(replace(SMALL, steps=256, task=gassed), tmp_path, bank=hung_bank(), threads=1)
+    train(replace(SMALL, steps=256, task=gassed), tmp_path, bank=moving_bank(), threads=1)
     policy = load_policy(tmp_path)
     assert policy.config == gassed and sizes(gassed)["gas"] == (3,)
     seen = {name: np.zeros((2, *shape), np.float32) for name, shape in sizes(gassed).items()}

@@ -22,7 +22,7 @@ from haustra.envs.tasks.config import Limits, TaskConfig
 from haustra.envs.tasks.drivers import FollowerDriver, RandomDriver
 from haustra.errors import InvalidOptionError, UnreadableFileError
 from haustra.models.gas.law import MMHG
-from tests.task_bank import DESIGN, hung_bank, short_bank
+from tests.task_bank import DESIGN, moving_bank, short_bank
 
 TASK = TaskConfig(design=DESIGN, limits=Limits(seconds=8.0))
 SMALL = Training(
@@ -70,9 +70,11 @@ def test_a_policy_learns_gas_from_the_follower_and_from_reward(tmp_path):
     """The follower leaves gas to the insufflator: it lets all in below the set point."""
     task = replace(TASK, mesentery=True, gas=15 * MMHG, gas_start=12 * MMHG, gas_action=True)
     training = replace(SMALL, steps=128, worlds=2, imitate=64, backend="linear", task=task)
-    train(training, tmp_path, bank=hung_bank(), threads=1)
+    train(training, tmp_path, bank=moving_bank(), threads=1)
     policy = load_policy(tmp_path)
-    found = evaluate(lambda _: PolicyDriver(policy), "own", task, hung_bank(), episodes=1, threads=1, backend="linear")
+    found = evaluate(
+        lambda _: PolicyDriver(policy), "own", task, moving_bank(), episodes=1, threads=1, backend="linear"
+    )
     assert all(one.gas_volume_mL for one in found.episodes)
     assert policy.weights[-1].shape == (5, 16)
 

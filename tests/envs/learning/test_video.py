@@ -12,7 +12,7 @@ from haustra.envs.learning.stage import stage_of
 from haustra.envs.learning.video import HEIGHT, WIDTH, write_video
 from haustra.envs.tasks.config import Limits, TaskConfig
 from haustra.envs.tasks.drivers import FollowerDriver, PushDriver
-from tests.task_bank import DESIGN, hung_bank, short_bank, tip_arcs
+from tests.task_bank import DESIGN, moving_bank, short_bank, tip_arcs
 
 SERIES = ("time", "tip_arc", "progress", "push_force", "wall_force")
 CONFIG = TaskConfig(design=DESIGN, observation="state", limits=Limits(seconds=12.0))
@@ -106,7 +106,7 @@ def test_a_drawing_that_is_interrupted_leaves_nothing(tmp_path):
 def test_in_a_colon_that_moves_the_picture_moves_along():
     """What the axis did is recorded; of a colon whose middle is carried 2 cm away, wall and lens are there."""
     config = replace(CONFIG, mesentery=True, limits=Limits(seconds=3.0))
-    bank = hung_bank()
+    bank = moving_bank()
     kept = evaluate(PushDriver, "push", config, bank, episodes=1, backend="linear", record=True).recording
     assert kept is not None and kept.displacement is not None and kept.displacement.shape[0] == len(kept.time)
     assert np.abs(kept.displacement[0, :, :3]).max() < np.abs(kept.displacement[-1, :, :3]).max() < 0.02

@@ -15,7 +15,7 @@ from haustra.envs.runs.linear_insertions import LinearInsertions
 from haustra.envs.runs.outcome import Outcome
 from haustra.envs.runs.tally import Insertions
 from haustra.envs.sim.conditions import Conditions
-from haustra.envs.sim.scope_bank import ScopeBank, build_bank
+from haustra.envs.sim.scope_colon_set import ScopeColonSet, build_bank
 from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import ColonSegment
 from haustra.models.devices.scope.library import named_design
@@ -26,7 +26,7 @@ from tests.tube_colon import straight_tube
 
 
 @pytest.fixture(scope="module")
-def bank() -> ScopeBank:
+def bank() -> ScopeColonSet:
     bent = swept_colon(winding([(0.1, 0.0), (0.12, 1.2), (0.1, 0.0)]), name="bend")
     options = SceneOptions(shaft_cell=0.0625, bending_cell=0.034, sample_spacing=0.03)
     return build_bank([straight_tube(0.3), bent], named_design("paediatric"), options)
@@ -40,7 +40,7 @@ STIFFNESS = np.array([1500.0, 1500.0, 1500.0, 5.0])
 
 
 @pytest.fixture(scope="module")
-def both(bank: ScopeBank) -> dict[str, Insertions]:
+def both(bank: ScopeColonSet) -> dict[str, Insertions]:
     """Run four worlds in linear time and, where it is installed, by MuJoCo Warp."""
     linear = LinearInsertions(bank.scene, bank.tables, bank.colons, worlds=4, settings=FollowerSettings())
     one = np.ones(4)
@@ -71,7 +71,7 @@ def test_mujoco_warp_goes_the_same_way(both: dict[str, Insertions]) -> None:
         np.testing.assert_allclose(ours, theirs, rtol=share, atol=1e-3, err_msg=name)
 
 
-def test_one_scope_leaves_the_rows_of_the_run_that_many_make(bank: ScopeBank) -> None:
+def test_one_scope_leaves_the_rows_of_the_run_that_many_make(bank: ScopeColonSet) -> None:
     """In double precision, alone: what is recorded at each decision adds up to the scores of the batch."""
     colon = bank.colons[1]
     options = replace(bank.scene.options, insertion_limit=0.4)
@@ -92,7 +92,7 @@ def test_one_scope_leaves_the_rows_of_the_run_that_many_make(bank: ScopeBank) ->
     np.testing.assert_allclose(run.shape[-1], seen.tip[-1], atol=1e-9)
 
 
-def test_gas_of_a_batch_is_that_of_one_run(bank: ScopeBank) -> None:
+def test_gas_of_a_batch_is_that_of_one_run(bank: ScopeColonSet) -> None:
     """Pressures, volumes, loads and pain of a run whose rows are measured afterwards.
 
     A program hears of pressures one decision later, so that what is said of loads leaves out their last rise.
@@ -115,7 +115,7 @@ def test_gas_of_a_batch_is_that_of_one_run(bank: ScopeBank) -> None:
     np.testing.assert_allclose(scores.pain_peak, seen.pain.max(), rtol=0.02)
 
 
-def test_followers_of_a_batch_have_settings_of_their_own(bank: ScopeBank) -> None:
+def test_followers_of_a_batch_have_settings_of_their_own(bank: ScopeColonSet) -> None:
     settings = [FollowerSettings(), FollowerSettings(advance_rate=0.02)]
     many = LinearInsertions(bank.scene, bank.tables, bank.colons, worlds=2, settings=settings)
     one = np.ones(2)
@@ -163,7 +163,7 @@ def test_scores_are_those_of_the_run_up_to_its_end(runs: Insertions) -> None:
     assert runs.insertion[0] == pytest.approx(0.27, abs=0.01)
 
 
-def test_wheels_steer_many_worlds_in_linear_time_only(bank: ScopeBank) -> None:
+def test_wheels_steer_many_worlds_in_linear_time_only(bank: ScopeColonSet) -> None:
     wheels = FollowerSettings(steer="wheels")
     with pytest.raises(InvalidOptionError, match="wheels"):
         WorldsFollower(wheels, bank.tip_links)
@@ -178,6 +178,6 @@ def test_wheels_steer_many_worlds_in_linear_time_only(bank: ScopeBank) -> None:
 
 
 @NEEDS_WARP
-def test_unknown_parameters_are_refused(bank: ScopeBank) -> None:
+def test_unknown_parameters_are_refused(bank: ScopeColonSet) -> None:
     with pytest.raises(InvalidOptionError, match="stifness"):
         run_insertions(bank, worlds=1, seconds=1.0, stifness=1.0)

@@ -14,7 +14,7 @@ from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.linear.single import LinearSingle
 from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.native_batch import NativeBackend
-from haustra.envs.sim.scope_bank import build_bank
+from haustra.envs.sim.scope_colon_set import build_bank
 from haustra.envs.sim.state import Controls
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import Scene, SceneOptions, build_scene

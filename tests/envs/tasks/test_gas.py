@@ -17,13 +17,13 @@ from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.envs.tasks.vector import NavigationVectorEnv
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.gas.law import MMHG
-from tests.task_bank import DESIGN, hung_bank, short_bank
+from tests.task_bank import DESIGN, moving_bank, short_bank
 
 CONFIG = TaskConfig(design=DESIGN, mesentery=True, gas=12 * MMHG, gas_start=12 * MMHG, limits=Limits(seconds=4.0))
 
 
 def task_of(config: TaskConfig = CONFIG, **own: Any) -> ScopeTask:
-    return ScopeTask(config, backend="linear", bank=hung_bank(), worlds=2, **own)
+    return ScopeTask(config, backend="linear", bank=moving_bank(), worlds=2, **own)
 
 
 def test_drivers_see_a_lumen_as_wide_as_gas_holds_it():
@@ -57,7 +57,7 @@ def test_worlds_that_begin_anew_are_filled_anew():
 
 def test_evaluations_say_pressure_and_volume_and_none_without_gas():
     found, usual = (
-        evaluate(PushDriver, "push", config, hung_bank(), episodes=1, threads=1, backend="linear")
+        evaluate(PushDriver, "push", config, moving_bank(), episodes=1, threads=1, backend="linear")
         for config in (CONFIG, replace(CONFIG, gas=None))
     )
     for one in found.episodes:
@@ -65,13 +65,13 @@ def test_evaluations_say_pressure_and_volume_and_none_without_gas():
     assert usual.episodes[0].gas_volume_mL is usual.summary()["gas_pressure_peak_mmHg"] is None
     assert found.episodes[0].peak_force_N != usual.episodes[0].peak_force_N
     with pytest.raises(UnsupportedSceneError, match="record"):
-        evaluate(PushDriver, "push", CONFIG, hung_bank(), backend="linear", record=True)
+        evaluate(PushDriver, "push", CONFIG, moving_bank(), backend="linear", record=True)
 
 
 @pytest.mark.parametrize("backend", ["native", "linear-gpu"])
 def test_other_backends_refuse_it_by_name(backend: str):
     with pytest.raises(UnsupportedSceneError, match=r"[Gg]as"):
-        ScopeTask(CONFIG, backend=backend, bank=hung_bank())
+        ScopeTask(CONFIG, backend=backend, bank=moving_bank())
 
 
 def test_what_shows_colons_as_they_were_given_refuses_it():
@@ -174,7 +174,7 @@ def test_what_is_in_place_takes_gas_and_shows_it():
 
 def test_environments_take_the_action_and_pass_their_checks():
     """Gymnasium's check; one world and many show the same gas of the same episode."""
-    options: dict[str, Any] = {"config": BY_HAND, "bank": hung_bank(), "backend": "linear"}
+    options: dict[str, Any] = {"config": BY_HAND, "bank": moving_bank(), "backend": "linear"}
     alone, many = NavigationEnv(**options), NavigationVectorEnv(2, **options)
     assert alone.action_space.shape == (5,) and many.action_space.shape == (2, 5)
     check_env(alone, skip_render_check=True)
@@ -189,7 +189,7 @@ def test_stable_baselines3_takes_the_action():
     checks = pytest.importorskip("stable_baselines3.common.env_checker")
     from haustra.envs.tasks.sb3 import ScopeVecEnv
 
-    checks.check_env(NavigationEnv(config=BY_HAND, bank=hung_bank(), backend="linear"), skip_render_check=True)
+    checks.check_env(NavigationEnv(config=BY_HAND, bank=moving_bank(), backend="linear"), skip_render_check=True)
     worlds = ScopeVecEnv(task_of(BY_HAND), flat=True)
     worlds.reset()
     assert worlds.action_space.shape == (5,)
@@ -204,11 +204,11 @@ def test_a_gas_action_wants_gas_and_names_and_linear():
         task_of(replace(BY_HAND, observation="state"))
     for backend in ("native", "linear-gpu"):
         with pytest.raises(UnsupportedSceneError, match=r"[Gg]as"):
-            ScopeTask(BY_HAND, backend=backend, bank=hung_bank())
+            ScopeTask(BY_HAND, backend=backend, bank=moving_bank())
     with pytest.raises(UnsupportedSceneError, match="sees gas"):
         require_shown(MlpPolicy((), (), "tanh", squashed=False, config=BY_HAND))
 
 
 def test_evaluations_of_a_gas_action_say_pressure_and_volume():
-    found = evaluate(PushDriver, "push", BY_HAND, hung_bank(), episodes=1, threads=1, backend="linear")
+    found = evaluate(PushDriver, "push", BY_HAND, moving_bank(), episodes=1, threads=1, backend="linear")
     assert 20 < found.summary()["gas_volume_mL"] < 600 and found.summary()["gas_pressure_peak_mmHg"] > 11.5

@@ -13,7 +13,7 @@ from haustra.envs.tasks.episode_program import IN_PROGRAM
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.envs.tasks.vector import NavigationVectorEnv
 from haustra.errors import UnsupportedSceneError
-from tests.task_bank import DESIGN, hung_bank, short_bank
+from tests.task_bank import DESIGN, moving_bank, short_bank
 
 WORLDS = 5
 EVERYTHING = TaskConfig(
@@ -82,7 +82,7 @@ def test_a_program_makes_the_episodes_that_numpy_makes(monkeypatch, moves):
     """In double precision, to 1e-9 over a hundred steps of contact; observations are in single precision."""
     monkeypatch.setitem(unwrap(LinearBackend.__init__).__kwdefaults__, "real", np.float64)
     config = TaskConfig.from_json(EVERYTHING.to_json() | {"mesentery": moves})
-    worst, ended = beside(config, 120, bank=hung_bank() if moves else short_bank())
+    worst, ended = beside(config, 120, bank=moving_bank() if moves else short_bank())
     assert ended > WORLDS
     for name, most in worst.items():
         assert most < (1e-4 if name == "lumen" else 2e-6 if name in IN_PROGRAM else 1e-9), name

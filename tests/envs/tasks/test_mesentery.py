@@ -15,7 +15,7 @@ from haustra.errors import UnsupportedSceneError
 from haustra.models.anatomy.landmarks import SEGMENTS
 from haustra.models.devices.scope.library import named_design
 from haustra.models.wall import moving_colon
-from tests.task_bank import DESIGN, hung_bank
+from tests.task_bank import DESIGN, moving_bank
 
 pytest.importorskip("jax")
 
@@ -28,11 +28,11 @@ NEEDS_WARP = pytest.mark.skipif(find_spec("warp") is None, reason="the extra war
 
 
 def test_a_case_keeps_its_segments(tmp_path):
-    case = hung_bank().cases[0]
+    case = moving_bank().cases[0]
     read = load_case(save_case(tmp_path / "case.npz", case))
     assert [each.name for each in read.segments] == list(SEGMENTS)
     assert read.segments[1].end == pytest.approx(0.6 * case.length)
-    own = read.hung().mesentery
+    own = read.with_mesentery().mesentery
     assert own is not None and 0 < (own.slack > 0).mean() < 0.7
 
 
@@ -42,7 +42,7 @@ def test_a_follower_drives_in_colons_that_move(backend):
     config = TaskConfig(
         design=DESIGN, observation="dict", privileged=True, mesentery=True, imager=True, weights=Weights(facing=1.0)
     )
-    task = ScopeTask(config, worlds=2, backend=backend, bank=hung_bank())
+    task = ScopeTask(config, worlds=2, backend=backend, bank=moving_bank())
     seen = task.reset(seeds=[1, 2], case=np.array([0, 1]))
     driver = FollowerDriver(task)
     driver.begin(np.ones(2, bool))
@@ -67,7 +67,7 @@ def test_a_follower_drives_in_colons_that_move(backend):
 
 def test_a_camera_that_moves_with_the_colon_sees_the_same():
     """The whole colon, and the eye, 5 cm aside: distances to the wall as at rest."""
-    bank = hung_bank()
+    bank = moving_bank()
     mesentery = bank.tables.mesentery
     assert mesentery is not None
     aside = np.array([0.03, -0.04, 0.0])
@@ -94,7 +94,7 @@ def test_a_camera_that_moves_with_the_colon_sees_the_same():
 def test_colons_that_move_are_drawn_in_colour():
     """The picture goes along with the wall: pushed on without steering, the tip sees other wall, and never outside."""
     config = TaskConfig(design=DESIGN, observation="pixels", picture_size=32, mesentery=True)
-    task = ScopeTask(config, worlds=1, backend="linear", bank=hung_bank())
+    task = ScopeTask(config, worlds=1, backend="linear", bank=moving_bank())
     first = task.reset(seeds=[1], case=np.array([0]))["pixels"]
     for _ in range(20):
         task.step(np.array([[0.67, 0.0, 0.0, 0.0]]))
@@ -108,4 +108,4 @@ def test_colons_that_move_are_drawn_in_colour():
 
 def test_only_linear_time_withdraws_from_colons_that_move():
     with pytest.raises(UnsupportedSceneError, match="mesentery"):
-        ScopeTask(TaskConfig(design=DESIGN, mesentery=True, task="withdrawal"), backend="native", bank=hung_bank())
+        ScopeTask(TaskConfig(design=DESIGN, mesentery=True, task="withdrawal"), backend="native", bank=moving_bank())

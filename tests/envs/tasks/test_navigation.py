@@ -13,7 +13,7 @@ from haustra.envs.sim.native_batch import NativeBackend
 from haustra.envs.tasks.config import Limits
 from haustra.envs.tasks.navigation import NavigationEnv
 from haustra.errors import InvalidOptionError
-from tests.task_bank import hung_bank, short_bank
+from tests.task_bank import moving_bank, short_bank
 
 MODES = [
     {"observation": "state"},
@@ -46,7 +46,7 @@ def test_gymnasium_checks_every_mode(mode):
 
 
 def test_both_check_pictures_in_a_colon_that_moves():
-    mode = {"observation": "pixels", "picture_size": 36, "mesentery": True, "bank": hung_bank()}
+    mode = {"observation": "pixels", "picture_size": 36, "mesentery": True, "bank": moving_bank()}
     checked_by_gymnasium(**mode)
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
     checker.check_env(NavigationEnv(**mode))

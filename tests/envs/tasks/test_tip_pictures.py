@@ -21,7 +21,7 @@ from haustra.envs.view.picture.renderer import CameraPose
 from haustra.envs.view.picture.surface import MovingSurface
 from haustra.models.scene import entry_of
 from haustra.models.wall.lumen_table import stack
-from tests.task_bank import DESIGN, hung_bank
+from tests.task_bank import DESIGN, moving_bank
 
 SIZE = 48
 STEER = np.array([[1.0, 0.3, 0.5, -0.4], [1.0, -0.6, -0.3, 0.6]])
@@ -29,7 +29,7 @@ STEER = np.array([[1.0, 0.3, 0.5, -0.4], [1.0, -0.6, -0.3, 0.6]])
 
 def task_of(*, mesentery: bool, size: int = SIZE, **own: Any) -> ScopeTask:
     config = TaskConfig(design=DESIGN, observation="pixels", picture_size=size, mesentery=mesentery)
-    about: dict[str, Any] = {"worlds": 2, "backend": "linear", "bank": hung_bank()} | own
+    about: dict[str, Any] = {"worlds": 2, "backend": "linear", "bank": moving_bank()} | own
     return ScopeTask(config, **about)
 
 
@@ -44,7 +44,7 @@ def exact(bank: ColonSet, case: int, pose: np.ndarray | None) -> Endoscope:
     colon, lens = tabulated.colon(), lens_of(bank.design.tip, SIZE, SIZE)
     if pose is None:
         return Endoscope(colon, lens, threads=1)
-    surface = MovingSurface(colon, stack([tabulated.hung()]), *entry_of(colon))
+    surface = MovingSurface(colon, stack([tabulated.with_mesentery()]), *entry_of(colon))
     surface.move(pose)
     return Endoscope(colon, lens, surface=surface, threads=1)
 
@@ -72,7 +72,7 @@ def look_from(task: ScopeTask, poses: list[CameraPose], arcs: list[float], monke
 
 def test_the_wall_and_its_landmarks_are_those_of_exact_rays(monkeypatch: pytest.MonkeyPatch) -> None:
     """Off the middle and turned aside, and before the caecum's pole with its orifice."""
-    bank = hung_bank().with_mesentery(False)
+    bank = moving_bank().with_mesentery(False)
     task, case = task_of(mesentery=False, bank=bank), bank.cases[0]
     arcs = [0.10, case.length - 0.04]
     frames = [case.frames[round(arc / case.step)] for arc in arcs]
@@ -126,7 +126,7 @@ def test_a_tip_that_presses_the_wall_sees_it_give_way() -> None:
 
 def test_what_the_wall_bears_is_drawn() -> None:
     """Polyps' red, blood and stool that are known of the table's places, as of the vertices of the surface."""
-    bank = hung_bank().with_mesentery(False)
+    bank = moving_bank().with_mesentery(False)
     task = task_of(mesentery=False, bank=bank)
     plain = task.reset(seeds=[0, 1], case=0)["pixels"].astype(int)
     tips = tips_of(task)
@@ -141,7 +141,7 @@ def test_what_the_wall_bears_is_drawn() -> None:
 @pytest.mark.parametrize("size", [8, 13])
 def test_any_size_is_exposed_alike(size: int) -> None:
     """Sizes that no lanes divide: the upper quarter of what is lit is exposed as one picture of exact rays."""
-    task = task_of(mesentery=False, size=size, bank=hung_bank().with_mesentery(False))
+    task = task_of(mesentery=False, size=size, bank=moving_bank().with_mesentery(False))
     seen = task.reset(seeds=[0, 1], case=np.array([0, 1]))["pixels"]
     for world in range(2):
         own = task.seen.tip[world], task.seen.tip_frame[world]
@@ -175,7 +175,7 @@ def test_a_gpu_is_given_the_same_programs() -> None:
 
 def test_the_surface_that_normals_are_of_has_them_inwards() -> None:
     """At each place of the table towards the centreline."""
-    case = hung_bank().cases[0]
+    case = moving_bank().cases[0]
     known = _wall(case).known
     rays = case.points[:, None] - case.colon().lumen.vertices[: case.sight.size].reshape(*case.sight.shape, 3)
     assert (np.einsum("sai,sai->sa", known[..., :3], rays) > 0).all()

@@ -13,7 +13,7 @@ from haustra.envs.tasks import scope_task
 from haustra.envs.tasks.config import Drive, TaskConfig, Weights
 from haustra.envs.tasks.navigation import NavigationEnv
 from haustra.envs.tasks.scope_task import ScopeTask
-from tests.task_bank import DESIGN, hung_bank, short_bank
+from tests.task_bank import DESIGN, moving_bank, short_bank
 
 
 def test_a_withdrawal_sees_more_and_more_and_ends_at_the_anus(tmp_path, monkeypatch):
@@ -40,7 +40,7 @@ def test_a_withdrawal_sees_more_and_more_and_ends_at_the_anus(tmp_path, monkeypa
 
 def test_a_program_withdraws_from_colons_that_move_as_numpy_does(monkeypatch):
     """Both begin where a scope was left, see the same cells, pay the same haste, and end at the anus."""
-    bank = hung_bank()
+    bank = moving_bank()
     monkeypatch.setattr(scope_task, "inserted_starts", lambda config, bank, backend: pushed_in())
     weights = Weights(coverage=100.0, haste=1.0)
     drive = Drive(control_interval=0.2, push_rate=0.05)
@@ -70,7 +70,7 @@ def test_a_program_withdraws_from_colons_that_move_as_numpy_does(monkeypatch):
 @cache
 def pushed_in() -> tuple[Snapshot, ...]:
     """Scopes that were pushed into two colons for three seconds."""
-    bank = hung_bank()
+    bank = moving_bank()
     backend = LinearBackend(bank.scene, bank.tables, worlds=2)
     backend.reset(np.arange(2), np.arange(2), Conditions(np.full(2, 0.03), np.full(2, 1500.0), np.ones(2)))
     backend.step(Controls(np.full(2, 0.04), np.zeros(2), np.zeros((2, 4))), 600)

@@ -168,7 +168,7 @@ def test_numpy_jax_and_compiled_loops_step_alike() -> None:
     assert (found >= 0).sum() > 10
     one, other = (_step(xp, own, start, found, 0.004) for xp in (np, jnp))
     bare = _step(np, own, start, None, 0.004)
-    walls.give_way(np.array([0]), np.zeros((1, 1, 3)), np.zeros((1, 1, 2)), 0.004)
+    walls.step_axis(np.array([0]), np.zeros((1, 1, 3)), np.zeros((1, 1, 2)), 0.004)
     assert np.abs(one.pose - bare.pose).max() > 1e-5
     for mine, theirs, compiled in zip(one, other, now, strict=True):
         assert np.abs(mine - np.asarray(theirs)).max() < 1e-10

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.linear.backend import LinearBackend
-from haustra.envs.sim.scope_bank import ScopeBank, build_bank
+from haustra.envs.sim.scope_colon_set import ScopeColonSet, build_bank
 from haustra.envs.sim.state import Controls, Readings
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.anatomy.colon import ColonSegment
@@ -434,7 +434,7 @@ def test_compiled_loops_are_the_law() -> None:
         assert np.abs(mine - theirs).max() < 1e-12
     force, damping = random.normal(size=(1, 60, 3)), random.uniform(0, 20, (1, 60, 2))
     expected = moving_colon.step_axis(np, own, displacement, grip, force, damping, _STEP)
-    walls.give_way(world, force, damping, _STEP)
+    walls.step_axis(world, force, damping, _STEP)
     assert np.abs(displacement.pose - expected.pose).max() < 1e-12
     assert np.abs(displacement.speed - expected.speed).max() < 1e-10
     fixed = TableWalls(stacked._replace(mesentery=None), 1, 60, radius=0.006)
@@ -457,12 +457,12 @@ def test_the_solver_solves() -> None:
         assert np.asarray(found[world]) == pytest.approx(np.linalg.solve(matrix, right[world]), rel=1e-9, abs=1e-12)
 
 
-def _bent_bank(**changed: Any) -> ScopeBank:
+def _bent_bank(**changed: Any) -> ScopeColonSet:
     colon = swept_colon(winding([(0.08, 0.0), (0.1, 1.6), (0.2, 0.0)]), name="bend")
     return build_bank([colon], named_design("adult"), replace(_OPTIONS, **changed))
 
 
-def _pushed(bank: ScopeBank, tables: Tables, steps: int = 1200) -> LinearBackend:
+def _pushed(bank: ScopeColonSet, tables: Tables, steps: int = 1200) -> LinearBackend:
     """A scope pushed in without friction, and then held."""
     backend, one = LinearBackend(bank.scene, tables, worlds=1, real=np.float64), np.ones(1)
     backend.reset(np.zeros(1, int), np.zeros(1, int), Conditions(0 * one, bank.scene.options.wall_stiffness * one, one))

@@ -162,7 +162,7 @@ def test_numpy_jax_and_compiled_loops_step_alike() -> None:
     walls.time[:] = 0.3 * _WHOLE
     start = AxisDisplacement(now.pose.copy(), now.speed.copy())
     one, other = (_step(xp, own, start, 0.3 * _WHOLE, 0.004) for xp in (np, jnp))
-    walls.give_way(np.array([0]), np.zeros((1, 1, 3)), np.zeros((1, 1, 2)), 0.004)
+    walls.step_axis(np.array([0]), np.zeros((1, 1, 3)), np.zeros((1, 1, 2)), 0.004)
     bare = _step(np, own._replace(walls=0 * own.walls, breaths=0 * own.breaths, sway=0 * own.sway), start, 0.0, 0.004)
     assert walls.time[0] == pytest.approx(0.3 * _WHOLE + 0.004)
     assert np.abs(one.pose - bare.pose).max() > 1e-5

@@ -117,7 +117,7 @@ def test_the_verb_writes_what_it_prints(tmp_path, capsys):
     assert main(call) == SUCCESS
     result = json.loads(capsys.readouterr().out)
     assert json.loads((tmp_path / "accuracy.json").read_text()) == result
-    assert [bar["met"] for bar in result["bars"]] == [True, True]
+    assert [criterion["met"] for criterion in result["criteria"]] == [True, True]
     assert result["machine"]["processor"]
 
 
@@ -167,8 +167,8 @@ def area(surface) -> float:
 def test_the_page_shows_every_bar_and_the_best_of_every_front(tmp_path):
     bench = run_questions(["buckling", "wires"], Effort(quick=True)).to_json()
     log = accuracy_log(bench)
-    for bar in bench["bars"]:
-        assert bar["what"] in log
+    for criterion in bench["criteria"]:
+        assert criterion["what"] in log
     for front in bench["fronts"]:
         assert all(f"| {name} |" in log for name in front["best"])
     assert draw(tmp_path / "a.png", bench["fronts"]).stat().st_size > 10_000

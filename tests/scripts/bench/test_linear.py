@@ -8,7 +8,7 @@ import pytest
 
 from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.linear.place import WARP, group_of
-from haustra.envs.sim.scope_bank import build_bank
+from haustra.envs.sim.scope_colon_set import build_bank
 from haustra.errors import MissingDependencyError
 from haustra.models.devices.scope.library import named_design
 from haustra.scripts.bench import linear

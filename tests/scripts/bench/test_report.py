@@ -16,4 +16,4 @@ def test_the_page_holds_bars_fronts_and_tables(tmp_path: Path) -> None:
 
 
 def test_a_bar_in_one_line() -> None:
-    assert said(BENCH.bars[0]) == "order: 1.99, at least 1.8"
+    assert said(BENCH.criteria[0]) == "order: 1.99, at least 1.8"

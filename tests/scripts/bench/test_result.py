@@ -34,7 +34,7 @@ BENCH = Bench(
     name="accuracy",
     title="Run time against error",
     summary=("Measured.",),
-    bars=(
+    criteria=(
         Criterion("order", 1.99, 1.8, "1", "at least"),
         Criterion("error", math.inf, 0.1, "%", "at most"),
         Criterion("mean", 0.02, 0.1, "1", "within", (-0.01, 0.05)),
@@ -51,13 +51,13 @@ def test_a_front_keeps_what_nothing_beats() -> None:
 
 
 def test_a_bar_is_met_by_what_was_measured_only() -> None:
-    order, error, *_ = BENCH.bars
+    order, error, *_ = BENCH.criteria
     assert order.met
     assert not error.met
 
 
 def test_a_mean_is_shown_by_its_whole_interval() -> None:
-    assert [bar.verdict for bar in BENCH.bars] == ["met", "not met", "met", "not shown"]
+    assert [criterion.verdict for criterion in BENCH.criteria] == ["met", "not met", "met", "not shown"]
     assert Criterion("mean", 0.3, 0.1, "1", "within", (0.2, 0.4)).verdict == "not met"
     assert Criterion("mean", 0.12, 0.1, "1", "within", (0.05, 0.19)).verdict == "not shown"
 
@@ -68,7 +68,7 @@ def test_fewer_cases_never_turn_a_fail_into_a_pass() -> None:
     shares = {}
     for count in (3, 9, 10, 40, 256):
         found = [equivalence("", draw.normal(0.1, 0.1, count), tolerance=0.1, unit="1") for _ in range(400)]
-        shares[count] = np.mean([bar.met for bar in found])
+        shares[count] = np.mean([criterion.met for criterion in found])
     assert shares[3] == shares[9] == 0.0
     assert max(shares.values()) < 0.05
     off = 0.2 + 0.01 * (-1.0) ** np.arange(256)

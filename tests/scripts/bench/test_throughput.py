@@ -2,7 +2,7 @@
 
 import pytest
 
-from haustra.envs.sim.scope_bank import BATCH_OPTIONS, build_bank
+from haustra.envs.sim.scope_colon_set import BATCH_OPTIONS, build_bank
 from haustra.models.devices.scope.library import named_design
 from haustra.scripts.bench.throughput import measure_insertions, measure_rates, rate_rows
 from haustra.scripts.bench.worlds_accuracy import compare_with_native

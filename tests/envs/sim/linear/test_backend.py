@@ -59,9 +59,9 @@ def test_a_world_that_breaks_harms_no_other_and_is_left_as_it_was(bank, where, v
     inputs = hands.next()
     assert same.next().push_rate.shape == inputs.push_rate.shape
     before = backend.state()
-    poisoned = inputs._replace(**{where: np.array(getattr(inputs, where))})
-    getattr(poisoned, where)[3] = value
-    assert backend.step(poisoned, 4).tolist() == [world != 3 for world in range(count)]
+    injected = inputs._replace(**{where: np.array(getattr(inputs, where))})
+    getattr(injected, where)[3] = value
+    assert backend.step(injected, 4).tolist() == [world != 3 for world in range(count)]
     assert twin.step(inputs, 4).all()
     after, known = backend.state(), twin.state()
     others = np.arange(count) != 3

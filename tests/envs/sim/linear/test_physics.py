@@ -11,7 +11,7 @@ from haustra.envs.sim.at_origin import compile_at_origin
 from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.physics.lock import lock_activation
-from haustra.envs.sim.scope_bank import ScopeBank, build_bank
+from haustra.envs.sim.scope_colon_set import ScopeColonSet, build_bank
 from haustra.envs.sim.scope_reading import read_scope
 from haustra.envs.sim.state import Controls
 from haustra.errors import UnsupportedSceneError
@@ -28,11 +28,11 @@ _STILL = 1e-3
 """Where nothing is faster than this [m/s, rad/s], differences are relative to it."""
 
 
-def _bank(**changed: Any) -> ScopeBank:
+def _bank(**changed: Any) -> ScopeColonSet:
     return build_bank([straight_tube()], named_design("adult"), replace(_SHORT, **changed))
 
 
-def _backend(bank: ScopeBank, *, wall: bool = True, **own: Any) -> LinearBackend:
+def _backend(bank: ScopeColonSet, *, wall: bool = True, **own: Any) -> LinearBackend:
     """One world, in double precision, with a wall as soft as air where none is wanted."""
     backend = LinearBackend(bank.scene, bank.tables, worlds=1, real=np.float64, **own)
     one, options = np.ones(1), bank.scene.options

@@ -42,7 +42,7 @@ def test_what_diverges_misses_the_bars():
     row |= {"real": "float32", "world_steps": 8, "fastest": 1.0, "pressing": 0.0}
     ran = {"world_steps": 10, "lost": 1, "growth_MiB_per_million": 2.0}
     part = linear.judge([row], [{"shock": "none", "outcome": "diverged"}], [ran], 1, [], steps=20)
-    met = {bar.what.removesuffix(", in linear time"): bar.met for bar in part.bars}
+    met = {criterion.what.removesuffix(", in linear time"): criterion.met for criterion in part.criteria}
     assert [what for what, well in met.items() if well] == [
         "settings that diverged at longer steps",
         "settings refused",

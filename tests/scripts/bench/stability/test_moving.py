@@ -1,4 +1,4 @@
-"""Colons that move are driven, shocked and poisoned; what is lost is told."""
+"""Colons that move are driven, shocked and given NaN and Inf; what is lost is told."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ def rig():
 
 
 def test_every_bad_number_is_caught_in_its_world(rig):
-    cases = moving.poison(rig)
+    cases = moving.inject(rig)
     assert [case for case in cases if not case.sound] == []
     assert {case.array for case in cases} >= {"hands: pulls", "worlds: stiffness", "mesentery: slack"}
 
@@ -40,4 +40,4 @@ def test_random_mesenteries_and_shocks_are_sound_and_colons_do_move(rig):
 def test_what_diverges_misses_the_bars(rig):
     row = {"ranges": "inside", "outcome": "diverged", "finite": False, "fastest_per_s": 1.0, "furthest_colon_m": 0.0}
     part = moving.judge([row], [{"shock": "none", "outcome": "diverged"}], 0.005, [])
-    assert [bar.met for bar in part.bars[:4]] == [False, False, False, False]
+    assert [criterion.met for criterion in part.criteria[:4]] == [False, False, False, False]

@@ -63,10 +63,10 @@ def test_a_scope_that_flies_apart_is_named_and_not_averaged(bend, monkeypatch):
     assert row["outcome"] == "diverged"
     assert row["reason"]
     told = {"number": 0, "beyond": False, "wall": "planes", "values": {"scene.timestep": 0.01}, **row}
-    bars = {bar.what: bar for bar in judge([told], 0.5, 1).bars}
-    assert bars["runs that diverged inside the ranges, at steps up to 10 ms"].measured == 1
-    assert not bars["runs that diverged inside the ranges, at steps up to 10 ms"].met
-    assert bars["divergences without a name, inside or beyond"].met
+    criteria = {criterion.what: criterion for criterion in judge([told], 0.5, 1).criteria}
+    assert criteria["runs that diverged inside the ranges, at steps up to 10 ms"].measured == 1
+    assert not criteria["runs that diverged inside the ranges, at steps up to 10 ms"].met
+    assert criteria["divergences without a name, inside or beyond"].met
 
 
 def test_runs_at_long_steps_are_told_apart_and_a_crash_is_never_excused():
@@ -75,9 +75,9 @@ def test_runs_at_long_steps_are_told_apart_and_a_crash_is_never_excused():
         {"number": 2, "outcome": "crashed"},
     ]
     rows[0]["values"] = {"scene.timestep": 0.02}
-    bars = {bar.what: bar for bar in judge(rows, 10.0, 2).bars}
-    assert bars["runs that diverged inside the ranges, at steps up to 10 ms"].measured == 1
-    assert bars["the same, at longer steps"].measured == 1
+    criteria = {criterion.what: criterion for criterion in judge(rows, 10.0, 2).criteria}
+    assert criteria["runs that diverged inside the ranges, at steps up to 10 ms"].measured == 1
+    assert criteria["the same, at longer steps"].measured == 1
 
 
 def test_ranges_end_where_options_are_refused():
@@ -124,7 +124,7 @@ def test_time_that_is_up_leaves_rows_for_the_next_call_and_says_so(tmp_path):
     found = stability(order, ["shocks", "escapes"], lambda part, done, note: None, kept.append)
     assert len(kept) == 2
     assert "0 of 10,000 pushes" in found.summary[0]
-    assert all("so far, 0 of" in bar.what for bar in found.bars)
+    assert all("so far, 0 of" in criterion.what for criterion in found.criteria)
 
 
 def test_a_row_whose_process_dies_is_kept_as_crashed(tmp_path):

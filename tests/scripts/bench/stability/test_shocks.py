@@ -27,20 +27,25 @@ def test_a_tip_released_from_full_bend_ends_at_rest_inside():
     found = shock(straight_tube(0.4), None, name, quick=True)
     assert found.outcome == "at rest"
     assert 1 < found.fastest < 100
-    assert [bar.met for bar in judge([found], 1).bars] == [True, True, True, True]
+    assert [criterion.met for criterion in judge([found], 1).criteria] == [True, True, True, True]
 
 
 def test_what_diverged_or_moves_on_misses_its_bar():
     def told(outcome, fastest):
         return Shocked("x", "planes", outcome, "", fastest, 0.1, 0.2, 0.1, 0.01, 1.0)
 
-    assert [bar.met for bar in judge([told("diverged", np.inf), told("moving", 5.0)], 2).bars] == [
+    assert [criterion.met for criterion in judge([told("diverged", np.inf), told("moving", 5.0)], 2).criteria] == [
         False,
         False,
         False,
         False,
     ]
-    assert [bar.measured for bar in judge([told("diverged", 1.0), told("moving", 5.0)], 2).bars] == [1, 1, 2, 5.0]
+    assert [criterion.measured for criterion in judge([told("diverged", 1.0), told("moving", 5.0)], 2).criteria] == [
+        1,
+        1,
+        2,
+        5.0,
+    ]
 
 
 def test_shocks_are_spread_and_kept(tmp_path, monkeypatch):
@@ -85,7 +90,7 @@ def test_pushes_are_counted_in_every_colon_that_is_given(tmp_path, monkeypatch):
     for place in (tmp_path / "colons" / "grown-0", tmp_path / "other"):
         save_colon(straight_tube(0.8), place)
     part = escapes(RunOptions(tmp_path, quick=True, colon=tmp_path / "other"), lambda done, note: None)
-    assert [bar.measured for bar in part.bars] == [0, 0]
+    assert [criterion.measured for criterion in part.criteria] == [0, 0]
     assert part.counts["pushes"] == sum(int(row["pushes"] or 0) for row in part.tables[0].rows)
 
 
@@ -107,7 +112,7 @@ def test_memory_that_grows_and_a_run_that_ends_early_miss_their_bars():
         return {"number": number, "outcome": outcome, "records": records}
 
     def met(rows, planned):
-        return [bar.met for bar in judge_long(rows, planned).bars]
+        return [criterion.met for criterion in judge_long(rows, planned).criteria]
 
     assert met([row(0, ran(3e-6)), row(1, ran(0.0))], 2_000_000) == [True, True, False]
     assert met([row(0, ran(0.0)), row(1, ran(0.0))], 2_000_000) == [True, True, True]

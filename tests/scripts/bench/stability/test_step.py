@@ -59,7 +59,7 @@ def test_what_fell_and_what_is_near_is_told():
     before = dict.fromkeys(asked, 0.012)
     rows = [{"number": 0, "limit_s": 0.0111}, {"number": 1, "limit_s": 0.0099}, {"number": 2, "outcome": "crashed"}]
     part = judge(rows, asked, before)
-    assert [bar.measured for bar in part.bars] == [1, 2]
+    assert [criterion.measured for criterion in part.criteria] == [1, 2]
     assert [row["fallen"] for row in part.tables[0].rows] == [False, True, True]
     assert judge(rows[:1], asked, before).unfinished == "1 of 3 largest steps"
 
@@ -68,7 +68,7 @@ def test_figures_go_into_the_page_and_into_the_file():
     asked = (SHIPPED, SHIPPED._replace(integrator="rk4"))
     part = judge([{"number": 0, "limit_s": 0.0061}, {"number": 1, "limit_s": LONGEST}], asked, {})
     bench = Bench(
-        "stability", "Stability", ("Full run.",), bars=part.bars, tables=part.tables, machine={"date": "today"}
+        "stability", "Stability", ("Full run.",), criteria=part.criteria, tables=part.tables, machine={"date": "today"}
     )
     page = with_figures("a\n<!-- steps -->\nold\n<!-- /steps -->\nb\n<!-- shocks -->\nkept\n<!-- /shocks -->\n", bench)
     assert "old" not in page

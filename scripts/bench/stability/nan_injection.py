@@ -52,7 +52,7 @@ class Injection:
         return bool(self.caught) and self.neighbours_same and self.finite
 
 
-def poison(order: RunOptions, progress: Progress) -> Part:
+def inject(order: RunOptions, progress: Progress) -> Part:
     """Every input of every backend, with every bad number; linear time has a part of its own."""
     bank = small_bank(grow_colon(seed=0))
     parts: list[Callable[[], list[Injection]]] = [
@@ -190,7 +190,7 @@ def vector_cases(bank: ColonSet) -> list[Injection]:
 
 
 def _episode(bank: ColonSet, column: int, value: float | None) -> tuple[list[np.ndarray], np.ndarray]:
-    """What was seen, and which worlds had ended as diverged after one poisoned action."""
+    """What was seen, and which worlds had ended as diverged after one action with NaN or Inf."""
     made = NavigationVectorEnv(WORLDS, bank=bank, observation="state", autoreset_mode="NextStep")
     made.reset(seed=1)
     action = np.tile([0.5, 0.1, 0.3, -0.2], (WORLDS, 1)).astype(np.float32)
@@ -223,7 +223,7 @@ def design_cases() -> list[Injection]:
 
 def judge(found: list[Injection]) -> Part:
     """Bars and table; one row an array, with the bad numbers that were not caught."""
-    bars = (
+    criteria = (
         Criterion(
             "injections that were not caught within a block", sum(not c.caught for c in found), 0, "cases", "at most"
         ),
@@ -253,4 +253,6 @@ def judge(found: list[Injection]) -> Part:
         "block; the other worlds are compared bit by bit with a run without. Sweeps get them as values of a design or "
         "scene and must refuse them by name."
     )
-    return Part(bars, (Table("Poisoned inputs", tuple(rows)),), summary=text, counts={"injections": len(found)})
+    return Part(
+        criteria, (Table("NaN and Inf in inputs", tuple(rows)),), summary=text, counts={"injections": len(found)}
+    )

@@ -19,7 +19,7 @@ of that of a scope of 138 joints; with 58 dofs it was 1.4 to 2.4 % (docs/validat
 
 
 @dataclass(frozen=True)
-class ScopeBank:
+class ScopeColonSet:
     """What backends of many worlds need."""
 
     scene: Scene
@@ -59,7 +59,7 @@ def build_bank(
     options: SceneOptions | None = None,
     *,
     progress: Callable[[str], None] = lambda name: None,
-) -> ScopeBank:
+) -> ScopeColonSet:
     """Tabulate colons for one scope; `progress` is told each colon's name.
 
     Args:
@@ -79,7 +79,7 @@ def build_bank(
         )
         tables.append(field.seen_from(*entry_of(colon)))
         errors.append(field.error)
-    return ScopeBank(
+    return ScopeColonSet(
         scene=scene,
         colons=tuple(colons),
         tables=stack(tables),

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from haustra.envs.sim.native_batch import NativeBackend
-from haustra.scripts.bench.stability.poison import BAD, batch_cases, design_cases, judge, single_cases, vector_cases
+from haustra.scripts.bench.stability.nan_injection import (
+    BAD,
+    batch_cases,
+    design_cases,
+    judge,
+    single_cases,
+    vector_cases,
+)
 from tests.task_bank import short_bank
 
 
@@ -38,4 +45,4 @@ def test_a_sweep_refuses_every_number_by_name():
 def test_what_is_not_caught_misses_the_bar(bank):
     case = single_cases(bank)[0]
     silent = type(case)("native", "push_rate", np.nan, "", neighbours_same=False, finite=True)
-    assert [bar.met for bar in judge([case, silent]).bars] == [False, False, True]
+    assert [criterion.met for criterion in judge([case, silent]).criteria] == [False, False, True]
