@@ -228,7 +228,7 @@ def effects(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
         own = [row for row in rows if row["patient"] == name and alike(row) in plain]
         if not own:
             continue
-        entry: dict[str, Any] = {"patient": name, "colons": len(own)}
+        entry: dict[str, Any] = {"patient": name, "colons": len({row["colon"] for row in own})}
         for key in COMPARED:
             more = np.array([row[key] - plain[alike(row)][key] for row in own])
             half = float(t.ppf(0.975, len(more) - 1) * more.std(ddof=1) / np.sqrt(len(more))) if len(more) > 1 else 0.0

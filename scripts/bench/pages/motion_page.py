@@ -50,8 +50,8 @@ def motion_page(measured: Mapping[str, Any]) -> str:
         lines += [
             "## The patient around it\n",
             "Change against the same colon as it was imaged and without gas, lumen follower, mean over colons with its"
-            " 95 % interval (paired); **bold** where the interval leaves out 0. A number of colons stands where it is"
-            " not all of them: those runs were added later.\n",
+            " 95 % interval (paired, runs as long as each other); **bold** where the interval leaves out 0. A number of"
+            " colons stands where it is not all of them.\n",
             "| patient | " + " | ".join(words for words, _ in COMPARED.values()) + " |",
             "| --- |" + " --- |" * len(COMPARED),
         ]

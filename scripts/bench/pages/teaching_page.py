@@ -1,6 +1,6 @@
-"""Write the page on learning from demonstrations from the teaching.json that `haustra bench teaching -o DIR` leaves.
+"""Write the page on learning from demonstrations from what `haustra bench teaching -o DIR` leaves, once or more often.
 
-`python -m haustra.scripts.bench.pages.teaching_page docs/validation/teaching.md DIR/teaching.json`.
+`python -m haustra.scripts.bench.pages.teaching_page docs/validation/teaching.md DIR/teaching.json ...`.
 """
 
 import sys
@@ -18,8 +18,13 @@ _HEAD = """\
 
 **Question.** Does PPO after demonstrations of the endoscopist get further than PPO without, at equal steps?
 
-Made by `python -m haustra.scripts.bench.pages.teaching_page docs/validation/teaching.md DIR/teaching.json` after
-`{command}`, and kept in docs/validation/data/teaching.json; do not edit.
+Made by `python -m haustra.scripts.bench.pages.teaching_page docs/validation/teaching.md DIR/teaching.json ...` from one
+teaching.json a lesson, and kept in docs/validation/data/teaching.json; do not edit.
+"""
+_LESSON = """
+## {steps:,} steps
+
+    {command}
 
 {answer}
 
@@ -29,22 +34,26 @@ Made by `python -m haustra.scripts.bench.pages.teaching_page docs/validation/tea
 _READ = """
 ## How to read it
 
-- Episodes are those of the shipped training `{training}`, of up to {seconds:g} s: a long paediatric scope in grown
-  colons of its band, which move. Trainings use the first {episodes} of its colons; all are judged in {held_out}
-  held-out colons, two episodes each, with actions drawn as in training.
-- Each driver shows {episodes} episodes, one a colon. "Then rewards" is PPO for {steps:,} steps after cloning, in whose
-  first tenth only its critic learns; "alone" is cloning without rewards. Steps that were shown are not counted.
+- Episodes are those of the shipped training: a long paediatric scope in grown colons of its band, which move. Trainings
+  use as many of its colons as there are demonstrations; all are judged in held-out colons, two episodes each, with
+  actions drawn as in training.
+- Each driver shows one episode a colon. "Then rewards" is PPO after cloning, in whose first tenth only its critic
+  learns; "alone" is cloning without rewards. Steps that were shown are not counted.
 - Rewards alone is the same PPO without demonstrations. As shipped trainings explore, it draws actions more widely,
   begins with a push, divides what it sees by its deviation and staggers its first episodes.
-- {seeds} trainings an arm, with seeds of their own. Intervals are Student's, 95 %, of differences seed by seed.
+- Trainings of an arm have seeds of their own. Intervals are Student's, 95 %, of differences seed by seed.
 - Cloning sees one moment and its running means; what a driver remembers (which manoeuvre it is in) it cannot see.
 """
 _MAIN = "endoscopist, then rewards"
 _KEYS = ("progress", "completion", "peak_force_N")
 
 
-def teaching_page(table: Mapping[str, Any]) -> str:
-    """The page of a folder's teaching.json."""
+def teaching_page(kept: Mapping[str, Any]) -> str:
+    """The page of several lessons' teaching.json."""
+    return _HEAD + "".join(map(_lesson, kept["lessons"])) + _READ
+
+
+def _lesson(table: Mapping[str, Any]) -> str:
     lesson, arms = table["lesson"], table["arms"]
     command = (
         f"haustra bench teaching -o DIR --training {lesson['training']} --episodes {lesson['episodes']} "
@@ -54,12 +63,12 @@ def teaching_page(table: Mapping[str, Any]) -> str:
     teachers = table["teachers"].items()
     rows = [(f"{name}, the driver itself", *(float(one[key]) for key in _KEYS)) for name, one in teachers]
     rows += [(name, *(float(np.mean(one[key])) for key in _KEYS)) for name, one in arms.items()]
-    text = _HEAD.format(command=command, answer=_answer(table["gains"]))
+    text = _LESSON.format(steps=lesson["steps"], command=command, answer=_answer(table["gains"]))
     text += "".join(f"| {name} | {far:.2f} | {reached:.2f} | {force:.1f} |\n" for name, far, reached, force in rows)
     text += "\n| progress gained by | over | mean (95 %) |\n| --- | --- | --- |\n"
     for name, others in table["gains"].items():
         text += "".join(f"| {name} | {other} | {_gain(gained)} |\n" for other, gained in others.items())
-    return text + _READ.format(**lesson)
+    return text
 
 
 def _answer(gains: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
@@ -73,14 +82,14 @@ def _answer(gains: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
 
 def _gain(gained: Sequence[float]) -> str:
     mean, low, high = gained
-    return f"{mean:+.2f} ({low:+.2f} to {high:+.2f})"
+    return f"{mean:+.3f} ({low:+.3f} to {high:+.3f})"
 
 
 def main(page: Path, sources: Sequence[Path]) -> None:
     """Keep the measurements beside the page, and write it; without a source from what is kept."""
     kept = page.parent / "data" / f"{page.stem}.json"
-    for source in sources:
-        write_json(kept, read_document(source, "teaching"))
+    if sources:
+        write_json(kept, {"lessons": [read_document(source, "teaching") for source in sources]})
     text = teaching_page(read_document(kept, "teaching"))
     write_atomically(page, lambda file: file.write_text(text, encoding="utf-8"))
 

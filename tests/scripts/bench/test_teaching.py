@@ -29,7 +29,7 @@ def test_the_page_tells_better_from_not_told_apart():
     arms = {name: {"progress": row, "completion": [0.0], "peak_force_N": [5.0]} for name, row in progress.items()}
     driver = {"shown_steps": 9, "progress": 0.7, "completion": 0.5, "peak_force_N": 6.0}
     table = {"lesson": vars(LESSON), "teachers": {"endoscopist": driver}, "arms": arms, "gains": gains(arms)}
-    page = teaching_page(table)
-    assert "it gets further than rewards alone (+0.52" in page
+    page = teaching_page({"lessons": [table]})
+    assert "it gets further than rewards alone (+0.517" in page
     assert "is not told apart from rewards alone, as shipped trainings explore" in page
     assert "--steps 1000" in page and "| endoscopist, the driver itself | 0.70 | 0.50 | 6.0 |" in page
