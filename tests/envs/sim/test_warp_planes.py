@@ -1,10 +1,12 @@
 """Steps on MuJoCo Warp that Newton's method loses in single precision are made again."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from haustra.envs.sim.scope_colon_set import BATCH_OPTIONS
 from haustra.envs.sim.state import Controls
 from haustra.envs.tasks.bank import grown_bank
 from haustra.envs.tasks.config import TaskConfig
@@ -14,6 +16,8 @@ from haustra.models.devices.scope.library import named_design
 STATES = Path(__file__).parent / "pressed_scopes.npz"
 """Scopes of native insertions in grown colons that are fixed, seeds 4, 11 and 28 of `bench agreement`, pressed on the
 wall by 14 to 25 N a contact: nothing is wrong with them natively."""
+OPTIONS = replace(BATCH_OPTIONS, shaft_cell=0.0625, bending_cell=0.034, sample_spacing=0.0315)
+"""The cells and spheres that they had."""
 
 
 def _healthy(monkeypatch: pytest.MonkeyPatch, *, repeats: bool) -> np.ndarray:
@@ -29,7 +33,8 @@ def _healthy(monkeypatch: pytest.MonkeyPatch, *, repeats: bool) -> np.ndarray:
     with monkeypatch.context() as changed:
         if not repeats:
             changed.setattr(jax.lax, "cond", lambda lost, again, plain, made: plain(made))
-        bank, config = grown_bank(range(8), named_design("adult")), TaskConfig(design="adult", observation="state")
+        bank = grown_bank(range(8), named_design("adult"), options=OPTIONS)
+        config = TaskConfig(design="adult", observation="state")
         backend = ScopeTask(config, worlds=count, backend="warp", bank=bank).backend
         own = {name: known[name] for name in ("colon", "friction", "stiffness", "bending")}
         arcs = jnp.concatenate([known["arcs"], known["tip_arcs"].reshape(count, 1)], axis=1)
