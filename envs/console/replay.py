@@ -8,6 +8,7 @@ import numpy as np
 from haustra.envs.console.recording import COLON, Recording
 from haustra.envs.console.vehicle import Vehicle
 from haustra.envs.console.vehicles import make_vehicle
+from haustra.errors import UnreadableFileError
 from haustra.provenance import backend_record
 
 
@@ -36,18 +37,27 @@ def repeat(
         recording: the recording.
         vehicle: at its start; made from the recording when None.
         progress: told the step.
+
+    Raises:
+        UnreadableFileError: when the vehicle has other levers now than it was recorded with.
     """
     own = vehicle or make_vehicle(recording.folder / COLON, recording.about["vehicle"])
+    now = tuple(lever.name for lever in own.levers)
+    if recording.levers != now:
+        raise UnreadableFileError(
+            f"'{recording.folder}' was recorded with the levers {', '.join(recording.levers)}, and the vehicle has "
+            f"{', '.join(now)} now: record it again."
+        )
     rows = recording.rows
     conditions, levers, digests = rows["conditions"], rows["levers"], rows["digest"]
     first = None if int(own.look().row["digest"]) == int(digests[0]) else 0
-    now = conditions[0]
+    before = conditions[0]
     for step in range(1, len(levers)):
         if first is not None:
             break
-        for number in np.flatnonzero(conditions[step] != now):
+        for number in np.flatnonzero(conditions[step] != before):
             own.change(own.conditions[number].name, float(conditions[step, number]))
-        now = conditions[step]
+        before = conditions[step]
         own.step(levers[step])
         if int(own.look().row["digest"]) != int(digests[step]):
             first = step

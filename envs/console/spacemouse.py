@@ -4,7 +4,9 @@ The cap's axes are those of `pyspacemouse` with z upwards: x to the right, y awa
 reports many times a second, and one at rest says nothing: silence is a hand that has let go.
 """
 
+import contextlib
 import math
+import sys
 import threading
 import time
 from collections.abc import Mapping, Sequence
@@ -67,7 +69,8 @@ def find_space_mouse() -> SixAxes:
     except OSError as error:
         raise MissingDependencyError(_NO_LIBRARY) from error
     try:
-        return pyspacemouse.open(axis_convention=pyspacemouse.AxisConvention.HID_Z_UP)
+        with contextlib.redirect_stdout(sys.stderr):  # it names what it found, where a drive prints its address
+            return pyspacemouse.open(axis_convention=pyspacemouse.AxisConvention.HID_Z_UP)
     except RuntimeError as error:
         if isinstance(error.__cause__, AttributeError):  # what it looked for in a library that is not there
             raise MissingDependencyError(_NO_LIBRARY) from error
@@ -119,6 +122,11 @@ class SpaceMouse:
         self._ends.set()
         self._thread.join(timeout=2)
         self._source.before_step = None
+
+    @property
+    def heard(self) -> float:
+        """When the cap was heard of last, by `time.perf_counter` [s]."""
+        return self._said[1]
 
     def _move(self, interval: float) -> None:
         """Let hands follow the cap until the next control step; levers that it leaves are those of the page."""

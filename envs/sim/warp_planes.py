@@ -225,7 +225,7 @@ class WarpPlanes:
         if treads is not None:
             speeds = speeds.at[:, self.spheres, :3].set(treads.speed.astype(points.dtype))
             left = contacts.model.pair_friction[..., :2] * self._by_pair(treads.grip)[..., None]
-            changed |= {"pair_friction": _with_columns(contacts.model.pair_friction, left, 2)}
+            changed |= {"pair_friction": contacts.model.pair_friction.at[..., :2].set(left)}
             changed |= {"_impl.geom_surfacevel": speeds}
         if displacement and grip and own:
             grip = AttachmentPoints(grip.arcs[:, :count], grip.lever[:, :count])

@@ -75,7 +75,7 @@ def read_study(table: Any, path: Path) -> Study:
         sampler=_sampler(reader.table("sampler", {}), variables),
         scores=_scores(reader, question),
         changes={name: float(value) for name, value in base.plain("values").items() if _is_number(base, name, value)},
-        options=asdict(reader.fields("options", find_question(question).options)),
+        options=_asked(reader.fields("options", find_question(question).options)),
         budget=reader.fields("budget", Budget),
         inputs=inputs,
     )
@@ -83,6 +83,11 @@ def read_study(table: Any, path: Path) -> Study:
     reader.done()
     _try_out(study, reader)
     return study
+
+
+def _asked(options: Any) -> dict[str, Any]:
+    """Options that say something: what is left out is no part of a study, or each new option would end its store."""
+    return {name: value for name, value in asdict(options).items() if value is not None}
 
 
 def _variable(reader: TableReader) -> Variable:

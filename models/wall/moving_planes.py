@@ -22,6 +22,9 @@ from haustra.models.wall.planes import PLANES, PlaneWall
 from haustra.models.wall.signed_distance import CANDIDATES, ON_SURFACE, ClosestPoints, LumenDistance
 from haustra.models.wall.table_wall import TableLook
 
+_WITH_FRICTION = 3
+"""Rows of MuJoCo's constraint of a contact with friction."""
+
 
 class MovedLumen:
     """Signed distance from the lumen surface of a colon that has moved; `follow` says that it has.
@@ -141,7 +144,7 @@ class MovingPlaneWall(PlaneWall):
             arcs: where along the colon each sphere is at the start [m].
         """
         count = len(arcs)
-        self._lumen, self._look, self._rubs = lumen, look, contact.rubs
+        self._lumen, self._look = lumen, look
         self._ahead = contact.damping / contact.stiffness + model.opt.timestep
         self.stiffness: Float[np.ndarray, " spheres"] = np.full(count, contact.stiffness)
         """Stiffness of the contacts of each sphere [N/m]."""
@@ -149,6 +152,7 @@ class MovingPlaneWall(PlaneWall):
         self._inverse_inertia = model.body_invweight0[model.geom_bodyid[self.spheres], 0]
         names = [[f"wall/plane_{number:04d}_{side}" for side in range(PLANES)] for number in range(count)]
         self._geoms = np.array([[model.geom(name).id for name in row] for row in names])
+        self._rubs = bool((model.pair_dim[self.pairs] == _WITH_FRICTION).all())
         self._slot_of = np.full(model.ngeom, -1)
         self._slot_of[self._geoms.ravel()] = np.arange(count * PLANES)
         self._force, self._damping = np.zeros((1, count * PLANES, 3)), np.zeros((1, count * PLANES, 2))
@@ -176,7 +180,8 @@ class MovingPlaneWall(PlaneWall):
         """Put the planes where their spheres are nearest to the wall as it lies now; to be called before every step."""
         self._lumen.follow(self._ahead)
         self._room[:] = 0.0  # the wall may come to a sphere that stays where it is
-        self._seen += self._carried  # what touched the wall went along with it
+        self._seen += self._carried  # what touched the wall went along with it, and its triangles did
+        self._asked += self._carried
         return super().update(data)
 
     def step(self, data: mujoco.MjData) -> None:

@@ -81,7 +81,7 @@ class LumenDistance:
         mesh = solid.refine_to_length(LONGEST_EDGE).to_mesh64()
         vertices = np.asarray(mesh.vert_properties)[:, :3]
         faces = np.asarray(mesh.tri_verts).astype(np.int64)
-        arcs_of = section_arcs if by_sections else _vertex_arcs
+        self._by_sections, arcs_of = by_sections, section_arcs if by_sections else _vertex_arcs
         arcs = arcs_of(colon, vertices, faces)[faces]
         kept = ~_lid(colon, vertices[faces].mean(axis=1))
         faces, self._corner_arcs = faces[kept], arcs[kept]
@@ -129,8 +129,10 @@ class LumenDistance:
         inwards = (-sign / np.maximum(distance, 1e-12))[:, None] * apart
         if (on := distance < ON_SURFACE).any():
             inwards[on] = -outwards[on] / np.linalg.norm(outwards[on], axis=1)[:, None]
-        arcs = self._corner_arcs[triangle]
-        arcs = arcs[:, 0] + v * (arcs[:, 1] - arcs[:, 0]) + w * (arcs[:, 2] - arcs[:, 0])
+        arcs = self._arcs[triangle]
+        if self._by_sections:
+            corners = self._corner_arcs[triangle]
+            arcs = corners[:, 0] + v * (corners[:, 1] - corners[:, 0]) + w * (corners[:, 2] - corners[:, 0])
         return ClosestPoints(feet, inwards, -outwards, sign * distance, arcs)
 
     def edge(

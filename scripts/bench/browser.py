@@ -92,10 +92,11 @@ class Browser:
         self.process = self._process.pid
 
     async def _told(self, name: str) -> str:
-        """What the program writes into a file of its profile once it listens."""
-        told = self.folder / name
-        while not (told.is_file() and (text := told.read_text(encoding="utf-8"))):
+        """What the program writes into a file of its profile once it listens, when it is written."""
+        told, before = self.folder / name, ""
+        while not (text := told.read_text(encoding="utf-8") if told.is_file() else "") or text != before:
             assert self._process is not None and self._process.returncode is None, "the browser has ended"
+            before = text
             await asyncio.sleep(0.05)
         return text
 

@@ -1,6 +1,7 @@
 """Drives by a hand and a driver: what is recorded is done again to the bit, whatever happened in between."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -151,6 +152,14 @@ def test_any_device_with_controls_is_driven_and_repeated(colon_folder, capsule, 
     recording = load_recording(tmp_path)
     assert np.ptp(recording.rows["tip"], axis=0).max() > 1e-3
     assert repeat(recording).exact
+
+
+def test_a_recording_with_other_levers_is_refused(driven):
+    known = load_recording(driven)
+    fewer = {"levers": known.about["levers"][:-1]}
+    older = replace(known, about={**known.about, **fewer})
+    with pytest.raises(UnreadableFileError, match=r"was recorded with the levers .* now: record it again"):
+        repeat(older)
 
 
 def test_a_recording_that_was_cut_off_is_kept_and_a_damaged_one_is_refused(driven, capsule, tmp_path):

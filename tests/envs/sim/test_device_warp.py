@@ -172,6 +172,23 @@ def test_treads_drive_a_robot_as_natively(mesentery: bool) -> None:
     assert (moved is None) == (own_moved is None) == (not mesentery)
 
 
+def test_a_tread_takes_as_much_room_as_its_worlds() -> None:
+    """What a step changes of the model has one row a world, however many there are."""
+    pytest.importorskip("warp", reason="MuJoCo Warp is not installed")
+    import jax
+    import jax.numpy as jnp
+
+    from haustra.envs.sim import device_warp
+
+    robot, worlds = load_device("tracked"), 5
+    options = device_options(robot, start_depth=0.1)
+    pose, scene = pose_in(FITTING, robot, options), build_device_scene(robot, options)
+    device = device_warp.WarpDevice.of(scene, device_tables(scene, [FITTING], [pose]), starts=[pose.arc])
+    own = device_warp.Conditions(*(jnp.full(worlds, value) for value in (0, 0.1, 1500.0)))
+    shapes = jax.make_jaxpr(device.step)(own, device.begin(own), jnp.ones((worlds, 1)), 1)
+    assert f"{worlds},{worlds},{len(scene.handles.samples)}" not in str(shapes)
+
+
 def test_an_unknown_backend_is_named() -> None:
     scene, rest = scene_in(capsule(), COLONS[:1])
     with pytest.raises(InvalidOptionError, match=r"Backend 'linear' is not known\. Known: native, warp"):

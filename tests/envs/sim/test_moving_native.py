@@ -16,6 +16,7 @@ from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
 from haustra.models.wall.abdomen import Abdomen
 from haustra.models.wall.lumen_table import lumen_table, stack
+from haustra.models.wall.moving_planes import MovingPlaneWall
 from tests.bent_colon import bent_colon, winding
 from tests.models.wall.conftest import swept_colon
 
@@ -189,6 +190,22 @@ def test_tangent_planes_go_with_the_colon_as_the_table_does(colon) -> None:
     assert _moved(colon, seen[-1].way) > 0.002
     assert _moved(colon, seen[-1].way) == pytest.approx(_moved(colon, other[-1].way), rel=0.05)
     assert seen[-1].displacement is not None
+
+
+def test_a_scope_that_rests_is_next_to_the_wall_that_moves_past_it(colon) -> None:
+    """Within 1 mm of the nearest of all triangles round about, once the colon has sagged by some millimetres."""
+    engine = NativeEngine(_scene(colon, wall_law="planes", abdomen=Abdomen(posture="left"), start_depth=0.12))
+    still = Controls(0.0, 0.0, np.zeros(4))
+    for _ in range(60):
+        assert engine.step(still, 4)
+    wall = engine._wall
+    assert isinstance(wall, MovingPlaneWall)
+    assert _moved(colon, engine.read().way) > 0.003
+    inside = wall.arcs > 0.02
+    centres = engine.data.geom_xpos[wall.spheres]
+    told = wall.update(engine.data)[inside].copy()
+    fresh = wall._lumen.candidates(centres, np.maximum(wall.arcs, 0.0))
+    assert np.abs(wall._lumen.nearest_of(centres, fresh).outside[inside] - told).max() < 1e-3
 
 
 @pytest.mark.parametrize("law", LAWS)

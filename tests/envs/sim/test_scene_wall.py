@@ -82,6 +82,27 @@ def test_on_the_mesentery_a_capsule_moves_the_wall_as_it_moves_the_table(law: st
     assert np.linalg.norm(places - found.scene.blocks.places, axis=1).max() == pytest.approx(largest, rel=0.1)
 
 
+class Rough(Capsule):
+    """A capsule that rubs by a coefficient of its own."""
+
+    def add_to(self, *args, **options):
+        handles = super().add_to(*args, **options)
+        return replace(handles, samples=tuple(replace(one, friction=0.3) for one in handles.samples))
+
+
+def test_what_rubs_by_a_coefficient_of_its_own_drags_the_axis_along() -> None:
+    """On a wall without friction: by planes as by the table, within a fifth of the way along the tube."""
+    ways = {}
+    for law in ("planes", "table"):
+        one = placed(Rough(**vars(capsule())), law, mesentery=True, start_depth=0.15, friction=0.0)
+        for _ in range(60):
+            assert one.step(np.array([[*PRESS, 0.1, 0, 0, 0]]), 4).all()
+        assert one.displacement is not None
+        ways[law] = one.displacement[0, :, 2]
+    assert ways["table"].max() > 1e-5
+    np.testing.assert_allclose(ways["planes"], ways["table"], atol=0.2 * np.abs(ways["table"]).max())
+
+
 @pytest.mark.parametrize("law", ["planes", "pieces"])
 def test_a_robots_treads_drive_it_as_on_the_table(law: str) -> None:
     assert isinstance(TRACKED, TrackedRobot)

@@ -192,3 +192,7 @@ def test_weaker_and_more_different_people_are_torn_by_less() -> None:
     assert usual.torn(0.6) == pytest.approx(float(perforation_probability(0.6)))
     assert weak.torn(0.4) == pytest.approx(usual.torn(0.6))
     assert varied.torn(0.6) > usual.torn(0.6)
+
+
+def test_options_that_are_left_out_are_no_part_of_a_study() -> None:
+    assert set(load_study("cohort-causes").options) == {"seconds", "timestep", "stiffen_in"}
