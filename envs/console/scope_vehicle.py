@@ -17,6 +17,7 @@ from haustra.envs.runs.measure.injury import InjuryMeter
 from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.runs.outcome import LEFT_OUTSIDE
 from haustra.envs.sim.linear.single import LinearSingle
+from haustra.envs.sim.moved_colon import CurrentColon
 from haustra.envs.sim.physics.hand import HAND_STIFFNESS
 from haustra.envs.sim.state import Controls
 from haustra.envs.view.picture.lens import lens_of
@@ -75,6 +76,7 @@ class ScopeVehicle(Vehicle):
         tables = stack([table.seen_from(*entry_of(colon))])
         self._wheels = design.wires.compliance > 0
         self._scope = LinearSingle(scene, tables=tables, wheels=self._wheels)
+        self._moved = CurrentColon(colon, tables, *entry_of(colon)) if options.mesentery else None
         self._steps = max(1, round(CONTROL_INTERVAL / options.timestep))
         self.interval = self._steps * options.timestep
         settings = driver_settings(driver, moves=options.mesentery, steer="wheels" if self._wheels else "pulls")
@@ -174,8 +176,8 @@ class ScopeVehicle(Vehicle):
             row |= {"gas_pressure": gas.pressure.copy(), "gas_volume": gas.volume}
             row["water_volume"] = float(gas.water.sum())
         frame = {"shape": self._scope.shape(), "pressed": burden.pressed[0], "pain": burden.pain[0]}
-        if seen.displacement is not None:
-            frame["displacement"] = seen.displacement
+        if self._moved is not None:
+            frame["displacement"] = self._moved.from_scene(seen.displacement)
         if gas is not None:
             frame["widths"] = gas.widths
         if self._channel is not None:
