@@ -7,13 +7,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.console.blood import Bled, Lying, WallBlood
 from haustra.envs.console.channel import IN_CHANNEL, Channel
 from haustra.envs.console.vehicle import Condition, Grasp, Lever, Look, Surroundings, Vehicle, digest
 from haustra.envs.control.endoscopist import ASSISTANT, Memory
 from haustra.envs.control.follower import LumenFollower
 from haustra.envs.control.laws import driver_settings
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
-from haustra.envs.runs.measure.injury import InjuryMeter
+from haustra.envs.runs.measure.injury import Burden, InjuryMeter
 from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.runs.outcome import LEFT_OUTSIDE
 from haustra.envs.sim.linear.single import LinearSingle
@@ -46,6 +47,7 @@ class _Kept(NamedTuple):
     follower: Any
     conditions: Float[np.ndarray, " conditions"]
     channel: Any
+    bled: Bled
 
 
 class ScopeVehicle(Vehicle):
@@ -95,7 +97,9 @@ class ScopeVehicle(Vehicle):
         begun = {"friction": options.friction, "wall_stiffness": options.wall_stiffness} | words
         self._now = np.array([one.number(begun[one.name]) for one in self.conditions])
         self._scene, self._injury = scene, InjuryMeter(scene)
+        self._blood = WallBlood(colon, self._moved)
         self._before = self._seen = self._scope.read()
+        self._burden = self._borne()
 
     @property
     def scene(self) -> Scene:
@@ -130,6 +134,8 @@ class ScopeVehicle(Vehicle):
         if sound:
             self._before, self._seen = seen, self._scope.read()
             self._tracker.update(self._seen.tip, self._seen.way)
+            self._burden = self._borne()
+            self._blood.shear(self._burden.shear[0], self._lying)
         return sound
 
     def _steered(self, up: float, left: float) -> dict[str, Any]:
@@ -146,14 +152,28 @@ class ScopeVehicle(Vehicle):
         by_hand = self._value("insufflator") == "by hand"
         gas.ask(lever * self._scene.options.gas_flow if lever or by_hand else None)
 
-    def look(self) -> Look:
-        """Readings, what the colon bears, and the shape."""
-        seen = self._seen
+    def _borne(self) -> Burden:
+        """What the colon bears now."""
+        seen, gas = self._seen, self._scope.gas
         felt = {name: getattr(seen, name)[None] for name in ("link_forces", "link_arcs", "bend")}
         moved = None if seen.displacement is None else seen.displacement[None]
-        gas = self._scope.gas
         pressure = None if gas is None else gas.pressure[gas.segments_at(self._injury.stations)][None]
-        burden = self._injury.measure(seen._replace(**felt, displacement=moved), pressure)
+        return self._injury.measure(seen._replace(**felt, displacement=moved), pressure)
+
+    def _lying(self) -> Lying:
+        """Where scope and colon are now."""
+        past = self._scene.cable.node_distances < self._seen.insertion
+        return Lying(self._scope.shape()[past], self._displacement())
+
+    def _displacement(self) -> Float[np.ndarray, "nodes 7"] | None:
+        """Poses of the colon's axis in the coordinates of its tables; None where it is fixed."""
+        moved = self._seen.displacement
+        return None if self._moved is None or moved is None else self._moved.from_scene(moved)
+
+    def look(self) -> Look:
+        """Readings, what the colon bears, and the shape."""
+        seen, gas, burden, bled = self._seen, self._scope.gas, self._burden, self._blood.bled
+        tissue = () if self._channel is None else (self._channel.tissue,)
         row = {
             "time": seen.time,
             "tip": seen.tip,
@@ -170,14 +190,16 @@ class ScopeVehicle(Vehicle):
             "load_arc": float(burden.load_arc[0]),
             "pain": float(burden.pain.max()),
             "coils": seen.coils,
-            "digest": digest(*self._scope.many.row(), *(() if self._channel is None else (self._channel.tissue,))),
+            "bleeding_places": int(bled.sheared.sum()),
+            "digest": digest(*self._scope.many.row(), *bled, *tissue),
         }
         if gas is not None:
             row |= {"gas_pressure": gas.pressure.copy(), "gas_volume": gas.volume}
             row["water_volume"] = float(gas.water.sum())
         frame = {"shape": self._scope.shape(), "pressed": burden.pressed[0], "pain": burden.pain[0]}
-        if self._moved is not None:
-            frame["displacement"] = self._moved.from_scene(seen.displacement)
+        frame["blood"] = bled.places
+        if (displacement := self._displacement()) is not None:
+            frame["displacement"] = displacement
         if gas is not None:
             frame["widths"] = gas.widths
         if self._channel is not None:
@@ -254,7 +276,8 @@ class ScopeVehicle(Vehicle):
         """All numbers of scope, gas, follower and conditions."""
         scope = self._scope
         channel = None if self._channel is None else self._channel.keep()
-        return _Kept(scope.keep(), scope.hand, self._tracker.arc, self._follower.memory, self.now(), channel)
+        of_driver = self._tracker.arc, self._follower.memory
+        return _Kept(scope.keep(), scope.hand, *of_driver, self.now(), channel, self._blood.bled)
 
     def put_back(self, kept: _Kept) -> None:
         """Go back to where the scope was, under the conditions of then."""
@@ -265,7 +288,9 @@ class ScopeVehicle(Vehicle):
         self._tracker.arc, self._follower.memory = kept.tracked, kept.follower
         if self._channel is not None:
             self._channel.put_back(kept.channel)
+        self._blood.bled = kept.bled
         self._before = self._seen = self._scope.read()
+        self._burden = self._borne()
 
     def close(self) -> None:
         """End the backend."""

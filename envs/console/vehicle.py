@@ -102,7 +102,8 @@ class Look(NamedTuple):
     frame: Mapping[str, Any]
     """What is drawn: `shape` (nodes, 3) [m] from the rear to the tip, `pressed` (stations,) [N], `pain` (stations,) [1]
     of a colon that moves, `displacement` (nodes, 7) in the coordinates of the surroundings' tables, and where there are
-    polyps, `tissue` (lesions,): what was taken (`haustra.envs.console.channel.Channel.tissue`)."""
+    polyps, `tissue` (lesions,): what was taken (`haustra.envs.console.channel.Channel.tissue`); of a scope, `blood`
+    (places, 4): where the wall bleeds (`haustra.envs.console.blood.Bled.places`)."""
 
 
 class Vehicle(ABC):

@@ -1,0 +1,77 @@
+"""Where the wall of a drive has bled: recorded, done again to the bit, taken back, and in its pictures."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from haustra.envs.console.film import draw_pictures
+from haustra.envs.console.painter import Camera, Eye
+from haustra.envs.console.recording import Recorder, load_recording
+from haustra.envs.console.replay import repeat
+from haustra.envs.console.session import Session
+from haustra.envs.console.source import glance_at, moment
+from haustra.envs.console.vehicles import make_vehicle, surroundings
+from haustra.models.injury import bleeding
+
+
+@pytest.fixture(scope="module")
+def bled(colon_folder, scope, tmp_path_factory):
+    """In and out again; the wall bleeds from a little shear on, and goes back to before it did where it is sheared."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(bleeding, "injury_number", lambda name: 20.0)
+        folder = tmp_path_factory.mktemp("bled")
+        vehicle: Any = make_vehicle(colon_folder, scope)
+        session = Session(vehicle, Recorder(folder, vehicle, driver="hand"))
+        session.hold({"push": 1.0})
+        while session.time < 3.0:
+            session.tick()
+        most = session.look.row["bleeding_places"]
+        session.restart()
+        assert session.look.row["bleeding_places"] == 0
+        session.hold({"push": 1.0})
+        while session.time < 3.0:
+            session.tick()
+        assert session.look.row["bleeding_places"] == most
+        session.hold({"push": -1.0})
+        while session.time < 5.0:
+            session.tick()
+        session.close()
+        recording = load_recording(folder)
+        return recording, repeat(recording).exact
+
+
+def test_what_bled_is_recorded_and_done_again_to_the_bit(bled):
+    recording, exact = bled
+    count = recording.rows["bleeding_places"]
+    assert exact and count[0] == 0 < count[-1] and (np.diff(count) >= 0).all()
+    row, frame = moment(recording, float(recording.rows["time"][-1]))
+    blood = glance_at(row, frame).blood
+    assert blood is not None and len(blood) == count[-1]
+    first = int((count > 0).argmax())
+    early = glance_at(*moment(recording, float(recording.rows["time"][max(first - 1, 0)]))).blood
+    assert early is not None and not len(early)
+
+
+def test_pictures_of_a_drive_show_blood(bled, colon_folder, scope):
+    recording, _ = bled
+    around = surroundings(colon_folder, scope)
+    at = float(recording.rows["time"][-1])
+    row, frame = moment(recording, at)
+    without = {name: value for name, value in frame.items() if name != "blood"}
+    eye = Eye(Camera(around, 96))
+    pictures = [eye.draw(glance_at(row, drawn)).astype(float) for drawn in (without, frame)]
+    redder(*pictures)
+    films = [
+        np.asarray(next(draw_pictures(around, np.array([at]), lambda _, drawn=drawn: (row, drawn))), float)
+        for drawn in (without, frame)
+    ]
+    redder(*(film[:320, :320] for film in films))
+
+
+def redder(clean: np.ndarray, bloody: np.ndarray) -> None:
+    """A picture is redder where it is darker than another."""
+    darker = clean[..., 1] - bloody[..., 1] > 25
+    assert darker.mean() > 0.01, "no blood is seen"
+    was, now = ((one[darker][:, 0] / one[darker][:, 1:].mean(axis=1)).mean() for one in (clean, bloody))
+    assert now > 1.3 * was
