@@ -17,6 +17,7 @@ from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.measure.injury import Burden, InjuryMeter
 from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.runs.outcome import LEFT_OUTSIDE
+from haustra.envs.runs.treatment import beyond_wall
 from haustra.envs.sim.linear.single import LinearSingle
 from haustra.envs.sim.moved_colon import CurrentColon
 from haustra.envs.sim.physics.hand import HAND_STIFFNESS
@@ -24,7 +25,10 @@ from haustra.envs.sim.state import Controls
 from haustra.envs.view.picture.lens import lens_of
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.design import ScopeDesign
+from haustra.models.devices.scope.instrument import channel_mouth, instrument_number
 from haustra.models.gas.numbers import gas_numbers
+from haustra.models.injury.bleeding import suction_pull
+from haustra.models.injury.numbers import injury_number
 from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
 from haustra.models.wall import mesentery
 from haustra.models.wall.abdomen import DOWN, Abdomen
@@ -48,6 +52,8 @@ class _Kept(NamedTuple):
     conditions: Float[np.ndarray, " conditions"]
     channel: Any
     bled: Bled
+    pull: float
+    said: str
 
 
 class ScopeVehicle(Vehicle):
@@ -97,7 +103,7 @@ class ScopeVehicle(Vehicle):
         begun = {"friction": options.friction, "wall_stiffness": options.wall_stiffness} | words
         self._now = np.array([one.number(begun[one.name]) for one in self.conditions])
         self._scene, self._injury = scene, InjuryMeter(scene)
-        self._blood = WallBlood(colon, self._moved)
+        self._blood, self._pull, self._said = WallBlood(colon, self._moved), 0.0, ""
         self._before = self._seen = self._scope.read()
         self._burden = self._borne()
 
@@ -126,8 +132,8 @@ class ScopeVehicle(Vehicle):
         if self._scope.gas is not None:
             self._let_gas(asked["gas"])
             self._scope.gas.pour(asked["water"] * gas_numbers()["water.flow"])
-        if self._channel is not None:
-            self._channel.hold(self._value("instrument"), seen, self._tracker.arc)
+        if self._channel is not None and self._channel.hold(self._value("instrument"), seen, self._tracker.arc):
+            self._said = self._channel.said
         sound = self._scope.step(hand, self._steps)
         if self._scope.gas is not None:
             self._scope.gas.forget()
@@ -135,8 +141,35 @@ class ScopeVehicle(Vehicle):
             self._before, self._seen = seen, self._scope.read()
             self._tracker.update(self._seen.tip, self._seen.way)
             self._burden = self._borne()
-            self._blood.shear(self._burden.shear[0], self._lying)
+            self._bleed(asked.get("gas", 0.0))
         return sound
+
+    def _bleed(self, gas: float) -> None:
+        """Let the wall bleed that is sheared, or sucked at by a lever of gas that is held at so much [1]."""
+        arc = self._tracker.arc
+        if self._blood.shear(self._burden.shear[0], self._lying):
+            self._said = f"shear: the wall bleeds, the tip is at {100 * arc:.0f} cm"
+        self._pull = self._sucked(-min(gas, 0.0) * injury_number("suction"))
+        if self._blood.suck(self._pull, arc, lambda: Lying(self._before_mouth()[None], self._displacement())):
+            self._said = f"suction: the wall bleeds at {100 * arc:.0f} cm"
+
+    def _sucked(self, suction: float) -> float:
+        """Pull on the mucosa [Pa] of suction so far below the atmosphere [Pa], where the wall lies over the channel."""
+        gas, arc = self._scope.gas, self._tracker.arc
+        if gas is None or not suction:
+            return 0.0
+        place, widths, colon = self._before_mouth(), gas.widths, self.given
+        if (displacement := self._displacement()) is not None and self._moved is not None:
+            place = self._moved.to_reference(displacement, place, arc)
+        width = np.interp(arc, np.linspace(0.0, colon.centreline.length, len(widths)), widths)
+        pressure = gas.pressure[gas.segments_at(np.array([arc]))[0]]
+        sealed = np.bool_(beyond_wall(colon, place, arc, width=float(width)) > 0)
+        return float(suction_pull(np, suction, pressure, sealed))
+
+    def _before_mouth(self) -> Float[np.ndarray, "3"]:
+        """The farthest place before the channel's mouth from which it draws in mucosa [m]."""
+        tip, frame = self._seen.tip, self._seen.tip_frame
+        return channel_mouth(tip, frame) + instrument_number("channel_width") * frame[:, 2]
 
     def _steered(self, up: float, left: float) -> dict[str, Any]:
         """Wheels where wires stretch, else pulls, of knobs that are turned by shares of the largest bend."""
@@ -191,6 +224,9 @@ class ScopeVehicle(Vehicle):
             "pain": float(burden.pain.max()),
             "coils": seen.coils,
             "bleeding_places": int(bled.sheared.sum()),
+            "bleeding_pulled": int(bled.pulled.sum()),
+            "bleeding_mm2": self._blood.pulled_mm2 + (0.0 if self._channel is None else self._channel.bleeding_mm2),
+            "suction_pull": self._pull,
             "digest": digest(*self._scope.many.row(), *bled, *tissue),
         }
         if gas is not None:
@@ -203,14 +239,14 @@ class ScopeVehicle(Vehicle):
         if gas is not None:
             frame["widths"] = gas.widths
         if self._channel is not None:
-            row |= {"polyps_taken": self._channel.taken, "bleeding_mm2": self._channel.bleeding_mm2}
+            row["polyps_taken"] = self._channel.taken
             frame["tissue"] = self._channel.tissue.copy()
         return Look(row, frame)
 
     @property
     def said(self) -> str:
-        """What came of closing an instrument last."""
-        return "" if self._channel is None else self._channel.said
+        """What came of closing an instrument, or where the wall has begun to bleed, whichever was last."""
+        return self._said
 
     def grasp(self) -> Grasp:
         """The handle between two control steps; the hand aims where it turns the shaft to."""
@@ -277,7 +313,9 @@ class ScopeVehicle(Vehicle):
         scope = self._scope
         channel = None if self._channel is None else self._channel.keep()
         of_driver = self._tracker.arc, self._follower.memory
-        return _Kept(scope.keep(), scope.hand, *of_driver, self.now(), channel, self._blood.bled)
+        return _Kept(
+            scope.keep(), scope.hand, *of_driver, self.now(), channel, self._blood.bled, self._pull, self._said
+        )
 
     def put_back(self, kept: _Kept) -> None:
         """Go back to where the scope was, under the conditions of then."""
@@ -288,7 +326,7 @@ class ScopeVehicle(Vehicle):
         self._tracker.arc, self._follower.memory = kept.tracked, kept.follower
         if self._channel is not None:
             self._channel.put_back(kept.channel)
-        self._blood.bled = kept.bled
+        self._blood.bled, self._pull, self._said = kept.bled, kept.pull, kept.said
         self._before = self._seen = self._scope.read()
         self._burden = self._borne()
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from haustra.envs.console.film import draw_pictures
-from haustra.envs.console.painter import Camera, Eye
+from haustra.envs.console.painter import Camera, Eye, Glance
 from haustra.envs.console.recording import Recorder, load_recording
 from haustra.envs.console.replay import repeat
 from haustra.envs.console.session import Session
@@ -69,9 +69,67 @@ def test_pictures_of_a_drive_show_blood(bled, colon_folder, scope):
     redder(*(film[:320, :320] for film in films))
 
 
+@pytest.fixture(scope="module")
+def sucked(colon_folder, scope, tmp_path_factory):
+    """Sucking in the middle of the lumen, then with the tip bent against the wall, and gently farther back."""
+    folder = tmp_path_factory.mktemp("sucked")
+    vehicle: Any = make_vehicle(colon_folder, scope)
+    session = Session(vehicle, Recorder(folder, vehicle, driver="hand"))
+    session.hold({"push": 0.5, "gas": -1.0})
+    while session.time < 1.0:
+        session.tick()
+    session.hold({"push": 0.3, "up": 1.0})
+    while session.time < 3.5:
+        session.tick()
+    told = []
+    session.hold({"gas": -1.0})
+    while session.time < 4.0:
+        session.tick()
+    told.append(vehicle.said)
+    session.hold({"push": -0.5, "gas": -0.1})
+    while session.time < 6.0:
+        session.tick()
+    session.close()
+    recording = load_recording(folder)
+    return recording, repeat(recording).exact, told
+
+
+def test_suction_on_the_wall_bleeds_and_is_done_again_to_the_bit(sucked):
+    recording, exact, told = sucked
+    rows = recording.rows
+    assert exact
+    time, pull, count = rows["time"], rows["suction_pull"], rows["bleeding_pulled"]
+    assert not pull[time < 0.9].any(), "in the middle of the lumen nothing lies over the channel"
+    assert pull.max() == pytest.approx(60e3 + 2500, rel=0.02) and count[-1] == 1
+    gently = (time > 4.1) & (pull > 0)
+    assert np.ptp(rows["tip_arc"][gently]) > 0.02, "it sucks gently at other places too"
+    assert pull[gently].max() == pytest.approx(6e3 + 2500, rel=0.1)
+    assert told[0].startswith("suction: the wall bleeds at")
+    bled = int(count.argmax())
+    assert rows["bleeding_mm2"][[bled - 1, bled]].tolist() == pytest.approx([0.0, np.pi / 4 * 3.7**2])
+
+
+def test_pictures_show_where_suction_made_the_wall_bleed(sucked, colon_folder, scope):
+    recording, *_ = sucked
+    row, frame = moment(recording, float(recording.rows["time"][-1]))
+    blood = glance_at(row, frame).blood
+    assert blood is not None and len(blood) == 1 and blood[0, 3] == pytest.approx(3.7e-3)
+    tip = recording.rows["tip"][recording.rows["bleeding_pulled"].argmax()]
+    assert np.linalg.norm(blood[0, :3] - tip) < 0.012, "next to the tip of then"
+    around = surroundings(colon_folder, scope)
+    line = around.colon.centreline
+    beside = line.points[np.linalg.norm(line.points - blood[0, :3], axis=1).argmin() - 5]
+    ahead = (blood[0, :3] - beside) / np.linalg.norm(blood[0, :3] - beside)
+    left = np.cross(ahead, line.frames[0][:, 0])
+    left /= np.linalg.norm(left)
+    view = beside, np.column_stack([np.cross(left, ahead), left, ahead]), 0.07
+    eye = Eye(Camera(around, 96))
+    redder(*(eye.draw(Glance(*view, blood=given)).astype(float) for given in (None, blood)))
+
+
 def redder(clean: np.ndarray, bloody: np.ndarray) -> None:
     """A picture is redder where it is darker than another."""
     darker = clean[..., 1] - bloody[..., 1] > 25
-    assert darker.mean() > 0.01, "no blood is seen"
+    assert darker.mean() > 0.005, "no blood is seen"
     was, now = ((one[darker][:, 0] / one[darker][:, 1:].mean(axis=1)).mean() for one in (clean, bloody))
     assert now > 1.3 * was
