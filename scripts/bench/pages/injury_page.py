@@ -58,8 +58,8 @@ demands for drugs Shah 2002, Endoscopy 34:435.
   the wall counts as pressing with its end, which errs so too.
 - Strength and thresholds are the same in all segments but for gas; inflamed, thin and diseased walls are not modelled.
 - Shear is bounded by friction times force. Mucosa lies over the channel where the wall, as the centreline sees it, is
-  within 3.7 mm before the channel's mouth: not at the caecum's pole. How far suction draws it in, and for how long, does
-  not count, and gas flows as if nothing lay there. Instruments pull at nothing but what they cut.
+  within 3.7 mm before the channel's mouth: not at the caecum's pole. How far suction draws it in, and for how long,
+  does not count, and gas flows as if nothing lay there. Instruments pull at nothing but what they cut.
 - Blood is drawn where and since a scope's wall bled, as far as a centimetre around the place next to the scope, or
   3.7 mm around that before the channel: in a run's last picture and film, in the console, in what is exported of
   drives, and in data sets. It does not flow, and nothing stops it. Pictures of episodes and of other devices show none.
