@@ -31,7 +31,7 @@ where it is given. **Nothing is calibrated to how often patients are harmed.**
 10 kPa, friction times force over the patch that a link lies on, or at which suction pulls by more than 40 kPa: the
 pressure across mucosa that lies over the channel of a scope that sucks. Both thresholds (3–30 and 13–80 kPa) are
 assumed: nobody published one. Suction is that of drives, in which a hand sucks with 60 kPa (27–85, assumed); a
-driver's run lets gas in only, and episodes do not count what bleeds.
+driver's run lets gas in only. Episodes that are driven or recorded count shear at each action's end, and no suction.
 
 **Pain** (`haustra.models.injury.pain`) is the largest tension of wall or mesentery over that which hurts, 100 N/m for
 both: of the wall by Laplace's law of balloons that hurt in the sigmoid (45–180 N/m), of the mesentery assumed (30–300).
@@ -62,7 +62,8 @@ demands for drugs Shah 2002, Endoscopy 34:435.
   does not count, and gas flows as if nothing lay there. Instruments pull at nothing but what they cut.
 - Blood is drawn where and since a scope's wall bled, as far as a centimetre around the place next to the scope, or
   3.7 mm around that before the channel: in a run's last picture and film, in the console, in what is exported of
-  drives, and in data sets. It does not flow, and nothing stops it. Pictures of episodes and of other devices show none.
+  drives and episodes, and in data sets. It does not flow, and nothing stops it. Pictures that a learner sees, and those
+  of other devices, show none.
 - Pain has no memory, no sedation and no person: thresholds are one number each.
 """
 _MOVED, _FIXED = "#2f6f8f", "#c98a1b"

@@ -12,6 +12,7 @@ from haustra.envs.console.replay import repeat
 from haustra.envs.console.session import Session
 from haustra.envs.console.source import glance_at, moment
 from haustra.envs.console.vehicles import make_vehicle, surroundings
+from haustra.envs.tasks.config import TaskConfig
 from haustra.models.injury import bleeding
 
 
@@ -67,6 +68,30 @@ def test_pictures_of_a_drive_show_blood(bled, colon_folder, scope):
         for drawn in (without, frame)
     ]
     redder(*(film[:320, :320] for film in films))
+
+
+@pytest.mark.parametrize("mesentery", [False, True])
+def test_episodes_bleed_too_next_to_the_scope(colon_folder, monkeypatch, mesentery):
+    monkeypatch.setattr(bleeding, "injury_number", lambda name: 20.0)
+    task = TaskConfig(mesentery=mesentery).to_json()
+    vehicle: Any = make_vehicle(colon_folder, {"kind": "episode", "task": task, "seed": 0, "policy": "follower"})
+    push = np.array([1.0, 0.0, 0.0, 0.0])
+    looks = [vehicle.look()]
+    while looks[-1].row["time"] < 2.0:
+        assert vehicle.step(push)
+        looks.append(vehicle.look())
+    counts = [look.row["bleeding_places"] for look in looks]
+    assert counts[0] == 0 < counts[-1]
+    kept = vehicle.keep()
+    blood = glance_at(looks[-1].row, looks[-1].frame).blood
+    assert blood is not None and len(blood) == counts[-1]
+    away = np.linalg.norm(blood[:, None, :3] - looks[-1].frame["shape"], axis=2).min(axis=1)
+    assert (away < 0.02).all(), "no farther from the scope than the lumen is wide"
+    for step in (kept - 1, 0):
+        vehicle.put_back(step)
+        assert vehicle.look().row["digest"] == looks[step].row["digest"]
+        assert vehicle.look().row["bleeding_places"] == counts[step]
+    vehicle.close()
 
 
 @pytest.fixture(scope="module")
