@@ -31,8 +31,10 @@ class Channel:
         self.said = ""
         """What came of closing the instrument last."""
 
-    def hold(self, what: str, seen: Readings, arc: float) -> None:
+    def hold(self, what: str, seen: Readings, arc: float) -> bool:
         """Hold an instrument as one of `IN_CHANNEL` says; when it has just been closed, it takes a polyp in reach.
+
+        Says whether it has just been closed.
 
         Args:
             what: of `IN_CHANNEL`.
@@ -43,6 +45,7 @@ class Channel:
         closes, self._closed = bool(closed) and not self._closed, bool(closed)
         if closes:
             self._close(next(one for one in _INSTRUMENTS if one == name), seen, arc)
+        return closes
 
     def _close(self, instrument: Instrument, seen: Readings, arc: float) -> None:
         number = _INSTRUMENTS.index(instrument) + 1

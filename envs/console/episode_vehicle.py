@@ -6,10 +6,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.console.blood import Lying, WallBlood
 from haustra.envs.console.scope_vehicle import LENS_SIZE
 from haustra.envs.console.vehicle import Lever, Look, Repeating, Surroundings, digest
 from haustra.envs.control.laws import DRIVERS
-from haustra.envs.runs.measure.injury import stations_of
+from haustra.envs.runs.measure.injury import at_stations, stations_of
+from haustra.envs.sim.moved_colon import CurrentColon
 from haustra.envs.sim.native_batch import batch_model
 from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.actions import ACTIONS
@@ -20,6 +22,7 @@ from haustra.envs.tasks.scope_task import ScopeTask, Step
 from haustra.envs.view.picture.lens import lens_of
 from haustra.models.anatomy.store import load_colon
 from haustra.models.devices.scope.library import named_design
+from haustra.models.injury.bleeding import mucosal_shear
 from haustra.models.scene import entry_of
 
 _NAMES = ("push", "roll", "up", "left")
@@ -63,7 +66,11 @@ class EpisodeVehicle(Repeating):
         self._data = mujoco.MjData(self._model)
         self._links = [self._model.body(name).id for name in scene.cable.links]
         self._tip = self._model.site("scope/tip").id
-        self._stations = stations_of(self.around.colon)
+        self._stations, self._cable = stations_of(self.around.colon), scene.cable
+        around = self.around
+        self._moved: CurrentColon | None = None
+        if around.tables is not None:
+            self._moved = CurrentColon(around.colon, around.tables, around.origin, around.axes)
         self._driver = self._make_driver(policy)
         self._done = []
         self.restart()
@@ -82,6 +89,7 @@ class EpisodeVehicle(Repeating):
         self._driver.begin(np.ones(1, bool))
         self._last: Step | None = None
         self._info = self.task.info()
+        self._blood = WallBlood(self.around.colon, self._moved)
 
     def begin(self, start: int, seed: int | None) -> None:
         """Begin an episode, another one if a seed is given."""
@@ -96,13 +104,22 @@ class EpisodeVehicle(Repeating):
         """Apply one action."""
         self._last = self.task.step(levers[None])
         self._seen, self._info = self._last.observation, self._last.info
+        seen, lengths = self.task.seen, -np.diff(self._cable.node_distances)
+        forces = np.where(seen.link_arcs > 0, seen.link_forces, 0.0)
+        shear = mucosal_shear(forces, self.task.friction[0], 2 * self._cable.radius, lengths)
+        self._blood.shear(at_stations(shear, seen.link_arcs, len(self._stations))[0], self._lying)
         return not bool(self._info["diverged"][0])
+
+    def _lying(self) -> Lying:
+        """Where scope and colon are now."""
+        past, moved = self._cable.node_distances < float(self.task.seen.insertion[0]), self.task.displacement
+        return Lying(self._shape(self.task.backend.positions()[0])[past], None if moved is None else moved[0])
 
     def look(self) -> Look:
         """Readings, what the task tells, and the shape."""
         seen, info = self.task.seen, self._info
         qpos = self.task.backend.positions()[0]
-        moved = self.task.displacement
+        moved, bled = self.task.displacement, self._blood.bled
         row = {
             "time": len(self._done) * self.interval,
             "tip": np.array(seen.tip[0], float),
@@ -117,13 +134,14 @@ class EpisodeVehicle(Repeating):
             "terminated": self._last is not None and bool(self._last.terminated[0]),
             "truncated": self._last is not None and bool(self._last.truncated[0]),
             "observation": seen_by.flat(self._seen)[0],
-            "digest": digest(qpos, *(() if moved is None else (moved,))),
+            "bleeding_places": int(bled.sheared.sum()),
+            "digest": digest(qpos, *bled, *(() if moved is None else (moved,))),
         }
         pressed = np.zeros(len(self._stations))
         arcs = np.array(seen.link_arcs[0], float)
         beside = np.clip(np.rint(arcs / self._stations[1]), 0, len(pressed) - 1).astype(int)
         np.maximum.at(pressed, beside, np.where(arcs > 0, seen.link_forces[0], 0.0))
-        frame = {"shape": self._shape(qpos), "pressed": pressed, "pain": np.zeros(len(pressed))}
+        frame = {"shape": self._shape(qpos), "pressed": pressed, "pain": np.zeros(len(pressed)), "blood": bled.places}
         if moved is not None:
             frame["displacement"] = np.array(moved[0], float)
         return Look(row, frame)

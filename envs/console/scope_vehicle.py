@@ -7,22 +7,28 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.console.blood import Bled, Lying, WallBlood
 from haustra.envs.console.channel import IN_CHANNEL, Channel
 from haustra.envs.console.vehicle import Condition, Grasp, Lever, Look, Surroundings, Vehicle, digest
 from haustra.envs.control.endoscopist import ASSISTANT, Memory
 from haustra.envs.control.follower import LumenFollower
 from haustra.envs.control.laws import driver_settings
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
-from haustra.envs.runs.measure.injury import InjuryMeter
+from haustra.envs.runs.measure.injury import Burden, InjuryMeter
 from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.runs.outcome import LEFT_OUTSIDE
+from haustra.envs.runs.treatment import beyond_wall
 from haustra.envs.sim.linear.single import LinearSingle
+from haustra.envs.sim.moved_colon import CurrentColon
 from haustra.envs.sim.physics.hand import HAND_STIFFNESS
 from haustra.envs.sim.state import Controls
 from haustra.envs.view.picture.lens import lens_of
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.design import ScopeDesign
+from haustra.models.devices.scope.instrument import channel_mouth, instrument_number
 from haustra.models.gas.numbers import gas_numbers
+from haustra.models.injury.bleeding import suction_pull
+from haustra.models.injury.numbers import injury_number
 from haustra.models.scene import Scene, SceneOptions, build_scene, entry_of
 from haustra.models.wall import mesentery
 from haustra.models.wall.abdomen import DOWN, Abdomen
@@ -45,6 +51,9 @@ class _Kept(NamedTuple):
     follower: Any
     conditions: Float[np.ndarray, " conditions"]
     channel: Any
+    bled: Bled
+    pull: float
+    said: str
 
 
 class ScopeVehicle(Vehicle):
@@ -75,6 +84,7 @@ class ScopeVehicle(Vehicle):
         tables = stack([table.seen_from(*entry_of(colon))])
         self._wheels = design.wires.compliance > 0
         self._scope = LinearSingle(scene, tables=tables, wheels=self._wheels)
+        self._moved = CurrentColon(colon, tables, *entry_of(colon)) if options.mesentery else None
         self._steps = max(1, round(CONTROL_INTERVAL / options.timestep))
         self.interval = self._steps * options.timestep
         settings = driver_settings(driver, moves=options.mesentery, steer="wheels" if self._wheels else "pulls")
@@ -93,7 +103,9 @@ class ScopeVehicle(Vehicle):
         begun = {"friction": options.friction, "wall_stiffness": options.wall_stiffness} | words
         self._now = np.array([one.number(begun[one.name]) for one in self.conditions])
         self._scene, self._injury = scene, InjuryMeter(scene)
+        self._blood, self._pull, self._said = WallBlood(colon, self._moved), 0.0, ""
         self._before = self._seen = self._scope.read()
+        self._burden = self._borne()
 
     @property
     def scene(self) -> Scene:
@@ -120,15 +132,44 @@ class ScopeVehicle(Vehicle):
         if self._scope.gas is not None:
             self._let_gas(asked["gas"])
             self._scope.gas.pour(asked["water"] * gas_numbers()["water.flow"])
-        if self._channel is not None:
-            self._channel.hold(self._value("instrument"), seen, self._tracker.arc)
+        if self._channel is not None and self._channel.hold(self._value("instrument"), seen, self._tracker.arc):
+            self._said = self._channel.said
         sound = self._scope.step(hand, self._steps)
         if self._scope.gas is not None:
             self._scope.gas.forget()
         if sound:
             self._before, self._seen = seen, self._scope.read()
             self._tracker.update(self._seen.tip, self._seen.way)
+            self._burden = self._borne()
+            self._bleed(asked.get("gas", 0.0))
         return sound
+
+    def _bleed(self, gas: float) -> None:
+        """Let the wall bleed that is sheared, or sucked at by a lever of gas that is held at so much [1]."""
+        arc = self._tracker.arc
+        if self._blood.shear(self._burden.shear[0], self._lying):
+            self._said = f"shear: the wall bleeds, the tip is at {100 * arc:.0f} cm"
+        self._pull = self._sucked(-min(gas, 0.0) * injury_number("suction"))
+        if self._blood.suck(self._pull, arc, lambda: Lying(self._before_mouth()[None], self._displacement())):
+            self._said = f"suction: the wall bleeds at {100 * arc:.0f} cm"
+
+    def _sucked(self, suction: float) -> float:
+        """Pull on the mucosa [Pa] of suction so far below the atmosphere [Pa], where the wall lies over the channel."""
+        gas, arc = self._scope.gas, self._tracker.arc
+        if gas is None or not suction:
+            return 0.0
+        place, widths, colon = self._before_mouth(), gas.widths, self.given
+        if (displacement := self._displacement()) is not None and self._moved is not None:
+            place = self._moved.to_reference(displacement, place, arc)
+        width = np.interp(arc, np.linspace(0.0, colon.centreline.length, len(widths)), widths)
+        pressure = gas.pressure[gas.segments_at(np.array([arc]))[0]]
+        sealed = np.bool_(beyond_wall(colon, place, arc, width=float(width)) > 0)
+        return float(suction_pull(np, suction, pressure, sealed))
+
+    def _before_mouth(self) -> Float[np.ndarray, "3"]:
+        """The farthest place before the channel's mouth from which it draws in mucosa [m]."""
+        tip, frame = self._seen.tip, self._seen.tip_frame
+        return channel_mouth(tip, frame) + instrument_number("channel_width") * frame[:, 2]
 
     def _steered(self, up: float, left: float) -> dict[str, Any]:
         """Wheels where wires stretch, else pulls, of knobs that are turned by shares of the largest bend."""
@@ -144,14 +185,28 @@ class ScopeVehicle(Vehicle):
         by_hand = self._value("insufflator") == "by hand"
         gas.ask(lever * self._scene.options.gas_flow if lever or by_hand else None)
 
-    def look(self) -> Look:
-        """Readings, what the colon bears, and the shape."""
-        seen = self._seen
+    def _borne(self) -> Burden:
+        """What the colon bears now."""
+        seen, gas = self._seen, self._scope.gas
         felt = {name: getattr(seen, name)[None] for name in ("link_forces", "link_arcs", "bend")}
         moved = None if seen.displacement is None else seen.displacement[None]
-        gas = self._scope.gas
         pressure = None if gas is None else gas.pressure[gas.segments_at(self._injury.stations)][None]
-        burden = self._injury.measure(seen._replace(**felt, displacement=moved), pressure)
+        return self._injury.measure(seen._replace(**felt, displacement=moved), pressure)
+
+    def _lying(self) -> Lying:
+        """Where scope and colon are now."""
+        past = self._scene.cable.node_distances < self._seen.insertion
+        return Lying(self._scope.shape()[past], self._displacement())
+
+    def _displacement(self) -> Float[np.ndarray, "nodes 7"] | None:
+        """Poses of the colon's axis in the coordinates of its tables; None where it is fixed."""
+        moved = self._seen.displacement
+        return None if self._moved is None or moved is None else self._moved.from_scene(moved)
+
+    def look(self) -> Look:
+        """Readings, what the colon bears, and the shape."""
+        seen, gas, burden, bled = self._seen, self._scope.gas, self._burden, self._blood.bled
+        tissue = () if self._channel is None else (self._channel.tissue,)
         row = {
             "time": seen.time,
             "tip": seen.tip,
@@ -168,25 +223,30 @@ class ScopeVehicle(Vehicle):
             "load_arc": float(burden.load_arc[0]),
             "pain": float(burden.pain.max()),
             "coils": seen.coils,
-            "digest": digest(*self._scope.many.row(), *(() if self._channel is None else (self._channel.tissue,))),
+            "bleeding_places": int(bled.sheared.sum()),
+            "bleeding_pulled": int(bled.pulled.sum()),
+            "bleeding_mm2": self._blood.pulled_mm2 + (0.0 if self._channel is None else self._channel.bleeding_mm2),
+            "suction_pull": self._pull,
+            "digest": digest(*self._scope.many.row(), *bled, *tissue),
         }
         if gas is not None:
             row |= {"gas_pressure": gas.pressure.copy(), "gas_volume": gas.volume}
             row["water_volume"] = float(gas.water.sum())
         frame = {"shape": self._scope.shape(), "pressed": burden.pressed[0], "pain": burden.pain[0]}
-        if seen.displacement is not None:
-            frame["displacement"] = seen.displacement
+        frame["blood"] = bled.places
+        if (displacement := self._displacement()) is not None:
+            frame["displacement"] = displacement
         if gas is not None:
             frame["widths"] = gas.widths
         if self._channel is not None:
-            row |= {"polyps_taken": self._channel.taken, "bleeding_mm2": self._channel.bleeding_mm2}
+            row["polyps_taken"] = self._channel.taken
             frame["tissue"] = self._channel.tissue.copy()
         return Look(row, frame)
 
     @property
     def said(self) -> str:
-        """What came of closing an instrument last."""
-        return "" if self._channel is None else self._channel.said
+        """What came of closing an instrument, or where the wall has begun to bleed, whichever was last."""
+        return self._said
 
     def grasp(self) -> Grasp:
         """The handle between two control steps; the hand aims where it turns the shaft to."""
@@ -252,7 +312,10 @@ class ScopeVehicle(Vehicle):
         """All numbers of scope, gas, follower and conditions."""
         scope = self._scope
         channel = None if self._channel is None else self._channel.keep()
-        return _Kept(scope.keep(), scope.hand, self._tracker.arc, self._follower.memory, self.now(), channel)
+        of_driver = self._tracker.arc, self._follower.memory
+        return _Kept(
+            scope.keep(), scope.hand, *of_driver, self.now(), channel, self._blood.bled, self._pull, self._said
+        )
 
     def put_back(self, kept: _Kept) -> None:
         """Go back to where the scope was, under the conditions of then."""
@@ -263,7 +326,9 @@ class ScopeVehicle(Vehicle):
         self._tracker.arc, self._follower.memory = kept.tracked, kept.follower
         if self._channel is not None:
             self._channel.put_back(kept.channel)
+        self._blood.bled, self._pull, self._said = kept.bled, kept.pull, kept.said
         self._before = self._seen = self._scope.read()
+        self._burden = self._borne()
 
     def close(self) -> None:
         """End the backend."""

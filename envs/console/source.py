@@ -102,6 +102,8 @@ def glance_at(row: Mapping[str, Any], frame: Mapping[str, Any]) -> Glance:
     """Where the camera is in a row and what is drawn with it."""
     given = {name: np.asarray(frame[name], float) for name in ("displacement", "widths", "blood") if name in frame}
     given |= {name: np.asarray(frame[name], int) for name in ("tissue",) if name in frame}
+    if "blood" in given:
+        given["blood"] = given["blood"][~np.isnan(given["blood"][:, 0])]
     return Glance(np.asarray(row["tip"], float), np.asarray(row["tip_frame"], float), float(row["tip_arc"]), **given)
 
 
@@ -410,6 +412,8 @@ def moment(recording: Recording, at: float) -> tuple[dict[str, Any], dict[str, A
     share = float(np.clip((exact - float(frames["step"][before])) / span, 0.0, 1.0)) if span > 0 else 0.0
     drawn = {}
     for name, values in frames.items():
-        between = share if values.dtype.kind == "f" else float(share >= 1.0)  # what is counted changes at once
-        drawn[name] = values[before] + between * (values[after].astype(float) - values[before])
+        if values.dtype.kind == "f" and name != "blood":
+            drawn[name] = values[before] + share * (values[after].astype(float) - values[before])
+        else:  # what is counted changes at once
+            drawn[name] = values[after if share >= 1.0 else before]
     return row, drawn

@@ -101,8 +101,9 @@ class Look(NamedTuple):
     `wall_force` [N] and `digest` are always there."""
     frame: Mapping[str, Any]
     """What is drawn: `shape` (nodes, 3) [m] from the rear to the tip, `pressed` (stations,) [N], `pain` (stations,) [1]
-    of a colon that moves, `displacement` (nodes, 7), and where there are polyps, `tissue` (lesions,): what was taken
-    (`haustra.envs.console.channel.Channel.tissue`)."""
+    of a colon that moves, `displacement` (nodes, 7) in the coordinates of the surroundings' tables, and where there are
+    polyps, `tissue` (lesions,): what was taken (`haustra.envs.console.channel.Channel.tissue`); of a scope, `blood`
+    (places, 4): where the wall bleeds (`haustra.envs.console.blood.Bled.places`)."""
 
 
 class Vehicle(ABC):

@@ -98,19 +98,31 @@ class Reach:
 
     def _clear(self, seen: Readings, mouth: np.ndarray, polyp: PolypPose, arc: float) -> bool:
         """Whether the way from the channel's mouth to a polyp's top lies in the lumen, as the centreline sees it."""
-        line = self.colon.centreline
         for share in _BETWEEN:
             place, guess = mouth + share * (polyp.top - mouth), arc + share * (polyp.lesion.arc - arc)
             if self._moved is not None:
                 place = self._moved.to_reference(self._moved.from_scene(seen.displacement), place, guess)
-            near = np.flatnonzero(np.abs(line.arc - guess) < _PASSED)
-            station = near[np.linalg.norm(line.points[near] - place, axis=1).argmin()]
-            across = (place - line.points[station]) @ line.frames[station, :, :2]
-            angles = self.colon.radius.shape[1]
-            angle = round(float(np.arctan2(across[1], across[0])) / (2 * np.pi) * angles) % angles
-            if np.linalg.norm(across) > self.colon.radius[station, angle] + _GIVES_WAY:
+            if beyond_wall(self.colon, place, guess) > _GIVES_WAY:
                 return False
         return True
+
+
+def beyond_wall(colon: Colon, place: Float[np.ndarray, "3"], arc: float, *, width: float = 1.0) -> float:
+    """How far a place is outside the wall as the centreline sees it, across the lumen; negative within it [m].
+
+    Args:
+        colon: at rest.
+        place: where it would be had the colon not moved [m].
+        arc: about where along the colon it is [m].
+        width: of the lumen there, over that at rest [1].
+    """
+    line = colon.centreline
+    near = np.flatnonzero(np.abs(line.arc - arc) < _PASSED)
+    station = near[np.linalg.norm(line.points[near] - place, axis=1).argmin()]
+    across = (place - line.points[station]) @ line.frames[station, :, :2]
+    angles = colon.radius.shape[1]
+    angle = round(float(np.arctan2(across[1], across[0])) / (2 * np.pi) * angles) % angles
+    return float(np.linalg.norm(across) - width * colon.radius[station, angle])
 
 
 def without(colon: Colon, taken: Mapping[int, Instrument]) -> Colon:

@@ -25,7 +25,11 @@ def run_blood(run: RecordedRun) -> Float[np.ndarray, "places 5"]:
         path = run.path(record)
         if not len(beside) or not len(path):
             continue
-        wall = run.colon(record).lumen.vertices[beside]
-        away = np.linalg.norm(wall[:, None] - path, axis=2).min(axis=1)
-        found.append([*rest[beside[int(away.argmin())]], REACH, seen.time[record]])
+        nearest = beside[nearest_to(path, run.colon(record).lumen.vertices[beside])]
+        found.append([*rest[nearest], REACH, seen.time[record]])
     return np.array(found, float).reshape(-1, 5)
+
+
+def nearest_to(path: Float[np.ndarray, "nodes 3"], wall: Float[np.ndarray, "vertices 3"]) -> int:
+    """Which vertex of a wall is nearest to any node of a path [m]."""
+    return int(np.linalg.norm(wall[:, None] - path, axis=2).min(axis=1).argmin())

@@ -62,6 +62,7 @@ def write_clip(
                 before = renderer.look(moments.vertices(records[frame - 1]), moments.camera(records[frame - 1]))
             view = renderer.look(moments.vertices(record), moments.camera(record))
             truth = renderer.truth(view, before)
+            renderer.bleed(moments.blood[moments.blood[:, -1] <= moments.trajectory.time[record], :-1])
             _write_frame(folder, frame, truth, renderer.picture(view), first=frame == 0)
             before = view
         else:

@@ -62,6 +62,11 @@ class TruthRenderer:
         self._front.place(vertices)
         return self._front.look(pose)
 
+    def bleed(self, blood: Float[np.ndarray, "places 4"]) -> None:
+        """Let pictures show blood from now on around places of the wall at rest, as far as said beside each [m]."""
+        for *place, reach in blood:
+            self._scope.appearance.bleed(np.array(place), float(reach))
+
     def picture(self, view: SurfaceView) -> UInt8[np.ndarray, "height width 3"]:
         """What a picture shows in colour."""
         return self._scope.develop(self._scope.radiance(view))

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -10,6 +11,7 @@ from jaxtyping import Float
 from haustra.envs.runs.insertion import Trajectory
 from haustra.envs.runs.measure.recorded import RecordedRun
 from haustra.envs.view.picture.renderer import CameraPose
+from haustra.envs.view.run_blood import run_blood
 from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene
@@ -74,3 +76,8 @@ class Moments:
     def vertices(self, record: int) -> Float[np.ndarray, "vertices 3"]:
         """Where the vertices of the colon's surface were, moved on its mesentery and indented by the scope [m]."""
         return self._run.colon(record).lumen.vertices
+
+    @cached_property
+    def blood(self) -> Float[np.ndarray, "places 5"]:
+        """Where and since when the wall bled (`haustra.envs.view.run_blood.run_blood`)."""
+        return run_blood(self._run)

@@ -28,8 +28,10 @@ has torn everybody's colon: P = 1. Gas pressure counts alike, over 169 mmHg in t
 where it is given. **Nothing is calibrated to how often patients are harmed.**
 
 **Bleeding** (`haustra.models.injury.bleeding`) is a place of two centimetres whose mucosa is sheared by more than
-10 kPa, friction times force over the patch that a link lies on. The threshold (3–30 kPa) is assumed: nobody published
-one.
+10 kPa, friction times force over the patch that a link lies on, or at which suction pulls by more than 40 kPa: the
+pressure across mucosa that lies over the channel of a scope that sucks. Both thresholds (3–30 and 13–80 kPa) are
+assumed: nobody published one. Suction is that of drives, in which a hand sucks with 60 kPa (27–85, assumed); a
+driver's run lets gas in only. Episodes that are driven or recorded count shear at each action's end, and no suction.
 
 **Pain** (`haustra.models.injury.pain`) is the largest tension of wall or mesentery over that which hurts, 100 N/m for
 both: of the wall by Laplace's law of balloons that hurt in the sigmoid (45–180 N/m), of the mesentery assumed (30–300).
@@ -55,7 +57,13 @@ demands for drugs Shah 2002, Endoscopy 34:435.
   which errs towards tears, and links of an adult scope's shaft are 49 mm. A straight head that lies with its side on
   the wall counts as pressing with its end, which errs so too.
 - Strength and thresholds are the same in all segments but for gas; inflamed, thin and diseased walls are not modelled.
-- Shear is bounded by friction times force; pull on the mucosa by suction is not modelled, and blood is not drawn.
+- Shear is bounded by friction times force. Mucosa lies over the channel where the wall, as the centreline sees it, is
+  within 3.7 mm before the channel's mouth: not at the caecum's pole. How far suction draws it in, and for how long,
+  does not count, and gas flows as if nothing lay there. Instruments pull at nothing but what they cut.
+- Blood is drawn where and since a scope's wall bled, as far as a centimetre around the place next to the scope, or
+  3.7 mm around that before the channel: in a run's last picture and film, in the console, in what is exported of
+  drives and episodes, and in data sets. It does not flow, and nothing stops it. Pictures that a learner sees, and those
+  of other devices, show none.
 - Pain has no memory, no sedation and no person: thresholds are one number each.
 """
 _MOVED, _FIXED = "#2f6f8f", "#c98a1b"
