@@ -136,7 +136,10 @@ def _judged(scene: Scene, run: Insertion, *, records: int) -> tuple[LeftBehind, 
         last = last if figures else each.colon
         figures.append(each.figures)
         seen.append(check.look(each.colon.lumen.vertices, CameraPose.of_tip(each.tip, each.tip_frame)))
+    whole = worst(figures[1:] or figures)
     return LeftBehind(last, worst(figures)), {
+        "turned_over_before_end_share": whole.turned_over,
+        "outside_before_end_mm": 1e3 * whole.outside,
         "last_picture_mucosa_share": seen[0].mucosa,
         "last_picture_outside": seen[0].outside,
         "last_picture_across_share": seen[0].across,
@@ -200,6 +203,9 @@ def soundness(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "diverged": sum(row["outcome"] == "diverged" for row in rows),
         "pictures": len(drawn),
     }
+    before = [row for row in rows if "outside_before_end_mm" in row]
+    for name, key in (("turned_over_before_end", "turned_over_before_end_share"), ("outside_before_end_mm",) * 2):
+        found[name] = max(row[key] for row in before) if len(before) == len(rows) else None
     if not drawn:
         return found
     return found | {

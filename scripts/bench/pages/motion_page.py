@@ -80,6 +80,11 @@ _FIGURES: Sequence[tuple[str, Callable[[Mapping[str, Any]], str], str]] = (
         "0.5 mm",
     ),
     (
+        "both at all records but the last, at which an escape is found",
+        lambda found: _before_end(found),
+        "0; 0.5 mm",
+    ),
+    (
         "ended as escaped; of these with P(perforation) below 1",
         lambda found: f"{found['escaped']}; {found['escaped_unsaid']}",
         "0 unsaid",
@@ -125,6 +130,12 @@ def _heading(kind: str, driver: str, seconds: float, every: float, *, own: Seque
 
 def _grown(row: Mapping[str, Any]) -> bool:
     return row["colon"].startswith("grown")
+
+
+def _before_end(found: Mapping[str, Any]) -> str:
+    if found["turned_over_before_end"] is None:
+        return "not told apart"
+    return f"{found['turned_over_before_end']:.3%}; {found['outside_before_end_mm']:.2f} mm"
 
 
 def _if_drawn(found: Mapping[str, Any], told: str) -> str:

@@ -37,6 +37,15 @@ def test_changes_are_those_of_the_same_colon_and_escapes_must_be_said() -> None:
     assert sound["pictures"] == 0 and "not looked at" in motion_page({"runs": rows})
 
 
+def test_a_surface_is_told_up_to_the_record_at_which_a_scope_is_found_outside() -> None:
+    shares = {"turned_over_before_end_share": 0.0, "outside_before_end_mm": 0.1}
+    torn = _row("EdinGCA", PLAIN, outcome="escaped", p_perforation=1.0, turned_over_max_share=0.02, **shares)
+    assert soundness([torn])["outside_before_end_mm"] == 0.1
+    page = motion_page({"runs": [torn]})
+    assert "| largest share of triangles | 2.000% | 0 |" in page and "| 0.000%; 0.10 mm | 0; 0.5 mm |" in page
+    assert soundness([torn, _row("EdinGCA", PLAIN)])["outside_before_end_mm"] is None
+
+
 def test_a_last_picture_from_outside_is_counted() -> None:
     shares = {"last_picture_mucosa_share": 0.9, "last_picture_outside": True, "pictures_outside": 3}
     shares |= {"last_picture_across_share": 0.1, "picture_across_max_share": 0.2}
