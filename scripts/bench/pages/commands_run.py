@@ -5,6 +5,7 @@ DIR/commands.json holds already; `commands_page` makes a page of it.
 """
 
 import argparse
+import ast
 import json
 import os
 import re
@@ -68,6 +69,23 @@ def why_left_out(text: str) -> str | None:
     return next((why for pattern, why in LEFT_OUT.items() if re.search(pattern, text)), None)
 
 
+def changed(text: str, block: str) -> str:
+    """A TOML file in which a reader has made the keys and tables of a block what the block says."""
+    keys, *tables = re.split(r"^(?=\[)", block, flags=re.MULTILINE)
+    for table in tables:
+        head = re.escape(table.split("]")[0] + "]")
+        text = re.sub(rf"^{head}\n.*?(?=^\[|\Z)", "", text, flags=re.MULTILINE | re.DOTALL)
+    for line in filter(str.strip, keys.splitlines()):
+        text = re.sub(rf"^{re.escape(line.split('=')[0])}=.*\n", "", text, count=1, flags=re.MULTILINE)
+    return "\n".join(part for part in (keys, text, *tables) if part)
+
+
+def definitions(program: str) -> list[str]:
+    """What later programs of a page take over from one: imports, functions and classes."""
+    kept = (ast.Import, ast.ImportFrom, ast.FunctionDef, ast.ClassDef)
+    return [ast.unparse(part) for part in ast.parse(program).body if isinstance(part, kept)]
+
+
 def run_page(page: Path, folder: Path, *, colon: Path, data: Path | None) -> Iterator[Ran]:
     """Run a page's commands in a new folder that holds what a reader has.
 
@@ -88,12 +106,11 @@ def run_page(page: Path, folder: Path, *, colon: Path, data: Path | None) -> Ite
     for name in _GIVEN:
         if name in text and f"colon grow --seed 4 -o {name}" not in text:
             shutil.copytree(colon, folder / name)
-    imports: list[str] = []
+    known: list[str] = []
     for number, (kind, step) in enumerate(steps_of(text)):
         if kind == "toml":
             mine = folder / ("stiffness.toml" if "stiffness.toml" in text else "mine.toml")
-            if not mine.exists():
-                mine.write_text(step, encoding="utf-8")
+            mine.write_text(changed(mine.read_text(encoding="utf-8") if mine.exists() else "", step), encoding="utf-8")
             continue
         shown = step if kind == "sh" else step.strip().splitlines()[-1]
         if why := why_left_out(step):
@@ -101,8 +118,8 @@ def run_page(page: Path, folder: Path, *, colon: Path, data: Path | None) -> Ite
             continue
         command = ["bash", "-c", step]
         if kind == "python":
-            (folder / f"program-{number}.py").write_text("\n".join([*imports, step]), encoding="utf-8")
-            imports += [line for line in step.splitlines() if re.match(r"(import|from) [^(]*$", line)]
+            (folder / f"program-{number}.py").write_text("\n".join([*known, step]), encoding="utf-8")
+            known += definitions(step)
             command = [sys.executable, f"program-{number}.py"]
         yield _ran(page.name, shown, command, folder)
 

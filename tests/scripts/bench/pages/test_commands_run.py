@@ -1,9 +1,18 @@
 """What pages tell a reader to do is found in order, and run in a folder of its own."""
 
 import re
+import tomllib
 from pathlib import Path
 
-from haustra.scripts.bench.pages.commands_run import LEFT_OUT, PAGES, run_page, steps_of, why_left_out
+from haustra.scripts.bench.pages.commands_run import (
+    LEFT_OUT,
+    PAGES,
+    changed,
+    definitions,
+    run_page,
+    steps_of,
+    why_left_out,
+)
 
 _PAGE = """\
 # A page
@@ -56,3 +65,15 @@ def test_a_page_runs_in_its_folder_and_tells_what_failed(tmp_path: Path) -> None
     assert rows[2].said == why_left_out(rows[2].what) == "needs a person at a browser"
     assert (tmp_path / "run" / "helped").read_text(encoding="utf-8").startswith("Simulated colons")
     assert (tmp_path / "run" / "mine.toml").read_text(encoding="utf-8") == 'name = "mine"\n'
+
+
+def test_a_block_changes_a_file_as_its_reader_does() -> None:
+    before = 'kind = "capsule"\nname = "capsule"\n\n[mass]\nvalue = 1.0\n\n[friction]\nvalue = 0.1\n'
+    after = tomllib.loads(changed(before, 'name = "mine"\n\n[friction]\nvalue = 0.03\n'))
+    assert after == {"kind": "capsule", "name": "mine", "mass": {"value": 1.0}, "friction": {"value": 0.03}}
+    assert changed("", 'name = "mine"\n').strip() == 'name = "mine"'
+
+
+def test_later_programs_know_what_earlier_ones_define() -> None:
+    program = "import math\nfrom os import (\n    path,\n)\nclass Ball:\n    size = 1\nball = Ball()\n"
+    assert definitions(program) == ["import math", "from os import path", "class Ball:\n    size = 1"]
