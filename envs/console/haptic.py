@@ -19,12 +19,12 @@ import math
 import socket
 import struct
 import sys
-import threading
 import time
 from typing import NamedTuple
 
 import numpy as np
 
+from haustra.envs.console.desk_device import DeskDevice
 from haustra.envs.console.source import Drive
 from haustra.envs.console.vehicle import Grasp
 from haustra.envs.sim.physics.hand import hand_force
@@ -47,7 +47,7 @@ class _Said(NamedTuple):
     at: float
 
 
-class HapticPort:
+class HapticPort(DeskDevice):
     """Listens on this machine for one device at a time."""
 
     def __init__(self, source: Drive, *, port: int = 0) -> None:
@@ -60,7 +60,7 @@ class HapticPort:
         self._session = source.sessions[0]
         if self._session.vehicle.grasp() is None:
             raise UnsupportedSceneError("A haptic device holds a shaft: this vehicle has none, leave --haptic out.")
-        self._source = source
+        super().__init__(source, "haptic")
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -70,7 +70,6 @@ class HapticPort:
         self._listener.listen(1)
         self._listener.settimeout(0.2)
         self.port = int(self._listener.getsockname()[1])
-        self._ends = threading.Event()
         self._said: _Said | None = None
         self._zero = np.zeros(2)
         self._grasped: tuple[Grasp, float] = self._now(), time.perf_counter()
@@ -78,20 +77,11 @@ class HapticPort:
         """Whether a device holds the shaft."""
         self.let_go_at = -math.inf
         """When the last device was found to have let go, by `time.perf_counter` [s]."""
-        self._thread = threading.Thread(target=self._serve, name="haptic", daemon=True)
-
-    def __enter__(self) -> "HapticPort":
-        """Begin to listen."""
-        self._source.before_step = self._move
-        self._thread.start()
-        return self
 
     def __exit__(self, *_: object) -> None:
         """Stop listening."""
-        self._ends.set()
-        self._thread.join(timeout=2)
+        super().__exit__()
         self._listener.close()
-        self._source.before_step = None
 
     def _now(self) -> Grasp:
         grasp = self._session.vehicle.grasp()
@@ -118,7 +108,7 @@ class HapticPort:
         for name, value in zip(("up", "left"), said.knobs, strict=True):
             hand.put(vehicle.lever(name), value)
 
-    def _serve(self) -> None:
+    def _listen(self) -> None:
         while not self._ends.is_set():
             try:
                 connection, _ = self._listener.accept()

@@ -7,11 +7,11 @@ reports many times a second, and one at rest says nothing: silence is a hand tha
 import contextlib
 import math
 import sys
-import threading
 import time
 from collections.abc import Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
+from haustra.envs.console.desk_device import DeskDevice
 from haustra.envs.console.source import WATCHDOG, Drive
 from haustra.errors import InvalidOptionError, MissingDependencyError, UnsupportedSceneError
 
@@ -92,7 +92,7 @@ def _beyond(value: float) -> float:
     return math.copysign(min(max(abs(value) - DEAD_ZONE, 0.0) / (1 - DEAD_ZONE), 1.0), value)
 
 
-class SpaceMouse:
+class SpaceMouse(DeskDevice):
     """Moves the hand of all sessions of a drive."""
 
     def __init__(self, source: Drive, device: SixAxes) -> None:
@@ -103,25 +103,12 @@ class SpaceMouse:
         """
         if all(session.vehicle.lever("push") < 0 for session in source.sessions):
             raise UnsupportedSceneError("A SpaceMouse pushes a shaft: this vehicle has none, leave --spacemouse out.")
-        self._source, self._device = source, device
-        self._ends = threading.Event()
+        super().__init__(source, "spacemouse")
+        self._device = device
         self._said: tuple[Mapping[str, float], float] = {}, -math.inf
         self._held: set[str] = set()
         self.connected = True
         """Whether the device can still be read."""
-        self._thread = threading.Thread(target=self._listen, name="spacemouse", daemon=True)
-
-    def __enter__(self) -> "SpaceMouse":
-        """Begin to listen."""
-        self._source.before_step = self._move
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Stop listening."""
-        self._ends.set()
-        self._thread.join(timeout=2)
-        self._source.before_step = None
 
     @property
     def heard(self) -> float:

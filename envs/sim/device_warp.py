@@ -147,7 +147,8 @@ class WarpDevice:
             now, data, driven = carried
             if self.scene.device.has_treads:
                 again = lambda _: self._driven(conditions, now, asked)  # noqa: E731
-                driven = jax.lax.cond(number % every == 0, again, lambda before: before, driven)
+                due = (number > 0) & (number % every == 0)
+                driven = jax.lax.cond(due, again, lambda before: before, driven)
             return *self._step(tables, contacts, now, data, driven), driven
 
         begun = now, self.wall.data(len(now.time)), self._driven(conditions, now, asked)
