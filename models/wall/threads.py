@@ -1,0 +1,57 @@
+"""A shaft is threaded through a colon that moves: what the wall does to it between two of its spheres.
+
+Spheres meet the wall where they are looked up. On the inside of a bend, past its middle, the nearest place of the axis
+is on either leg, so that two neighbours may leave the bend both ways, with more colon between them than can be gathered
+there (`missed`). The wall on the inside of that loop lies against the shaft between them, and goes along with it: a
+node of the axis that is further from the shaft than the lumen is wide is drawn to it (`ring_force`), and the shaft to
+the node, where it is nearest. That is the force of an energy of distances between nodes and straight pieces of shaft:
+it is across the shaft, as of a ring that slides on it. It is none where spheres hold the colon, as they do in most runs.
+"""
+
+from typing import Any
+
+from haustra.models.wall.loops import beside
+from haustra.models.wall.sections import SHORTEST
+from haustra.models.wall.vectors import Vector, minus, norm, times
+
+RING = 150.0
+"""Stiffness with which a node is drawn to a shaft that has left its cross-section [N/m]: ten nodes of a loop as stiff as
+the wall; engineering choice."""
+FURTHEST = 0.02
+"""A node that is further out than this is drawn no harder [m]; engineering choice."""
+GRADUAL = 0.01
+"""The law sets in over so much colon more than can be gathered between two spheres [m]; engineering choice."""
+INDENTED = 0.005
+"""A shaft stands this far in the wall before its nodes are drawn to it [m]; engineering choice, as of sections."""
+
+
+def missed(xp: Any, colon: Any, chord: Any) -> Any:
+    """How much of the law counts between two neighbouring spheres [1]: none where the colon may be gathered there.
+
+    Args:
+        xp: numpy or jax.numpy.
+        colon: between them [m].
+        chord: distance between them [m].
+    """
+    return xp.minimum(xp.maximum((colon - chord / SHORTEST) / GRADUAL, 0.0), 1.0)
+
+
+def lumen_radius(xp: Any, drag: Any, turn_drag: Any) -> Any:
+    """Mean radius of the lumen at a node [m], by which its turning is damped (`haustra.models.wall.mesentery`)."""
+    return xp.sqrt(turn_drag / drag)
+
+
+def ring_force(xp: Any, node: Vector, before: Vector, after: Vector, radius: Any) -> tuple[Vector, Vector]:
+    """Force on a node [N], and the place of the shaft that bears as much the other way [m].
+
+    Args:
+        xp: numpy or jax.numpy.
+        node: its place [m].
+        before: middle of the sphere before it [m].
+        after: of the sphere after it [m].
+        radius: of the lumen there [m].
+    """
+    _, away = beside(xp, node, before, after)
+    distance = norm(xp, away)
+    out = xp.minimum(xp.maximum(distance - radius - INDENTED, 0.0), FURTHEST)
+    return times(-RING * out / distance, away), minus(node, away)
