@@ -28,7 +28,7 @@ from haustra.models.wall import (
     vectors,
 )
 from haustra.models.wall import loops as loops_law
-from haustra.models.wall.indentation import FALL, NEAR, crossed, reached
+from haustra.models.wall.indentation import FALL, JUMP_COST, JUMP_FREE, NEAR, crossed, reached
 from haustra.models.wall.law import soft_numbers
 from haustra.models.wall.loops import MARGIN, apart, contact, nearer, nearness, touch_force
 from haustra.models.wall.lumen_table import axis_point, query_point
@@ -208,24 +208,42 @@ def _carry(
             out[p, i] = axes[i, 0] * x + axes[i, 1] * y + axes[i, 2] * z + axes[i, 3]
 
 
-def _follow(places: Any, stations: Any, reach: int, found: Any) -> None:
-    """Stations of a centreline (1, stations, 3) next to places that follow each other from its beginning on.
+def _follow(places: Any, stations: Any, step: float, found: Any) -> None:
+    """Stations of a centreline (1, stations, 3) beside places that follow each other from its beginning to a tip.
+
+    Of all ways along the stations the one on which squares of distances, and what jumps cost, sum to the least
+    (Viterbi 1967): where a device has left a bend both ways, the next place is behind the bend's loop.
 
     Args:
         places: (1, places, 3) [m].
         stations: [m].
-        reach: how many stations may lie between one place's and the next's.
+        step: distance between stations along the centreline [m].
         found: of each place, into which they are written.
     """
-    last = 0
-    for p in range(len(found)):
-        here, nearest, begin = _node(places, 0, p), np.inf, max(last - reach, 0)
-        for station in range(begin, min(last + reach + 1, stations.shape[1])):
-            away = minus(_node(stations, 0, station), here)
-            square = dot(away, away)
-            if square < nearest:
-                nearest, found[p] = square, station
-        last = found[p]
+    many, count = len(found), stations.shape[1]
+    came, free = np.zeros((many, count), np.int32), max(int(JUMP_FREE / step), 1)
+    cost, best = np.full(count, np.inf), np.empty(count)
+    cost[0] = 0.0
+    for p in range(many):
+        here = _node(places, 0, p)
+        for s in range(count):
+            best[s], came[p, s] = cost[s], s
+            for other in range(max(s - free, 0), min(s + free + 1, count)):
+                if cost[other] < best[s]:
+                    best[s], came[p, s] = cost[other], other
+        for s in range(1, count):
+            if best[s - 1] + JUMP_COST * step < best[s]:
+                best[s], came[p, s] = best[s - 1] + JUMP_COST * step, came[p, s - 1]
+        for s in range(count - 2, -1, -1):
+            if best[s + 1] + JUMP_COST * step < best[s]:
+                best[s], came[p, s] = best[s + 1] + JUMP_COST * step, came[p, s + 1]
+        for s in range(count):
+            away = minus(_node(stations, 0, s), here)
+            cost[s] = best[s] + dot(away, away)
+    at = int(np.argmin(cost))
+    for p in range(many - 1, -1, -1):
+        found[p] = at
+        at = came[p, at]
 
 
 def _indent(
@@ -296,20 +314,21 @@ def _lift(faces: Any, arcs: Any, places: Any, at: Any, beside: Any, radius: floa
 def _unfold(faces: Any, axes: Any, least: Any, looks: int, rounds: int, vertices: Any) -> None:
     """Move corners of triangles that face their axis and are not to (`unfolding.aside`), one triangle after the other.
 
-    All triangles are looked at, and then those that turned, or have a corner that moved, several times: further from
-    time to time.
+    All triangles are looked at, and then those that turned, or have a corner that moved, until none of them faces its
+    axis: further from time to time.
 
     Args:
         faces: corners of each triangle.
         axes: place of the centreline beside each (1, triangles, 3) [m].
         least: what each is to span as seen from there [m^3]; not looked at where it is negative.
         looks: at all triangles, at most.
-        rounds: around those that turned, after each look.
+        rounds: around those that turned, after each look, at most.
         vertices: (1, vertices, 3) [m], in place.
     """
     moved, busy = np.zeros(vertices.shape[1], np.bool_), np.empty(len(faces), np.int64)
     for _ in range(looks):
         turned, count = 0, 0
+        moved[:] = False
         for t in range(len(faces)):
             if least[t] > 0 and _spread(faces, axes, least, 1.0, vertices, moved, t):
                 turned += 1
@@ -320,8 +339,11 @@ def _unfold(faces: Any, axes: Any, least: Any, looks: int, rounds: int, vertices
                 busy[count] = t
                 count += 1
         for number in range(rounds):
+            again = False
             for b in range(count):
-                _spread(faces, axes, least, 1 + number / 10, vertices, moved, busy[b])
+                again |= _spread(faces, axes, least, 1 + number / 10, vertices, moved, busy[b])
+            if not again:
+                break
 
 
 def _spread(faces: Any, axes: Any, least: Any, times_least: float, vertices: Any, moved: Any, t: int) -> bool:
