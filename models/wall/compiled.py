@@ -24,6 +24,7 @@ from haustra.models.wall import (
     planes,
     sections,
     surroundings,
+    threads,
     unfolding,
     vectors,
 )
@@ -69,6 +70,7 @@ from haustra.models.wall.sections import (
 )
 from haustra.models.wall.signed_distance import ANUS
 from haustra.models.wall.surroundings import breath, envelope_force
+from haustra.models.wall.threads import RING, lumen_radius, missed, ring_force
 from haustra.models.wall.unfolding import aside, span
 from haustra.models.wall.vectors import add, between, cross, dot, minus, norm, times, unit_rate
 
@@ -85,6 +87,7 @@ class Loops(NamedTuple):
     pressed: Callable[..., None]
     contacts: Callable[..., None]
     step_axis: Callable[..., None]
+    thread: Callable[..., bool]
     shape: Callable[..., None]
     carry: Callable[..., None]
     follow: Callable[..., None]
@@ -631,10 +634,12 @@ def _step_axis(
     time: Any,
     found: Any,
     way: Any,
+    drawn: Any,
 ) -> None:
     """One time step of the axes of these worlds, in place, that begins at those times [s].
 
-    Partners of nodes are found anew where loops may have come nearer, since that was done, by `way`.
+    Partners of nodes are found anew where loops may have come nearer, since that was done, by `way`; `drawn` is what
+    `_thread` found.
     """
     _shape(own, worlds, pose, shape)
     count = pose.shape[1]
@@ -666,7 +671,7 @@ def _step_axis(
         _add_springs(own, world, shape, couples, pulled, torque)
         _lean(own, world, shape, flattened, leaning)
         surrounded = own.walls[world, 1] > 0 or own.breaths[world, 1] > 0
-        drawn = breath(np, own.breaths[world, 1], time[world]) if surrounded else 0.0
+        breathed = breath(np, own.breaths[world, 1], time[world]) if surrounded else 0.0
         if own.touch[world] > 0:
             if way[world] >= MARGIN:
                 _look(own, world, pose, found)
@@ -675,9 +680,10 @@ def _step_axis(
         for i in range(count):
             at, pressed, stiffness = _node(pose, world, i), (0.0, 0.0, 0.0), 0.0
             if surrounded:
-                pressed, stiffness = _enveloped(own, world, i, at, drawn)
-                at = add(at, times(drawn * own.sway[world, i], _node(own.body, world, 2)))
+                pressed, stiffness = _enveloped(own, world, i, at, breathed)
+                at = add(at, times(breathed * own.sway[world, i], _node(own.body, world, 2)))
             _put_more(pulled, 0, i, add(pressed, times(gripped[i], _node(speed, world, i))))
+            _put_more(pulled, 0, i, _node(drawn, world, i))
             _put_more(pulled, 0, i, hold_force(np, at, own.slack[world, i], own.hold[world, i], own.support[world, i]))
             diagonal[i] = node_resistance(
                 np,
@@ -686,7 +692,7 @@ def _step_axis(
                 own.hold[world, i],
                 own.support[world, i],
                 own.drag[world, i],
-                gripped[i] + h * (stiffness + braked[i]),
+                gripped[i] + h * (stiffness + braked[i] + drawn[world, i, 3]),
                 h,
             )
         for i in range(count - 1):
@@ -718,6 +724,47 @@ def _step_axis(
             fastest = max(fastest, dot(moving, moving))
         way[world] += nearer(np.sqrt(fastest), h)
         _turn_sections(own, world, pose, speed, shape, torque, gripped_turn, h)
+
+
+def _thread(own: Any, worlds: Any, pose: Any, points: Any, arcs: Any, drawn: Any, borne: Any) -> bool:
+    """What shafts and nodes do to each other between neighbouring spheres (`haustra.models.wall.threads`).
+
+    A node is drawn to the piece of shaft that ends in the first sphere beyond it, which bears as much.
+
+    Args:
+        own: of each world.
+        worlds: which.
+        pose: of the nodes (worlds, nodes, 7).
+        points: middles of the spheres, from the shaft's end to its tip (worlds, spheres, 3) [m].
+        arcs: their arc lengths (worlds, spheres) [m].
+        drawn: force on each node, and a bound of its slope, into which they are written (worlds, nodes, 4) [N], [N/m].
+        borne: force on each sphere, and its moment about it, into which they are written (worlds, spheres, 6).
+
+    Returns:
+        Whether there is any.
+    """
+    some = False
+    for world in worlds:
+        drawn[world], borne[world] = 0.0, 0.0
+        furthest, spacing, nodes = max(arcs[world, 0], 0.0), own.spacing[world], pose.shape[1]
+        for p in range(1, points.shape[1]):
+            before, here, arc = _node(points, world, p - 1), _node(points, world, p), arcs[world, p]
+            counts = missed(np, arc - furthest, norm(np, minus(here, before)))
+            if counts > 0:
+                some = True
+                for k in range(int(furthest / spacing) + 1, min(int(arc / spacing) + 1, nodes)):
+                    radius = lumen_radius(np, own.drag[world, k], own.turn_drag[world, k])
+                    node = add(_node(own.nodes, world, k), _node(pose, world, k))
+                    force, place = ring_force(np, node, before, here, radius)
+                    force = times(counts, force)
+                    _put_more(drawn, world, k, force)
+                    drawn[world, k, 3] += counts * RING
+                    moment = cross(minus(place, here), force)
+                    for i in range(3):
+                        borne[world, p, i] -= force[i]
+                        borne[world, p, 3 + i] -= moment[i]
+            furthest = max(furthest, arc)
+    return some
 
 
 def _look(own: Any, world: int, pose: Any, found: Any) -> None:
@@ -881,6 +928,7 @@ def loops() -> Loops:
         _pressed,
         _contacts,
         _step_axis,
+        _thread,
         _shape,
         _carry,
         _follow,
@@ -890,7 +938,7 @@ def loops() -> Loops:
     entries = (*entries, _unfold, contact_solver.solve)
     laws = (*vectors.PARTS, *law.PARTS, *lumen_table.PARTS, *sections.PARTS, *surroundings.PARTS, *loops_law.PARTS)
     laws = (*laws, *moving_colon.PARTS)
-    laws = (*laws, *plane_pose.PARTS, *indentation.PARTS, *unfolding.PARTS)
+    laws = (*laws, *plane_pose.PARTS, *indentation.PARTS, *unfolding.PARTS, *threads.PARTS)
     laws = (*laws, *own, *entries[:-1])
     # Products may be added at once; sums keep their order, or code from the cache would round as no other does.
     options = {"error_model": "numpy", "fastmath": {"contract"}}
@@ -900,7 +948,7 @@ def loops() -> Loops:
         plain = unwrap(part)  # of what checks types at run time
         overload(part, strict=False, jit_options=how)(lambda *_, plain=plain: plain)
     modules = vectors, law, lumen_table, sections, surroundings, loops_law, moving_colon, plane_pose, planes
-    modules = (*modules, contact_solver, indentation, unfolding)
+    modules = (*modules, contact_solver, indentation, unfolding, threads)
     files = [Path(str(module.__file__)) for module in modules]
     version = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 

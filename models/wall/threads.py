@@ -8,11 +8,14 @@ the node, where it is nearest. That is the force of an energy of distances betwe
 it is across the shaft, as of a ring that slides on it. It is none where spheres hold the colon, as they do in most runs.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
-from haustra.models.wall.loops import beside
+import numpy as np
+
+from haustra.models.wall import vectors
+from haustra.models.wall.loops import added, beside
 from haustra.models.wall.sections import SHORTEST
-from haustra.models.wall.vectors import Vector, minus, norm, times
+from haustra.models.wall.vectors import Vector, cross, minus, norm, times
 
 RING = 150.0
 """Stiffness with which a node is drawn to a shaft that has left its cross-section [N/m]: ten nodes of a loop as stiff as
@@ -55,3 +58,54 @@ def ring_force(xp: Any, node: Vector, before: Vector, after: Vector, radius: Any
     distance = norm(xp, away)
     out = xp.minimum(xp.maximum(distance - radius - INDENTED, 0.0), FURTHEST)
     return times(-RING * out / distance, away), minus(node, away)
+
+
+class Drawn(NamedTuple):
+    """What shafts and nodes do to each other between spheres, of all worlds."""
+
+    force: Any
+    """(worlds, nodes, 3) on each node [N]."""
+    stiffness: Any
+    """(worlds, nodes) bound of its slope [N/m]."""
+    borne: Any
+    """(worlds, spheres, 3) on each sphere [N]."""
+    moment: Any
+    """(worlds, spheres, 3) about it [N m]."""
+
+
+def drawn(xp: Any, own: Any, pose: Any, points: Any, arcs: Any) -> Drawn:
+    """Draw each node to the piece of shaft that ends in the first sphere beyond it.
+
+    Args:
+        xp: numpy or jax.numpy.
+        own: `haustra.models.wall.mesentery.Mesentery` of each world.
+        pose: of the nodes (worlds, nodes, 7).
+        points: middles of the spheres, from the shaft's end to its tip (worlds, spheres, 3) [m].
+        arcs: their arc lengths (worlds, spheres) [m].
+    """
+    world, count = np.arange(len(points))[:, None], pose.shape[1]
+    along = own.spacing[:, None] * xp.arange(count)
+    upto = xp.maximum.accumulate(xp.maximum(arcs, 0.0), axis=1)
+    sphere = (upto[:, None, :] >= along[..., None]).argmax(axis=-1)  # the first also where there is none beyond
+    last = xp.maximum(sphere - 1, 0)
+    before, after = vectors.of(points[world, last]), vectors.of(points[world, sphere])
+    counts = missed(xp, upto[world, sphere] - upto[world, last], norm(xp, minus(after, before)))
+    counts = xp.where(sphere > 0, counts, 0.0)
+    radius = lumen_radius(xp, own.drag, own.turn_drag)
+    force, place = ring_force(xp, vectors.of(own.nodes + pose[..., :3]), before, after, radius)
+    force = times(counts, force)
+    moment = vectors.stacked(xp, cross(minus(place, after), force))
+    on_nodes, none = vectors.stacked(xp, force), xp.zeros_like(points)
+    borne, turned = (added(xp, none, (world, sphere), -part) for part in (on_nodes, moment))
+    return Drawn(on_nodes, RING * counts, borne, turned)
+
+
+def thread_energy(xp: Any, distance: Any, radius: Any) -> Any:
+    """Energy of `ring_force` of a node at that distance from the shaft [J], where all of the law counts."""
+    out = xp.maximum(distance - radius - INDENTED, 0.0)
+    near = xp.minimum(out, FURTHEST)
+    return RING * near * (out - near / 2)
+
+
+PARTS = (missed, lumen_radius, ring_force)
+"""What numba is to compile."""

@@ -11,6 +11,8 @@ from haustra.models.wall.vectors import Vector, add, cross, minus, norm, times
 
 _FORCE, _BOUND = 0, 3
 """What each node's room holds: `layout.THREAD_ROOM`."""
+_NOWHERE = (0.0, 0.0, -1e3)
+"""Before the first sphere, so far that no colon is missed on the way from there [m]."""
 
 
 class Threads:
@@ -40,8 +42,8 @@ class Threads:
         self._place = Changing(program, (0.0, 0.0, 0.0))
 
     def begin(self) -> None:
-        """Before the first sphere of a step: the shaft comes from the anus."""
-        self._drawn.value, self._furthest.value, self._place.now = 0.0, 0.0, (0.0, 0.0, 0.0)
+        """Before the first sphere of a step."""
+        self._drawn.value, self._furthest.value, self._place.now = 0.0, 0.0, _NOWHERE
 
     def meet(self, place: Vector, arc: Value, spacing: Value, feel: Callable[[Vector, Vector], None]) -> None:
         """The next sphere.
@@ -59,7 +61,8 @@ class Threads:
             self._clear()
             total: Any = Changing(program, [0.0] * 6)
             first, last = (xp.int32(xp.maximum(each, 0.0) / spacing) + 1 for each in (furthest, arc))
-            with program.loop(program.most(first, least=True), program.most(last)) as node:
+            last = xp.minimum(program.most(last), self._nodes)
+            with program.loop(program.most(first, least=True), last) as node:
                 at, here = Nodes.at(program, node, self._nodes), program.real_of(node) * spacing
                 share = xp.where((here > furthest) & (here <= arc), counts, 0.0)
                 radius = lumen_radius(xp, self._row(at.within, "drag"), self._row(at.within, "turn_drag"))
