@@ -70,7 +70,7 @@ from haustra.models.wall.sections import (
 )
 from haustra.models.wall.signed_distance import ANUS
 from haustra.models.wall.surroundings import breath, envelope_force
-from haustra.models.wall.threads import RING, lumen_radius, missed, ring_force
+from haustra.models.wall.threads import RING, lumen_radius, ring_force
 from haustra.models.wall.unfolding import aside, span
 from haustra.models.wall.vectors import add, between, cross, dot, minus, norm, times, unit_rate
 
@@ -749,16 +749,14 @@ def _thread(own: Any, worlds: Any, pose: Any, points: Any, arcs: Any, drawn: Any
         furthest, spacing, nodes = max(arcs[world, 0], 0.0), own.spacing[world], pose.shape[1]
         for p in range(1, points.shape[1]):
             before, here, arc = _node(points, world, p - 1), _node(points, world, p), arcs[world, p]
-            counts = missed(np, arc - furthest, norm(np, minus(here, before)))
-            if counts > 0:
-                some = True
-                for k in range(int(furthest / spacing) + 1, min(int(arc / spacing) + 1, nodes)):
-                    radius = lumen_radius(np, own.drag[world, k], own.turn_drag[world, k])
-                    node = add(_node(own.nodes, world, k), _node(pose, world, k))
-                    force, place = ring_force(np, node, before, here, radius)
-                    force = times(counts, force)
-                    _put_more(drawn, world, k, force)
-                    drawn[world, k, 3] += counts * RING
+            for k in range(int(furthest / spacing) + 1, min(int(max(arc, 0.0) / spacing) + 1, nodes)):
+                radius = lumen_radius(np, own.drag[world, k], own.turn_drag[world, k])
+                node = add(_node(own.nodes, world, k), _node(pose, world, k))
+                out, force, place = ring_force(np, node, before, here, radius)
+                if out > 0:
+                    some = True
+                    _put(drawn, world, k, force)
+                    drawn[world, k, 3] = RING
                     moment = cross(minus(place, here), force)
                     for i in range(3):
                         borne[world, p, i] -= force[i]

@@ -1,11 +1,11 @@
-"""A shaft is threaded through a colon that moves: what the wall does to it between two of its spheres.
+"""A shaft is threaded through a colon that moves: what the wall does to it between its spheres, and far off its axis.
 
 Spheres meet the wall where they are looked up. On the inside of a bend, past its middle, the nearest place of the axis
-is on either leg, so that two neighbours may leave the bend both ways, with more colon between them than can be gathered
-there (`missed`). The wall on the inside of that loop lies against the shaft between them, and goes along with it: a
-node of the axis that is further from the shaft than the lumen is wide is drawn to it (`ring_force`), and the shaft to
-the node, where it is nearest. That is the force of an energy of distances between nodes and straight pieces of shaft:
-it is across the shaft, as of a ring that slides on it. It is none where spheres hold the colon, as they do in most runs.
+is on either leg, so that neighbours may leave the bend both ways, and those that stand beside it are near to neither.
+The wall on the inside of the bend lies against the shaft there, and goes along with it: a node of the axis that is
+further from the shaft than the lumen is wide is drawn to it (`ring_force`), and the shaft to the node, where it is
+nearest. That is the force of an energy of distances between nodes and straight pieces of shaft: it is across the shaft,
+as of a ring that slides on it. It is none where spheres hold the colon, as they do in most runs.
 """
 
 from typing import Any, NamedTuple
@@ -14,7 +14,6 @@ import numpy as np
 
 from haustra.models.wall import vectors
 from haustra.models.wall.loops import added, beside
-from haustra.models.wall.sections import SHORTEST
 from haustra.models.wall.vectors import Vector, cross, minus, norm, times
 
 RING = 150.0
@@ -22,21 +21,9 @@ RING = 150.0
 the wall; engineering choice."""
 FURTHEST = 0.02
 """A node that is further out than this is drawn no harder [m]; engineering choice."""
-GRADUAL = 0.01
-"""The law sets in over so much colon more than can be gathered between two spheres [m]; engineering choice."""
 INDENTED = 0.005
-"""A shaft stands this far in the wall before its nodes are drawn to it [m]; engineering choice, as of sections."""
-
-
-def missed(xp: Any, colon: Any, chord: Any) -> Any:
-    """How much of the law counts between two neighbouring spheres [1]: none where the colon may be gathered there.
-
-    Args:
-        xp: numpy or jax.numpy.
-        colon: between them [m].
-        chord: distance between them [m].
-    """
-    return xp.minimum(xp.maximum((colon - chord / SHORTEST) / GRADUAL, 0.0), 1.0)
+"""Nodes are drawn to a shaft whose axis stands this far in the wall [m]: contacts of its spheres then press by more than
+ten newtons; engineering choice."""
 
 
 def lumen_radius(xp: Any, drag: Any, turn_drag: Any) -> Any:
@@ -44,8 +31,8 @@ def lumen_radius(xp: Any, drag: Any, turn_drag: Any) -> Any:
     return xp.sqrt(turn_drag / drag)
 
 
-def ring_force(xp: Any, node: Vector, before: Vector, after: Vector, radius: Any) -> tuple[Vector, Vector]:
-    """Force on a node [N], and the place of the shaft that bears as much the other way [m].
+def ring_force(xp: Any, node: Vector, before: Vector, after: Vector, radius: Any) -> tuple[Any, Vector, Vector]:
+    """How far out a node is [m], the force on it [N], and the place of the shaft that bears as much the other way [m].
 
     Args:
         xp: numpy or jax.numpy.
@@ -57,7 +44,7 @@ def ring_force(xp: Any, node: Vector, before: Vector, after: Vector, radius: Any
     _, away = beside(xp, node, before, after)
     distance = norm(xp, away)
     out = xp.minimum(xp.maximum(distance - radius - INDENTED, 0.0), FURTHEST)
-    return times(-RING * out / distance, away), minus(node, away)
+    return out, times(-RING * out / distance, away), minus(node, away)
 
 
 class Drawn(NamedTuple):
@@ -89,23 +76,22 @@ def drawn(xp: Any, own: Any, pose: Any, points: Any, arcs: Any) -> Drawn:
     sphere = (upto[:, None, :] >= along[..., None]).argmax(axis=-1)  # the first also where there is none beyond
     last = xp.maximum(sphere - 1, 0)
     before, after = vectors.of(points[world, last]), vectors.of(points[world, sphere])
-    counts = missed(xp, upto[world, sphere] - upto[world, last], norm(xp, minus(after, before)))
-    counts = xp.where(sphere > 0, counts, 0.0)
+    counts = xp.where(sphere > 0, 1.0, 0.0)
     radius = lumen_radius(xp, own.drag, own.turn_drag)
-    force, place = ring_force(xp, vectors.of(own.nodes + pose[..., :3]), before, after, radius)
+    out, force, place = ring_force(xp, vectors.of(own.nodes + pose[..., :3]), before, after, radius)
     force = times(counts, force)
     moment = vectors.stacked(xp, cross(minus(place, after), force))
     on_nodes, none = vectors.stacked(xp, force), xp.zeros_like(points)
     borne, turned = (added(xp, none, (world, sphere), -part) for part in (on_nodes, moment))
-    return Drawn(on_nodes, RING * counts, borne, turned)
+    return Drawn(on_nodes, xp.where(out > 0, RING * counts, 0.0), borne, turned)
 
 
 def thread_energy(xp: Any, distance: Any, radius: Any) -> Any:
-    """Energy of `ring_force` of a node at that distance from the shaft [J], where all of the law counts."""
+    """Energy of `ring_force` of a node at that distance from the shaft [J]."""
     out = xp.maximum(distance - radius - INDENTED, 0.0)
     near = xp.minimum(out, FURTHEST)
     return RING * near * (out - near / 2)
 
 
-PARTS = (missed, lumen_radius, ring_force)
+PARTS = (lumen_radius, ring_force)
 """What numba is to compile."""

@@ -6,13 +6,13 @@ from typing import Any
 from haustra.envs.sim.linear.layout import Layout
 from haustra.envs.sim.linear.sweep import NodeNumbers, Nodes
 from haustra.envs.sim.linear.trace import Changing, Program, Value
-from haustra.models.wall.threads import RING, lumen_radius, missed, ring_force
-from haustra.models.wall.vectors import Vector, add, cross, minus, norm, times
+from haustra.models.wall.threads import RING, lumen_radius, ring_force
+from haustra.models.wall.vectors import Vector, cross, minus
 
 _FORCE, _BOUND = 0, 3
 """What each node's room holds: `layout.THREAD_ROOM`."""
 _NOWHERE = (0.0, 0.0, -1e3)
-"""Before the first sphere, so far that no colon is missed on the way from there [m]."""
+"""Where the shaft comes from before its first sphere."""
 
 
 class Threads:
@@ -56,24 +56,21 @@ class Threads:
         """
         program, xp, before, furthest = self._program, self._program.xp, self._place.now, self._furthest.value
         self._place.now, self._furthest.value = place, xp.maximum(furthest, arc)
-        counts = missed(xp, arc - furthest, norm(xp, minus(place, before)))
-        with program.when(counts > 0):
-            self._clear()
-            total: Any = Changing(program, [0.0] * 6)
-            first, last = (xp.int32(xp.maximum(each, 0.0) / spacing) + 1 for each in (furthest, arc))
-            last = xp.minimum(program.most(last), self._nodes)
-            with program.loop(program.most(first, least=True), last) as node:
-                at, here = Nodes.at(program, node, self._nodes), program.real_of(node) * spacing
-                share = xp.where((here > furthest) & (here <= arc), counts, 0.0)
-                radius = lumen_radius(xp, self._row(at.within, "drag"), self._row(at.within, "turn_drag"))
-                force, borne = ring_force(xp, self._now(at), before, place, radius)
-                force = times(share, force)
-                old = (*self._room.vector(at, _FORCE), self._room.load(at, _BOUND))
-                new = (*force, share * RING)
-                self._room.put(at, _FORCE, [one + more for one, more in zip(old, new, strict=True)])
-                moment = cross(minus(borne, place), force)
-                total.now = *minus(total.now[:3], force), *minus(total.now[3:], moment)
-            feel(total.now[:3], total.now[3:])
+        node = program.variable(xp.floor(furthest / spacing) + 1)
+        last = xp.minimum(xp.floor(xp.maximum(arc, 0.0) / spacing), program.real_of(self._nodes - 1))
+        with program.repeat(lambda: node.value <= last):
+            at = Nodes.at(program, xp.int32(node.value), self._nodes)
+            radius = lumen_radius(xp, self._row(at.within, "drag"), self._row(at.within, "turn_drag"))
+            out, force, borne = ring_force(xp, self._now(at), before, place, radius)
+            drawn = (out > 0) & (node.value <= last)
+            with program.when(drawn):
+                self._clear()
+                force = xp.where(drawn, force[0], 0.0), xp.where(drawn, force[1], 0.0), xp.where(drawn, force[2], 0.0)
+                for number, value in enumerate((*force, RING)):
+                    old = self._room.gather(at.within, number)
+                    self._room.scatter(at.within, number, xp.where(drawn, value, old))
+                feel(tuple(-each for each in force), tuple(-each for each in cross(minus(borne, place), force)))
+            node.value = node.value + 1
 
     def _clear(self) -> None:
         program = self._program
