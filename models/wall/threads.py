@@ -17,13 +17,13 @@ from haustra.models.wall.loops import added, beside
 from haustra.models.wall.vectors import Vector, cross, minus, norm, times
 
 RING = 150.0
-"""Stiffness with which a node is drawn to a shaft that has left its cross-section [N/m]: ten nodes of a loop as stiff as
-the wall; engineering choice."""
+"""Stiffness with which a node is drawn to a shaft that has left its cross-section [N/m]; engineering choice: ten nodes
+of a loop are as stiff as the wall."""
 FURTHEST = 0.02
 """A node that is further out than this is drawn no harder [m]; engineering choice."""
 INDENTED = 0.005
-"""Nodes are drawn to a shaft whose axis stands this far in the wall [m]: contacts of its spheres then press by more than
-ten newtons; engineering choice."""
+"""Nodes are drawn to a shaft whose axis stands further than this in the wall [m]; engineering choice: contacts of its
+spheres press by more than ten newtons there."""
 
 
 def lumen_radius(xp: Any, drag: Any, turn_drag: Any) -> Any:

@@ -1,13 +1,12 @@
 """Shafts that are threaded through a colon that moves, in programs: `haustra.models.wall.threads`, gap by gap."""
 
 from collections.abc import Callable
-from typing import Any
 
 from haustra.envs.sim.linear.layout import Layout
 from haustra.envs.sim.linear.sweep import NodeNumbers, Nodes
 from haustra.envs.sim.linear.trace import Changing, Program, Value
 from haustra.models.wall.threads import RING, lumen_radius, ring_force
-from haustra.models.wall.vectors import Vector, cross, minus
+from haustra.models.wall.vectors import Vector, cross, minus, times
 
 _FORCE, _BOUND = 0, 3
 """What each node's room holds: `layout.THREAD_ROOM`."""
@@ -69,7 +68,7 @@ class Threads:
                 for number, value in enumerate((*force, RING)):
                     old = self._room.gather(at.within, number)
                     self._room.scatter(at.within, number, xp.where(drawn, value, old))
-                feel(tuple(-each for each in force), tuple(-each for each in cross(minus(borne, place), force)))
+                feel(times(-1.0, force), cross(force, minus(borne, place)))
             node.value = node.value + 1
 
     def _clear(self) -> None:

@@ -19,6 +19,7 @@ from haustra.models.wall.compiled import loops
 from haustra.models.wall.loops import beside
 from haustra.models.wall.mesentery import Mesentery, hang, stack
 from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
+from haustra.models.wall.table_wall import TableWall
 from haustra.models.wall.threads import INDENTED
 from tests.bent_colon import bent_colon
 
@@ -105,7 +106,7 @@ def test_nothing_is_drawn_to_a_shaft_that_its_spheres_hold() -> None:
 
 
 def test_a_loop_closes_on_a_shaft_that_is_taut_across_it() -> None:
-    """The chord ends inside the cross-section of every node, as far as folds that are packed let it; no energy is gained."""
+    """It ends inside the cross-section of every node, as far as packed folds let it; no energy is gained."""
     own = _hairpin(slack=np.full(75, 1.0), hold=np.full(75, 1e-3))
     assert own.nodes.shape[1] == 75
     points, arcs = _taut()
@@ -139,10 +140,13 @@ def test_links_bear_what_nodes_are_drawn_by() -> None:
     for _ in range(10):
         assert engine.step(Controls(0.1, 0.0, np.zeros(4)), 40)
     wall, data, model = engine._wall, engine.data, engine.model
+    assert isinstance(wall, TableWall)
+    moved = wall._walls.displacement
     wall._walls.arcs[0, wall.arcs > 0.1] += _FAR / 2
     wall.update(data)
     points, own = data.geom_xpos[wall.spheres][None], wall._walls._own
-    found = _drawn(np, own, wall._walls.displacement.pose, points, wall.arcs[None])
+    assert own is not None and moved is not None
+    found = _drawn(np, own, moved.pose, points, wall.arcs[None])
     assert np.abs(found.borne).max() > 1.0
     want, jacobians = np.zeros(model.nv), np.zeros((2, 3, model.nv))
     for sphere, geom in enumerate(wall.spheres):
