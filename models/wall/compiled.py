@@ -29,7 +29,7 @@ from haustra.models.wall import (
     vectors,
 )
 from haustra.models.wall import loops as loops_law
-from haustra.models.wall.indentation import FALL, JUMP_COST, JUMP_FREE, NEAR, crossed, reached
+from haustra.models.wall.indentation import FALL, JUMP_COST, JUMP_FREE, JUMP_MOST, NEAR, crossed, reached
 from haustra.models.wall.law import soft_numbers
 from haustra.models.wall.loops import MARGIN, apart, contact, nearer, nearness, touch_force
 from haustra.models.wall.lumen_table import axis_point, query_point
@@ -224,25 +224,29 @@ def _follow(places: Any, stations: Any, step: float, found: Any) -> None:
         found: of each place, into which they are written.
     """
     many, count = len(found), stations.shape[1]
-    came, free = np.zeros((many, count), np.int32), max(int(JUMP_FREE / step), 1)
+    free, most = max(int(JUMP_FREE / step), 1), int(JUMP_MOST / step)
+    came = np.zeros((many, count), np.int32)
     cost, best = np.full(count, np.inf), np.empty(count)
-    cost[0] = 0.0
+    cost[0], nearest = 0.0, 0
     for p in range(many):
-        here = _node(places, 0, p)
-        for s in range(count):
+        here, low, high = _node(places, 0, p), max(nearest - most, 0), min(nearest + most + 1, count)
+        for s in range(low, high):
             best[s], came[p, s] = cost[s], s
-            for other in range(max(s - free, 0), min(s + free + 1, count)):
+            for other in range(max(s - free, low), min(s + free + 1, high)):
                 if cost[other] < best[s]:
                     best[s], came[p, s] = cost[other], other
-        for s in range(1, count):
+        for s in range(low + 1, high):
             if best[s - 1] + JUMP_COST * step < best[s]:
                 best[s], came[p, s] = best[s - 1] + JUMP_COST * step, came[p, s - 1]
-        for s in range(count - 2, -1, -1):
+        for s in range(high - 2, low - 1, -1):
             if best[s + 1] + JUMP_COST * step < best[s]:
                 best[s], came[p, s] = best[s + 1] + JUMP_COST * step, came[p, s + 1]
-        for s in range(count):
+        cost[:], nearest = np.inf, low
+        for s in range(low, high):
             away = minus(_node(stations, 0, s), here)
             cost[s] = best[s] + dot(away, away)
+            if cost[s] < cost[nearest]:
+                nearest = s
     at = int(np.argmin(cost))
     for p in range(many - 1, -1, -1):
         found[p] = at

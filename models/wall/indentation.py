@@ -30,6 +30,9 @@ NEAR = 0.01
 JUMP_FREE = 0.005
 """A place of the device is beside a station at most so far from that of the place before it [m], or has jumped;
 engineering choice, twice the distance of stations."""
+JUMP_MOST = 0.2
+"""No place is looked for further than this from the place before it [m]; engineering choice: more than loops that are
+left out."""
 JUMP_COST = 0.02
 """What a jump costs over its length, against squares of distances [m^2/m]: one of 0.1 m is worth five places that are
 20 mm from the centreline; engineering choice."""
