@@ -7,9 +7,10 @@ CAECUM_MARGIN = 0.03
 """The caecum counts as reached this far before the end of the centreline [m]; engineering choice."""
 ESCAPE_DEPTH = 0.03
 """A scope that stands this far outside the lumen has left the colon [m]: the default wall is no thicker."""
-EMPTY_LOOP = 0.05
+EMPTY_LOOP = 0.2
 """A scope that leaves so much colon between two neighbouring places [m], beyond what may be gathered there, has gone
-through its wall on the inside of a bend and is in it again behind; engineering choice: a hairpin's axis is as long."""
+through its wall on the inside of a bend and is in it again behind; engineering choice: of loops that are drawn to a
+shaft (`haustra.models.wall.threads`) 0.16 m at most lay folded beside it, and no shaft stood outside the surface."""
 LEFT_OUTSIDE = 0.005
 """A scope is fully inserted when less than this is left outside [m]: a hand has nothing to push by any more."""
 MANY_ATTEMPTS = 3

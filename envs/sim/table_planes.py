@@ -65,6 +65,7 @@ class TablePlanes:
         starts: Float[np.ndarray, " colons"] | None = None,
         own_stiffness: Float[np.ndarray, " spheres"] | None = None,
         own_friction: Float[np.ndarray, " spheres"] | None = None,
+        threaded: bool = False,
     ) -> None:
         """Find spheres, planes and pairs.
 
@@ -82,7 +83,11 @@ class TablePlanes:
             starts: arc length of that place in each colon [m]; the anus when None.
             own_stiffness: of spheres that have their own [N/m]; NaN for the others.
             own_friction: of spheres that have their own [1]; NaN for the others.
+            threaded: whether the spheres follow each other on a shaft, from its end to its tip, which a colon that
+                moves draws on between them too (`haustra.models.wall.threads`).
         """
+        self._threads = batch.bind("xfrc_applied") if threaded and tables.mesentery is not None else None
+        self._centres, self._bears = batch.bind("xipos"), False
         self._batch, self._step_time = batch, model.opt.timestep
         self._elastic = elasticity
         self._damper_time = damping_time + self._step_time
@@ -100,7 +105,8 @@ class TablePlanes:
         self.spheres = np.array([model.geom(f"wall/sphere_{i:04d}").id for i in range(count)])
         self.radius = model.geom_size[self.spheres, 0]
         self._pairs = np.array([model.pair(f"wall/plane_{i:04d}_0").id for i in range(count)])
-        self._inverse_inertia = model.body_invweight0[model.geom_bodyid[self.spheres], 0]
+        self._bodies = model.geom_bodyid[self.spheres]
+        self._inverse_inertia = model.body_invweight0[self._bodies, 0]
         own = np.zeros(count, int) if groups is None else groups
         self._groups = [self._group(model, tables, worlds, np.flatnonzero(own == i)) for i in range(own.max() + 1)]
         for group in self._groups[1:]:
@@ -238,6 +244,8 @@ class TablePlanes:
                 group.before[worlds] = seen
             before = walls.depth.copy()
             walls.look(worlds, group.points)
+            if self._threads is not None:
+                self._thread(worlds, walls.thread(worlds, group.points), self._threads)
             if not moves:
                 leaving = (before - walls.depth) / h
                 bent, firm = self._springs(group, before)
@@ -266,6 +274,18 @@ class TablePlanes:
                 self._solimp,
                 self._surface,
             )
+
+    def _thread(self, worlds: np.ndarray, borne: np.ndarray | None, applied: np.ndarray) -> None:
+        """Let links bear what nodes are drawn to the shafts by, at their centres of mass."""
+        if self._bears:
+            applied[worlds], self._bears = 0.0, False
+        if borne is None:
+            return
+        self._bears, bodies = True, self._bodies
+        for world in worlds[borne[worlds].any(axis=(1, 2))]:
+            force, moment = borne[world, :, :3], borne[world, :, 3:]
+            away = self._geom_xpos[world][self.spheres] - self._centres[world][bodies]
+            np.add.at(applied[world], bodies, np.hstack([force, moment + np.cross(away, force)]))
 
     def _step_axis(self, worlds: Int[np.ndarray, " some"]) -> None:
         """Let colons give way to what pressed on them in the last step."""

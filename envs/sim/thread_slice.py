@@ -47,6 +47,7 @@ class ThreadSlice:
             count=len(scene.samples),
             damping_time=options.wall_damping_time,
             elasticity=options.elasticity,
+            threaded=True,
         )
         self._springs = [batch.expand(name) for name in ("jnt_stiffness", "dof_damping", "dof_armature")]
         self._gravity, self._axes = batch.expand("opt.gravity"), tables.axes

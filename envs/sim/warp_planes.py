@@ -19,7 +19,7 @@ from mujoco import mjx
 from haustra.envs.sim.state import SPEED_LIMIT
 from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.base import Treads
-from haustra.models.wall import moving_colon
+from haustra.models.wall import moving_colon, threads
 from haustra.models.wall.law import SLIP_SPEED, SoftContact, honoured_contact, soft_contact
 from haustra.models.wall.lumen_table import Tables, WallQuery, query
 from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
@@ -195,6 +195,7 @@ class WarpPlanes:
         healthy: Array,
         time: Array,
         treads: Treads | None = None,
+        centres: Array | None = None,
     ) -> Stepped:
         """One time step of MuJoCo's, and of the colons.
 
@@ -213,6 +214,8 @@ class WarpPlanes:
             healthy: worlds that are not lost yet.
             time: of each world (worlds,) [s].
             treads: how surfaces of spheres run, of devices that have such.
+            centres: centres of mass of the spheres' links (worlds, spheres, 3) [m], where these follow each other on a
+                shaft, from its end to its tip, which a colon that moves draws on (`haustra.models.wall.threads`).
         """
         count, own = len(self.spheres), tables.mesentery
         found, grip = look(tables, displacement, places, arcs, radius)
@@ -235,6 +238,14 @@ class WarpPlanes:
             speeds = speeds.at[:, self._planes, :3].set(surface)
             changed |= {"_impl.geom_surfacevel": speeds, "pair_margin": self._by_pair(margin)}
             changed |= self._law(contacts.stiffness, contacts.stiffness * damped)
+        pulled = None
+        if displacement and own and centres is not None:
+            pulled = threads.drawn(jnp, own, displacement.pose, points, found.arcs[:, :count])
+            turning = pulled.moment + jnp.cross(points - centres, pulled.borne)
+            bodies = self.host.geom_bodyid[self.spheres]
+            applied = jnp.zeros((len(points), self.host.nbody, 6), data.xfrc_applied.dtype)
+            borne = jnp.concatenate([pulled.borne, turning], axis=2).astype(applied.dtype)
+            data = data.replace(xfrc_applied=applied.at[:, bodies].add(borne))
         model = contacts.model.tree_replace(changed)
         data = data.replace(mocap_pos=planes.position, mocap_quat=planes.turn)
         done = jax.vmap(mjx.step, in_axes=(contacts.axes, 0))(model, data)
@@ -246,7 +257,7 @@ class WarpPlanes:
         force, damping = self._on_wall(contacts, done._impl)
         if displacement and grip and own:
             pressed, when = (grip, force, damping, self.timestep), time if self.surrounded else None
-            displacement = moving_colon.step_axis(jnp, own, displacement, *pressed, time=when)
+            displacement = moving_colon.step_axis(jnp, own, displacement, *pressed, time=when, drawn=pulled)
         normal = -jnp.einsum("wpi,wpi->wp", force, inwards)
         return Stepped(done, found.arcs, depth, inwards, normal, force, displacement)
 

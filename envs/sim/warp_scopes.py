@@ -203,7 +203,11 @@ class WarpScopes(ScopeChain):
             ctrl=self._controls(parameters, worlds, hands),
         )
         seen = places, worlds.arcs, scope.radius[:, None]
-        done = self.wall.step(contacts, tables, worlds.displacement, *seen, data, worlds.healthy, worlds.time)
+        host = self.wall.host
+        local = jnp.asarray(host.body_ipos[host.geom_bodyid[self.wall.spheres]], places.dtype)
+        centres = links.points_on(where, self.sample_body, local[None])
+        when = data, worlds.healthy, worlds.time
+        done = self.wall.step(contacts, tables, worlds.displacement, *seen, *when, centres=centres)
         after = worlds._replace(
             qpos=done.data.qpos,
             qvel=done.data.qvel,

@@ -24,11 +24,12 @@ from haustra.models.wall import (
     planes,
     sections,
     surroundings,
+    threads,
     unfolding,
     vectors,
 )
 from haustra.models.wall import loops as loops_law
-from haustra.models.wall.indentation import FALL, NEAR, crossed, reached
+from haustra.models.wall.indentation import FALL, JUMP_COST, JUMP_FREE, JUMP_MOST, NEAR, crossed, reached
 from haustra.models.wall.law import soft_numbers
 from haustra.models.wall.loops import MARGIN, apart, contact, nearer, nearness, touch_force
 from haustra.models.wall.lumen_table import axis_point, query_point
@@ -69,6 +70,7 @@ from haustra.models.wall.sections import (
 )
 from haustra.models.wall.signed_distance import ANUS
 from haustra.models.wall.surroundings import breath, envelope_force
+from haustra.models.wall.threads import RING, lumen_radius, ring_force
 from haustra.models.wall.unfolding import aside, span
 from haustra.models.wall.vectors import add, between, cross, dot, minus, norm, times, unit_rate
 
@@ -85,6 +87,7 @@ class Loops(NamedTuple):
     pressed: Callable[..., None]
     contacts: Callable[..., None]
     step_axis: Callable[..., None]
+    thread: Callable[..., bool]
     shape: Callable[..., None]
     carry: Callable[..., None]
     follow: Callable[..., None]
@@ -208,24 +211,46 @@ def _carry(
             out[p, i] = axes[i, 0] * x + axes[i, 1] * y + axes[i, 2] * z + axes[i, 3]
 
 
-def _follow(places: Any, stations: Any, reach: int, found: Any) -> None:
-    """Stations of a centreline (1, stations, 3) next to places that follow each other from its beginning on.
+def _follow(places: Any, stations: Any, step: float, found: Any) -> None:
+    """Stations of a centreline (1, stations, 3) beside places that follow each other from its beginning to a tip.
+
+    Of all ways along the stations the one on which squares of distances, and what jumps cost, sum to the least
+    (Viterbi 1967): where a device has left a bend both ways, the next place is behind the bend's loop.
 
     Args:
         places: (1, places, 3) [m].
         stations: [m].
-        reach: how many stations may lie between one place's and the next's.
+        step: distance between stations along the centreline [m].
         found: of each place, into which they are written.
     """
-    last = 0
-    for p in range(len(found)):
-        here, nearest, begin = _node(places, 0, p), np.inf, max(last - reach, 0)
-        for station in range(begin, min(last + reach + 1, stations.shape[1])):
-            away = minus(_node(stations, 0, station), here)
-            square = dot(away, away)
-            if square < nearest:
-                nearest, found[p] = square, station
-        last = found[p]
+    many, count = len(found), stations.shape[1]
+    free, most = max(int(JUMP_FREE / step), 1), int(JUMP_MOST / step)
+    came = np.zeros((many, count), np.int32)
+    cost, best = np.full(count, np.inf), np.empty(count)
+    cost[0], nearest = 0.0, 0
+    for p in range(many):
+        here, low, high = _node(places, 0, p), max(nearest - most, 0), min(nearest + most + 1, count)
+        for s in range(low, high):
+            best[s], came[p, s] = cost[s], s
+            for other in range(max(s - free, low), min(s + free + 1, high)):
+                if cost[other] < best[s]:
+                    best[s], came[p, s] = cost[other], other
+        for s in range(low + 1, high):
+            if best[s - 1] + JUMP_COST * step < best[s]:
+                best[s], came[p, s] = best[s - 1] + JUMP_COST * step, came[p, s - 1]
+        for s in range(high - 2, low - 1, -1):
+            if best[s + 1] + JUMP_COST * step < best[s]:
+                best[s], came[p, s] = best[s + 1] + JUMP_COST * step, came[p, s + 1]
+        cost[:], nearest = np.inf, low
+        for s in range(low, high):
+            away = minus(_node(stations, 0, s), here)
+            cost[s] = best[s] + dot(away, away)
+            if cost[s] < cost[nearest]:
+                nearest = s
+    at = int(np.argmin(cost))
+    for p in range(many - 1, -1, -1):
+        found[p] = at
+        at = came[p, at]
 
 
 def _indent(
@@ -296,20 +321,21 @@ def _lift(faces: Any, arcs: Any, places: Any, at: Any, beside: Any, radius: floa
 def _unfold(faces: Any, axes: Any, least: Any, looks: int, rounds: int, vertices: Any) -> None:
     """Move corners of triangles that face their axis and are not to (`unfolding.aside`), one triangle after the other.
 
-    All triangles are looked at, and then those that turned, or have a corner that moved, several times: further from
-    time to time.
+    All triangles are looked at, and then those that turned, or have a corner that moved, until none of them faces its
+    axis: further from time to time.
 
     Args:
         faces: corners of each triangle.
         axes: place of the centreline beside each (1, triangles, 3) [m].
         least: what each is to span as seen from there [m^3]; not looked at where it is negative.
         looks: at all triangles, at most.
-        rounds: around those that turned, after each look.
+        rounds: around those that turned, after each look, at most.
         vertices: (1, vertices, 3) [m], in place.
     """
     moved, busy = np.zeros(vertices.shape[1], np.bool_), np.empty(len(faces), np.int64)
     for _ in range(looks):
         turned, count = 0, 0
+        moved[:] = False
         for t in range(len(faces)):
             if least[t] > 0 and _spread(faces, axes, least, 1.0, vertices, moved, t):
                 turned += 1
@@ -320,8 +346,11 @@ def _unfold(faces: Any, axes: Any, least: Any, looks: int, rounds: int, vertices
                 busy[count] = t
                 count += 1
         for number in range(rounds):
+            again = False
             for b in range(count):
-                _spread(faces, axes, least, 1 + number / 10, vertices, moved, busy[b])
+                again |= _spread(faces, axes, least, 1 + number / 10, vertices, moved, busy[b])
+            if not again:
+                break
 
 
 def _spread(faces: Any, axes: Any, least: Any, times_least: float, vertices: Any, moved: Any, t: int) -> bool:
@@ -609,10 +638,12 @@ def _step_axis(
     time: Any,
     found: Any,
     way: Any,
+    drawn: Any,
 ) -> None:
     """One time step of the axes of these worlds, in place, that begins at those times [s].
 
-    Partners of nodes are found anew where loops may have come nearer, since that was done, by `way`.
+    Partners of nodes are found anew where loops may have come nearer, since that was done, by `way`; `drawn` is what
+    `_thread` found.
     """
     _shape(own, worlds, pose, shape)
     count = pose.shape[1]
@@ -644,7 +675,7 @@ def _step_axis(
         _add_springs(own, world, shape, couples, pulled, torque)
         _lean(own, world, shape, flattened, leaning)
         surrounded = own.walls[world, 1] > 0 or own.breaths[world, 1] > 0
-        drawn = breath(np, own.breaths[world, 1], time[world]) if surrounded else 0.0
+        breathed = breath(np, own.breaths[world, 1], time[world]) if surrounded else 0.0
         if own.touch[world] > 0:
             if way[world] >= MARGIN:
                 _look(own, world, pose, found)
@@ -653,9 +684,10 @@ def _step_axis(
         for i in range(count):
             at, pressed, stiffness = _node(pose, world, i), (0.0, 0.0, 0.0), 0.0
             if surrounded:
-                pressed, stiffness = _enveloped(own, world, i, at, drawn)
-                at = add(at, times(drawn * own.sway[world, i], _node(own.body, world, 2)))
+                pressed, stiffness = _enveloped(own, world, i, at, breathed)
+                at = add(at, times(breathed * own.sway[world, i], _node(own.body, world, 2)))
             _put_more(pulled, 0, i, add(pressed, times(gripped[i], _node(speed, world, i))))
+            _put_more(pulled, 0, i, _node(drawn, world, i))
             _put_more(pulled, 0, i, hold_force(np, at, own.slack[world, i], own.hold[world, i], own.support[world, i]))
             diagonal[i] = node_resistance(
                 np,
@@ -664,7 +696,7 @@ def _step_axis(
                 own.hold[world, i],
                 own.support[world, i],
                 own.drag[world, i],
-                gripped[i] + h * (stiffness + braked[i]),
+                gripped[i] + h * (stiffness + braked[i] + drawn[world, i, 3]),
                 h,
             )
         for i in range(count - 1):
@@ -696,6 +728,45 @@ def _step_axis(
             fastest = max(fastest, dot(moving, moving))
         way[world] += nearer(np.sqrt(fastest), h)
         _turn_sections(own, world, pose, speed, shape, torque, gripped_turn, h)
+
+
+def _thread(own: Any, worlds: Any, pose: Any, points: Any, arcs: Any, drawn: Any, borne: Any) -> bool:
+    """What shafts and nodes do to each other between neighbouring spheres (`haustra.models.wall.threads`).
+
+    A node is drawn to the piece of shaft that ends in the first sphere beyond it, which bears as much.
+
+    Args:
+        own: of each world.
+        worlds: which.
+        pose: of the nodes (worlds, nodes, 7).
+        points: middles of the spheres, from the shaft's end to its tip (worlds, spheres, 3) [m].
+        arcs: their arc lengths (worlds, spheres) [m].
+        drawn: force on each node, and a bound of its slope, into which they are written (worlds, nodes, 4) [N], [N/m].
+        borne: force on each sphere, and its moment about it, into which they are written (worlds, spheres, 6).
+
+    Returns:
+        Whether there is any.
+    """
+    some = False
+    for world in worlds:
+        drawn[world], borne[world] = 0.0, 0.0
+        furthest, spacing, nodes = max(arcs[world, 0], 0.0), own.spacing[world], pose.shape[1]
+        for p in range(1, points.shape[1]):
+            before, here, arc = _node(points, world, p - 1), _node(points, world, p), arcs[world, p]
+            for k in range(int(furthest / spacing) + 1, min(int(max(arc, 0.0) / spacing) + 1, nodes)):
+                radius = lumen_radius(np, own.drag[world, k], own.turn_drag[world, k])
+                node = add(_node(own.nodes, world, k), _node(pose, world, k))
+                out, force, place = ring_force(np, node, before, here, radius)
+                if out > 0:
+                    some = True
+                    _put(drawn, world, k, force)
+                    drawn[world, k, 3] = RING
+                    moment = cross(minus(place, here), force)
+                    for i in range(3):
+                        borne[world, p, i] -= force[i]
+                        borne[world, p, 3 + i] -= moment[i]
+            furthest = max(furthest, arc)
+    return some
 
 
 def _look(own: Any, world: int, pose: Any, found: Any) -> None:
@@ -859,6 +930,7 @@ def loops() -> Loops:
         _pressed,
         _contacts,
         _step_axis,
+        _thread,
         _shape,
         _carry,
         _follow,
@@ -868,7 +940,7 @@ def loops() -> Loops:
     entries = (*entries, _unfold, contact_solver.solve)
     laws = (*vectors.PARTS, *law.PARTS, *lumen_table.PARTS, *sections.PARTS, *surroundings.PARTS, *loops_law.PARTS)
     laws = (*laws, *moving_colon.PARTS)
-    laws = (*laws, *plane_pose.PARTS, *indentation.PARTS, *unfolding.PARTS)
+    laws = (*laws, *plane_pose.PARTS, *indentation.PARTS, *unfolding.PARTS, *threads.PARTS)
     laws = (*laws, *own, *entries[:-1])
     # Products may be added at once; sums keep their order, or code from the cache would round as no other does.
     options = {"error_model": "numpy", "fastmath": {"contract"}}
@@ -878,7 +950,7 @@ def loops() -> Loops:
         plain = unwrap(part)  # of what checks types at run time
         overload(part, strict=False, jit_options=how)(lambda *_, plain=plain: plain)
     modules = vectors, law, lumen_table, sections, surroundings, loops_law, moving_colon, plane_pose, planes
-    modules = (*modules, contact_solver, indentation, unfolding)
+    modules = (*modules, contact_solver, indentation, unfolding, threads)
     files = [Path(str(module.__file__)) for module in modules]
     version = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 

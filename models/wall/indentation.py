@@ -27,8 +27,15 @@ FALL = SLOPE / 2
 """A tent falls at least so steeply along the colon, on the inside of bends too [1]; engineering choice."""
 NEAR = 0.01
 """Triangles are beside a place of the device that is at most so far along the colon [m]; engineering choice."""
-_WINDOW = 0.03
-"""A place of the device is next to a station at most so far from the place before it [m]."""
+JUMP_FREE = 0.005
+"""A place of the device is beside a station at most so far from that of the place before it [m], or has jumped;
+engineering choice, twice the distance of stations."""
+JUMP_MOST = 0.2
+"""No place is looked for further than this from the place before it [m]; engineering choice: more than loops that are
+left out."""
+JUMP_COST = 0.02
+"""What a jump costs over its length, against squares of distances [m^2/m]: one of 0.1 m is worth five places that are
+20 mm from the centreline; engineering choice."""
 
 
 def indented(
@@ -77,10 +84,18 @@ def along_device(
     own = np.linspace(0.0, behind[-1], int(np.ceil(behind[-1] / apart)) + 1)
     places = np.column_stack([np.interp(own, behind, path[:, axis]) for axis in range(3)])
     found = np.zeros(len(places), np.int64)
-    loops().follow(
-        places[None], np.ascontiguousarray(stations)[None], int(np.ceil(_WINDOW / (arcs[1] - arcs[0]))), found
-    )
-    return places, arcs[found]
+    loops().follow(places[None], np.ascontiguousarray(stations)[None], float(arcs[1] - arcs[0]), found)
+    which, at = _filled_jumps(found)
+    return places[which], arcs[at]
+
+
+def _filled_jumps(found: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which place and which station are beside each other, also of stations that places have jumped over."""
+    jumped = np.diff(found, prepend=found[0])
+    more = np.where(jumped > 1, jumped, 1)
+    which = np.repeat(np.arange(len(found)), more)
+    back = np.arange(len(which)) - np.repeat(np.cumsum(more) - more, more)
+    return which, found[which] - np.repeat(more, more) + 1 + back
 
 
 def tops(

@@ -172,12 +172,13 @@ def touching(xp: Any, own: Any, pose: Any, found: Int[np.ndarray, "worlds nodes"
     forces = vectors.stacked(xp, times(force, way))
     total, bound = forces, 2 * slope
     for node, share in zip(three, shares, strict=True):
-        total = _added(xp, total, (world, node), -share[..., None] * forces)
-        bound = _added(xp, bound, (world, node), 2 * share * slope)
+        total = added(xp, total, (world, node), -share[..., None] * forces)
+        bound = added(xp, bound, (world, node), 2 * share * slope)
     return total, bound, touch_energy(xp, distance, kept, stiffness)
 
 
-def _added(xp: Any, total: Any, at: Any, values: Any) -> Any:
+def added(xp: Any, total: Any, at: Any, values: Any) -> Any:
+    """An array with values added at places of it, which may be the same."""
     if xp is not np:
         return total.at[at].add(values)
     total = total.copy()

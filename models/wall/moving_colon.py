@@ -45,6 +45,7 @@ from haustra.models.wall.sections import (
     twisted,
 )
 from haustra.models.wall.surroundings import breath, envelope_energy, envelope_force, hung
+from haustra.models.wall.threads import Drawn
 from haustra.models.wall.vectors import Vector, add, between, cross, dot, minus, norm, stacked, times, unit_rate, where
 
 Array: TypeAlias = Any
@@ -426,6 +427,7 @@ def step_axis(
     *,
     time: Array | None = None,
     found: Array | None = None,
+    drawn: Drawn | None = None,
 ) -> AxisDisplacement:
     """One time step.
 
@@ -439,6 +441,7 @@ def step_axis(
         h: time step [s].
         time: of each world, where there is an envelope or breath around the colon (worlds,) [s].
         found: partners of nodes (worlds, nodes), where loops touch (`haustra.models.wall.loops.partners`).
+        drawn: what a shaft does to the nodes between its spheres (`haustra.models.wall.threads.drawn`).
     """
     inside = grip.arcs > 0
     force, damping = (xp.where(inside[..., None], part, 0.0) for part in (force, damping))
@@ -454,6 +457,8 @@ def step_axis(
     pulled = _onto_nodes(xp, own, cell, force) + springs + gripped[..., None] * displacement.speed[..., :3]
     diagonal = node_resistance(xp, around.hung, own.slack, own.hold, own.support, own.drag, gripped, h)
     diagonal = diagonal + h * around.stiffness
+    if drawn is not None:
+        pulled, diagonal = pulled + drawn.force, diagonal + h * drawn.stiffness
     stiff = bend_stiffness(xp, own.bending, shape.sums) + own.upright
     tie, along = edge_resistance(xp, shape.lengths, own.lengths, own.tension, stiff[:, :-1], stiff[:, 1:], h)
     leaning = lean_resistance(leaning + _flattening(xp, own, shape, flattened), shape.sums)

@@ -48,6 +48,7 @@ class TableWalls:
         self.time: Float[np.ndarray, " worlds"] = np.zeros(worlds)
         """For how long axes have moved since they were at rest [s]: breath goes by it."""
         self._way, self._partners = np.full(worlds, MARGIN), np.zeros((worlds, 0), int)
+        self._drawn, self._borne = np.zeros((worlds, 0, 4)), np.zeros((worlds, spheres, 6))
         if tables.mesentery is not None:
             nodes = tables.mesentery.nodes.shape[1]
 
@@ -56,11 +57,12 @@ class TableWalls:
 
             self.displacement = AxisDisplacement(zeros(nodes, POSE), zeros(nodes, 4))
             edges, flat = (zeros(nodes - 1, 3), zeros(nodes - 1)), (zeros(nodes), zeros(nodes, 3))
-            self._partners = np.full((worlds, nodes), -1)
+            self._partners, self._drawn = np.full((worlds, nodes), -1), zeros(nodes, 4)
             self._shape = AxisShape(*edges, zeros(nodes, 3), zeros(nodes), zeros(nodes, 4), zeros(nodes - 1, 3), *flat)
         self.begin(np.arange(worlds), self.colon, self.arcs)
         none = np.zeros(0, int)  # what is compiled is compiled before the first step
         self.look(none, self.inwards)
+        self.thread(none, self.inwards)
         self.step_axis(none, self.inwards, np.zeros((*self.depth.shape, 2)), 0.0)
 
     @property
@@ -109,6 +111,23 @@ class TableWalls:
             self.lever,
             self.wall_speed,
         )
+
+    def thread(
+        self, worlds: Int[np.ndarray, " some"], points: Float[np.ndarray, "worlds spheres 3"]
+    ) -> Float[np.ndarray, "worlds spheres 6"] | None:
+        """Draw nodes to a shaft between its spheres in the next step of the axes (`haustra.models.wall.threads`).
+
+        Args:
+            worlds: which.
+            points: middles of the spheres, which were looked up there, from the shaft's end to its tip [m].
+
+        Returns:
+            Force on each sphere and its moment about it [N], [N m]; None where there is none.
+        """
+        if self.displacement is None:
+            return None
+        given = self._own, worlds, self.displacement.pose, points, self.arcs, self._drawn, self._borne
+        return self._borne if loops().thread(*given) else None
 
     def arcs_of(
         self, points: Float[np.ndarray, "worlds points 3"], arcs: Float[np.ndarray, "worlds points"]
@@ -169,7 +188,8 @@ class TableWalls:
         """
         assert self.displacement is not None
         moved = *self.displacement, self._shape
-        loops().step_axis(self._own, worlds, *moved, *held, timestep, self.time, self._partners, self._way)
+        around = self.time, self._partners, self._way, self._drawn
+        loops().step_axis(self._own, worlds, *moved, *held, timestep, *around)
         self.time[worlds] += timestep
 
 
@@ -247,6 +267,7 @@ class TableWall:
         self._elasticity, self._stiffens = ELASTICITIES[contact.elasticity], contact.elasticity != LINEAR
         self._firm = np.zeros((1, count))
         self._force, self._damping = np.zeros((1, count, 3)), np.zeros((1, count, 2))
+        self._bodies, self._bears = model.geom_bodyid[self.spheres], False
         contact_solver.step(model, mujoco.MjData(model), self._tree, loops().solve)  # compiled before it is timed
         self.begin(arcs)
 
@@ -294,6 +315,7 @@ class TableWall:
         mujoco.mj_kinematics(model, data)
         walls, points = self._walls, data.geom_xpos[self.spheres][None]
         walls.look(_ONE, points)
+        self._thread(data, walls.thread(_ONE, points))
         if self._contact.friction_rise:
             self._rub(data)
         depth, self._firm = self._elasticity(np, walls.depth, np.full_like(walls.depth, self._contact.stiffness))
@@ -325,6 +347,19 @@ class TableWall:
         """Energy stored in the wall where its planes were put last [J]."""
         depth = np.maximum(self._walls.depth[0], 0.0)
         return float(stored_energy(self._contact.elasticity, depth, self._contact.stiffness).sum())
+
+    def _thread(self, data: mujoco.MjData, borne: Float[np.ndarray, "1 spheres 6"] | None) -> None:
+        """Let links bear what nodes are drawn to the shaft by."""
+        if self._bears:
+            data.qfrc_applied[:], self._bears = 0.0, False
+        if borne is None:
+            return
+        self._bears = True
+        mujoco.mj_comPos(self._model, data)
+        for sphere in np.flatnonzero(borne[0].any(axis=1)):
+            force, moment, body = borne[0, sphere, :3], borne[0, sphere, 3:], self._bodies[sphere]
+            place = data.geom_xpos[self.spheres[sphere]]
+            mujoco.mj_applyFT(self._model, data, force, moment, place, body, data.qfrc_applied)
 
     def _rub(self, data: mujoco.MjData) -> None:
         """Let friction rise with the speed at which the spheres' surfaces slide on the wall."""

@@ -20,9 +20,9 @@ OPEN = 0.1
 """What a triangle spans as seen from its axis is brought to this share of that at rest [1]; engineering choice."""
 STRIDE = 0.002
 """A corner moves at most so far at once [m]; engineering choice, less than a triangle's edge."""
-LOOKS, ROUNDS = 200, 50
+LOOKS, ROUNDS = 200, 1000
 """How often all triangles are looked at, at most, and those that turned after each look: what one gains the next may
-lose."""
+lose. Fifty rounds left one or two triangles of a sharp bend turned after 200 looks that 2 looks of a thousand turn."""
 
 
 def facing_out(colon: Colon, arcs: Float[np.ndarray, " vertices"]) -> Bool[np.ndarray, " triangles"]:

@@ -22,7 +22,7 @@ from haustra.envs.sim.scope_reading import read_chain, read_scope
 from haustra.envs.sim.scope_values import State
 from haustra.envs.sim.state import Controls
 from haustra.models.devices.scope.wires import arriving_pulls, passed_part, travel_of_wheels
-from haustra.models.wall import moving_colon
+from haustra.models.wall import moving_colon, threads
 from haustra.models.wall.elasticity import ELASTICITIES
 from haustra.models.wall.law import implicit_contact
 from haustra.models.wall.lumen_table import pick, query
@@ -80,6 +80,11 @@ class DenseStep:
         force = law.force(np, np.einsum("wpid,wd->wpi", moves, now.qvel) - still)
         torque, damping = self._joints(now, hands)
         torque = torque - bias + np.einsum("wpid,wpi->wd", moves, force)
+        drawn = None
+        if tables.mesentery is not None and now.displacement is not None:
+            drawn = threads.drawn(np, tables.mesentery, now.displacement.pose, centres, found.arcs[:, :-1])
+            torque = torque + np.einsum("wpid,wpi->wd", jacobians[0], drawn.borne)
+            torque = torque + np.einsum("wpid,wpi->wd", jacobians[1], drawn.moment)
         matrix = matrix + h * np.einsum("wpid,wpij,wpje->wde", moves, law.damping(np), moves)
         matrix = matrix + h * damping[:, None] * np.eye(damping.shape[1])
         if hands.wheels is not None:
@@ -89,7 +94,7 @@ class DenseStep:
             return speeds, None
         pressed = -law.force(np, np.einsum("wpid,wd->wpi", moves, speeds) - still)
         axes = now.displacement, grip, pressed, np.stack([law.damper, law.drag], axis=-1)
-        return speeds, moving_colon.step_axis(np, tables.mesentery, *axes, h)
+        return speeds, moving_colon.step_axis(np, tables.mesentery, *axes, h, drawn=drawn)
 
     def _dynamics(self, qpos: np.ndarray, qvel: np.ndarray) -> tuple[Any, ...]:
         """Mass matrix, bias, centres of the spheres, tip, and Jacobians of both kinds, of all worlds."""

@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from tempfile import TemporaryDirectory
 from typing import Any, Literal
@@ -34,6 +34,8 @@ _STILL = 1e-3
 """Where nothing is faster than this [m/s, rad/s], differences are relative to it: rounding of what hardly moves."""
 _GATHERED, _SHORTENED = 0.2, 0.85
 """Length of colon that is gathered [m], and by how much of itself its middle is shortened."""
+_MISSED = 0.08
+"""Colon that a shaft is made to miss [m]."""
 _DENSE_STEPS = 40
 """Time steps in which the dense engine is timed."""
 _TURN, _TRAVEL = 0.002, 0.012
@@ -218,12 +220,17 @@ def dense_cost(bank: ScopeColonSet, worlds: int, *, threads: int = 1) -> float:
 
 
 def largest_difference(
-    bank: ScopeColonSet, *, worlds: int = 20, instants: int = 10, wheels: bool = False, gathered: bool = False
+    bank: ScopeColonSet,
+    *,
+    worlds: int = 20,
+    instants: int = 10,
+    wheels: bool = False,
+    before_step: Callable[[LinearBackend], None] | None = None,
 ) -> float:
     """How far speeds lie from the dense step after one step, relative to each world's fastest, in double precision.
 
     States are those of scopes pushed in by random hands, from straight to deep inside; `wheels`: which steer by them;
-    `gathered`: whose colons are then gathered until their folds lie against each other.
+    `before_step` changes them first: `gather`, or `miss`.
     """
     dense = DenseStep(bank, np.arange(worlds) % len(bank.colons), conditions(bank, worlds))
     backend, hands = driven(bank, worlds, seconds=INTERVAL, real=np.float64, wheels=wheels)
@@ -232,8 +239,8 @@ def largest_difference(
         for _ in range(6):
             backend.step(hands.next(), round(INTERVAL / bank.scene.options.timestep))
         driven_in = backend.keep()
-        if gathered:
-            gather(backend)
+        if before_step:
+            before_step(backend)
         before, inputs = backend.state(), hands.next()
         sound = backend.step(inputs, 1)
         assert sound.mean() > 0.9, "what breaks tells nothing"
@@ -241,7 +248,7 @@ def largest_difference(
         for found, known in zip(_speeds(after.qvel, after.displacement), _speeds(*want), strict=True):
             apart = np.abs(found - known).max(axis=1) / np.maximum(np.abs(known).max(axis=1), _STILL)
             worst = max(worst, float(apart[sound].max()))
-        if gathered:
+        if before_step:
             backend.put_back(driven_in)
     return worst
 
@@ -261,6 +268,16 @@ def gather(backend: LinearBackend) -> None:
         nodes = np.stack([np.interp(from_there, arcs, own.nodes[case, :, axis]) for axis in range(3)], axis=1)
         axis = now.state[-len(arcs) * NODE :].reshape(-1, NODE)
         axis[:, :3] += nodes - own.nodes[case]
+        backend.restore(world, now)
+
+
+def miss(backend: LinearBackend) -> None:
+    """Let the shaft of each world miss `_MISSED` of colon between two spheres half-way in, as if behind a loop."""
+    first = 2 * backend.positions().shape[1]
+    for world, middle in enumerate(0.5 * backend.read().insertion):
+        now = backend.snapshot(world)
+        arcs = now.state[first : first + len(now.arcs)]
+        arcs[arcs > middle] += _MISSED
         backend.restore(world, now)
 
 

@@ -10,9 +10,8 @@ from haustra.envs.runs.insertion import Trajectory
 from haustra.envs.sim.moved_colon import CurrentColon, current_colon
 from haustra.models.anatomy.colon import Colon
 from haustra.models.scene import Scene
-from haustra.models.wall.indentation import indented
+from haustra.models.wall.around_device import around_device
 from haustra.models.wall.signed_distance import surface_arcs
-from haustra.models.wall.unfolding import unfolded
 
 
 class RecordedRun:
@@ -64,8 +63,7 @@ class RecordedRun:
             colon: as it lay on its mesentery.
             path: the scope's axis past the anus [m].
         """
-        pressed = indented(colon, self.arcs, path, radius=self.scene.cable.radius)
-        return unfolded(self.scene.colon, pressed, self.arcs)
+        return around_device(self.scene.colon, colon, self.arcs, path, radius=self.scene.cable.radius)
 
     @cached_property
     def _moved(self) -> CurrentColon | None:

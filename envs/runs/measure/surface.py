@@ -10,14 +10,10 @@ from scipy.spatial import KDTree
 from haustra.envs.runs.insertion import Insertion
 from haustra.envs.runs.measure.recorded import RecordedRun
 from haustra.models.anatomy.colon import Colon, Surface
-from haustra.models.anatomy.winding import winding_numbers
 from haustra.models.scene import Scene
+from haustra.models.wall.around_device import places_outside
 from haustra.models.wall.unfolding import facing_out
 
-_WITHIN = 0.5
-"""Points that a surface winds around at least so often are within it [1]."""
-_APART = 0.005
-"""Distance between places of the scope that are looked at [m]."""
 _RECORDS = 7
 """How many surfaces of a run are judged by default; engineering choice, for seconds of work."""
 
@@ -117,10 +113,5 @@ def surface_figures(
 
 
 def _outside(lumen: Surface, path: np.ndarray) -> float:
-    if len(path) < 2:
-        return 0.0
-    behind = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-    own = np.linspace(0.0, behind[-1], int(np.ceil(behind[-1] / _APART)) + 1)
-    places = np.column_stack([np.interp(own, behind, path[:, axis]) for axis in range(3)])
-    out = places[winding_numbers(lumen, places) < _WITHIN]
+    out = places_outside(lumen, path)
     return float(KDTree(lumen.vertices).query(out)[0].max()) if len(out) else 0.0

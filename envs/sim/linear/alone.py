@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from haustra.envs.sim.linear.articulated import link_bias, link_inertia, place_inertia
+from haustra.envs.sim.linear.axis import Axis
 from haustra.envs.sim.linear.layout import JOINT_ROOM, SPHERE_ROOM
 from haustra.envs.sim.linear.program import INWARDS, SPRING, Link, ScopeProgram, flat
 from haustra.envs.sim.linear.trace import Changing, Value, Variable
@@ -19,9 +20,9 @@ _DRIVEN, _TURNED, _SCALE = JOINT_ROOM, JOINT_ROOM + 2, JOINT_ROOM + 4
 """Where joints' rooms hold what drives and damps them, sine and 1 - cosine, and what scales them."""
 _OWN = 3
 """Where links' rooms hold inertia and wrench, behind their direction."""
-_FELT, _PUSHED, _LEVER = SPHERE_ROOM, SPHERE_ROOM + 21, SPHERE_ROOM + 27
+_FELT, _PUSHED, _LEVER, _CENTRE = SPHERE_ROOM, SPHERE_ROOM + 21, SPHERE_ROOM + 27, SPHERE_ROOM + 30
 """Where spheres' rooms hold what their links feel, inertia and wrench, and before that where spheres are and how they
-move; then the levers of their surfaces."""
+move; then the levers of their surfaces; and where they are."""
 
 
 class AloneProgram(ScopeProgram):
@@ -74,6 +75,22 @@ class AloneProgram(ScopeProgram):
             own = self._masses(body)
             torque, force = link_bias(own, axis, turning, moving, (first, last))
             self.links.put(body, _OWN, (*flat(link_inertia(axis, *own)), *torque, *force))
+        if self.axis:
+            self._thread_all(self.axis)
+
+    def _thread_all(self, axis: Axis) -> None:
+        """`_thread` all spheres, in turn."""
+        axis.threads.begin()
+        with self.program.loop(0, self.bodies) as body:
+            wrench = _OWN + 21
+
+            def feel(more: tuple[Value, ...]) -> None:
+                felt = (self.links.load(body, wrench + i) + each for i, each in enumerate(more))
+                self.links.put(body, wrench, tuple(felt))
+
+            with self.program.loop(*self.spheres_of(body)) as sphere:
+                along = times(self.sphere_place(sphere), self.links.vector(body, 0))
+                self._thread(axis, sphere, along, self.touches.vector(sphere, _CENTRE), feel)
 
     def _keep_touch(self, sphere: Value, way: Any, damped: Any, held: Vector, lever: Vector) -> None:
         super()._keep_touch(sphere, way, damped, held, lever)
@@ -98,7 +115,10 @@ class AloneProgram(ScopeProgram):
     def _place(self, sphere: Value, link: Link, along: Value) -> None:
         """Leave where spheres of a link are, so far along its axis, and how it moves."""
         lever = times(along, link.axis)
-        self.touches.put(sphere, _FELT, (*lever, *add(link.place, lever), *link.turning, *link.moving))
+        centre = add(link.place, lever)
+        self.touches.put(sphere, _FELT, (*lever, *centre, *link.turning, *link.moving))
+        if self.axis:
+            self.touches.put(sphere, _CENTRE, centre)
 
     def _keep_arc(self, sphere: Value, before: Value, arc: Value) -> None:
         inside = self.program.numbered(sphere) <= self.spheres

@@ -3,11 +3,12 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from haustra.envs.sim.linear.layout import CELL_ALONE, LOOP_ROOM, NODE, NODE_ROOM, WORLD, Layout
+from haustra.envs.sim.linear.layout import CELL_ALONE, LOOP_ROOM, NODE, NODE_ROOM, THREAD_ROOM, WORLD, Layout
 from haustra.envs.sim.linear.loops import Loops
 from haustra.envs.sim.linear.memory import Lanes, Rows
 from haustra.envs.sim.linear.press import COUPLES, DAMPED, LEANS, PULLED, SQUARE, PressLists, PressRows, Touch
 from haustra.envs.sim.linear.sweep import Before, NodeNumbers, NodeRows, Nodes, along, in_turn, kept_numbers
+from haustra.envs.sim.linear.threads import Threads
 from haustra.envs.sim.linear.trace import Changing, Program, Value
 from haustra.models.injury.pain import axial_tension, mesentery_tension
 from haustra.models.wall.lumen_table import Tables, axis_point
@@ -92,7 +93,7 @@ class Axis:
         """
         self.program, self.layout, self.nodes = program, layout, layout.nodes
         state, self._world, room = arrays
-        apart = (NODE, NODE_ROOM, LOOP_ROOM) if layout.abreast == 1 else (1, 1, 1)
+        apart = (NODE, NODE_ROOM, LOOP_ROOM, THREAD_ROOM) if layout.abreast == 1 else (1, 1, 1, 1)
         self._state = NodeNumbers(state, layout.node_state, apart[0])
         self._room, self._rows_of_cells = room, layout.abreast > 1
         self._cells: Any = NodeNumbers(room, layout.node_slot, apart[1])
@@ -111,6 +112,8 @@ class Axis:
         self._tables, self._stations = tables
         looping = NodeNumbers(room, layout.loop_slot, apart[2])
         self.loops = Loops(program, layout, looping, self._now, self._row) if layout.touching else None
+        drawn = NodeNumbers(room, layout.thread_slot, apart[3])
+        self.threads = Threads(program, layout, drawn, self._now, self._row)
 
     def shape(self, reached: Value) -> Value:
         """Find how the axes lie and their sections go along, and let nothing press on them.
@@ -236,6 +239,10 @@ class Axis:
         """Let a sphere press on the wall, or those that stand side by side from that one on, at arc lengths [m]."""
         self._pressed.add(self._cell(arc), sphere, touch)
 
+    def meet(self, place: Vector, arc: Value, feel: Callable[[Vector, Vector], None]) -> None:
+        """Let the shaft up to its next sphere draw on the nodes that it has missed (`Threads.meet`)."""
+        self.threads.meet(place, arc, self._of_world("spacing"), feel)
+
     def step(self, h: float, fastest: Any, limit: float, beyond: Value) -> None:
         """Let the axes give way for a time step.
 
@@ -359,6 +366,8 @@ class Axis:
             if self.loops:
                 pressed, stiffness = self.loops.of(own)
                 force, gripped = add(force, pressed), gripped + h * stiffness
+            pressed, stiffness = self.threads.of(own)
+            force, gripped = add(force, pressed), gripped + h * stiffness
             force = add(force, hold_force(xp, place, *springs))
             force = add(force, minus(pull, pulls(*pull)))
             resists = node_resistance(xp, place, *springs, drag, gripped, h)

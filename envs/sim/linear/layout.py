@@ -128,6 +128,10 @@ class Layout:
         """Where a number of the nodes' rooms for loops that touch is counted from."""
         return self.loop_room + self._of_number(number)
 
+    def thread_slot(self, number: int) -> Any:
+        """Where a number of the nodes' rooms for a shaft between its spheres is counted from."""
+        return self.thread_room + self._of_number(number)
+
     def _of_number(self, number: int) -> Any:
         return number if self.abreast == 1 else self.row * number + self.abreast
 
@@ -190,6 +194,11 @@ class Layout:
     @property
     def wire_room(self) -> Any:
         """`WIRE_ROOM` slots a joint, where wheels steer."""
+        return self.thread_room + (self.row * THREAD_ROOM if self.moving else 0)
+
+    @property
+    def thread_room(self) -> Any:
+        """`THREAD_ROOM` slots a node, or as many rows where nodes stand side by side, of a colon that moves."""
         return self.loop_room + (self.row * LOOP_ROOM if self.touching else 0)
 
     @property
@@ -233,9 +242,9 @@ JOINT_ALONE = JOINT_ROOM + 5
 """Where joints stand side by side: what drives one, its armature with what damps it, sine, versine, what scales it."""
 BODY_ALONE = 30
 """Where links stand side by side: direction (3), inertia (21) and wrench (6)."""
-SPHERE_ALONE = SPHERE_ROOM + 30
+SPHERE_ALONE = SPHERE_ROOM + 33
 """Where spheres stand side by side: what the link feels of it, as links' inertia and wrench; place and motion until
-that is known; and the lever of its surface."""
+that is known; the lever of its surface; and its place."""
 NODE = 11
 """Pose and speed (`haustra.models.wall.moving_colon.AxisDisplacement`)."""
 NODE_ROOM = 20
@@ -244,6 +253,8 @@ NODE_ALONE, CELL_ALONE, PRESS = 6, 28, 16
 """Where nodes stand side by side: what of that is theirs, what spheres look up, and what these do to them."""
 LOOP_ROOM = 9
 """`haustra.envs.sim.linear.loops`."""
+THREAD_ROOM = 4
+"""`haustra.envs.sim.linear.threads`."""
 WIRE_ROOM = 2
 """`haustra.envs.sim.linear.wires`."""
 

@@ -316,6 +316,8 @@ class ScopeProgram:
         return furthest.value + WINDOW
 
     def _outwards(self) -> None:
+        if self.axis:
+            self.axis.threads.begin()
         tip = self.chain(self._meet)
         slot = self.layout.arcs + self.spheres
         place = add(tip.place, times(self.scope("tip"), tip.axis))
@@ -333,7 +335,27 @@ class ScopeProgram:
         with self.program.loop(*self.spheres_of(body)) as sphere:
             along = times(self.sphere_place(sphere), link.axis)
             self._touch(sphere, along, add(link.place, along), (link.turning, link.moving), feel)
+            if self.axis:
+                self._thread(self.axis, sphere, along, add(link.place, along), feel)
         self.links.put(body, _DIRECTION, (*link.axis, *sums.now))
+
+    def _thread(
+        self, axis: Axis, sphere: Value, along: Vector, centre: Vector, feel: Callable[[tuple[Value, ...]], None]
+    ) -> None:
+        """What the wall does to the shaft between a sphere and the one before it; the sphere's link feels it.
+
+        Args:
+            axis: of the colon.
+            sphere: which.
+            along: its place from its link's origin [m].
+            centre: its place [m].
+            feel: is told what the link feels of it, if there is any: torque and force.
+        """
+
+        def drawn(force: Vector, moment: Vector) -> None:
+            feel((*times(-1.0, add(moment, cross(along, force))), *times(-1.0, force)))
+
+        axis.meet(centre, self.state.load(self.layout.arcs + sphere), drawn)
 
     def _masses(self, body: Value) -> tuple[Value, Value, Value, Value]:
         """Mass of a link, its centre and its moments of inertia."""

@@ -61,7 +61,7 @@ class BenchLinear:
             ]
             found["largest_difference"] = linear.largest_difference(bank)
             if self.mesentery:
-                found["largest_difference_gathered"] = linear.largest_difference(bank, gathered=True)
+                found["largest_difference_gathered"] = linear.largest_difference(bank, before_step=linear.gather)
         most = [row for row in rows if row.worlds == max(counts)]
         found["exponent"] = linear.exponent(most) if len(most) > 1 else None
         return {"rows": [vars(row) for row in rows], **found}

@@ -12,7 +12,7 @@ from haustra.envs.sim.state import Controls
 from haustra.errors import InvalidOptionError
 from haustra.models.devices.scope.library import named_design
 from haustra.models.wall.sections import SHORTEST
-from haustra.scripts.bench.linear import SIZES, bank_of, conditions, driven, gather, largest_difference, resized
+from haustra.scripts.bench.linear import SIZES, bank_of, conditions, driven, gather, largest_difference, miss, resized
 
 
 @cache
@@ -39,7 +39,20 @@ def test_a_step_is_the_dense_step_where_folds_lie_against_each_other():
     assert own is not None and state.displacement is not None
     lengths = np.linalg.norm(np.diff(own.nodes + state.displacement.pose[..., :3], axis=1), axis=-1)
     assert ((lengths / own.lengths).min(axis=1) < SHORTEST).mean() > 0.5 and (state.normal > 0).any(axis=1).all()
-    assert largest_difference(bank, worlds=10, instants=4, gathered=True) < 1e-9
+    assert largest_difference(bank, worlds=10, instants=4, before_step=gather) < 1e-9
+
+
+def test_a_step_is_the_dense_step_where_a_shaft_has_missed_a_loop():
+    """Nodes between two spheres are drawn to the shaft, which bears as much, to rounding; in lanes and alone."""
+    bank = _bank(mesentery=True)
+    backend, _ = driven(bank, 5, seconds=5.0, real=np.float64)
+    miss(backend)
+    state, own = backend.state(), bank.tables.mesentery
+    assert own is not None and state.displacement is not None
+    for worlds in (10, 1):
+        assert largest_difference(bank, worlds=worlds, instants=4, before_step=miss) < 1e-9
+    apart = np.diff(state.arcs[:, :-1], axis=1).max(axis=1)
+    assert (apart > 0.07).all()
 
 
 def test_single_precision_stays_with_double(bank):

@@ -1,0 +1,155 @@
+"""A shaft that is threaded through a colon that moves: forces against an energy, none in passing, loops that close."""
+
+from dataclasses import replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+import pytest
+from runtime_types import unchecked
+
+from haustra.envs.sim.native import NativeEngine
+from haustra.envs.sim.state import Controls
+from haustra.models.devices.scope.library import named_design
+from haustra.models.scene import SceneOptions, build_scene
+from haustra.models.wall import moving_colon, threads, vectors
+from haustra.models.wall.compiled import loops
+from haustra.models.wall.loops import beside
+from haustra.models.wall.mesentery import Mesentery, hang, stack
+from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
+from haustra.models.wall.table_wall import TableWall
+from haustra.models.wall.threads import INDENTED
+from tests.bent_colon import bent_colon
+
+_RADIUS, _FAR = 0.02, 0.15
+
+
+@pytest.fixture(autouse=True)
+def _double_precision():
+    with jax.enable_x64(True):
+        yield
+
+
+def _hairpin(**changed: Any) -> Mesentery:
+    """A colon of one world along z, aside by `_FAR`, back across 40 mm, and on along z."""
+    corners = np.array([(0, 0, 0), (0, 0, 0.2), (0, _FAR, 0.2), (0, _FAR, 0.24), (0, 0, 0.24), (0, 0, 0.44)])
+    arcs = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1)))
+    fine = np.linspace(0.0, arcs[-1], 2000)
+    line = np.column_stack([np.interp(fine, arcs, column) for column in corners.T])
+    own = hang(line, fine, np.full(2000, _RADIUS), ())
+    return stack([own._replace(**changed)])
+
+
+def _taut() -> tuple[np.ndarray, np.ndarray]:
+    """Spheres of a straight shaft that cuts the hairpin off, every 10 mm, and the arc lengths where they are."""
+    z = np.linspace(0.0, 0.44, 45)
+    points = np.stack([0 * z, 0 * z, z], axis=1)[None]
+    return points, np.where(z < 0.215, z, z + 2 * _FAR)[None]
+
+
+def _drawn(xp: Any, own: Mesentery, pose: Any, points: Any, arcs: Any) -> threads.Drawn:
+    with unchecked():
+        return threads.drawn(xp, own, pose, points, arcs)
+
+
+def test_forces_are_the_slope_of_an_energy_on_nodes_and_on_the_shaft() -> None:
+    """To 1e-9: a piece of shaft moves with the link of its further sphere, so that the nearer one turns about it."""
+    own, random = _hairpin(), np.random.default_rng(0)
+    points, arcs = _taut()
+    points = points + random.normal(size=points.shape) * 0.003
+    pose = np.zeros((1, own.nodes.shape[1], 7))
+    pose[..., :3] = random.normal(size=pose[..., :3].shape) * 0.003
+    along = own.spacing[0] * np.arange(pose.shape[1])
+    sphere = np.searchsorted(arcs[0], along)
+    held = np.flatnonzero(sphere > 0)
+    radius = threads.lumen_radius(np, own.drag[0], own.turn_drag[0])
+
+    def energy(places: Any, shaft: Any) -> Any:
+        ends = vectors.of(shaft[sphere[held] - 1]), vectors.of(shaft[sphere[held]])
+        _, away = beside(jnp, vectors.of(places[held]), *ends)
+        return threads.thread_energy(jnp, vectors.norm(jnp, away), radius[held]).sum()
+
+    places = own.nodes[0] + pose[0, :, :3]
+    on_nodes, on_spheres = map(np.asarray, jax.grad(energy, argnums=(0, 1))(places, points[0]))
+    found = _drawn(np, own, pose, points, arcs)
+    assert np.abs(found.force).max() > 1.0
+    np.testing.assert_allclose(found.force[0], -on_nodes, atol=1e-9)
+    np.testing.assert_allclose(found.borne[0].sum(axis=0), -on_spheres.sum(axis=0), atol=1e-9)
+    at = int(np.abs(found.borne[0]).sum(axis=1).argmax())
+    np.testing.assert_allclose(found.borne[0, at], -(on_spheres[at] + on_spheres[at - 1]), atol=1e-9)
+    turned = -np.cross(points[0, at - 1] - points[0, at], on_spheres[at - 1])
+    np.testing.assert_allclose(found.moment[0, at], turned, atol=1e-9)
+
+
+def test_compiled_loops_and_jax_are_the_law() -> None:
+    own, (points, arcs) = _hairpin(), _taut()
+    pose = np.zeros((1, own.nodes.shape[1], 7))
+    arcs[0, :3] = -0.01, 0.03, 0.02  # spheres before the anus, and one that is folded back
+    want = _drawn(np, own, pose, points, arcs)
+    nodes, borne = np.ones((1, pose.shape[1], 4)), np.ones((1, points.shape[1], 6))
+    assert loops().thread(own, np.zeros(1, int), pose, points, arcs, nodes, borne)
+    np.testing.assert_allclose(nodes, np.concatenate([want.force, want.stiffness[..., None]], axis=2), atol=1e-12)
+    np.testing.assert_allclose(borne, np.concatenate([want.borne, want.moment], axis=2), atol=1e-12)
+    for one, other in zip(_drawn(jnp, own, jnp.asarray(pose), jnp.asarray(points), arcs), want, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-12)
+
+
+def test_nothing_is_drawn_to_a_shaft_that_its_spheres_hold() -> None:
+    """Anywhere in the lumen, and as deep in the wall as 5 mm, the law is exactly none."""
+    own, (points, _) = _hairpin(), _taut()
+    line = np.linspace(0.0, 0.19, points.shape[1])
+    points = np.stack([np.full_like(line, _RADIUS + 0.9 * INDENTED), 0 * line, line], axis=1)[None]
+    found = _drawn(np, own, np.zeros((1, own.nodes.shape[1], 7)), points, line[None])
+    assert all((np.asarray(part) == 0).all() for part in found)
+
+
+def test_a_loop_closes_on_a_shaft_that_is_taut_across_it() -> None:
+    """It ends inside the cross-section of every node, as far as packed folds let it; no energy is gained."""
+    own = _hairpin(slack=np.full(75, 1.0), hold=np.full(75, 1e-3))
+    assert own.nodes.shape[1] == 75
+    points, arcs = _taut()
+    now = moving_colon.at_rest(np, own, 1, float)
+    grip, none = AttachmentPoints(np.zeros((1, 1)), np.zeros((1, 1, 3))), np.zeros((1, 1, 3))
+
+    def out_and_energy(now: AxisDisplacement) -> tuple[float, float]:
+        places = own.nodes[0] + now.pose[0, :, :3]
+        off = np.hypot(places[:, 0], places[:, 1])  # from a shaft along z
+        radius = threads.lumen_radius(np, own.drag[0], own.turn_drag[0])
+        with unchecked():
+            stored = moving_colon.energy(np, own, now.pose)[0]
+        return float((off - radius).max()), float(stored + threads.thread_energy(np, off, radius).sum())
+
+    (first, before), passed = out_and_energy(now), []
+    for _ in range(2000):
+        found = _drawn(np, own, now.pose, points, arcs)
+        with unchecked():
+            now = moving_colon.step_axis(np, own, now, grip, none, none[..., :2], 0.005, drawn=found)
+        passed.append(out_and_energy(now)[1])
+    out, _ = out_and_energy(now)
+    assert first > 0.12 and out < INDENTED + 0.01
+    assert (np.diff([before, *passed]) < 1e-9).all()
+
+
+def test_links_bear_what_nodes_are_drawn_by() -> None:
+    """Natively: generalised forces are those of the law at the places of the shaft, by MuJoCo's Jacobians."""
+    colon = bent_colon([(0.15, 0.0), (0.1, 0.2), (0.1, 0.0)])[0]
+    options = SceneOptions(wall_law="table", mesentery=True, insertion_limit=0.3, shaft_cell=0.05, bending_cell=0.03)
+    engine = NativeEngine(build_scene(colon, None, named_design("adult"), replace(options, softening=False)))
+    for _ in range(10):
+        assert engine.step(Controls(0.1, 0.0, np.zeros(4)), 40)
+    wall, data, model = engine._wall, engine.data, engine.model
+    assert isinstance(wall, TableWall)
+    moved = wall._walls.displacement
+    wall._walls.arcs[0, wall.arcs > 0.1] += _FAR / 2
+    wall.update(data)
+    points, own = data.geom_xpos[wall.spheres][None], wall._walls._own
+    assert own is not None and moved is not None
+    found = _drawn(np, own, moved.pose, points, wall.arcs[None])
+    assert np.abs(found.borne).max() > 1.0
+    want, jacobians = np.zeros(model.nv), np.zeros((2, 3, model.nv))
+    for sphere, geom in enumerate(wall.spheres):
+        mujoco.mj_jac(model, data, *jacobians, points[0, sphere], int(model.geom_bodyid[geom]))
+        want += jacobians[0].T @ found.borne[0, sphere] + jacobians[1].T @ found.moment[0, sphere]
+    np.testing.assert_allclose(data.qfrc_applied, want, atol=1e-10)
