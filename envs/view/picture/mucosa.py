@@ -167,8 +167,20 @@ def shade(xp: Any, place: WallPlace, sight: Sight, scene: Scene, only: Only) -> 
         scene: what all pixels share.
         only: changes what a place looks like where a condition holds.
     """
+    return _lit(xp, wall_looks(xp, place, sight.away * scene.pixel, scene, only), sight, scene)
+
+
+def wall_looks(xp: Any, place: WallPlace, size: Any, scene: Scene, only: Only) -> Looks:
+    """What a place of the wall looks like: `pale` and `dark` together are what a matt wall sends back.
+
+    Args:
+        xp: numpy, or what writes a program.
+        place: of the wall.
+        size: how much of the wall a pixel sees [m]; what is finer is left out.
+        scene: what all pixels share.
+        only: changes what a place looks like where a condition holds.
+    """
     x, y, z = place.rest
-    size = sight.away * scene.pixel
 
     def ripple(at: Vector, fine: float, shift: Vector = (0.0, 0.0, 0.0)) -> tuple[Any, Vector]:
         return noise(xp, scene.lattice, at, fine, shift)
@@ -225,8 +237,7 @@ def shade(xp: Any, place: WallPlace, sight: Sight, scene: Scene, only: Only) -> 
     looks = only(place.bleeding > 0.0, soak, looks)
     taken = (xp.exp(-share * looks.blood) for share in (_RED, _GREEN, _BLUE))
     looks = looks._replace(pale=tuple(own * left for own, left in zip(looks.pale, taken, strict=True)))
-    looks = only(place.stool > 0.0, cover, looks)
-    return _lit(xp, looks, sight, scene)
+    return only(place.stool > 0.0, cover, looks)
 
 
 def _orifice(xp: Any, looks: Looks, landmark: Landmark, off: Vector, bend: Any) -> Looks:
