@@ -1,4 +1,4 @@
-"""A picture's scene by Mitsuba 3 (Jakob and others, BSD licence): its rays, its direct light, and light from wall to wall.
+"""A picture by Mitsuba 3 (Jakob and others, BSD licence): its rays, its direct light, and light from wall to wall.
 
 Mitsuba has no calibrated fisheye and no such light guide: its path tracer is asked along the project's rays, and guides
 are an emitter written here. It computes in single precision, one ray after the other, and needs no LLVM and no GPU for
