@@ -48,7 +48,7 @@ def matt_pixels(seen: SeenPixels) -> Float[np.ndarray, "height width 3"]:
 
 
 def matt_vertices(looks: Appearance, size: float) -> Float[np.ndarray, "vertices 3"]:
-    """Share of light that comes back at a surface's vertices, in its order [1]; what is finer than `size` [m] is out."""
+    """Share of light that comes back at a surface's vertices, in its order [1]; what is finer than `size` [m], not."""
     wall = looks.wall.astype(float)
     place = WallPlace(of(wall[:, :3]), *wall[:, 3:9].T)
     return _matt(place, np.full(len(wall), size), _scene(looks, np.eye(3), Light(), 0.0))
