@@ -116,6 +116,63 @@ def bench_rays(
     return rows
 
 
+def bench_shader(
+    colon: Colon,
+    design: ScopeDesign,
+    counts: Sequence[int],
+    *,
+    width: int,
+    height: int,
+    progress: Callable[[int, str], None] = lambda done, note: None,
+) -> list[dict[str, Any]]:
+    """Frames a second by OpenGL with the mucosa's shader, in a colon that moves on its mesentery.
+
+    A picture is one whose colon, scope and camera are new, back in the host's memory. Beside rates stand the parts of a
+    frame, and how the last picture differs from that of exact rays.
+
+    Args:
+        colon: the colon.
+        design: the scope.
+        counts: numbers of joints.
+        width: columns of a picture.
+        height: rows of a picture.
+        progress: told counts done.
+    """
+    from haustra.envs.view.picture.gl_endoscope import GlEndoscope
+
+    table = lumen_table(colon, device_radius=design.diameter / 2, with_mesentery=True)
+    tables = stack([table.seen_from(*entry_of(colon))])
+    surface = MovingSurface(colon, tables, *entry_of(colon))
+    scope = Endoscope(colon, lens_of(design.tip, width, height), surface=surface)
+    drawn = GlEndoscope(colon, scope.renderer.lens, surface=surface, appearance=scope.appearance)
+    rows = []
+    for count in counts:
+        moving = _Moving(colon, design, count, mesentery=True, tables=tables)
+        for _ in range(_BEFORE):
+            moving.step(4)
+        pose = moving.bring(surface)
+        row: dict[str, Any] = {"renderer": "opengl, mucosa's shader", "on": drawn.device.name, "joints": count}
+        row["triangles"] = len(colon.lumen.faces)
+        row["frames_per_s"] = _rate(lambda now=moving: drawn.picture(now.bring(surface, steps=1)))
+        row["frames_per_s_real_time"] = _rate(lambda now=moving: drawn.picture(now.bring(surface, steps=4)))
+        row["pictures_per_s"] = _rate(lambda now=moving: drawn.picture(now.bring(surface)))
+        row["draw_ms"] = 1e3 / _rate(lambda at=pose: drawn.picture(at))
+        row["submit_ms"] = 1e3 / _rate(lambda at=pose: drawn.draw(at))
+        row["surface_ms"] = 1e3 / _rate(lambda now=moving: now.bring(surface))
+        row["steps_per_s"] = _rate(lambda now=moving: now.step(1))
+        row["colon_moved_mm"] = 1e3 * moving.moved()
+        pose = moving.bring(surface)
+        picture, distance, view = drawn.picture(pose), drawn.distance(), scope.look(pose)
+        off = np.abs(scope.develop(scope.radiance(view)).astype(int) - picture).max(axis=2)
+        both = (view.own >= 0) & np.isfinite(distance)
+        row["unlike_rays"] = float((off > 1).mean())
+        row["depth_median_mm"] = float(np.median(1e3 * np.abs(distance[both] - view.distance[both])))
+        row["picture_spread"] = float(picture.std())
+        rows.append(row)
+        progress(len(rows), f"{count} joints")
+    return rows
+
+
 def _processor_times(scope: Endoscope, bring: Callable[[], CameraPose]) -> dict[str, float]:
     """Processor time of the parts of a picture, of all cores together [ms]."""
 

@@ -60,6 +60,11 @@ class Appearance:
         self.landmarks: Float[np.ndarray, "landmarks 8"] = np.array(_landmarks(colon, rng)).reshape(-1, 8)
         """Named places that are drawn pixel by pixel."""
 
+    @property
+    def kinds(self) -> tuple[int, ...]:
+        """Kinds of the landmarks."""
+        return tuple(int(kind) for kind in self.landmarks[:, 0])
+
     def bleed(self, place: Float[np.ndarray, "3"], reach: float) -> None:
         """Let blood lie on the wall around a place of the colon at rest [m], as far as `reach` [m]."""
         away = np.linalg.norm(self._surface.rest - place, axis=1)
