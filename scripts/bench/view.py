@@ -25,6 +25,8 @@ from haustra.scripts.bench.cost import options_for
 _BEFORE = 200
 """Control intervals of 20 ms before anything is timed: the tip is some 0.2 m in."""
 _FRAMES = 50
+_LEAST_TIME = 0.5
+"""Rates are measured for at least so long [s]."""
 
 
 def bench_view(
@@ -170,6 +172,7 @@ def bench_shader(
         row["picture_spread"] = float(picture.std())
         rows.append(row)
         progress(len(rows), f"{count} joints")
+    drawn.device.close()
     return rows
 
 
@@ -244,10 +247,11 @@ class _Moving:
 
 
 def _rate(act: Callable[[], object]) -> float:
-    """Calls a second, without the first few."""
+    """Calls a second, without the first few: of `_FRAMES`, or of as many as half a second takes."""
     for _ in range(10):
         act()
-    began = time.perf_counter()
-    for _ in range(_FRAMES):
+    began, count, spent = time.perf_counter(), 0, 0.0
+    while count < _FRAMES or spent < _LEAST_TIME:
         act()
-    return _FRAMES / (time.perf_counter() - began)
+        count, spent = count + 1, time.perf_counter() - began
+    return count / spent

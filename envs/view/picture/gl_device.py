@@ -1,8 +1,8 @@
 """An OpenGL device that draws without a window: programs of shaders, buffers, and what they are given."""
 
+import atexit
 import ctypes
 import importlib
-import weakref
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -30,7 +30,7 @@ class GlDevice:
         if backend is None:
             raise MissingDependencyError("OpenGL draws nothing here: install EGL, or use the rays, which need none.")
         self._context: Any = importlib.import_module(_CONTEXTS[backend]).GLContext(width, height)
-        weakref.finalize(self, self._context.free)
+        atexit.register(self._context.free)  # before the library itself ends, which then frees nothing any more
         self._context.make_current()
         self.gl: Any = importlib.import_module("OpenGL.GL")
         """PyOpenGL's functions."""
@@ -45,6 +45,11 @@ class GlDevice:
     def make_current(self) -> None:
         """Let what follows go to this context."""
         self._context.make_current()
+
+    def close(self) -> None:
+        """Give back all that it holds; nothing can be drawn any more."""
+        atexit.unregister(self._context.free)
+        self._context.free()
 
     def program(self, sources: Mapping[str, str]) -> int:
         """A program of shaders, by their stage: compute, vertex, fragment."""

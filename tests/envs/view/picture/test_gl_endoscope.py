@@ -68,6 +68,7 @@ def test_a_colon_that_moved_and_is_pressed_is_drawn_as_by_rays(bent: Colon, lens
         off, apart = alike(scope, drawn, camera)
         assert (off <= 1).mean() > 0.995
         assert np.percentile(apart, 99) < 1e-6
+    drawn.device.close()
 
 
 @needs_opengl
@@ -85,6 +86,7 @@ def test_gain_and_what_changes_between_pictures_are_honoured(bent: Colon) -> Non
     surface.place(bent.lumen.vertices + np.array([0.0, 0.0, 0.003]))
     off, apart = alike(scope, drawn, camera)
     assert (off <= 1).mean() > 0.995 and np.percentile(apart, 99) < 1e-6
+    drawn.device.close()
 
 
 @pytest.mark.parametrize("response", [Response(noise=0.02), Response(exposure=0.02)])
