@@ -232,7 +232,7 @@ class HostEyes(Eyes):
         arc: Float[np.ndarray, " worlds"],
     ) -> Float[np.ndarray, "worlds rays"]:
         """As `Eyes.tip_distances`."""
-        return self._sight.tip_distances(case, eye, frame, arc, self._at_rest(case))
+        return self._sight.tip_distances(case, eye, frame, arc, self.at_rest(case))
 
     def depth(
         self,
@@ -246,9 +246,9 @@ class HostEyes(Eyes):
     ) -> UInt8[np.ndarray, "worlds size size"]:
         """As `Eyes.depth`."""
         lens = {"field_of_view_deg": field_of_view_deg, "size": size}
-        return in_bytes(self._sight.depth(case, eye, frame, arc, **lens, at_rest=self._at_rest(case)))
+        return in_bytes(self._sight.depth(case, eye, frame, arc, **lens, at_rest=self.at_rest(case)))
 
-    def _at_rest(self, case: Int[np.ndarray, " worlds"]) -> Callable[[Any, Any], Any] | None:
+    def at_rest(self, case: Int[np.ndarray, " worlds"]) -> Callable[[Any, Any], Any] | None:
         """As `Sight.distances` takes it; None where colons are fixed."""
         displacement = self._backend.displacement
         return None if displacement is None else back_to_reference(np, pick(self._backend.tables, case), displacement)

@@ -17,6 +17,8 @@ from haustra.models.anatomy.colon import Colon
 from haustra.scripts.bench.sight.mitsuba_light import MitsubaScene, TracedRays
 from haustra.scripts.bench.sight.traced_scene import MM, TracedScene, traced_scene
 
+SEED = 5
+"""Seed of the grown colon."""
 LENS = "cf-hq190l"
 """Lens that pictures are seen through."""
 PLACES = {"sigmoid": 0.4, "descending": 0.5, "transverse": 0.7, "ascending": 0.4}
@@ -48,6 +50,8 @@ class Compared(NamedTuple):
     """By Mitsuba: straight from the guides."""
     traced: Float[np.ndarray, "pixels 3"]
     """By Mitsuba: from wall to wall too."""
+    noise: Float[np.ndarray, "pixels 3"]
+    """How far that is from either half of its samples."""
 
     @property
     def both(self) -> np.ndarray:
@@ -91,8 +95,10 @@ def compare_place(scope: Endoscope, pose: CameraPose, *, samples: int) -> Compar
     places = np.where(rays.met, rays.distance, 1.0)[:, None] * scene.rays
     matt = dim * sent * scene.irradiance(places, rays.normals)[:, None]
     direct = dim * fine * tracer.direct()
-    traced = dim * fine * tracer.light(depth=_DEEPEST, samples=samples)
-    return Compared(scope, view, rays, scope.radiance(view).reshape(-1, 3).astype(float), matt, direct, traced)
+    halves = [dim * fine * tracer.light(depth=_DEEPEST, samples=-(-samples // 2), seed=seed) for seed in range(2)]
+    traced, noise = (halves[0] + halves[1]) / 2, np.abs(halves[0] - halves[1]) / 2
+    shader = scope.radiance(view).reshape(-1, 3).astype(float)
+    return Compared(scope, view, rays, shader, matt, direct, traced, noise)
 
 
 def differences(found: Compared) -> dict[str, float]:
@@ -115,6 +121,7 @@ def differences(found: Compared) -> dict[str, float]:
         "shader_direct_exposed": _unlike(_exposed(shader, direct), direct),
         "shader_traced": _unlike(shader, traced),
         "shader_traced_exposed": _unlike(_exposed(shader, traced), traced),
+        "traced_noise": float(found.noise[both].mean() / traced.mean()),
     }
     left = 1 - direct.sum(axis=0) / traced.sum(axis=0)
     return row | {f"from_wall_{band}": float(share) for band, share in zip(("red", "green", "blue"), left, strict=True)}
@@ -127,8 +134,8 @@ def bench_reference(
     samples: int,
     places: Sequence[str] = tuple(PLACES),
     progress: Callable[[int, str], None] = lambda done, note: None,
-) -> list[dict[str, Any]]:
-    """Numbers of some places of a colon, one row each.
+) -> tuple[list[tuple[str, Compared]], list[dict[str, Any]]]:
+    """What is seen at some places of a colon, by their names, and numbers of each, one row each.
 
     Args:
         colon: grown, with segments.
@@ -140,12 +147,11 @@ def bench_reference(
     Raises:
         MissingDependencyError: without Mitsuba.
     """
-    rows, lens = [], named_lens(LENS).at(size, size)
+    lens, seen = named_lens(LENS).at(size, size), []
     for number, segment in enumerate(places):
-        found = compare_place(*indented_look(colon, segment, PLACES[segment], lens), samples=samples)
-        rows.append({"place": segment, **differences(found)})
+        seen.append((segment, compare_place(*indented_look(colon, segment, PLACES[segment], lens), samples=samples)))
         progress(number + 1, segment)
-    return rows
+    return seen, [{"place": segment, **differences(found)} for segment, found in seen]
 
 
 def _unlike(light: Float[np.ndarray, "pixels 3"], other: Float[np.ndarray, "pixels 3"]) -> float:
