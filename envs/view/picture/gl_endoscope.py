@@ -19,7 +19,7 @@ from haustra.envs.view.picture.gl_device import GlDevice
 from haustra.envs.view.picture.lens import Lens
 from haustra.envs.view.picture.light import Light, Response
 from haustra.envs.view.picture.renderer import MOST, CameraPose, radii, triangles_around
-from haustra.envs.view.picture.shader import common_numbers, lens_planes, pixel_angle
+from haustra.envs.view.picture.shader import SHARED, common_numbers, lens_planes, pixel_angle
 from haustra.envs.view.picture.surface import STRETCH, ColonSurface
 from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import Colon
@@ -93,7 +93,7 @@ class GlEndoscope:
         }
         self._held = {name: device.buffer(values) for name, values in held.items()}
         self._top, self._places = len(curve) - 1, len(held["radii"])
-        self._held["common"] = device.buffer(np.zeros(4 * (12 + 3 * guides + 7 * len(self.appearance.kinds)), "f4"))
+        self._held["common"] = device.buffer(np.zeros(4 * (SHARED + 3 * guides + 7 * len(self.appearance.kinds)), "f4"))
         self._device_room = 0
         self._picture = np.zeros((lens.height, lens.width, 4), np.uint8)
         self._numbers = np.array([*lens.centre, lens.width, lens.height, *np.ravel(lens.stretch)], np.float32)

@@ -9,6 +9,7 @@ import functools
 
 from haustra.envs.view.picture.glsl import REAL, WHOLE, Glsl, Number
 from haustra.envs.view.picture.mucosa import Change, Landmark, Looks, Scene, Sight, WallPlace, shade
+from haustra.envs.view.picture.shader import SHARED
 from haustra.models.wall.indentation import FALL, reached
 from haustra.models.wall.sections import Section, carried
 from haustra.models.wall.signed_distance import ANUS
@@ -222,18 +223,18 @@ vec4 asked(int face, vec3 ray) {{
 
 def _fours(kinds: tuple[int, ...], guides: int) -> int:
     """Fours that hold the numbers all pixels share."""
-    return -(-(12 + 3 * guides + 7 * len(kinds)) // 4)
+    return -(-(SHARED + 3 * guides + 7 * len(kinds)) // 4)
 
 
 def _scene(own: Glsl, kinds: tuple[int, ...], guides: int) -> Scene:
     """What all pixels share, in the order of `haustra.envs.view.picture.shader.common_numbers`."""
-    numbers = iter([own.given(f"number({slot})") for slot in range(12 + 3 * guides + 7 * len(kinds))])
+    numbers = iter([own.given(f"number({slot})") for slot in range(SHARED + 3 * guides + 7 * len(kinds))])
 
     def vector() -> Vector:
         return next(numbers), next(numbers), next(numbers)
 
     axes = vector(), vector(), vector()
-    spread, pixel, wet = vector()
+    (spread, pixel, wet), mucus = vector(), next(numbers)
     places = [vector() for _ in range(guides)]
     landmarks = [Landmark(kind, vector(), next(numbers), vector()) for kind in kinds]
 
@@ -241,7 +242,7 @@ def _scene(own: Glsl, kinds: tuple[int, ...], guides: int) -> Scene:
         name = own.put("vec4", f"lattice({row.text})").text
         return [own.given(f"{name}.{each}") for each in "xyzw"]
 
-    return Scene(lattice, landmarks, axes, places, spread, pixel, wet)
+    return Scene(lattice, landmarks, axes, places, spread, pixel, wet, mucus)
 
 
 @functools.cache

@@ -64,6 +64,5 @@ def _scene(looks: Appearance, rotation: Float[np.ndarray, "3 3"], light: Light, 
     corners = mucosa.corners(looks.lattice.astype(float))
     landmarks = [Landmark(int(row[0]), of(row[1:4]), row[4], of(row[5:8])) for row in looks.landmarks]
     axes = of(rotation[:, 0]), of(rotation[:, 1]), of(rotation[:, 2])
-    return Scene(
-        lambda row: np.moveaxis(corners[row], -1, 0), landmarks, axes, light.guides, light.spread, pixel, looks.wet
-    )
+    about = light.guides, light.spread, pixel, looks.wet, looks.mucus
+    return Scene(lambda row: np.moveaxis(corners[row], -1, 0), landmarks, axes, *about)

@@ -309,15 +309,15 @@ class _Looking:
     def _scene(self, kinds: tuple[int, ...], guides: int) -> Scene:
         program, given = self._program, self._given
         common = Shared(program, given["common"])
-        numbers = [common.load(slot) for slot in range(3 + 3 * guides)]
-        places = [(numbers[slot], numbers[slot + 1], numbers[slot + 2]) for slot in range(3, len(numbers), 3)]
+        numbers = [common.load(slot) for slot in range(4 + 3 * guides)]
+        places = [(numbers[slot], numbers[slot + 1], numbers[slot + 2]) for slot in range(4, len(numbers), 3)]
         table = Rows(program, given["landmarks"], LANDMARK_ROW)
         landmarks = []
         for number, kind in enumerate(kinds):
             row = self._colon * (len(kinds) + LIDS) + number
             landmarks.append(Landmark(kind, _three(table, row, 0), table.read(row, 3), _three(table, row, 4)))
-        spread, pixel, wet = numbers[:3]
-        return Scene(lattice_of(program, given["lattice"]), landmarks, self._axes, places, spread, pixel, wet)
+        spread, pixel, wet, mucus = numbers[:4]
+        return Scene(lattice_of(program, given["lattice"]), landmarks, self._axes, places, spread, pixel, wet, mucus)
 
     def _number(self, slot: int) -> Value:
         return self._views.read(self._row, slot)

@@ -31,6 +31,9 @@ from haustra.models.wall.vectors import dot
 
 LANES = 16
 """Pixels that are shaded at a time."""
+SHARED = 13
+"""Numbers that all pixels of a picture share before those of guides and landmarks: axes, light's fall, the angle that a
+pixel sees, the film's brightness, mucus."""
 FOURS = 3
 """Rows of what is known of vertices have four times so many numbers: place at rest, arc length, what is known."""
 _ARRAYS = ("common", "lattice", "wall", "faces", "lens", "own", "met", "light")
@@ -99,7 +102,7 @@ class Shader:
 
 def common_numbers(looks: Appearance, pose: CameraPose, light: Light, pixel: float) -> Float[np.ndarray, " numbers"]:
     """What all pixels of a picture share, given the angle that one sees [rad], in the order in which programs read."""
-    numbers = [pose.rotation.T.ravel(), (light.spread, pixel, looks.wet)]
+    numbers = [pose.rotation.T.ravel(), (light.spread, pixel, looks.wet, looks.mucus)]
     numbers += [np.ravel(light.guides), looks.landmarks[:, 1:].ravel()]
     return np.concatenate(numbers).astype(np.float32)
 
@@ -119,16 +122,16 @@ def pixel_angle(lens: Lens) -> float:
 
 def _scene(program: Program, given: dict[str, Any], kinds: tuple[int, ...], guides: int) -> Scene:
     shared = Shared(program, given["common"])
-    numbers = iter([shared.load(slot) for slot in range(12 + 3 * guides + 7 * len(kinds))])
+    numbers = iter([shared.load(slot) for slot in range(SHARED + 3 * guides + 7 * len(kinds))])
 
     def vector() -> Any:
         return next(numbers), next(numbers), next(numbers)
 
     axes = vector(), vector(), vector()
-    spread, pixel, wet = vector()
+    (spread, pixel, wet), mucus = vector(), next(numbers)
     places = [vector() for _ in range(guides)]
     landmarks = [Landmark(kind, vector(), next(numbers), vector()) for kind in kinds]
-    return Scene(lattice_of(program, given["lattice"]), landmarks, axes, places, spread, pixel, wet)
+    return Scene(lattice_of(program, given["lattice"]), landmarks, axes, places, spread, pixel, wet, mucus)
 
 
 def lattice_of(program: Program, base: Any) -> Lattice:

@@ -84,8 +84,8 @@ def _reference(kept: Mapping[str, Any]) -> list[str]:
     lines = [
         "## Light",
         "",
-        "The same triangles, normals, rays, guides and patterns of the wall in Mitsuba 3 (extra `mitsuba`), the wall matt,"
-        f" {kept['about']['samples']} samples a pixel, in grown colon 5 with a tip that presses the wall. Distances"
+        "The same triangles, normals, rays, guides and patterns of the wall in Mitsuba 3 (extra `mitsuba`), the wall"
+        f" matt, {kept['about']['samples']} samples a pixel, in grown colon 5, a tip pressing the wall. Distances"
         f" are within {most('distance_largest_mm'):.4f} mm of Mitsuba's, normals within"
         f" {most('normals_largest_deg'):.4f}°, and the guides' formula gives Mitsuba's direct light to"
         f" {most('formula'):.0e} where nothing shades.",

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from haustra.envs.view.picture import mucosa
-from haustra.envs.view.picture.appearance import Appearance
+from haustra.envs.view.picture.appearance import Appearance, Residue
 from haustra.envs.view.picture.backends import best_backend
 from haustra.envs.view.picture.camera import looking
 from haustra.envs.view.picture.endoscope import Endoscope
@@ -53,7 +53,7 @@ def test_a_colon_that_moved_and_is_pressed_is_drawn_as_by_rays(bent: Colon, lens
     pose = np.tile(np.asarray(AT_REST), (tables.mesentery.nodes.shape[1], 1))
     pose[:, 0] = 0.004 * np.sin(np.linspace(0, np.pi, len(pose)))
     surface.move(pose)
-    looks, random = Appearance(bent, surface, stool=0.4), np.random.default_rng(0)
+    looks, random = Appearance(bent, surface, residue=Residue(0.4, 0.4)), np.random.default_rng(0)
     near = np.abs(surface.arcs - 0.07) < 0.02
     looks.known[near] = random.uniform(0, 1, (near.sum(), 5)) * random.integers(0, 2, (near.sum(), 5))
     looks.landmarks = np.array([[mucosa.VALVE, *surface.rest[np.argmin(np.abs(surface.arcs - 0.08))], 0.011, 1, 0, 0]])
@@ -108,4 +108,4 @@ def test_laws_are_written_down() -> None:
     ]
     with pytest.raises(TypeError, match=r"xp\.where"):
         bool(index < 1)
-    assert write_shade((0, 1), 3).count("lattice(") == 1 + 2 * 6 and "device[" in write_carry()
+    assert write_shade((0, 1), 3).count("lattice(") == 1 + 2 * 8 and "device[" in write_carry()

@@ -15,7 +15,7 @@ from tests.models.wall.conftest import RADIUS, swept_colon
 
 WIDTH, HEIGHT = 60, 51
 """No multiple of what is shaded at a time."""
-WET = 0.8
+WET, MUCUS = 0.8, 0.4
 
 
 def shaded_by_numpy(scope: Endoscope, view: SurfaceView) -> np.ndarray:
@@ -37,7 +37,7 @@ def test_the_program_shades_as_the_law_says() -> None:
     random = np.random.default_rng(0)
     near = np.abs(scope.surface.arcs - 0.07) < 0.02
     looks.known[near] = random.uniform(0, 1, (near.sum(), 5)) * random.integers(0, 2, (near.sum(), 5))
-    looks.wet = WET
+    looks.wet, looks.mucus = WET, MUCUS
     along = (1.0, 0.0, 0.0)
     looks.landmarks = np.array([
         [mucosa.ORIFICE, 0.075, 0.0, RADIUS, 0.0035, *along],
