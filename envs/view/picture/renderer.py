@@ -61,6 +61,12 @@ class CameraPose:
         """
         return cls(np.asarray(position, float), np.column_stack([frame[:, 1], frame[:, 0], -frame[:, 2]]).astype(float))
 
+    def towards(self, other: "CameraPose", share: float) -> "CameraPose":
+        """The pose that share of a short way from here to another."""
+        turned, _ = np.linalg.qr(self.rotation + share * (other.rotation - self.rotation))
+        turned = turned * np.sign(np.einsum("ij,ij->j", turned, other.rotation))
+        return CameraPose(self.position + share * (other.position - self.position), turned)
+
 
 @dataclass(frozen=True)
 class SurfaceView:

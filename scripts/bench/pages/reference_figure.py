@@ -1,6 +1,6 @@
 """The figure of pictures beside a path tracer's: shader, direct light alone, light from wall to wall, differences.
 
-`haustra bench sight -o DIR` leaves it as `reference.png`.
+`haustra bench sight -o DIR` leaves it as `reference.webp`.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ def draw_reference(path: Path, found: Sequence[tuple[str, Compared]]) -> Path:
     """Draw a row of pictures for each place.
 
     Args:
-        path: of the PNG file.
+        path: of the WebP file.
         found: names of places, and what was seen there.
 
     Raises:
@@ -56,7 +56,10 @@ def draw_reference(path: Path, found: Sequence[tuple[str, Compared]]) -> Path:
         axes.set_xticks([])
         axes.set_yticks([])
     figure.colorbar(ScalarMappable(norm, "RdBu_r"), ax=panels[:, 3].tolist(), shrink=0.8)
-    return write_atomically(path, lambda temporary: figure.savefig(temporary, dpi=80, format="png"))
+    quality = {"quality": 85}
+    return write_atomically(
+        path, lambda temporary: figure.savefig(temporary, dpi=80, format="webp", pil_kwargs=quality)
+    )
 
 
 def exposed(light: Float[np.ndarray, "height width 3"]) -> Float[np.ndarray, "height width 3"]:

@@ -87,10 +87,10 @@ def _reference(kept: Mapping[str, Any]) -> list[str]:
         "The same triangles, normals, rays, guides and patterns of the wall in Mitsuba 3 (extra `mitsuba`), the wall"
         f" matt, {kept['about']['samples']} samples a pixel, in grown colon 5, a tip pressing the wall. Distances"
         f" are within {most('distance_largest_mm'):.4f} mm of Mitsuba's, normals within"
-        f" {most('normals_largest_deg'):.4f}°, and the guides' formula gives Mitsuba's direct light to"
-        f" {most('formula'):.0e} where nothing shades.",
+        f" {most('normals_largest_deg'):.4f}°, and where nothing shades, the guides' formula gives"
+        f" Mitsuba's direct light but for {1e9 * most('formula'):.0f} parts in a thousand million.",
         "",
-        "![The shader's pictures, Mitsuba's, and their difference](../images/reference.png)",
+        "![The shader's pictures, Mitsuba's, and their difference](../images/reference.webp)",
         "",
         "| linear light | " + " | ".join(row["place"] for row in rows) + " |",
         "|---|" + "---|" * len(rows),
@@ -111,16 +111,16 @@ def _reference(kept: Mapping[str, Any]) -> list[str]:
 
 
 _LIGHT = {
-    "pixels with a shadow of some guide": "in_shadow",
+    "pixels that some guide leaves in shadow": "in_shadow",
     "light that shadows take": "light_in_shadow",
     "shader against direct light": "shader_direct",
-    "the same, each band as bright": "shader_direct_exposed",
+    "the same, each band made as bright": "shader_direct_exposed",
     "shader against light from wall to wall": "shader_traced",
-    "the same, each band exposed as bright": "shader_traced_exposed",
-    "noise of the latter, half of the samples against the other": "traced_noise",
+    "likewise, each band made as bright": "shader_traced_exposed",
+    "noise of the light from wall to wall, by halves of the samples": "traced_noise",
     "red light that comes from other wall": "from_wall_red",
-    "green light": "from_wall_green",
-    "blue light": "from_wall_blue",
+    "green light that does": "from_wall_green",
+    "blue light that does": "from_wall_blue",
 }
 """Rows of the table, by their titles."""
 

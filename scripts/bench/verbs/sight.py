@@ -14,7 +14,7 @@ class BenchSight:
     """Measure every renderer of the tip's view against exact rays, and its light against Mitsuba's path tracer.
 
     What is not there, such as a GPU, is named. Leaves sight-reference.md, sight-reference.json and, with Mitsuba,
-    reference.png.
+    reference.webp.
     """
 
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
@@ -58,7 +58,7 @@ class BenchSight:
                 seen, reference = bench_reference(
                     grow_colon(seed=SEED), size=self.size, samples=self.samples, progress=advance
                 )
-            draw_reference(folder / "reference.png", seen)
+            draw_reference(folder / "reference.webp", seen)
         about = {"size": self.size, "samples": self.samples, "worlds": self.worlds, "seconds": self.seconds}
         kept = {"about": about, "depths": depths, "reference": reference, "machine": machine()}
         write_json(folder / "sight-reference.json", kept)
