@@ -75,13 +75,13 @@ class GlDevice:
             self._places[program, name] = self.gl.glGetUniformLocation(program, name)
         return self._places[program, name]
 
-    def buffer(self, values: np.ndarray) -> int:
-        """A buffer with these numbers."""
+    def buffer(self, values: np.ndarray, use: str = "STATIC_DRAW") -> int:
+        """A buffer with these numbers, where the driver finds it best for OpenGL's use of that name."""
         gl = self.gl
         held = int(gl.glGenBuffers(1))
         gl.glBindBuffer(gl.GL_SHADER_STORAGE_BUFFER, held)
         values = np.ascontiguousarray(values)
-        gl.glBufferData(gl.GL_SHADER_STORAGE_BUFFER, max(values.nbytes, 16), None, gl.GL_DYNAMIC_DRAW)
+        gl.glBufferData(gl.GL_SHADER_STORAGE_BUFFER, max(values.nbytes, 16), None, getattr(gl, f"GL_{use}"))
         if values.nbytes:
             self.write(held, values)
         return held

@@ -31,6 +31,13 @@ REACH = 0.4
 _BEYOND = 0.02
 """Stretches count as so much wider than they are [m]; engineering choice: what a device may push them out by."""
 
+_USES = {
+    "nodes": "STREAM_DRAW",
+    **dict.fromkeys(("local", "normals", "light", "gain"), "DYNAMIC_COPY"),
+    "picture": "STREAM_READ",
+}
+"""What buffers that change are for, by OpenGL's names: sent for each picture, worked on by shaders, fetched."""
+
 
 class GlEndoscope:
     """Camera and light at a tip in one colon, drawn by OpenGL."""
@@ -91,9 +98,10 @@ class GlEndoscope:
             "picture": np.zeros(pixels, np.uint32),
             "radii": radii(lens).astype(np.float32),
         }
-        self._held = {name: device.buffer(values) for name, values in held.items()}
+        self._held = {name: device.buffer(values, _USES.get(name, "STATIC_DRAW")) for name, values in held.items()}
         self._top, self._places = len(curve) - 1, len(held["radii"])
-        self._held["common"] = device.buffer(np.zeros(4 * (SHARED + 3 * guides + 7 * len(self.appearance.kinds)), "f4"))
+        numbers = np.zeros(4 * (SHARED + 3 * guides + 7 * len(self.appearance.kinds)), np.float32)
+        self._held["common"] = device.buffer(numbers, "STREAM_DRAW")
         self._device_room = 0
         self._picture = np.zeros((lens.height, lens.width, 4), np.uint8)
         self._numbers = np.array([*lens.centre, lens.width, lens.height, *np.ravel(lens.stretch)], np.float32)
@@ -201,7 +209,7 @@ class GlEndoscope:
         rows[:, :3], rows[:, 3], rows[:, 4], rows[:, 5] = own.places[near], own.arcs[near], own.tops[near], own.radius
         if len(rows) > self._device_room:
             self._device_room = 2 * len(rows)
-            self._held["device"] = self.device.buffer(np.zeros((self._device_room, 8), np.float32))
+            self._held["device"] = self.device.buffer(np.zeros((self._device_room, 8), np.float32), "STREAM_DRAW")
         if len(rows):
             self.device.write(self._held["device"], rows)
         return len(rows)

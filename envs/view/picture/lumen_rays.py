@@ -1,10 +1,10 @@
 """Rays to the wall that a lumen's table describes: where a place stands in it, and where a ray comes out.
 
-The table is read in one of two ways. At its nearest number (`haustra.envs.tasks.sight`), as depth pictures and rays of
-observations do, in a few looks along each ray; or smoothly, for pictures in colour (`picture_program`): between stations
-a place counts to both cross-sections by how far it is from either, and between angles the wall is flat, as that of the
-surface which is made of the table, so that neighbouring rays meet one smooth wall. Such a ray goes on by half of what it
-has as room, and never by less than a little. Where a ray comes out, the wall is found by false position.
+The table is read in one of two ways. At its nearest number (`haustra.envs.tasks.sight`), as depth pictures and rays in
+observations do, in a few looks along each. Or smoothly, for pictures in colour (`picture_program`): between stations
+a place counts to both cross-sections by how far it is from either; between angles the wall is flat, as that of the
+surface which is made of the table, so that neighbouring rays meet one smooth wall. Such a ray goes on by half of the
+room it has, and never by less than a little. Where a ray comes out, the wall is found by false position.
 
 Laws are over numbers of any kind: those of numpy and JAX, and of what writes programs.
 """
