@@ -210,7 +210,8 @@ vec4 asked(int face, vec3 ray) {{
   w /= max(w.x + w.y + w.z, 1e-30);
   float away = met.w;
   int i = faces[3 * face], j = faces[3 * face + 1], k = faces[3 * face + 2];
-  vec3 normal = normalize(w.x * normals[i].xyz + w.y * normals[j].xyz + w.z * normals[k].xyz);
+  vec3 normal = w.x * normals[i].xyz + w.y * normals[j].xyz + w.z * normals[k].xyz;
+  normal /= max(length(normal), 1e-15);
   float known[12];
   for (int row = 0; row < 3; ++row) {{
     vec4 four = w.x * wall[3 * i + row] + w.y * wall[3 * j + row] + w.z * wall[3 * k + row];

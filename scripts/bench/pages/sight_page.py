@@ -88,7 +88,7 @@ def _reference(kept: Mapping[str, Any]) -> list[str]:
         f" matt, {kept['about']['samples']} samples a pixel, in grown colon 5, a tip pressing the wall. Distances"
         f" are within {most('distance_largest_mm'):.4f} mm of Mitsuba's, normals within"
         f" {most('normals_largest_deg'):.4f}°, and where nothing shades, the guides' formula gives"
-        f" Mitsuba's direct light but for {1e9 * most('formula'):.0f} parts in a thousand million.",
+        f" Mitsuba's direct light to {1e7 * most('formula'):.1f} · 10⁻⁷ of it.",
         "",
         "![The shader's pictures, Mitsuba's, and their difference](../images/reference.webp)",
         "",
