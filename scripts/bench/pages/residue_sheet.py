@@ -1,4 +1,4 @@
-"""`python -m haustra.scripts.bench.pages.residue_sheet PICTURE.webp`: a wall that is clean, under mucus, under stool."""
+"""`python -m haustra.scripts.bench.pages.residue_sheet PICTURE.webp`: one wall clean, under mucus, under stool."""
 
 import sys
 from pathlib import Path
