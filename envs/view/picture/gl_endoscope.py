@@ -16,6 +16,7 @@ from jaxtyping import Float, UInt8
 from haustra.envs.view.picture import gl_shaders, mucosa
 from haustra.envs.view.picture.appearance import Appearance
 from haustra.envs.view.picture.gl_device import GlDevice
+from haustra.envs.view.picture.gl_shaders import SPARSE
 from haustra.envs.view.picture.lens import Lens
 from haustra.envs.view.picture.light import Light, Response
 from haustra.envs.view.picture.renderer import MOST, CameraPose, radii, triangles_around
@@ -33,7 +34,7 @@ _BEYOND = 0.02
 
 _USES = {
     "nodes": "STREAM_DRAW",
-    **dict.fromkeys(("local", "normals", "light", "gain"), "DYNAMIC_COPY"),
+    **dict.fromkeys(("local", "normals", "light", "gain", "bright"), "DYNAMIC_COPY"),
     "picture": "STREAM_READ",
 }
 """What buffers that change are for, by OpenGL's names: sent for each picture, worked on by shaders, fetched."""
@@ -94,6 +95,7 @@ class GlEndoscope:
             "lens": np.moveaxis(planes, 0, -1).astype(np.float32),
             "light": np.zeros((pixels, 4), np.float32),
             "gain": np.zeros(2, np.float32),
+            "bright": np.zeros(-(-lens.width // SPARSE) * -(-lens.height // SPARSE), np.uint32),
             "curve": curve.astype(np.uint32),
             "picture": np.zeros(pixels, np.uint32),
             "radii": radii(lens).astype(np.float32),
@@ -163,7 +165,7 @@ class GlEndoscope:
         pixels = [(0, self.lens.width * self.lens.height)]
         device.over(program, pixels)
         self._use("gain")
-        self._bind("light", "gain")
+        self._bind("light", "gain", "bright")
         gl.glDispatchCompute(1, 1, 1)
         gl.glMemoryBarrier(gl.GL_ALL_BARRIER_BITS)
         program = self._use("develop")

@@ -17,8 +17,8 @@ from haustra.models.wall.vectors import Vector, add, between, dot, minus, norm, 
 
 GROUP = 64
 """Threads of a group."""
-SELECTING = 256
-"""Threads of the one group that exposes."""
+SELECTING = 1024
+"""Threads of the one group that exposes: as many as every OpenGL with compute shaders lets stand together."""
 SPARSE = 4
 """Exposure looks at one of so many rows and columns (`haustra.envs.view.picture.light.Response.gain_for`)."""
 UPPER = 0.75
@@ -248,29 +248,25 @@ def _scene(own: Glsl, kinds: tuple[int, ...], guides: int) -> Scene:
 
 @functools.cache
 def write_gain() -> str:
-    """The gain of a picture, by numpy's percentile of what is lit, found digit by digit in one group."""
+    """The gain of a picture, by numpy's percentile of what is lit, found digit by digit in one group.
+
+    Light is never below nought, and then numbers in memory are in the order of the whole numbers that they look like.
+    """
     return f"""#version 430
 layout(local_size_x = {SELECTING}) in;
-{_buffer(0, "vec4", "light")}{_buffer(1, "float", "gain", written=True)}
+{_buffer(0, "vec4", "light")}{_buffer(1, "float", "gain", written=True)}{_buffer(2, "uint", "bright", written=True)}
 uniform int width, height; uniform float target, fixed_gain, inertia;
-shared uint counts[256], total;
-shared uint prefix;
-shared uint rank;
-float bright(int sample_of) {{
-  int columns = (width + {SPARSE - 1}) / {SPARSE};
-  vec3 own = light[{SPARSE} * (sample_of / columns) * width + {SPARSE} * (sample_of % columns)].xyz;
-  return max(own.x, max(own.y, own.z));
-}}
+shared uint counts[256];
+shared uint total, prefix, rank;
 uint chosen(int samples, uint wanted) {{
   uint own = gl_LocalInvocationID.x;
   if (own == 0u) {{ prefix = 0u; rank = wanted; }}
   for (int digit = 3; digit >= 0; --digit) {{
-    counts[own] = 0u;
+    if (own < 256u) counts[own] = 0u;
     barrier();
     for (int s = int(own); s < samples; s += {SELECTING}) {{
-      uint bits = floatBitsToUint(bright(s));
-      uint above = digit == 3 ? 0u : bits >> (8 * digit + 8);
-      if (bits > 0u && int(bits) > 0 && above == prefix) atomicAdd(counts[(bits >> (8 * digit)) & 255u], 1u);
+      uint above = digit == 3 ? 0u : bright[s] >> (8 * digit + 8);
+      if (bright[s] > 0u && above == prefix) atomicAdd(counts[(bright[s] >> (8 * digit)) & 255u], 1u);
     }}
     barrier();
     if (own == 0u) {{
@@ -281,20 +277,26 @@ uint chosen(int samples, uint wanted) {{
     }}
     barrier();
   }}
-  return prefix;
+  uint found = prefix;
+  barrier();
+  return found;
 }}
 void main() {{
-  uint own = gl_LocalInvocationID.x;
-  int samples = ((width + {SPARSE - 1}) / {SPARSE}) * ((height + {SPARSE - 1}) / {SPARSE});
+  uint own = gl_LocalInvocationID.x, lit_here = 0u;
+  int columns = (width + {SPARSE - 1}) / {SPARSE}, samples = columns * ((height + {SPARSE - 1}) / {SPARSE});
   if (own == 0u) total = 0u;
   barrier();
-  for (int s = int(own); s < samples; s += {SELECTING}) if (bright(s) > 0.0) atomicAdd(total, 1u);
+  for (int s = int(own); s < samples; s += {SELECTING}) {{
+    vec3 seen = light[{SPARSE} * (s / columns) * width + {SPARSE} * (s % columns)].xyz;
+    bright[s] = floatBitsToUint(max(max(seen.x, max(seen.y, seen.z)), 0.0));
+    if (bright[s] > 0u) lit_here += 1u;
+  }}
+  atomicAdd(total, lit_here);
   barrier();
   uint lit = total;
   float place = {UPPER} * (float(lit) - 1.0);
   uint low = uint(max(floor(place), 0.0));
   float one = uintBitsToFloat(chosen(samples, low));
-  barrier();
   float other = uintBitsToFloat(chosen(samples, min(low + 1u, max(lit, 1u) - 1u)));
   if (own != 0u) return;
   float wanted = target / max(one + (place - float(low)) * (other - one), 1e-12);

@@ -1,6 +1,6 @@
 """Distances by every renderer, from the same tips in the same colons, against MuJoCo's exact rays to the same wall."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from importlib.util import find_spec
 from typing import Any, NamedTuple
 
@@ -53,6 +53,7 @@ def bench_depths(
     worlds: int,
     size: int,
     seconds: float,
+    motions: Sequence[bool] = (False, True),
     progress: Callable[[int, str], None] = lambda done, note: None,
 ) -> list[dict[str, Any]]:
     """Differences of every renderer that works here, one row each, in colons that stand and in colons that move.
@@ -62,10 +63,11 @@ def bench_depths(
         worlds: tips, spread over the colons.
         size: rows and columns of pictures.
         seconds: simulated time for which the follower has driven [s].
+        motions: whether colons move, in turn.
         progress: told rows done.
     """
     rows = []
-    for moves in (False, True):
+    for moves in motions:
         task = _driven(bank, worlds, size, seconds, moves=moves)
         tips = [_tip(task, world, size) for world in range(worlds)]
         by_gpu = "programs of linear time (GPU)", lambda moves=moves: _by_gpu(bank, worlds, size, seconds, moves=moves)

@@ -1,5 +1,7 @@
 """A picture's scene for a path tracer, and what the tracer finds in it against theory."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import trimesh
@@ -11,6 +13,7 @@ from haustra.envs.view.picture.light import Light
 from haustra.envs.view.picture.renderer import CameraPose
 from haustra.envs.view.picture.surface import ColonSurface
 from haustra.models.anatomy.colon import Colon
+from haustra.scripts.bench.pages.reference_figure import draw_reference
 from haustra.scripts.bench.sight.mitsuba_light import MitsubaScene, has_mitsuba
 from haustra.scripts.bench.sight.reference import compare_place, differences
 from haustra.scripts.bench.sight.traced_scene import TracedScene, traced_scene
@@ -90,18 +93,20 @@ def test_light_in_a_sphere_is_what_theory_says() -> None:
     tracer = MitsubaScene(scene)
     found = tracer.rays()
     assert found.met.all() and found.distance == pytest.approx(radius, rel=0.005)
-    direct, all_light = tracer.direct(), tracer.light(depth=60, samples=400)
+    direct, all_light = tracer.direct(), tracer.light(depth=60, samples=200)
     np.testing.assert_allclose(direct[:, 0], 0.7 * scene.irradiance(radius * rays, -rays), rtol=0.01)
     # The mean of exp(-mu (1 - cos)) over all directions is (1 - exp(-2 mu)) / (2 mu).
     mean = (1 - np.exp(-2 * scene.spread)) / (2 * scene.spread) / radius**2 / np.pi
     from_wall = (all_light - direct).mean(axis=0)
-    np.testing.assert_allclose(from_wall, [mean * share**2 / (1 - share) for share in sent], rtol=0.1)
+    np.testing.assert_allclose(from_wall, [mean * share**2 / (1 - share) for share in sent], rtol=0.15)
 
 
 @needs_mitsuba
-def test_rays_and_the_guides_light_are_mitsubas(pressing: tuple[Endoscope, CameraPose]) -> None:
+def test_rays_and_the_guides_light_are_mitsubas(pressing: tuple[Endoscope, CameraPose], tmp_path: Path) -> None:
     """Where the tip presses the wall: the same wall, the same normals, and the formula's light where nothing shades."""
-    row = differences(compare_place(*pressing, samples=4))
+    found = compare_place(*pressing, samples=4)
+    row = differences(found)
+    assert draw_reference(tmp_path / "reference.webp", [("tube", found)]).stat().st_size > 1000
     assert row["met_alike"] > 0.995
     assert row["distance_largest_mm"] < 0.001 and row["normals_largest_deg"] < 0.1
     assert row["formula"] < 1e-5
