@@ -38,7 +38,7 @@ class Dataset:
     """Time for which a picture is exposed, for motion blur [s]; its ground truth is of the middle. None when not
     given."""
     gain: float | None = number("1", 1e-9, 1.0, default=None)
-    """Fixed exposure of light [1], 0.00003 or so; automatic for each picture when not given."""
+    """Fixed exposure of light [1], 0.001 or so; automatic for each picture when not given."""
     gamma: float | None = number("1", 0.5, 5.0, default=None)
     """Power of the camera's curve [1]; 2.2 when not given."""
     stool: float | None = number("1", 0.0, 1.0, default=None)

@@ -73,7 +73,8 @@ class Endoscope:
         random = self._random if seed is None else np.random.default_rng(seed)
         self._gain = gain = self._response.gain_for(radiance, self._gain)
         if self._response.noise > 0:
-            radiance = self._response.noisy(radiance, gain, random)
+            noisy = self._response.noisy(radiance, gain, random)
+            radiance = np.where(self.renderer.lens.within[..., None], noisy, radiance)  # the mask is no picture
         picture, light = np.empty(radiance.shape, np.uint8), np.ascontiguousarray(np.moveaxis(radiance, -1, 0))
         self.renderer.each_row(lambda first, last: kernels.develop(first, last, light, gain, self._curve, picture))
         return picture

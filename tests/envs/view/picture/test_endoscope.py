@@ -141,6 +141,7 @@ def test_noise_blur_and_a_fixed_gain_are_options(tube: Colon, scope: Endoscope) 
     noisy = Endoscope(tube, lens, surface=surface, response=Response(noise=0.03)).picture(inside(0.06)).astype(float)
     within = lens.within
     assert 1.0 < (noisy - plain)[within].std() < 20.0
+    assert noisy[~within].max() == 0, "noise in the black mask"
     blurred = scope.picture(inside(0.064), inside(0.056)).astype(float)
     assert np.abs(np.diff(blurred, axis=0)).mean() < np.abs(np.diff(plain, axis=0)).mean()
     dim, bright = (Endoscope(tube, lens, surface=surface, response=Response(gain=gain)) for gain in (2e-5, 4e-5))
