@@ -12,6 +12,7 @@ from haustra.envs.control.follower import FollowerSettings, LumenFollower
 from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.sim.linear.single import LinearSingle
 from haustra.envs.view.picture.endoscope import Endoscope
+from haustra.envs.view.picture.gl_endoscope import GlEndoscope
 from haustra.envs.view.picture.in_sight import LumenInSight
 from haustra.envs.view.picture.lens import lens_of
 from haustra.envs.view.picture.renderer import CameraPose
@@ -140,8 +141,6 @@ def bench_shader(
         height: rows of a picture.
         progress: told counts done.
     """
-    from haustra.envs.view.picture.gl_endoscope import GlEndoscope
-
     table = lumen_table(colon, device_radius=design.diameter / 2, with_mesentery=True)
     tables = stack([table.seen_from(*entry_of(colon))])
     surface = MovingSurface(colon, tables, *entry_of(colon))
@@ -156,6 +155,7 @@ def bench_shader(
         row: dict[str, Any] = {"renderer": "opengl, mucosa's shader", "on": drawn.device.name, "joints": count}
         row["triangles"] = len(colon.lumen.faces)
         row["frames_per_s"] = _rate(lambda now=moving: drawn.picture(now.bring(surface, steps=1)))
+        row["frames_per_s_overlapped"] = _rate(lambda now=moving: _overlapped(drawn, now, surface))
         row["frames_per_s_real_time"] = _rate(lambda now=moving: drawn.picture(now.bring(surface, steps=4)))
         row["pictures_per_s"] = _rate(lambda now=moving: drawn.picture(now.bring(surface)))
         row["draw_ms"] = 1e3 / _rate(lambda at=pose: drawn.picture(at))
@@ -174,6 +174,13 @@ def bench_shader(
         progress(len(rows), f"{count} joints")
     drawn.device.close()
     return rows
+
+
+def _overlapped(drawn: GlEndoscope, moving: "_Moving", surface: MovingSurface) -> None:
+    """A frame whose physics step is worked out while the picture before is drawn."""
+    drawn.draw(moving.bring(surface))
+    moving.step(1)
+    drawn.fetch()
 
 
 def _processor_times(scope: Endoscope, bring: Callable[[], CameraPose]) -> dict[str, float]:

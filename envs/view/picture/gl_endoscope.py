@@ -115,6 +115,11 @@ class GlEndoscope:
     def picture(self, pose: CameraPose) -> UInt8[np.ndarray, "height width 3"]:
         """The picture in colour."""
         self.draw(pose)
+        return self.fetch()
+
+    def fetch(self) -> UInt8[np.ndarray, "height width 3"]:
+        """The picture that was drawn last, when it is done; other work may be done in between."""
+        self.device.make_current()
         self.device.read(self._held["picture"], self._picture)
         return np.ascontiguousarray(self._picture[..., :3])
 
@@ -136,7 +141,7 @@ class GlEndoscope:
         self.device.write(self._held["wall"], self.appearance.wall)
 
     def draw(self, pose: CameraPose) -> None:
-        """Draw, and leave the picture on the device."""
+        """Draw, and leave the picture on the device: does not wait for it, and the surface may move on."""
         device, surface, held = self.device, self.surface, self._held
         gl = device.gl
         device.make_current()
