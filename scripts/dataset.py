@@ -6,7 +6,10 @@ from typing import Annotated, Any
 
 import tyro
 
-from haustra.fields import whole
+from haustra.fields import number, whole
+
+_OWN = ("colons", "clips", "frames", "noise", "exposure", "gain", "gamma", "stool", "mucus")
+"""Options that stand in place of the data set's own."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +32,19 @@ class Dataset:
     """Stretches of each run that are shown; that of the data set's name when not given."""
     frames: int | None = whole(2, 9999, default=None)
     """Pictures in each clip; that of the data set's name when not given."""
+    noise: float | None = number("1", 0.0, 0.5, default=None)
+    """Standard deviation of the camera's noise at full light, of the most that fits [1]; none when not given."""
+    exposure: float | None = number("s", 0.0, 0.04, default=None)
+    """Time for which a picture is exposed, for motion blur [s]; its ground truth is of the middle. None when not
+    given."""
+    gain: float | None = number("1", 1e-9, 1.0, default=None)
+    """Fixed exposure of light [1], 0.001 or so; automatic for each picture when not given."""
+    gamma: float | None = number("1", 0.5, 5.0, default=None)
+    """Power of the camera's curve [1]; 2.2 when not given."""
+    stool: float | None = number("1", 0.0, 1.0, default=None)
+    """Share of the lower wall under stool [1]; none when not given."""
+    mucus: float | None = number("1", 0.0, 1.0, default=None)
+    """Share of the wall under mucus [1]; none when not given."""
     run: Path | None = None
     """Folder of a run by `haustra run` to take pictures of, instead of growing colons; a withdrawal by --inspect is
     taken too. Its colon is to be named by --colon."""
@@ -46,7 +62,7 @@ class Dataset:
         from haustra.provenance import file_hash
         from haustra.scripts.console import progress_bar
 
-        given = {name: value for name in ("colons", "clips", "frames") if (value := getattr(self, name)) is not None}
+        given = {name: value for name in _OWN if (value := getattr(self, name)) is not None}
         settings = replace(find_preset(self.name), **given)
         total = settings.colons * settings.clips * settings.frames
         own: dict[str, Any] = {}

@@ -90,6 +90,7 @@ BENCHMARKS: Mapping[str, str] = {
     "bench reach": f"{_BENCH}.reach:BenchReach",
     "bench rigs": f"{_BENCH}.rigs:BenchRigs",
     "bench rods": f"{_BENCH}.rods:BenchRods",
+    "bench sight": f"{_BENCH}.sight:BenchSight",
     "bench skip": f"{_BENCH}.skip:BenchSkip",
     "bench stability": f"{_BENCH}.stability:BenchStability",
     "bench teaching": f"{_BENCH}.teaching:BenchTeaching",

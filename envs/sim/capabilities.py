@@ -119,6 +119,7 @@ TASK = (
     *_in("task", "gas_flow", "gas_start", about="with gas"),
     *_in("task", "gas_action", only=_only(False, backends=("native-batch", "warp")), about="with gas"),
     *_in("task", "observation", "privileged", "imager", "memory", "picture_size", "depth", "pictures", about=_RULES),
+    *_in("task", "stool", "mucus", about="in pictures in colour, which every backend's worlds have; refused without"),
     *_in("task", "randomisation", about="its fields follow"),
     *_in("task.drive", "control_interval", "push_rate", "roll_rate", "wheel_rate", "hand_lead", about=_RULES),
     *_in("task.limits", "seconds", "perforation_force", "safe_force", "caecum_margin", "pace", about=_RULES),

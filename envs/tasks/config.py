@@ -141,6 +141,10 @@ class TaskConfig:
     memory of its own cannot tell else that it has stood still for a while."""
     picture_size: int = whole(8, 512, default=64)
     """Rows and columns of pictures [pixels]."""
+    stool: float = number("1", 0.0, 1.0, default=0.0)
+    """Share of the lower wall that pictures in colour show under stool [1]."""
+    mucus: float = number("1", 0.0, 1.0, default=0.0)
+    """Share of the wall that pictures in colour show under mucus [1]."""
     depth: bool = False
     """Add the tip camera's depth to the observation 'dict'."""
     pictures: bool = False

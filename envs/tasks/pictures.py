@@ -5,6 +5,7 @@ from jaxtyping import Float, Int, UInt8
 
 from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.sight import RANGE, Sight, in_bytes
+from haustra.envs.view.picture.appearance import Appearance, Residue
 from haustra.envs.view.picture.endoscope import Endoscope
 from haustra.envs.view.picture.lens import lens_of
 from haustra.envs.view.picture.renderer import CameraPose
@@ -19,9 +20,11 @@ Eye = tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]
 class Pictures:
     """Draws what is before a tip."""
 
-    def __init__(self, bank: ColonSet, sight: Sight, field_of_view_deg: float) -> None:
-        """Surfaces are made when a case is first looked at."""
-        self._bank, self._sight = bank, sight
+    def __init__(
+        self, bank: ColonSet, sight: Sight, field_of_view_deg: float, *, residue: Residue | None = None
+    ) -> None:
+        """Surfaces are made when a case is first looked at; `residue` is what lies on walls."""
+        self._bank, self._sight, self._residue = bank, sight, residue
         self.view = min(field_of_view_deg, 170.0)
         """Full angle over the diameter of a depth picture [degrees]."""
         self._scopes: dict[tuple[int, int], tuple[Endoscope, ColonSurface]] = {}
@@ -81,4 +84,5 @@ class Pictures:
             if moves
             else ColonSurface(colon)
         )
-        return Endoscope(colon, lens, surface=surface, threads=1), surface
+        looks = Appearance(colon, surface, residue=self._residue)
+        return Endoscope(colon, lens, surface=surface, appearance=looks, threads=1), surface

@@ -26,6 +26,7 @@ from haustra.envs.tasks.load_episodes import load_episodes
 from haustra.envs.tasks.pictures import Pictures
 from haustra.envs.tasks.sight import Eyes, HostEyes, Sight
 from haustra.envs.tasks.tip_pictures import TipPictures
+from haustra.envs.view.picture.appearance import Residue
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.fields import Number
 from haustra.models.devices.scope.design import ScopeDesign
@@ -110,7 +111,8 @@ class ScopeTask:
         about |= {"starts": starts}
         self._episodes = load_episodes(self.rules, self.bank, self.sight, backend, **about)
         self.backend = self._episodes.backend
-        self.pictures = Pictures(self.bank, self.sight, design.tip.field_of_view_deg)
+        residue = Residue(config.stool, config.mucus)
+        self.pictures = Pictures(self.bank, self.sight, design.tip.field_of_view_deg, residue=residue)
         self._depths: DepthCameras | None = None
         if "depth" in self.parts:
             size = config.picture_size
@@ -118,7 +120,7 @@ class ScopeTask:
             self._depths = depth_cameras(self.backend, self.bank, self.sight, self._eyes, **lens)
         self._tips: TipPictures | None = None
         if "pixels" in self.parts and isinstance(self.backend, LinearBackend) and not on_host:
-            self._tips = TipPictures(self.bank, self.backend, config.picture_size, threads=threads)
+            self._tips = TipPictures(self.bank, self.backend, config.picture_size, threads=threads, residue=residue)
         self._random = [np.random.default_rng() for _ in range(worlds)]
         self.case, self.friction = np.zeros(worlds, int), np.zeros(worlds)
 
@@ -371,5 +373,9 @@ def require_task(config: TaskConfig, backend: str, *, design: ScopeDesign | None
         raise UnsupportedSceneError(
             "Gas holds colons open on 'linear' only, and pictures and depth show them as they were given: leave gas "
             "out, or choose that backend and observation 'state', 'lumen', or 'dict' without pictures."
+        )
+    if (config.stool or config.mucus) and "pixels" not in seen_by.sizes(config):
+        raise InvalidOptionError(
+            "Stool and mucus are seen in pictures in colour only: leave them out, or choose observation 'pixels'."
         )
     require_task_supported(config, design or named_design(config.design), backend_of(backend).name)

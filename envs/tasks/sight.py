@@ -17,10 +17,11 @@ from jaxtyping import Bool, Float, Int, UInt8
 from haustra.envs.sim.backend import AbstractBackend
 from haustra.envs.tasks.case import TabulatedColon
 from haustra.envs.view.picture.lens import lens_rays
+from haustra.envs.view.picture.lumen_rays import Line, around, crossing
 from haustra.models.wall import vectors
 from haustra.models.wall.lumen_table import pick, stack
 from haustra.models.wall.moving_colon import back_to_reference
-from haustra.models.wall.vectors import Vector, add, dot, minus, times
+from haustra.models.wall.vectors import Vector, add, times
 
 RANGE = 0.12
 """Farthest distance that is measured [m]: the lamps show little beyond; engineering choice."""
@@ -32,8 +33,6 @@ STEPS = RANGE * (np.arange(1, 25) / 24) ** 1.5
 """Places along a ray where the wall is looked for: 1 mm apart near the tip, 7 mm apart far off [m]."""
 DEPTH_STEPS = RANGE * (np.arange(1, 41) / 40) ** 1.3
 """Places along a ray where the wall is looked for when a whole depth picture is taken [m]."""
-_WINDOW = 0.02
-"""Largest change of arc length from one place on a ray to the next [m]."""
 
 
 @cache
@@ -232,7 +231,7 @@ class HostEyes(Eyes):
         arc: Float[np.ndarray, " worlds"],
     ) -> Float[np.ndarray, "worlds rays"]:
         """As `Eyes.tip_distances`."""
-        return self._sight.tip_distances(case, eye, frame, arc, self._at_rest(case))
+        return self._sight.tip_distances(case, eye, frame, arc, self.at_rest(case))
 
     def depth(
         self,
@@ -246,9 +245,9 @@ class HostEyes(Eyes):
     ) -> UInt8[np.ndarray, "worlds size size"]:
         """As `Eyes.depth`."""
         lens = {"field_of_view_deg": field_of_view_deg, "size": size}
-        return in_bytes(self._sight.depth(case, eye, frame, arc, **lens, at_rest=self._at_rest(case)))
+        return in_bytes(self._sight.depth(case, eye, frame, arc, **lens, at_rest=self.at_rest(case)))
 
-    def _at_rest(self, case: Int[np.ndarray, " worlds"]) -> Callable[[Any, Any], Any] | None:
+    def at_rest(self, case: Int[np.ndarray, " worlds"]) -> Callable[[Any, Any], Any] | None:
         """As `Sight.distances` takes it; None where colons are fixed."""
         displacement = self._backend.displacement
         return None if displacement is None else back_to_reference(np, pick(self._backend.tables, case), displacement)
@@ -331,8 +330,7 @@ def march(
     place = add(eye, times(distance, direction))
     arcs, left = room(xp, lumens, stations, at_rest(place, now.arcs) if at_rest else place, now.arcs)
     hit = now.open & (left <= 0)
-    share = now.room / xp.maximum(now.room - left, 1e-9)
-    found = xp.where(hit, now.distance + xp.clip(share, 0.0, 1.0) * (distance - now.distance), now.found)
+    found = xp.where(hit, crossing(xp, now.distance, now.room, distance, left), now.found)
     return March(arcs, xp.maximum(left, LEAST_ROOM), distance, found, now.open & ~hit)
 
 
@@ -346,24 +344,37 @@ def room(xp: Any, lumens: Any, stations: Stations, point: Vector, arcs: Any) -> 
         point: places [m].
         arcs: near them [m].
     """
-    step, first, last = stations.step, stations.first, stations.count - 1
-    station = xp.clip(xp.rint(arcs / step), 0.0, last)
-    row = first + xp.int32(station)
-    ahead = dot(minus(point, _middle(lumens, row)), _axis(lumens, row, 2))
-    arcs = station * step + xp.clip(ahead, -_WINDOW, _WINDOW)
-    row = first + xp.int32(xp.clip(xp.rint(arcs / step), 0.0, last))
-    offset = minus(point, _middle(lumens, row))
-    x, y = dot(offset, _axis(lumens, row, 0)), dot(offset, _axis(lumens, row, 1))
-    angles = lumens.sight.shape[1]
-    column = xp.int32(xp.rint(xp.arctan2(y, x) * (angles / (2 * np.pi)))) % angles
-    left = lumens.sight[row, column] - xp.sqrt(x * x + y * y)
+    line = Line(lambda row: _Station(lumens, row), stations.step, stations.first, stations.count)
+    found = around(xp, line, lumens.sight.shape[1], point, arcs, nearest=True)
+    left = lumens.sight[found.row, found.column] - found.aside
     # The caecum's end is a wall too; before the anus it is open.
-    return arcs, xp.minimum(left, (last + 0.5) * step - arcs)
+    return found.arc, xp.minimum(left, (stations.count - 1 + 0.5) * stations.step - found.arc)
 
 
-def _middle(lumens: Any, row: Any) -> Vector:
-    return lumens.points[row, 0], lumens.points[row, 1], lumens.points[row, 2]
+class _Station:
+    """A cross-section (`haustra.envs.view.picture.lumen_rays.Station`) of the lumens' arrays."""
 
+    def __init__(self, lumens: Any, row: Any) -> None:
+        """At a row of all colons' stations."""
+        self._lumens, self._row = lumens, row
 
-def _axis(lumens: Any, row: Any, axis: int) -> Vector:
-    return lumens.frames[row, 0, axis], lumens.frames[row, 1, axis], lumens.frames[row, 2, axis]
+    @property
+    def middle(self) -> Vector:
+        points, row = self._lumens.points, self._row
+        return points[row, 0], points[row, 1], points[row, 2]
+
+    @property
+    def first(self) -> Vector:
+        return self._axis(0)
+
+    @property
+    def second(self) -> Vector:
+        return self._axis(1)
+
+    @property
+    def tangent(self) -> Vector:
+        return self._axis(2)
+
+    def _axis(self, axis: int) -> Vector:
+        frames, row = self._lumens.frames, self._row
+        return frames[row, 0, axis], frames[row, 1, axis], frames[row, 2, axis]

@@ -16,7 +16,7 @@ from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.case import TabulatedColon
 from haustra.envs.tasks.sight import RANGE
 from haustra.envs.view.picture import mucosa
-from haustra.envs.view.picture.appearance import Appearance
+from haustra.envs.view.picture.appearance import Appearance, Residue
 from haustra.envs.view.picture.launch import CpuLauncher, GpuLauncher, Launcher
 from haustra.envs.view.picture.lens import lens_of
 from haustra.envs.view.picture.light import Light, Response
@@ -54,7 +54,15 @@ class _Wall(NamedTuple):
 class TipPictures:
     """Draws what is before the tips of all worlds of one backend."""
 
-    def __init__(self, bank: ColonSet, backend: LinearBackend, size: int, *, threads: int = 1) -> None:
+    def __init__(
+        self,
+        bank: ColonSet,
+        backend: LinearBackend,
+        size: int,
+        *,
+        threads: int = 1,
+        residue: Residue | None = None,
+    ) -> None:
         """Lay out the colons' walls; programs are compiled with the first pictures.
 
         Args:
@@ -62,16 +70,18 @@ class TipPictures:
             backend: the backend.
             size: rows and columns of a picture.
             threads: of a CPU.
+            residue: what lies on walls.
         """
         self._backend, self._worlds, self._size = backend, backend.worlds, size
         self._launcher: Launcher = (
             GpuLauncher() if backend.on_device else CpuLauncher(LANES, min(threads, self._worlds))
         )
         lens, light, response = lens_of(bank.design.tip, size, size), Light(), Response()
-        walls = [_wall(case) for case in bank.cases]
+        walls = [_wall(case, residue) for case in bank.cases]
         self._kinds = tuple(int(kind) for kind in max((wall.looks.landmarks for wall in walls), key=len)[:, 0])
         self._guides, self._angles, self._target = len(light.guides), bank.cases[0].sight.shape[1], response.target
-        common = [light.spread, pixel_angle(lens), walls[0].looks.wet, *np.ravel(light.guides)]
+        looks = walls[0].looks
+        common = [light.spread, pixel_angle(lens), looks.wet, looks.mucus, *np.ravel(light.guides)]
         planes = np.concatenate([lens_planes(lens), lens.within[None]]).reshape(5, -1)
         nodes = 0 if backend.tables.mesentery is None else backend.tables.mesentery.nodes.shape[1]
         lanes = max(self._launcher.lanes, LANES)
@@ -83,7 +93,7 @@ class TipPictures:
             "corners": np.concatenate([_corners(case.sight).reshape(-1, 4) for case in bank.cases]),
             "known": np.concatenate([wall.known.reshape(-1, 8) for wall in walls]),
             "landmarks": np.concatenate([_landmarks(wall, len(self._kinds)) for wall in walls]),
-            "lattice": mucosa.corners(walls[0].looks.lattice),
+            "lattice": mucosa.corners(looks.lattice),
             "common": np.array(common),
             "lens": planes,
             "light": np.zeros((self._worlds, 3, pixels)),
@@ -136,11 +146,11 @@ class TipPictures:
         return self._launcher.fetch(self._held["distance"]).reshape(-1, self._size, self._size)
 
 
-def _wall(case: TabulatedColon) -> _Wall:
+def _wall(case: TabulatedColon, residue: Residue | None) -> _Wall:
     """Normals and looks of the surface of `TabulatedColon.colon`, whose first vertices are the table's places."""
     colon = case.colon()
     surface = LumenSurface(colon.lumen, surface_arcs(colon))
-    looks = Appearance(colon, surface)
+    looks = Appearance(colon, surface, residue=residue)
     vertices, faces = colon.lumen.vertices, colon.lumen.faces
     a, b, c = (vertices[faces[:, corner]] for corner in range(3))
     normals = np.zeros_like(vertices)

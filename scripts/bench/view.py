@@ -12,6 +12,7 @@ from haustra.envs.control.follower import FollowerSettings, LumenFollower
 from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.sim.linear.single import LinearSingle
 from haustra.envs.view.picture.endoscope import Endoscope
+from haustra.envs.view.picture.gl_endoscope import GlEndoscope
 from haustra.envs.view.picture.in_sight import LumenInSight
 from haustra.envs.view.picture.lens import lens_of
 from haustra.envs.view.picture.renderer import CameraPose
@@ -25,6 +26,8 @@ from haustra.scripts.bench.cost import options_for
 _BEFORE = 200
 """Control intervals of 20 ms before anything is timed: the tip is some 0.2 m in."""
 _FRAMES = 50
+_LEAST_TIME = 0.5
+"""Rates are measured for at least so long [s]."""
 
 
 def bench_view(
@@ -116,6 +119,70 @@ def bench_rays(
     return rows
 
 
+def bench_shader(
+    colon: Colon,
+    design: ScopeDesign,
+    counts: Sequence[int],
+    *,
+    width: int,
+    height: int,
+    progress: Callable[[int, str], None] = lambda done, note: None,
+) -> list[dict[str, Any]]:
+    """Frames a second by OpenGL with the mucosa's shader, in a colon that moves on its mesentery.
+
+    A picture is one whose colon, scope and camera are new, back in the host's memory. Beside rates stand the parts of a
+    frame, and how the last picture differs from that of exact rays.
+
+    Args:
+        colon: the colon.
+        design: the scope.
+        counts: numbers of joints.
+        width: columns of a picture.
+        height: rows of a picture.
+        progress: told counts done.
+    """
+    table = lumen_table(colon, device_radius=design.diameter / 2, with_mesentery=True)
+    tables = stack([table.seen_from(*entry_of(colon))])
+    surface = MovingSurface(colon, tables, *entry_of(colon))
+    scope = Endoscope(colon, lens_of(design.tip, width, height), surface=surface)
+    drawn = GlEndoscope(colon, scope.renderer.lens, surface=surface, appearance=scope.appearance)
+    rows = []
+    for count in counts:
+        moving = _Moving(colon, design, count, mesentery=True, tables=tables)
+        for _ in range(_BEFORE):
+            moving.step(4)
+        pose = moving.bring(surface)
+        row: dict[str, Any] = {"renderer": "opengl, mucosa's shader", "on": drawn.device.name, "joints": count}
+        row["triangles"] = len(colon.lumen.faces)
+        row["frames_per_s"] = _rate(lambda now=moving: drawn.picture(now.bring(surface, steps=1)))
+        row["frames_per_s_overlapped"] = _rate(lambda now=moving: _overlapped(drawn, now, surface))
+        row["frames_per_s_real_time"] = _rate(lambda now=moving: drawn.picture(now.bring(surface, steps=4)))
+        row["pictures_per_s"] = _rate(lambda now=moving: drawn.picture(now.bring(surface)))
+        row["draw_ms"] = 1e3 / _rate(lambda at=pose: drawn.picture(at))
+        row["submit_ms"] = 1e3 / _rate(lambda at=pose: drawn.draw(at))
+        row["surface_ms"] = 1e3 / _rate(lambda now=moving: now.bring(surface))
+        row["steps_per_s"] = _rate(lambda now=moving: now.step(1))
+        row["colon_moved_mm"] = 1e3 * moving.moved()
+        pose = moving.bring(surface)
+        picture, distance, view = drawn.picture(pose), drawn.distance(), scope.look(pose)
+        off = np.abs(scope.develop(scope.radiance(view)).astype(int) - picture).max(axis=2)
+        both = (view.own >= 0) & np.isfinite(distance)
+        row["unlike_rays"] = float((off > 1).mean())
+        row["depth_median_mm"] = float(np.median(1e3 * np.abs(distance[both] - view.distance[both])))
+        row["picture_spread"] = float(picture.std())
+        rows.append(row)
+        progress(len(rows), f"{count} joints")
+    drawn.device.close()
+    return rows
+
+
+def _overlapped(drawn: GlEndoscope, moving: "_Moving", surface: MovingSurface) -> None:
+    """A frame whose physics step is worked out while the picture before is drawn."""
+    drawn.draw(moving.bring(surface))
+    moving.step(1)
+    drawn.fetch()
+
+
 def _processor_times(scope: Endoscope, bring: Callable[[], CameraPose]) -> dict[str, float]:
     """Processor time of the parts of a picture, of all cores together [ms]."""
 
@@ -187,10 +254,11 @@ class _Moving:
 
 
 def _rate(act: Callable[[], object]) -> float:
-    """Calls a second, without the first few."""
+    """Calls a second, without the first few: of `_FRAMES`, or of as many as half a second takes."""
     for _ in range(10):
         act()
-    began = time.perf_counter()
-    for _ in range(_FRAMES):
+    began, count, spent = time.perf_counter(), 0, 0.0
+    while count < _FRAMES or spent < _LEAST_TIME:
         act()
-    return _FRAMES / (time.perf_counter() - began)
+        count, spent = count + 1, time.perf_counter() - began
+    return count / spent

@@ -10,8 +10,10 @@ from jaxtyping import Float, UInt8
 from haustra.envs.view.dataset import formats
 from haustra.envs.view.dataset.ground_truth import GroundTruth, TruthRenderer
 from haustra.envs.view.dataset.moments import Moments
+from haustra.envs.view.picture.appearance import Residue
 from haustra.envs.view.picture.image import write_png
 from haustra.envs.view.picture.lens import Lens
+from haustra.envs.view.picture.light import Response
 from haustra.errors import MissingDependencyError
 from haustra.files import prepare_folder, write_atomically, write_json
 
@@ -44,17 +46,21 @@ def write_clip(
     records: Sequence[int],
     lens: Lens,
     *,
+    response: Response | None = None,
+    residue: Residue | None = None,
     progress: Callable[[int], None] = lambda done: None,
 ) -> None:
     """Render the pictures of these records that are not there yet, then what is told of all of them.
 
-    A picture's archive is written last of its files, so that one that is there is whole.
+    A picture's archive is written last of its files, so that one that is there is whole. Noise hangs on the record
+    alone, so that pictures are the same when the work was interrupted.
 
     Raises:
         OutputError: when the folder cannot be written to.
     """
     prepare_folder(folder)
-    renderer = TruthRenderer(moments.colon, moments.arcs, lens)
+    response = response or Response()
+    renderer = TruthRenderer(moments.colon, moments.arcs, lens, response=response, residue=residue)
     before = None
     for frame, record in enumerate(records):
         if not _archive(folder, frame).is_file():
@@ -63,7 +69,9 @@ def write_clip(
             view = renderer.look(moments.vertices(record), moments.camera(record))
             truth = renderer.truth(view, before)
             renderer.bleed(moments.blood[moments.blood[:, -1] <= moments.trajectory.time[record], :-1])
-            _write_frame(folder, frame, truth, renderer.picture(view), first=frame == 0)
+            around = moments.around(record, response.exposure) if response.exposure else None
+            picture = renderer.picture(view, seed=record, around=around)
+            _write_frame(folder, frame, truth, picture, first=frame == 0)
             before = view
         else:
             before = None

@@ -6,8 +6,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from haustra.envs.view.dataset.formats import DEPTH_MM, TO_C3VD
-from haustra.envs.view.picture.endoscope import Endoscope
+from haustra.envs.view.dataset.moments import Moment
+from haustra.envs.view.picture.appearance import Appearance, Residue
+from haustra.envs.view.picture.endoscope import Endoscope, exposed_shares
 from haustra.envs.view.picture.lens import Lens
+from haustra.envs.view.picture.light import Response
 from haustra.envs.view.picture.renderer import CameraPose, RayRenderer, SurfaceView
 from haustra.envs.view.picture.surface import LumenSurface
 from haustra.models.anatomy.colon import Colon, Surface
@@ -45,10 +48,28 @@ class GroundTruth:
 class TruthRenderer:
     """Renders the ground truth of pictures that follow each other."""
 
-    def __init__(self, colon: Colon, arcs: Float[np.ndarray, " vertices"], lens: Lens) -> None:
-        """Take a colon at rest with the arc length of each vertex of its surface [m], and a lens."""
+    def __init__(
+        self,
+        colon: Colon,
+        arcs: Float[np.ndarray, " vertices"],
+        lens: Lens,
+        *,
+        response: Response | None = None,
+        residue: Residue | None = None,
+    ) -> None:
+        """Take a colon at rest.
+
+        Args:
+            colon: the colon.
+            arcs: arc length of each vertex of its surface [m].
+            lens: of the camera.
+            response: of the camera; automatic exposure without noise and blur when None.
+            residue: on the wall; none when None.
+        """
         self._colon, self._arcs, self._lens = colon, arcs, lens
-        self._scope = Endoscope(colon, lens, surface=LumenSurface(colon.lumen, arcs))
+        surface, self._response = LumenSurface(colon.lumen, arcs), response or Response()
+        looks = Appearance(colon, surface, residue=residue)
+        self._scope = Endoscope(colon, lens, surface=surface, appearance=looks, response=self._response)
         self._front = self._scope.renderer
         self._behind = RayRenderer(Surface(colon.lumen.vertices, colon.lumen.faces[:, ::-1]), lens)
         kinds = np.array([lesion.kind == "polyp" for lesion in colon.lesions] + [False])
@@ -67,9 +88,25 @@ class TruthRenderer:
         for *place, reach in blood:
             self._scope.appearance.bleed(np.array(place), float(reach))
 
-    def picture(self, view: SurfaceView) -> UInt8[np.ndarray, "height width 3"]:
-        """What a picture shows in colour."""
-        return self._scope.develop(self._scope.radiance(view))
+    def picture(
+        self, view: SurfaceView, *, seed: int = 0, around: tuple[Moment, Moment] | None = None
+    ) -> UInt8[np.ndarray, "height width 3"]:
+        """What a picture shows in colour, with noise of that seed.
+
+        Args:
+            view: what its rays meet, in the middle of its exposure.
+            seed: of its noise.
+            around: how things were when exposure began and ended, for motion blur; none when None.
+        """
+        light = self._scope.radiance(view)
+        if around is not None:
+            (first, begun), (last, ended) = around
+            parts = [
+                self._scope.radiance(self.look(first + share * (last - first), begun.towards(ended, share)))
+                for share in exposed_shares()
+            ]
+            light = np.mean(parts, axis=0)
+        return self._scope.develop(light, seed=seed)
 
     def truth(self, view: SurfaceView, before: SurfaceView | None) -> GroundTruth:
         """All that is known of a picture.

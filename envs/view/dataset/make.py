@@ -80,7 +80,10 @@ def make_dataset(
         moments, clips = source.moments, []
         for number, records in enumerate(clips_of(moments, settings)):
             clip = folder / f"{source.name}_clip_{number:02d}"
-            write_clip(clip, moments, records, lens, progress=lambda n, d=done, c=clip: progress(d + n, c.name))
+            looks: dict[str, Any] = {"response": settings.response, "residue": settings.residue}
+            write_clip(
+                clip, moments, records, lens, progress=lambda n, d=done, c=clip: progress(d + n, c.name), **looks
+            )
             done += len(records)
             accuracy = accuracy.joined(clip_accuracy(clip, moments.colon.lumen.faces, lens, seed=number))
             clips.append({"folder": clip.name, "records": records})

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import mujoco
 import numpy as np
@@ -15,6 +16,9 @@ from haustra.envs.view.run_blood import run_blood
 from haustra.errors import UnsupportedSceneError
 from haustra.models.devices.scope.wires import WIRE_NAMES
 from haustra.models.scene import Scene
+
+Moment: TypeAlias = tuple[Float[np.ndarray, "vertices 3"], CameraPose]
+"""Where a surface's vertices are [m], and the camera's pose."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +80,23 @@ class Moments:
     def vertices(self, record: int) -> Float[np.ndarray, "vertices 3"]:
         """Where the vertices of the colon's surface were, moved on its mesentery and indented by the scope [m]."""
         return self._run.colon(record).lumen.vertices
+
+    def around(
+        self, record: int, exposure: float
+    ) -> tuple[tuple[np.ndarray, CameraPose], tuple[np.ndarray, CameraPose]]:
+        """Vertices [m] and camera when an exposure of that long [s] around a record begins, and when it ends.
+
+        Between records all goes evenly; before the first and after the last nothing moves.
+        """
+        time = self.trajectory.time
+
+        def at(moment: float) -> Moment:
+            after = int(np.clip(np.searchsorted(time, moment), 1, len(time) - 1))
+            share = float(np.clip((moment - time[after - 1]) / (time[after] - time[after - 1]), 0.0, 1.0))
+            first, last = self.vertices(after - 1), self.vertices(after)
+            return first + share * (last - first), self.camera(after - 1).towards(self.camera(after), share)
+
+        return at(time[record] - exposure / 2), at(time[record] + exposure / 2)
 
     @cached_property
     def blood(self) -> Float[np.ndarray, "places 5"]:

@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from haustra.envs.view.picture.appearance import Residue
+from haustra.envs.view.picture.light import Response
 from haustra.errors import InvalidOptionError
 from haustra.fields import number, require_declared, texts, whole
 
@@ -30,8 +32,31 @@ class DatasetSettings:
     polyps: tuple[str, ...] = texts(most=50, default=())
     """Polyps of each colon, as `haustra colon grow` takes them."""
 
+    gamma: float = number("1", 0.5, 5.0, default=2.2)
+    """Brightness goes with light to the power of 1 / gamma [1]."""
+    gain: float | None = number("1", 1e-9, 1.0, default=None)
+    """Fixed exposure of light (in units of a guide's at 1 m) [1]; automatic for each picture when none."""
+    noise: float = number("1", 0.0, 0.5, default=0.0)
+    """Standard deviation of noise at full light, of the most that fits [1]; it falls as the root of light."""
+    exposure: float = number("s", 0.0, 0.04, default=0.0)
+    """Time for which a picture is exposed, around that of its ground truth, for motion blur [s]; 0 for none."""
+    stool: float = number("1", 0.0, 1.0, default=0.0)
+    """Share of the lower wall under stool [1]."""
+    mucus: float = number("1", 0.0, 1.0, default=0.0)
+    """Share of the wall under mucus [1]."""
+
     def __post_init__(self) -> None:
         require_declared(self)
+
+    @property
+    def response(self) -> Response:
+        """What the camera makes of light."""
+        return Response(gamma=self.gamma, gain=self.gain, noise=self.noise, exposure=self.exposure)
+
+    @property
+    def residue(self) -> Residue:
+        """What lies on the wall."""
+        return Residue(stool=self.stool, mucus=self.mucus)
 
     def every(self, interval: float) -> int:
         """Records of a run from one picture to the next, by the time between two records [s]."""

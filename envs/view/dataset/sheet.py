@@ -31,6 +31,14 @@ _FILES: Mapping[str, str] = {
     "units",
 }
 """What each file of a clip holds."""
+_CAMERA: Mapping[str, tuple[str, str]] = {
+    "gain": ("gain", ""),
+    "noise": ("noise at full light", ""),
+    "exposure": ("exposed, around the moment of the ground truth, for", " s"),
+    "stool": ("stool", ""),
+    "mucus": ("mucus", ""),
+}
+"""What a sheet says of settings that are not nought."""
 
 
 def data_sheet(record: Mapping[str, Any], lens: Lens) -> str:
@@ -38,6 +46,9 @@ def data_sheet(record: Mapping[str, Any], lens: Lens) -> str:
     found, settings = record["accuracy"], record["settings"]
     files = "\n".join(f"| `{name}` | {about} |" for name, about in _FILES.items())
     made_by = f"haustra dataset {record['name']} --seed {record['seed']}"
+    said = [f"{title} {settings[name]:g}{unit}" for name, (title, unit) in _CAMERA.items() if settings[name]]
+    camera = f"gamma {settings['gamma']:g}, exposure {'fixed' if settings['gain'] else 'automatic'}"
+    camera = ", ".join([camera, *said])
     if record["of"] != "seeds":
         made_by += " --run RUN --colon COLON"
     clips = sum(len(colon["clips"]) for colon in record["colons"])
@@ -62,6 +73,7 @@ is beside them. The camera looks along +z, x is to the right and y down; the mid
 A colon is grown from a seed, hangs on a mesentery and moves; an adult colonoscope is driven in by a follower of the
 lumen, in MuJoCo's units and by haustra's backend 'linear' at 50 records a second. The surface is the one the physics
 moved, indented where the scope presses. Rays are exact: each pixel's middle, against the triangles. Lens: {lens.name}.
+Camera and wall: {camera}.
 
 ## How exact it is, measured from these files
 

@@ -3,6 +3,8 @@
 Everything is fixed to the colon at rest and made from one seed, for the shader (`haustra.envs.view.picture.mucosa`).
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Float
 
@@ -22,23 +24,35 @@ STOOL_SCALE = 0.013
 """Length over which what is left of stool and mucus varies [m]; engineering choice."""
 
 
+class Residue(NamedTuple):
+    """What preparation has left on a wall."""
+
+    stool: float = 0.0
+    """Share of the lower wall under stool, from 0 to 1."""
+    mucus: float = 0.0
+    """Share of the wall under strands and veils of mucus, from 0 to 1."""
+
+
 class Appearance:
     """Looks of one colon's wall."""
 
-    def __init__(self, colon: Colon, surface: LumenSurface, *, seed: int = 0, stool: float = 0.0) -> None:
+    def __init__(self, colon: Colon, surface: LumenSurface, *, seed: int = 0, residue: Residue | None = None) -> None:
         """Make them up.
 
         Args:
             colon: at rest.
             surface: its surface, in whose order vertices are counted.
             seed: of the patterns.
-            stool: share of the lower wall under residue, from 0 (clean) to 1.
+            residue: what lies on the wall; nothing when None.
         """
         rng = np.random.default_rng(seed)
         self.lattice: Float[np.ndarray, "16 16 16"] = rng.random((mucosa.PERIOD,) * 3).astype(np.float32)
         """Random numbers of all patterns."""
         self.wet = 1.0
         """Brightness of the highlights of the film of water on the wall [1]."""
+        residue = residue or Residue()
+        self.mucus = residue.mucus
+        """Share of the wall under mucus [1]."""
         self._surface, line = surface, colon.centreline
         station = np.clip(np.searchsorted(line.arc, surface.arcs), 0, len(line.arc) - 1)
         offset = surface.rest - line.points[station]
@@ -52,13 +66,18 @@ class Appearance:
         self.known[:, mucosa.TAENIA] = _taeniae(colon, surface.arcs, angle, np.linalg.norm(offset, axis=1), rng)
         for lesion in colon.lesions:
             self._mark(lesion, line.points[int(np.searchsorted(line.arc, lesion.arc))])
-        if stool > 0:
+        if residue.stool > 0:
             corners = mucosa.corners(self.lattice)
             heap, _ = mucosa.noise(np, lambda row: corners[row].T, of(surface.rest), 1 / STOOL_SCALE)
             low = -offset[:, 1] / np.maximum(np.linalg.norm(offset, axis=1), 1e-9)
-            self.known[:, mucosa.STOOL] = np.clip(heap + 0.45 * low + stool - 0.75, 0, 1)
+            self.known[:, mucosa.STOOL] = np.clip(heap + 0.45 * low + residue.stool - 0.75, 0, 1)
         self.landmarks: Float[np.ndarray, "landmarks 8"] = np.array(_landmarks(colon, rng)).reshape(-1, 8)
         """Named places that are drawn pixel by pixel."""
+
+    @property
+    def kinds(self) -> tuple[int, ...]:
+        """Kinds of the landmarks."""
+        return tuple(int(kind) for kind in self.landmarks[:, 0])
 
     def bleed(self, place: Float[np.ndarray, "3"], reach: float) -> None:
         """Let blood lie on the wall around a place of the colon at rest [m], as far as `reach` [m]."""

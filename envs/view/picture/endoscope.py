@@ -66,20 +66,26 @@ class Endoscope:
         self.renderer.each_block(LANES, self._shader.bind(self.appearance, view, light))
         return np.moveaxis(light, 0, -1)
 
-    def develop(self, radiance: Float[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "height width 3"]:
-        """Expose light that came back."""
+    def develop(
+        self, radiance: Float[np.ndarray, "height width 3"], *, seed: int | None = None
+    ) -> UInt8[np.ndarray, "height width 3"]:
+        """Expose light that came back, with noise of that seed, or that follows the last picture's."""
+        random = self._random if seed is None else np.random.default_rng(seed)
         self._gain = gain = self._response.gain_for(radiance, self._gain)
         if self._response.noise > 0:
-            radiance = self._response.noisy(radiance, gain, self._random)
+            noisy = self._response.noisy(radiance, gain, random)
+            radiance = np.where(self.renderer.lens.within[..., None], noisy, radiance)  # the mask is no picture
         picture, light = np.empty(radiance.shape, np.uint8), np.ascontiguousarray(np.moveaxis(radiance, -1, 0))
         self.renderer.each_row(lambda first, last: kernels.develop(first, last, light, gain, self._curve, picture))
         return picture
 
     def _blurred(self, pose: CameraPose, before: CameraPose) -> Float[np.ndarray, "height width 3"]:
         total = np.zeros((self.renderer.lens.height, self.renderer.lens.width, 3), np.float32)
-        for share in (np.arange(_MOVES) + 0.5) / _MOVES:
-            place = before.position + share * (pose.position - before.position)
-            turned, _ = np.linalg.qr(before.rotation + share * (pose.rotation - before.rotation))
-            turned = turned * np.sign(np.einsum("ij,ij->j", turned, pose.rotation))
-            total += self.radiance(self.look(CameraPose(place, turned)))
+        for share in exposed_shares():
+            total += self.radiance(self.look(before.towards(pose, share)))
         return total / _MOVES
+
+
+def exposed_shares() -> list[float]:
+    """Shares of the way through an exposure at which a picture with motion blur is taken [1]."""
+    return ((np.arange(_MOVES) + 0.5) / _MOVES).tolist()

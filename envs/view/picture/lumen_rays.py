@@ -1,15 +1,16 @@
-"""Rays to the wall that a lumen's table describes, smooth between its stations and angles: for pictures in batches.
+"""Rays to the wall that a lumen's table describes: where a place stands in it, and where a ray comes out.
 
-Between stations a place counts to both cross-sections by how far it is from either; between angles the wall is flat, as
-that of the surface which is made of the table. Unlike `haustra.envs.tasks.sight.march`, which looks up the nearest
-number, neighbouring rays so meet one smooth wall. A ray goes on by half of what it has as room, and never by less than
-a little; where it comes out, the wall is found by false position.
+The table is read in one of two ways. At its nearest number (`haustra.envs.tasks.sight`), as depth pictures and rays in
+observations do, in a few looks along each. Or smoothly, for pictures in colour (`picture_program`): between stations
+a place counts to both cross-sections by how far it is from either; between angles the wall is flat, as that of the
+surface which is made of the table, so that neighbouring rays meet one smooth wall. Such a ray goes on by half of the
+room it has, and never by less than a little. Where a ray comes out, the wall is found by false position.
 
-Laws are over numbers of any kind: those of the program of `haustra.envs.view.picture.picture_program`.
+Laws are over numbers of any kind: those of numpy and JAX, and of what writes programs.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -40,17 +41,28 @@ _OPEN = 2e-3
 """A camera that is no further in than this looks out through the anus, which else is a wall [m]; engineering choice."""
 
 
-class Station(NamedTuple):
-    """A cross-section of the colon at rest."""
+class Station(Protocol):
+    """A cross-section of the colon at rest; its parts are read when they are asked for."""
 
-    middle: Vector
-    """Place of the centreline [m]."""
-    first: Vector
-    """First normal."""
-    second: Vector
-    """Second normal."""
-    tangent: Vector
-    """Direction of the centreline."""
+    @property
+    def middle(self) -> Vector:
+        """Place of the centreline [m]."""
+        ...
+
+    @property
+    def first(self) -> Vector:
+        """First normal."""
+        ...
+
+    @property
+    def second(self) -> Vector:
+        """Second normal."""
+        ...
+
+    @property
+    def tangent(self) -> Vector:
+        """Direction of the centreline."""
+        ...
 
 
 class Line(NamedTuple):
@@ -85,7 +97,7 @@ class Around(NamedTuple):
     """Place of the centreline beside it [m]."""
 
 
-def around(xp: Any, line: Line, angles: int, point: Vector, arc: Any) -> Around:
+def around(xp: Any, line: Line, angles: int, point: Vector, arc: Any, *, nearest: bool = False) -> Around:
     """Where a place of the colon at rest stands that is near an arc length.
 
     Args:
@@ -94,11 +106,20 @@ def around(xp: Any, line: Line, angles: int, point: Vector, arc: Any) -> Around:
         angles: of the table.
         point: the place [m].
         arc: near it [m].
+        nearest: at the nearest station and angle, with nought as the shares of the way to the next.
     """
-    row = xp.int32(_row(xp, line, arc))
-    near = line.at(line.first + row)
+    station = _row(xp, line, arc, nearest)
+    near = line.at(line.first + xp.int32(station))
     ahead = dot(minus(point, near.middle), near.tangent)
-    row = _row(xp, line, row * line.step + xp.clip(ahead, -_WINDOW, _WINDOW))
+    arc = station * line.step + xp.clip(ahead, -_WINDOW, _WINDOW)
+    row = _row(xp, line, arc, nearest)
+    if nearest:
+        row = line.first + xp.int32(row)
+        own = line.at(row)
+        offset = minus(point, own.middle)
+        x, y = dot(offset, own.first), dot(offset, own.second)
+        column = xp.int32(xp.rint(xp.arctan2(y, x) * (angles / (2 * np.pi)))) % angles
+        return Around(arc, row, 0.0, column, 0.0, xp.sqrt(x * x + y * y), own.middle)
     before, after = line.at(line.first + xp.int32(row)), line.at(line.first + xp.int32(row) + 1)
     one, other = minus(point, before.middle), minus(point, after.middle)
     way, back = dot(one, before.tangent), -dot(other, after.tangent)
@@ -121,8 +142,25 @@ def around(xp: Any, line: Line, angles: int, point: Vector, arc: Any) -> Around:
     )
 
 
-def _row(xp: Any, line: Line, arc: Any) -> Any:
-    return xp.clip(xp.floor(arc / line.step), 0.0, line.count - 2)
+def _row(xp: Any, line: Line, arc: Any, nearest: bool) -> Any:
+    """Station before an arc length, or the nearest."""
+    way = arc / line.step
+    return xp.clip(xp.rint(way), 0.0, line.count - 1) if nearest else xp.clip(xp.floor(way), 0.0, line.count - 2)
+
+
+def crossing(xp: Any, low: Any, room: Any, high: Any, beyond: Any, *, least: float = 0.0) -> Any:
+    """Where on a ray the wall is, between a place in the lumen and one in the wall [m], by false position.
+
+    Args:
+        xp: numpy, or what writes programs.
+        low: distance of the place in the lumen [m].
+        room: from there to the wall [m].
+        high: distance of the place in the wall [m].
+        beyond: the same from there, below nought [m].
+        least: share of the way from either place that is left at least [1].
+    """
+    share = room / xp.maximum(room - beyond, 1e-9)
+    return low + xp.clip(share, least, 1 - least) * (high - low)
 
 
 def evened(found: Around, corners: Sequence[Any]) -> Any:

@@ -94,6 +94,8 @@ class Scene(NamedTuple):
     """Angle that a pixel sees [rad]."""
     wet: Any
     """Brightness of the film's highlights."""
+    mucus: Any
+    """Share of the wall under mucus [1]."""
 
 
 class Looks(NamedTuple):
@@ -167,8 +169,20 @@ def shade(xp: Any, place: WallPlace, sight: Sight, scene: Scene, only: Only) -> 
         scene: what all pixels share.
         only: changes what a place looks like where a condition holds.
     """
+    return _lit(xp, wall_looks(xp, place, sight.away * scene.pixel, scene, only), sight, scene)
+
+
+def wall_looks(xp: Any, place: WallPlace, size: Any, scene: Scene, only: Only) -> Looks:
+    """What a place of the wall looks like: `pale` and `dark` together are what a matt wall sends back.
+
+    Args:
+        xp: numpy, or what writes a program.
+        place: of the wall.
+        size: how much of the wall a pixel sees [m]; what is finer is left out.
+        scene: what all pixels share.
+        only: changes what a place looks like where a condition holds.
+    """
     x, y, z = place.rest
-    size = sight.away * scene.pixel
 
     def ripple(at: Vector, fine: float, shift: Vector = (0.0, 0.0, 0.0)) -> tuple[Any, Vector]:
         return noise(xp, scene.lattice, at, fine, shift)
@@ -210,6 +224,16 @@ def shade(xp: Any, place: WallPlace, sight: Sight, scene: Scene, only: Only) -> 
         laid = tuple(own + 0.85 * thickness * (o - own) for own, o in zip(looks.pale, (0.62, 0.46, 0.16), strict=True))
         return looks._replace(pale=laid, gloss=1 - 0.4 * thickness)
 
+    def slime(looks: Looks) -> Looks:
+        # Strands that wander, and a veil between them; what lies thick is smooth, pale and wet.
+        strand, slope = ripple(wandered, 105.0, (9.1, 4.7, 6.3))
+        veil, _ = ripple(place.rest, 33.0, (1.3, 7.9, 5.2))
+        ridge = xp.exp(-(((strand - 0.5) / (0.10 + blurred)) ** 2))
+        thickness = xp.clip((0.55 * ridge + 0.9 * veil + 1.1 * scene.mucus - 1.1) / 0.35, 0.0, 1.0)
+        laid = tuple(own + 0.55 * thickness * (o - own) for own, o in zip(looks.pale, (0.86, 0.78, 0.52), strict=True))
+        lean = add(times(1 - 0.6 * thickness, looks.lean), times(0.30 * thickness * (0.5 - strand), slope))
+        return looks._replace(pale=laid, lean=lean, gloss=looks.gloss * (1 + 1.2 * thickness))
+
     looks = only(size < _FINE, refine, looks)  # what is finer than a pixel is not drawn
     looks = only(place.polyp > 0.01, redden, looks)  # polyps are redder, with pits
     # Beyond the dentate line there is skin.
@@ -226,7 +250,7 @@ def shade(xp: Any, place: WallPlace, sight: Sight, scene: Scene, only: Only) -> 
     taken = (xp.exp(-share * looks.blood) for share in (_RED, _GREEN, _BLUE))
     looks = looks._replace(pale=tuple(own * left for own, left in zip(looks.pale, taken, strict=True)))
     looks = only(place.stool > 0.0, cover, looks)
-    return _lit(xp, looks, sight, scene)
+    return only(scene.mucus > 0.0, slime, looks)
 
 
 def _orifice(xp: Any, looks: Looks, landmark: Landmark, off: Vector, bend: Any) -> Looks:

@@ -25,8 +25,8 @@ from haustra.envs.view.picture.lumen_rays import (
     STEP_PER_DISTANCE,
     Around,
     Line,
-    Station,
     around,
+    crossing,
     evened,
     wall_at,
 )
@@ -60,6 +60,19 @@ LIDS = 2
 """Behind a colon's landmarks stands what is known of the middles of the lids at its anus and its end."""
 COLON = 3
 """Where a row of a station says which colon it is of."""
+
+
+_LEAST_LEFT = 0.02
+"""False position leaves this share of the way from either end at least [1]."""
+
+
+class _Station(NamedTuple):
+    """A cross-section (`haustra.envs.view.picture.lumen_rays.Station`); what is not asked for is not read."""
+
+    middle: Vector
+    first: Vector
+    second: Vector
+    tangent: Vector
 
 
 class _Thing(NamedTuple):
@@ -125,8 +138,8 @@ class _Looking:
         stations = Rows(program, given["stations"], STATION_ROW)
         self._corners = Rows(program, given["corners"], 1)
 
-        def station(row: Value) -> Station:
-            return Station(*(_three(stations, row, 4 * part) for part in range(4)))
+        def station(row: Value) -> _Station:
+            return _Station(*(_three(stations, row, 4 * part) for part in range(4)))
 
         step, first = self._number(2), self._xp.int32(self._number(0))
         self._colon = self._xp.int32(stations.read(first, COLON))
@@ -178,7 +191,7 @@ class _Looking:
             hit = (old.met > 0) | ~inside
             least = LEAST_STEP + STEP_PER_DISTANCE * way
             further = way + xp.minimum(xp.maximum(0.5 * left, least), LARGEST_STEP + least)
-            after = xp.where(hit, _between_both(xp, low, room, high, beyond), further)
+            after = xp.where(hit, crossing(xp, low, room, high, beyond, least=_LEAST_LEFT), further)
             moved, passed = way - old.last_way, found.arc - old.last_arc
             rate = xp.where(
                 moved > LEAST_STEP / 2, xp.clip(passed / xp.maximum(moved, LEAST_STEP / 2), -3.0, 3.0), old.rate
@@ -309,15 +322,15 @@ class _Looking:
     def _scene(self, kinds: tuple[int, ...], guides: int) -> Scene:
         program, given = self._program, self._given
         common = Shared(program, given["common"])
-        numbers = [common.load(slot) for slot in range(3 + 3 * guides)]
-        places = [(numbers[slot], numbers[slot + 1], numbers[slot + 2]) for slot in range(3, len(numbers), 3)]
+        numbers = [common.load(slot) for slot in range(4 + 3 * guides)]
+        places = [(numbers[slot], numbers[slot + 1], numbers[slot + 2]) for slot in range(4, len(numbers), 3)]
         table = Rows(program, given["landmarks"], LANDMARK_ROW)
         landmarks = []
         for number, kind in enumerate(kinds):
             row = self._colon * (len(kinds) + LIDS) + number
             landmarks.append(Landmark(kind, _three(table, row, 0), table.read(row, 3), _three(table, row, 4)))
-        spread, pixel, wet = numbers[:3]
-        return Scene(lattice_of(program, given["lattice"]), landmarks, self._axes, places, spread, pixel, wet)
+        spread, pixel, wet, mucus = numbers[:4]
+        return Scene(lattice_of(program, given["lattice"]), landmarks, self._axes, places, spread, pixel, wet, mucus)
 
     def _number(self, slot: int) -> Value:
         return self._views.read(self._row, slot)
@@ -364,12 +377,6 @@ class _Cell(NamedTuple):
 
 def _three(rows: Rows, row: Value, column: int) -> Vector:
     return rows.read(row, column), rows.read(row, column + 1), rows.read(row, column + 2)
-
-
-def _between_both(xp: Any, low: Value, room: Value, high: Value, beyond: Value) -> Value:
-    """Where between a place in the lumen and one in the wall it may be, by what is left to either."""
-    share = room / xp.maximum(room - beyond, 1e-9)
-    return low + xp.clip(share, 0.02, 0.98) * (high - low)
 
 
 @functools.cache

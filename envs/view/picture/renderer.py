@@ -36,8 +36,8 @@ _NEAR = 0.05
 """What is nearer than this is drawn first, and may hide the rest [m]."""
 _RADII = 2048
 """Places of the table of a lens's radii."""
-_MOST = 3.0
-"""tan(angle / 2) at which that table ends: 143 degrees off the axis."""
+MOST = 3.0
+"""tan(angle / 2) at which the table of a lens's radii ends: 143 degrees off the axis."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,12 @@ class CameraPose:
         These three are right-handed, so that wire 'left' is on the right of what the camera sees.
         """
         return cls(np.asarray(position, float), np.column_stack([frame[:, 1], frame[:, 0], -frame[:, 2]]).astype(float))
+
+    def towards(self, other: "CameraPose", share: float) -> "CameraPose":
+        """The pose that share of a short way from here to another."""
+        turned, _ = np.linalg.qr(self.rotation + share * (other.rotation - self.rotation))
+        turned = turned * np.sign(np.einsum("ij,ij->j", turned, other.rotation))
+        return CameraPose(self.position + share * (other.position - self.position), turned)
 
 
 @dataclass(frozen=True)
@@ -157,15 +163,13 @@ class RayRenderer(Renderer):
         self._local, self._image = np.empty((count, 3)), np.empty((count, 3))
         self._boxes, self._kept = np.empty((triangles, 4), np.int32), np.empty(triangles, np.int32)
         self._planes = np.empty((triangles, caster.PLANES), np.float32)
-        order = np.argsort(self.surface.faces, axis=None, kind="stable")
-        self._around = (order // 3).astype(np.int32)
-        self._starts = np.searchsorted(self.surface.faces.ravel()[order], np.arange(count + 1)).astype(np.int32)
+        self._starts, self._around = triangles_around(self.surface)
         self._stamps, self._now, self._normals = np.zeros(count, np.int32), 0, np.empty((count, 3), np.float32)
         self._rays = np.ascontiguousarray(np.moveaxis(lens.grid, -1, 0), np.float32)
         self._rays[:, ~lens.within] = np.nan
         self._tiles = _Tiles(lens)
         self._placement = np.array([*lens.centre, *np.ravel(lens.stretch)])
-        self._radii = _radii(lens)
+        self._radii = radii(lens)
         self._threads = threads or len(os.sched_getaffinity(0))
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
 
@@ -183,7 +187,7 @@ class RayRenderer(Renderer):
         planes, triangle = np.zeros((7, height, width), np.float32), np.full((height, width), -1, np.int32)
         distance = planes[0]
         distance[:] = np.inf
-        lens = self._placement, self._radii, _MOST
+        lens = self._placement, self._radii, MOST
         widest = np.tan(np.radians(min(self.lens.field_of_view_deg, 250.0)) / 4)
 
         def see(stretch: int) -> None:
@@ -270,9 +274,17 @@ class _Tiles:
         return fold.reduceat(fold.reduceat(values, self._rows, axis=0), self._columns, axis=1)
 
 
-def _radii(lens: Lens) -> Float[np.ndarray, " places"]:
-    """The lens's radius for tan(angle / 2) from 0 to `_MOST`; beyond what the lens sees it goes on in line."""
-    half = np.linspace(0.0, _MOST, _RADII)
+def triangles_around(surface: LumenSurface) -> tuple[Int[np.ndarray, " starts"], Int[np.ndarray, " corners"]]:
+    """Which triangles are around each vertex of a surface: where those of each begin, and the end; and they."""
+    order = np.argsort(surface.faces, axis=None, kind="stable")
+    count = len(surface.vertices)
+    starts = np.searchsorted(surface.faces.ravel()[order], np.arange(count + 1)).astype(np.int32)
+    return starts, (order // 3).astype(np.int32)
+
+
+def radii(lens: Lens) -> Float[np.ndarray, " places"]:
+    """The lens's radius for tan(angle / 2) from 0 to `MOST`; beyond what the lens sees it goes on in line."""
+    half = np.linspace(0.0, MOST, _RADII)
     radius = lens.radius(np, 2 * np.arctan(half))
     good = int(np.isfinite(radius).sum())
     slope = (radius[good - 1] - radius[good - 2]) if good < _RADII else 0.0

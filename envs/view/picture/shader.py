@@ -26,11 +26,14 @@ from haustra.envs.view.picture.mucosa import (
     shade,
 )
 from haustra.envs.view.picture.pixels import Pixels, begun, function_of
-from haustra.envs.view.picture.renderer import SurfaceView
+from haustra.envs.view.picture.renderer import CameraPose, SurfaceView
 from haustra.models.wall.vectors import dot
 
 LANES = 16
 """Pixels that are shaded at a time."""
+SHARED = 13
+"""Numbers that all pixels of a picture share before those of guides and landmarks: axes, light's fall, the angle that a
+pixel sees, the film's brightness, mucus."""
 FOURS = 3
 """Rows of what is known of vertices have four times so many numbers: place at rest, arc length, what is known."""
 _ARRAYS = ("common", "lattice", "wall", "faces", "lens", "own", "met", "light")
@@ -84,20 +87,24 @@ class Shader:
         self, looks: Appearance, view: SurfaceView, light: Float[np.ndarray, "3 height width"]
     ) -> Callable[[int, int], None]:
         """What shades blocks of a view's pixels, from a first one to before a last one, into `light`."""
-        guides, places = np.array(self._light.guides), looks.landmarks
-        numbers = [view.pose.rotation.T.ravel(), (self._light.spread, self._pixel, looks.wet)]
-        numbers += [guides.ravel(), places[:, 1:].ravel()]
-        common = np.concatenate(numbers).astype(np.float32)
+        common = common_numbers(looks, view.pose, self._light, self._pixel)
         lattice = aligned(corners(looks.lattice), np.float32)
         arrays = common, lattice, looks.wall, view.surface.faces, self._lens, view.own, view.planes, light
         addresses = [each.ctypes.data for each in arrays]
-        text = write_shader(tuple(int(kind) for kind in places[:, 0]), len(guides))
+        text = write_shader(looks.kinds, len(self._light.guides))
         _, function = function_of(text, "shade", len(_ARRAYS), len(_COUNTS))
 
         def work(first: int, last: int, arrays: Any = arrays) -> None:  # which stay alive with it
             function(*addresses, view.own.size, first, last)
 
         return work
+
+
+def common_numbers(looks: Appearance, pose: CameraPose, light: Light, pixel: float) -> Float[np.ndarray, " numbers"]:
+    """What all pixels of a picture share, given the angle that one sees [rad], in the order in which programs read."""
+    numbers = [pose.rotation.T.ravel(), (light.spread, pixel, looks.wet, looks.mucus)]
+    numbers += [np.ravel(light.guides), looks.landmarks[:, 1:].ravel()]
+    return np.concatenate(numbers).astype(np.float32)
 
 
 def lens_planes(lens: Lens) -> Float[np.ndarray, "4 height width"]:
@@ -115,16 +122,16 @@ def pixel_angle(lens: Lens) -> float:
 
 def _scene(program: Program, given: dict[str, Any], kinds: tuple[int, ...], guides: int) -> Scene:
     shared = Shared(program, given["common"])
-    numbers = iter([shared.load(slot) for slot in range(12 + 3 * guides + 7 * len(kinds))])
+    numbers = iter([shared.load(slot) for slot in range(SHARED + 3 * guides + 7 * len(kinds))])
 
     def vector() -> Any:
         return next(numbers), next(numbers), next(numbers)
 
     axes = vector(), vector(), vector()
-    spread, pixel, wet = vector()
+    (spread, pixel, wet), mucus = vector(), next(numbers)
     places = [vector() for _ in range(guides)]
     landmarks = [Landmark(kind, vector(), next(numbers), vector()) for kind in kinds]
-    return Scene(lattice_of(program, given["lattice"]), landmarks, axes, places, spread, pixel, wet)
+    return Scene(lattice_of(program, given["lattice"]), landmarks, axes, places, spread, pixel, wet, mucus)
 
 
 def lattice_of(program: Program, base: Any) -> Lattice:

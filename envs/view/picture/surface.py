@@ -5,6 +5,8 @@ in it (`haustra.models.wall.indentation`). Only stretches that a camera may see 
 the same however long and finely meshed the colon is.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -14,6 +16,43 @@ from haustra.models.wall.indentation import FALL, GAP, along_device, tops
 from haustra.models.wall.lumen_table import Tables, axis_at
 from haustra.models.wall.moving_colon import AT_REST, AxisShape, node_cell
 from haustra.models.wall.signed_distance import surface_arcs
+
+
+class Skin(NamedTuple):
+    """What each vertex is taken along with (`haustra.models.wall.moving_colon`), for renderers that do so."""
+
+    node: Int[np.ndarray, " vertices"]
+    """Node of the axis before it."""
+    share: Float[np.ndarray, " vertices"]
+    """Share of the way from there to the next node [1]."""
+    axis: Float[np.ndarray, "vertices 3"]
+    """Place of the axis at rest beside it, in the colon's own coordinates [m]."""
+    lever: Float[np.ndarray, "vertices 3"]
+    """From there to the vertex at rest [m]."""
+
+
+class Posture(NamedTuple):
+    """How a colon lies now."""
+
+    nodes: Float[np.ndarray, "nodes 12"]
+    """How far each node of its axis has moved [m], and by which share its section is flattened; the section's turn, a
+    unit quaternion; the direction in which it is flattened, and nought."""
+    axes: Float[np.ndarray, "3 4"]
+    """Columns: axes of the colon's own coordinates in the world, and where they begin [m]."""
+
+
+class Device(NamedTuple):
+    """What the wall is kept off."""
+
+    places: Float[np.ndarray, "places 3"]
+    """Where the device's axis is [m]."""
+    arcs: Float[np.ndarray, " places"]
+    """Arc lengths beside them [m]."""
+    tops: Float[np.ndarray, " places"]
+    """How far from the centreline the wall over them stands at most [m] (`haustra.models.wall.indentation.tops`)."""
+    radius: float
+    """How far the wall is kept off that axis [m]."""
+
 
 STRETCH = 0.015
 """Length of colon in one stretch [m]."""
@@ -90,7 +129,10 @@ class ColonSurface(LumenSurface):
         """Take a colon, where it is."""
         self.colon, self.line = colon, colon.centreline.points
         """The colon as it was given, and where the stations of its centreline are now [m]."""
-        self._device: tuple[np.ndarray, np.ndarray, np.ndarray, float] | None = None
+        self.device: Device | None = None
+        """What the wall is kept off now."""
+        self.placings = 0
+        """How often vertices were put elsewhere, but for how the axis has moved: as often `skin` is another."""
         super().__init__(colon.lumen, surface_arcs(colon))
         self._placed, self._fresh = self.vertices.copy(), np.zeros(self.count, bool)
         wide = np.linalg.norm(self.vertices - self._line_at(self.arcs), axis=1)
@@ -100,11 +142,22 @@ class ColonSurface(LumenSurface):
         """As `LumenSurface.place`; the centreline stays."""
         super().place(vertices)
         self._placed = self.vertices.copy()
+        self.placings += 1
         self._fresh[:] = False
+
+    def skin(self) -> Skin:
+        """What each vertex is taken along with."""
+        axis, still = self._line_at(self.arcs), np.zeros(len(self.arcs))
+        return Skin(still.astype(np.int64), still, axis, self._placed - axis)
+
+    def posture(self) -> Posture:
+        """How the colon lies now: where it was placed."""
+        nodes = np.tile([0.0] * 4 + [1.0] + [0.0] * 7, (2, 1))
+        return Posture(nodes, np.eye(3, 4))
 
     def indent(self, path: Float[np.ndarray, "nodes 3"], radius: float) -> None:
         """Keep the wall off a device of that radius [m] along `path`, from the anus on [m]; off none if it is empty."""
-        self._device = None
+        self.device = None
         self._fresh[:] = False
         if len(path) > 1:
             self._keep_off(*along_device(path, self.line, self.colon.centreline.arc, _APART), radius)
@@ -114,6 +167,7 @@ class ColonSurface(LumenSurface):
         self._stretch(
             np.interp(self.arcs, np.linspace(0.0, self.colon.centreline.length, len(widths)), widths)[:, None]
         )
+        self.placings += 1
         self._fresh[:] = False
 
     def make_room(self, tip: Float[np.ndarray, "3"], ahead: Float[np.ndarray, "3"], arc: float, radius: float) -> None:
@@ -127,8 +181,8 @@ class ColonSurface(LumenSurface):
             return
         first, last = int(self.ends[stretch]), int(self.ends[stretch + 1])
         self._carry(first, last)
-        if self._device is not None:
-            places, at, top, radius = self._device
+        if self.device is not None:
+            places, at, top, radius = self.device
             near = top - FALL * (np.abs(at - self.arcs[first]) - 2 * STRETCH) > self._narrow[stretch]
             if near.any():
                 middles = self._line_at(self.arcs[first:last])[None]
@@ -138,7 +192,7 @@ class ColonSurface(LumenSurface):
 
     def _keep_off(self, places: np.ndarray, arcs: np.ndarray, radius: float) -> None:
         high = tops(places, self._line_at(arcs), radius + GAP)
-        self._device = np.ascontiguousarray(places), np.ascontiguousarray(arcs), high, radius + GAP
+        self.device = Device(np.ascontiguousarray(places), np.ascontiguousarray(arcs), high, radius + GAP)
         self._fresh[:] = False
 
     def _stretch(self, share: np.ndarray) -> None:
@@ -189,6 +243,16 @@ class MovingSurface(ColonSurface):
         at = np.clip(np.searchsorted(self._line.arc, (begin + end) / 2), 0, len(self.line) - 1)
         self._middles, self._reaches = self.line[at], self._wide + STRETCH + _ROOM
         self._fresh[:] = False
+
+    def skin(self) -> Skin:
+        """As `ColonSurface.skin`."""
+        return Skin(*self._cells, self._still[0], self._lever[0])
+
+    def posture(self) -> Posture:
+        """As `ColonSurface.posture`, and where the axis was moved to."""
+        shape, nodes = self._shape, self._pose[0, :, :3]
+        parts = nodes, shape.flats[0][:, None], shape.turns[0], shape.acrosses[0], np.zeros((len(nodes), 1))
+        return Posture(np.concatenate(parts, axis=1), self._axes)
 
     def _stretch(self, share: np.ndarray) -> None:
         self._lever = np.ascontiguousarray(self._slim * share)

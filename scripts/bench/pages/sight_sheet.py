@@ -17,7 +17,7 @@ def draw(path: Path) -> Path:
     from PIL import Image, ImageDraw, ImageFont
 
     from haustra.envs.console.channel import treated, wounds
-    from haustra.envs.view.picture.appearance import Appearance
+    from haustra.envs.view.picture.appearance import Appearance, Residue
     from haustra.envs.view.picture.camera import looking, unit
     from haustra.envs.view.picture.endoscope import Endoscope
     from haustra.envs.view.picture.lens import named_lens
@@ -111,7 +111,9 @@ def draw(path: Path) -> Path:
             for cut, reach in wounds(colon, tissue):
                 eye.appearance.bleed(cut, reach)
         elif name.startswith("residue"):
-            eye = Endoscope(colon, lens, surface=surface, appearance=Appearance(colon, surface, stool=_STOOL))
+            eye = Endoscope(
+                colon, lens, surface=surface, appearance=Appearance(colon, surface, residue=Residue(_STOOL))
+            )
         fine = eye.picture(pose).reshape(_SIZE, _SAMPLES, _SIZE, _SAMPLES, 3)
         pictures.append((name, fine.mean(axis=(1, 3)).astype(np.uint8)))
     sheet = Image.new("RGB", (4 * _SIZE, 4 * _SIZE), "black")

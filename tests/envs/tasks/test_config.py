@@ -51,7 +51,10 @@ SEEN: dict[str, dict[str, Any]] = {
     "pictures": {"observation": "dict", "pictures": True},
     "picture_size": {"observation": "depth", "picture_size": 32},
 }
-ELSEWHERE = {"task", "design", "difficulty", "seeds", "mesentery", "gas", "gas_flow", "gas_start", "gas_action"}
+ELSEWHERE = {
+    *("task", "design", "difficulty", "seeds", "mesentery", "stool", "mucus"),
+    *("gas", "gas_flow", "gas_start", "gas_action"),
+}
 """What is examined, of which tests/envs/tasks has files of its own."""
 
 

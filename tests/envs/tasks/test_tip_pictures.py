@@ -19,6 +19,7 @@ from haustra.envs.view.picture.endoscope import Endoscope
 from haustra.envs.view.picture.lens import lens_of
 from haustra.envs.view.picture.renderer import CameraPose
 from haustra.envs.view.picture.surface import MovingSurface
+from haustra.errors import InvalidOptionError
 from haustra.models.scene import entry_of
 from haustra.models.wall.lumen_table import stack
 from tests.task_bank import DESIGN, moving_bank
@@ -27,10 +28,11 @@ SIZE = 48
 STEER = np.array([[1.0, 0.3, 0.5, -0.4], [1.0, -0.6, -0.3, 0.6]])
 
 
-def task_of(*, mesentery: bool, size: int = SIZE, **own: Any) -> ScopeTask:
-    config = TaskConfig(design=DESIGN, observation="pixels", picture_size=size, mesentery=mesentery)
-    about: dict[str, Any] = {"worlds": 2, "backend": "linear", "bank": moving_bank()} | own
-    return ScopeTask(config, **about)
+def task_of(*, mesentery: bool, size: int = SIZE, rules: dict[str, Any] | None = None, **own: Any) -> ScopeTask:
+    about = {"design": DESIGN, "observation": "pixels", "picture_size": size, "mesentery": mesentery}
+    config = TaskConfig(**about, **(rules or {}))
+    run: dict[str, Any] = {"worlds": 2, "backend": "linear", "bank": moving_bank()} | own
+    return ScopeTask(config, **run)
 
 
 def tips_of(task: ScopeTask) -> TipPictures:
@@ -138,6 +140,21 @@ def test_what_the_wall_bears_is_drawn() -> None:
     assert (np.abs(bloody[..., 3] - plain[..., 3]) == 0).all()
 
 
+def test_stool_and_mucus_are_drawn_as_by_exact_rays_and_refused_without_colour() -> None:
+    """The looks of both are the law's; distances stay as they were."""
+    bank = moving_bank().with_mesentery(False)
+    clean, dirty = (task_of(mesentery=False, bank=bank, rules=rules) for rules in ({}, {"stool": 0.6, "mucus": 0.4}))
+    plain, seen = (task.reset(seeds=[0, 1], case=np.array([0, 1]))["pixels"].astype(int) for task in (clean, dirty))
+    assert (np.abs(seen - plain)[..., :3].max(axis=-1) > 10).mean() > 0.2
+    np.testing.assert_array_equal(seen[..., 3], plain[..., 3])
+    for world in range(2):
+        own = dirty.seen.tip[world], dirty.seen.tip_frame[world]
+        drawn = dirty.pictures.both(world, own, float(dirty.seen.tip_arc[world]), SIZE)
+        assert (np.abs(drawn.astype(int) - seen[world]).max(axis=-1) <= 3).mean() > 0.95
+    with pytest.raises(InvalidOptionError, match="choose observation 'pixels'"):
+        ScopeTask(TaskConfig(design=DESIGN, observation="depth", mucus=0.1), bank=bank)
+
+
 @pytest.mark.parametrize("size", [8, 13])
 def test_any_size_is_exposed_alike(size: int) -> None:
     """Sizes that no lanes divide: the upper quarter of what is lit is exposed as one picture of exact rays."""
@@ -176,6 +193,6 @@ def test_a_gpu_is_given_the_same_programs() -> None:
 def test_the_surface_that_normals_are_of_has_them_inwards() -> None:
     """At each place of the table towards the centreline."""
     case = moving_bank().cases[0]
-    known = _wall(case).known
+    known = _wall(case, None).known
     rays = case.points[:, None] - case.colon().lumen.vertices[: case.sight.size].reshape(*case.sight.shape, 3)
     assert (np.einsum("sai,sai->sa", known[..., :3], rays) > 0).all()

@@ -141,3 +141,31 @@ def test_an_interrupted_data_set_goes_on_and_another_is_refused(folder, source, 
 def test_a_run_that_is_too_short_is_refused(source, tmp_path):
     with pytest.raises(InvalidOptionError, match="records"):
         make_dataset(tmp_path, replace(SETTINGS, frames=400), name="test", sources=iter([source]))
+
+
+def test_camera_and_residue_are_options_and_leave_the_ground_truth(folder, source, tmp_path):
+    """Noise, motion blur, a fixed gain, gamma, stool and mucus change colours alone, twice in the same way."""
+
+    def colours(name: str, **options: float) -> np.ndarray:
+        settings = replace(SETTINGS, frames=2, **options)
+        if not (tmp_path / name).exists():
+            make_dataset(tmp_path / name, settings, name="test", sources=iter([source]))
+        return np.asarray(Image.open(tmp_path / name / "bend_clip_00" / "0001_color.png")).astype(float)
+
+    plain, fixed = colours("plain"), colours("fixed", gain=3e-5)
+    within = named_lens("cf-hq190l").at(SETTINGS.width, SETTINGS.height).within
+    noisy = colours("noisy", noise=0.05)
+    assert 2.0 < (noisy - plain)[within].std() < 40.0
+    np.testing.assert_array_equal(noisy, colours("again", noise=0.05))
+    mid = (fixed > 20) & (fixed < 235)
+    steep = colours("steep", gain=3e-5, gamma=1.1)
+    np.testing.assert_allclose(steep[mid], 255 * (fixed[mid] / 255) ** (2.2 / 1.1), atol=3.0)
+    blurred = colours("blurred", exposure=0.04)
+    assert np.abs(blurred - plain)[within].max() > 0.5 and np.abs(blurred - plain)[within].mean() < 20.0
+    residue = colours("residue", stool=0.7, mucus=0.6)
+    assert (np.abs(residue - plain).max(axis=-1) > 5)[within].mean() > 0.1
+    for name in ("noisy", "blurred", "residue"):
+        for file in ("0001_depth.tiff", "0001_flow.tiff", "0001_segment.png"):
+            own, known = (tmp_path / each / "bend_clip_00" / file for each in (name, "plain"))
+            assert own.read_bytes() == known.read_bytes()
+    assert "noise at full light 0.05" in (tmp_path / "noisy" / "README.md").read_text()

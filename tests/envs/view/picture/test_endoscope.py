@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from haustra.envs.view.picture.appearance import Appearance
+from haustra.envs.view.picture.appearance import Appearance, Residue
 from haustra.envs.view.picture.camera import looking
 from haustra.envs.view.picture.endoscope import Endoscope
 from haustra.envs.view.picture.lens import equidistant_lens, named_lens
@@ -116,12 +116,32 @@ def test_blood_is_red_and_stays_where_it_is(tube: Colon, scope: Endoscope) -> No
     assert changed[~under].max() == 0, "where no blood is, the wall shines as before"
 
 
+def test_mucus_and_stool_lie_where_the_seed_says(tube: Colon, scope: Endoscope) -> None:
+    """None by default; more of each covers more, in the same places, and mucus hides vessels' red."""
+    lens, surface, view = scope.renderer.lens, scope.surface, scope.look(inside(0.06))
+    plain = scope.radiance(view)
+
+    def covered(**residue: float) -> tuple[np.ndarray, np.ndarray]:
+        looks = Appearance(tube, surface, residue=Residue(**residue))
+        light = Endoscope(tube, lens, surface=surface, appearance=looks).radiance(view)
+        return np.abs(light - plain).max(axis=-1) > 1e-3 * plain.max(axis=-1), light
+
+    assert not covered()[0].any()
+    for kind in ("mucus", "stool"):
+        (some, light), (more, _) = covered(**{kind: 0.4}), covered(**{kind: 0.7})
+        assert 0.01 < some.mean() < 0.95 and more.sum() > some.sum() and not (some & ~more).any()
+        paler = (light[some][:, 2] / light[some][:, 0]) / (plain[some][:, 2] / plain[some][:, 0])
+        assert np.median(paler) > 1.0 if kind == "mucus" else np.median(paler) < 1.05
+        np.testing.assert_array_equal(light, covered(**{kind: 0.4})[1])
+
+
 def test_noise_blur_and_a_fixed_gain_are_options(tube: Colon, scope: Endoscope) -> None:
     lens, surface = scope.renderer.lens, scope.surface
     plain = scope.picture(inside(0.06)).astype(float)
     noisy = Endoscope(tube, lens, surface=surface, response=Response(noise=0.03)).picture(inside(0.06)).astype(float)
     within = lens.within
     assert 1.0 < (noisy - plain)[within].std() < 20.0
+    assert noisy[~within].max() == 0, "noise in the black mask"
     blurred = scope.picture(inside(0.064), inside(0.056)).astype(float)
     assert np.abs(np.diff(blurred, axis=0)).mean() < np.abs(np.diff(plain, axis=0)).mean()
     dim, bright = (Endoscope(tube, lens, surface=surface, response=Response(gain=gain)) for gain in (2e-5, 4e-5))

@@ -1,7 +1,5 @@
 """The program that shades pixels is the mucosa's law as numpy computes it."""
 
-import functools
-
 import numpy as np
 
 from haustra.envs.view.picture import mucosa
@@ -10,43 +8,24 @@ from haustra.envs.view.picture.camera import looking
 from haustra.envs.view.picture.endoscope import Endoscope
 from haustra.envs.view.picture.lens import named_lens
 from haustra.envs.view.picture.light import Light, Response
+from haustra.envs.view.picture.numpy_shade import seen_pixels, shade_pixels
 from haustra.envs.view.picture.renderer import CameraPose, SurfaceView
-from haustra.models.wall.vectors import of
 from tests.bent_colon import winding
 from tests.models.wall.conftest import RADIUS, swept_colon
 
 WIDTH, HEIGHT = 60, 51
 """No multiple of what is shaded at a time."""
-WET = 0.8
+WET, MUCUS = 0.8, 0.4
 
 
 def shaded_by_numpy(scope: Endoscope, view: SurfaceView) -> np.ndarray:
     """Light of all pixels in double precision."""
-    looks, lens, light = scope.appearance, scope.renderer.lens, Light()
-    wall = np.empty((len(looks.wall), 12))
-    wall[view.surface.order] = looks.wall
-    found = np.nan_to_num(view.interpolate(wall))
-    place = mucosa.WallPlace(of(found[..., :3]), *np.moveaxis(found[..., 3:9], -1, 0))
-    away = np.where(view.own >= 0, view.distance, 1.0)
-    dim = np.maximum(-lens.grid[..., 2], 0.0) ** lens.vignetting
-    sight = mucosa.Sight(away, of(lens.grid), of(view.normals.astype(float)), dim)
+    lens, seen = scope.renderer.lens, seen_pixels(scope.appearance, view, Light())
     # What a pixel sees in the middle of the picture: the angle between neighbours.
     row, column = (round(place) for place in lens.centre[::-1])
     beside = np.cross(lens.grid[row, column], lens.grid[row, column + 1])
-    corners = mucosa.corners(looks.lattice.astype(float))
-    landmarks = [mucosa.Landmark(int(row[0]), of(row[1:4]), row[4], of(row[5:8])) for row in looks.landmarks]
-    scene = mucosa.Scene(
-        lambda row: np.moveaxis(corners[row], -1, 0),
-        landmarks,
-        (of(view.pose.rotation[:, 0]), of(view.pose.rotation[:, 1]), of(view.pose.rotation[:, 2])),
-        light.guides,
-        light.spread,
-        float(np.linalg.norm(beside)),
-        looks.wet,
-    )
-    with np.errstate(all="ignore"):
-        bands = mucosa.shade(np, place, sight, scene, functools.partial(mucosa.masked, np))
-    return np.where((view.own >= 0)[..., None], np.stack(bands, axis=-1), 0.0)
+    seen = seen._replace(scene=seen.scene._replace(pixel=float(np.linalg.norm(beside))))
+    return np.where((view.own >= 0)[..., None], shade_pixels(seen), 0.0)
 
 
 def test_the_program_shades_as_the_law_says() -> None:
@@ -58,7 +37,7 @@ def test_the_program_shades_as_the_law_says() -> None:
     random = np.random.default_rng(0)
     near = np.abs(scope.surface.arcs - 0.07) < 0.02
     looks.known[near] = random.uniform(0, 1, (near.sum(), 5)) * random.integers(0, 2, (near.sum(), 5))
-    looks.wet = WET
+    looks.wet, looks.mucus = WET, MUCUS
     along = (1.0, 0.0, 0.0)
     looks.landmarks = np.array([
         [mucosa.ORIFICE, 0.075, 0.0, RADIUS, 0.0035, *along],

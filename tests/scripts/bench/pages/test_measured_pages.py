@@ -18,6 +18,7 @@ from haustra.scripts.bench.pages.leaderboard_page import leaderboard_page
 from haustra.scripts.bench.pages.motion_page import motion_page
 from haustra.scripts.bench.pages.propulsion_page import propulsion_page
 from haustra.scripts.bench.pages.reach_page import reach_page
+from haustra.scripts.bench.pages.sight_page import sight_page
 from haustra.scripts.bench.pages.teaching_page import teaching_page
 from haustra.scripts.bench.pages.trials_page import trials_page
 
@@ -33,6 +34,7 @@ MAKERS: Mapping[str, Callable[[Any], str]] = {
     "gas": gas_page,
     "motion": motion_page,
     "reach": reach_page,
+    "sight-reference": sight_page,
     "tracked": propulsion_page,
     "leaderboard": lambda kept: leaderboard_page(kept["rows"]),
     "teaching": teaching_page,
