@@ -167,6 +167,11 @@ FIRST_MEMORY = Memory(0.0, 0.0, 0.0, _ADVANCE, 0.0, _NEVER, _NEVER, 0.0, 0.0, 0.
 """Memory of an endoscopist who has seen nothing yet."""
 
 
+def pulls_back(memory: Any) -> Any:
+    """Which of those who remember so much pull the shaft back; None where memory is not an endoscopist's."""
+    return memory.mode == _PULL if isinstance(memory, Memory) else None
+
+
 def rules(
     xp: Any, settings: Any, steering: Steering, sensed: Sensed, memory: Memory, *, interval: float
 ) -> tuple[Decision, Memory]:

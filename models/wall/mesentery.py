@@ -256,6 +256,13 @@ def seen_from(own: Mesentery, origin: Float[np.ndarray, "3"], axes: Float[np.nda
     )
 
 
+def may_be_pressed(own: Mesentery) -> Mesentery:
+    """With a belly that presses on nothing yet: programs that begin without one take no hand later."""
+    if np.any(own.walls):
+        return own
+    return own._replace(walls=own.walls + (1.0, 0.0), room=np.full_like(own.room, UNBOUND))
+
+
 def stack(colons: Sequence[Mesentery]) -> Mesentery:
     """Several colons, filled up to the same number of nodes."""
     most = max(len(own.nodes) for own in colons)

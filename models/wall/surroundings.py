@@ -1,10 +1,9 @@
 """What lies around a colon that moves, as its nodes feel it: an envelope that holds it in, and breath that moves it.
 
 The envelope stands for the abdominal wall and the organs: six flat walls about the colon at rest, across the patient's
-own directions, each of which presses back on nodes that have come further than their room. A hand on the belly presses the
-front one in over some of them. Breath moves what the colon
-hangs on, and the wall at the head, towards the feet and back. A colon at rest has room to every wall, and time begins
-where nobody has breathed in.
+own directions, each of which presses back on nodes that have come further than their room. A hand on the belly presses
+the front one in over some of them. Breath moves what the colon hangs on, and the wall at the head, towards the feet and
+back. A colon at rest has room to every wall that no hand presses in, and time begins where nobody has breathed in.
 """
 
 import math
