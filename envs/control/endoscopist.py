@@ -104,8 +104,8 @@ class EndoscopistSettings:
     patience: float = number("s", 0.1, 600.0, default=60.0)
     """Time without lumen passing after which something else is tried [s]."""
     most_attempts: float = number("1", 1.0, 1e3, default=12.0)
-    """Attempts without new colon after which it gives up, and rests: more than the median of straightenings in a clinic,
-    7 to 10 (Shah 2000); pain and looping end one insertion in twenty to ten there (Thieme a-0574-2478)."""
+    """Attempts without new colon after which it gives up, and rests: some more than clinics' medians, 7 to 10 (Shah
+    2000); pain and looping end one insertion in twenty to ten there (Thieme a-0574-2478)."""
     rest: float = number("s", 0.0, 600.0, default=3.0)
     """Rest after each manoeuvre [s]."""
     jiggle: float = number("m", 0.0, 0.2, default=0.015)

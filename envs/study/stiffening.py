@@ -23,7 +23,7 @@ NEVER = "never"
 
 
 class StiffeningRing:
-    """Turns the ring of each patient's scope to its stiffest setting once it was straightened in a segment or beyond."""
+    """Turns the ring of each patient's scope to its stiffest setting once straightened in a segment or beyond."""
 
     def __init__(
         self,

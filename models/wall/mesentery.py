@@ -193,7 +193,7 @@ def hang(
         sway=swayed(nodes, breaths[0]) * around.breathing,
         body=np.eye(3),
         down=np.array(DOWN[around.posture]),
-        walls=walls * (around.envelope or (hand.any(), False)),
+        walls=walls * np.array([around.envelope or bool(hand.any()), around.envelope]),
         breaths=breaths * around.breathing,
         girth=girths(nodes, outer, spacing) if around.loops_touch else outer,
         touch=np.float64(numbers["mesentery.touch"] * spacing * around.loops_touch),
@@ -260,7 +260,7 @@ def may_be_pressed(own: Mesentery) -> Mesentery:
     """With a belly that presses on nothing yet: programs that begin without one take no hand later."""
     if np.any(own.walls):
         return own
-    return own._replace(walls=own.walls + (1.0, 0.0), room=np.full_like(own.room, UNBOUND))
+    return own._replace(walls=np.add(own.walls, (1.0, 0.0)), room=np.full_like(own.room, UNBOUND))
 
 
 def stack(colons: Sequence[Mesentery]) -> Mesentery:

@@ -45,7 +45,7 @@ def test_the_ring_is_turned_where_the_tip_comes_to_the_segment() -> None:
 
 
 def test_an_endoscopist_stiffens_what_is_straightened() -> None:
-    """Neither where the tip comes, nor while the shaft is drawn straight, nor for a pull-back before: after the next."""
+    """Neither where the tip comes, nor while the shaft is drawn straight, nor for a pull-back before."""
     given: list = []
     batch = _batch(given)
     ring = StiffeningRing(batch, DESIGN, [straight_tube()], np.ones(1), segment="sigmoid")

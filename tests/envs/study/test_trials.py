@@ -59,7 +59,9 @@ def test_who_does_not_reach_the_caecum_counts_with_the_longest_time() -> None:
     assert (later.first, later.second) == (40.0, 100.0)
 
 
-@pytest.mark.parametrize(("name", "scores"), [("stiffening", {"descending_s": None}), ("water", {"at_flexure_N": None})])
+@pytest.mark.parametrize(
+    ("name", "scores"), [("stiffening", {"descending_s": None}), ("water", {"at_flexure_N": None})]
+)
 def test_who_does_not_come_to_the_flexure_tells_nothing_about_it(name: str, scores: dict) -> None:
     """Neither a loop nor none, and no time from there on: the pair does not count."""
     trial, _ = load_trial(name)
