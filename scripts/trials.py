@@ -29,6 +29,8 @@ class Trials:
     """Who drives: endoscopist, follower, a TOML file of settings, or a policy."""
     seconds: float = number("s", 1.0, 3600.0, default=600.0)
     """Longest insertion [s]."""
+    seed: int = whole(0, 2**32 - 1, default=0)
+    """Seed of the Latin hypercube that patients are drawn by."""
     backend: str = "linear"
     """What computes: linear, or linear-gpu."""
     json: bool = False
@@ -42,7 +44,7 @@ class Trials:
 
         names = self.names or trial_names()
         prepare_folder(self.output)
-        asked = {"patients": self.patients, "driver": self.driver, "seconds": self.seconds, "backend": self.backend}
+        asked = {name: getattr(self, name) for name in ("patients", "driver", "seconds", "seed", "backend")}
         with progress_bar("trials", 1, unit="arms") as advance:
             answers = run_trials(
                 names, self.output, **asked, progress=lambda done, total, note: advance(done, note, total)

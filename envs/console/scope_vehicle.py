@@ -82,6 +82,8 @@ class ScopeVehicle(Vehicle):
         table = lumen_table(colon, device_radius=scene.cable.radius, **about)
         self.around = scope_surroundings(colon, design, options)
         tables = stack([table.seen_from(*entry_of(colon))])
+        if tables.mesentery is not None:
+            tables = tables._replace(mesentery=mesentery.may_be_pressed(tables.mesentery))
         self._wheels = design.wires.compliance > 0
         self._scope = LinearSingle(scene, tables=tables, wheels=self._wheels)
         self._moved = CurrentColon(colon, tables, *entry_of(colon)) if options.mesentery else None

@@ -93,19 +93,19 @@ class EndoscopistSettings:
     """Pulling back goes at least this far [m]."""
     most_pull: float = number("m", 1e-2, 2.0, default=0.3)
     """And at most this far [m]."""
-    twist: float = number("rad", 0.0, 4 * math.pi, default=math.radians(200))
+    twist: float = number("rad", 0.0, 4 * math.pi, default=4.7)
     """Angle that the shaft is turned through while pulling back, clockwise first [rad]."""
     roll_rate: float = number("rad/s", 0.01, 50.0, default=math.radians(60))
     """Rate of turning [rad/s]."""
-    swing: float = number("rad", 0.0, 2 * math.pi, default=1.0)
+    swing: float = number("rad", 0.0, 2 * math.pi, default=2.2)
     """Angle by which the shaft is turned to and fro while it is pushed [rad]: a shaft that turns slips more easily."""
     swing_time: float = number("s", 0.2, 60.0, default=4.0)
     """Time of one turn to and fro [s]."""
     patience: float = number("s", 0.1, 600.0, default=60.0)
     """Time without lumen passing after which something else is tried [s]."""
-    most_attempts: float = number("1", 1.0, 1e3, default=5.0)
-    """Attempts without new colon after which it gives up, and rests: pain and looping end one insertion in twenty to
-    ten in a clinic (Thieme a-0574-2478)."""
+    most_attempts: float = number("1", 1.0, 1e3, default=12.0)
+    """Attempts without new colon after which it gives up, and rests: some more than clinics' medians, 7 to 10 (Shah
+    2000); pain and looping end one insertion in twenty to ten there (Thieme a-0574-2478)."""
     rest: float = number("s", 0.0, 600.0, default=3.0)
     """Rest after each manoeuvre [s]."""
     jiggle: float = number("m", 0.0, 0.2, default=0.015)
@@ -114,7 +114,7 @@ class EndoscopistSettings:
     """Strokes a second [1/s]."""
     jiggle_time: float = number("s", 0.1, 100.0, default=5.0)
     """How long it jiggles [s]."""
-    spare_shaft: float = number("m", 0.01, 1.0, default=0.1)
+    spare_shaft: float = number("m", 0.01, 1.0, default=0.03)
     """Shaft that is left outside: with less of it, it straightens before it goes on [m]."""
     hand_lead_limit: float = number("m", 1e-4, 0.1, default=0.01)
     """Largest distance that the hand aims ahead of where the shaft is [m]."""
@@ -165,6 +165,11 @@ class Memory(NamedTuple):
 
 FIRST_MEMORY = Memory(0.0, 0.0, 0.0, _ADVANCE, 0.0, _NEVER, _NEVER, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """Memory of an endoscopist who has seen nothing yet."""
+
+
+def pulls_back(memory: Any) -> Any:
+    """Which of those who remember so much pull the shaft back; None where memory is not an endoscopist's."""
+    return memory.mode == _PULL if isinstance(memory, Memory) else None
 
 
 def rules(

@@ -166,7 +166,8 @@ class ClinicWatch:
             "reach": float(min(arc.max() / length, 1.0)),
             "caecum": float(reached),
             "time_s": float(time[-1]),
-            "flexure_s": float(time[arc >= flexure][0]) if (arc >= flexure).any() else None,
+            "descending_s": _first(time, arc >= (self._borders["descending"][world] + flexure) / 2),
+            "flexure_s": _first(time, arc >= flexure),
             "inserted_m": float(shaft[-1]) if reached else None,
             "half_metre": float(half),
             "any_loop": float(each * sum(bool(seen) for seen in loops) >= lasts),
@@ -237,6 +238,11 @@ def pull_backs(shaft: np.ndarray, least: float) -> int:
         if not counted and top - bottom >= least:
             count, counted = count + 1, True
     return count
+
+
+def _first(time: np.ndarray, there: np.ndarray) -> float | None:
+    """The first of the times at which it was there, if it ever was."""
+    return float(time[there][0]) if there.any() else None
 
 
 def _column(kind: LoopKind) -> str:

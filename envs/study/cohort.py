@@ -28,6 +28,7 @@ SCORES = (
     Column("reach", "1", "how far the tip came, as a share of the colon's length"),
     Column("caecum", "1", "1 where the tip came past the valve"),
     Column("time_s", "s", "time to that, or to the end"),
+    Column("descending_s", "s", "time to the middle of the descending colon; nothing where the tip never came there"),
     Column("flexure_s", "s", "time to the splenic flexure; nothing where the tip never came there"),
     Column("mesentery_peak_N_m", "N/m", "largest tension of the mesentery, seen once a second"),
     Column("inserted_m", "m", "shaft inside when the tip came past the valve"),
@@ -65,7 +66,8 @@ class CohortOptions:
     timestep: float = number("s", 1e-5, 0.02, default=0.005)
     """Integration step [s]."""
     stiffen_in: Literal["never", "descending", "transverse", "ascending"] = "never"
-    """Segment at whose beginning a scope's stiffening ring is turned to its stiffest setting."""
+    """Segment from whose beginning on a scope's stiffening ring is turned to its stiffest setting, once the shaft was
+    straightened there."""
     water: float | None = number("m^3", 0.0, 2e-3, default=None)
     """Water in rectum and sigmoid at the start [m^3]; then gas moves through all colons, from the pressure that they
     have in common (`patient.gas_pressure` among the changes) and up to it. None, unlike 0: colons are as wide as they

@@ -36,11 +36,11 @@ LEAST_PATIENTS = 3
 LEAST_REACHED = 0.5
 """Share of insertions that must reach the caecum for an equality to count [1]; engineering choice."""
 _RESAMPLES = 4000
-_CAECUM, _TIME, _FLEXURE_TIME = "caecum", "time_s", "flexure_s"
+_CAECUM, _TIME, _DESCENDING_TIME = "caecum", "time_s", "descending_s"
 
-Statistic = Literal["share of any", "mean", "restricted time", "restricted time from the splenic flexure"]
+Statistic = Literal["share of any", "mean", "restricted time", "restricted time from the descending colon"]
 """What is taken of a patient: 1 where any of the scores is, a score itself, the time to the caecum or the longest, or
-that less the time to the splenic flexure."""
+that less the time to the middle of the descending colon."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Arm:
     device: str
     """Shipped scope by its name, or a file beside the trial's."""
     stiffen_in: Literal["never", "descending", "transverse", "ascending"] = "never"
-    """Segment in which the stiffening ring is turned, once the tip has come to it."""
+    """Segment from which on the stiffening ring is turned, once the shaft was straightened there."""
     gas_pressure: float | None = number("Pa", 500.0, 6000.0, default=None)
     """Pressure that all colons are held open by [Pa]; each patient's own when None."""
     water: float | None = number("m^3", 0.0, 2e-3, default=None)
@@ -214,6 +214,7 @@ def run_trials(
     patients: int,
     driver: str,
     seconds: float,
+    seed: int = 0,
     backend: str = "linear",
     progress: Callable[[int, int, str], None] = lambda done, total, note: None,
 ) -> list[Answer]:
@@ -225,6 +226,7 @@ def run_trials(
         patients: of each arm.
         driver: who drives.
         seconds: longest insertion [s].
+        seed: of the Latin hypercube that patients are drawn by.
         backend: what steps them: linear, or linear-gpu.
         progress: told how many arms are done, of how many, and a note.
 
@@ -232,7 +234,7 @@ def run_trials(
         HaustraError: when a trial cannot be read or run.
     """
     trials = [(name, *load_trial(name)) for name in names]
-    asked = {"patients": patients, "driver": driver, "seconds": seconds}
+    asked = {"patients": patients, "driver": driver, "seconds": seconds, "seed": seed}
     studies = {
         (name, arm.name): arm_study(trial, path, arm, **asked) for name, trial, path in trials for arm in trial.arms
     }
@@ -284,8 +286,8 @@ def _of_patient(endpoint: Endpoint, scores: Mapping[str, Any], seconds: float) -
     time = min(float(scores[_TIME]), seconds) if scores[_CAECUM] else seconds
     if endpoint.statistic == "restricted time":
         return time
-    flexure = scores[_FLEXURE_TIME]
-    return None if flexure is None or flexure > seconds else time - float(flexure)
+    begun = scores[_DESCENDING_TIME]
+    return None if begun is None or begun > seconds else time - float(begun)
 
 
 def _interval(differences: Float[np.ndarray, " patients"]) -> tuple[float, float]:

@@ -40,8 +40,8 @@ class Abdomen:
     pressed: Literal["none", "sigmoid", "transverse"] = "none"
     """Segment on which an assistant's hand presses through the belly, at half of its length."""
     hand: float = number("N", 0.0, 100.0, default=20.0)
-    """Force of the assistant's hand towards the back [N]; engineering choice, a firm press that a forearm holds for
-    minutes."""
+    """Force of the assistant's hand towards the back, on a colon that has not moved [N]; engineering choice, a firm
+    press that a forearm holds for minutes. It presses the belly in until that bears it."""
 
     envelope: bool = False
     """Let the abdominal wall and the organs around hold the colon in (`haustra.models.wall.surroundings`)."""
@@ -53,7 +53,7 @@ class Abdomen:
     @property
     def surrounds(self) -> bool:
         """Whether nodes of the axis feel anything that others do not: `haustra.models.wall.surroundings`."""
-        return self.envelope or self.breathing
+        return self.envelope or self.breathing or self.pressed != "none"
 
     def __post_init__(self) -> None:
         require_declared(self)

@@ -674,7 +674,7 @@ def _step_axis(
                         couples[node, i, j] += part * f[i] * held[j]
         _add_springs(own, world, shape, couples, pulled, torque)
         _lean(own, world, shape, flattened, leaning)
-        surrounded = own.walls[world, 1] > 0 or own.breaths[world, 1] > 0
+        surrounded = own.walls[world, 0] > 0 or own.breaths[world, 1] > 0
         breathed = breath(np, own.breaths[world, 1], time[world]) if surrounded else 0.0
         if own.touch[world] > 0:
             if way[world] >= MARGIN:

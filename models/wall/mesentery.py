@@ -17,7 +17,7 @@ from haustra.models.anatomy.colon import ColonSegment
 from haustra.models.wall import sections, vectors
 from haustra.models.wall.abdomen import DOWN, FALL, Abdomen, turned_weight
 from haustra.models.wall.loops import girths
-from haustra.models.wall.surroundings import UNBOUND, rooms, swayed
+from haustra.models.wall.surroundings import UNBOUND, rooms, swayed, under_hand
 from haustra.quantity import load_quantities
 
 NODE_SPACING = 0.01
@@ -72,9 +72,10 @@ class Mesentery(NamedTuple):
     turn_drag: Any
     """(nodes,) damping of that turning [N m s]."""
     load: Any
-    """(nodes, 3) constant forces: weight, and what presses on the belly [N]."""
+    """(nodes, 3) constant forces: weight [N]."""
     room: Any
-    """(nodes, 6) how far a node moves before the envelope presses on it, to each of `surroundings.SIDES` [m]."""
+    """(nodes, 6) how far a node moves before the envelope presses on it, to each of `surroundings.SIDES` [m]; negative
+    under a hand that presses the belly in."""
     sway: Any
     """(nodes,) how far a whole breath moves what a node hangs on towards the feet [m]."""
     body: Any
@@ -82,7 +83,8 @@ class Mesentery(NamedTuple):
     down: Any
     """(3,) direction of gravity, as the patient lies."""
     walls: Any
-    """(2,) stiffness of the envelope at the front and elsewhere, for a node [N/m]; 0 without an envelope."""
+    """(2,) stiffness of the envelope at the front and elsewhere, for a node [N/m]; 0 without an envelope, but for the
+    front where a hand presses."""
     breaths: Any
     """(2,) how far breath moves the envelope's wall at the head [m], and breaths a second [1/s]; 0 without breath."""
     girth: Any
@@ -96,7 +98,7 @@ class Mesentery(NamedTuple):
 
     @property
     def surrounded(self) -> bool:
-        """Whether there is an envelope or breath (`haustra.models.wall.surroundings`)."""
+        """Whether there is an envelope, a hand on the belly or breath (`haustra.models.wall.surroundings`)."""
         return bool(np.any(self.walls) or np.any(self.breaths))
 
     @property
@@ -137,7 +139,7 @@ def hang(
     turns[1:-1] = 2 * apart / alike
     around = abdomen or Abdomen()
     slack, thickness = np.zeros(count), np.full(count, numbers["mesentery.thickness.other"])
-    hand, freed = np.zeros(count), {"sigmoid", "transverse", *around.mobile}
+    hand, freed = np.zeros(count, dtype=bool), {"sigmoid", "transverse", *around.mobile}
     hold = np.full(count, numbers["mesentery.attachment"])
     for segment in segments:
         inside = (own >= segment.start) & (own < segment.end)
@@ -150,7 +152,7 @@ def hang(
         if segment.name in around.adhesions:
             slack[middle], hold[middle] = 0.0, numbers["mesentery.attachment"]
         if segment.name == around.pressed:
-            hand[middle] = around.hand / max(int(middle.sum()), 1)
+            hand |= middle
         thickness[inside] = numbers.get(f"mesentery.thickness.{segment.name}", thickness[0])
     tube_radius = np.interp(own, arcs, radius)
     stretch = numbers["mesentery.modulus"] * 2 * np.pi * tube_radius * thickness
@@ -165,6 +167,9 @@ def hang(
     closings = _closings(tangents, lengths)
     walls = np.array([numbers[f"mesentery.envelope.{side}"] for side in ("front", "firm")]) * spacing
     outer = tube_radius + thickness
+    room = rooms(nodes, outer, numbers["mesentery.envelope.margin"])
+    if hand.any():
+        room = under_hand(room, hand, around.hand, walls[0], envelope=around.envelope)
     breaths = np.array([numbers["mesentery.breath.excursion"], numbers["mesentery.breath.rate"]])
     return Mesentery(
         nodes=nodes,
@@ -183,12 +188,12 @@ def hang(
         drag=drag,
         upright=upright,
         turn_drag=drag * tube_radius**2,
-        load=turned_weight(around.posture, weight) + hand[:, None] * np.array(DOWN["supine"]),
-        room=rooms(nodes, outer, numbers["mesentery.envelope.margin"]),
+        load=turned_weight(around.posture, weight),
+        room=room,
         sway=swayed(nodes, breaths[0]) * around.breathing,
         body=np.eye(3),
         down=np.array(DOWN[around.posture]),
-        walls=walls * around.envelope,
+        walls=walls * np.array([around.envelope or bool(hand.any()), around.envelope]),
         breaths=breaths * around.breathing,
         girth=girths(nodes, outer, spacing) if around.loops_touch else outer,
         touch=np.float64(numbers["mesentery.touch"] * spacing * around.loops_touch),
@@ -249,6 +254,13 @@ def seen_from(own: Mesentery, origin: Float[np.ndarray, "3"], axes: Float[np.nda
         body=own.body @ axes,
         down=own.down @ axes,
     )
+
+
+def may_be_pressed(own: Mesentery) -> Mesentery:
+    """With a belly that presses on nothing yet: programs that begin without one take no hand later."""
+    if np.any(own.walls):
+        return own
+    return own._replace(walls=np.add(own.walls, (1.0, 0.0)), room=np.full_like(own.room, UNBOUND))
 
 
 def stack(colons: Sequence[Mesentery]) -> Mesentery:

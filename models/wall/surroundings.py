@@ -1,16 +1,16 @@
 """What lies around a colon that moves, as its nodes feel it: an envelope that holds it in, and breath that moves it.
 
 The envelope stands for the abdominal wall and the organs: six flat walls about the colon at rest, across the patient's
-own directions, each of which presses back on nodes that have come further than their room. Breath moves what the colon
-hangs on, and the wall at the head, towards the feet and back. A colon at rest has room to every wall, and time begins
-where nobody has breathed in.
+own directions, each of which presses back on nodes that have come further than their room. A hand on the belly presses
+the front one in over some of them. Breath moves what the colon hangs on, and the wall at the head, towards the feet and
+back. A colon at rest has room to every wall that no hand presses in, and time begins where nobody has breathed in.
 """
 
 import math
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from haustra.models.wall.vectors import Vector, add, dot, times, where
 
@@ -102,6 +102,31 @@ def rooms(
     """
     both = [sign * nodes + outer[:, None] for sign in (-1, 1)]
     return np.hstack([each.max(axis=0) - each for each in both]) + margin
+
+
+def under_hand(
+    room: Float[np.ndarray, "nodes sides"],
+    pressed: Bool[np.ndarray, " nodes"],
+    hand: float,
+    front: float,
+    *,
+    envelope: bool,
+) -> Float[np.ndarray, "nodes sides"]:
+    """Rooms of nodes where an assistant's hand presses the belly in [m].
+
+    A hand moves the belly's wall in until the wall bears it, by hand / (stiffness of the wall under it). What lies
+    there at rest bears all of the hand; what has gone back as far, nothing.
+
+    Args:
+        room: without a hand [m].
+        pressed: which nodes lie under the hand.
+        hand: force of the hand [N].
+        front: stiffness of the belly's wall for a node [N/m].
+        envelope: whether there are walls elsewhere, too.
+    """
+    left = room.copy() if envelope else np.full_like(room, UNBOUND)
+    left[pressed, SIDES.index("front")] = -hand / (front * np.count_nonzero(pressed))
+    return left
 
 
 def swayed(nodes: Float[np.ndarray, "nodes 3"], excursion: float) -> Float[np.ndarray, " nodes"]:

@@ -53,7 +53,7 @@ def trials_page(table: Mapping[str, Any]) -> str:
     signs, alike = (sum(one["reproduced"] for one in each) for each in (different, equal))
     command = f"haustra trials -o DIR --patients {asked['patients']} --driver {asked['driver']}"
     head = _HEAD.format(
-        command=f"{command} --seconds {asked['seconds']:g}",
+        command=f"{command} --seconds {asked['seconds']:g} --seed {asked.get('seed', 0)}",
         different=signs,
         all_different=len(different),
         equal=alike,

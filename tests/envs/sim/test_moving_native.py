@@ -94,7 +94,7 @@ def test_one_scene_goes_as_in_linear_time(colon) -> None:
         Abdomen(posture="prone", mobile=("descending",)),
         Abdomen(posture="right", adhesions=("sigmoid",)),
         Abdomen(pressed="sigmoid", hand=60.0, envelope=True, breathing=True),
-        Abdomen(pressed="sigmoid", hand=40.0, loops_touch=True),
+        Abdomen(pressed="sigmoid", hand=20.0, loops_touch=True),
     ],
     ids=["posture", "hand", "mobile", "adhesions", "surroundings", "loops"],
 )

@@ -1,4 +1,4 @@
-"""A stiffening ring is turned once the tip has come to a segment, and stays turned."""
+"""A stiffening ring is turned once the shaft was straightened in a segment or beyond, and stays turned."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from haustra.envs.control.endoscopist import FIRST_MEMORY
 from haustra.envs.study.stiffening import StiffeningRing
 from haustra.errors import InvalidDesignError
 from haustra.models.devices.scope.library import named_design
@@ -20,7 +21,9 @@ def _batch(given: list) -> Any:
     """Worlds whose tips are where the test says, and what they are given."""
     backend = SimpleNamespace(driver_numbers=lambda: None, give=lambda name, values: given.append((name, values)))
     batch = SimpleNamespace(backend=backend, arcs=np.zeros(2))
-    batch.program = SimpleNamespace(tally_of=lambda numbers: SimpleNamespace(tip_arc_max=batch.arcs))
+    batch.memory = None
+    tally = lambda numbers: SimpleNamespace(tip_arc_max=batch.arcs)  # noqa: E731
+    batch.program = SimpleNamespace(tally_of=tally, memory_of=lambda numbers: batch.memory)
     return batch
 
 
@@ -39,6 +42,18 @@ def test_the_ring_is_turned_where_the_tip_comes_to_the_segment() -> None:
     batch.arcs = np.array([0.1, 0.5])
     ring()
     assert given[-1][1] == pytest.approx(own * FACTOR)
+
+
+def test_an_endoscopist_stiffens_what_is_straightened() -> None:
+    """Neither where the tip comes, nor while the shaft is drawn straight, nor for a pull-back before."""
+    given: list = []
+    batch = _batch(given)
+    ring = StiffeningRing(batch, DESIGN, [straight_tube()], np.ones(1), segment="sigmoid")
+    for arc, mode, turned in ((0.2, 1, 0), (0.31, 2, 0), (0.35, 0, 0), (0.35, 1, 0), (0.33, 2, 1), (0.4, 1, 1)):
+        batch.arcs, batch.memory = np.array([arc]), FIRST_MEMORY._replace(mode=np.array([float(mode)]))
+        ring()
+        assert len(given) == turned
+    assert given[0][1] == pytest.approx([FACTOR])
 
 
 def test_a_ring_that_nobody_turns_gives_nothing() -> None:

@@ -29,7 +29,7 @@ def test_six_trials_found_a_difference_and_three_none() -> None:
 
 def _arm(values: np.ndarray, **scores) -> dict[int, dict]:
     return {
-        patient: {"caecum": float(value < 100), "time_s": value, "flexure_s": 20.0, "pain_left": 0.0} | scores
+        patient: {"caecum": float(value < 100), "time_s": value, "descending_s": 20.0, "pain_left": 0.0} | scores
         for patient, value in enumerate(values)
     }
 
@@ -59,7 +59,9 @@ def test_who_does_not_reach_the_caecum_counts_with_the_longest_time() -> None:
     assert (later.first, later.second) == (40.0, 100.0)
 
 
-@pytest.mark.parametrize(("name", "scores"), [("stiffening", {"flexure_s": None}), ("water", {"at_flexure_N": None})])
+@pytest.mark.parametrize(
+    ("name", "scores"), [("stiffening", {"descending_s": None}), ("water", {"at_flexure_N": None})]
+)
 def test_who_does_not_come_to_the_flexure_tells_nothing_about_it(name: str, scores: dict) -> None:
     """Neither a loop nor none, and no time from there on: the pair does not count."""
     trial, _ = load_trial(name)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from runtime_types import unchecked
 
+from haustra.assets import asset
 from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import ColonSegment
 from haustra.models.scene import SceneOptions
@@ -11,8 +12,11 @@ from haustra.models.wall import mesentery, moving_colon
 from haustra.models.wall.abdomen import DOWN, Abdomen, turned_weight
 from haustra.models.wall.mesentery import Mesentery, hang
 from haustra.models.wall.moving_colon import AttachmentPoints
+from haustra.models.wall.surroundings import SIDES
+from haustra.quantity import load_quantities
 
 _NAMES = "rectum", "sigmoid", "descending", "transverse", "ascending", "caecum"
+_NUMBERS = {name: each.value for name, each in load_quantities(asset("numbers/mesentery.toml")).items()}
 _STEP = 0.1
 """Balance does not depend on it [s]."""
 
@@ -30,7 +34,9 @@ def _settled(own: Mesentery, steps: int = 300) -> np.ndarray:
     nothing = AttachmentPoints(np.zeros((1, 1)), np.zeros((1, 1, 3)))
     with unchecked():
         for _ in range(steps):
-            now = moving_colon.step_axis(np, many, now, nothing, np.zeros((1, 1, 3)), np.zeros((1, 1, 2)), _STEP)
+            now = moving_colon.step_axis(
+                np, many, now, nothing, np.zeros((1, 1, 3)), np.zeros((1, 1, 2)), _STEP, time=np.zeros(1)
+            )
     return now.pose[0, :, :3]
 
 
@@ -79,9 +85,24 @@ def test_segments_are_mobile_adherent_and_pressed_where_they_are_said_to_be() ->
     assert (own.slack[inside["ascending"]] == 0).all()
     middle = np.abs(arcs - 0.7) < 0.03
     assert (plain.slack[middle] > 0).all() and (own.slack[middle] == 0).all()
-    assert own.load.sum(axis=0) == pytest.approx([0.0, 20.0, 0.0])
-    assert own.load[inside["sigmoid"]].any() and not own.load[inside["descending"]].any()
+    front = own.room[:, SIDES.index("front")]
+    assert -(np.minimum(front, 0.0) * own.walls[0]).sum() == pytest.approx(20.0)
+    assert (front[inside["sigmoid"]] < 0).any() and not (front[inside["descending"]] < 0).any()
     assert _settled(own, 100)[np.abs(arcs - 0.3) < 0.03, 1].min() > 0.03
+
+
+def test_a_hand_goes_no_deeper_than_the_belly_that_bears_it() -> None:
+    """A belly of 5 kN/m^2 bears 20 N over 8 cm when it is pressed in by 5 cm; beyond, a hand presses on nothing.
+
+    A force that goes on however far the colon has gone would draw the mesentery taut, and fold what a scope lies in.
+    """
+    own = _hung(Abdomen(pressed="sigmoid", hand=20.0))
+    middle = np.abs(np.arange(len(own.nodes)) * float(own.spacing) - 0.3) < 0.03
+    depth = 20.0 / (_NUMBERS["mesentery.envelope.front"] * _NUMBERS["mesentery.grip"])
+    free = np.zeros(len(own.nodes))
+    limp = own._replace(hold=free, support=free, bending=free, upright=free, tension=1e-3 * own.tension)
+    for hung in (own, limp):
+        assert 0.03 < _settled(hung, 600)[middle, 1].min() <= _settled(hung, 600)[middle, 1].max() < 1.15 * depth
 
 
 def test_what_is_no_posture_or_segment_is_refused() -> None:
