@@ -13,8 +13,10 @@ from haustra.envs.learning.checkpoint import below, flat_states, nested_states, 
 from haustra.envs.learning.curve import EPISODE
 from haustra.envs.learning.policy import MlpPolicy, load_policy, policy_folder, save_policy
 from haustra.envs.learning.ppo import Ppo, Rollout
+from haustra.envs.learning.recall import Recall, recalled_width
 from haustra.envs.learning.schedule import SAVE_EVERY, curve_of, learning_rate, made_by, perforation_force
 from haustra.envs.learning.settings import Training
+from haustra.envs.tasks.actions import actions_of
 from haustra.envs.tasks.observation import sizes
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
@@ -54,11 +56,13 @@ class DeviceRun:
             if limit is not None
         }
         own, shown = sizes(training.task), sizes(training.shown)
-        self._parts = [*sorted(own), *sorted(shown.keys() - own.keys())]
-        self._width = sum(size[0] for size in shown.values())
-        seen = sum(size[0] for size in own.values())
+        self._own, self._beside = sorted(own), sorted(shown.keys() - own.keys())
+        bare = sum(size[0] for size in own.values())
+        seen = recalled_width(bare, len(actions_of(training.task)), len(training.recalls))
+        hidden = sum(size[0] for size in shown.values()) - bare
+        self._width = seen + hidden
         torch.manual_seed(training.seed)
-        self.learner = Ppo(training, seen=seen, hidden=self._width - seen, limits=len(self._limits))
+        self.learner = Ppo(training, seen=seen, hidden=hidden, limits=len(self._limits))
         self.steps, self.leg, self._rollouts, self._best = 0, 0, 0, -1.0
         if document is None:
             write_json(folder / "training.json", training.to_json())
@@ -106,7 +110,13 @@ class DeviceRun:
             return torch.as_tensor(part, device=training.device)
 
         own = task.in_place
-        self._action, self._observed = take(own.action), [take(own.observation[name]) for name in self._parts]
+        self._action = take(own.action)
+        self._observed, self._known = (
+            [take(own.observation[name]) for name in names] for names in (self._own, self._beside)
+        )
+        self._recall = Recall(torch, training.recalls, task.interval)
+        begins = torch.ones(task.worlds, dtype=torch.bool, device=training.device)
+        self._shown = self._looked(self._action * 0.0, begins)
         self._told = {name: take(part)[:, 0] for name, part in own.told.items()}
         self._over = np.zeros(task.worlds, bool)
         self._before, nothing = self._harm(), torch.zeros(task.worlds, 1 + len(self._limits), device=training.device)
@@ -149,14 +159,14 @@ class DeviceRun:
         returns = torch.empty_like(paid)
         terminated, over, begins = (torch.empty(count, worlds, dtype=torch.bool, **room) for _ in range(3))
         ended = []
-        seen[0] = self._looked()
+        seen[0] = self._shown
         with torch.no_grad():
             for step in range(count):
                 begins[step] = torch.as_tensor(self._over, **room)
                 action[step], chance[step] = self.learner.draw(seen[step])
                 self._action.copy_(action[step])
                 self._over = task.advance(self._over)
-                seen[step + 1] = self._looked()
+                seen[step + 1] = self._looked(action[step], begins[step])
                 terminated[step] = told["terminated"] > 0
                 over[step] = terminated[step] | (told["truncated"] > 0)
                 harm = self._harm()
@@ -168,12 +178,14 @@ class DeviceRun:
                 returns[step] = self._sum
                 if self._over.any():
                     ended.append(self._rows(over[step]))
+        self._shown = seen[count].clone()
         rows = torch.cat(ended).cpu().numpy() if ended else np.zeros((0, len(EPISODE)))
         return Rollout(seen, action, chance, paid, terminated, over, begins), returns, rows
 
-    def _looked(self) -> Tensor:
-        """What worlds show now, what only the critic reads last."""
-        return torch.cat(self._observed, dim=1)
+    def _looked(self, action: Tensor, begins: Tensor) -> Tensor:
+        """What worlds show now and the policy recalls, what only the critic reads last."""
+        own = self._recall.look(torch.cat(self._observed, dim=1), action, begins[:, None].float())
+        return torch.cat([own, *self._known], dim=1)
 
     def _harm(self) -> Tensor:
         """What each limit counts of the running episodes so far."""
@@ -233,8 +245,8 @@ def _fitting(training: Training) -> MlpPolicy:
     layers = tuple(len(bias) for bias in policy.biases[:-1])
     if policy.activation != "tanh" or policy.squashed or layers != training.layers:
         raise InvalidOptionError(f"'{training.start}' has layers {layers}: set the same, of a policy that PPO trained.")
-    if sizes(policy.config) != sizes(training.task):
+    if sizes(policy.config) != sizes(training.task) or policy.recalls != training.recalls:
         raise InvalidOptionError(
-            f"'{training.start}' sees {sizes(policy.config)}, the task shows others: set the same."
+            f"'{training.start}' sees {sizes(policy.config)} and recalls {policy.recalls}: set the same."
         )
     return policy

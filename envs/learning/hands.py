@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from haustra.envs.learning.drivers import PolicyDriver
 from haustra.envs.learning.policy import MlpPolicy
 from haustra.envs.runs.insertion_program import TOLD
 from haustra.envs.runs.linear_insertions import LinearInsertions
@@ -41,8 +42,8 @@ class PolicyHands:
 
     def __init__(self, policy: MlpPolicy, backend: LinearBackend, settings: PolicySettings) -> None:
         """Take the handles of scopes that lie at their starts."""
-        self._policy, self._drive = policy, policy.config.drive
-        self._random = np.random.default_rng(settings.seed) if settings.sampled else None
+        self._driver = PolicyDriver(policy, sampled=settings.sampled, seed=settings.seed)
+        self._drive = policy.config.drive
         self._wires = Wires(gain=1.0, slack=0.0, limit=backend.scene.design.wires.pull_limit)
         self._length = backend.scene.cable.length
         self._senses = Senses(policy.config, self._drive.control_interval, backend.read())
@@ -60,7 +61,7 @@ class PolicyHands:
         if self._action is not None:
             self._senses.acted(seen, self._action, self.wheels)
         shown = self._senses.parts if lumen is None else self._senses.parts | {"lumen": lumen}
-        sound, action = within(np, tuple(self._policy.act(shown, self._random).T))
+        sound, action = within(np, tuple(self._driver.act(shown).T))
         hand = {"lead": seen.hand_lead, "outside": self._length - seen.insertion}
         interval = self._drive.control_interval
         inputs = asked(np, self._drive, interval, action, sound, self.wheels, self._wires, **hand)

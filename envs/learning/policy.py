@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.assets import asset
+from haustra.envs.learning.recall import recalled_width
 from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.actions import actions_of
 from haustra.envs.tasks.config import TaskConfig
@@ -40,16 +41,22 @@ class MlpPolicy:
     """How it was trained: JSON values."""
     deviation: Float[np.ndarray, " actions"] | None = None
     """Standard deviation of the actions that it drew in training (PPO); None when it was not kept."""
+    recalls: tuple[float, ...] = ()
+    """Times within which its own running means forget by 1/e [s] (`haustra.envs.learning.recall`); none without."""
 
     def act(
-        self, seen: seen_by.Observation, random: np.random.Generator | None = None
+        self, read: Float[np.ndarray, "worlds entries"], random: np.random.Generator | None = None
     ) -> Float[np.ndarray, "worlds actions"]:
-        """Actions for what all worlds see: the means, or drawn as in training when given what to draw from.
+        """Actions of all worlds: the means, or drawn as in training when given what to draw from.
+
+        Args:
+            read: what worlds see side by side, and what the policy recalls.
+            random: what to draw from.
 
         Raises:
             InvalidOptionError: when the policy does not know its deviation.
         """
-        value = seen_by.flat(seen).astype(np.float32)
+        value = read.astype(np.float32)
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
             value = value @ weight.T + bias
             value = np.tanh(value) if self.activation == "tanh" else np.maximum(value, 0.0)
@@ -81,6 +88,7 @@ def save_policy(folder: Path, policy: MlpPolicy) -> Path:
         "layers": len(policy.weights),
         "activation": policy.activation,
         "squashed": policy.squashed,
+        "recalls": list(policy.recalls),
         "task": policy.config.to_json(),
         "about": policy.about,
     }
@@ -116,6 +124,7 @@ def load_policy(folder: Path) -> MlpPolicy:
             config=TaskConfig.from_json(document["task"]),
             about=dict(document["about"]),
             deviation=arrays.get("deviation"),
+            recalls=tuple(float(time) for time in document["recalls"]),
         )
         fits = _fits(policy)
     except HaustraError as error:
@@ -131,7 +140,8 @@ def load_policy(folder: Path) -> MlpPolicy:
 
 def _fits(policy: MlpPolicy) -> bool:
     seen = sum(int(np.prod(shape)) for shape in seen_by.sizes(policy.config).values())
-    widths = [seen, *(len(bias) for bias in policy.biases)]
+    own = recalled_width(seen, len(actions_of(policy.config)), len(policy.recalls))
+    widths = [own, *(len(bias) for bias in policy.biases)]
     shaped = all(
         weight.shape == (after, before)
         for weight, before, after in zip(policy.weights, widths[:-1], widths[1:], strict=True)
@@ -139,5 +149,6 @@ def _fits(policy: MlpPolicy) -> bool:
     actions = len(actions_of(policy.config))
     spread = np.ones(actions) if policy.deviation is None else policy.deviation
     finite = all(np.isfinite(array).all() for array in (*policy.weights, *policy.biases, spread))
+    finite = finite and all(0 < time < np.inf for time in policy.recalls)
     drawn = spread.shape == (actions,) and bool((spread >= 0).all())
     return bool(policy.weights) and shaped and finite and drawn and widths[-1] == actions

@@ -203,6 +203,7 @@ class Ppo(nn.Module):
             config=training.task_then,
             about=about,
             deviation=self.log_std.detach().exp().cpu().numpy(),
+            recalls=training.recalls,
         )
 
     def _advantages(self, rollout: Rollout) -> tuple[Tensor, Tensor]:

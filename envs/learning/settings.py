@@ -91,6 +91,9 @@ class Training:
     critic_knows: bool = False
     """PPO on the device: the critic also reads what no device knows (`task.privileged`), and all that the policy does
     not see."""
+    recalls: tuple[float, ...] = several("s", 0.01, 600.0, default=(), most=8)
+    """PPO on the device: the policy itself keeps its last action, and means of what it saw and did that forget by 1/e
+    within each of these times [s]; none when empty."""
     most_p_perforation: float | None = number("1", 1e-6, 1.0, default=None)
     """PPO on the device: limit of the mean share of people whose colon an episode would tear [1]."""
     most_pain: float | None = number("1", 1e-3, 1e3, default=None)
@@ -161,7 +164,8 @@ class Training:
 
 
 _ON_DEVICE = (
-    *("trace", "start", "critic_knows", "most_p_perforation", "most_pain", "prices", "price_rate", "least_reached"),
+    *("trace", "start", "critic_knows", "recalls"),
+    *("most_p_perforation", "most_pain", "prices", "price_rate", "least_reached"),
 )
 """What only PPO on the device reads."""
 

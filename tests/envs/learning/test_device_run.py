@@ -11,11 +11,12 @@ pytest.importorskip("torch")
 pytest.importorskip("safetensors")
 
 from haustra.envs.learning.device_run import BEST, DeviceRun, _fitting
+from haustra.envs.learning.drivers import PolicyDriver
 from haustra.envs.learning.policy import load_policy
 from haustra.envs.learning.settings import Training, shipped
 from haustra.envs.learning.train import train
 from haustra.envs.tasks.config import Limits, TaskConfig
-from haustra.envs.tasks.observation import sizes
+from haustra.envs.tasks.observation import flat, sizes
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import InvalidOptionError
 from haustra.models.gas.law import MMHG
@@ -62,11 +63,18 @@ def test_a_resumed_run_is_the_same_run(tmp_path):
 
 
 def test_a_policy_sees_depth_alone_while_its_critic_reads_all(tmp_path):
-    alone = replace(SMALL, steps=256, task=replace(SMALL.task, observation="lumen"))
+    alone = replace(SMALL, steps=256, recalls=(1.0,), task=replace(SMALL.task, observation="lumen"))
     run(alone, tmp_path)
     policy = load_policy(tmp_path)
-    assert policy.config.observation == "lumen" and policy.weights[0].shape[1] == 27
-    assert policy.act({"lumen": np.zeros((2, 27), np.float32)}).shape == (2, 4)
+    assert policy.config.observation == "lumen" and policy.weights[0].shape[1] == 2 * (27 + 4)
+    driver = PolicyDriver(policy)
+    driver.begin(np.ones(2, bool))
+    seen = {"lumen": np.ones((2, 27), np.float32)}
+    first = driver.act(seen)
+    assert first.shape == (2, 4)
+    assert not np.array_equal(driver.act(seen), first), "it knows what it did before"
+    driver.begin(np.ones(2, bool))
+    assert np.array_equal(driver.act(seen), first), "and forgets it where an episode begins"
     own = shipped("insertion-depth")
     assert set(sizes(own.task)) == {"lumen"} and set(sizes(own.shown)) == {"state", "lumen", "privileged"}
 
@@ -78,7 +86,7 @@ def test_a_policy_of_a_task_with_a_gas_action_lets_gas_in(tmp_path):
     policy = load_policy(tmp_path)
     assert policy.config == gassed and sizes(gassed)["gas"] == (3,)
     seen = {name: np.zeros((2, *shape), np.float32) for name, shape in sizes(gassed).items()}
-    assert policy.act(seen).shape == (2, 5) and policy.deviation is not None and policy.deviation.shape == (5,)
+    assert policy.act(flat(seen)).shape == (2, 5) and policy.deviation is not None and policy.deviation.shape == (5,)
 
 
 def test_costs_of_an_episode_come_to_what_it_did(tmp_path):
@@ -98,7 +106,7 @@ def test_costs_of_an_episode_come_to_what_it_did(tmp_path):
     found = (began + rollout.paid[:, :, 1:].sum(0)).numpy()
     np.testing.assert_allclose(found, np.stack([info["p_perforation"], info["pain"]], axis=1), rtol=1e-4, atol=1e-6)
     assert found[:, 1].min() > 0
-    np.testing.assert_array_equal(rollout.seen[-1, :, :-18], learns._looked()[:, :-18])
+    np.testing.assert_array_equal(rollout.seen[-1, :, :-18], np.concatenate(learns._observed, axis=1))
 
 
 def test_a_run_begins_as_a_trained_policy(tmp_path):
@@ -107,7 +115,7 @@ def test_a_run_begins_as_a_trained_policy(tmp_path):
     run(held, tmp_path / "second")
     one, other = (load_policy(tmp_path / name) for name in ("first", "second"))
     seen = {"state": np.ones((3, 18)), "lumen": np.linspace(0, 1, 81).reshape(3, 27)}
-    np.testing.assert_allclose(one.act(seen), other.act(seen), atol=1e-4)
+    np.testing.assert_allclose(one.act(flat(seen)), other.act(flat(seen)), atol=1e-4)
     assert one.deviation == pytest.approx(other.deviation, rel=1e-6)
     for wrong in (replace(held, layers=(8,)), replace(held, task=replace(SMALL.task, imager=True))):
         with pytest.raises(InvalidOptionError, match="set the same"):

@@ -9,7 +9,7 @@ from haustra.envs.learning.hands import PolicySettings
 from haustra.envs.learning.insertion import run_policy
 from haustra.envs.learning.policy import MlpPolicy
 from haustra.envs.tasks.config import Limits, Randomisation, TaskConfig
-from haustra.envs.tasks.observation import sizes
+from haustra.envs.tasks.observation import flat, sizes
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.devices.scope.library import named_design
@@ -54,7 +54,7 @@ def test_a_run_goes_as_the_episode_of_an_environment_does(scene: Scene) -> None:
     task = ScopeTask(CONFIG, bank=short_bank(), backend="linear")
     seen, tips = task.reset(seeds=[0], case=0), []
     for _ in range(DECISIONS):
-        seen = task.step(policy.act(seen)).observation
+        seen = task.step(policy.act(flat(seen))).observation
         tips.append(task.seen.tip[0])
     task.close()
     run = run_policy(scene, policy, SETTINGS, seconds=0.04 * DECISIONS)

@@ -90,7 +90,7 @@ def test_networks_say_the_same_when_scales_follow_what_is_seen():
         acted = learner.actor(learner.scaled(seen)[:, :SEEN]).detach()
         learner.take_in(seen * scale, torch.rand(512, 1), keep=True)
         assert learner.critic(learner.scaled(seen)).detach().numpy() == pytest.approx(before.numpy(), abs=1e-4)
-    bare = {"state": seen[:, :SEEN].numpy()}
+    bare = seen[:, :SEEN].numpy()
     assert learner.policy(TRAINING, {}).act(bare) == pytest.approx(np.clip(acted.numpy(), -1, 1), abs=1e-4)
     assert learner.seen_mean.numpy() == pytest.approx(torch.cat([seen, 0.1 * seen]).mean(0).numpy(), rel=1e-4)
 

@@ -20,6 +20,7 @@ from haustra.envs.learning.settings import SHIPPED, Training, shipped
 from haustra.envs.learning.train import train
 from haustra.envs.tasks.config import Limits, TaskConfig
 from haustra.envs.tasks.drivers import FollowerDriver, RandomDriver
+from haustra.envs.tasks.observation import flat
 from haustra.errors import InvalidOptionError, UnreadableFileError
 from haustra.models.gas.law import MMHG
 from tests.task_bank import DESIGN, moving_bank, short_bank
@@ -95,7 +96,7 @@ def test_a_policy_has_the_scaling_of_its_inputs_in_its_layers():
     for _ in range(5):
         worlds.step(np.random.default_rng(0).uniform(-1, 1, (4, 4)).astype(np.float32))
     bare: Any = worlds.get_original_obs()
-    ours = policy_of(model, training, {}, worlds).act({"state": bare})
+    ours = policy_of(model, training, {}, worlds).act(bare)
     theirs, _ = model.predict(worlds.normalize_obs(bare), deterministic=True)
     assert ours == pytest.approx(theirs, abs=1e-5)
     assert ours[:, 0] == pytest.approx(0.3, abs=0.2)
@@ -168,7 +169,7 @@ def test_a_policy_reads_as_it_was_written_and_rubbish_is_refused(tmp_path):
     policy = load_policy(tmp_path)
     save_policy(tmp_path / "again", policy)
     seen = {"state": np.ones((2, 18), np.float32), "lumen": np.zeros((2, 27), np.float32)}
-    assert np.array_equal(policy.act(seen), load_policy(tmp_path / "again").act(seen))
+    assert np.array_equal(policy.act(flat(seen)), load_policy(tmp_path / "again").act(flat(seen)))
     document = json.loads((tmp_path / "policy.json").read_text())
     for spoiled in ("", "{}", json.dumps(document | {"layers": 5}), json.dumps(document | {"task": {"smell": 1}})):
         (tmp_path / "policy.json").write_text(spoiled)
