@@ -6,7 +6,7 @@ from jaxtyping import Bool, Float
 from haustra.envs.learning.policy import MlpPolicy
 from haustra.envs.learning.recall import Recall
 from haustra.envs.tasks.actions import actions_of
-from haustra.envs.tasks.observation import Observation, flat
+from haustra.envs.tasks.observation import Observation
 
 
 class PolicyDriver:
@@ -25,7 +25,7 @@ class PolicyDriver:
 
     def act(self, seen: Observation) -> Float[np.ndarray, "worlds actions"]:
         """The policy's actions."""
-        shown = flat(seen)
+        shown = self._policy.shown(seen)
         begins = np.broadcast_to(self._begins, len(shown)).astype(np.float32)[:, None]
         last = np.broadcast_to(self._action, (len(shown), self._action.shape[1])).astype(np.float32)
         self._action = self._policy.act(self._recall.look(shown, last, begins), self._random)

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.assets import asset
+from haustra.envs.learning.eyes import Eyes
 from haustra.envs.learning.recall import recalled_width
 from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.actions import actions_of
@@ -43,6 +44,12 @@ class MlpPolicy:
     """Standard deviation of the actions that it drew in training (PPO); None when it was not kept."""
     recalls: tuple[float, ...] = ()
     """Times within which its own running means forget by 1/e [s] (`haustra.envs.learning.recall`); none without."""
+    eyes: Eyes | None = None
+    """What makes of pictures in colour what the layers read; the layers read what is shown when None."""
+
+    def shown(self, seen: seen_by.Observation) -> Float[np.ndarray, "worlds entries"]:
+        """What is read of what all worlds see."""
+        return seen_by.flat(seen) if self.eyes is None else self.eyes.look(seen["pixels"])
 
     def act(
         self, read: Float[np.ndarray, "worlds entries"], random: np.random.Generator | None = None
@@ -77,7 +84,7 @@ def save_policy(folder: Path, policy: MlpPolicy) -> Path:
     from safetensors.numpy import save
 
     prepare_folder(folder)
-    arrays: dict[str, np.ndarray] = {}
+    arrays = {} if policy.eyes is None else policy.eyes.arrays()
     for layer, (weight, bias) in enumerate(zip(policy.weights, policy.biases, strict=True)):
         arrays |= {f"{layer}.weight": np.ascontiguousarray(weight), f"{layer}.bias": np.ascontiguousarray(bias)}
     if policy.deviation is not None:
@@ -125,6 +132,7 @@ def load_policy(folder: Path) -> MlpPolicy:
             about=dict(document["about"]),
             deviation=arrays.get("deviation"),
             recalls=tuple(float(time) for time in document["recalls"]),
+            eyes=Eyes.of(arrays),
         )
         fits = _fits(policy)
     except HaustraError as error:
@@ -139,7 +147,10 @@ def load_policy(folder: Path) -> MlpPolicy:
 
 
 def _fits(policy: MlpPolicy) -> bool:
-    seen = sum(int(np.prod(shape)) for shape in seen_by.sizes(policy.config).values())
+    sizes, eyes = seen_by.sizes(policy.config), policy.eyes
+    if eyes is not None and (set(sizes) != {"pixels"} or not eyes.fits(policy.config.picture_size)):
+        return False
+    seen = sum(int(np.prod(shape)) for shape in sizes.values()) if eyes is None else seen_by.LUMEN_SIZE
     own = recalled_width(seen, len(actions_of(policy.config)), len(policy.recalls))
     widths = [own, *(len(bias) for bias in policy.biases)]
     shaped = all(

@@ -13,12 +13,13 @@ from haustra.fields import Number, choice, number, read_fields, require_declared
 
 ALGORITHMS = ("ppo", "sac")
 DEVICES = ("cpu", "cuda")
-LEARNERS = ("sb3", "device")
+LEARNERS = ("sb3", "device", "eyes")
 SHIPPED = (
     "insertion",
     "insertion-ppo",
     "insertion-gpu",
     "insertion-depth",
+    "insertion-colour",
     "insertion-sb3",
     "insertion-easy",
     "insertion-sac",
@@ -36,8 +37,9 @@ class Training:
     algorithm: str = choice(*ALGORITHMS, default="ppo")
     """Learning algorithm: proximal policy optimisation ('ppo') or soft actor-critic ('sac')."""
     learner: str = choice(*LEARNERS, default="sb3")
-    """Who learns: Stable-Baselines3 ('sb3'), or PPO whose arrays stay where the physics has them ('device'), on
-    'linear-gpu' and 'linear' alone."""
+    """Who learns: Stable-Baselines3 ('sb3'); PPO whose arrays stay where the physics has them ('device'), on
+    'linear-gpu' and 'linear' alone; or, there too, the eyes of the policy `start`, which sees depth, from pictures in
+    colour ('eyes')."""
     steps: int = whole(1, 10**12, default=2_000_000)
     """Length of the training in environment steps, counted over all worlds."""
     leg: int = whole(1, 10**12, default=200_000)
@@ -115,9 +117,11 @@ class Training:
         require_declared(self)
         if self.learner == "device":
             self._require_device()
+        elif self.learner == "eyes":
+            self._require_eyes()
         elif others := [name for name in _ON_DEVICE if getattr(self, name) != getattr(Training, name)]:
             raise InvalidOptionError(f"{others[0]} is for the learner 'device': leave it out, or set learner.")
-        if set(sizes(self.task)) & set(IN_BYTES):
+        if self.learner != "eyes" and set(sizes(self.task)) & set(IN_BYTES):
             raise InvalidOptionError("The shipped training has no network for pictures: choose state, lumen or dict.")
         if self.demonstrations is not None and self.imitate:
             raise InvalidOptionError("A policy first learns from demonstrations or by imitate: set imitate to 0.")
@@ -139,6 +143,16 @@ class Training:
         if (self.backend == "linear-gpu") != (self.device == "cuda"):
             raise InvalidOptionError("The learner 'device' learns where the physics is: 'linear-gpu' goes with 'cuda'.")
 
+    def _require_eyes(self) -> None:
+        """Refuse what eyes do not learn from."""
+        if self.task.observation != "pixels" or self.start is None or not self.backend.startswith("linear"):
+            raise InvalidOptionError(
+                "The learner 'eyes' is for the observation 'pixels' on the backends 'linear' and 'linear-gpu', and "
+                "needs a policy to `start` from, which drives by the lumen: set these."
+            )
+        if (self.backend == "linear-gpu") != (self.device == "cuda"):
+            raise InvalidOptionError("The learner 'eyes' learns where the physics is: 'linear-gpu' goes with 'cuda'.")
+
     @property
     def task_then(self) -> TaskConfig:
         """The task of the trained policy."""
@@ -147,6 +161,8 @@ class Training:
     @property
     def shown(self) -> TaskConfig:
         """The task with all that is read in training: by a critic that knows more, every part of an observation."""
+        if self.learner == "eyes":
+            return replace(self.task, observation="dict", pictures=True)
         return replace(self.task, observation="dict", privileged=True) if self.critic_knows else self.task
 
     def to_json(self) -> dict[str, Any]:

@@ -54,8 +54,8 @@ def train(
         InvalidOptionError: when the folder holds another run and `resume` is not set, or for TensorBoard's logs of a
             learner that writes none.
     """
-    if tensorboard and training.learner == "device":
-        raise InvalidOptionError("The learner 'device' writes curve.csv only: leave --tensorboard out.")
+    if tensorboard and training.learner != "sb3":
+        raise InvalidOptionError(f"The learner '{training.learner}' writes curve.csv only: leave --tensorboard out.")
     deadline = None if minutes is None else time.monotonic() + 60 * minutes
     prepare_folder(folder)
     torch.set_num_threads(1)
@@ -80,6 +80,10 @@ def train(
             from haustra.envs.learning.device_run import DeviceRun
 
             return DeviceRun(training, folder, task, document, progress).go(deadline)
+        if training.learner == "eyes":
+            from haustra.envs.learning.eyes_run import EyesRun
+
+            return EyesRun(training, folder, task, document, progress).go(deadline)
         from haustra.envs.learning.sb3_run import Sb3Run
 
         return Sb3Run(training, folder, task, document, tensorboard, progress).go(deadline)
