@@ -19,8 +19,9 @@ from haustra.reading import read_document
 
 WEIGHTS, ABOUT = "policy.safetensors", "policy.json"
 """Names of the two files."""
-SHIPPED_POLICIES = ("insertion", "insertion-easy")
-"""Trained policies in assets/policies: for any colon; for any, trained at rates of a human hand; for easy ones."""
+SHIPPED_POLICIES = ("insertion", "insertion-depth", "insertion-colour", "insertion-easy")
+"""Trained policies in assets/policies: for any colon by all that scope, hand and imager tell, by depth alone, and by
+colour alone; for easy ones."""
 _LARGEST_FILE = 200_000_000
 """No policy of this kind is larger [bytes]."""
 
