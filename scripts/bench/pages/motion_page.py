@@ -60,7 +60,10 @@ def motion_page(measured: Mapping[str, Any]) -> str:
         ]
     for entry in found:
         fewer = f" ({entry['colons']} colons)" if entry["colons"] < found[0]["colons"] else ""
-        lines.append(f"| {entry['patient']}{fewer} | " + " | ".join(_told(entry, name) for name in COMPARED) + " |")
+        other = f", against {entry['against']}" if entry["against"] != PLAIN else ""
+        lines.append(
+            f"| {entry['patient']}{other}{fewer} | " + " | ".join(_told(entry, name) for name in COMPARED) + " |"
+        )
     if costs := measured.get("costs"):
         lines += [_COSTS, "| patient | one scope | 128 scopes |", "| --- | --- | --- |"]
         lines += [
