@@ -48,7 +48,7 @@ def test_suction_bleeds_where_the_wall_lies_over_the_channel() -> None:
     """A tip that is bent into the wall, sucking in full or by a fifth: 60 or 12 kPa below the atmosphere."""
     task = ScopeTask(SUCKING, backend="linear", bank=moving_bank(), worlds=2)
     task.reset(seeds=[0, 1], case=0)
-    pulls = []
+    pulls, done = [], None
     for _ in range(60):
         done = task.step(np.array([[1.0, 0, 1.0, 0, -1.0], [1.0, 0, 1.0, 0, -0.2]]))
         gas = task.backend.gas
@@ -58,7 +58,7 @@ def test_suction_bleeds_where_the_wall_lies_over_the_channel() -> None:
         np.testing.assert_allclose(pull[pull > 0], expected[pull > 0])
         pulls.append(pull)
     sealed = np.array(pulls) > 0
-    assert sealed.any(axis=0).all() and not sealed.all(axis=0).any()
+    assert done is not None and sealed.any(axis=0).all() and not sealed.all(axis=0).any()
     assert done.info["bleeding_pulled"][0] > 0 and done.info["bleeding_pulled"][1] == 0
     let_in = task.step(np.tile([0, 0, 0, 0, 1.0], (2, 1)))
     assert (let_in.info["suction_pull"] == 0).all()

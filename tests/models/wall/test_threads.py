@@ -19,6 +19,8 @@ from haustra.models.wall.compiled import loops
 from haustra.models.wall.loops import beside
 from haustra.models.wall.mesentery import Mesentery, hang, stack
 from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
+from haustra.models.wall.moving_planes import MovingPlaneWall
+from haustra.models.wall.piece_wall import PieceWall
 from haustra.models.wall.table_wall import TableWall
 from haustra.models.wall.threads import INDENTED
 from tests.bent_colon import bent_colon
@@ -171,6 +173,7 @@ def test_links_bear_what_nodes_are_drawn_by(law: Any) -> None:
     for _ in range(10):
         assert engine.step(Controls(0.1, 0.0, np.zeros(4)), 40)
     wall, data, model = engine._wall, engine.data, engine.model
+    assert isinstance(wall, TableWall | MovingPlaneWall | PieceWall)
     walls = wall._walls if isinstance(wall, TableWall) else wall._look._walls
     moved, own = walls.displacement, walls._own
     assert own is not None and moved is not None
