@@ -97,6 +97,7 @@ def bench_motion(
     others: Sequence[Path] = (),
     processes: int = 1,
     progress: Callable[[float, str], None] = lambda done, note: None,
+    keep: Callable[[list[dict[str, Any]]], None] = lambda rows: None,
 ) -> list[dict[str, Any]]:
     """Drive an adult scope into held-out grown colons, in several of the `PATIENTS`.
 
@@ -110,6 +111,7 @@ def bench_motion(
         others: folders of colons to run beside them, as imaged only.
         processes: that share the colons.
         progress: told runs done.
+        keep: told all rows of the colons that are done, whenever one is.
 
     Raises:
         InvalidOptionError: when a patient or a driver is not known.
@@ -122,10 +124,11 @@ def bench_motion(
     jobs = [(source, driver, names) for source, names in sources for driver in drivers]
     with ProcessPoolExecutor(max(min(processes, len(jobs)), 1), mp_context=get_context("spawn")) as pool:
         given = [pool.submit(_in_patients, *job, seconds, judged_every) for job in jobs]
-        done = 0
+        rows = []
         for future in as_completed(given):
-            done += len(future.result())
-            progress(done, future.result()[-1]["colon"])
+            rows += future.result()
+            progress(len(rows), rows[-1]["colon"])
+            keep(rows)
     return [row for future in given for row in future.result()]
 
 

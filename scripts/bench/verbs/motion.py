@@ -13,7 +13,7 @@ from haustra.fields import number, texts, whole
 class BenchMotion:
     """Drive a scope into colons that move, in several postures and patients, and tell whether the wall holds together.
 
-    Leaves motion.md and motion.json.
+    Leaves motion.md and motion.json; interrupted, motion.json with the colons that are done.
     """
 
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
@@ -58,8 +58,13 @@ class BenchMotion:
         asked: dict[str, Any] = {"colons": self.colons, "seconds": self.seconds, "judged_every": self.judged_every}
         asked["first_seed"] = self.first_seed
         own: dict[str, Any] = {"patients": self.patients, "others": self.others, "processes": self.processes}
+
+        def keep(rows: list[dict[str, Any]]) -> None:
+            """What an interrupted run leaves, for `--add`."""
+            write_json(folder / "motion.json", {"runs": [row for given in kept for row in given] + rows})
+
         with progress_bar("motion", runs * len(self.driver), unit="runs") as advance:
-            rows = bench_motion(**asked, **own, drivers=self.driver, progress=advance)
+            rows = bench_motion(**asked, **own, drivers=self.driver, progress=advance, keep=keep)
         costs = step_costs([name for name in COSTLY if name in (self.patients or PATIENTS)])
         rows = [row for given in kept for row in given] + rows
         result = {"soundness": soundness(rows), "effects": effects(rows), "costs": costs, "runs": rows}
