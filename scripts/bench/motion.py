@@ -69,7 +69,10 @@ PATIENTS: Mapping[str, Mapping[str, Any]] = {
 """What each colon is put into: options of the scene that differ from the usual."""
 AGAINST: Mapping[str, str] = {WATER: GAS}
 """Patients that are compared with another than the colon as it was imaged: they differ from that in one thing."""
-COSTLY = ("held in by an envelope", "breathing", "loops that touch", "all three", GAS, WATER, EVERYTHING)
+COSTLY = (
+    *("a hand on the sigmoid", "held in by an envelope", "breathing", "loops that touch", "all three"),
+    *(GAS, WATER, EVERYTHING),
+)
 """Patients that cost a step something."""
 _WORLDS, _PUSH_RATE = (1, 128), 0.02
 """Numbers of worlds whose steps are timed, and how fast scopes are pushed meanwhile [m/s]; engineering choice."""
