@@ -221,7 +221,10 @@ def _left_out(options: SceneOptions) -> dict[str, str]:
         left_out["wall"] = "its planes are moved by the backend: stock MuJoCo moves the saved device without them"
     if options.wall_law == "pieces":
         left_out["joints of pieces"] = "where a place touches several, the deepest counts; in stock MuJoCo all do"
-    if not options.mesentery:
+    if options.mesentery:
+        left_out |= options.abdomen.left_out()
+        left_out["empty loops"] = "they are drawn to the shafts of scopes only (haustra.models.wall.threads)"
+    else:
         left_out["mesentery"] = "the colon gives way by its wall's stiffness only; it does not swing on its mesentery"
     if not options.friction:
         left_out["friction"] = "none was asked for: contacts have a normal force only"

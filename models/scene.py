@@ -317,7 +317,7 @@ def _left_out(
     }
     if options.mesentery:
         left_out["inertia of the colon"] = "it follows its forces within tens of milliseconds"
-        left_out["loops of colon against each other"] = "a colon that moves does not touch itself or other organs"
+        left_out |= options.abdomen.left_out()
     else:
         left_out["mesentery"] = (
             "the colon gives way by its wall's stiffness only; sigmoid and transverse colon do not swing"

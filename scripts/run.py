@@ -49,6 +49,8 @@ class Run:
     """Let quiet breath move what the colon hangs on."""
     loops_touch: bool = False
     """Let loops of the colon press on each other where they meet."""
+    torsion: bool = True
+    """Let the colon's tube resist that it is twisted about its axis."""
     backend: Literal["native", "linear"] | None = None
     """What steps the scene: MuJoCo's CPU engine (native), or a chain in linear time (linear), many times as fast,
     which knows the table of the lumen only. Linear where that honours what is asked, when not given."""
@@ -226,7 +228,7 @@ class Run:
             from haustra.models.gas.water import volume_from
 
             chosen["water"] = volume_from(self.water)
-        names = ("posture", "mobile", "adhesions", "pressed", "envelope", "breathing", "loops_touch")
+        names = ("posture", "mobile", "adhesions", "pressed", "envelope", "breathing", "loops_touch", "torsion")
         around = Abdomen(**{name: getattr(self, name) for name in names})
         return chosen if around == Abdomen() else {**chosen, "abdomen": around}
 

@@ -21,6 +21,7 @@ _PATIENT = (
     "envelope",
     "breathing",
     "loops_touch",
+    "torsion",
 )
 """Options of `haustra run` that all devices honour; `start` is honoured by those that stand in the colon."""
 

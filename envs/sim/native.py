@@ -233,8 +233,8 @@ class NativeEngine:
         look = TableLook(self.model, np.array(spheres), stack([self.table.tables]))
         if scene.options.wall_law == "planes":
             lumen = MovedLumen(scene.colon, look)
-            return MovingPlaneWall(self.model, lumen, look, contact, arcs=self._straight_arcs)
-        wall = PieceWall(self.model, contact, look, blocks=scene.blocks)
+            return MovingPlaneWall(self.model, lumen, look, contact, arcs=self._straight_arcs, threaded=True)
+        wall = PieceWall(self.model, contact, look, blocks=scene.blocks, threaded=True)
         wall.begin(self._straight_arcs)
         return wall
 

@@ -9,7 +9,7 @@ from haustra.envs.learning.find import find_policy, policy_settings
 from haustra.envs.learning.hands import PolicySettings, require_shown
 from haustra.envs.learning.policy import MlpPolicy
 from haustra.envs.study.clinic_pain import HURTS, SITES
-from haustra.envs.study.patients import Patient, injury_variables, patient_variables
+from haustra.envs.study.patients import Patient, left_as_they_are, patient_variables
 from haustra.envs.study.questions import Question
 from haustra.envs.study.study import Column, Sampler, Study, Value
 from haustra.errors import InvalidOptionError, InvalidStudyError
@@ -174,7 +174,7 @@ def patient_of(study: Study, variables: Mapping[str, float]) -> Patient:
     Raises:
         InvalidStudyError: when something is to differ that patients do not have.
     """
-    known = {variable.path: variable for variable in (*patient_variables(), *injury_variables())}
+    known = {variable.path: variable for variable in (*patient_variables(), *left_as_they_are())}
     for path in (*study.changes, *(variable.path for variable in study.variables)):
         if path not in known:
             raise InvalidStudyError(f"'{path}' is not known. Known: {', '.join(known)}.")

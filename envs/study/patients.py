@@ -34,6 +34,10 @@ _MESENTERY = {
 }
 """Variables that are numbers of the mesentery, by their names there."""
 
+_HUNG = {name: f"mesentery.{name}" for name in ("torsion", "drag", "anus", "grip")} | {
+    f"thickness_{name}": f"mesentery.thickness.{name}" for name in ("sigmoid", "other")
+}
+"""Numbers of the mesentery that a study may vary and a cohort leaves as they are: variables, by their names there."""
 _TEARS = ("human_over_porcine", "between_persons")
 """Numbers of injury that act on the largest load of a run after it: names in assets/numbers/injury.toml."""
 
@@ -77,6 +81,21 @@ def injury_variables() -> tuple[Variable, ...]:
 
 
 @cache
+def mesentery_variables() -> tuple[Variable, ...]:
+    """Numbers of how a colon moves that a study may vary beside patients'; a cohort leaves them as they are."""
+    known = {name: numbers()[number] for name, number in _HUNG.items()}
+    return tuple(
+        Variable(name, f"mesentery.{name}", n.unit, n.value, n.low, n.high, "log-uniform") for name, n in known.items()
+    )
+
+
+@cache
+def left_as_they_are() -> tuple[Variable, ...]:
+    """What a study may vary beside what differs between patients."""
+    return (*injury_variables(), *mesentery_variables())
+
+
+@cache
 def traits() -> Mapping[str, float]:
     """Share of people who have each trait: a patient has it whose draw from 0 to 1 lies below."""
     return {each.name: each.nominal for each in patient_variables() if each.name in _TRAITS}
@@ -110,7 +129,7 @@ class Patient:
     @property
     def mesentery(self) -> dict[str, float]:
         """Numbers of the mesentery that are this patient's own, by their names in assets/numbers."""
-        return {number: self.values[name] for name, number in _MESENTERY.items()}
+        return {number: self.values[name] for name, number in (_MESENTERY | _HUNG).items()}
 
     def torn(self, load: float) -> float:
         """Share of people like this patient whose wall is torn by a load over the median person's strength [1]."""
@@ -144,7 +163,7 @@ class Patient:
     @classmethod
     def of(cls, values: Mapping[str, float]) -> "Patient":
         """The patient of a job's variables; those that it leaves out are as in the middle of their range."""
-        usual = {each.name: each.nominal for each in (*patient_variables(), *injury_variables())}
+        usual = {each.name: each.nominal for each in (*patient_variables(), *left_as_they_are())}
         return cls({**usual, **{name: float(value) for name, value in values.items()}})
 
 

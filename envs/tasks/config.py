@@ -128,6 +128,9 @@ class TaskConfig:
     """Let the learner let gas in and suck it out instead of the insufflator, by a fifth action over `gas_flow`, and
     show it under the name 'gas' the pressure at the tip, the colon's gas and what it last asked for; `memory` leaves
     these out. With gas only."""
+    bleeding: bool = False
+    """Keep account of where the wall bleeds, at the end of each action: sheared, and under `gas_action` sucked at by a
+    share of the suction of a drive as large as what it asks for. Told with each step, seen in no picture."""
     observation: str = choice(*OBSERVATIONS, default="dict")
     """What the learner sees: readings of scope and hand (state), a few distances (lumen), a depth camera's picture
     (depth), one in colour (pixels), or state and lumen under names (dict)."""

@@ -16,6 +16,7 @@ from haustra.envs.sim.load import backend_of
 from haustra.envs.sim.state import Readings
 from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.bank import TASK_OPTIONS, ColonSet, grown_bank
+from haustra.envs.tasks.blood import EpisodeBlood
 from haustra.envs.tasks.calls import whole_steps
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.depth import DepthCameras, depth_cameras
@@ -54,7 +55,9 @@ class Step:
     """Ground truth that no device knows, terms of the reward, and why an episode ended. `p_perforation` is the share
     of people whose colon the episode has torn so far (`haustra.models.injury`), `perforation_arc` where [m]; `pain` is
     the largest so far, 1 where it is taken to begin. Under gas, `gas_pressure_peak` is the highest of any segment so
-    far [Pa], `gas_volume` what the colon holds [m^3]."""
+    far [Pa], `gas_volume` what the colon holds [m^3]. Where the task keeps account of bleeding, `bleeding_places` and
+    `bleeding_pulled` count places of two centimetres that were sheared or sucked at too much so far, and
+    `suction_pull` is how hard suction pulls at the mucosa now [Pa] (`haustra.envs.tasks.blood`)."""
 
 
 class ScopeTask:
@@ -121,6 +124,7 @@ class ScopeTask:
         self._tips: TipPictures | None = None
         if "pixels" in self.parts and isinstance(self.backend, LinearBackend) and not on_host:
             self._tips = TipPictures(self.bank, self.backend, config.picture_size, threads=threads, residue=residue)
+        self._blood = EpisodeBlood(self.bank, worlds) if config.bleeding else None
         self._random = [np.random.default_rng() for _ in range(worlds)]
         self.case, self.friction = np.zeros(worlds, int), np.zeros(worlds)
 
@@ -147,6 +151,8 @@ class ScopeTask:
         """
         worlds = np.arange(self.worlds) if worlds is None else worlds
         self._episodes.begin(self._dealt(worlds, seeds, case))
+        if self._blood is not None:
+            self._blood.begin(worlds)
         return self.observe()
 
     def stagger(self, seed: int) -> None:
@@ -166,6 +172,7 @@ class ScopeTask:
             begins: worlds that begin anew instead of acting: nothing is paid there, and nothing ends.
         """
         self._episodes.step(np.asarray(action, float), self._beginning(begins))
+        self._bleed(np.asarray(action, float), np.zeros(self.worlds, bool) if begins is None else np.asarray(begins))
         told = self._episodes.told
         return Step(
             observation=self.observe(),
@@ -175,6 +182,16 @@ class ScopeTask:
             info=self._info(told),
         )
 
+    def _bleed(self, action: np.ndarray, begins: np.ndarray) -> None:
+        """Let walls bleed where these actions have led to, but in worlds that have begun anew instead."""
+        if self._blood is None:
+            return
+        self._blood.begin(np.flatnonzero(begins))
+        asked = action[:, 4] if self.config.gas_action else np.zeros(self.worlds)
+        sucked = -np.clip(np.nan_to_num(asked), -1.0, 0.0)
+        about = {"case": self.case, "friction": self.friction, "gas": self.backend.gas, "acts": ~begins}
+        self._blood.acted(self.seen, self.displacement, sucked=sucked, **about)
+
     @property
     def in_place(self) -> InPlace:
         """Actions, observations, rewards and endings where the program of the backends in linear time has them.
@@ -183,8 +200,9 @@ class ScopeTask:
         libraries do in CUDA's default stream is waited for.
 
         Raises:
-            UnsupportedSceneError: when the backend has no such program, or coverage counts.
+            UnsupportedSceneError: when the backend has no such program, coverage counts, or bleeding does.
         """
+        self._require_no_account()
         place = self._episodes.in_place
         if self._tips is None:
             return place
@@ -199,6 +217,7 @@ class ScopeTask:
         Raises:
             UnsupportedSceneError: as `in_place`.
         """
+        self._require_no_account()
         over = self._episodes.advance(self._beginning(begins))
         self.draw()
         return over
@@ -263,6 +282,10 @@ class ScopeTask:
                 "Pictures show colons as they were given, not as gas holds them: leave gas out."
             )
 
+    def _require_no_account(self) -> None:
+        if self._blood is not None:
+            raise UnsupportedSceneError("Bleeding is told by `step` alone, not in place: leave task.bleeding out.")
+
     def _require_way(self) -> None:
         """Refuse an end of the way that lies before its beginning."""
         margin, start = self.config.limits.caecum_margin, self.bank.options.start_depth
@@ -309,6 +332,7 @@ class ScopeTask:
             "time_up": told["truncated"],
             **{name: told[name] for name in self.rules.terms},
             **self._gas(),
+            **({} if self._blood is None else self._blood.told()),
         }
 
     def _gas(self) -> dict[str, np.ndarray]:
@@ -373,6 +397,10 @@ def require_task(config: TaskConfig, backend: str, *, design: ScopeDesign | None
         raise UnsupportedSceneError(
             "Gas holds colons open on 'linear' only, and pictures and depth show them as they were given: leave gas "
             "out, or choose that backend and observation 'state', 'lumen', or 'dict' without pictures."
+        )
+    if config.bleeding and "pixels" in seen_by.sizes(config):
+        raise UnsupportedSceneError(
+            "Pictures that a learner sees show no blood: leave task.bleeding out, or pictures in colour."
         )
     if (config.stool or config.mucus) and "pixels" not in seen_by.sizes(config):
         raise InvalidOptionError(

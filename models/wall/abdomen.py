@@ -49,11 +49,26 @@ class Abdomen:
     """Let quiet breath move what the colon hangs on, most below the diaphragm."""
     loops_touch: bool = False
     """Let loops of the colon press on each other where they meet (`haustra.models.wall.loops`)."""
+    torsion: bool = True
+    """Let the colon's tube resist that it is twisted about its axis."""
 
     @property
     def surrounds(self) -> bool:
         """Whether nodes of the axis feel anything that others do not: `haustra.models.wall.surroundings`."""
         return self.envelope or self.breathing or self.pressed != "none"
+
+    def left_out(self) -> dict[str, str]:
+        """What of the patient is left out, by name, and what that means."""
+        asked = {
+            "loops of colon against each other": (self.loops_touch, "they pass through each other"),
+            "abdominal wall and organs around": (self.envelope, "nothing stands in the way of a colon that moves out"),
+            "breathing": (self.breathing, "what the colon hangs on stands still"),
+            "torsion of the colon": (self.torsion, "it twists without resistance where nothing holds it upright"),
+            "mobile descending and ascending colon": (self.mobile, "both have grown to the back wall"),
+            "adhesions": (self.adhesions, "sigmoid and transverse colon hang on their mesenteries throughout"),
+            "a hand on the belly": (self.pressed != "none", "nobody presses"),
+        }
+        return {name: why for name, (there, why) in asked.items() if not there}
 
     def __post_init__(self) -> None:
         require_declared(self)

@@ -162,7 +162,7 @@ def hang(
     each = np.full(count, spacing)
     hold, support, drag = hold * each, numbers["mesentery.support"] * each, numbers["mesentery.drag"] * each
     upright = (np.where(slack > 0, 0.0, hold) + support) * tube_radius**2
-    torsion = numbers["mesentery.torsion"] * 2 / 3 * stretch * tube_radius**2 / 2 / spacing
+    torsion = around.torsion * numbers["mesentery.torsion"] * 2 / 3 * stretch * tube_radius**2 / 2 / spacing
     hold[0] += numbers["mesentery.anus"]
     closings = _closings(tangents, lengths)
     walls = np.array([numbers[f"mesentery.envelope.{side}"] for side in ("front", "firm")]) * spacing

@@ -133,6 +133,7 @@ class MovingPlaneWall(PlaneWall):
         contact: WallContact,
         *,
         arcs: Float[np.ndarray, " spheres"],
+        threaded: bool = False,
     ) -> None:
         """Find spheres and planes.
 
@@ -142,9 +143,11 @@ class MovingPlaneWall(PlaneWall):
             look: where its axis is, the same as the lumen's.
             contact: the law of the wall.
             arcs: where along the colon each sphere is at the start [m].
+            threaded: whether the spheres follow each other on a shaft, from its end to its tip, which the colon draws
+                on between them too (`haustra.models.wall.threads`).
         """
         count = len(arcs)
-        self._lumen, self._look = lumen, look
+        self._lumen, self._look, self._threaded = lumen, look, threaded
         self._ahead = contact.damping / contact.stiffness + model.opt.timestep
         self.stiffness: Float[np.ndarray, " spheres"] = np.full(count, contact.stiffness)
         """Stiffness of the contacts of each sphere [N/m]."""
@@ -182,7 +185,10 @@ class MovingPlaneWall(PlaneWall):
         self._room[:] = 0.0  # the wall may come to a sphere that stays where it is
         self._seen += self._carried  # what touched the wall went along with it, and its triangles did
         self._asked += self._carried
-        return super().update(data)
+        outside = super().update(data)
+        if self._threaded:
+            self._look.thread(data)
+        return outside
 
     def step(self, data: mujoco.MjData) -> None:
         """Advance by one step, the colon's too."""

@@ -129,6 +129,7 @@ class PieceWall:
         look: TableLook,
         *,
         blocks: Blocks = NO_BLOCKS,
+        threaded: bool = False,
     ) -> None:
         """Find spheres and blocks.
 
@@ -137,7 +138,10 @@ class PieceWall:
             contact: the law of the wall.
             look: says where along the colon its spheres are, and where its axis is if it moves.
             blocks: what pieces stand on in a colon that moves.
+            threaded: whether the spheres follow each other on a shaft, from its end to its tip, which a colon that
+                moves draws on between them too (`haustra.models.wall.threads`).
         """
+        self._threaded = threaded
         self._model, self._ahead = model, contact.damping / contact.stiffness + model.opt.timestep
         self.spheres, self._look = look.spheres, look
         self._sphere_of = np.full(model.ngeom, -1)
@@ -179,6 +183,9 @@ class PieceWall:
         points, arcs = (np.repeat(part[None], 2, axis=0) for part in (self._blocks.places, self._blocks.arcs))
         self._poses, self._turns = moving_colon.section_poses(np, self._axis, both, shape, points, arcs)
         data.mocap_pos[self._mocap], data.mocap_quat[self._mocap] = self._poses[0], self._turns[0]
+        if self._threaded:
+            mujoco.mj_kinematics(self._model, data)
+            self._look.thread(data)
 
     def _take_along(self, data: mujoco.MjData) -> bool:
         """Let contacts know how fast their blocks move: MuJoCo takes mocap bodies for ones that stand still.

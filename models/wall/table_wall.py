@@ -193,6 +193,28 @@ class TableWalls:
         self.time[worlds] += timestep
 
 
+class LinkLoads:
+    """What the links of one scene bear of nodes that are drawn to the shaft (`haustra.models.wall.threads`)."""
+
+    def __init__(self, model: mujoco.MjModel, spheres: Int[np.ndarray, " spheres"]) -> None:
+        """Take the spheres along the shaft; nothing is borne yet."""
+        self._model, self._spheres = model, spheres
+        self._bodies, self._bears = model.geom_bodyid[spheres], False
+
+    def put(self, data: mujoco.MjData, borne: Float[np.ndarray, "1 spheres 6"] | None) -> None:
+        """Let links bear this in the next step, by generalised forces; kinematics are those of the spheres' places."""
+        if self._bears:
+            data.qfrc_applied[:], self._bears = 0.0, False
+        if borne is None:
+            return
+        self._bears = True
+        mujoco.mj_comPos(self._model, data)
+        for sphere in np.flatnonzero(borne[0].any(axis=1)):
+            force, moment, body = borne[0, sphere, :3], borne[0, sphere, 3:], self._bodies[sphere]
+            place = data.geom_xpos[self._spheres[sphere]]
+            mujoco.mj_applyFT(self._model, data, force, moment, place, body, data.qfrc_applied)
+
+
 class TableLook:
     """Where the spheres of one world are along its colon, and how deep in its wall, where other walls press on them."""
 
@@ -203,6 +225,16 @@ class TableLook:
         self._shift = model.geom_size[spheres, 0] - float(tables.device_radius[-1])
         self.axis: Tables = pick(tables, self._colon)
         """Tables of the colon that is looked up in."""
+        self._loads = LinkLoads(model, spheres)
+
+    def thread(self, data: mujoco.MjData) -> None:
+        """Draw nodes to the shaft that the spheres follow each other on, in the next step of both.
+
+        To be called where kinematics are those of the step's beginning.
+        """
+        points = data.geom_xpos[self.spheres][None]
+        self._walls.look(_ONE, points)
+        self._loads.put(data, self._walls.thread(_ONE, points))
 
     def move(self, held: tuple[np.ndarray, ...], timestep: float) -> None:
         """Let its axis move for a step [s] (`TableWalls.move`)."""
@@ -267,7 +299,7 @@ class TableWall:
         self._elasticity, self._stiffens = ELASTICITIES[contact.elasticity], contact.elasticity != LINEAR
         self._firm = np.zeros((1, count))
         self._force, self._damping = np.zeros((1, count, 3)), np.zeros((1, count, 2))
-        self._bodies, self._bears = model.geom_bodyid[self.spheres], False
+        self._loads = LinkLoads(model, self.spheres)
         contact_solver.step(model, mujoco.MjData(model), self._tree, loops().solve)  # compiled before it is timed
         self.begin(arcs)
 
@@ -315,7 +347,7 @@ class TableWall:
         mujoco.mj_kinematics(model, data)
         walls, points = self._walls, data.geom_xpos[self.spheres][None]
         walls.look(_ONE, points)
-        self._thread(data, walls.thread(_ONE, points))
+        self._loads.put(data, walls.thread(_ONE, points))
         if self._contact.friction_rise:
             self._rub(data)
         depth, self._firm = self._elasticity(np, walls.depth, np.full_like(walls.depth, self._contact.stiffness))
@@ -347,19 +379,6 @@ class TableWall:
         """Energy stored in the wall where its planes were put last [J]."""
         depth = np.maximum(self._walls.depth[0], 0.0)
         return float(stored_energy(self._contact.elasticity, depth, self._contact.stiffness).sum())
-
-    def _thread(self, data: mujoco.MjData, borne: Float[np.ndarray, "1 spheres 6"] | None) -> None:
-        """Let links bear what nodes are drawn to the shaft by."""
-        if self._bears:
-            data.qfrc_applied[:], self._bears = 0.0, False
-        if borne is None:
-            return
-        self._bears = True
-        mujoco.mj_comPos(self._model, data)
-        for sphere in np.flatnonzero(borne[0].any(axis=1)):
-            force, moment, body = borne[0, sphere, :3], borne[0, sphere, 3:], self._bodies[sphere]
-            place = data.geom_xpos[self.spheres[sphere]]
-            mujoco.mj_applyFT(self._model, data, force, moment, place, body, data.qfrc_applied)
 
     def _rub(self, data: mujoco.MjData) -> None:
         """Let friction rise with the speed at which the spheres' surfaces slide on the wall."""

@@ -36,6 +36,7 @@ DRIVERS = ("follower", "insertion")
 _PICTURE = 96
 """Rows and columns of the pictures from the tip that are checked [pixels]; engineering choice."""
 PLAIN = "as imaged"
+GAS, WATER, EVERYTHING = "gas let in up to 25 mmHg", "300 mL of that as water", "everything at once"
 PATIENTS: Mapping[str, Mapping[str, Any]] = {
     PLAIN: {},
     "on the left side": {"abdomen": Abdomen(posture="left")},
@@ -44,14 +45,34 @@ PATIENTS: Mapping[str, Mapping[str, Any]] = {
     "descending and ascending colon mobile": {"abdomen": Abdomen(mobile=("descending", "ascending"))},
     "sigmoid adherent": {"abdomen": Abdomen(adhesions=("sigmoid",))},
     "a hand on the sigmoid": {"abdomen": Abdomen(pressed="sigmoid")},
-    "gas let in up to 25 mmHg": {"gas": 3333.0},
+    GAS: {"gas": 3333.0},
+    WATER: {"gas": 3333.0, "water": 3e-4},
     "held in by an envelope": {"abdomen": Abdomen(envelope=True)},
     "breathing": {"abdomen": Abdomen(breathing=True)},
     "loops that touch": {"abdomen": Abdomen(loops_touch=True)},
     "all three": {"abdomen": Abdomen(envelope=True, breathing=True, loops_touch=True)},
+    "a tube without torsion": {"abdomen": Abdomen(torsion=False)},
+    EVERYTHING: {
+        "gas": 3333.0,
+        "water": 3e-4,
+        "abdomen": Abdomen(
+            posture="left",
+            mobile=("descending", "ascending"),
+            adhesions=("transverse",),
+            pressed="sigmoid",
+            envelope=True,
+            breathing=True,
+            loops_touch=True,
+        ),
+    },
 }
 """What each colon is put into: options of the scene that differ from the usual."""
-NEIGHBOURS = ("held in by an envelope", "breathing", "loops that touch", "all three")
+AGAINST: Mapping[str, str] = {WATER: GAS}
+"""Patients that are compared with another than the colon as it was imaged: they differ from that in one thing."""
+COSTLY = (
+    *("a hand on the sigmoid", "held in by an envelope", "breathing", "loops that touch", "all three"),
+    *(GAS, WATER, EVERYTHING),
+)
 """Patients that cost a step something."""
 _WORLDS, _PUSH_RATE = (1, 128), 0.02
 """Numbers of worlds whose steps are timed, and how fast scopes are pushed meanwhile [m/s]; engineering choice."""
@@ -73,11 +94,13 @@ def bench_motion(
     colons: int,
     seconds: float,
     judged_every: float,
+    first_seed: int = FIRST_SEED,
     patients: Sequence[str] = (),
     drivers: Sequence[str] = DRIVERS[:1],
     others: Sequence[Path] = (),
     processes: int = 1,
     progress: Callable[[float, str], None] = lambda done, note: None,
+    keep: Callable[[list[dict[str, Any]]], None] = lambda rows: None,
 ) -> list[dict[str, Any]]:
     """Drive an adult scope into held-out grown colons, in several of the `PATIENTS`.
 
@@ -85,11 +108,13 @@ def bench_motion(
         colons: how many.
         seconds: of each run [s].
         judged_every: time between two surfaces that are judged [s].
+        first_seed: of the grown colons.
         patients: names of those beside the colon as imaged; all when none are given.
         drivers: who inserts, each in turn.
         others: folders of colons to run beside them, as imaged only.
         processes: that share the colons.
         progress: told runs done.
+        keep: told all rows of the colons that are done, whenever one is.
 
     Raises:
         InvalidOptionError: when a patient or a driver is not known.
@@ -98,14 +123,15 @@ def bench_motion(
         if name not in known:
             raise InvalidOptionError(f"'{name}' is not known to this benchmark. Known: {', '.join(known)}.")
     asked = tuple(dict.fromkeys((PLAIN, *(patients or PATIENTS))))
-    sources = [(folder, (PLAIN,)) for folder in others] + [(FIRST_SEED + number, asked) for number in range(colons)]
+    sources = [(folder, (PLAIN,)) for folder in others] + [(first_seed + number, asked) for number in range(colons)]
     jobs = [(source, driver, names) for source, names in sources for driver in drivers]
     with ProcessPoolExecutor(max(min(processes, len(jobs)), 1), mp_context=get_context("spawn")) as pool:
         given = [pool.submit(_in_patients, *job, seconds, judged_every) for job in jobs]
-        done = 0
+        rows = []
         for future in as_completed(given):
-            done += len(future.result())
-            progress(done, future.result()[-1]["colon"])
+            rows += future.result()
+            progress(len(rows), rows[-1]["colon"])
+            keep(rows)
     return [row for future in given for row in future.result()]
 
 
@@ -220,7 +246,7 @@ def soundness(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def effects(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """What each patient changes: mean over colons, and its 95 % interval (paired, t).
 
-    Against the same colon as imaged, inserted into by the same driver for as long.
+    Against the same colon as imaged (or as `AGAINST` says), inserted into by the same driver for as long.
     """
     from scipy.stats import t
 
@@ -228,15 +254,16 @@ def effects(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
         return row["colon"], row["driver"], row["seconds"]
 
     put = {alike(row) for row in rows if row["patient"] != PLAIN}
-    plain = {alike(row): row for row in rows if row["patient"] == PLAIN and alike(row) in put}
     found = []
     for name in PATIENTS:
-        own = [row for row in rows if row["patient"] == name and alike(row) in plain]
+        base = AGAINST.get(name, PLAIN)
+        usual = {alike(row): row for row in rows if row["patient"] == base and alike(row) in put}
+        own = [row for row in rows if row["patient"] == name and alike(row) in usual]
         if not own:
             continue
-        entry: dict[str, Any] = {"patient": name, "colons": len({row["colon"] for row in own})}
+        entry: dict[str, Any] = {"patient": name, "against": base, "colons": len({row["colon"] for row in own})}
         for key in COMPARED:
-            more = np.array([row[key] - plain[alike(row)][key] for row in own])
+            more = np.array([row[key] - usual[alike(row)][key] for row in own])
             half = float(t.ppf(0.975, len(more) - 1) * more.std(ddof=1) / np.sqrt(len(more))) if len(more) > 1 else 0.0
             mean = float(np.mean([row[key] for row in own]))
             entry[key] = {"mean": mean, "change": float(more.mean()), "half_interval": half}

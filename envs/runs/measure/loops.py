@@ -26,6 +26,7 @@ from scipy.spatial.distance import pdist
 
 from haustra.envs.runs.measure.crossings import crossings
 from haustra.errors import InvalidOptionError
+from haustra.models.wall.vectors import cross, dot
 
 _BOW = np.radians(60.0)
 """An N loop turns at least this far each way; engineering choice."""
@@ -184,27 +185,21 @@ def writhe(points: Float[np.ndarray, "n 3"]) -> float:
     125), which stays sound where pieces are in line.
     """
     line = np.asarray(points, dtype=float)
-    starts, ends = line[:-1], line[1:]
-    total = 0.0
-    for index in range(len(starts) - 2):
-        a, b = starts[index], ends[index]
-        c, d = starts[index + 2 :], ends[index + 2 :]
-        ac, ad, bd, bc = (_unit(each) for each in (c - a, d - a, d - b, c - b))
-        total += float((_solid_angle(ac, bd, ad) + _solid_angle(ac, bc, bd)).sum())
-    return total / (2 * np.pi)
+    first, second = np.triu_indices(len(line) - 1, 2)
+    a, b, c, d = line.T[:, first], line.T[:, first + 1], line.T[:, second], line.T[:, second + 1]
+    ac, ad, bd, bc = (_unit(each) for each in (c - a, d - a, d - b, c - b))
+    return float((_solid_angle(ac, bd, ad) + _solid_angle(ac, bc, bd)).sum()) / (2 * np.pi)
 
 
 def _solid_angle(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """Signed solid angle of triangles of directions."""
-
-    def dot(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-        return np.einsum("ij,ij->i", one, other)
-
-    return 2 * np.arctan2(dot(a, np.cross(b, c)), 1 + dot(a, b) + dot(b, c) + dot(c, a))
+    """Signed solid angle of triangles of directions (3, triangles)."""
+    one, other, third = ((each[0], each[1], each[2]) for each in (a, b, c))
+    volume = dot(one, cross(other, third))
+    return 2 * np.arctan2(volume, 1 + dot(one, other) + dot(other, third) + dot(third, one))
 
 
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
+def _unit(directions: np.ndarray) -> np.ndarray:
+    return directions / np.maximum(np.sqrt((directions * directions).sum(axis=0)), 1e-300)
 
 
 def _project(line: np.ndarray, view: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -31,7 +31,8 @@ where it is given. **Nothing is calibrated to how often patients are harmed.**
 10 kPa, friction times force over the patch that a link lies on, or at which suction pulls by more than 40 kPa: the
 pressure across mucosa that lies over the channel of a scope that sucks. Both thresholds (3–30 and 13–80 kPa) are
 assumed: nobody published one. Suction is that of drives, in which a hand sucks with 60 kPa (27–85, assumed); a
-driver's run lets gas in only. Episodes that are driven or recorded count shear at each action's end, and no suction.
+driver's run lets gas in only. Episodes that are driven or recorded count shear at each action's end, and so do those of
+learners where `TaskConfig.bleeding` asks for it, suction of their gas action too (`haustra.envs.tasks.blood`).
 
 **Pain** (`haustra.models.injury.pain`) is the largest tension of wall or mesentery over that which hurts, 100 N/m for
 both: of the wall by Laplace's law of balloons that hurt in the sigmoid (45–180 N/m), of the mesentery assumed (30–300).

@@ -13,13 +13,15 @@ from haustra.fields import number, texts, whole
 class BenchMotion:
     """Drive a scope into colons that move, in several postures and patients, and tell whether the wall holds together.
 
-    Leaves motion.md and motion.json.
+    Leaves motion.md and motion.json; interrupted, motion.json with the colons that are done.
     """
 
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for the page and the runs."""
     colons: int = whole(0, 10_000, default=10)
-    """Number of grown colons, from seed 300000 on."""
+    """Number of grown colons."""
+    first_seed: int = whole(0, 2**31 - 1, default=300_000)
+    """Seed of the first grown colon; the others follow."""
     seconds: float = number("s", 1.0, 3600.0, default=120.0)
     """Longest run, in simulated time [s]."""
     judged_every: float = number("s", 0.1, 3600.0, default=1.0)
@@ -46,7 +48,7 @@ class BenchMotion:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
         from haustra.files import prepare_folder, write_atomically, write_json
-        from haustra.scripts.bench.motion import NEIGHBOURS, PATIENTS, bench_motion, effects, soundness, step_costs
+        from haustra.scripts.bench.motion import COSTLY, PATIENTS, bench_motion, effects, soundness, step_costs
         from haustra.scripts.bench.pages.motion_page import motion_page
         from haustra.scripts.console import progress_bar
 
@@ -54,10 +56,16 @@ class BenchMotion:
         kept = [json.loads(path.read_text(encoding="utf-8"))["runs"] for path in self.add]
         runs = (1 + len(self.patients) if self.patients else len(PATIENTS)) * self.colons + len(self.others)
         asked: dict[str, Any] = {"colons": self.colons, "seconds": self.seconds, "judged_every": self.judged_every}
+        asked["first_seed"] = self.first_seed
         own: dict[str, Any] = {"patients": self.patients, "others": self.others, "processes": self.processes}
+
+        def keep(rows: list[dict[str, Any]]) -> None:
+            """What an interrupted run leaves, for `--add`."""
+            write_json(folder / "motion.json", {"runs": [row for given in kept for row in given] + rows})
+
         with progress_bar("motion", runs * len(self.driver), unit="runs") as advance:
-            rows = bench_motion(**asked, **own, drivers=self.driver, progress=advance)
-        costs = step_costs([name for name in NEIGHBOURS if name in (self.patients or PATIENTS)])
+            rows = bench_motion(**asked, **own, drivers=self.driver, progress=advance, keep=keep)
+        costs = step_costs([name for name in COSTLY if name in (self.patients or PATIENTS)])
         rows = [row for given in kept for row in given] + rows
         result = {"soundness": soundness(rows), "effects": effects(rows), "costs": costs, "runs": rows}
         page = motion_page(result)

@@ -334,7 +334,9 @@ REFUSALS = {
     "scene.elasticity": replace(OPTIONS, wall_law="table", softening=False, elasticity="exponential"),
     "scene.friction_rise": replace(OPTIONS, wall_law="table", softening=False, friction_rise=0.78),
 }
-AROUND = {f"scene.abdomen.{name}" for name in ("mobile", "adhesions", "pressed", "hand", "envelope", "breathing")}
+AROUND = {
+    f"scene.abdomen.{name}" for name in ("mobile", "adhesions", "pressed", "hand", "envelope", "breathing", "torsion")
+}
 """Fields of the patient around a colon that moves: `test_moving_native.py` beside this one."""
 WITH_GAS = {"scene.gas_flow", "scene.gas_start"}
 """Fields that count with gas: `test_gas.py` beside this one."""

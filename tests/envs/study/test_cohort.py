@@ -13,7 +13,7 @@ from haustra.envs.control.laws import DRIVERS, driver_settings
 from haustra.envs.study.clinic_watch import pull_backs
 from haustra.envs.study.cohort import OWN_DEVICE, PRESETS, SCORES, Examiner, cohort_study
 from haustra.envs.study.cohort_table import observables, published, verdicts, wilson
-from haustra.envs.study.patients import Patient, clinic_number, injury_variables, numbers, patient_variables, traits
+from haustra.envs.study.patients import Patient, clinic_number, left_as_they_are, numbers, patient_variables, traits
 from haustra.envs.study.questions import find_backend
 from haustra.envs.study.sampling import designs_of, jobs_of
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
@@ -57,7 +57,7 @@ def test_each_driver_and_device_sees_the_same_patients():
     for job in jobs:
         seeds[*job.conditions.values(),].append(job.variables["seed"])
     assert len(seeds) == 4 and len({tuple(each) for each in seeds.values()}) == 1
-    as_they_are = {each.name: each.nominal for each in injury_variables()}
+    as_they_are = {each.name: each.nominal for each in left_as_they_are()}
     assert Patient.of(jobs[0].variables).values == {**as_they_are, **jobs[0].variables}
 
 

@@ -7,7 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haustra.envs.study.patients import Patient, injury_variables, patient_variables
+from haustra.envs.study.patients import (
+    Patient,
+    injury_variables,
+    left_as_they_are,
+    mesentery_variables,
+    numbers,
+    patient_variables,
+)
 from haustra.envs.study.sampling import conditions_of, designs_of, jobs_of
 from haustra.envs.study.study import Study, Variable
 from haustra.envs.study.study_file import SHIPPED, load_study, read_study
@@ -182,9 +189,20 @@ def test_a_study_of_patients_asks_a_driver_by_name_and_their_numbers_within_thei
 
 def test_a_study_of_injury_varies_patients_and_what_tears_them_within_their_own_ranges() -> None:
     asked = load_study("injury-causes")
-    known = {variable.path: variable for variable in (*patient_variables(), *injury_variables())}
+    known = {variable.path: variable for variable in (*patient_variables(), *left_as_they_are())}
     assert all(variable == known[variable.path] for variable in asked.variables)
     assert {variable.path for variable in injury_variables()} < {variable.path for variable in asked.variables}
+
+
+def test_a_study_may_vary_how_a_colon_moves_beside_its_patients() -> None:
+    """Patients of a cohort have the numbers of the file; a study gives others, which the colon is hung by."""
+    usual = {name: each.value for name, each in numbers().items() if name.startswith("mesentery.")}
+    assert (
+        Patient.of({}).mesentery.items() > {f"mesentery.{n}": usual[f"mesentery.{n}"] for n in ("drag", "grip")}.items()
+    )
+    changed = Patient.of({"torsion": 0.1, "thickness_sigmoid": 0.0013}).mesentery
+    assert changed["mesentery.torsion"] == 0.1 and changed["mesentery.thickness.sigmoid"] == 0.0013
+    assert {each.path for each in mesentery_variables()} & {each.path for each in patient_variables()} == set()
 
 
 def test_weaker_and_more_different_people_are_torn_by_less() -> None:

@@ -7,13 +7,15 @@ from runtime_types import unchecked
 from haustra.assets import asset
 from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.colon import ColonSegment
-from haustra.models.scene import SceneOptions
+from haustra.models.devices.scope.library import named_design
+from haustra.models.scene import SceneOptions, build_scene
 from haustra.models.wall import mesentery, moving_colon
 from haustra.models.wall.abdomen import DOWN, Abdomen, turned_weight
 from haustra.models.wall.mesentery import Mesentery, hang
 from haustra.models.wall.moving_colon import AttachmentPoints
 from haustra.models.wall.surroundings import SIDES
 from haustra.quantity import load_quantities
+from tests.tube_colon import straight_tube
 
 _NAMES = "rectum", "sigmoid", "descending", "transverse", "ascending", "caecum"
 _NUMBERS = {name: each.value for name, each in load_quantities(asset("numbers/mesentery.toml")).items()}
@@ -103,6 +105,16 @@ def test_a_hand_goes_no_deeper_than_the_belly_that_bears_it() -> None:
     limp = own._replace(hold=free, support=free, bending=free, upright=free, tension=1e-3 * own.tension)
     for hung in (own, limp):
         assert 0.03 < _settled(hung, 600)[middle, 1].min() <= _settled(hung, 600)[middle, 1].max() < 1.15 * depth
+
+
+def test_what_is_off_is_named_and_a_tube_without_torsion_has_none() -> None:
+    on = Abdomen("left", ("ascending",), ("sigmoid",), "sigmoid", envelope=True, breathing=True, loops_touch=True)
+    assert on.left_out() == {} and not _hung(Abdomen(torsion=False)).torsion.any() and (_hung().torsion > 0).all()
+    scene = build_scene(straight_tube(), None, named_design("adult"), SceneOptions(wall_law="table", mesentery=True))
+    off = {"loops of colon against each other", "breathing", "adhesions", "a hand on the belly"}
+    off |= {"abdominal wall and organs around", "mobile descending and ascending colon"}
+    assert off == set(Abdomen().left_out()) and off <= set(scene.left_out)
+    assert set(Abdomen(torsion=False).left_out()) - off == {"torsion of the colon"}
 
 
 def test_what_is_no_posture_or_segment_is_refused() -> None:

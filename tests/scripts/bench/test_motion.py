@@ -31,6 +31,7 @@ def test_changes_are_those_of_the_same_colon_and_escapes_must_be_said() -> None:
     assert found["on the left side"]["change"] == pytest.approx(0.115)
     assert found["on the left side"]["half_interval"] == pytest.approx(3.182 * 0.0129 / 2, rel=1e-2)
     assert "**+0.115 ± 0.021**" in motion_page({"runs": rows})
+    assert "300 mL of that as water, against gas let in up to 25 mmHg" in motion_page({"runs": rows})
     torn = _row("grown-9", PLAIN, outcome="escaped", p_perforation=0.5, turned_over_max_share=0.02)
     sound = soundness([*rows, torn])
     assert (sound["escaped"], sound["escaped_unsaid"], sound["turned_over_max_share"]) == (1, 1, 0.02)
