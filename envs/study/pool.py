@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -121,6 +121,20 @@ class WorkerPool:
         return Lost(tuple(jobs), crashed=jobs[0] if own else None, reason=reason)
 
 
+def surroundings(backend: str, own: Mapping[str, str]) -> dict[str, str]:
+    """Environment variables of a worker: one thread, and JAX on the processor where the physics is not JAX's.
+
+    Left to itself JAX takes three quarters of a GPU in every worker, the first alone gets them, and the others die.
+    What a user set in JAX_PLATFORMS stands.
+
+    Args:
+        backend: what computes the physics.
+        own: those of this process.
+    """
+    beside = {} if backend == "warp" else {"JAX_PLATFORMS": "cpu"}
+    return {**beside, **own, **ONE_THREAD}
+
+
 class _Child:
     """One worker and the jobs that it has not answered."""
 
@@ -132,7 +146,7 @@ class _Child:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=complaints,
-                env={**os.environ, **ONE_THREAD},
+                env=surroundings(json.loads(order)["backend"], os.environ),
                 start_new_session=True,
                 bufsize=0,
             )
