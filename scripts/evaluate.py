@@ -14,8 +14,8 @@ class Evaluate:
     """Let drivers insert a scope into held-out grown colons, or yours; the same episodes for all; compare them."""
 
     drivers: Annotated[tuple[str, ...], tyro.conf.Positional] = texts(least=1, most=100)
-    """Folders of policies, or names: insertion and insertion-easy, which ship, random, push, pull,
-    follower, endoscopist."""
+    """Folders of policies, or names: insertion, insertion-depth, insertion-colour and insertion-easy, which ship,
+    random, push, pull, follower, endoscopist."""
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
     """Folder for the table, the episodes and pictures; nothing is written when not given."""
     colons: int = whole(1, 1_000_000, default=80)
