@@ -36,7 +36,7 @@ class Eyes:
         value = value.reshape(len(value), -1)
         (hidden, last), (first, second) = self.weights, self.biases
         value = np.maximum(value @ hidden.T + first, 0.0)
-        near = 1.0 / (1.0 + np.exp(-(value @ last.T + second)))
+        near = 0.5 + 0.5 * np.tanh(0.5 * (value @ last.T + second))  # a sigmoid that does not overflow
         return seen_by.lumen(RANGE * near)
 
     def fits(self, size: int) -> bool:
