@@ -53,6 +53,8 @@ class Evaluate:
     sampled: bool | None = None
     """Draw the actions of policies as in training, from the same seed, instead of taking their means; so do policies
     that know how far their actions varied, when not given."""
+    blind: bool = False
+    """Show policies a lumen that is nowhere, whatever rays or pictures say: what sight is worth."""
     algorithm: Literal["ppo", "sac"] = "ppo"
     """Algorithm that trained a policy given as a Stable-Baselines3 file."""
     trust: bool = False
@@ -164,7 +166,7 @@ class Evaluate:
         else:
             policy = load_policy(path)
         sampled = policy.deviation is not None if self.sampled is None else self.sampled
-        return (lambda task: PolicyDriver(policy, sampled=sampled)), policy.config
+        return (lambda task: PolicyDriver(policy, sampled=sampled, blind=self.blind)), policy.config
 
     def _config(self, own: Any) -> Any:
         from haustra.envs.tasks.config import Limits, TaskConfig

@@ -82,6 +82,21 @@ def test_eyes_see_the_same_with_and_without_torch():
     assert np.array_equal(eyes.look(pictures), found), "the distance that pictures have is not looked at"
 
 
+def test_a_blind_policy_is_shown_a_lumen_that_is_nowhere(tmp_path):
+    made = load_policy(hand(tmp_path))
+    first = np.zeros_like(made.weights[0])
+    first[0, :RAYS] = 1.0
+    second = np.zeros_like(made.weights[1])
+    second[1, 0] = 0.5
+    sees = replace(made, weights=(first, second))
+    far, near = {"lumen": np.ones((1, RAYS + 2), np.float32)}, {"lumen": np.zeros((1, RAYS + 2), np.float32)}
+    assert PolicyDriver(sees).act(far)[0, 1] > PolicyDriver(sees).act(near)[0, 1]
+    blind = [PolicyDriver(sees, blind=True).act(seen) for seen in (far, near)]
+    assert np.array_equal(*blind)
+    with pytest.raises(InvalidOptionError, match="does not look"):
+        PolicyDriver(replace(made, config=replace(TASK, observation="state")), blind=True)
+
+
 def test_eyes_that_do_not_fit_are_refused(tmp_path):
     made = training(hand(tmp_path / "hand"))
     train(replace(made, steps=32), tmp_path / "run", bank=moving_bank(), threads=1)
