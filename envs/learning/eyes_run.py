@@ -68,7 +68,7 @@ class EyesRun:
             (folder / "curve.csv").write_text(",".join(COLUMNS) + "\n", encoding="utf-8")
         else:
             restore(folder, document, lambda tensors, _: self._put_back(tensors, document))
-        room = {"device": training.device}
+        room: dict[str, Any] = {"device": training.device}
         self._layers = [(torch.as_tensor(w, **room), torch.as_tensor(b, **room)) for w, b in self._hand_layers()]
         self._rays = torch.as_tensor(ray_directions()[:, :2], dtype=torch.float32, **room)
         self._ended: list[tuple[float, float]] = []
@@ -181,10 +181,10 @@ class EyesRun:
         ended = np.array(self._ended or [(np.nan, np.nan)])
         error = float(torch.stack(self._errors).mean().sqrt())
         values = self.steps, error, self._share_led(), len(self._ended), *ended.mean(axis=0).tolist()
-        self._last = row = dict(zip(COLUMNS, values, strict=True))
+        row: dict[str, float] = {name: value for name, value in zip(COLUMNS, values, strict=True)}
         with (self.folder / "curve.csv").open("a", encoding="utf-8", newline="") as file:
             csv.writer(file).writerow([f"{value:.5g}" if isinstance(value, float) else value for value in row.values()])
-        self._ended, self._errors = [], []
+        self._ended, self._errors, self._last = [], [], row
         return row
 
     def _hand_layers(self) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -243,10 +243,10 @@ def _scaled(pictures: Tensor) -> Tensor:
 
 def _varied(pictures: Tensor) -> Tensor:
     """The same pictures in other light, through another processor."""
-    count, room = len(pictures), {"device": pictures.device}
+    count = len(pictures)
 
     def around_one(*shape: int, by: float) -> Tensor:
-        return 1.0 + by * (2.0 * torch.rand(*shape, **room) - 1.0)
+        return 1.0 + by * (2.0 * torch.rand(shape, device=pictures.device) - 1.0)
 
     gain = around_one(count, 1, 1, 1, by=_GAIN) * around_one(count, COLOURS, 1, 1, by=_TINT)
     bent = pictures.clamp(min=1e-3) ** around_one(count, 1, 1, 1, by=_GAMMA)

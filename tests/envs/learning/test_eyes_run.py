@@ -91,8 +91,8 @@ def test_a_blind_policy_is_shown_a_lumen_that_is_nowhere(tmp_path):
     sees = replace(made, weights=(first, second))
     far, near = {"lumen": np.ones((1, RAYS + 2), np.float32)}, {"lumen": np.zeros((1, RAYS + 2), np.float32)}
     assert PolicyDriver(sees).act(far)[0, 1] > PolicyDriver(sees).act(near)[0, 1]
-    blind = [PolicyDriver(sees, blind=True).act(seen) for seen in (far, near)]
-    assert np.array_equal(*blind)
+    one, other = (PolicyDriver(sees, blind=True).act(seen) for seen in (far, near))
+    assert np.array_equal(one, other)
     with pytest.raises(InvalidOptionError, match="does not look"):
         PolicyDriver(replace(made, config=replace(TASK, observation="state")), blind=True)
 

@@ -13,8 +13,7 @@ def looked(recall, seen, action=0.0, begins=0.0):
 def test_means_forget_by_1_over_e_within_their_time():
     recall = Recall(np, (1.0,), 0.1)
     looked(recall, 1.0, begins=1.0)
-    for _ in range(10):
-        found = looked(recall, 0.0)
+    found = [looked(recall, 0.0) for _ in range(10)][-1]
     assert found.shape == (2, recalled_width(3, 1, 1)) == (2, 8)
     assert found[0, 4] == pytest.approx(-np.exp(-1.0)), "what is left of what was seen a second ago"
 
