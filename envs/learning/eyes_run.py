@@ -36,7 +36,7 @@ _GAIN, _TINT, _GAMMA, _NOISE = 0.25, 0.1, 0.25, 0.02
 """Pictures' brightness, colours and gamma are varied by as large shares, and each channel by noise; engineering choice:
 beyond what one lens and one processor do to pictures."""
 COLUMNS = ("steps", "error", "led", "episodes", "reached", "seconds")
-"""Of the curve: error is the root mean square of the rays' distances over the range."""
+"""Columns of the curve; the error is the root mean square of the rays' distances over the range."""
 
 
 class EyesRun:
@@ -181,7 +181,7 @@ class EyesRun:
         ended = np.array(self._ended or [(np.nan, np.nan)])
         error = float(torch.stack(self._errors).mean().sqrt())
         values = self.steps, error, self._share_led(), len(self._ended), *ended.mean(axis=0).tolist()
-        row: dict[str, float] = {name: value for name, value in zip(COLUMNS, values, strict=True)}
+        row = dict[str, float](zip(COLUMNS, values, strict=True))
         with (self.folder / "curve.csv").open("a", encoding="utf-8", newline="") as file:
             csv.writer(file).writerow([f"{value:.5g}" if isinstance(value, float) else value for value in row.values()])
         self._ended, self._errors, self._last = [], [], row
@@ -242,7 +242,7 @@ def _scaled(pictures: Tensor) -> Tensor:
 
 
 def _varied(pictures: Tensor) -> Tensor:
-    """The same pictures in other light, through another processor."""
+    """Pictures as they would be in other light, through another processor."""
     count = len(pictures)
 
     def around_one(*shape: int, by: float) -> Tensor:
