@@ -15,7 +15,7 @@ class Evaluate:
 
     drivers: Annotated[tuple[str, ...], tyro.conf.Positional] = texts(least=1, most=100)
     """Folders of policies, or names: insertion, insertion-depth, insertion-colour and insertion-easy, which ship,
-    random, push, pull, follower, endoscopist."""
+    random, push, pull, inspect (the last two for withdrawals), follower, endoscopist."""
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
     """Folder for the table, the episodes and pictures; nothing is written when not given."""
     colons: int = whole(1, 1_000_000, default=80)
@@ -149,8 +149,9 @@ class Evaluate:
         from haustra.envs.learning.drivers import PolicyDriver
         from haustra.envs.learning.policy import load_policy, policy_folder
         from haustra.envs.tasks.drivers import FollowerDriver, PullDriver, PushDriver, RandomDriver
+        from haustra.envs.tasks.inspect_driver import InspectDriver
 
-        simple = {"random": RandomDriver, "push": PushDriver, "pull": PullDriver}
+        simple = {"random": RandomDriver, "push": PushDriver, "pull": PullDriver, "inspect": InspectDriver}
         simple |= {law: partial(FollowerDriver, law=law) for law in DRIVERS}
         if name in simple:
             return simple[name], None
