@@ -173,7 +173,7 @@ class Evaluate:
         from haustra.envs.tasks.config import Limits, TaskConfig
         from haustra.errors import InvalidOptionError
 
-        base = own or TaskConfig(design="adult", observation="state")
+        base = own or TaskConfig(design="adult", observation="dict" if self.task == "withdrawal" else "state")
         names = ("task", "design", "difficulty", "mesentery", "gas_flow", "gas_start")
         named = {name: value for name in names if (value := getattr(self, name)) is not None}
         if self.insufflate is not None:

@@ -1,4 +1,4 @@
-"""Who withdraws with open eyes: pulls as the hand bears it, looks to where mucosa was not seen, and frees a stuck tip."""
+"""Who withdraws with open eyes: pulls as the hand bears it, looks to where mucosa was not seen, frees a stuck tip."""
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -10,10 +10,10 @@ from haustra.errors import InvalidOptionError
 from haustra.models.anatomy.surface_landmarks import inspection_number
 
 _EAGER = 1.3
-"""Turn of the wheels where all mucosa near the tip is unseen on one side [1]; engineering choice, of 0.8 to 1.5 tried."""
+"""Turn of the wheels where all mucosa on one side of the tip is unseen [1]; engineering choice, of 0.8 to 1.5 tried."""
 _MOST_TENSION, _LET_GO = 10.0, 4.0
-"""Tension of the hand at which pulling has ceased, and at which wheels are let go, so that a bent tip does not hook [N];
-engineering choice."""
+"""Tension of the hand at which pulling has ceased, and at which wheels are let go [N]; engineering choice: a bent tip
+hooks."""
 _PATIENCE, _FREEING = 8.0, 5.0
 """Time without a way out of `_STEP` after which the scope is freed, and how long that takes [s]; engineering choice."""
 _STEP = 0.005

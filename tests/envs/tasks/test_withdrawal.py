@@ -4,6 +4,7 @@ from functools import cache
 
 import gymnasium
 import numpy as np
+import pytest
 
 import haustra.envs
 from haustra.envs.sim.conditions import Conditions, Snapshot
@@ -11,8 +12,10 @@ from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.state import Controls
 from haustra.envs.tasks import scope_task
 from haustra.envs.tasks.config import Drive, TaskConfig, Weights
+from haustra.envs.tasks.inspect_driver import InspectDriver
 from haustra.envs.tasks.navigation import NavigationEnv
 from haustra.envs.tasks.scope_task import ScopeTask
+from haustra.errors import InvalidOptionError
 from tests.task_bank import DESIGN, moving_bank, short_bank
 
 
@@ -75,3 +78,28 @@ def pushed_in() -> tuple[Snapshot, ...]:
     backend.reset(np.arange(2), np.arange(2), Conditions(np.full(2, 0.03), np.full(2, 1500.0), np.ones(2)))
     backend.step(Controls(np.full(2, 0.04), np.zeros(2), np.zeros((2, 4))), 600)
     return tuple(backend.snapshot(world) for world in range(2))
+
+
+def test_who_inspects_looks_to_where_nothing_was_seen_and_frees_what_is_stuck(monkeypatch):
+    monkeypatch.setattr(scope_task, "inserted_starts", lambda config, bank, backend: pushed_in())
+    task = ScopeTask(
+        TaskConfig(design=DESIGN, mesentery=True, task="withdrawal"),
+        worlds=2,
+        threads=1,
+        backend="linear",
+        bank=moving_bank(),
+    )
+    seen = {name: np.array(part) for name, part in task.reset(seeds=[0, 1], case=np.arange(2)).items()}
+    seen["unseen"] = np.tile(np.array([0.1, 0.5, 1.0, 0.0, 0.0], np.float32), (2, 1))
+    driver = InspectDriver(task)
+    driver.begin(np.ones(2, bool))
+    first = driver.act(seen)
+    assert (first[:, 0] < 0).all() and (first[:, 2] > 0.5).all() and first[:, 3] == pytest.approx(0.0)
+    seen["state"][:, 4] = -1.0  # the hand pulls with 20 N
+    tense = driver.act(seen)
+    assert (tense[:, 0] > 0).all() and tense[:, 2:] == pytest.approx(0.0)
+    pushes = [driver.act(seen)[0] for _ in range(round(30 / task.interval))]
+    turned = {float(np.sign(action[1])) for action in pushes}
+    assert turned == {-1.0, 0.0, 1.0}, "it is rolled one way, then the other"
+    with pytest.raises(InvalidOptionError, match="withdraws"):
+        InspectDriver(ScopeTask(TaskConfig(design=DESIGN, observation="state"), worlds=1, bank=short_bank()))
