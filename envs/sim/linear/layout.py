@@ -253,7 +253,7 @@ NODE_ALONE, CELL_ALONE, PRESS = 6, 28, 16
 """Where nodes stand side by side: what of that is theirs, what spheres look up, and what these do to them."""
 LOOP_ROOM = 9
 """`haustra.envs.sim.linear.loops`."""
-THREAD_ROOM = 4
+THREAD_ROOM = 3
 """`haustra.envs.sim.linear.threads`."""
 WIRE_ROOM = 2
 """`haustra.envs.sim.linear.wires`."""
