@@ -225,7 +225,7 @@ class ScopeProgram:
             self.ask("begins", 0.0)
 
     def advance(self, count: Any, going: Value | None = None) -> None:
-        """So many time steps under what the hands ask for; a world that breaks is left as it was before them.
+        """So many time steps under what the hands ask for; a world that breaks stays as it was before the one it broke in.
 
         Args:
             count: of steps.
