@@ -225,7 +225,7 @@ class ScopeProgram:
             self.ask("begins", 0.0)
 
     def advance(self, count: Any, going: Value | None = None) -> None:
-        """So many time steps under what the hands ask for; a world that breaks stays as it was before the one it broke in.
+        """So many time steps under what the hands ask for; a world that breaks in one stays as it was before that.
 
         Args:
             count: of steps.
