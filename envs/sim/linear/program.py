@@ -283,10 +283,14 @@ class ScopeProgram:
             state.store_next(slot, program.xp.where(going, value, state.load_next(slot)))
 
         with self._beside(self.dofs) as dof:
+            self._fetch_joint(dof + 2)
+            self.joints.fetch(dof + 2, _FASTER, 1)
             inside, speed = program.numbered(dof) < self.dofs, self.joints.load(dof, _FASTER)
             put(dof, state.load_next(dof) + self.h * speed, inside)
             put(layout.speeds + dof, speed, inside)
         with self._beside(self.spheres) as sphere:
+            self.touches.fetch(sphere + 2, SPRING, 1)
+            state.fetch(layout.normals + sphere + 2)
             put(layout.normals + sphere, self.touches.load(sphere, SPRING), program.numbered(sphere) < self.spheres)
         if self.axis:
             self.axis.take_over(self.h, lambda: self.going)
@@ -684,7 +688,7 @@ class ScopeProgram:
         turning, moving, axis = (Changing(program, begun) for begun in (_NONE, _NONE, INWARDS))
 
         def move(dof: Value, along: Changing) -> None:
-            self._fetch_joint(dof + 1)
+            state.fetch(layout.speeds + dof + 1)
             joints.fetch(dof + 1, 0, JOINT_ROOM)
             gives = dot(joints.vector(dof, 0), turning.now) + dot(joints.vector(dof, 3), moving.now)
             rate = joints.load(dof, 6) - gives
