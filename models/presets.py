@@ -48,11 +48,13 @@ class Preset:
     @property
     def modelling(self) -> dict[str, Any]:
         """Value of every option of `MODELLING`."""
-        return {name: getattr(SceneOptions(), name) for name in MODELLING} | dict(self.changes)
+        plain = SceneOptions()
+        return {name: getattr(plain, name) for name in MODELLING} | dict(self.changes)
 
     def against(self, law: str) -> dict[str, Any]:
         """Value of every option of `MODELLING` where the scope meets that law."""
-        usual = {name: getattr(SceneOptions(), name) for name in MODELLING}
+        plain = SceneOptions()
+        usual = {name: getattr(plain, name) for name in MODELLING}
         return usual | dict(self.in_linear_time if law == TABLE else self.changes) | {"wall_law": law}
 
 

@@ -134,7 +134,8 @@ def _world(study: Study, colons: StudyColons, job: Job, backend: str, built: dic
     key = tuple(sorted(about.items()))
     if key not in built:
         setup: Setup = build_setup(study, job.variables, job.conditions)
-        scene = build_scene(colons.longest, None, setup.design, _options(setup.options), show_lumen=False)
+        about = {"show_lumen": False, "to_save": False}
+        scene = build_scene(colons.longest, None, setup.design, _options(setup.options), **about)
         chain, scope = read_chain(scene, backend=backend), read_scope(scene, backend=backend)
         built[key] = World(job, chain, scope, scene, setup.driver)
     return replace(built[key], job=job)

@@ -4,7 +4,8 @@
 on the CPU and packs their worlds with kernels for a GPU: for blocks of so many worlds each, and with each stage of a
 step done twice, so that what the step takes longer is that stage's time. `python -m haustra.scripts.bench.kernels
 rates FILE.npz ...` repeats these worlds until a GPU is full and times launches of 40 steps, `load` only lets the driver
-finish the kernels, which it keeps. Files of two versions, run in turn, tell before from after.
+finish the kernels, which it keeps. Files of two versions, run in turn, tell before from after. `worlds=32768` asks for
+so many worlds only, `rooms=16384` lets so many run at a time at most, and `steps=4` makes launches as short.
 """
 
 import json
@@ -88,35 +89,44 @@ def _bytes_of(text: str) -> np.ndarray:
     return np.frombuffer(compiling.assembled(text, architecture="sm_90").encode(), np.uint8)
 
 
-def rates(path: Path) -> Iterator[dict[str, Any]]:
-    """Steps a second of packed kernels at each number of worlds that fits."""
+def rates(path: Path, counts: tuple[int, ...], rooms: int, steps: int) -> Iterator[dict[str, Any]]:
+    """Steps a second of packed kernels at each of these numbers of worlds that fits, in so many rooms at most.
+
+    Args:
+        path: of what was packed.
+        counts: of worlds.
+        rooms: to work in, at most.
+        steps: of a launch.
+    """
     with np.load(path) as kept:
         packed = dict(kept)
     for name in [each for each in packed if each.startswith("kernel ")]:
         kernel, (_, group, *stage) = Kernel(packed[name].tobytes().decode(), "advance"), name.split()
-        for worlds in WORLDS:
+        for worlds in counts:
             # Few worlds are not stepped by full warps, nor many by single threads; stages are those of a full GPU.
             if worlds // int(group) > 8_192 or (stage and worlds != 32_768):
                 continue
-            yield {"file": path.name, "group": int(group), "twice": stage} | _rate(packed, kernel, worlds, int(group))
+            rate = _rate(packed, kernel, (worlds, rooms, steps), int(group))
+            yield {"file": path.name, "group": int(group), "twice": stage, "steps": steps} | rate
 
 
-def _rate(packed: dict[str, np.ndarray], kernel: Kernel, worlds: int, group: int) -> dict[str, Any]:
-    groups = min(worlds // group, kernel.resident(group))
+def _rate(packed: dict[str, np.ndarray], kernel: Kernel, counts: tuple[int, int, int], group: int) -> dict[str, Any]:
+    worlds, rooms, steps = counts
+    groups = min(worlds // group, kernel.resident(group), rooms // group)
     room = DeviceArray(np.zeros((groups, int(packed["slots"]), group), np.float32))
     held = {name: _spread(packed, name, worlds, group) for name in _ORDER if name in packed}
     arrays = {name: (held | {"room": room})[name] for name in _ORDER}
     given, least = list(arrays.values()), np.inf
     for launch in range(1 + _LAUNCHES):
         began = time.perf_counter()
-        kernel(given, [*map(int, packed["counts"]), _STEPS, worlds, 0, worlds], groups=groups, group=group)
+        kernel(given, [*map(int, packed["counts"]), steps, worlds, 0, worlds], groups=groups, group=group)
         kernel.wait()
         least = min(least, time.perf_counter() - began) if launch else least
     sound = bool(np.isfinite(arrays["state"].get(_PACKED // group)).all())
     size = 4e-3 * (packed["state"].shape[1] + int(packed["slots"]) * groups * group / worlds)
     return {
         "worlds": worlds,
-        "million_steps_per_s": worlds * _STEPS / least / 1e6,
+        "million_steps_per_s": worlds * steps / least / 1e6,
         "kB": size,
         "at_once": groups * group,
         "sound": sound,
@@ -133,18 +143,22 @@ def _spread(packed: dict[str, np.ndarray], name: str, worlds: int, group: int) -
 
 
 def _main(verb: str, *given: str) -> None:
+    def named(name: str, *usual: int) -> tuple[int, ...]:
+        found = [each.removeprefix(f"{name}=") for each in given if each.startswith(f"{name}=")]
+        return tuple(map(int, found[0].split(","))) if found else usual
+
     if verb == "pack":
-        groups = next((each.removeprefix("groups=") for each in given if each.startswith("groups=")), str(_FULL))
         about = {name: name in given for name in ("moving", "designs", "stages")}
-        pack(Path(given[0]), groups=tuple(map(int, groups.split(","))), **about)
+        pack(Path(given[0]), groups=named("groups", _FULL), **about)
         return
-    for path in given:
+    counts, (rooms,), (steps,) = named("worlds", *WORLDS), named("rooms", max(WORLDS)), named("steps", _STEPS)
+    for path in (each for each in given if "=" not in each):
         if verb == "load":
             with np.load(path) as kept:
                 for name in (each for each in kept if each.startswith("kernel ")):
                     Kernel(kept[name].tobytes().decode(), "advance")
             continue
-        for row in rates(Path(path)):
+        for row in rates(Path(path), counts, rooms, steps):
             sys.stdout.write(json.dumps(row) + "\n")
             sys.stdout.flush()
 

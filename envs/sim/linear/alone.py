@@ -120,10 +120,6 @@ class AloneProgram(ScopeProgram):
         if self.axis:
             self.touches.put(sphere, _CENTRE, centre)
 
-    def _keep_arc(self, sphere: Value, before: Value, arc: Value) -> None:
-        inside = self.program.numbered(sphere) <= self.spheres
-        self.state.store_next(self.layout.arcs + sphere, self.program.xp.where(inside, arc, before))
-
     def _to_look_up(self, sphere: Value, arc: Value) -> Value:
         return self.program.xp.where(self.program.numbered(sphere) < self.spheres, arc, -1.0)  # the tip touches nothing
 
@@ -174,14 +170,9 @@ class AloneProgram(ScopeProgram):
         super()._accelerate(fastest)
         with self._beside(self.spheres) as sphere:
             turning, moving = self.touches.vector(sphere, _FELT), self.touches.vector(sphere, _FELT + 3)
-            self._keep_normal(sphere, self.program.constant(0.0))
             self._leave(sphere, INWARDS, turning, moving)
 
     def _leave_wall(self, body: Value, axis: Vector, turning_rate: Vector, moving_rate: Vector) -> None:
         first, last = self.spheres_of(body)
         with self._beside(last - first) as more:
             self.touches.put(first + more, _FELT, (*turning_rate, *moving_rate))
-
-    def _keep_normal(self, sphere: Value, pressed: Value) -> None:
-        slot, inside = self.layout.normals + sphere, self.program.numbered(sphere) < self.spheres
-        self.state.store_next(slot, self.program.xp.where(inside, pressed, self.state.load_next(slot)))

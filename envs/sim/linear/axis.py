@@ -243,23 +243,24 @@ class Axis:
         """Let the shaft up to its next sphere draw on the nodes that it has missed (`Threads.meet`)."""
         self.threads.meet(place, arc, self._of_world("spacing"), feel)
 
-    def step(self, h: float, fastest: Any, limit: float, beyond: Value) -> None:
-        """Let the axes give way for a time step.
+    def step(self, h: float, fastest: Any, bounds: tuple[float, Value], beyond: Value) -> None:
+        """Find how fast the axes give way in a time step, which `take_over` then lets them.
 
         Args:
             h: time step [s].
             fastest: keeps what is faster than a limit.
-            limit: of speeds [m/s, rad/s].
+            bounds: the limit of speeds [m/s, rad/s], and which worlds go on.
             beyond: from which node on nothing presses (`shape`).
         """
+        limit, going = bounds
         start = self._now(self._at(0))
         if self.loops:
             self.loops.press()
         with self.program.side_by_side(self.layout.abreast):
-            self._outwards(start, h, beyond)
+            self._outwards(start, h, beyond, going)
             self._back(h, fastest, limit)
 
-    def _outwards(self, start: Vector, h: float, beyond: Value) -> None:
+    def _outwards(self, start: Vector, h: float, beyond: Value, going: Value) -> None:
         """Forces and resistances of node after node, of which Thomas's algorithm takes away those before."""
         program, xp, by_spheres = self.program, self.program.xp, self._pressed
         last = self.nodes - 1
@@ -293,11 +294,11 @@ class Axis:
             bend = bend_gradient(xp, minus(unit, unit_before), self._number(node, "turn"), bending)
             bend, stiffness = self._where(inner, bend), bend_stiffness(xp, bending, size)
             # How the node's section is turned, what holds it from turning, and what presses on it.
-            kept = self._turn(node)
-            turn = brought_along(xp, kept, at_rest, tangent)
+            old = self._turn(node)
+            turn = brought_along(xp, old, at_rest, tangent)
             inside = node.each <= last
-            kept = xp.where(inside, turn[0], kept[0]), *self._where(inside, turn[1], kept[1])
-            self._state.put(node, _TURN, kept)
+            kept = xp.where(inside, turn[0], old[0]), *self._where(inside, turn[1], old[1])
+            self._state.put(node, _TURN, [xp.where(going, *pair) for pair in zip(kept, (old[0], *old[1]), strict=True)])
             upright = self._number(node, "upright")
             stiffness = stiffness + upright
             tilt, lean = twist(xp, STILL, turn, (at_rest, tangent), STILL)
@@ -380,11 +381,10 @@ class Axis:
             self._moving.put(own, _SPINNING, found)
 
     def _back(self, h: float, fastest: Any, limit: float) -> None:
-        """Velocities of node before node, and where they take it."""
+        """Velocities of node before node."""
         program, xp = self.program, self.program.xp
         beyond, worst, square = kept_numbers(program, *[0.0] * 4), program.variable(0.0), program.variable(0.0)
         with along(program, self.nodes, 0, self.nodes, backwards=True) as i:
-            self._state.fetch(i.first - 3, 0, POSE)
             self._moving.fetch(i.first - 3, _MOVING, 6)
             shares = self._moving.load(i, _MOVING), self._moving.load(i, _SPINNING)
             alone = self._moving.vector(i, _MOVING + 1), self._moving.load(i, _SPINNING + 1)
@@ -395,14 +395,24 @@ class Axis:
                 worst.value = xp.where(size < limit, worst.value, size)
             if self.loops:
                 square.value = xp.maximum(xp.where(i.each < self.nodes, dot(speed, speed), 0.0), square.value)
-            turn = self._turn(i)
-            turn = twisted(turn, turned(*turn, self._vector(i, "tangent")), h * speed[3])
-            place = add(self._state.vector(i, 0), times(h, speed[:3]))
-            self._state.put(i, 0, (*place, turn[0], *turn[1], *speed))
+            self._moving.put(i, _MOVING, speed)
         if self.loops:
             self.loops.moved(square.value, h)
         for value in program.apart(worst.value):
             fastest.value = xp.where(value < limit, fastest.value, value)
+
+    def take_over(self, h: float, going: Callable[[], Value]) -> None:
+        """Let nodes be as fast as was found, and go there, in worlds that go on."""
+        program, xp = self.program, self.program.xp
+        with program.side_by_side(self.layout.abreast), along(program, self.nodes, 0, self.nodes) as i:
+            self._state.fetch(i.first + 3, 0, NODE)
+            self._moving.fetch(i.first + 3, _MOVING, 4)
+            speed = *self._moving.vector(i, _MOVING), self._moving.load(i, _MOVING + 3)
+            turn = self._turn(i)
+            turn = twisted(turn, turned(*turn, self._vector(i, "tangent")), h * speed[3])
+            place = add(self._state.vector(i, 0), times(h, speed[:3]))
+            for number, value in enumerate((*place, turn[0], *turn[1], *speed)):
+                self._state.put(i, number, (xp.where(going(), value, self._state.load(i, number)),))
 
     def _press_section(self, node: Nodes, pressed: Value, turn: Turn, tangent: Vector) -> tuple[Any, ...]:
         """What forces on the wall about a node do to its section: work, torque and gradients over the cells beside it.

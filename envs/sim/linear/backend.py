@@ -297,7 +297,7 @@ class LinearBackend(AbstractBackend):
     def step(self, inputs: Controls, count: int) -> Bool[np.ndarray, " worlds"]:
         """Advance all worlds by `count` time steps; False for those that have diverged, which stand still from then.
 
-        A world that diverges is left as it was before these steps.
+        A world that diverges is left as it was before the step in which it does.
         """
         refuse_others(inputs, self.worlds, wheels=True)
         self._steer(wheels=inputs.wheels is not None)

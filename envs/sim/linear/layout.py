@@ -152,12 +152,12 @@ class Layout:
         scope = places + self.spheres
         return links, places, scope, scope + len(SCOPE)
 
-    # Room to work in begins with a copy of the state.
+    # Room to work in.
 
     @property
     def joint_room(self) -> Any:
         """`joint_numbers` slots a joint."""
-        return self.padded(self.state)
+        return 0 * self.dofs
 
     @property
     def joint_numbers(self) -> int:
@@ -230,11 +230,11 @@ class Layout:
 
 
 JOINT_ROOM = 10
-"""U / D (6), tau / D, direction (3)."""
+"""U / D (6), tau / D and then the new speed, direction (3)."""
 BODY_ROOM = 9
 """Direction (3), and the wrench that its velocity and its spheres need (6)."""
 SPHERE_FIXED = 9
-"""Normal, speed against the wall (6), spring, drag, damper."""
+"""Normal, speed against the wall (6), spring and then normal force, drag, damper."""
 SPHERE_ROOM = SPHERE_FIXED + 3
 """Numbers of a fixed wall's sphere, and the lever at which a colon that moves is held (3); at a step's end the force on
 it (3) and the next sphere of the same cell stand where its normal and speed did."""
@@ -253,7 +253,7 @@ NODE_ALONE, CELL_ALONE, PRESS = 6, 28, 16
 """Where nodes stand side by side: what of that is theirs, what spheres look up, and what these do to them."""
 LOOP_ROOM = 9
 """`haustra.envs.sim.linear.loops`."""
-THREAD_ROOM = 4
+THREAD_ROOM = 3
 """`haustra.envs.sim.linear.threads`."""
 WIRE_ROOM = 2
 """`haustra.envs.sim.linear.wires`."""

@@ -5,7 +5,8 @@ accelerations, and with them positions, speeds and the forces of the wall at the
 that the other backends call.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from inspect import unwrap
 from typing import Any
 
@@ -75,7 +76,9 @@ INWARDS: Vector = (0.0, 0.0, 1.0)
 _DIRECTION, _WRENCH = 0, 3
 """What links' rooms hold: `layout.BODY_ROOM`."""
 _NORMAL, _SPEED, SPRING, _DRAG, _DAMPER, _HELD = 0, 3, 6, 7, 8, 9
-"""What spheres' rooms hold: `layout.SPHERE_ROOM`."""
+"""What spheres' rooms hold: `layout.SPHERE_ROOM`; at a step's end the normal force stands where the spring's did."""
+_FASTER = 6
+"""Where joints' rooms hold tau / D (`layout.JOINT_ROOM`), and at a step's end the new speed."""
 _ALONG = 3
 """Part of the wall's numbers that is its normal's along the colon, which grows with width."""
 _BEFORE = 0.02
@@ -137,6 +140,7 @@ class ScopeProgram:
         self.touches = NumberRows(self.room, layout.sphere_room, layout.sphere_numbers, layout.sphere_row)
         self._scales = self.bodies * STRUCTURE
         self.wires = SprungWires(self) if layout.wheels else None
+        self._going = program.variable(0.0)
         self.axis: Axis | None = None
         if nodes := arrays["axis"]:
             own = self.state, self._world, self.room
@@ -221,41 +225,85 @@ class ScopeProgram:
             self.ask("begins", 0.0)
 
     def advance(self, count: Any, going: Value | None = None) -> None:
-        """So many time steps under what the hands ask for; a world that breaks is left as it was before them.
+        """So many time steps under what the hands ask for; a world that breaks in one stays as it was before that.
 
         Args:
             count: of steps.
             going: which worlds are to go on; all that have not broken when None.
         """
-        program, layout, xp = self.program, self.layout, self.program.xp
+        program, xp = self.program, self.program.xp
         alive = self.world("alive") > 0
         going = alive if going is None else alive & going
-        with program.loop(0, layout.state) as slot:
-            self.room.store(slot, self.state.load(slot))
-        if not self.wires:  # springs pull by what they are stretched, in every step
-            self._let_pulls_arrive()
-        fastest = program.variable(0.0)
+        asked = going
+        for name in ("stiffness", "damping_time", "push_rate", "roll_rate"):
+            asked = asked & xp.isfinite(self.world(name))
+        # Springs pull by what they are stretched, in every step; else pulls arrive before the first.
+        asked = asked & (self.wires.asked() if self.wires else self._let_pulls_arrive(asked))
+        self._going.value = xp.where(asked, 1.0, 0.0)
         with program.loop(0, count):
-            beyond = self.axis.shape(self._reached()) if self.axis else None
-            self._outwards()
-            self._inwards()
-            self._accelerate(fastest)
-            if self.axis and beyond is not None:
-                self.axis.step(self.h, fastest, SPEED_LIMIT, beyond)
-            for side, rate in enumerate(("push_rate", "roll_rate")):
-                aim = layout.hand + side
-                self.state.store(aim, self.state.load(aim) + self.h * self.world(rate))
-            self.state.store(layout.time, self.state.load(layout.time) + self.h)
+            self._step()
+        self.ask("alive", xp.where(going, self._going.value, self.world("alive")))
+
+    @property
+    def going(self) -> Value:
+        """Which worlds go on: those that are asked to, and have not broken."""
+        return self._going.value > 0
+
+    def _step(self) -> None:
+        """A time step: of a world that breaks in it, nothing is taken over."""
+        program, xp = self.program, self.program.xp
+        fastest = program.variable(0.0)
+        beyond = self.axis.shape(self._reached()) if self.axis else None
+        self._outwards()
+        self._inwards()
+        self._accelerate(fastest)
+        if self.axis and beyond is not None:
+            self.axis.step(self.h, fastest, (SPEED_LIMIT, self.going), beyond)
+        aims = [
+            self.state.load(self.layout.hand + side) + self.h * self.world(rate)
+            for side, rate in enumerate(("push_rate", "roll_rate"))
+        ]
         sound = fastest.value < SPEED_LIMIT
-        if self.wires:
-            sound = sound & self.wires.asked()
-        for name in ("stiffness", "damping_time"):
-            sound = sound & xp.isfinite(self.world(name))
-        for slot in range(6):
-            sound = sound & xp.isfinite(self.state.load(layout.hand + slot))
-        with program.loop(0, layout.state) as slot:
-            self.state.store(slot, xp.where(sound & going, self.state.load(slot), self.room.load(slot)))
-        self.ask("alive", xp.where(sound & alive, 1.0, xp.where(going, 0.0, self.world("alive"))))
+        for aim in (*aims, *(self.wires.ends if self.wires else ())):
+            sound = sound & xp.isfinite(aim)
+        self._going.value = xp.where(sound, self._going.value, 0.0)
+        with program.when(self.going):
+            self._take_over(aims)
+
+    def _take_over(self, aims: list[Value]) -> None:
+        """Let new speeds move what goes on, and keep what presses.
+
+        Args:
+            aims: of the hand, along and about the shaft.
+        """
+        program, state, layout = self.program, self.state, self.layout
+
+        def put(slot: Any, value: Any, inside: Value | None = None) -> None:
+            going = self.going if inside is None else self.going & inside
+            state.store_next(slot, program.xp.where(going, value, state.load_next(slot)))
+
+        with self._beside(self.dofs) as dof:
+            self._fetch_joint(dof + 2)
+            self.joints.fetch(dof + 2, _FASTER, 1)
+            inside, speed = program.numbered(dof) < self.dofs, self.joints.load(dof, _FASTER)
+            put(dof, state.load_next(dof) + self.h * speed, inside)
+            put(layout.speeds + dof, speed, inside)
+        with self._beside(self.spheres) as sphere:
+            self.touches.fetch(sphere + 2, SPRING, 1)
+            state.fetch(layout.normals + sphere + 2)
+            put(layout.normals + sphere, self.touches.load(sphere, SPRING), program.numbered(sphere) < self.spheres)
+        if self.axis:
+            self.axis.take_over(self.h, lambda: self.going)
+        pulls = enumerate(self.wires.ends) if self.wires else ()
+        for slot, value in (*enumerate(aims), *((2 + wire, pull) for wire, pull in pulls)):
+            put(layout.hand + slot, value)
+        put(layout.time, state.load(layout.time) + self.h)
+
+    @contextmanager
+    def _beside(self, count: Value, registers: int = 1) -> Iterator[Value]:
+        """Each of that many things; where these stand side by side, the first of some, in so many registers."""
+        with self.program.loop(0, count) as thing:
+            yield thing
 
     def sheath_angle(self) -> Value:
         """Angle that the shaft is bent through, summed regardless of direction [rad]."""
@@ -269,19 +317,26 @@ class ScopeProgram:
                 angle.value = angle.value + joint_angle(xp, x, y)
         return angle.value
 
-    def _let_pulls_arrive(self) -> None:
+    def _let_pulls_arrive(self, asked: Value) -> Value:
+        """Put what arrives of the pulls in worlds that were asked soundly; whether all of it is a number."""
         xp, angle = self.program.xp, self.sheath_angle()
-        for wire, name in enumerate(WIRE_NAMES):
-            slot = self.layout.pulls + wire
-            arrived = _arriving_pulls(
+        arrived = [
+            _arriving_pulls(
                 xp,
                 self.world(name),
-                self.state.load(slot),
+                self.state.load(self.layout.pulls + wire),
                 friction=self.scope("wire_friction"),
                 hysteresis=self.scope("wire_hysteresis"),
                 sheath_angle=angle,
             )
-            self.state.store(slot, arrived)
+            for wire, name in enumerate(WIRE_NAMES)
+        ]
+        for pull in arrived:
+            asked = asked & xp.isfinite(pull)
+        for wire, pull in enumerate(arrived):
+            slot = self.layout.pulls + wire
+            self.state.store(slot, xp.where(asked, pull, self.state.load(slot)))
+        return asked
 
     def chain(self, each: Callable[[Value, "Link"], None]) -> "Link":
         """Go outwards along the chain, and do something at each link; the last one is returned."""
@@ -321,7 +376,8 @@ class ScopeProgram:
         tip = self.chain(self._meet)
         slot = self.layout.arcs + self.spheres
         place = add(tip.place, times(self.scope("tip"), tip.axis))
-        self.state.store(slot, self.nearest(place, self.state.load(slot))[0])
+        before = self.state.load(slot)
+        self.state.store(slot, self.program.xp.where(self.going, self.nearest(place, before)[0], before))
 
     def _meet(self, body: Value, link: "Link") -> None:
         """What a link's velocity needs, and what its spheres meet."""
@@ -424,8 +480,9 @@ class ScopeProgram:
         return minus(times(self.sphere_place(sphere), axis), times(self.scope("radius"), normal))
 
     def _keep_arc(self, sphere: Value, before: Value, arc: Value) -> None:
-        """Keep the arc length of a sphere that was at another before."""
-        self.state.store(self.layout.arcs + sphere, arc)
+        """Keep the arc length of a sphere that was at another before, in worlds that go on."""
+        inside = self.going & (self.program.numbered(sphere) <= self.spheres)
+        self.state.store_next(self.layout.arcs + sphere, self.program.xp.where(inside, arc, before))
 
     def _to_look_up(self, sphere: Value, arc: Value) -> Value:
         """Where a sphere at an arc length is to be looked up; nothing is before the anus."""
@@ -631,7 +688,7 @@ class ScopeProgram:
         turning, moving, axis = (Changing(program, begun) for begun in (_NONE, _NONE, INWARDS))
 
         def move(dof: Value, along: Changing) -> None:
-            self._fetch_joint(dof + 1)
+            state.fetch(layout.speeds + dof + 1)
             joints.fetch(dof + 1, 0, JOINT_ROOM)
             gives = dot(joints.vector(dof, 0), turning.now) + dot(joints.vector(dof, 3), moving.now)
             rate = joints.load(dof, 6) - gives
@@ -639,8 +696,7 @@ class ScopeProgram:
                 rate = rate - self.wires.bends(dof)
             along.now = add(along.now, times(rate, joints.vector(dof, 7)))
             speed = state.load(layout.speeds + dof) + self.h * rate
-            state.store(layout.speeds + dof, speed)
-            state.store(dof, state.load(dof) + self.h * speed)
+            joints.put(dof, _FASTER, (speed,))
             size = program.xp.abs(speed)
             fastest.value = program.xp.where(size < SPEED_LIMIT, fastest.value, size)  # also of what is no number
 
@@ -656,7 +712,6 @@ class ScopeProgram:
     def _leave_wall(self, body: Value, axis: Vector, turning_rate: Vector, moving_rate: Vector) -> None:
         """What the spheres of a link do at the step's end, by its direction and its angular and linear acceleration."""
         with self.program.loop(*self.spheres_of(body)) as sphere:
-            self.state.store(self.layout.normals + sphere, 0.0)
             self._leave(sphere, axis, turning_rate, moving_rate)
 
     def _leave(self, sphere: Value, axis: Vector, turning_rate: Vector, moving_rate: Vector) -> None:
@@ -669,12 +724,9 @@ class ScopeProgram:
             lever = self._lever(sphere, axis, normal)
             speed = add(speed, times(self.h, add(moving_rate, cross(turning_rate, lever))))
             pressed = normal_force(program.xp, spring, touches.load(sphere, _DAMPER), dot(normal, speed))
-            self._keep_normal(sphere, pressed)
             if self.axis:
                 self._press_axis(self.axis, sphere, normal, speed)
-
-    def _keep_normal(self, sphere: Value, pressed: Value) -> None:
-        self.state.store(self.layout.normals + sphere, pressed)
+            touches.put(sphere, SPRING, (pressed,))
 
     def _press_axis(self, axis: Axis, sphere: Value, normal: Vector, speed: Vector) -> None:
         """What a sphere does to a colon that moves, at the end of the step."""

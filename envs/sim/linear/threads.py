@@ -6,9 +6,9 @@ from haustra.envs.sim.linear.layout import Layout
 from haustra.envs.sim.linear.sweep import NodeNumbers, Nodes
 from haustra.envs.sim.linear.trace import Changing, Program, Value
 from haustra.models.wall.threads import RING, lumen_radius, ring_force
-from haustra.models.wall.vectors import Vector, cross, minus, times
+from haustra.models.wall.vectors import Vector, cross, dot, minus, times
 
-_FORCE, _BOUND = 0, 3
+_FORCE = 0
 """What each node's room holds: `layout.THREAD_ROOM`."""
 _NOWHERE = (0.0, 0.0, -1e3)
 """Where the shaft comes from before its first sphere."""
@@ -65,7 +65,7 @@ class Threads:
             with program.when(drawn):
                 self._clear()
                 force = xp.where(drawn, force[0], 0.0), xp.where(drawn, force[1], 0.0), xp.where(drawn, force[2], 0.0)
-                for number, value in enumerate((*force, RING)):
+                for number, value in enumerate(force, _FORCE):
                     old = self._room.gather(at.within, number)
                     self._room.scatter(at.within, number, xp.where(drawn, value, old))
                 feel(times(-1.0, force), cross(force, minus(borne, place)))
@@ -75,12 +75,12 @@ class Threads:
         program = self._program
         with program.when(self._drawn.value <= 0):
             with program.loop(0, self._nodes) as node:
-                self._room.put(Nodes.at(program, node, self._nodes), _FORCE, [0.0] * 4)
+                self._room.put(Nodes.at(program, node, self._nodes), _FORCE, [0.0] * 3)
             self._drawn.value = 1.0
 
     def of(self, node: Nodes) -> tuple[Vector, Value]:
         """Force of the shaft on a node [N], and a bound of its slope [N/m]."""
-        found = Changing(self._program, [0.0] * 4)
+        found = Changing(self._program, [0.0] * 3)
         with self._program.when(self._drawn.value > 0):
-            found.now = *self._room.vector(node, _FORCE), self._room.load(node, _BOUND)
-        return found.now[:3], found.now[3]
+            found.now = self._room.vector(node, _FORCE)
+        return found.now, self._program.xp.where(dot(found.now, found.now) > 0, RING, 0.0)

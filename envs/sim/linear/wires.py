@@ -34,6 +34,12 @@ class SprungWires:
         the first itself, of each by the other, of the second itself."""
         self._nets = Changing(scopes.program, [0.0] * 2)
         """Pull of each pair in this step [N]."""
+        self._ends = Changing(scopes.program, [0.0] * 4)
+
+    @property
+    def ends(self) -> tuple[Value, ...]:
+        """Pull of each wire at the step's end [N]."""
+        return self._ends.now
 
     def asked(self) -> Value:
         """Whether wheels have taken up what is a number."""
@@ -93,7 +99,7 @@ class SprungWires:
         ends: Any = [s + h * (v + h * a) for s, v, a in zip(taken, sums[2:4], sums[4:6], strict=True)]
         give: Any = [h * h * each for each in sums[6:]]
         pulls = _sprung_pulls(xp, before, ends, give, **wires)
-        state.put(first, pulls)
+        self._ends.now = pulls
         self._nets.now = pulls[0] - pulls[2], pulls[1] - pulls[3]
 
     def bends(self, dof: Value) -> Value:

@@ -1,6 +1,7 @@
 """Named scope designs, built from the sourced numbers in assets/numbers/scope.toml."""
 
 from dataclasses import replace
+from functools import cache
 
 from haustra.assets import asset
 from haustra.errors import InvalidDesignError
@@ -49,6 +50,7 @@ def at_body_temperature(design: ScopeDesign) -> ScopeDesign:
     )
 
 
+@cache
 def _numbers() -> dict[str, Quantity]:
     return load_quantities(asset("numbers/scope.toml"))
 

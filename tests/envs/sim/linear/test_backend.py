@@ -86,6 +86,36 @@ def test_a_world_that_breaks_harms_no_other_and_is_left_as_it_was(bank, where, v
     assert backend.step(inputs, 4).all()
 
 
+@pytest.mark.parametrize("mesentery", [False, True])
+@pytest.mark.parametrize("worlds", [11, 1])
+def test_a_world_that_breaks_on_its_way_is_left_at_its_last_sound_step(mesentery, worlds):
+    """A hand without a limit that runs away tears one scope along; others, and the steps before, are none the wiser."""
+    backends = [driven(_bank(mesentery), worlds, seconds=0.5)[0] for _ in range(2)]
+    one, last = np.ones(worlds), worlds - 1
+    inputs = Controls(0.01 * one, 0.0 * one, np.zeros((worlds, 4)))
+    inputs.push_rate[last] = 1e5
+    for backend in backends:
+        backend.give("push_limit", np.where(inputs.push_rate > 1, 1e12, 40.0))
+    backend, twin = backends
+    begun = backend.state().time[last]
+    assert backend.step(inputs, 40).tolist() == [world != last for world in range(worlds)]
+    after = backend.state()
+    sound = round((after.time[last] - begun) / backend.scene.options.timestep)
+    assert 0 < sound < 40
+    assert twin.step(inputs, sound).all()
+    known = twin.state()
+    for name in ("qpos", "qvel", "normal", "hand", "pulls", "time"):
+        np.testing.assert_array_equal(getattr(after, name)[last], getattr(known, name)[last])
+    if after.displacement is not None and known.displacement is not None:
+        np.testing.assert_array_equal(after.displacement.speed[last], known.displacement.speed[last])
+        np.testing.assert_array_equal(after.displacement.pose[last, :, :3], known.displacement.pose[last, :, :3])
+    twin.reset(np.array([last]), np.array([0]), conditions(_bank(mesentery), worlds).of(np.array([last])))
+    twin.give("push_limit", 40.0)
+    assert twin.step(inputs._replace(push_rate=0.01 * one), 40 - sound).all()
+    others = np.arange(worlds) != last
+    np.testing.assert_array_equal(after.qpos[others], twin.state().qpos[others])
+
+
 def test_threads_and_lanes_do_not_change_a_bit(bank):
     one, two = (driven(bank, 21, seconds=1.0, threads=threads)[0].state() for threads in (1, 2))
     for name in ("qpos", "qvel", "normal"):
