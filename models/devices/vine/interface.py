@@ -56,6 +56,7 @@ class Vine(Device):
     """Numbers of an everting endoscope, in SI units."""
 
     kind: ClassVar[str] = "vine"
+    is_shaft: ClassVar[bool] = True
     left_out: ClassVar[Mapping[str, str]] = {
         "friction of what was laid": "it does not slide, and is taken not to hold on either: nothing but its own "
         "stiffness and the wall's normal force keep it where it lies",
