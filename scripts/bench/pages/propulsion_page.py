@@ -112,8 +112,8 @@ def _full_range(result: dict[str, Any]) -> str:
         f"{bound['peak_kept']:.1f} % against all curves where it has the published force at 150 rpm, and to "
         f"{bound['peak_free']:.1f} % where that is given up too (`haustra.models.devices.tracked.implied.least_worst`). "
         "So the bound of 12 % for all curves cannot be met with the published peak by losses of this form. The farthest "
-        "curve stays level from 75 to 120 rpm, jumps by an eighth to 150, falls by a quarter to 200 and stays level to "
-        "300 rpm: the paper's three statements of a surface allow that, but no cause that the paper names gives it.",
+        "curve stays level from 75 to 120 rpm, jumps to its peak, drops to 200 rpm and stays level again: the statements "
+        "allow that; friction that grows with a power of speed does not.",
     ]
     fitted = ", ".join(f"{name.replace('_', ' ')} {value:.4g}" for name, value in block["fitted"].items())
     lines += [
