@@ -127,7 +127,9 @@ def _answered(answer: Callable[[Job], Result], job: Job) -> Result:
 def failure(job: Job, error: Exception) -> Result:
     """Row of a job that could not be answered; what nobody foresaw is told by its type too."""
     line = " ".join(str(error).split())[:500]
-    return Result(job.id, "failed", reason=line if isinstance(error, HaustraError) else f"{type(error).__name__}: {line}")
+    return Result(
+        job.id, "failed", reason=line if isinstance(error, HaustraError) else f"{type(error).__name__}: {line}"
+    )
 
 
 def _load(place: str):

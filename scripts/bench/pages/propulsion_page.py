@@ -108,12 +108,13 @@ def _full_range(result: dict[str, Any]) -> str:
     bound = block["least_worst_percent"]
     lines += [
         "",
-        f"A power of speed up to 150 rpm and a linear fall beyond, the same on both surfaces, can keep to "
+        "A power of speed up to 150 rpm and a linear fall beyond, the same on both surfaces, can keep to "
         f"{bound['peak_kept']:.1f} % against all curves where it has the published force at 150 rpm, and to "
-        f"{bound['peak_free']:.1f} % where that is given up too (`haustra.models.devices.tracked.implied.least_worst`). "
-        "So the bound of 12 % for all curves cannot be met with the published peak by losses of this form. The farthest "
-        "curve stays level from 75 to 120 rpm, jumps to its peak, drops to 200 rpm and stays level again: the statements "
-        "allow that; friction that grows with a power of speed does not.",
+        f"{bound['peak_free']:.1f} % where that is given up too "
+        "(`haustra.models.devices.tracked.implied.least_worst`). So the bound of 12 % for all curves cannot be met "
+        "with the published peak by losses of this form. The farthest curve stays level from 75 to 120 rpm, jumps to "
+        "its peak, drops to 200 rpm and stays level again: the statements allow that; friction that grows with a power "
+        "of speed does not.",
     ]
     fitted = ", ".join(f"{name.replace('_', ' ')} {value:.4g}" for name, value in block["fitted"].items())
     lines += [

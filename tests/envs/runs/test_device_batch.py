@@ -1,4 +1,4 @@
-"""Many colons at once: each run is, to the last bit, what it is alone, so that no study depends on how jobs are shared."""
+"""Many colons at once: each run is, to the last bit, what it is alone, so that no study depends on who runs what."""
 
 from dataclasses import replace
 
@@ -12,9 +12,7 @@ from haustra.models.devices.base import load_device
 from tests.ring_wall import bent_colon
 
 COLONS = [
-    replace(
-        bent_colon(bend=bend, leg=0.11, length=0.36, radius=0.017), segments=(ColonSegment("sigmoid", 0.0, 0.36),)
-    )
+    replace(bent_colon(bend=bend, leg=0.11, length=0.36, radius=0.017), segments=(ColonSegment("sigmoid", 0.0, 0.36),))
     for bend in (0.06, 0.08, 0.1)
 ]
 
