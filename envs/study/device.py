@@ -247,6 +247,6 @@ QUESTION = Question(
     options=DeviceStudyOptions,
     check=build_setup,
 )
-NATIVE = Backend(start=_start, batch=TOGETHER)
+NATIVE = Backend(start=_start, batch=TOGETHER, one_design=True)
 WARP = Backend(start=_start_warp, batch=BATCH, most_workers=1)
 """One process: it fills the device by itself."""

@@ -50,14 +50,14 @@ def run_optimise(
     computing = computing or Computing()
     require_polars()
     _require_optuna()
-    find_backend(study.question, computing.backend)
+    backend = find_backend(study.question, computing.backend)
     if not study.variables or not study.objectives:
         raise InvalidStudyError("An optimisation needs [[variables]] to vary and [[objectives]] to reach.")
     trials, size = study.budget.trials, study.budget.generation
     require_budget(study, trials)
     with open_store(folder, study, lambda: (), kind="optimise", resume=resume) as store:
         with job_map(study, folder, computing, tell=lambda note: progress(0, 1, note)) as answer:
-            store.begin_session(backend=computing.backend, pool=computing.on)
+            store.begin_session(backend=computing.backend, pool=computing.on, one_design=backend.one_design)
             for first in range(0, trials, size):
                 jobs = _generation(store, study, first, min(size, trials - first))
                 for wave in (jobs[:: len(conditions_of(study))], jobs):

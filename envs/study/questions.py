@@ -21,6 +21,8 @@ class Backend:
     """Called once in each process that computes: the study, and the folder for what jobs share."""
     batch: int = 1
     """Jobs that one call of the runner likes best."""
+    one_design: bool = False
+    """Whether it gains nothing by jobs of several designs in one call."""
     most_workers: int | None = None
     """More processes than this would be in each other's way."""
     prepare: Callable[[Study, Path, Callable[[str], None]], None] = lambda study, folder, tell: None
