@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -55,6 +56,15 @@ def test_the_pressure_leaves_what_eversion_and_tail_do_not_take(tube):
     tail = tether_tension(np, np.zeros((2, BENDS)), tip, friction=0.5, mass_per_length=0.04, held=0.5)
     np.testing.assert_allclose(one.readings()["tail_tension"], tail, rtol=1e-3)
     np.testing.assert_allclose(one.readings()["available"], (20000.0 - 3000.0) * device.area - tail, rtol=1e-3)
+
+
+def test_what_is_drawn_at_its_tip_weighs_nothing_and_does_not_touch():
+    one = build_device_scene(vine(), device_options(vine()), pose=Pose()).compile()
+    drawn = [one.geom(index) for index in range(one.ngeom) if one.geom(index).name.startswith("vine/")]
+    assert len(drawn) == 5 and not any(geom.contype or geom.conaffinity for geom in drawn)
+    chain = mujoco.MjSpec()
+    vine().body.add_to(chain, Pose(), timestep=0.0025, start=0.03)
+    assert one.body_mass.sum() == pytest.approx(chain.compile().body_mass.sum(), rel=1e-12)
 
 
 @pytest.mark.parametrize("device", [vine(), load_device("capsule")], ids=["vine", "capsule"])
