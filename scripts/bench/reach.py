@@ -190,6 +190,19 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
+def sizes(device: TrackedRobot) -> dict[str, Any]:
+    """What sets robots apart, each at its own scale."""
+    design = device.design
+    names = ("nominal_diameter", "smallest_diameter", "largest_diameter", "core_length", "core_diameter")
+    return {
+        **{f"{name}_mm": 1e3 * getattr(design, name) for name in names},
+        "bellows_stiffness_N_m": design.bellows.stiffness,
+        "bellows_preload_N": design.bellows.preload,
+        "torque_limit_mNm": 1e3 * design.worm.torque_limit,
+        "regulation": device.regulation,
+    }
+
+
 def held_rows(device: TrackedRobot) -> list[dict[str, Any]]:
     """The robot held by a string in a straight tube of its nominal diameter, at the paper's speeds on both surfaces."""
     return [
