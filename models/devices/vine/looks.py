@@ -1,4 +1,4 @@
-"""An everting endoscope's tip as it is built, for pictures: the lip where its film turns inside out, mouth, lens, lamps.
+"""An everting endoscope's tip as built, for pictures: the lip where its film turns inside out, mouth, lens, lamps.
 
 Nothing here touches or weighs: shapes go with the last link.
 """
