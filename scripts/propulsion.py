@@ -159,7 +159,7 @@ def full_range(design) -> dict[str, Any]:
     """The whole device in a round tube with friction that depends on speed, shaft loss, worm torque and roll."""
     from haustra.envs.runs.measure.propulsion import pull_model
     from haustra.models.devices.tracked.drive import drive_point, fit_range, range_error
-    from haustra.models.devices.tracked.implied import SPEEDS_RPM, STATEMENTS, implied_curves
+    from haustra.models.devices.tracked.implied import SPEEDS_RPM, STATEMENTS, implied_curves, least_worst
     from haustra.models.devices.tracked.rig import tube_rig
 
     fit = fit_range(design)
@@ -203,6 +203,10 @@ def full_range(design) -> dict[str, Any]:
     return {
         "surfaces": surfaces,
         "rmse_percent": {surface: block["rmse"]["median_percent"] for surface, block in surfaces.items()},
+        "least_worst_percent": {
+            "peak_kept": 100 * least_worst(peak_kept=True),
+            "peak_free": 100 * least_worst(peak_kept=False),
+        },
         "fitted": {
             "peak_level": fit.efficiency,
             "end_level": fit.ends,

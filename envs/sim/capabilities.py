@@ -162,7 +162,7 @@ DEVICE = (
     *_in("device", "gas", only=_only(None, backends=("warp",)), about="of one world"),
     *_in("device", "elasticity", only=_only(LINEAR, backends=("warp",)), about=_TABLE),
     *_in("device", "wall_law", only=_only("table", backends=("warp",)), about="others than the table in one world"),
-    *_in("device", "mesentery"),
+    *_in("device", "mesentery", about="drawn to a vine or a scope between its spheres by the table only"),
     *_in("device.abdomen", "loops_touch", only=_only(False, backends=("warp",)), about="of a colon that moves"),
 )
 """Options of scenes of any device (`haustra.models.device_scene`); which backends step devices, says

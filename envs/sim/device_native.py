@@ -106,6 +106,7 @@ class NativeDevice:
                 starts=np.array(starts) if starts else np.full(len(tables.count) // len(scene.radii), scene.pose.arc),
                 own_stiffness=scene.own("stiffness"),
                 own_friction=scene.own("friction"),
+                threaded=scene.device.is_shaft,
             )
         if scene.device.has_treads:
             self._treads_every = max(1, round(TREAD_INTERVAL / model.opt.timestep))

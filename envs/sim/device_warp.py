@@ -210,10 +210,13 @@ class WarpDevice:
     ) -> tuple[Worlds, Any]:
         wall, (ctrl, treads) = self.wall, driven
         data = data.replace(ctrl=ctrl, **{name: now.data[name] for name in _KEPT})
-        places = jax.vmap(mjx.kinematics, in_axes=(None, 0))(wall.model, data).geom_xpos[:, wall.spheres]
+        posed = jax.vmap(mjx.kinematics, in_axes=(None, 0))(wall.model, data)
+        places = posed.geom_xpos[:, wall.spheres]
+        links = wall.host.geom_bodyid[wall.spheres]
+        centres = posed.xipos[:, links] if self.scene.device.is_shaft else None
         radius = jnp.asarray(wall.radius, jnp.float32)[None]
         about = tables, now.displacement, places, now.arcs, radius, data, now.healthy, now.time
-        done = wall.step(contacts, *about, treads)
+        done = wall.step(contacts, *about, treads, centres)
         after = Worlds(
             data={name: getattr(done.data, name).reshape(now.data[name].shape) for name in _USED},
             arcs=done.arcs,

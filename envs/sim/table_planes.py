@@ -323,7 +323,7 @@ class TablePlanes:
 
     def felt(self) -> tuple[Float[np.ndarray, "worlds spheres"], Float[np.ndarray, "worlds spheres 3"]]:
         """Normal force on each sphere in the last step, and its friction on the wall, as MuJoCo's sensors tell [N]."""
-        felt = self._sensed[:, self._columns]
+        felt = np.ascontiguousarray(self._sensed[:, self._columns])  # sums do not depend on how many worlds there are
         force, normal, tangent = felt[..., :3], felt[..., 3:6], felt[..., 6:]
         return force[..., 0], force[..., 1:2] * tangent + force[..., 2:] * np.cross(normal, tangent)
 

@@ -111,6 +111,7 @@ class WarpPlanes:
         """
         host = for_warp(host)
         host.flg_surfacevel = moves or runs  # walls that move, and treads, drag by friction
+        host.pair_friction[:] = np.maximum(host.pair_friction, mujoco.mjMINMU)  # less may become NaN, as Warp warns
         try:
             # Room is kept for all that can happen; its solver's limits would be told on stdout at every step.
             model = mjx.put_model(host, impl="warp").tree_replace({"opt._impl.warn_overflow": 0})
@@ -160,9 +161,9 @@ class WarpPlanes:
             friction: [1].
             own: arrays of the model that worlds have for themselves beside it, by name.
         """
-        ahead = damping_time + self.timestep
+        ahead, rubs = damping_time + self.timestep, jnp.maximum(friction, mujoco.mjMINMU)
         all_own = {
-            "pair_friction": _with_columns(self.model.pair_friction, self._by_pair(friction)[..., None], 2),
+            "pair_friction": _with_columns(self.model.pair_friction, self._by_pair(rubs)[..., None], 2),
             **self._law(stiffness, stiffness * ahead),
             **(own or {}),
         }

@@ -1,19 +1,21 @@
 """How far any device gets in a colon by its own driver, as a question for studies."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from haustra.envs.runs.device_batch import run_devices
 from haustra.envs.runs.device_run import common_scores, ended, reading_columns, run_device, time_is_up
 from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.runs.outcome import Outcome
 from haustra.envs.study.halving import halved
 from haustra.envs.study.paths import with_values
-from haustra.envs.study.questions import Backend, Question, Runner, one_by_one
+from haustra.envs.study.questions import Backend, Question, Runner, failure
 from haustra.envs.study.study import Column, Job, Result, Study, Value
 from haustra.errors import HaustraError, InvalidStudyError
 from haustra.fields import number
@@ -24,6 +26,8 @@ from haustra.models.device_scene import build_device_scene, device_options, devi
 from haustra.models.devices.base import Device, Pose, load_device
 from haustra.models.scene import SceneOptions
 
+TOGETHER = 4
+"""Jobs in one call of the backend 'native'; engineering choice: more at once leave cores without work."""
 BATCH = 1024
 """Jobs in one call of the backend 'warp'."""
 _BASE = "adult"
@@ -122,16 +126,54 @@ def _colon(name: str) -> Colon:
 
 
 def _start(study: Study, folder: Path) -> Runner:
-    seconds = float(study.options["seconds"])
+    """Jobs of one design and friction share a batch, in which one step of many colons costs half of as many alone."""
 
-    def answer(job: Job) -> Result:
-        device, options = build_setup(study, job.variables, job.conditions)
-        colon = _colon(str(job.conditions["colon"]))
-        patience = float(study.options["patience"]) or None
-        run = run_device(device, colon, options, seconds=seconds, patience=patience)
-        return result_of(job, device, run.outcome, run.records, colon, run.radius)
+    def run(jobs: Sequence[Job]) -> Iterable[Result]:
+        groups: dict[Any, list[_Placed]] = {}
+        for job in jobs:
+            try:
+                device, options = build_setup(study, job.variables, job.conditions)
+                colon = _colon(str(job.conditions["colon"]))
+                pose_in(colon, device, options)  # refuses where it does not fit
+            except HaustraError as error:
+                yield failure(job, error)
+                continue
+            alike = tuple(sorted(job.variables.items())), options.friction
+            groups.setdefault(alike, []).append(_Placed(job, device, options, colon))
+        for group in groups.values():
+            try:
+                yield from list(_answer(group, study))
+            except MemoryError:
+                raise
+            except Exception as error:  # one design must not end the sweep, whatever is wrong with it
+                yield from (failure(one.job, error) for one in group)
 
-    return one_by_one(answer)
+    return run
+
+
+class _Placed(NamedTuple):
+    """A job, and what it is to be run with."""
+
+    job: Job
+    device: Device
+    options: SceneOptions
+    colon: Colon
+
+
+def _answer(group: Sequence[_Placed], study: Study) -> Iterable[Result]:
+    """Rows of jobs that have design and friction in common."""
+    seconds, patience = float(study.options["seconds"]), float(study.options["patience"])
+    _, device, options, _ = group[0]
+    if options.gas is not None or any(options.gravity) or options.wall_law != "table":
+        for job, _, _, colon in group:
+            run = run_device(device, colon, options, seconds=seconds, patience=patience or None)
+            yield result_of(job, device, run.outcome, run.records, colon, run.radius)
+        return
+    radius = build_device_scene(device, options, pose=Pose()).handles.samples[-1].radius
+    colons = [one.colon for one in group]
+    found = run_devices(device, colons, options, seconds=seconds, patience=patience or math.inf)
+    for one, (outcome, records) in zip(group, found, strict=True):
+        yield result_of(one.job, device, outcome, records, one.colon, radius)
 
 
 def _start_warp(study: Study, folder: Path) -> Runner:
@@ -150,7 +192,7 @@ def _start_warp(study: Study, folder: Path) -> Runner:
             try:
                 yield from halved(lambda some: _answer_warp(study, names, some, seconds), group, full=_out_of_memory)
             except HaustraError as error:
-                yield from (Result(job.id, "failed", reason=" ".join(str(error).split())) for job in group)
+                yield from (failure(job, error) for job in group)
 
     return run
 
@@ -205,6 +247,6 @@ QUESTION = Question(
     options=DeviceStudyOptions,
     check=build_setup,
 )
-NATIVE = Backend(start=_start)
+NATIVE = Backend(start=_start, batch=TOGETHER, one_design=True)
 WARP = Backend(start=_start_warp, batch=BATCH, most_workers=1)
 """One process: it fills the device by itself."""

@@ -22,8 +22,6 @@ from haustra.errors import InvalidStudyError, MissingDependencyError
 if TYPE_CHECKING:
     from optuna.distributions import BaseDistribution
 
-GENERATION = 8
-"""Designs proposed at once; engineering choice: keeps some cores busy, and a proposal knows all generations before."""
 _STARTUP = 16
 """Designs drawn at random before any is proposed by what was learnt."""
 _DIRECTIONS: dict[Goal, Literal["maximize", "minimize"]] = {"maximise": "maximize", "minimise": "minimize"}
@@ -52,16 +50,16 @@ def run_optimise(
     computing = computing or Computing()
     require_polars()
     _require_optuna()
-    find_backend(study.question, computing.backend)
+    backend = find_backend(study.question, computing.backend)
     if not study.variables or not study.objectives:
         raise InvalidStudyError("An optimisation needs [[variables]] to vary and [[objectives]] to reach.")
-    trials = study.budget.trials
+    trials, size = study.budget.trials, study.budget.generation
     require_budget(study, trials)
     with open_store(folder, study, lambda: (), kind="optimise", resume=resume) as store:
         with job_map(study, folder, computing, tell=lambda note: progress(0, 1, note)) as answer:
-            store.begin_session(backend=computing.backend, pool=computing.on)
-            for first in range(0, trials, GENERATION):
-                jobs = _generation(store, study, first, min(GENERATION, trials - first))
+            store.begin_session(backend=computing.backend, pool=computing.on, one_design=backend.one_design)
+            for first in range(0, trials, size):
+                jobs = _generation(store, study, first, min(size, trials - first))
                 for wave in (jobs[:: len(conditions_of(study))], jobs):
                     store.add(_unless_pruned(store, study, wave))
                     answer_all(store, answer, progress=lambda done, _, note, at=first: progress(at, trials, note))

@@ -21,6 +21,8 @@ class Backend:
     """Called once in each process that computes: the study, and the folder for what jobs share."""
     batch: int = 1
     """Jobs that one call of the runner likes best."""
+    one_design: bool = False
+    """Whether it gains nothing by jobs of several designs in one call."""
     most_workers: int | None = None
     """More processes than this would be in each other's way."""
     prepare: Callable[[Study, Path, Callable[[str], None]], None] = lambda study, folder, tell: None
@@ -118,16 +120,18 @@ def one_by_one(answer: Callable[[Job], Result]) -> Runner:
 def _answered(answer: Callable[[Job], Result], job: Job) -> Result:
     try:
         return answer(job)
-    except HaustraError as error:
-        return Result(job.id, "failed", reason=_line(error))
     except MemoryError:
         raise
     except Exception as error:  # one design must not end the sweep, whatever is wrong with it
-        return Result(job.id, "failed", reason=f"{type(error).__name__}: {_line(error)}")
+        return failure(job, error)
 
 
-def _line(error: Exception) -> str:
-    return " ".join(str(error).split())[:500]
+def failure(job: Job, error: Exception) -> Result:
+    """Row of a job that could not be answered; what nobody foresaw is told by its type too."""
+    line = " ".join(str(error).split())[:500]
+    return Result(
+        job.id, "failed", reason=line if isinstance(error, HaustraError) else f"{type(error).__name__}: {line}"
+    )
 
 
 def _load(place: str):

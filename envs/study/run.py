@@ -65,12 +65,12 @@ def run_sweep(
     computing = computing or Computing()
     if tables:
         require_polars()
-    find_backend(study.question, computing.backend)
+    backend = find_backend(study.question, computing.backend)
     with (
         open_store(folder, study, lambda: jobs_of(study, designs_of(study)), kind="sweep", resume=resume) as store,
         job_map(study, folder, computing, tell=lambda note: progress(0, 1, note)) as answer,
     ):
-        store.begin_session(backend=computing.backend, pool=computing.on)
+        store.begin_session(backend=computing.backend, pool=computing.on, one_design=backend.one_design)
         answer_all(store, answer, progress=progress)
         counts = store.counts()
         return {**{state: counts[state] for state in DONE}, **(export(store) if tables else {})}

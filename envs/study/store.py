@@ -51,6 +51,7 @@ class SweepStore:
     def __init__(self, connection: sqlite3.Connection, folder: Path):
         self._connection, self.folder = connection, folder
         self._session: int | None = None
+        self._one_design = False
         facts = dict(connection.execute("select name, value from facts"))
         if facts.get("format_version") != str(FORMAT_VERSION):
             raise UnreadableFileError(f"'{folder / FILE}' is of another version: run the sweep into a new folder.")
@@ -59,8 +60,12 @@ class SweepStore:
         except (KeyError, ValueError, TypeError) as error:
             raise UnreadableFileError(f"'{folder / FILE}' is damaged ({error}): run the sweep again.") from error
 
-    def begin_session(self, *, backend: str, pool: str) -> None:
-        """Note who computes from now on; jobs that died with an earlier claimant wait again."""
+    def begin_session(self, *, backend: str, pool: str, one_design: bool = False) -> None:
+        """Note who computes from now on; jobs that died with an earlier claimant wait again.
+
+        With `one_design`, jobs that are claimed together have their design in common.
+        """
+        self._one_design = one_design
         with self._writing() as connection:
             values = (_now(), node(), backend, pool, json.dumps(package_versions() | backend_record(backend)))
             cursor = connection.execute(
@@ -83,6 +88,7 @@ class SweepStore:
                 (most,),
             ).fetchall()
             rows = [row for row in rows if row[4] == 0] or rows[:1]
+            rows = [row for row in rows if not self._one_design or row[1] == rows[0][1]]
             connection.executemany(
                 "update jobs set state = 'claimed', attempts = attempts + 1, session = ? where id = ?",
                 [(self._session, row[0]) for row in rows],

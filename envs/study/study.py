@@ -105,6 +105,8 @@ class Budget:
     """Longest time for one job [s]; a job that takes longer fails. No limit when None."""
     trials: int = whole(1, 10_000_000, default=64)
     """Number of designs that `haustra optimise` tries."""
+    generation: int = whole(1, 100_000, default=8)
+    """Designs that it proposes at once, knowing those of all generations before: as many as keep the cores busy."""
 
 
 @dataclass(frozen=True)

@@ -159,6 +159,9 @@ class Device(ABC):
     """What its model does not hold, and why."""
     has_treads: ClassVar[bool] = False
     """Its surface runs (`treads`): it is controlled every few time steps and told what the wall does to its spheres."""
+    is_shaft: ClassVar[bool] = False
+    """Its spheres follow each other on one shaft, from its end to its tip: a colon that moves is drawn to it between
+    them too (`haustra.models.wall.threads`)."""
 
     name: str
     """Name of the device, for people."""

@@ -1,6 +1,7 @@
 """What the whole tracked robot pulls, how far it comes in grown colons by its own driver, and what stops it there."""
 
 import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
@@ -32,7 +33,7 @@ from haustra.reading import read_document
 FIRST_SEED = 300_000
 """First seed of the grown colons, which nothing was trained on."""
 AT_ONCE = 4
-"""Colons that one process runs together."""
+"""Most colons that one process runs together, where there are fewer processes than colons."""
 HELD_TIMESTEP, HELD_SECONDS, HELD_SETTLED = 2e-3, 1.6, 0.6
 """Time step, length, and time until steady of a run that is held by a string [s]."""
 LATE = 5.0
@@ -155,7 +156,8 @@ def _answers(
     device: TrackedRobot, seeds: Sequence[int], seconds: float, workers: int
 ) -> Iterator[list[dict[str, Any]]]:
     """Rows of some colons at a time, as they are done."""
-    some = [seeds[first : first + AT_ONCE] for first in range(0, len(seeds), AT_ONCE)]
+    size = min(AT_ONCE, math.ceil(len(seeds) / workers))
+    some = [seeds[first : first + size] for first in range(0, len(seeds), size or 1)]
     if workers == 1 or len(some) < 2:
         yield from (reach_in(device, own, seconds=seconds) for own in some)
         return
@@ -185,6 +187,19 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
         "wall_pressure_mean_kPa": mean("wall_pressure_mean_kPa"),
         "slip_work_mean_J": mean("slip_work_J"),
         "stopped_by": dict(sorted(reasons.items(), key=lambda item: -item[1])),
+    }
+
+
+def sizes(device: TrackedRobot) -> dict[str, Any]:
+    """What sets robots apart, each at its own scale."""
+    design = device.design
+    names = ("nominal_diameter", "smallest_diameter", "largest_diameter", "core_length", "core_diameter")
+    return {
+        **{f"{name}_mm": 1e3 * getattr(design, name) for name in names},
+        "bellows_stiffness_N_m": design.bellows.stiffness,
+        "bellows_preload_N": design.bellows.preload,
+        "torque_limit_mNm": 1e3 * design.worm.torque_limit,
+        "regulation": device.regulation,
     }
 
 

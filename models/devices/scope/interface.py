@@ -43,6 +43,7 @@ class Scope(Device):
     """A scope design, and how finely it is modelled."""
 
     kind: ClassVar[str] = "scope"
+    is_shaft: ClassVar[bool] = True
     left_out: ClassVar[Mapping[str, str]] = {
         "wires": "pulls arrive at the tip as they are asked for: slack, stretch and friction need the follower's runs"
     }

@@ -10,7 +10,13 @@ import numpy as np
 
 from haustra.errors import InvalidOptionError
 from haustra.models.devices.tracked.design import TRACKS, TrackedDesign
-from haustra.models.devices.tracked.implied import SPEEDS_RPM, STATEMENTS, best_guaranteed, implied_curves
+from haustra.models.devices.tracked.implied import (
+    SPEEDS_RPM,
+    STATEMENTS,
+    best_guaranteed,
+    implied_curves,
+    rises_ever_less,
+)
 from haustra.models.devices.tracked.law import load_law
 
 _DROOP = 0.1
@@ -165,16 +171,23 @@ def fit_range(design: TrackedDesign) -> RangeFit:
     )
 
 
-def range_error(surface: str, forces: Sequence[float]) -> dict[str, float]:
-    """RMSE of five forces [N] against every curve the paper allows, in percent of the measured mean."""
+def range_error(surface: str, forces: Sequence[float]) -> dict[str, Any]:
+    """RMSE of five forces [N] against every curve the paper allows, in percent of the measured mean.
+
+    Also against those alone that rise to 150 rpm by less and less (`rises_ever_less`).
+    """
     statement = STATEMENTS[surface]
     curves = implied_curves(statement)
     errors = np.sqrt(((curves - np.asarray(forces)) ** 2).mean(1)) / statement.mean * 100
+    rising = rises_ever_less(curves)
     return {
         "median_percent": float(np.median(errors)),
         "low_percent": float(errors.min()),
         "p95_percent": float(np.quantile(errors, 0.95)),
         "high_percent": float(errors.max()),
+        "farthest_curve_N": curves[errors.argmax()].tolist(),
         "within_12_percent_share": float((errors <= 12).mean()),
+        "rising_ever_less_share": float(rising.mean()),
+        "rising_ever_less_high_percent": float(errors[rising].max()),
         "best_guaranteed_percent": 100 * best_guaranteed(curves) / statement.mean,
     }

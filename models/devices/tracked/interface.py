@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from haustra.errors import InvalidDesignError, UnsupportedSceneError
 from haustra.fields import choice, number, read_fields
@@ -231,8 +231,8 @@ class TrackedRobot(Device):
             "worm_torque": worm.torque,
             "worm_share": worm.speed_share,
             "traction": self._traction(xp, state),
-            "normal": state.pressed[:, on_tread].sum(axis=1),
-            "core_force": state.pressed[:, ~on_tread].sum(axis=1),
+            "normal": _over(xp, on_tread, state.pressed),
+            "core_force": _over(xp, ~on_tread, state.pressed),
             "tether_drag": -state.actuator_force[:, model.actuator("tracked/tether").id],
             "bellows_pressure": self.design.bellows.pressure + state.act[:, _AIR : _AIR + TRACKS].mean(axis=1),
             "width": self.design.nominal_diameter + 2 * self._struts(model, state).mean(axis=1),
@@ -331,14 +331,19 @@ class TrackedRobot(Device):
         # The tip's frame is down, left and forwards of the core.
         down, left, forwards = xp.moveaxis(xp.einsum("wsi,wij->wsj", state.rubbed, state.tip_frame), 2, 0)
         around = np.cos(azimuth) * left - np.sin(azimuth) * down
-        most = (state.friction * state.pressed)[:, on_tread].sum(axis=1)
-        both = xp.stack([forwards, around], axis=2)[:, on_tread].sum(axis=1)
+        most = _over(xp, on_tread, state.friction * state.pressed)
+        both = xp.stack([_over(xp, on_tread, way) for way in (forwards, around)], axis=1)
         return both / xp.maximum(most, _TOUCH)[:, None]
 
     def _traction(self, xp: ModuleType, state: State) -> Any:
         """Friction of the wall on all treads along the core (worlds,), as of the last step [N]."""
         along = xp.einsum("wsi,wi->ws", state.rubbed, state.tip_frame[..., 2])
-        return along[:, self._layout[1] >= 0].sum(axis=1)
+        return _over(xp, self._layout[1] >= 0, along)
+
+
+def _over(xp: ModuleType, chosen: Bool[np.ndarray, " spheres"], values: Any) -> Any:
+    """Sum over chosen spheres (worlds,), in an order that does not depend on how many worlds there are."""
+    return xp.where(chosen, values, 0.0).sum(axis=1)
 
 
 DEVICE = TrackedRobot

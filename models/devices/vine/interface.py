@@ -32,6 +32,7 @@ from haustra.models.devices.scope.interface import Scope
 from haustra.models.devices.scope.wires import WIRE_NAMES, WireSet
 from haustra.models.devices.tether import tether_tension
 from haustra.models.devices.vine.driver import drive
+from haustra.models.devices.vine.looks import FILM, draw_tip
 
 _ANSWER = 0.1
 """Within which growth stops when the pressure is used up [s]; engineering choice: five control intervals."""
@@ -56,6 +57,7 @@ class Vine(Device):
     """Numbers of an everting endoscope, in SI units."""
 
     kind: ClassVar[str] = "vine"
+    is_shaft: ClassVar[bool] = True
     left_out: ClassVar[Mapping[str, str]] = {
         "friction of what was laid": "it does not slide, and is taken not to hold on either: nothing but its own "
         "stiffness and the wall's normal force keep it where it lies",
@@ -141,7 +143,8 @@ class Vine(Device):
         inside = spec.add_actuator(name="vine/pressure", target="scope/push", trntype=mujoco.mjtTrn.mjTRN_JOINT)
         inside.gainprm = [0.0] * 10
         for name in handles.geoms:
-            spec.geom(name).rgba = [0.85, 0.9, 0.95, 0.9]
+            spec.geom(name).rgba = FILM
+        draw_tip(spec, handles.tip, self.diameter / 2)
         samples = tuple(replace(sample, friction=0.0) for sample in handles.samples)
         return replace(handles, samples=samples)
 

@@ -25,6 +25,12 @@ def reach_page(kept: Mapping[str, Any]) -> str:
         "",
         *_summaries(found),
         "",
+        "## What sets them apart",
+        "",
+        "Bellows that are 'held' are regulated to press by their preload at any width; 'closed' ones are springs.",
+        "",
+        *_designs(found),
+        "",
         "## Why it stops",
         "",
         *_reasons(found),
@@ -63,6 +69,26 @@ def _summaries(found: Mapping[str, Any]) -> list[str]:
             f"{got['wall_pressure_mean_kPa']:.0f} ({got['wall_pressure_peak_kPa']:.0f}) kPa | "
             f"{1e3 * got['slip_work_mean_J']:.0f} mJ | {ratio:.2f} x |"
         )
+    return lines
+
+
+def _designs(found: Mapping[str, Any]) -> list[str]:
+    quantities = {
+        "nominal_diameter_mm": "nominal diameter, track to track [mm]",
+        "smallest_diameter_mm": "smallest [mm]",
+        "largest_diameter_mm": "largest [mm]",
+        "core_length_mm": "length of the core [mm]",
+        "core_diameter_mm": "its diameter [mm]",
+        "bellows_stiffness_N_m": "stiffness of a bellows [N/m]",
+        "bellows_preload_N": "its preload [N]",
+        "torque_limit_mNm": "torque limit of the shaft [mN m]",
+        "regulation": "bellows",
+    }
+    lines = [f"| | {' | '.join(found)} |", "|---" * (1 + len(found)) + "|"]
+    for name, about in quantities.items():
+        told = (each["design"][name] for each in found.values())
+        cells = (value if isinstance(value, str) else f"{value:.3g}" for value in told)
+        lines.append(f"| {about} | {' | '.join(cells)} |")
     return lines
 
 

@@ -36,7 +36,7 @@ class BenchReach:
         from haustra.models.devices.base import load_device
         from haustra.models.devices.tracked.interface import TrackedRobot
         from haustra.scripts.bench.pages.reach_page import reach_page
-        from haustra.scripts.bench.reach import bench_reach, held_rows, summary
+        from haustra.scripts.bench.reach import bench_reach, held_rows, sizes, summary
         from haustra.scripts.console import progress_bar
         from haustra.scripts.sweep import _cores
 
@@ -54,7 +54,8 @@ class BenchReach:
 
                 own = {"colons": self.colons, "seconds": self.seconds, "workers": self.workers or _cores()}
                 rows = bench_reach(robot, folder, progress=tell, **own)
-                found[robot.name] = {"summary": summary(rows), "held": held_rows(robot), "runs": rows}
+                own = {"design": sizes(robot), "summary": summary(rows), "held": held_rows(robot), "runs": rows}
+                found[robot.name] = own
         kept = {"seconds": self.seconds, "robots": found}
         page = reach_page(kept)
         write_atomically(folder / "reach.md", lambda temporary: temporary.write_text(page, encoding="utf-8"))

@@ -13,6 +13,7 @@ from haustra.models.device_scene import DeviceScene, build_device_scene, device_
 from haustra.models.devices.base import load_device
 from haustra.models.devices.capsule.interface import Capsule
 from haustra.models.devices.tracked.interface import TrackedRobot
+from haustra.models.devices.vine.interface import Vine
 from haustra.models.wall.abdomen import Abdomen
 from tests.ring_wall import bent_colon
 from tests.tube_colon import straight_tube
@@ -32,6 +33,12 @@ class Held(Capsule):
     def add_to(self, *args, **options):
         handles = super().add_to(*args, **options)
         return replace(handles, samples=tuple(replace(one, stiffness=300.0, friction=0.6) for one in handles.samples))
+
+
+class Undrawn(Vine):
+    """A vine to which no colon is drawn between its spheres."""
+
+    is_shaft = False
 
 
 def capsule(kind: type[Capsule] = Capsule) -> Capsule:
@@ -109,6 +116,31 @@ def test_all_options_of_a_scene_count_as_natively() -> None:
     assert largest > 0.005 and tip[1] < -0.01
     assert np.linalg.norm(own_axis - axis, axis=1).max() < 0.01 * largest
     assert np.linalg.norm(own_tip - tip) < 0.01 * largest
+
+
+@pytest.mark.slow
+def test_a_colon_is_drawn_to_a_shaft_as_natively() -> None:
+    """A vine straight across a bend: the axis moves as natively within 1 % of its largest way, and not so undrawn.
+
+    Natively the axis takes its first step with the second of MuJoCo's.
+    """
+    pytest.importorskip("warp", reason="MuJoCo Warp is not installed")
+    found = load_device("vine")
+    assert isinstance(found, Vine)
+    axes = {}
+    for name, kind, steps in (("native", Vine, 4), ("warp", Vine, 3), ("native", Undrawn, 4)):
+        device = kind(**{**vars(found), "length": 0.3})
+        options = device_options(device, mesentery=True, start_depth=0.2)
+        scene = build_device_scene(device, options, pose=pose_in(COLONS[1], device, options))
+        one = load_device_worlds(name, scene, device_tables(scene, [COLONS[1]]))
+        assert one.step(np.zeros((1, len(device.controls))), steps).all()
+        assert one.displacement is not None
+        axes[name, kind] = one.displacement[0, :, :3]
+    native, warp, undrawn = axes.values()
+    largest = np.linalg.norm(native, axis=1).max()
+    assert largest > 1e-3
+    assert np.linalg.norm(warp - native, axis=1).max() < 0.01 * largest
+    assert np.linalg.norm(undrawn - native, axis=1).max() > 0.1 * largest
 
 
 @pytest.mark.slow

@@ -116,6 +116,18 @@ def test_what_a_dead_writer_had_claimed_waits_again(tmp_path: Path) -> None:
         assert [job.id for job in store.claim(2)] == [1, 2]
 
 
+def test_jobs_that_share_a_call_can_be_of_one_design(tmp_path: Path) -> None:
+    with _open(tmp_path) as store:
+        total = store.counts()["pending"]
+        store.begin_session(backend="native", pool="here", one_design=True)
+        claimed = []
+        while jobs := store.claim(total):
+            assert len({job.design for job in jobs}) == 1
+            claimed.append(jobs)
+        assert sum(map(len, claimed)) == total
+        assert len(claimed) == len({jobs[0].design for jobs in claimed})
+
+
 def test_nothing_is_recorded_twice(tmp_path: Path) -> None:
     with _open(tmp_path) as store:
         store.begin_session(backend="native", pool="here")

@@ -6,7 +6,7 @@ import numpy as np
 import polars
 import pytest
 
-from haustra.envs.study.optimise import GENERATION, run_optimise
+from haustra.envs.study.optimise import run_optimise
 from haustra.envs.study.run import Computing
 from haustra.envs.study.sensitivity import run_sensitivity, saltelli, sobol_indices
 from haustra.envs.study.store import read_store
@@ -39,7 +39,7 @@ def test_it_finds_half_a_pitch_and_full_bellows_and_repeats_itself_after_an_inte
     assert abs(least["spacing"] % 1 - 0.5) < 0.08
     assert least["ripple_fraction"] < 0.06
     assert front["force_N"].to_numpy().max() > 2.8
-    _killed(tmp_path / "parts", asked, after=GENERATION + 3)
+    _killed(tmp_path / "parts", asked, after=asked.budget.generation + 3)
     run_optimise(asked, tmp_path / "parts", TWO, resume=True)
     assert (tmp_path / "parts" / "results.csv").read_bytes() == (tmp_path / "whole" / "results.csv").read_bytes()
 

@@ -12,11 +12,26 @@ from haustra.models.devices.base import load_device
 from haustra.models.devices.tracked.interface import TrackedRobot
 from haustra.models.devices.tracked.published import STRESSES_KPA
 from haustra.scripts.bench.pages.reach_page import reach_page
-from haustra.scripts.bench.reach import AT_ONCE, FIRST_SEED, bench_reach, held_run, slip_work, stopped_by, summary
+from haustra.scripts.bench.reach import (
+    AT_ONCE,
+    FIRST_SEED,
+    bench_reach,
+    held_run,
+    sizes,
+    slip_work,
+    stopped_by,
+    summary,
+)
 
 
 def robot() -> TrackedRobot:
     found = load_device("tracked")
+    assert isinstance(found, TrackedRobot)
+    return found
+
+
+def wide() -> TrackedRobot:
+    found = load_device("tracked-wide")
     assert isinstance(found, TrackedRobot)
     return found
 
@@ -65,9 +80,11 @@ def test_runs_are_kept_and_the_page_holds_them(tmp_path: Path) -> None:
         "tracked": {"summary": summary(rows), "held": [held], "runs": [*rows, {**row, "seed": 1, "came_m": 9.0}, none]},
         "longer": {"summary": summary([other]), "held": [], "runs": [other]},
     }
+    found["tracked"]["design"], found["longer"]["design"] = sizes(robot()), sizes(wide())
     page = reach_page({"seconds": 2.0, "robots": found})
     assert "| 0.13 m | 0.100 m | 30 s | time | sigmoid | 35 mm | 30 mm | 20 % | 0.25 |" in page
     assert "| 40 (90) kPa |" in page and "it fits nowhere" in page
+    assert "| largest [mm] | 37.9 | 60 |" in page and "| bellows | closed | held |" in page
     assert "| 3.00 x |" in page and "time (1)" in page and "| 190.0 mN | +1.0 % |" in page
 
 
