@@ -109,10 +109,10 @@ class LumenSurface:
 
     def needed(self, stretches: Int[np.ndarray, " some"]) -> Int[np.ndarray, " more"]:
         """Stretches that hold the corners of these stretches' triangles, and of the triangles beside them."""
-        wanted = np.zeros(self.count + 2, bool)
-        for stretch in stretches:
-            wanted[max(stretch - 1, 0) : self._last[stretch] + 2] = True
-        return np.flatnonzero(wanted[: self.count])
+        more = np.zeros(self.count + 3, np.int64)
+        np.add.at(more, np.maximum(stretches - 1, 0), 1)
+        np.subtract.at(more, self._last[stretches] + 2, 1)
+        return np.flatnonzero(np.cumsum(more)[: self.count])
 
     def bring(self, stretch: int) -> None:
         """Bring the vertices of a stretch to where they are now."""
