@@ -130,8 +130,10 @@ def bench_shader(
 ) -> list[dict[str, Any]]:
     """Frames a second by OpenGL with the mucosa's shader, in a colon that moves on its mesentery.
 
-    A picture is one whose colon, scope and camera are new, back in the host's memory. Beside rates stand the parts of a
-    frame, and how the last picture differs from that of exact rays.
+    A picture is one whose colon, scope and camera are new, back in the host's memory. `frames_per_s` and
+    `pictures_per_s` fetch each picture while the next is drawn, `_alone` before anything else is done. Beside rates
+    stand the parts of a frame, by the host's clock and by the device's own, and how the last picture differs from that
+    of exact rays.
 
     Args:
         colon: the colon.
@@ -154,13 +156,14 @@ def bench_shader(
         pose = moving.bring(surface)
         row: dict[str, Any] = {"renderer": "opengl, mucosa's shader", "on": drawn.device.name, "joints": count}
         row["triangles"] = len(colon.lumen.faces)
-        row["frames_per_s"] = _rate(lambda now=moving: drawn.picture(now.bring(surface, steps=1)))
-        row["frames_per_s_overlapped"] = _rate(lambda now=moving: _overlapped(drawn, now, surface))
-        row["frames_per_s_real_time"] = _rate(lambda now=moving: drawn.picture(now.bring(surface, steps=4)))
-        row["pictures_per_s"] = _rate(lambda now=moving: drawn.picture(now.bring(surface)))
+        for name, steps in (("frames_per_s", 1), ("frames_per_s_real_time", 4), ("pictures_per_s", 0)):
+            row[name] = _overlapped(drawn, moving, surface, steps)
+        row["frames_per_s_alone"] = _rate(lambda now=moving: drawn.picture(now.bring(surface, steps=1)))
+        row["pictures_per_s_alone"] = _rate(lambda now=moving: drawn.picture(now.bring(surface)))
         row["draw_ms"] = 1e3 / _rate(lambda at=pose: drawn.picture(at))
         row["submit_ms"] = 1e3 / _rate(lambda at=pose: drawn.draw(at))
         row["surface_ms"] = 1e3 / _rate(lambda now=moving: now.bring(surface))
+        row |= _device_times(drawn, pose)
         row["steps_per_s"] = _rate(lambda now=moving: now.step(1))
         row["colon_moved_mm"] = 1e3 * moving.moved()
         pose = moving.bring(surface)
@@ -176,11 +179,23 @@ def bench_shader(
     return rows
 
 
-def _overlapped(drawn: GlEndoscope, moving: "_Moving", surface: MovingSurface) -> None:
-    """A frame whose physics step is worked out while the picture before is drawn."""
-    drawn.draw(moving.bring(surface))
-    moving.step(1)
-    drawn.fetch()
+def _overlapped(drawn: GlEndoscope, moving: "_Moving", surface: MovingSurface, steps: int) -> float:
+    """Frames a second, each some physics steps and a picture that is fetched when the next is under way."""
+    last = drawn.draw(moving.bring(surface))
+
+    def frame() -> None:
+        nonlocal last
+        under_way = drawn.draw(moving.bring(surface, steps=steps))
+        drawn.fetch(last)
+        last = under_way
+
+    return _rate(frame)
+
+
+def _device_times(drawn: GlEndoscope, pose: CameraPose) -> dict[str, float]:
+    """Medians of the times that the parts of a picture take on the device [ms]."""
+    found = [drawn.part_times(pose) for _ in range(_FRAMES)]
+    return {f"{part}_device_ms": 1e3 * float(np.median([each[part] for each in found])) for part in found[0]}
 
 
 def _processor_times(scope: Endoscope, bring: Callable[[], CameraPose]) -> dict[str, float]:

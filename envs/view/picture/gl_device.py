@@ -122,6 +122,14 @@ class GlDevice:
         self.gl.glDispatchCompute(count, 1, 1)
         self.gl.glMemoryBarrier(self.gl.GL_SHADER_STORAGE_BARRIER_BIT)
 
+    def groups_of(self, held: int) -> None:
+        """Run the program in use in as many groups as the second to fourth number of a buffer say."""
+        gl = self.gl
+        gl.glBindBuffer(gl.GL_DISPATCH_INDIRECT_BUFFER, held)
+        gl.glMemoryBarrier(gl.GL_COMMAND_BARRIER_BIT)
+        gl.glDispatchComputeIndirect(4)
+        gl.glMemoryBarrier(gl.GL_SHADER_STORAGE_BARRIER_BIT)
+
     def mark(self, part: str) -> None:
         """A part of a picture begins here, if it is timed."""
         if self._marks is not None:
@@ -135,9 +143,15 @@ class GlDevice:
         work()
         self.mark("")
         marks, self._marks = self._marks, None
-        times = [int(gl.glGetQueryObjectui64v(query, gl.GL_QUERY_RESULT)) for _, query in marks]
+        times = [self._told(query) for _, query in marks]
         gl.glDeleteQueries(len(marks), [query for _, query in marks])
         return {part: 1e-9 * (end - begin) for (part, _), begin, end in zip(marks, times, times[1:], strict=False)}
+
+    def _told(self, query: int) -> int:
+        raw = importlib.import_module("OpenGL.raw.GL.VERSION.GL_3_3")  # PyOpenGL's own wrapper knows no such numbers
+        found = ctypes.c_uint64()
+        raw.glGetQueryObjectui64v(query, self.gl.GL_QUERY_RESULT, ctypes.byref(found))
+        return found.value
 
 
 class HostCopy:

@@ -20,7 +20,7 @@ from jaxtyping import Float, Int, UInt8
 from haustra.envs.view.picture import gl_shaders, mucosa
 from haustra.envs.view.picture.appearance import Appearance
 from haustra.envs.view.picture.gl_device import GlDevice, HostCopy
-from haustra.envs.view.picture.gl_shaders import FOUR, GROUPS, NONE, SPARSE
+from haustra.envs.view.picture.gl_shaders import FOUR, NONE, SPARSE
 from haustra.envs.view.picture.lens import Lens
 from haustra.envs.view.picture.light import Light, Response
 from haustra.envs.view.picture.renderer import MOST, CameraPose, radii, triangles_around
@@ -110,7 +110,7 @@ class GlEndoscope:
             "lens": np.moveaxis(planes, 0, -1).astype(np.float32),
             "nearest": np.full(pixels, NONE, np.uint32),
             "own": np.full(pixels, NONE, np.uint32),
-            "large": np.zeros(1 + len(own.faces), np.uint32),
+            "large": np.concatenate([[0, 0, 1, 1], np.zeros(len(own.faces))]).astype(np.uint32),
             "light": np.zeros((pixels, 4), np.float32),
             "gain": np.zeros(2, np.float32),
             "bright": np.zeros(-(-lens.width // SPARSE) * -(-lens.height // SPARSE), np.uint32),
@@ -194,7 +194,7 @@ class GlEndoscope:
             gl.glUniform1i(stage, bit)
             device.over(program, triangles)
             gl.glUniform1i(stage, 2 + bit)
-            device.groups(GROUPS)
+            device.groups_of(held["large"])
         device.mark("shading")
         device.write(held["common"], common_numbers(self.appearance, pose, self._light, self._pixel))
         program = self._use("shade")

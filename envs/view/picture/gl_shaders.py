@@ -28,8 +28,10 @@ NONE = 0xFFFFFFFF
 """Of a pixel whose ray meets nothing."""
 LARGEST = 64
 """Triangles with more pixels about them than this are looked at by a group of threads each, others by one."""
-GROUPS = 2048
-"""Groups that share the large triangles of a picture."""
+GROUPS = 4096
+"""Groups that share the large triangles of a picture at most."""
+LISTED = 4
+"""The list of large triangles begins with how many there are, and with three numbers of groups that are to look."""
 FOUR = 4
 """Pixels of a thread that makes bytes: four times three bytes are three whole numbers."""
 _HEAD = f"#version 430\nlayout(local_size_x = {GROUP}) in;\n"
@@ -214,7 +216,11 @@ void look(int face, int thread, int threads) {{
   ivec4 about = box(a, b, c, i, j, k);
   int columns = about.z - about.x + 1, count = columns * (about.w - about.y + 1);
   if (threads == 1 && count > {LARGEST}) {{
-    if (stage == 0) large[1u + atomicAdd(large[0], 1u)] = uint(face);
+    if (stage == 0) {{
+      uint at = atomicAdd(large[0], 1u);
+      large[{LISTED}u + at] = uint(face);
+      atomicMax(large[1], min(at + 1u, {GROUPS}u));
+    }}
     return;
   }}
   for (int n = thread; n < count; n += threads)
@@ -226,7 +232,7 @@ void main() {{
     if (face < last) look(face, 0, 1);
   }} else
     for (uint n = gl_WorkGroupID.x; n < large[0]; n += gl_NumWorkGroups.x)
-      look(int(large[1u + n]), int(gl_LocalInvocationID.x), {GROUP});
+      look(int(large[{LISTED}u + n]), int(gl_LocalInvocationID.x), {GROUP});
 }}
 """
     return _HEAD + buffers + given + _PROJECT + text
@@ -387,7 +393,7 @@ void main() {{
     : first ? wanted : pow(gain[0], inertia) * pow(wanted, 1.0 - inertia);
   gain[0] = fixed_gain > 0.0 ? fixed_gain : now;
   gain[1] = 1.0;
-  large[0] = 0u;
+  large[0] = large[1] = 0u;
 }}
 """
 
