@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -28,6 +28,25 @@ _BEFORE = 200
 _FRAMES = 50
 _LEAST_TIME = 0.5
 """Rates are measured for at least so long [s]."""
+
+
+class Looked(NamedTuple):
+    """A colon that moves, and exact rays into it."""
+
+    colon: Colon
+    design: ScopeDesign
+    tables: Tables
+    surface: MovingSurface
+    scope: Endoscope
+
+
+def looked_into(colon: Colon, design: ScopeDesign, *, width: int, height: int) -> Looked:
+    """Hang a colon on its mesentery, and look into it by a scope's lens in pictures of that size [pixels]."""
+    table = lumen_table(colon, device_radius=design.diameter / 2, with_mesentery=True)
+    tables = stack([table.seen_from(*entry_of(colon))])
+    surface = MovingSurface(colon, tables, *entry_of(colon))
+    scope = Endoscope(colon, lens_of(design.tip, width, height), surface=surface)
+    return Looked(colon, design, tables, surface, scope)
 
 
 def bench_view(
@@ -75,12 +94,9 @@ def bench_view(
 
 
 def bench_rays(
-    colon: Colon,
-    design: ScopeDesign,
+    looked: Looked,
     counts: Sequence[int],
     *,
-    width: int,
-    height: int,
     progress: Callable[[int, str], None] = lambda done, note: None,
 ) -> list[dict[str, Any]]:
     """Frames a second without OpenGL in a colon that moves on its mesentery, each a physics step and a picture.
@@ -88,17 +104,11 @@ def bench_rays(
     Beside them stands the processor time of a picture's parts, which other work on the cores changes less.
 
     Args:
-        colon: the colon.
-        design: the scope.
+        looked: the colon.
         counts: numbers of joints.
-        width: columns of a picture.
-        height: rows of a picture.
         progress: told counts done.
     """
-    table = lumen_table(colon, device_radius=design.diameter / 2, with_mesentery=True)
-    tables = stack([table.seen_from(*entry_of(colon))])
-    surface = MovingSurface(colon, tables, *entry_of(colon))
-    scope = Endoscope(colon, lens_of(design.tip, width, height), surface=surface)
+    colon, design, tables, surface, scope = looked
     rows = []
     for count in counts:
         moving = _Moving(colon, design, count, mesentery=True, tables=tables)
@@ -120,12 +130,9 @@ def bench_rays(
 
 
 def bench_shader(
-    colon: Colon,
-    design: ScopeDesign,
+    looked: Looked,
     counts: Sequence[int],
     *,
-    width: int,
-    height: int,
     progress: Callable[[int, str], None] = lambda done, note: None,
 ) -> list[dict[str, Any]]:
     """Frames a second by OpenGL with the mucosa's shader, in a colon that moves on its mesentery.
@@ -136,17 +143,11 @@ def bench_shader(
     of exact rays.
 
     Args:
-        colon: the colon.
-        design: the scope.
+        looked: the colon.
         counts: numbers of joints.
-        width: columns of a picture.
-        height: rows of a picture.
         progress: told counts done.
     """
-    table = lumen_table(colon, device_radius=design.diameter / 2, with_mesentery=True)
-    tables = stack([table.seen_from(*entry_of(colon))])
-    surface = MovingSurface(colon, tables, *entry_of(colon))
-    scope = Endoscope(colon, lens_of(design.tip, width, height), surface=surface)
+    colon, design, tables, surface, scope = looked
     drawn = GlEndoscope(colon, scope.renderer.lens, surface=surface, appearance=scope.appearance)
     rows = []
     for count in counts:
