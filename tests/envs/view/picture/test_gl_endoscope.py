@@ -132,4 +132,4 @@ def test_laws_are_written_down() -> None:
     ]
     with pytest.raises(TypeError, match=r"xp\.where"):
         bool(index < 1)
-    assert write_shade((0, 1), 3).count("lattice(") == 1 + 2 * 8 and "device[" in write_carry()
+    assert write_shade((0, 1), 3).count("lattice(") == 1 + 2 * 10 and "device[" in write_carry()
