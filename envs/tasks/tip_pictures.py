@@ -120,7 +120,18 @@ class TipPictures:
         about = {"kinds": self._kinds, "guides": self._guides, "angles": self._angles, "reach": RANGE}
         about["tiled"] = lanes == 1 and self._size % max(TILE) == 0
         text = write_look(lanes=lanes, moving=self._nodes > 0, **about)
-        names = ("stations", "corners", "places", "known", "landmarks", "lattice", "common", "lens", "light", "distance")
+        names = (
+            "stations",
+            "corners",
+            "places",
+            "known",
+            "landmarks",
+            "lattice",
+            "common",
+            "lens",
+            "light",
+            "distance",
+        )
         arrays = [views, *(held[name] for name in names)]
         self._launcher.run("look", text, arrays, (blocks, self._pixels, self._nodes, self._size), worlds)
         counts = of_samples, self._samples, self._columns**2, self._columns, self._size, self._pixels

@@ -11,6 +11,7 @@ import numpy as np
 from haustra.envs.control.follower import FollowerSettings, LumenFollower
 from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.sim.linear.single import LinearSingle
+from haustra.envs.sim.state import Readings
 from haustra.envs.view.picture.endoscope import Endoscope
 from haustra.envs.view.picture.gl_endoscope import GlEndoscope
 from haustra.envs.view.picture.in_sight import LumenInSight
@@ -228,6 +229,7 @@ class _Moving:
         options = replace(options, mesentery=mesentery)
         self.engine = LinearSingle(build_scene(colon, None, design, options), tables=tables)
         self.sight = LumenInSight(self.engine.model)
+        self._seen: Readings | None = None
         self._tracker = ArcTracker(colon.centreline, start=options.start_depth)
         self._follower = LumenFollower(
             colon.centreline, design, tip_links=self.engine.scene.cable.tip_links, settings=FollowerSettings()
@@ -237,17 +239,24 @@ class _Moving:
     def arc(self) -> float:
         return self._tracker.arc
 
+    def _read(self) -> Readings:
+        """What is read after the last step, once."""
+        if self._seen is None:
+            self._seen = self.engine.read()
+        return self._seen
+
     def step(self, count: int) -> None:
-        seen = self.engine.read()
+        seen = self._read()
         self._tracker.update(seen.tip)
         interval = count * self.engine.scene.options.timestep
         self.engine.step(self._follower.act(seen, self.arc, interval), count)
+        self._seen = None
 
     def bring(self, surface: MovingSurface, *, steps: int = 0) -> CameraPose:
         """Step, take the surface to where the colon is then, with the scope in it, and return the camera's pose."""
         if steps:
             self.step(steps)
-        seen, engine = self.engine.read(), self.engine
+        seen, engine = self._read(), self.engine
         surface.move(engine.displacements(engine.rows())[0])
         cable = engine.scene.cable
         path = engine.shape()[cable.node_distances < seen.insertion]

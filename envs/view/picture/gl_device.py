@@ -181,9 +181,15 @@ class HostCopy:
         gl.glFlush()
 
     def bytes(self) -> UInt8[np.ndarray, " bytes"]:
-        """What was copied, when it is there; changed by the next copy."""
+        """What was copied, when it is there; changed by the next copy.
+
+        Raises:
+            MissingDependencyError: when the driver does not finish.
+        """
         gl = self._device.gl
-        gl.glClientWaitSync(self._fence, gl.GL_SYNC_FLUSH_COMMANDS_BIT, _NEVER)
+        done = gl.glClientWaitSync(self._fence, gl.GL_SYNC_FLUSH_COMMANDS_BIT, _NEVER)
+        if done not in (gl.GL_ALREADY_SIGNALED, gl.GL_CONDITION_SATISFIED):
+            raise MissingDependencyError(f"OpenGL on {self._device.name} finished no picture: use the rays instead.")
         return self._bytes
 
 

@@ -41,7 +41,19 @@ TILE = 8, 4
 """Columns and rows that neighbouring threads of a graphics processor look at."""
 LANES = 16
 """Pixels of a CPU that are worked out at a time."""
-LOOK = ("views", "stations", "corners", "places", "known", "landmarks", "lattice", "common", "lens", "light", "distance")
+LOOK = (
+    "views",
+    "stations",
+    "corners",
+    "places",
+    "known",
+    "landmarks",
+    "lattice",
+    "common",
+    "lens",
+    "light",
+    "distance",
+)
 LOOK_COUNTS = ("blocks", "pixels", "nodes", "width", "first", "last")
 """Arguments of the program that looks."""
 PLACES = ("light", "bright"), ("blocks", "samples", "used", "columns", "width", "pixels", "first", "last")

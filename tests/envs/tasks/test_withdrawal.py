@@ -1,6 +1,7 @@
 """Withdrawal: it begins in the caecum, what is seen is paid, and it ends at the anus."""
 
 from functools import cache
+from itertools import pairwise
 
 import gymnasium
 import numpy as np
@@ -75,3 +76,15 @@ def pushed_in() -> tuple[Snapshot, ...]:
     backend.reset(np.arange(2), np.arange(2), Conditions(np.full(2, 0.03), np.full(2, 1500.0), np.ones(2)))
     backend.step(Controls(np.full(2, 0.04), np.zeros(2), np.zeros((2, 4))), 600)
     return tuple(backend.snapshot(world) for world in range(2))
+
+
+def test_a_withdrawal_through_a_colon_that_moves_is_seen_in_colour(monkeypatch):
+    """Red mucosa all the way, another picture after each step."""
+    monkeypatch.setattr(scope_task, "inserted_starts", lambda config, bank, backend: pushed_in())
+    about = {"observation": "pixels", "picture_size": 36, "mesentery": True, "bank": moving_bank(), "backend": "linear"}
+    made = gymnasium.make("Haustra/Withdrawal-v0", **about).unwrapped
+    pictures = [made.reset(seed=0)[0]]
+    for _ in range(5):
+        pictures.append(made.step(np.array([-1.0, 0.0, 0.0, 0.0], np.float32))[0])
+    assert all(each[..., 0].mean() > each[..., 2].mean() > 5 for each in pictures)
+    assert all((one != other).any() for one, other in pairwise(pictures))
