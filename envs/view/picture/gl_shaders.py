@@ -68,9 +68,10 @@ def write_carry() -> str:
         own.block("for (int p = 0; p < places; ++p)"),
     ):
         place, extra = own.row("device", own.given("2 * p", WHOLE)), own.row("device", own.given("2 * p + 1", WHOLE))
-        with own.when(extra[0] - FALL * xp.abs(place[3] - arc) > far):
+        most = extra[0] - FALL * xp.abs(place[3] - arc)
+        with own.when(most > far):
             reach = reached(xp, minus((place[0], place[1], place[2]), middle), ray, extra[1])
-            own.set(far, xp.maximum(far, reach))
+            own.set(far, xp.maximum(far, xp.minimum(reach, most)))
     here = minus(add(middle, times(xp.maximum(far, zero), ray)), own.vector("eye"))
     seen = [dot(here, own.vector(f"sides[{axis}]")) for axis in range(3)]
     own.say(f"vec3 own = vec3({', '.join(each.text for each in seen)}), shown = project(own);")
