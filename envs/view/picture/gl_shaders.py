@@ -25,7 +25,7 @@ SPARSE = 4
 UPPER = 0.75
 """Share of the lit places that are darker than what exposure goes by (see there)."""
 NONE = 0xFFFFFFFF
-"""Of a pixel whose ray meets nothing."""
+"""Number of a pixel whose ray meets nothing, and its distance."""
 LARGEST = 64
 """Triangles with more pixels about them than this are looked at by a group of threads each, others by one."""
 GROUPS = 4096
