@@ -235,7 +235,9 @@ class _Looking:
             rest, _ = self._at_rest(add(self._eye, times(away, self._ray)), self._arc)
             found = around(xp, self._line, self._angles, rest, self._arc)
             beside = xp.where(found.column == self._angles - 1, 0, found.column + 1)
-            row, after = (self._angles * (found.row + more) for more in range(2))
+            # On the outside of bends a place may be taken to be past the station that is ahead of it.
+            station = xp.int32(xp.floor(xp.clip(found.arc / self._line.step, 0.0, self._line.count - 2)))
+            row, after = (self._angles * (self._line.first + station + more) for more in range(2))
             one, other = self._vertex(row + found.column, away), self._vertex(after + beside, away)
             first = dot(self._ray, cross(minus(other, self._eye), minus(one, self._eye))) > 0
             last = self._vertex(xp.where(first, row + beside, after + found.column), away)
