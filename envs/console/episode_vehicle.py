@@ -23,7 +23,6 @@ from haustra.envs.view.picture.lens import lens_of
 from haustra.models.anatomy.store import load_colon
 from haustra.models.devices.scope.library import named_design
 from haustra.models.injury.bleeding import mucosal_shear
-from haustra.models.scene import entry_of
 
 _NAMES = ("push", "roll", "up", "left")
 _KNOBS = ("up", "left")
@@ -172,7 +171,7 @@ class EpisodeVehicle(Repeating):
 
 def episode_surroundings(bank: ColonSet) -> Surroundings:
     """The one colon of a bank, as its table knows it."""
-    colon, design = bank.cases[0].colon(), bank.design
+    tabulated, design = bank.cases[0], bank.design
     tables = bank.tables if bank.options.mesentery else None
     lens = lens_of(design.tip, LENS_SIZE, LENS_SIZE)
-    return Surroundings(colon, tables, *entry_of(colon), design.diameter / 2, lens)
+    return Surroundings(tabulated.colon(), tables, *tabulated.own_axes, design.diameter / 2, lens)

@@ -8,7 +8,6 @@ from haustra.envs.tasks.case import TabulatedColon
 from haustra.envs.view.picture.inside import lens_inside
 from haustra.envs.view.picture.outside import OutsideView, default_rotation
 from haustra.models.anatomy.colon import Surface
-from haustra.models.scene import entry_of
 from haustra.models.wall.lumen_table import stack
 
 
@@ -52,7 +51,7 @@ class MovingColon:
         self._displacement = at = displacement[:, : tables.mesentery.nodes.shape[1]]
         self._case, self._size = case, size
         rest = case.colon()
-        self._colon = CurrentColon(rest, tables, *entry_of(rest))
+        self._colon = CurrentColon(rest, tables, *case.own_axes)
         self._rotation = default_rotation(rest.lumen, case.points)
         ends = (self._colon.colon(moved).lumen.vertices for moved in (at[0], at[len(at) // 2], at[-1]))
         self._framed = np.vstack(list(ends))

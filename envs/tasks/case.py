@@ -72,6 +72,14 @@ class TabulatedColon:
         )
 
     @property
+    def own_axes(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
+        """Where the coordinates of its tables begin in those of `colon` [m], and their axes: the same.
+
+        Not `entry_of` that colon: its centreline has fewer stations, and so begins in a direction of its own.
+        """
+        return np.zeros(3), np.eye(3)
+
+    @property
     def segments(self) -> tuple[ColonSegment, ...]:
         """Rectum to caecum, or none."""
         places = zip(SEGMENTS, pairwise(self.borders.tolist()), strict=False)

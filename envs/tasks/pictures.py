@@ -10,7 +10,6 @@ from haustra.envs.view.picture.endoscope import Endoscope
 from haustra.envs.view.picture.lens import lens_of
 from haustra.envs.view.picture.renderer import CameraPose
 from haustra.envs.view.picture.surface import ColonSurface, MovingSurface
-from haustra.models.scene import entry_of
 from haustra.models.wall.lumen_table import stack
 
 Eye = tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]
@@ -80,7 +79,7 @@ class Pictures:
         tabulated = self._bank.cases[case]
         colon, lens = tabulated.colon(), lens_of(self._bank.design.tip, size, size)
         surface = (
-            MovingSurface(colon, stack([tabulated.with_mesentery()]), *entry_of(colon))
+            MovingSurface(colon, stack([tabulated.with_mesentery()]), *tabulated.own_axes)
             if moves
             else ColonSurface(colon)
         )

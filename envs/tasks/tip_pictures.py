@@ -46,6 +46,8 @@ class _Wall(NamedTuple):
 
     known: Float[np.ndarray, "stations angles 8"]
     """Normal into the lumen, and the columns of `haustra.envs.view.picture.mucosa`."""
+    places: Float[np.ndarray, "places 4"]
+    """Where the surface's vertices at stations and angles are at rest, and arc lengths beside them [m]."""
     lids: Float[np.ndarray, "2 8"]
     """Numbers alike of the middles of the lids at its anus and its end."""
     looks: Appearance
@@ -91,6 +93,7 @@ class TipPictures:
         real = {
             "stations": _stations(bank.cases),
             "corners": np.concatenate([_corners(case.sight).reshape(-1, 4) for case in bank.cases]),
+            "places": np.concatenate([wall.places for wall in walls]),
             "known": np.concatenate([wall.known.reshape(-1, 8) for wall in walls]),
             "landmarks": np.concatenate([_landmarks(wall, len(self._kinds)) for wall in walls]),
             "lattice": mucosa.corners(looks.lattice),
@@ -117,7 +120,18 @@ class TipPictures:
         about = {"kinds": self._kinds, "guides": self._guides, "angles": self._angles, "reach": RANGE}
         about["tiled"] = lanes == 1 and self._size % max(TILE) == 0
         text = write_look(lanes=lanes, moving=self._nodes > 0, **about)
-        names = ("stations", "corners", "known", "landmarks", "lattice", "common", "lens", "light", "distance")
+        names = (
+            "stations",
+            "corners",
+            "places",
+            "known",
+            "landmarks",
+            "lattice",
+            "common",
+            "lens",
+            "light",
+            "distance",
+        )
         arrays = [views, *(held[name] for name in names)]
         self._launcher.run("look", text, arrays, (blocks, self._pixels, self._nodes, self._size), worlds)
         counts = of_samples, self._samples, self._columns**2, self._columns, self._size, self._pixels
@@ -149,7 +163,8 @@ class TipPictures:
 def _wall(case: TabulatedColon, residue: Residue | None) -> _Wall:
     """Normals and looks of the surface of `TabulatedColon.colon`, whose first vertices are the table's places."""
     colon = case.colon()
-    surface = LumenSurface(colon.lumen, surface_arcs(colon))
+    arcs = surface_arcs(colon)
+    surface = LumenSurface(colon.lumen, arcs)
     looks = Appearance(colon, surface, residue=residue)
     vertices, faces = colon.lumen.vertices, colon.lumen.faces
     a, b, c = (vertices[faces[:, corner]] for corner in range(3))
@@ -159,7 +174,9 @@ def _wall(case: TabulatedColon, residue: Residue | None) -> _Wall:
     known = np.empty((len(vertices), 8))
     known[:, :3] = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
     known[surface.order, 3:] = looks.known
-    return _Wall(known[: case.sight.size].reshape(*case.sight.shape, 8), known[case.sight.size :], looks)
+    count = case.sight.size
+    places = np.column_stack([vertices, arcs])[:count]
+    return _Wall(known[:count].reshape(*case.sight.shape, 8), places, known[count:], looks)
 
 
 def _stations(cases: tuple[TabulatedColon, ...]) -> Float[np.ndarray, "stations 16"]:

@@ -277,8 +277,9 @@ def _indent(
         far = length
         if arcs[v] > ANUS:  # the lid there is no wall: the device comes in through it
             for p in range(len(at)):
-                if tops[p] - FALL * abs(at[p] - arcs[v]) > far:
-                    far = max(far, reached(np, minus(_node(places, 0, p), middle), ray, radius))
+                most = tops[p] - FALL * abs(at[p] - arcs[v])
+                if most > far:
+                    far = max(far, min(reached(np, minus(_node(places, 0, p), middle), ray, radius), most))
         if far > length:
             _put(vertices, 0, v, add(middle, times(far, ray)))
 

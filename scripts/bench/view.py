@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from haustra.envs.control.follower import FollowerSettings, LumenFollower
 from haustra.envs.runs.measure.progress import ArcTracker
 from haustra.envs.sim.linear.single import LinearSingle
+from haustra.envs.sim.state import Readings
 from haustra.envs.view.picture.endoscope import Endoscope
 from haustra.envs.view.picture.gl_endoscope import GlEndoscope
 from haustra.envs.view.picture.in_sight import LumenInSight
@@ -28,6 +29,25 @@ _BEFORE = 200
 _FRAMES = 50
 _LEAST_TIME = 0.5
 """Rates are measured for at least so long [s]."""
+
+
+class Looked(NamedTuple):
+    """A colon that moves, and exact rays into it."""
+
+    colon: Colon
+    design: ScopeDesign
+    tables: Tables
+    surface: MovingSurface
+    scope: Endoscope
+
+
+def looked_into(colon: Colon, design: ScopeDesign, *, width: int, height: int) -> Looked:
+    """Hang a colon on its mesentery, and look into it by a scope's lens in pictures of that size [pixels]."""
+    table = lumen_table(colon, device_radius=design.diameter / 2, with_mesentery=True)
+    tables = stack([table.seen_from(*entry_of(colon))])
+    surface = MovingSurface(colon, tables, *entry_of(colon))
+    scope = Endoscope(colon, lens_of(design.tip, width, height), surface=surface)
+    return Looked(colon, design, tables, surface, scope)
 
 
 def bench_view(
@@ -75,12 +95,9 @@ def bench_view(
 
 
 def bench_rays(
-    colon: Colon,
-    design: ScopeDesign,
+    looked: Looked,
     counts: Sequence[int],
     *,
-    width: int,
-    height: int,
     progress: Callable[[int, str], None] = lambda done, note: None,
 ) -> list[dict[str, Any]]:
     """Frames a second without OpenGL in a colon that moves on its mesentery, each a physics step and a picture.
@@ -88,17 +105,11 @@ def bench_rays(
     Beside them stands the processor time of a picture's parts, which other work on the cores changes less.
 
     Args:
-        colon: the colon.
-        design: the scope.
+        looked: the colon.
         counts: numbers of joints.
-        width: columns of a picture.
-        height: rows of a picture.
         progress: told counts done.
     """
-    table = lumen_table(colon, device_radius=design.diameter / 2, with_mesentery=True)
-    tables = stack([table.seen_from(*entry_of(colon))])
-    surface = MovingSurface(colon, tables, *entry_of(colon))
-    scope = Endoscope(colon, lens_of(design.tip, width, height), surface=surface)
+    colon, design, tables, surface, scope = looked
     rows = []
     for count in counts:
         moving = _Moving(colon, design, count, mesentery=True, tables=tables)
@@ -120,31 +131,24 @@ def bench_rays(
 
 
 def bench_shader(
-    colon: Colon,
-    design: ScopeDesign,
+    looked: Looked,
     counts: Sequence[int],
     *,
-    width: int,
-    height: int,
     progress: Callable[[int, str], None] = lambda done, note: None,
 ) -> list[dict[str, Any]]:
     """Frames a second by OpenGL with the mucosa's shader, in a colon that moves on its mesentery.
 
-    A picture is one whose colon, scope and camera are new, back in the host's memory. Beside rates stand the parts of a
-    frame, and how the last picture differs from that of exact rays.
+    A picture is one whose colon, scope and camera are new, back in the host's memory. `frames_per_s` and
+    `pictures_per_s` fetch each picture while the next is drawn, `_alone` before anything else is done. Beside rates
+    stand the parts of a frame, by the host's clock and by the device's own, and how the last picture differs from that
+    of exact rays.
 
     Args:
-        colon: the colon.
-        design: the scope.
+        looked: the colon.
         counts: numbers of joints.
-        width: columns of a picture.
-        height: rows of a picture.
         progress: told counts done.
     """
-    table = lumen_table(colon, device_radius=design.diameter / 2, with_mesentery=True)
-    tables = stack([table.seen_from(*entry_of(colon))])
-    surface = MovingSurface(colon, tables, *entry_of(colon))
-    scope = Endoscope(colon, lens_of(design.tip, width, height), surface=surface)
+    colon, design, tables, surface, scope = looked
     drawn = GlEndoscope(colon, scope.renderer.lens, surface=surface, appearance=scope.appearance)
     rows = []
     for count in counts:
@@ -154,13 +158,14 @@ def bench_shader(
         pose = moving.bring(surface)
         row: dict[str, Any] = {"renderer": "opengl, mucosa's shader", "on": drawn.device.name, "joints": count}
         row["triangles"] = len(colon.lumen.faces)
-        row["frames_per_s"] = _rate(lambda now=moving: drawn.picture(now.bring(surface, steps=1)))
-        row["frames_per_s_overlapped"] = _rate(lambda now=moving: _overlapped(drawn, now, surface))
-        row["frames_per_s_real_time"] = _rate(lambda now=moving: drawn.picture(now.bring(surface, steps=4)))
-        row["pictures_per_s"] = _rate(lambda now=moving: drawn.picture(now.bring(surface)))
+        for name, steps in (("frames_per_s", 1), ("frames_per_s_real_time", 4), ("pictures_per_s", 0)):
+            row[name] = _overlapped(drawn, moving, surface, steps)
+        row["frames_per_s_alone"] = _rate(lambda now=moving: drawn.picture(now.bring(surface, steps=1)))
+        row["pictures_per_s_alone"] = _rate(lambda now=moving: drawn.picture(now.bring(surface)))
         row["draw_ms"] = 1e3 / _rate(lambda at=pose: drawn.picture(at))
         row["submit_ms"] = 1e3 / _rate(lambda at=pose: drawn.draw(at))
         row["surface_ms"] = 1e3 / _rate(lambda now=moving: now.bring(surface))
+        row |= _device_times(drawn, pose)
         row["steps_per_s"] = _rate(lambda now=moving: now.step(1))
         row["colon_moved_mm"] = 1e3 * moving.moved()
         pose = moving.bring(surface)
@@ -176,11 +181,23 @@ def bench_shader(
     return rows
 
 
-def _overlapped(drawn: GlEndoscope, moving: "_Moving", surface: MovingSurface) -> None:
-    """A frame whose physics step is worked out while the picture before is drawn."""
-    drawn.draw(moving.bring(surface))
-    moving.step(1)
-    drawn.fetch()
+def _overlapped(drawn: GlEndoscope, moving: "_Moving", surface: MovingSurface, steps: int) -> float:
+    """Frames a second, each some physics steps and a picture that is fetched when the next is under way."""
+    last = drawn.draw(moving.bring(surface))
+
+    def frame() -> None:
+        nonlocal last
+        under_way = drawn.draw(moving.bring(surface, steps=steps))
+        drawn.fetch(last)
+        last = under_way
+
+    return _rate(frame)
+
+
+def _device_times(drawn: GlEndoscope, pose: CameraPose) -> dict[str, float]:
+    """Medians of the times that the parts of a picture take on the device [ms]."""
+    found = [drawn.part_times(pose) for _ in range(_FRAMES)]
+    return {f"{part}_device_ms": 1e3 * float(np.median([each[part] for each in found])) for part in found[0]}
 
 
 def _processor_times(scope: Endoscope, bring: Callable[[], CameraPose]) -> dict[str, float]:
@@ -212,6 +229,7 @@ class _Moving:
         options = replace(options, mesentery=mesentery)
         self.engine = LinearSingle(build_scene(colon, None, design, options), tables=tables)
         self.sight = LumenInSight(self.engine.model)
+        self._seen: Readings | None = None
         self._tracker = ArcTracker(colon.centreline, start=options.start_depth)
         self._follower = LumenFollower(
             colon.centreline, design, tip_links=self.engine.scene.cable.tip_links, settings=FollowerSettings()
@@ -221,17 +239,24 @@ class _Moving:
     def arc(self) -> float:
         return self._tracker.arc
 
+    def _read(self) -> Readings:
+        """What is read after the last step, once."""
+        if self._seen is None:
+            self._seen = self.engine.read()
+        return self._seen
+
     def step(self, count: int) -> None:
-        seen = self.engine.read()
+        seen = self._read()
         self._tracker.update(seen.tip)
         interval = count * self.engine.scene.options.timestep
         self.engine.step(self._follower.act(seen, self.arc, interval), count)
+        self._seen = None
 
     def bring(self, surface: MovingSurface, *, steps: int = 0) -> CameraPose:
         """Step, take the surface to where the colon is then, with the scope in it, and return the camera's pose."""
         if steps:
             self.step(steps)
-        seen, engine = self.engine.read(), self.engine
+        seen, engine = self._read(), self.engine
         surface.move(engine.displacements(engine.rows())[0])
         cable = engine.scene.cable
         path = engine.shape()[cable.node_distances < seen.insertion]

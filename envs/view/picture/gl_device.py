@@ -1,19 +1,22 @@
-"""An OpenGL device that draws without a window: programs of shaders, buffers, and what they are given."""
+"""An OpenGL device without a window: programs of compute shaders, buffers, and what they are given."""
 
 import atexit
 import ctypes
 import importlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from jaxtyping import UInt8
 
 from haustra.envs.view.picture.backends import best_backend
 from haustra.envs.view.picture.gl_shaders import GROUP
 from haustra.errors import MissingDependencyError
 
-_LEAST = 43
-"""Compute shaders came with OpenGL 4.3."""
+_LEAST = 44
+"""Compute shaders came with OpenGL 4.3, buffers that stay within the host's reach with 4.4."""
+_NEVER = 10**11
+"""What is not done after so many nanoseconds will never be."""
 _CONTEXTS = {"egl": "mujoco.egl", "osmesa": "mujoco.osmesa", "glfw": "mujoco.glfw"}
 
 
@@ -37,10 +40,11 @@ class GlDevice:
         gl = self.gl
         if 10 * gl.glGetIntegerv(gl.GL_MAJOR_VERSION) + gl.glGetIntegerv(gl.GL_MINOR_VERSION) < _LEAST:
             version = gl.glGetString(gl.GL_VERSION).decode()
-            raise MissingDependencyError(f"OpenGL here is {version}, pictures need 4.3: use the rays, which need none.")
+            raise MissingDependencyError(f"OpenGL here is {version}, pictures need 4.4: use the rays, which need none.")
         self.name: str = gl.glGetString(gl.GL_RENDERER).decode()
         """What draws."""
         self._places: dict[tuple[int, str], int] = {}
+        self._marks: list[tuple[str, int]] | None = None
 
     def make_current(self) -> None:
         """Let what follows go to this context."""
@@ -52,7 +56,7 @@ class GlDevice:
         self._context.free()
 
     def program(self, sources: Mapping[str, str]) -> int:
-        """A program of shaders, by their stage: compute, vertex, fragment."""
+        """A program of shaders, by their stage."""
         gl = self.gl
         program = gl.glCreateProgram()
         for stage, text in sources.items():
@@ -98,11 +102,10 @@ class GlDevice:
         gl.glBindBuffer(gl.GL_SHADER_STORAGE_BUFFER, held)
         gl.glGetBufferSubData(gl.GL_SHADER_STORAGE_BUFFER, 0, out.nbytes, out.ctypes.data_as(ctypes.c_void_p))
 
-    def bind(self, buffers: Sequence[int]) -> None:
+    def bind(self, buffers: np.ndarray) -> None:
         """Let programs have these buffers, in their order."""
         gl = self.gl
-        for binding, held in enumerate(buffers):
-            gl.glBindBufferBase(gl.GL_SHADER_STORAGE_BUFFER, binding, held)
+        gl.glBindBuffersBase(gl.GL_SHADER_STORAGE_BUFFER, 0, len(buffers), buffers)
 
     def over(self, program: int, ranges: Sequence[tuple[int, int]]) -> None:
         """Run the program in use over things from a first one to before a last one, range after range."""
@@ -112,7 +115,82 @@ class GlDevice:
             gl.glUniform1i(first_at, first)
             gl.glUniform1i(last_at, last)
             gl.glDispatchCompute(-(-(last - first) // GROUP), 1, 1)
-        gl.glMemoryBarrier(gl.GL_ALL_BARRIER_BITS)
+        gl.glMemoryBarrier(gl.GL_SHADER_STORAGE_BARRIER_BIT)
+
+    def groups(self, count: int) -> None:
+        """Run the program in use in so many groups."""
+        self.gl.glDispatchCompute(count, 1, 1)
+        self.gl.glMemoryBarrier(self.gl.GL_SHADER_STORAGE_BARRIER_BIT)
+
+    def groups_of(self, held: int) -> None:
+        """Run the program in use in as many groups as the second to fourth number of a buffer say."""
+        gl = self.gl
+        gl.glBindBuffer(gl.GL_DISPATCH_INDIRECT_BUFFER, held)
+        gl.glMemoryBarrier(gl.GL_COMMAND_BARRIER_BIT)
+        gl.glDispatchComputeIndirect(4)
+        gl.glMemoryBarrier(gl.GL_SHADER_STORAGE_BARRIER_BIT)
+
+    def mark(self, part: str) -> None:
+        """A part of a picture begins here, if it is timed."""
+        if self._marks is not None:
+            (query,) = np.ravel(self.gl.glGenQueries(1))
+            self.gl.glQueryCounter(query, self.gl.GL_TIMESTAMP)
+            self._marks.append((part, int(query)))
+
+    def timed(self, work: Callable[[], object]) -> dict[str, float]:
+        """How long the parts of some work took on the device, one after the other, by their names [s]."""
+        gl, self._marks = self.gl, []
+        work()
+        self.mark("")
+        marks, self._marks = self._marks, None
+        times = [self._told(query) for _, query in marks]
+        gl.glDeleteQueries(len(marks), [query for _, query in marks])
+        return {part: 1e-9 * (end - begin) for (part, _), begin, end in zip(marks, times, times[1:], strict=False)}
+
+    def _told(self, query: int) -> int:
+        raw = importlib.import_module("OpenGL.raw.GL.VERSION.GL_3_3")  # PyOpenGL's own wrapper knows no such numbers
+        found = ctypes.c_uint64()
+        raw.glGetQueryObjectui64v(query, self.gl.GL_QUERY_RESULT, ctypes.byref(found))
+        return found.value
+
+
+class HostCopy:
+    """Room in the host's memory into which the device copies the beginning of a buffer, while other work goes on."""
+
+    def __init__(self, device: GlDevice, size: int) -> None:
+        """For so many bytes."""
+        gl, self._device = device.gl, device
+        self._held, self._fence = int(gl.glGenBuffers(1)), None
+        flags = gl.GL_MAP_READ_BIT | gl.GL_MAP_PERSISTENT_BIT | gl.GL_MAP_COHERENT_BIT
+        gl.glBindBuffer(gl.GL_COPY_WRITE_BUFFER, self._held)
+        gl.glBufferStorage(gl.GL_COPY_WRITE_BUFFER, size, None, flags | gl.GL_CLIENT_STORAGE_BIT)
+        address = gl.glMapBufferRange(gl.GL_COPY_WRITE_BUFFER, 0, size, flags)
+        self._bytes = np.ctypeslib.as_array(ctypes.cast(address, ctypes.POINTER(ctypes.c_uint8)), (size,))
+
+    def begin(self, source: int) -> None:
+        """Copy from that buffer, as soon as all that writes it is done."""
+        gl = self._device.gl
+        if self._fence is not None:
+            gl.glDeleteSync(self._fence)
+        gl.glMemoryBarrier(gl.GL_BUFFER_UPDATE_BARRIER_BIT)
+        gl.glBindBuffer(gl.GL_COPY_READ_BUFFER, source)
+        gl.glBindBuffer(gl.GL_COPY_WRITE_BUFFER, self._held)
+        gl.glCopyBufferSubData(gl.GL_COPY_READ_BUFFER, gl.GL_COPY_WRITE_BUFFER, 0, 0, len(self._bytes))
+        gl.glMemoryBarrier(gl.GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT)
+        self._fence = gl.glFenceSync(gl.GL_SYNC_GPU_COMMANDS_COMPLETE, 0)
+        gl.glFlush()
+
+    def bytes(self) -> UInt8[np.ndarray, " bytes"]:
+        """What was copied, when it is there; changed by the next copy.
+
+        Raises:
+            MissingDependencyError: when the driver does not finish.
+        """
+        gl = self._device.gl
+        done = gl.glClientWaitSync(self._fence, gl.GL_SYNC_FLUSH_COMMANDS_BIT, _NEVER)
+        if done not in (gl.GL_ALREADY_SIGNALED, gl.GL_CONDITION_SATISFIED):
+            raise MissingDependencyError(f"OpenGL on {self._device.name} finished no picture: use the rays instead.")
+        return self._bytes
 
 
 def _said(log: Any) -> str:

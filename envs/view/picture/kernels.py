@@ -14,12 +14,12 @@ from numba import njit
 
 WIDE = 0.6
 """Edges seen under larger angles than this are followed through the lens instead of taken for straight [rad]."""
-_BEND = 0.3
+BEND = 0.3
 """A lens bends a short edge aside by less than this share of its length times its angle [1]: an eighth of both for
 radii in proportion to angles, twice that near the rim."""
-_SAMPLES = 12
+SAMPLES = 12
 """Places on a wide edge that are followed."""
-_MARGIN = 0.02
+MARGIN = 0.02
 """Rounding of places in the picture [pixels]."""
 
 
@@ -59,8 +59,8 @@ def see_vertices(vertices, first, last, eye, axes, lens, radii, most, local, ima
 @njit(nogil=True, cache=True, error_model="numpy")
 def _follow(a, b, lens, radii, most, box):
     """Widen a box by an edge as the lens bends it."""
-    for k in range(_SAMPLES + 1):
-        s = k / _SAMPLES
+    for k in range(SAMPLES + 1):
+        s = k / SAMPLES
         x, y, z = a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1]), a[2] + s * (b[2] - a[2])
         column, row, _ = _project(x, y, z, lens, radii, most)
         box[0], box[1] = min(box[0], column), max(box[1], column)
@@ -115,7 +115,7 @@ def find_boxes(faces, first, last, local, image, lens, radii, most, widest, widt
             _follow(b, c, lens, radii, most, box)
             _follow(c, a, lens, radii, most, box)
             left, right, top, bottom = box[0], box[1], box[2], box[3]
-            angle = angle / _SAMPLES
+            angle = angle / SAMPLES
         elif min(image[i, 2], image[j, 2], image[k, 2]) > widest + angle:
             continue
         else:
@@ -123,7 +123,7 @@ def find_boxes(faces, first, last, local, image, lens, radii, most, widest, widt
             right = max(image[i, 0], image[j, 0], image[k, 0])
             top = min(image[i, 1], image[j, 1], image[k, 1])
             bottom = max(image[i, 1], image[j, 1], image[k, 1])
-        margin = _MARGIN + _BEND * angle * max(right - left, bottom - top)
+        margin = MARGIN + BEND * angle * max(right - left, bottom - top)
         left, right = max(np.ceil(left - margin), 0.0), min(np.floor(right + margin), width - 1.0)
         top, bottom = max(np.ceil(top - margin), 0.0), min(np.floor(bottom + margin), height - 1.0)
         if left > right or top > bottom:

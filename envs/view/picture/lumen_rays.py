@@ -22,7 +22,7 @@ FAR = 0.35
 6 cm."""
 MOST_LOOKS = 200
 """A ray is looked for so often at most."""
-REFINED = 5
+REFINED = 1
 """So many of these between the last place in the lumen and the first in the wall."""
 LEAST_STEP, STEP_PER_DISTANCE, LARGEST_STEP = 2.5e-4, 0.01, 0.01
 """A ray goes on by at least this [m], and this share of how far it has come; and by at most this more [m]. Each is an

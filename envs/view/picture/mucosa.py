@@ -29,6 +29,8 @@ _RED, _GREEN, _BLUE = 0.16, 1.05, 1.25
 and blue than of red (Prahl, molar extinction), of which broad filters and scattering leave less; engineering choice."""
 _FINE = 1.6e-4
 """Fine vessels and ripples are drawn where a pixel sees less of the wall than this [m]."""
+_FROTH = 6e-4
+"""Bubbles are drawn where a pixel sees less of the wall than this [m]; engineering choice: a third of one."""
 _DEEP = 0.12
 """Distance over which light that other wall has sent on turns red [m]; engineering choice."""
 _PALE = 0.94, 0.86, 0.74
@@ -234,6 +236,18 @@ def wall_looks(xp: Any, place: WallPlace, size: Any, scene: Scene, only: Only) -
         lean = add(times(1 - 0.6 * thickness, looks.lean), times(0.30 * thickness * (0.5 - strand), slope))
         return looks._replace(pale=laid, lean=lean, gloss=looks.gloss * (1 + 1.2 * thickness))
 
+    def froth(looks: Looks) -> Looks:
+        # Bubbles in the mucus, in clusters: clear domes with a dark rim, each with a highlight of its own.
+        high, slope = ripple(place.rest, 560.0, (4.9, 2.8, 8.1))
+        veil, _ = ripple(place.rest, 90.0, (6.2, 3.5, 1.7))
+        least = 0.95 - 0.24 * xp.clip((veil + 0.7 * scene.mucus - 0.72) / 0.12, 0.0, 1.0)
+        clear = 1 - size / _FROTH
+        inside = clear * xp.clip((high - least) / 0.03, 0.0, 1.0)
+        rim = inside * xp.exp(-(((high - least) / 0.05) ** 2))
+        pale = tuple(own * (1 - 0.45 * rim) + 0.12 * inside * (1 - rim) for own in looks.pale)
+        lean = add(times(1 - inside, looks.lean), times(1.6 * inside, slope))
+        return looks._replace(pale=pale, lean=lean, gloss=looks.gloss * (1 + 1.5 * inside))
+
     looks = only(size < _FINE, refine, looks)  # what is finer than a pixel is not drawn
     looks = only(place.polyp > 0.01, redden, looks)  # polyps are redder, with pits
     # Beyond the dentate line there is skin.
@@ -250,7 +264,8 @@ def wall_looks(xp: Any, place: WallPlace, size: Any, scene: Scene, only: Only) -
     taken = (xp.exp(-share * looks.blood) for share in (_RED, _GREEN, _BLUE))
     looks = looks._replace(pale=tuple(own * left for own, left in zip(looks.pale, taken, strict=True)))
     looks = only(place.stool > 0.0, cover, looks)
-    return only(scene.mucus > 0.0, slime, looks)
+    looks = only(scene.mucus > 0.0, slime, looks)
+    return only((scene.mucus > 0.0) & (size < _FROTH), froth, looks)
 
 
 def _orifice(xp: Any, looks: Looks, landmark: Landmark, off: Vector, bend: Any) -> Looks:

@@ -34,14 +34,26 @@ from haustra.envs.view.picture.mucosa import Landmark, Scene, Sight, WallPlace, 
 from haustra.envs.view.picture.pixels import Pixels, begun, each_block
 from haustra.envs.view.picture.shader import lattice_of, only_where
 from haustra.models.wall.moving_colon import node_cell
-from haustra.models.wall.sections import Section, carried_normal, lengthening, taken_back
-from haustra.models.wall.vectors import Vector, add, between, dot, minus, norm, times
+from haustra.models.wall.sections import Section, carried, carried_normal, lengthening, taken_back
+from haustra.models.wall.vectors import Vector, add, between, cross, dot, minus, norm, times
 
 TILE = 8, 4
 """Columns and rows that neighbouring threads of a graphics processor look at."""
 LANES = 16
 """Pixels of a CPU that are worked out at a time."""
-LOOK = ("views", "stations", "corners", "known", "landmarks", "lattice", "common", "lens", "light", "distance")
+LOOK = (
+    "views",
+    "stations",
+    "corners",
+    "places",
+    "known",
+    "landmarks",
+    "lattice",
+    "common",
+    "lens",
+    "light",
+    "distance",
+)
 LOOK_COUNTS = ("blocks", "pixels", "nodes", "width", "first", "last")
 """Arguments of the program that looks."""
 PLACES = ("light", "bright"), ("blocks", "samples", "used", "columns", "width", "pixels", "first", "last")
@@ -62,6 +74,11 @@ COLON = 3
 """Where a row of a station says which colon it is of."""
 
 
+_FLAT = 2e-3
+"""The wall's triangles lie at most so far from the wall between the table's numbers, along a ray [m], and share
+`_FLAT_SHARE` of its length; engineering choice. Where they seem farther, it is another triangle that the ray meets."""
+_FLAT_SHARE = 0.05
+"""See there [1]."""
 _LEAST_LEFT = 0.02
 """False position leaves this share of the way from either end at least [1]."""
 
@@ -136,7 +153,7 @@ class _Looking:
         self._views = Rows(program, given["views"], VIEW // 4)
         self._row = thing.world * (given["nodes"] + 1)
         stations = Rows(program, given["stations"], STATION_ROW)
-        self._corners = Rows(program, given["corners"], 1)
+        self._corners, self._places = (Rows(program, given[name], 1) for name in ("corners", "places"))
 
         def station(row: Value) -> _Station:
             return _Station(*(_three(stations, row, 4 * part) for part in range(4)))
@@ -168,6 +185,7 @@ class _Looking:
         distance = program.variable(0.0)
         with program.when(within):
             away, met = self._followed(within)
+            away = self._on_triangle(away, met)
             distance.value = xp.where(within, xp.where(met, xp.minimum(away, reach), reach), 0.0)
             with program.when(met):
                 bands = self._shaded(away, kinds, guides)
@@ -205,6 +223,51 @@ class _Looking:
         end = _Followed(*now.now)
         self._arc = end.arc
         return end.way, end.met > 0
+
+    def _on_triangle(self, away: Value, met: Value) -> Value:
+        """How far along its ray the triangle is that the wall is there in the surface made of the table [m].
+
+        Its corners are taken along as that surface's vertices are, and pushed out by the tip.
+        """
+        program, xp = self._program, self._xp
+        flat = program.variable(away)
+        with program.when(met):
+            rest, _ = self._at_rest(add(self._eye, times(away, self._ray)), self._arc)
+            found = around(xp, self._line, self._angles, rest, self._arc)
+            beside = xp.where(found.column == self._angles - 1, 0, found.column + 1)
+            # On the outside of bends a place may be taken to be past the station that is ahead of it.
+            station = xp.int32(xp.floor(xp.clip(found.arc / self._line.step, 0.0, self._line.count - 2)))
+            row, after = (self._angles * (self._line.first + station + more) for more in range(2))
+            one, other = self._vertex(row + found.column, away), self._vertex(after + beside, away)
+            first = dot(self._ray, cross(minus(other, self._eye), minus(one, self._eye))) > 0
+            last = self._vertex(xp.where(first, row + beside, after + found.column), away)
+            normal = cross(minus(other, one), minus(last, one))
+            across = dot(self._ray, normal)
+            way = dot(minus(one, self._eye), normal) / xp.where(across * across > 0, across, 1.0)
+            # What is no triangle of the wall, such as a lid, stays as it was found; so do NaN.
+            near = xp.abs(way - away) < _FLAT + _FLAT_SHARE * away
+            on_lid = lumen_rays.lids(xp, self._line, found.arc, self._eye_arc) < LEAST_STEP
+            flat.value = xp.where(met & near & (across * across > 0) & ~on_lid, way, away)
+        return flat.value
+
+    def _vertex(self, row: Value, away: Value) -> Vector:
+        """Where a vertex of the surface made of the table is now [m], for rays that meet wall so far away [m]."""
+        xp, program = self._xp, self._program
+        rest, arc = _three(self._places, row, 0), self._places.read(row, 3)
+        axis = self._axis(arc)
+        middle, place = axis, rest
+        if self._moving:
+            cell = self._cell(arc)
+            middle = add(axis, between(*cell.places, cell.share))
+            before, after = (carried(section, minus(rest, axis)) for section in cell.sections)
+            place = add(middle, between(before, after, cell.share))
+        now = Changing(program, place)
+        with program.when(away < INDENTED):
+            out = minus(place, middle)
+            pushed = xp.maximum(lumen_rays.indented(xp, self._tip, middle, arc, place), 0.0)
+            now.now = add(place, times(xp.where(away < INDENTED, pushed, 0.0) / norm(xp, out), out))
+        x, y, z = now.now
+        return x, y, z
 
     def _room(self, way: Value, arc: Value) -> tuple[Value, Around]:
         """How far a place on the ray is from the wall, along the radius [m], and where it stands."""

@@ -109,10 +109,10 @@ class LumenSurface:
 
     def needed(self, stretches: Int[np.ndarray, " some"]) -> Int[np.ndarray, " more"]:
         """Stretches that hold the corners of these stretches' triangles, and of the triangles beside them."""
-        wanted = np.zeros(self.count + 2, bool)
-        for stretch in stretches:
-            wanted[max(stretch - 1, 0) : self._last[stretch] + 2] = True
-        return np.flatnonzero(wanted[: self.count])
+        more = np.zeros(self.count + 3, np.int64)
+        np.add.at(more, np.maximum(stretches - 1, 0), 1)
+        np.subtract.at(more, self._last[stretches] + 2, 1)
+        return np.flatnonzero(np.cumsum(more)[: self.count])
 
     def bring(self, stretch: int) -> None:
         """Bring the vertices of a stretch to where they are now."""
@@ -185,7 +185,7 @@ class ColonSurface(LumenSurface):
             places, at, top, radius = self.device
             near = top - FALL * (np.abs(at - self.arcs[first]) - 2 * STRETCH) > self._narrow[stretch]
             if near.any():
-                middles = self._line_at(self.arcs[first:last])[None]
+                middles = self._axis_beside(first, last)[None]
                 now = self.arcs[first:last], middles, radius, 0, last - first, self.vertices[None, first:last]
                 loops().indent(places[None, near], at[near], top[near], *now)
         self._fresh[stretch] = True
@@ -203,6 +203,10 @@ class ColonSurface(LumenSurface):
     def _carry(self, first: int, last: int) -> None:
         """Take some vertices to where they would be without a device."""
         self.vertices[first:last] = self._placed[first:last]
+
+    def _axis_beside(self, first: int, last: int) -> np.ndarray:
+        """Places of the axis beside some vertices, from which these are pushed away."""
+        return self._line_at(self.arcs[first:last])
 
     def _line_at(self, arcs: np.ndarray) -> np.ndarray:
         """Places of the centreline at arc lengths, where it is now."""
@@ -260,3 +264,8 @@ class MovingSurface(ColonSurface):
     def _carry(self, first: int, last: int) -> None:
         about = self._pose, self._shape, *self._cells, self._still, self._lever, self._axes
         loops().carry(*about, first, last, self.vertices)
+
+    def _axis_beside(self, first: int, last: int) -> np.ndarray:
+        at, share = (each[first:last] for each in self._cells)
+        moved = (1 - share[:, None]) * self._pose[0, at, :3] + share[:, None] * self._pose[0, at + 1, :3]
+        return self._axes[:, 3] + (self._still[0, first:last] + moved) @ self._axes[:, :3].T

@@ -66,7 +66,8 @@ def _distances(row: Mapping[str, Any] | None) -> str:
         return "not measured: no GPU" if "NVIDIA" in row["missing"] else f"not measured: {row['missing']}"
     if row["p99_mm"] < 0.001:
         return f"below 0.001 mm; {_share(row['within_1_mm'])}"
-    return f"{row['median_mm']:.2f}, {row['p99_mm']:.2f} mm; {_share(row['within_1_mm'])}"
+    median = "below 0.001" if row["median_mm"] < 0.001 else f"{row['median_mm']:.2f}"
+    return f"{median}, {row['p99_mm']:.2f} mm; {_share(row['within_1_mm'])}"
 
 
 def _share(share: float) -> str:

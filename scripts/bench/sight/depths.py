@@ -20,7 +20,6 @@ from haustra.envs.view.picture.surface import ColonSurface, LumenSurface, Moving
 from haustra.errors import MissingDependencyError
 from haustra.models.anatomy.colon import Surface
 from haustra.models.anatomy.rays import LumenRays
-from haustra.models.scene import entry_of
 from haustra.models.wall.lumen_table import stack
 from haustra.scripts.bench.sight.mitsuba_light import MitsubaScene, has_mitsuba
 from haustra.scripts.bench.sight.traced_scene import MM, traced_scene
@@ -103,7 +102,7 @@ def _tip(task: ScopeTask, world: int, size: int) -> Tip:
         if moved is None:
             surfaces.append(ColonSurface(colon))
             continue
-        moving = MovingSurface(colon, stack([tabulated.with_mesentery()]), *entry_of(colon))
+        moving = MovingSurface(colon, stack([tabulated.with_mesentery()]), *tabulated.own_axes)
         moving.move(moved[world])
         surfaces.append(moving)
     surface, untouched = surfaces

@@ -37,13 +37,16 @@ class BenchView:
         from haustra.scripts.bench.accuracy.refined_mesh import with_triangles
         from haustra.scripts.bench.machine import machine
         from haustra.scripts.bench.verbs.rods import joint_counts
-        from haustra.scripts.bench.view import bench_rays, bench_shader, bench_view
+        from haustra.scripts.bench.view import bench_rays, bench_shader, bench_view, looked_into
         from haustra.scripts.console import progress_bar
 
         counts, design = joint_counts(self.joints), named_design("adult")
         colon = with_triangles(grow_colon(seed=0), self.triangles)
         picture = {"width": self.width, "height": self.height}
-        benches = (bench_rays, bench_shader, bench_view) if backend else (bench_rays,)
-        with progress_bar("view", len(counts) * len(benches), unit="sizes") as advance:
-            rows = [row for bench in benches for row in bench(colon, design, counts, **picture, progress=advance)]
+        looked, rows = looked_into(colon, design, **picture), []
+        with progress_bar("view", len(counts) * (3 if backend else 1), unit="sizes") as advance:
+            for bench in (bench_rays, bench_shader) if backend else (bench_rays,):
+                rows += bench(looked, counts, progress=advance)
+            if backend:
+                rows += bench_view(colon, design, counts, **picture, progress=advance)
         return {"rows": rows, "opengl": backend, "pixels": f"{self.width} x {self.height}", "machine": machine()}

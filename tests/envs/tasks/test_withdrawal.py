@@ -1,6 +1,7 @@
 """Withdrawal: it begins in the caecum, what is seen is paid, and it ends at the anus."""
 
 from functools import cache
+from itertools import pairwise
 
 import gymnasium
 import numpy as np
@@ -103,3 +104,15 @@ def test_who_inspects_looks_to_where_nothing_was_seen_and_frees_what_is_stuck(mo
     assert turned == {-1.0, 0.0, 1.0}, "it is rolled one way, then the other"
     with pytest.raises(InvalidOptionError, match="withdraws"):
         InspectDriver(ScopeTask(TaskConfig(design=DESIGN, observation="state"), worlds=1, bank=short_bank()))
+
+
+def test_a_withdrawal_through_a_colon_that_moves_is_seen_in_colour(monkeypatch):
+    """Red mucosa all the way, another picture after each step."""
+    monkeypatch.setattr(scope_task, "inserted_starts", lambda config, bank, backend: pushed_in())
+    about = {"observation": "pixels", "picture_size": 36, "mesentery": True, "bank": moving_bank(), "backend": "linear"}
+    made = gymnasium.make("Haustra/Withdrawal-v0", **about).unwrapped
+    pictures = [made.reset(seed=0)[0]]
+    for _ in range(5):
+        pictures.append(made.step(np.array([-1.0, 0.0, 0.0, 0.0], np.float32))[0])
+    assert all(each[..., 0].mean() > each[..., 2].mean() > 5 for each in pictures)
+    assert all((one != other).any() for one, other in pairwise(pictures))

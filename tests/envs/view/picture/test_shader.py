@@ -1,5 +1,7 @@
 """The program that shades pixels is the mucosa's law as numpy computes it."""
 
+import functools
+
 import numpy as np
 
 from haustra.envs.view.picture import mucosa
@@ -8,6 +10,7 @@ from haustra.envs.view.picture.camera import looking
 from haustra.envs.view.picture.endoscope import Endoscope
 from haustra.envs.view.picture.lens import named_lens
 from haustra.envs.view.picture.light import Light, Response
+from haustra.envs.view.picture.mucosa import WallPlace, masked, wall_looks
 from haustra.envs.view.picture.numpy_shade import seen_pixels, shade_pixels
 from haustra.envs.view.picture.renderer import CameraPose, SurfaceView
 from tests.bent_colon import winding
@@ -55,3 +58,21 @@ def test_the_program_shades_as_the_law_says() -> None:
     off = np.concatenate(seen)
     assert len(off) > 7000
     assert (off <= 1).mean() >= 0.999, np.bincount(off)
+
+
+def test_bubbles_lie_in_mucus_and_are_seen_near_by() -> None:
+    """They shine more than mucus does, in some places; neither a clean wall has them, nor one that is far away."""
+    tube = swept_colon(winding([(0.1, 0.0)]), name="straight")
+    scope = Endoscope(tube, named_lens("endomapper").at(WIDTH, HEIGHT))
+    pose = CameraPose(np.array([0.05, 0.0, 0.0]), looking(np.array([1.0, 0.1, 0.3]), np.array([0.0, 0.0, 1.0])))
+    seen = seen_pixels(scope.appearance, scope.look(pose), Light())
+    away = np.random.default_rng(0).uniform(-0.03, 0.03, (3, 20_000))
+    place = WallPlace((away[0], away[1], away[2]), np.full(20_000, 0.3), *np.zeros((5, 20_000)))
+
+    def bubbles(mucus: float, size: float) -> float:
+        scene = seen.scene._replace(mucus=mucus)
+        looks = wall_looks(np, place, np.full(20_000, size), scene, functools.partial(masked, np))
+        return float((np.asarray(looks.gloss) > 2.3).mean())
+
+    assert 0.001 < bubbles(0.3, 1e-5) < bubbles(0.6, 1e-5) < 0.2
+    assert bubbles(0.0, 1e-5) == bubbles(0.6, 1e-3) == 0.0
