@@ -2,13 +2,12 @@
 
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import cache
-from multiprocessing import get_context
 from pathlib import Path
 
 from haustra.assets import asset, assets
+from haustra.children import children
 from haustra.envs.study.study import Value, Variable
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
@@ -174,7 +173,7 @@ def grow_patients(
         processes: how many.
         tell: told how many patients are ready.
     """
-    with ProcessPoolExecutor(min(processes, len(patients)), mp_context=get_context("spawn")) as pool:
+    with children(min(processes, len(patients))) as pool:
         for done, future in enumerate([pool.submit(_made_ready, one, tuple(radii)) for one in patients]):
             future.exception()
             tell(done + 1)

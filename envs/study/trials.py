@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.assets import asset, assets
+from haustra.children import cores
 from haustra.envs.study.run import Computing, run_sweep
 from haustra.envs.study.store import read_store
 from haustra.envs.study.study import Sampler, Study
@@ -243,7 +244,7 @@ def run_trials(
             raise UnsupportedSceneError(
                 f"The backend 'linear-gpu' cannot honour the gas of the trial '{name}'; linear can: name other trials."
             )
-    computing = Computing(backend=backend)
+    computing = Computing(backend=backend, workers=cores())
     for index, ((name, arm), study) in enumerate(studies.items()):
         progress(index, len(studies), f"{name}: {arm}")
         run_sweep(replace(study, title=study.hash), folder / ARMS / study.hash, computing, resume=True, tables=False)
