@@ -31,6 +31,7 @@ from haustra.envs.tasks.sight import Sight
 from haustra.errors import HaustraError, UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.files import find_design
+from haustra.models.devices.scope.library import at_body_temperature
 from haustra.models.presets import PRESETS, TABLE
 from haustra.models.scene import build_scene, entry_of
 from haustra.models.wall import mesentery
@@ -80,7 +81,7 @@ def _examined(
     study: Study, folder: Path, jobs: Sequence[Job], examiners: Sequence[Examiner], device: Literal["cpu", "cuda"]
 ) -> Iterable[Result]:
     """Results of patients who are examined in one batch, each by an examiner."""
-    design, policy = find_design(examiners[0].device), examiners[0].policy
+    design, policy = at_body_temperature(find_design(examiners[0].device)), examiners[0].policy
     own, patients, sound, settings = _Colons(design.diameter / 2), [], [], []
     filled = _filled(study)
     for job, examiner in zip(jobs, examiners, strict=True):
