@@ -5,11 +5,13 @@ from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import get_context, parent_process
-from threading import Thread
+from threading import RLock, Thread
 
 ONE_THREAD: dict[str, str] = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """Environment of processes that share a machine's cores: libraries that start a thread a core would fill it many times
 over."""
+_STARTING = RLock()
+"""Held while children compute: they read the environment of this process, which is changed for them."""
 
 
 def cores() -> int:
@@ -24,11 +26,18 @@ def children(count: int) -> Iterator[Executor]:
     A pool of the standard library alone outlives a parent that is killed: its processes wait for ever, and hold what
     the parent wrote to open, so that whoever reads that waits with them.
     """
+    new = get_context("spawn")
+    with _STARTING, _one_thread(), ProcessPoolExecutor(count, new, initializer=_end_with_parent) as pool:
+        yield pool
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Environment for new processes, which read it before anything of this package could change it there."""
     before = {name: os.environ.get(name) for name in ONE_THREAD}
-    os.environ.update(ONE_THREAD)  # a new process reads them before anything of this package could set them
+    os.environ.update(ONE_THREAD)
     try:
-        with ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=_end_with_parent) as pool:
-            yield pool
+        yield
     finally:
         for name, value in before.items():
             os.environ.pop(name) if value is None else os.environ.update({name: value})

@@ -173,13 +173,23 @@ def grow_patients(
         processes: how many.
         tell: told how many patients are ready.
     """
-    with children(min(processes, len(patients))) as pool:
-        for done, future in enumerate([pool.submit(_made_ready, one, tuple(radii)) for one in patients]):
+    missing = [one for one in patients if not all(_marker(one, radius).is_file() for radius in radii)]
+    if not missing:
+        return
+    with children(min(processes, len(missing))) as pool:
+        for done, future in enumerate([pool.submit(_made_ready, one, tuple(radii)) for one in missing]):
             future.exception()
-            tell(done + 1)
+            tell(len(patients) - len(missing) + done + 1)
 
 
 def _made_ready(patient: Patient, radii: Sequence[float]) -> None:
     colon = patient.colon()
     for radius in radii:
         lumen_table(colon, device_radius=radius)
+        _marker(patient, radius).touch()
+
+
+def _marker(patient: Patient, radius: float) -> Path:
+    """What stands beside a patient's colon once it is tabulated for scopes of that radius [m]."""
+    folder = patient.folder()
+    return folder.with_name(f"{folder.name}-{radius:.9g}")
