@@ -74,8 +74,8 @@ class EndoscopistSettings:
     calm: float = number("s", 0.0, 600.0, default=5.0)
     """Time without lumen passing for which one goes on gently [s]."""
     firmer: float = number("N/s", 0.0, 1e3, default=1.0)
-    """Rate at which one pushes harder from then on, until lumen passes [N/s]: twice as fast, one insertion in twenty puts
-    a wall at risk."""
+    """Rate at which one pushes harder from then on, until lumen passes [N/s]. Pushes that grow twice as fast put walls
+    at risk (docs/log/navigation.md)."""
     pull_force: float = number("N", 0.01, 1e3, default=17.0)
     """Pull at which withdrawal stands still [N]; clinics' largest is 17.7 N (Appleyard 2000)."""
     torque_limit: float = number("N m", 1e-3, 10.0, default=0.8)
