@@ -3,6 +3,7 @@
 import sys
 import tomllib
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from haustra.errors import HaustraError
@@ -45,7 +46,13 @@ def load_quantities(path: Path) -> dict[str, Quantity]:
     Raises:
         HaustraError: when an entry lacks a key, a unit or a source, or its value is outside its range.
     """
-    return dict(_flatten(tomllib.loads(path.read_text(encoding="utf-8")), path.name))
+    return dict(_parsed(path.read_text(encoding="utf-8"), path.name))
+
+
+@cache
+def _parsed(text: str, where: str) -> dict[str, Quantity]:
+    """Quantities of a file's text, which is parsed once: whoever builds many colons or scopes asks each time."""
+    return dict(_flatten(tomllib.loads(text), where))
 
 
 def _flatten(table: dict, where: str, prefix: str = ""):

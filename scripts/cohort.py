@@ -42,8 +42,10 @@ class Cohort:
         """Examine all patients and compare."""
         import time
 
+        from haustra.children import cores
         from haustra.envs.study.cohort import cohort_study
         from haustra.envs.study.cohort_table import observables, rows_of, verdicts
+        from haustra.envs.study.costs import costs
         from haustra.envs.study.run import Computing, run_sweep
         from haustra.envs.study.store import read_store
         from haustra.scripts.console import progress_bar
@@ -55,7 +57,7 @@ class Cohort:
             run_sweep(
                 study,
                 self.output,
-                Computing(backend=self.backend),
+                Computing(backend=self.backend, workers=cores()),
                 resume=self.resume,
                 tables=False,
                 progress=lambda done, total, note: advance(done, note, total),
@@ -64,7 +66,9 @@ class Cohort:
         with read_store(self.output) as store:
             found = observables(rows_of(store, driver=self.driver[0], device=self.device[0]))
             files = self._report(store, seconds) if self.report else {}
-        result = {"patients": study.sampler.count, "seconds": seconds, "observables": [one.to_json() for one in found]}
+        spent = {f"{part}_seconds": each for part, each in costs(self.output).items()}
+        result = {"patients": study.sampler.count, "seconds": seconds, **spent}
+        result["observables"] = [one.to_json() for one in found]
         if self.json:
             return result
         inside = verdicts(found)

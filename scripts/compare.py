@@ -32,15 +32,15 @@ class Compare:
 
     def __call__(self) -> dict[str, Any]:
         """Run what is missing, then write tables and page."""
+        from haustra.children import cores
         from haustra.envs.study.compare import CompareOptions, compared, comparison
         from haustra.envs.study.run import Computing, run_sweep
         from haustra.envs.view.report.compare_report import report_comparison
         from haustra.scripts.console import progress_bar
-        from haustra.scripts.sweep import _cores
 
         options = CompareOptions(seconds=self.seconds, patience=self.patience)
         study = comparison(self.devices, self.cohort, options)
-        computing = Computing(workers=self.workers or _cores())
+        computing = Computing(workers=self.workers or cores())
         with progress_bar("compare", 1, unit="runs") as advance:
 
             def tell(done: int, total: int, note: str) -> None:

@@ -38,13 +38,14 @@ class _StudyVerb:
 
     def __call__(self) -> dict[str, Any]:
         """Run the study."""
+        from haustra.children import cores
         from haustra.envs.study.run import Computing
         from haustra.envs.study.study_file import load_study
 
         study = load_study(self.study)
         computing = Computing(
             backend=self.backend,
-            workers=self.workers if self.workers is not None else _cores(),
+            workers=self.workers if self.workers is not None else cores(),
             on=self.on,
             partition=self.partition,
             address=self.address,
@@ -105,13 +106,6 @@ def _report(folder: Path) -> dict[str, str]:
     from haustra.envs.view.report.sweep_report import report_sweep
 
     return {"report": str(report_sweep(folder)[0])}
-
-
-def _cores() -> int:
-    """Cores that this process may use."""
-    import os
-
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextmanager

@@ -56,7 +56,7 @@ class EndoscopistSettings:
     steer_lead: float = number("rad", 0.01, 10.0, default=3.0)
     """Largest lead of the wires over the angle that the bending section has reached [rad]: enough to pull at a tip that
     a wall has caught as hard as wheels do. With 0.6 rad, tips stay bent over in the right colon."""
-    gentle_force: float = number("N", 0.01, 1e3, default=10.0)
+    gentle_force: float = number("N", 0.01, 1e3, default=8.0)
     """Push that is not exceeded while things go well [N]; 9.8 N are exceeded for 5 % of the time (Appleyard 2000)."""
     held_force: float = number("N", 0.01, 1e3, default=6.0)
     """Push that is left on the shaft while it is held [N]: the hand eases what is more."""
@@ -71,27 +71,28 @@ class EndoscopistSettings:
     """How long it pushes in one go [s]: quick strokes get on where slow ones only bow the colon."""
     pause: float = number("s", 0.0, 600.0, default=4.0)
     """How long it looks between two strokes, the hand eased [s]."""
-    calm: float = number("s", 0.0, 600.0, default=3.0)
+    calm: float = number("s", 0.0, 600.0, default=5.0)
     """Time without lumen passing for which one goes on gently [s]."""
-    firmer: float = number("N/s", 0.0, 1e3, default=2.0)
-    """Rate at which one pushes harder from then on, until lumen passes [N/s]."""
-    pull_force: float = number("N", 0.01, 1e3, default=13.0)
-    """Pull at which withdrawal stands still [N]."""
+    firmer: float = number("N/s", 0.0, 1e3, default=1.0)
+    """Rate at which one pushes harder from then on, until lumen passes [N/s]. Pushes that grow twice as fast put walls
+    at risk (docs/log/navigation.md)."""
+    pull_force: float = number("N", 0.01, 1e3, default=17.0)
+    """Pull at which withdrawal stands still [N]; clinics' largest is 17.7 N (Appleyard 2000)."""
     torque_limit: float = number("N m", 1e-3, 10.0, default=0.8)
     """Torque at which turning stands still [N m]."""
     withdraw_rate: float = number("m/s", 1e-4, 1.0, default=0.025)
     """Speed of pulling back [m/s]."""
     lost_shaft: float = number("m", 0.005, 1.0, default=0.3)
     """Shaft that goes in without lumen passing before a loop is felt [m]; as much more after each attempt."""
-    new_colon: float = number("m", 0.01, 2.0, default=0.25)
+    new_colon: float = number("m", 0.01, 2.0, default=0.2)
     """New colon after which the shaft is straightened at the next bend that holds the tip [m]."""
     hook: float = number("rad", 0.0, 3.0, default=1.0)
     """Bend of the tip from which on it holds in a bend of the colon while the shaft is pulled [rad]."""
-    slip: float = number("m", 1e-3, 0.5, default=0.03)
+    slip: float = number("m", 1e-3, 0.5, default=0.06)
     """Lumen that slips away before pulling back ends [m]."""
     least_pull: float = number("m", 1e-3, 0.5, default=0.04)
     """Pulling back goes at least this far [m]."""
-    most_pull: float = number("m", 1e-2, 2.0, default=0.3)
+    most_pull: float = number("m", 1e-2, 2.0, default=0.6)
     """And at most this far [m]."""
     twist: float = number("rad", 0.0, 4 * math.pi, default=4.7)
     """Angle that the shaft is turned through while pulling back, clockwise first [rad]."""

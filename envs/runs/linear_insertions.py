@@ -81,6 +81,7 @@ class LinearInsertions:
             raise InvalidOptionError(
                 "Drivers of one batch are of one kind, all straighten, or none does, and steer alike: make two batches."
             )
+        self._kept: Float[np.ndarray, "worlds slots"] | None = None
         self._settings, self._start = each, scene.options.start_depth if scopes is None else scopes.start
         self._steps = max(1, round(CONTROL_INTERVAL / scene.options.timestep))
         self.interval = self._steps * scene.options.timestep
@@ -123,6 +124,7 @@ class LinearInsertions:
         for name, values in (given or {}).items():
             backend.load(values) if name == "gravity" else backend.give(name, values)
         backend.tell_driver(0, self.program.numbers_of(self._settings, self._start))
+        self._kept = None
 
     def run(
         self,
@@ -148,10 +150,10 @@ class LinearInsertions:
             self._drive(first, first + count, hand)
             watch()
             progress((first + count) * self.interval)
-            tally = self.program.tally_of(self.backend.driver_numbers())
+            tally = self.program.tally_of(self.driver_numbers())
             if ((tally.ended > 0) | ~self.backend.alive).all():
                 break
-        seen, numbers, gas = self.backend.read(), self.backend.driver_numbers(), self.backend.gas
+        seen, numbers, gas = self.backend.read(), self.driver_numbers(), self.backend.gas
         return Insertions.of(
             self.program.tally_of(numbers),
             healthy=self.backend.alive,
@@ -165,6 +167,12 @@ class LinearInsertions:
         """Numbers told after the last launch: `haustra.envs.runs.insertion_program.TOLD`, then what is seen."""
         return self.backend.told(self.program.tells)[:, : self.backend.worlds].copy()
 
+    def driver_numbers(self) -> Float[np.ndarray, "worlds slots"]:
+        """What the drivers keep of each world, read once after every launch."""
+        if self._kept is None:
+            self._kept = self.backend.driver_numbers()
+        return self._kept
+
     def _drive(self, first: int, last: int, hand: Hand | None) -> None:
         """From one control interval to another, stopping where it is a hand's turn, or gas moves."""
         turns = [] if hand is None else [hand.every]
@@ -173,6 +181,7 @@ class LinearInsertions:
         while first < last:
             count = min([last - first, *(turn - first % turn for turn in turns)])
             self.backend.drive(count)
+            self._kept = None
             first += count
             if hand is not None and first % hand.every == 0:
                 hand()

@@ -1,15 +1,14 @@
 """Loops of patients' scopes, named at every look, on every core."""
 
-import os
 from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
 
 import numpy as np
 from jaxtyping import Float
 
+from haustra.children import children, cores
 from haustra.envs.runs.measure.looping import DOWN, FRONT_TO_BACK
 from haustra.envs.runs.measure.loops import LoopKind, Rest, find_loops
 from haustra.models.anatomy.colon import Colon
@@ -78,8 +77,8 @@ def all_loops(
 
 @contextmanager
 def _executor(looks: int) -> Iterator[Executor | None]:
-    if looks < _WORTH or (os.cpu_count() or 1) < 2:
+    if looks < _WORTH or cores() < 2:
         yield None
         return
-    with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
+    with children(cores()) as pool:
         yield pool

@@ -79,7 +79,7 @@ class ClinicWatch:
     def __call__(self) -> None:
         """Look, and let the assistants do what they are asked."""
         self._looks.append(self._batch.told()[: len(TOLD)].astype(float))
-        tally = self._batch.program.tally_of(self._batch.backend.driver_numbers())
+        tally = self._batch.program.tally_of(self._batch.driver_numbers())
         self._loads.append(np.array([tally.load_peak, tally.load_arc]))
         if len(self._looks) % _LOOPS_EVERY == 0:
             seen = self._batch.backend.read()
@@ -90,7 +90,7 @@ class ClinicWatch:
     def _help(self) -> None:
         """Give each patient the abdomen that its driver asks for."""
         backend, program = self._batch.backend, self._batch.program
-        memory = program.memory_of(backend.driver_numbers())
+        memory = program.memory_of(self._batch.driver_numbers())
         asked = getattr(memory, "assist", None)
         if asked is None or (asked == self._assist).all():
             return
@@ -136,7 +136,7 @@ class ClinicWatch:
     def _look_for_pain(self, seen: Any) -> None:
         """See what hurts those whose examination goes on, and has not come past the valve."""
         before = self._looks[-1 - _LOOPS_EVERY][0] if len(self._looks) > _LOOPS_EVERY else 0.0
-        tally = self._batch.program.tally_of(self._batch.backend.driver_numbers())
+        tally = self._batch.program.tally_of(self._batch.driver_numbers())
         going = (seen.time > before) & (tally.tip_arc_max < self._borders["caecum"])
         self._pain(seen, going, SECONDS * _LOOPS_EVERY)
 

@@ -1,6 +1,5 @@
 """A cohort's patients as worlds of one program: driven, looked at ten times a second, and measured as in a clinic."""
 
-import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -10,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from haustra.children import cores
 from haustra.envs.control.endoscopist import ASSISTANT
 from haustra.envs.control.held import HeldHand
 from haustra.envs.learning.hands import BatchHands
@@ -19,6 +19,7 @@ from haustra.envs.sim.conditions import Conditions
 from haustra.envs.sim.gas import require_room
 from haustra.envs.study.clinic_watch import EVERY, ClinicWatch
 from haustra.envs.study.cohort import Examiner, patient_of
+from haustra.envs.study.costs import counted
 from haustra.envs.study.patients import Patient, clinic_number, grow_patients
 from haustra.envs.study.questions import Backend, Runner
 from haustra.envs.study.sampling import designs_of
@@ -30,26 +31,29 @@ from haustra.envs.tasks.sight import Sight
 from haustra.errors import HaustraError, UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.files import find_design
+from haustra.models.devices.scope.library import at_body_temperature
 from haustra.models.presets import PRESETS, TABLE
 from haustra.models.scene import build_scene, entry_of
 from haustra.models.wall import mesentery
 from haustra.models.wall.abdomen import Abdomen
 from haustra.models.wall.lumen_table import LumenTable, Tables, lumen_table, on_mesentery, stack
 
-_JOBS = 32 * (os.cpu_count() or 1)
-"""Patients that one call examines: four rows of lanes a core, and what is lost when it is interrupted."""
+_JOBS = 16
+"""Patients that one process examines at once: two rows of lanes, whose looks and lines of Python the core beside it can
+spare, and what is lost when it is interrupted."""
 
 
 def _start(study: Study, folder: Path, *, device: Literal["cpu", "cuda"]) -> Runner:
     def run(jobs: Sequence[Job]) -> Iterable[Result]:
-        pairs = {_pair(job): Examiner.of(job.conditions) for job in jobs}
+        conditions = {_pair(job): job.conditions for job in jobs}
+        pairs = {pair: Examiner.of(each) for pair, each in conditions.items()}
 
         def batch(job: Job) -> tuple[str, str]:
             return pairs[_pair(job)].batch
 
         for _, alike in groupby(sorted(jobs, key=batch), batch):
             examined = list(alike)
-            yield from _examined(study, examined, [pairs[_pair(job)] for job in examined], device)
+            yield from _examined(study, folder, examined, [pairs[_pair(job)] for job in examined], device)
 
     return run
 
@@ -69,14 +73,15 @@ def _prepare(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
         def told(done: int) -> None:
             tell(f"growing patient {done} of {len(patients)}")
 
-        grow_patients(patients, sorted(radii), processes=os.cpu_count() or 1, tell=told)
+        with counted(folder, "growing"):
+            grow_patients(patients, sorted(radii), processes=cores(), tell=told)
 
 
 def _examined(
-    study: Study, jobs: Sequence[Job], examiners: Sequence[Examiner], device: Literal["cpu", "cuda"]
+    study: Study, folder: Path, jobs: Sequence[Job], examiners: Sequence[Examiner], device: Literal["cpu", "cuda"]
 ) -> Iterable[Result]:
     """Results of patients who are examined in one batch, each by an examiner."""
-    design, policy = find_design(examiners[0].device), examiners[0].policy
+    design, policy = at_body_temperature(find_design(examiners[0].device)), examiners[0].policy
     own, patients, sound, settings = _Colons(design.diameter / 2), [], [], []
     filled = _filled(study)
     for job, examiner in zip(jobs, examiners, strict=True):
@@ -108,7 +113,6 @@ def _examined(
         worlds=len(sound),
         settings=HeldHand() if policy else settings,
         device=device,
-        threads=os.cpu_count() or 1,
         sees=LumenSight() if policy else None,
         lookup=lookup_of(Sight([case_of(colon, device_radius=own.radius) for colon in own.colons])) if policy else None,
     )
@@ -129,13 +133,16 @@ def _examined(
         ring()
 
     hand = BatchHands(batch, policy, settings[0]) if policy else None
-    runs = batch.run(seconds=float(study.options["seconds"]), watch=look, every=EVERY, hand=hand)
+    with counted(folder, "stepping"):
+        runs = batch.run(seconds=float(study.options["seconds"]), watch=look, every=EVERY, hand=hand)
+    with counted(folder, "measuring"):
+        scores = [watch.scores(index) for index in range(len(sound))]
     for index, job in enumerate(sound):
         if runs.outcome[index] is Outcome.DIVERGED:
             yield Result(job.id, "diverged", reason=runs.outcome[index].advice)
             continue
         about = {"outcome": runs.outcome[index].value}
-        yield Result(job.id, "finished", scores=about | watch.scores(index), curves=watch.curves(index))
+        yield Result(job.id, "finished", scores=about | scores[index], curves=watch.curves(index))
 
 
 def _filled(study: Study) -> dict[str, Any]:
@@ -203,7 +210,7 @@ def together(tables: Sequence[Sequence[Tables]]) -> Tables:
     return base._replace(mesentery=mesentery.stack(hung))
 
 
-LINEAR = Backend(start=partial(_start, device="cpu"), batch=_JOBS, most_workers=1, prepare=_prepare)
-"""One process, whose threads step all patients of a batch."""
+LINEAR = Backend(start=partial(_start, device="cpu"), batch=_JOBS, prepare=_prepare)
+"""A process a core, each with patients of its own: none waits for another's slowest, nor for one line of Python."""
 LINEAR_GPU = Backend(start=partial(_start, device="cuda"), batch=4096, most_workers=1, prepare=_prepare_gpu)
 """One process: it fills the device by itself."""

@@ -2,13 +2,12 @@
 
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import cache
-from multiprocessing import get_context
 from pathlib import Path
 
 from haustra.assets import asset, assets
+from haustra.children import children
 from haustra.envs.study.study import Value, Variable
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
@@ -193,13 +192,23 @@ def grow_patients(
         processes: how many.
         tell: told how many patients are ready.
     """
-    with ProcessPoolExecutor(min(processes, len(patients)), mp_context=get_context("spawn")) as pool:
-        for done, future in enumerate([pool.submit(_made_ready, one, tuple(radii)) for one in patients]):
+    missing = [one for one in patients if not all(_marker(one, radius).is_file() for radius in radii)]
+    if not missing:
+        return
+    with children(min(processes, len(missing))) as pool:
+        for done, future in enumerate([pool.submit(_made_ready, one, tuple(radii)) for one in missing]):
             future.exception()
-            tell(done + 1)
+            tell(len(patients) - len(missing) + done + 1)
 
 
 def _made_ready(patient: Patient, radii: Sequence[float]) -> None:
     colon = patient.colon()
     for radius in radii:
         lumen_table(colon, device_radius=radius)
+        _marker(patient, radius).touch()
+
+
+def _marker(patient: Patient, radius: float) -> Path:
+    """What stands beside a patient's colon once it is tabulated for scopes of that radius [m]."""
+    folder = patient.folder()
+    return folder.with_name(f"{folder.name}-{radius:.9g}")

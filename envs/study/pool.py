@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 
+from haustra.children import ONE_THREAD
 from haustra.envs.study.study import Job, Result
 from haustra.errors import HaustraError, InvalidOptionError
 
@@ -33,7 +34,6 @@ Answers: TypeAlias = Iterator[Result | Lost]
 JobMap: TypeAlias = Callable[[Claim], Answers]
 """Claims jobs until none waits, and gives their results as they come: one machine, or many."""
 
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 _MOST_DEATHS = 50
 """Workers that may die one after the other without a single answer before the sweep gives up."""
 _LOOK_EVERY = 0.2

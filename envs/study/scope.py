@@ -3,15 +3,14 @@
 import os
 import shutil
 from collections.abc import Callable, Mapping
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Literal, cast
 
 import numpy as np
 
+from haustra.children import children
 from haustra.envs.control.laws import driver_settings
 from haustra.envs.runs.insertion import Insertion, Trajectory, run_insertion
 from haustra.envs.runs.measure.scores import score
@@ -271,7 +270,7 @@ def prepare_colons(study: Study, folder: Path, tell: Callable[[str], None]) -> N
             _grow(name, place)
         return
     tell(f"growing {len(missing)} colons")
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+    with children(processes) as pool:
         for grown in [pool.submit(_grow, name, place) for name, place in missing.items()]:
             grown.result()
 

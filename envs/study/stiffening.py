@@ -64,7 +64,7 @@ class StiffeningRing:
     def __call__(self) -> None:
         """Turn the rings of those who have come there, and were straightened there, since."""
         program, backend = self._batch.program, self._batch.backend
-        numbers = backend.driver_numbers()
+        numbers = self._batch.driver_numbers()
         come = program.tally_of(numbers).tip_arc_max >= self._starts
         pulls = pulls_back(program.memory_of(numbers))
         ready = come if pulls is None else come & self._pulled & ~pulls

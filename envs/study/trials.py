@@ -13,6 +13,7 @@ get there are equal for no good reason.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -21,6 +22,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.assets import asset, assets
+from haustra.children import cores
 from haustra.envs.study.run import Computing, run_sweep
 from haustra.envs.study.store import read_store
 from haustra.envs.study.study import Sampler, Study
@@ -36,6 +38,8 @@ LEAST_PATIENTS = 3
 LEAST_REACHED = 0.5
 """Share of insertions that must reach the caecum for an equality to count [1]; engineering choice."""
 _RESAMPLES = 4000
+_CORES = 2
+"""Cores for each of the arms that are examined at the same time: two dozen patients fill no more."""
 _CAECUM, _TIME, _DESCENDING_TIME = "caecum", "time_s", "descending_s"
 
 Statistic = Literal["share of any", "mean", "restricted time", "restricted time from the descending colon"]
@@ -243,11 +247,18 @@ def run_trials(
             raise UnsupportedSceneError(
                 f"The backend 'linear-gpu' cannot honour the gas of the trial '{name}'; linear can: name other trials."
             )
-    computing = Computing(backend=backend)
-    for index, ((name, arm), study) in enumerate(studies.items()):
-        progress(index, len(studies), f"{name}: {arm}")
+    arms = {study.hash: study for study in studies.values()}
+    abreast = 1 if backend == "linear-gpu" else max(cores() // _CORES, 1)
+    computing = Computing(backend=backend, workers=cores() // abreast)
+
+    def examine(study: Study) -> None:
         run_sweep(replace(study, title=study.hash), folder / ARMS / study.hash, computing, resume=True, tables=False)
-    progress(len(studies), len(studies), "")
+
+    progress(0, len(arms), "")
+    with ThreadPoolExecutor(abreast) as pool:
+        for done, arm in enumerate(as_completed([pool.submit(examine, study) for study in arms.values()])):
+            arm.result()
+            progress(done + 1, len(arms), "")
     return [
         answered(name, trial, [_finished(folder, studies[name, arm.name]) for arm in trial.arms], seconds=seconds)
         for name, trial, _ in trials

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from haustra.children import cores
 from haustra.envs.study.credibility import Comparison
 from haustra.envs.study.run import Computing, run_sweep
 from haustra.envs.study.sampling import at_quantiles
@@ -98,7 +99,14 @@ def run_comparison(
     half = comparison_study(asked, half_step=True)
     rows = {}
     for name, study in (("runs", whole), ("runs-half-step", half)):
-        run_sweep(study, folder / name, Computing(backend=backend), resume=resume, tables=False, progress=progress)
+        run_sweep(
+            study,
+            folder / name,
+            Computing(backend=backend, workers=cores()),
+            resume=resume,
+            tables=False,
+            progress=progress,
+        )
         rows[name] = rows_of(folder / name)
     return split(asked, rows["runs"], rows["runs-half-step"])
 

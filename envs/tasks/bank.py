@@ -2,16 +2,16 @@
 
 import json
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass, replace
 from functools import cached_property
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
 from haustra.assets import asset
+from haustra.children import children
 from haustra.envs.runs.measure.containment import LumenWidths, widths_along
 from haustra.envs.tasks.case import TabulatedColon, case_of, load_case, save_case
 from haustra.errors import HaustraError, InvalidOptionError
@@ -188,7 +188,7 @@ def _grow_beside(
     seeds: list[int], difficulty: str, radius: float, processes: int, progress: Callable[[int], None]
 ) -> None:
     """Grow into the cache, in new processes: what threads this one has does not matter to them."""
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+    with children(processes) as pool:
         waiting = [pool.submit(_grow, seed, difficulty, radius) for seed in seeds]
         for done, one in enumerate(as_completed(waiting)):
             one.result()

@@ -269,57 +269,62 @@ def _relax(
     home: Float[np.ndarray, "points 3"], recipe: ColonRecipe, outer: Float[np.ndarray, " points"]
 ) -> Float[np.ndarray, "points 3"]:
     """Give the chain its link length, its smallest bend and room between its loops, near its anatomical places."""
-    points = home.copy()
-    link = recipe.length / (len(points) - 1)
+    points = np.ascontiguousarray(home.T)  # a row a coordinate: half the time of a row a point
+    link = recipe.length / (len(home) - 1)
     sharpest = link**2 / np.maximum(BEND_MARGIN * recipe.flexure_radius, OUTER_MARGIN * outer)
     one, two = np.nonzero(np.triu(_across(outer)))
     near = np.empty(0, int)
     for turn in range(ROUNDS):
         if turn < HOMING_SHARE * ROUNDS:
-            points += HOMING * (1 - turn / (HOMING_SHARE * ROUNDS)) * (home - points)
+            points += HOMING * (1 - turn / (HOMING_SHARE * ROUNDS)) * (home.T - points)
         if turn % LOOK_ROUND == 0:
-            distance = np.linalg.norm(points[one] - points[two], axis=1)
+            distance = _lengths(points[:, one] - points[:, two])
             near = np.flatnonzero(distance < outer[one] + outer[two] + recipe.gap + LOOK_ROUND_ROOM)
         points += _part(points, one[near], two[near], (outer[one] + outer[two])[near] + GAP_MARGIN * recipe.gap)
         for _ in range(SWEEPS):
             for stride in STRIDES:
                 points += _straighten(points, sharpest, stride)
             points += _keep_links(points, link)
-    return points
+    return np.ascontiguousarray(points.T)
+
+
+def _lengths(vectors: Float[np.ndarray, "3 many"]) -> Float[np.ndarray, " many"]:
+    """Lengths of columns, added up in the order of `numpy.linalg.norm` over rows, to the last bit."""
+    squares = vectors * vectors
+    return np.sqrt(squares[0] + squares[1] + squares[2])
 
 
 def _straighten(points: np.ndarray, sharpest: np.ndarray, stride: int) -> np.ndarray:
     """Move every point whose chord over `stride` links bulges more than its smallest radius allows."""
-    bulge = points[: -2 * stride] - 2 * points[stride:-stride] + points[2 * stride :]
-    size = np.maximum(np.linalg.norm(bulge, axis=1), 1e-12)
+    bulge = points[:, : -2 * stride] - 2 * points[:, stride:-stride] + points[:, 2 * stride :]
+    size = np.maximum(_lengths(bulge), 1e-12)
     allowed = stride**2 * sharpest[stride:-stride]
-    excess = np.maximum(0.0, 1 - allowed / size)[:, None] * bulge
-    move = np.zeros_like(points)
-    move[stride:-stride] += 0.25 * excess
-    move[: -2 * stride] -= 0.125 * excess
-    move[2 * stride :] -= 0.125 * excess
+    excess = np.maximum(0.0, 1 - allowed / size) * bulge
+    move, half = np.zeros_like(points), 0.125 * excess
+    move[:, stride:-stride] += 0.25 * excess
+    move[:, : -2 * stride] -= half
+    move[:, 2 * stride :] -= half
     return move
 
 
 def _part(points: np.ndarray, one: np.ndarray, two: np.ndarray, needed: np.ndarray) -> np.ndarray:
     """Move apart the pairs that are nearer than needed; each point by the mean over its pairs."""
-    apart = points[one] - points[two]
-    distance = np.maximum(np.linalg.norm(apart, axis=1), 1e-9)
+    apart = points[:, one] - points[:, two]
+    distance = np.maximum(_lengths(apart), 1e-9)
     overlap = np.maximum(0.0, needed - distance)
-    push = (overlap / distance)[:, None] * apart
-    move, count = np.zeros_like(points), np.zeros(len(points))
+    push = (overlap / distance) * apart
+    move, count = np.zeros_like(points), np.zeros(points.shape[1])
     for index, sign in ((one, 1.0), (two, -1.0)):
-        count += np.bincount(index, weights=overlap > 0, minlength=len(points))
+        count += np.bincount(index, weights=overlap > 0, minlength=len(count))
         for axis in range(3):
-            move[:, axis] += np.bincount(index, weights=sign * push[:, axis], minlength=len(points))
-    return 0.25 * move / np.maximum(count, 1)[:, None]
+            move[axis] += np.bincount(index, weights=sign * push[axis], minlength=len(count))
+    return 0.25 * move / np.maximum(count, 1)
 
 
 def _keep_links(points: np.ndarray, link: float) -> np.ndarray:
-    step = np.diff(points, axis=0)
-    length = np.linalg.norm(step, axis=1, keepdims=True)
-    pull = 0.5 * (1 - link / np.maximum(length, 1e-9)) * step
+    step = points[:, 1:] - points[:, :-1]
+    pull = 0.5 * (1 - link / np.maximum(_lengths(step), 1e-9)) * step
     move = np.zeros_like(points)
-    move[:-1] += 0.5 * pull
-    move[1:] -= 0.5 * pull
+    move[:, :-1] += 0.5 * pull
+    move[:, 1:] -= 0.5 * pull
     return move

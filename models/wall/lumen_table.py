@@ -474,7 +474,8 @@ def _first_touch(
 
     low, high = np.zeros(len(along)), np.full(len(along), np.nan)
     open_rays = np.arange(len(along))
-    gap = room(low, open_rays)
+    middles = open_rays[::angles]  # all rays of a station begin in its middle
+    gap = np.repeat(room(low[middles], middles), angles)
     high[gap <= 0] = 0.0
     open_rays = open_rays[gap > 0]
     gap = gap[gap > 0]

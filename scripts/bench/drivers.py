@@ -9,6 +9,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from haustra.assets import asset
+from haustra.children import cores
 from haustra.envs.study.cohort import cohort_study
 from haustra.envs.study.cohort_table import Observable, observables, published, rows_of, verdicts
 from haustra.envs.study.run import Computing, run_sweep
@@ -58,7 +59,7 @@ def bench_drivers(
     run_sweep(
         study,
         folder,
-        Computing(backend=backend),
+        Computing(backend=backend, workers=cores()),
         resume=(folder / FILE).exists(),
         tables=False,
         progress=lambda done, total, note: progress(done, note, total),

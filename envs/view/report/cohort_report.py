@@ -12,6 +12,7 @@ from haustra.envs.study.clinic_pain import HURTS
 from haustra.envs.study.cohort import OWN_DEVICE
 from haustra.envs.study.cohort_causes import causes
 from haustra.envs.study.cohort_table import GROUP, Observable, Published, observables, published, rows_of, verdicts
+from haustra.envs.study.costs import costs
 from haustra.envs.study.store import SweepStore
 from haustra.files import write_atomically, write_json
 
@@ -53,6 +54,7 @@ def cohort_told(store: SweepStore, *, seconds: float | None = None) -> dict[str,
     return {
         "patients": study.sampler.count,
         "seconds": seconds,
+        "costs": costs(store.folder),
         "longest": study.options["seconds"],
         "seed": study.sampler.seed,
         "study": study.hash,
@@ -138,6 +140,8 @@ def cohort_page(cohorts: Sequence[Mapping[str, Any]], *, image: str, head: str =
     lines = [head]
     for cohort in cohorts:
         clock = "" if cohort["seconds"] is None else f" in {cohort['seconds']:.0f} s"
+        parts = ", ".join(f"{part} {seconds:.0f} s" for part, seconds in cohort.get("costs", {}).items())
+        clock += f" ({parts})" if parts else ""
         lines.append(
             f"Seed {cohort['seed']}: {cohort['patients']} patients, at most {cohort['longest']:g} s each{clock}; jobs: "
             f"{json.dumps(cohort['jobs'])}; study `{cohort['study'][:12]}`.\n"

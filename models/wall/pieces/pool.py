@@ -8,10 +8,9 @@ import threading
 from collections.abc import Callable, Iterable
 from typing import BinaryIO
 
+from haustra.children import ONE_THREAD
 from haustra.models.wall.pieces.worker import receive, send
 
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""Each child keeps to one core; the pool is what runs in parallel."""
 TOGETHER = 64
 """Blocks of which the largest goes first, so that no child is left alone with one at the end. Beyond that they keep
 their order, so that what comes after can begin with the first."""

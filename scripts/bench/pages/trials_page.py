@@ -39,7 +39,7 @@ _READ = """
 - Times are those of the driver's own pace; who does not reach the caecum counts with {seconds:g} s.
 - {patients} patients an arm, driven by the {driver}; the trials themselves had 40 to 1,121.
 - Published figures are from abstracts; intervals of equal trials are computed from them (Wald).
-
+{remark}
 ## What is assumed
 
 """
@@ -67,7 +67,8 @@ def trials_page(table: Mapping[str, Any]) -> str:
         f"**{one['trial']['title']}** ({one['trial']['source']}): {'; '.join(one['trial']['assumed'])}.\n\n"
         for one in trials
     )
-    return f"{head}{rows}{_READ.format(**asked)}{assumed}".rstrip("\n") + "\n"
+    remark = f"- {table['remark']}\n" if "remark" in table else ""
+    return f"{head}{rows}{_READ.format(**asked, remark=remark)}{assumed}".rstrip("\n") + "\n"
 
 
 def _row(one: Mapping[str, Any]) -> tuple[str, ...]:

@@ -2,6 +2,8 @@
 
 import json
 import tomllib
+from concurrent.futures import Future
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +12,7 @@ import pytest
 from haustra.assets import asset
 from haustra.envs.control.endoscopist import EndoscopistSettings
 from haustra.envs.control.laws import DRIVERS, driver_settings
+from haustra.envs.study import patients
 from haustra.envs.study.clinic_watch import pull_backs
 from haustra.envs.study.cohort import OWN_DEVICE, PRESETS, SCORES, Examiner, cohort_study
 from haustra.envs.study.cohort_table import observables, published, verdicts, wilson
@@ -224,3 +227,28 @@ def test_patients_are_examined_under_water_and_too_much_of_it_is_refused_by_name
     assert states == ["finished", "failed"] and "rectum and sigmoid take" in found.reason
     with pytest.raises(UnsupportedSceneError, match=r"options\.water"):
         find_backend("cohort", "linear-gpu").prepare(study, tmp_path, lambda note: None)
+
+
+def test_patients_who_are_ready_need_no_process(tmp_path, monkeypatch):
+    """Grown and tabulated once, for each scope's radius; after that nothing is started."""
+    monkeypatch.setattr(patients, "cache_folder", lambda: tmp_path)
+    own, started = [Patient.of({"seed": float(seed)}) for seed in (1, 2)], []
+
+    def counted(count):
+        started.append(count)
+        return nullcontext(_Here())
+
+    monkeypatch.setattr(patients, "children", counted)
+    for radii in ([0.0064], [0.0064], [0.0064, 0.005]):
+        patients.grow_patients(own, radii, processes=8)
+    assert started == [2, 2]
+    assert all((patient.folder() / "colon.json").is_file() for patient in own)
+
+
+class _Here:
+    """What computes at once, in this process."""
+
+    def submit(self, work, *given) -> Future:
+        future = Future()
+        future.set_result(work(*given))
+        return future

@@ -19,8 +19,8 @@ FACTOR = DESIGN.shaft[0].stiffening
 
 def _batch(given: list) -> Any:
     """Worlds whose tips are where the test says, and what they are given."""
-    backend = SimpleNamespace(driver_numbers=lambda: None, give=lambda name, values: given.append((name, values)))
-    batch = SimpleNamespace(backend=backend, arcs=np.zeros(2))
+    backend = SimpleNamespace(give=lambda name, values: given.append((name, values)))
+    batch = SimpleNamespace(backend=backend, arcs=np.zeros(2), driver_numbers=lambda: None)
     batch.memory = None
     tally = lambda numbers: SimpleNamespace(tip_arc_max=batch.arcs)  # noqa: E731
     batch.program = SimpleNamespace(tally_of=tally, memory_of=lambda numbers: batch.memory)
