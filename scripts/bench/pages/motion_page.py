@@ -18,10 +18,10 @@ page says whether the moving surface stays a surface, and how much the patient a
 
 
 _SAID = """All runs are of 25 November 2026, those of 120 s on two shared EPYC cores beside other work, the others on
-{machine}. Loops are drawn to the shaft ([mesentery](../theory/mesentery.md)); before, one run in 832 left triangles of a
-grown colon turned over, and both in EdinGCA_3D_00020 ended as escaped. Pictures are drawn of the wall's inner sides
-only. A camera may stand within the colon and have another loop's wall across its view, since loops pass through each
-other unless a run asks for `--loops-touch`.
+{machine}. Loops are drawn to the shaft ([mesentery](../theory/mesentery.md)); before, one run in 832 left triangles
+of a grown colon turned over, and both in EdinGCA_3D_00020 ended as escaped. Pictures are drawn of the wall's inner
+sides only. A camera may stand within the colon and have another loop's wall across its view, since loops pass through
+each other unless a run asks for `--loops-touch`.
 """
 
 
