@@ -12,6 +12,7 @@ import numpy as np
 from haustra.envs.runs.insertion import Insertion
 from haustra.envs.runs.measure.scores import score
 from haustra.envs.runs.measure.surface import LeftBehind, judged, worst
+from haustra.envs.sim.gas import require_room
 from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.state import Controls
 from haustra.envs.simulate import simulate
@@ -141,8 +142,19 @@ def _in_patients(
     colon = grow_colon(seed=source) if isinstance(source, int) else load_colon(source)
     asked = {"driver": driver, "seconds": seconds, "judged_every": judged_every}
     return [
-        {"colon": colon.name, "patient": name, **asked, **_run(colon, PATIENTS[name], **asked)} for name in patients
+        {"colon": colon.name, "patient": name, **asked, **_run(colon, PATIENTS[name], **asked)}
+        for name in patients
+        if _takes(colon, PATIENTS[name].get("water", 0.0))
     ]
+
+
+def _takes(colon: Colon, water: float) -> bool:
+    """Whether rectum and sigmoid take so much water [m^3] before a scope is in; a run with more is refused."""
+    try:
+        require_room(colon, water)
+    except InvalidOptionError:
+        return False
+    return True
 
 
 def _run(colon: Colon, changed: Mapping[str, Any], driver: str, seconds: float, judged_every: float) -> dict[str, Any]:
