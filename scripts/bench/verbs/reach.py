@@ -31,6 +31,7 @@ class BenchReach:
 
     def __call__(self) -> dict[str, Any]:
         """Run, compare, write."""
+        from haustra.children import cores
         from haustra.errors import InvalidOptionError
         from haustra.files import prepare_folder, write_atomically, write_json
         from haustra.models.devices.base import load_device
@@ -38,7 +39,6 @@ class BenchReach:
         from haustra.scripts.bench.pages.reach_page import reach_page
         from haustra.scripts.bench.reach import bench_reach, held_rows, sizes, summary
         from haustra.scripts.console import progress_bar
-        from haustra.scripts.sweep import _cores
 
         robots = []
         for name in self.devices:
@@ -52,7 +52,7 @@ class BenchReach:
                 def tell(done: int, note: str, before: int = number_ * self.colons) -> None:
                     advance(before + done, note)
 
-                own = {"colons": self.colons, "seconds": self.seconds, "workers": self.workers or _cores()}
+                own = {"colons": self.colons, "seconds": self.seconds, "workers": self.workers or cores()}
                 rows = bench_reach(robot, folder, progress=tell, **own)
                 own = {"design": sizes(robot), "summary": summary(rows), "held": held_rows(robot), "runs": rows}
                 found[robot.name] = own
