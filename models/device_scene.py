@@ -223,7 +223,9 @@ def _left_out(options: SceneOptions) -> dict[str, str]:
         left_out["joints of pieces"] = "where a place touches several, the deepest counts; in stock MuJoCo all do"
     if options.mesentery:
         left_out |= options.abdomen.left_out()
-        left_out["empty loops"] = "they are drawn to the shafts of scopes only (haustra.models.wall.threads)"
+        left_out["empty loops"] = (
+            "they are drawn to shafts, of devices by the table alone (haustra.models.wall.threads)"
+        )
     else:
         left_out["mesentery"] = "the colon gives way by its wall's stiffness only; it does not swing on its mesentery"
     if not options.friction:

@@ -86,6 +86,7 @@ class EpisodeVehicle(Repeating):
         """Begin the episode."""
         self._seen = self.task.reset(seeds=[self.seed], case=0)
         self._driver.begin(np.ones(1, bool))
+        self._proposed: Float[np.ndarray, " levers"] | None = None
         self._last: Step | None = None
         self._info = self.task.info()
         self._blood = WallBlood(self.around.colon, self._moved)
@@ -100,7 +101,10 @@ class EpisodeVehicle(Repeating):
         return {"kind": self.kind, "task": self.config.to_json(), "seed": self.seed, "policy": self._policy}
 
     def advance(self, levers: Float[np.ndarray, " levers"]) -> bool:
-        """Apply one action."""
+        """Apply one action. Who assists has looked before each, asked or not: it may remember what it saw."""
+        self.assist()
+        self._proposed = None
+        self._driver.did(levers[None])
         self._last = self.task.step(levers[None])
         self._seen, self._info = self._last.observation, self._last.info
         seen, lengths = self.task.seen, -np.diff(self._cable.node_distances)
@@ -154,7 +158,9 @@ class EpisodeVehicle(Repeating):
 
     def assist(self) -> Float[np.ndarray, " levers"]:
         """What the policy, or the driver, does."""
-        return np.asarray(self._driver.act(self._seen)[0], float)
+        if self._proposed is None:
+            self._proposed = np.asarray(self._driver.act(self._seen)[0], float)
+        return self._proposed
 
     def change(self, name: str, number: float) -> None:
         """Nothing changes within an episode: what was drawn stays."""

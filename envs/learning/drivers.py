@@ -42,6 +42,10 @@ class PolicyDriver:
         self._begins = np.zeros(len(shown), bool)
         return self._action
 
+    def did(self, action: Float[np.ndarray, "worlds actions"]) -> None:
+        """Remember what was done instead of what was proposed, where a person corrects."""
+        self._action = action
+
 
 def _unseen(seen: Observation) -> Observation:
     """What is left of an observation when the lumen is nowhere: by rays or by pictures."""

@@ -53,12 +53,11 @@ class EyesRun:
         """Begin, or go on from a checkpoint's document.
 
         Raises:
-            InvalidOptionError: when the policy that drives does not see the lumen alone.
+            InvalidOptionError: when the policy that drives is none that eyes can be given to.
         """
         self.training, self.folder, self.task, self._progress = training, folder, task, progress
         self._hand = load_policy(policy_folder(str(training.start)))
-        if self._hand.config.observation != "lumen" or self._hand.eyes is not None:
-            raise InvalidOptionError(f"'{training.start}' does not drive by the lumen alone: start from one that does.")
+        require_hand(self._hand, training)
         torch.manual_seed(training.seed)
         self.network = _network(training.task.picture_size).to(training.device)
         self.optimiser = torch.optim.Adam(self.network.parameters(), lr=training.learning_rate)
@@ -223,6 +222,20 @@ class EyesRun:
         groups = self.optimiser.state_dict()["param_groups"]
         self.optimiser.load_state_dict({"state": states, "param_groups": groups})
         self.steps, self.leg = int(document["steps_done"]), int(document["leg"])
+
+
+def require_hand(hand: MlpPolicy, training: Training) -> None:
+    """Refuse a policy that eyes cannot be given to.
+
+    Raises:
+        InvalidOptionError: when it does not see the lumen alone, no PPO trained it, or its hand is another.
+    """
+    if hand.config.observation != "lumen" or hand.eyes is not None:
+        raise InvalidOptionError(f"'{training.start}' does not drive by the lumen alone: start from one that does.")
+    if hand.activation != "tanh" or hand.squashed:
+        raise InvalidOptionError(f"'{training.start}' was not trained by PPO: start from a policy that was.")
+    if hand.config.drive != training.task.drive:
+        raise InvalidOptionError(f"'{training.start}' has another hand (drive) than the task: set the same.")
 
 
 def _network(size: int) -> nn.Sequential:

@@ -132,19 +132,30 @@ def load_policy(folder: Path) -> MlpPolicy:
             config=TaskConfig.from_json(document["task"]),
             about=dict(document["about"]),
             deviation=arrays.get("deviation"),
-            recalls=tuple(float(time) for time in document["recalls"]),
+            recalls=_times(document["recalls"]),
             eyes=Eyes.of(arrays),
         )
         fits = _fits(policy)
     except HaustraError as error:
         raise UnreadableFileError(f"'{folder}' is no policy ({error})") from error
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, SafetensorError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, SafetensorError) as error:
         raise UnreadableFileError(
             f"'{folder}' is no policy ({type(error).__name__}: {error}): give a folder that `haustra train` wrote."
         ) from error
     if not fits:
         raise UnreadableFileError(f"The layers of '{folder}' fit neither each other nor the task: train it anew.")
     return policy
+
+
+def _times(values: Any) -> tuple[float, ...]:
+    """Times of running means.
+
+    Raises:
+        TypeError: when they are no list of numbers.
+    """
+    if not isinstance(values, list) or any(isinstance(value, (bool, str)) for value in values):
+        raise TypeError(f"recalls are {values}")
+    return tuple(float(value) for value in values)
 
 
 def _fits(policy: MlpPolicy) -> bool:

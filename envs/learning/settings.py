@@ -150,6 +150,12 @@ class Training:
                 "The learner 'eyes' is for the observation 'pixels' on the backends 'linear' and 'linear-gpu', and "
                 "needs a policy to `start` from, which drives by the lumen: set these."
             )
+        if others := [
+            name for name in _ON_DEVICE if name != "start" and getattr(self, name) != getattr(Training, name)
+        ]:
+            raise InvalidOptionError(f"{others[0]} is for the learner 'device': leave it out, or set learner.")
+        if self.batch < 8:
+            raise InvalidOptionError(f"batch is {self.batch}: give at least 8, since eyes learn from 8 looks.")
         if (self.backend == "linear-gpu") != (self.device == "cuda"):
             raise InvalidOptionError("The learner 'eyes' learns where the physics is: 'linear-gpu' goes with 'cuda'.")
 

@@ -34,7 +34,7 @@ def train(
     """Train, leaving checkpoints, the learning curve and the policy in a folder.
 
     Every leg begins with new episodes and random streams made from seed and leg, so that a run on the CPU that was
-    interrupted and resumed does, to the bit, what it would have done.
+    interrupted and resumed does, to the bit, what it would have done; eyes alone go on from other episodes.
 
     Args:
         training: what to do.

@@ -219,6 +219,8 @@ class TablePlanes:
             tables = self.case[worlds] * len(self._groups) + number
             group.walls.begin(worlds, tables, arcs[:, group.members])
         self.normal_force[worlds] = 0.0
+        if self._threads is not None:
+            self._threads[worlds] = 0.0  # a snapshot holds what the shaft bore then
         self.rest(worlds)
 
     def rest(self, worlds: Int[np.ndarray, " reset"]) -> None:

@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
+from haustra.errors import UnreadableFileError
+
 COSTS = "costs.jsonl"
 """What a folder's processes add lines to, beside its store."""
 Part = Literal["growing", "stepping", "measuring"]
@@ -25,12 +27,21 @@ def counted(folder: Path, part: Part) -> Iterator[None]:
 
 
 def costs(folder: Path) -> dict[str, float]:
-    """For how long any process did each part, on the clock [s]; nothing of parts that nobody did."""
+    """For how long any process did each part, on the clock, in all calls so far [s]; nothing of what nobody did.
+
+    Raises:
+        UnreadableFileError: when a line is damaged.
+    """
     spans: dict[str, list[tuple[float, float]]] = {}
     if (folder / COSTS).is_file():
         for line in (folder / COSTS).read_text(encoding="utf-8").splitlines():
-            noted = json.loads(line)
-            spans.setdefault(noted["part"], []).append((noted["began"], noted["ended"]))
+            try:
+                noted = json.loads(line)
+                spans.setdefault(noted["part"], []).append((noted["began"], noted["ended"]))
+            except (ValueError, KeyError, TypeError) as error:
+                raise UnreadableFileError(
+                    f"'{folder / COSTS}' is damaged ({error}): delete it; rows are kept."
+                ) from error
     return {part: _together(sorted(each)) for part, each in spans.items()}
 
 

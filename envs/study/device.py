@@ -135,7 +135,9 @@ def _start(study: Study, folder: Path) -> Runner:
                 device, options = build_setup(study, job.variables, job.conditions)
                 colon = _colon(str(job.conditions["colon"]))
                 pose_in(colon, device, options)  # refuses where it does not fit
-            except HaustraError as error:
+            except MemoryError:
+                raise
+            except Exception as error:  # one job must not end the sweep, whatever is wrong with it
                 yield failure(job, error)
                 continue
             alike = tuple(sorted(job.variables.items())), options.friction

@@ -192,7 +192,11 @@ def grow_patients(
         processes: how many.
         tell: told how many patients are ready.
     """
-    missing = [one for one in patients if not all(_marker(one, radius).is_file() for radius in radii)]
+    missing = [
+        one
+        for one in patients
+        if not (one.folder() / METADATA).is_file() or not all(_marker(one, radius).is_file() for radius in radii)
+    ]
     if not missing:
         return
     with children(min(processes, len(missing))) as pool:

@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
+from threading import Event
 from typing import Any, Literal
 
 import numpy as np
@@ -26,7 +27,7 @@ from haustra.children import cores
 from haustra.envs.study.run import Computing, run_sweep
 from haustra.envs.study.store import read_store
 from haustra.envs.study.study import Sampler, Study
-from haustra.errors import InvalidOptionError, InvalidStudyError, UnsupportedSceneError
+from haustra.errors import HaustraError, InvalidOptionError, InvalidStudyError, UnsupportedSceneError
 from haustra.fields import number, read_fields, span, texts
 from haustra.provenance import file_hash
 from haustra.reading import read_document
@@ -248,17 +249,30 @@ def run_trials(
                 f"The backend 'linear-gpu' cannot honour the gas of the trial '{name}'; linear can: name other trials."
             )
     arms = {study.hash: study for study in studies.values()}
-    abreast = 1 if backend == "linear-gpu" else max(cores() // _CORES, 1)
+    abreast = 1 if backend == "linear-gpu" else max(min(len(arms), cores() // _CORES), 1)
     computing = Computing(backend=backend, workers=cores() // abreast)
 
+    over = Event()
+
+    def go_on(done: int, total: int, note: str) -> None:
+        if over.is_set():
+            raise HaustraError("Trials were ended: what was recorded is kept.")
+
     def examine(study: Study) -> None:
-        run_sweep(replace(study, title=study.hash), folder / ARMS / study.hash, computing, resume=True, tables=False)
+        own = {"resume": True, "tables": False, "progress": go_on}
+        run_sweep(replace(study, title=study.hash), folder / ARMS / study.hash, computing, **own)
 
     progress(0, len(arms), "")
     with ThreadPoolExecutor(abreast) as pool:
-        for done, arm in enumerate(as_completed([pool.submit(examine, study) for study in arms.values()])):
-            arm.result()
-            progress(done + 1, len(arms), "")
+        waiting = [pool.submit(examine, study) for study in arms.values()]
+        try:
+            for done, arm in enumerate(as_completed(waiting)):
+                arm.result()
+                progress(done + 1, len(arms), "")
+        except BaseException:  # an interruption too: arms that run end at their next patient, others do not begin
+            over.set()
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
     return [
         answered(name, trial, [_finished(folder, studies[name, arm.name]) for arm in trial.arms], seconds=seconds)
         for name, trial, _ in trials

@@ -105,6 +105,9 @@ class FollowerDriver:
         pairs = zip(self._fresh, self._memory, strict=True)
         self._memory = type(self._fresh)(*(np.where(worlds, new, old) for new, old in pairs))
 
+    def did(self, action: Float[np.ndarray, "worlds actions"]) -> None:
+        """What was done instead of what was proposed, where a person corrects: its law goes by what it sees."""
+
     def act(self, seen: Parts) -> Float[np.ndarray, "worlds actions"]:
         """What each follower asks for, as actions."""
         task, drive, own = self._task, self._task.config.drive, self._task.seen

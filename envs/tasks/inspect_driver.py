@@ -42,7 +42,7 @@ class InspectDriver:
 
     def begin(self, worlds: Bool[np.ndarray, " worlds"]) -> None:
         """New colons: nothing is stuck."""
-        self._furthest[worlds], self._still[worlds], self._freed[worlds] = np.inf, 0.0, 0.0
+        self._furthest[worlds], self._still[worlds], self._freed[worlds], self._sense[worlds] = np.inf, 0.0, 0.0, 1.0
 
     def act(self, seen: Observation) -> Float[np.ndarray, "worlds actions"]:
         """Pull and look; where the scope is stuck, push, roll and seek the lumen for a while."""

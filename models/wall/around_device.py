@@ -1,4 +1,4 @@
-"""The surface of a colon that has moved, around the device in it: no triangle turned over, and no place outside.
+"""The surface of a colon that has moved, around the device in it: no triangle turned over, no place outside if it can.
 
 The wall is drawn off the device (`haustra.models.wall.indentation`), and what turned over by that, or as the colon
 moved, buckles (`haustra.models.wall.unfolding`). Corners that go aside may take a triangle across the device again:

@@ -250,7 +250,7 @@ class ScopeProgram:
         return self._going.value > 0
 
     def _step(self) -> None:
-        """A time step: of a world that breaks in it, nothing is taken over."""
+        """A time step: of a world that breaks in it, nothing is taken over but where its spheres are looked up."""
         program, xp = self.program, self.program.xp
         fastest = program.variable(0.0)
         beyond = self.axis.shape(self._reached()) if self.axis else None

@@ -149,18 +149,21 @@ class GlEndoscope:
     def distance(self) -> Float[np.ndarray, "height width"]:
         """Along the rays of the last picture [m]; infinite where they meet nothing."""
         light = np.empty((self.lens.height, self.lens.width, 4), np.float32)
+        self.device.make_current()
         self.device.read(self._held["light"], light)
         return np.where(light[..., 3] > 0, light[..., 3], np.inf)
 
     def radiance(self) -> Float[np.ndarray, "height width 3"]:
         """Light of the last picture, before exposure (`haustra.envs.view.picture.endoscope.Endoscope.radiance`)."""
         light = np.empty((self.lens.height, self.lens.width, 4), np.float32)
+        self.device.make_current()
         self.device.read(self._held["light"], light)
         return light[..., :3]
 
     def bleed(self, place: Float[np.ndarray, "3"], reach: float) -> None:
         """Let blood lie on the wall (`haustra.envs.view.picture.appearance.Appearance.bleed`)."""
         self.appearance.bleed(place, reach)
+        self.device.make_current()
         self.device.write(self._held["wall"], self.appearance.wall)
 
     def draw(self, pose: CameraPose) -> int:

@@ -41,7 +41,12 @@ def named_design(name: str) -> ScopeDesign:
 
 
 def at_body_temperature(design: ScopeDesign) -> ScopeDesign:
-    """The design as it is inside a patient, at 37 degrees Celsius: softer than on the bench."""
+    """The design as it is inside a patient, at 37 degrees Celsius: softer than on the bench.
+
+    A design that states its own factors of temperature is left as it is.
+    """
+    if (design.temperature_factor_bending, design.temperature_factor_torsion) != (1.0, 1.0):
+        return design
     numbers = _numbers()
     return replace(
         design,

@@ -45,7 +45,7 @@ where it was not yet counted.
 
 A policy is a folder of `policy.safetensors` and `policy.json`, layers and what they see; nothing in it is run.
 Every training leaves one; `haustra.envs.learning.policy.save_policy` writes others. One command scores it, on
-one GPU or, with `--backend linear`, in hours on two CPU cores:
+one GPU or, with `--backend linear`, in minutes on two CPU cores:
 
     haustra evaluate MY_POLICY --difficulty any --mesentery True --friction 0.03 0.1 \\
         --backend linear-gpu --no-video -o DIR

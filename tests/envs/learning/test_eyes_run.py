@@ -1,6 +1,7 @@
 """Eyes that learn from colour what rays say, at a size for tests, on the CPU."""
 
 import csv
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -105,6 +106,14 @@ def test_eyes_that_do_not_fit_are_refused(tmp_path):
     save_policy(tmp_path / "other", replace(policy, config=replace(policy.config, picture_size=64)))
     with pytest.raises(UnreadableFileError, match="fit neither"):
         load_policy(tmp_path / "other")
+
+
+@pytest.mark.parametrize("recalls", ["12", {"1": 0}, [True], [10**400], [-1.0]])
+def test_times_that_are_no_list_of_numbers_are_refused(tmp_path, recalls):
+    about = json.loads((hand(tmp_path) / "policy.json").read_text())
+    (tmp_path / "policy.json").write_text(json.dumps(about | {"recalls": recalls}))
+    with pytest.raises(UnreadableFileError):
+        load_policy(tmp_path)
 
 
 @pytest.mark.parametrize("wrong", [{"backend": "native"}, {"device": "cuda"}, {"start": None}])

@@ -179,6 +179,21 @@ def test_mujoco_warp_goes_as_one_scene(colon) -> None:
     assert not np.asarray(many.displacement)[0, :, :3].any()
 
 
+def test_a_world_that_is_put_back_bears_nothing_of_the_loop_that_it_was_kept_in(colon) -> None:
+    """States of MuJoCo hold forces from outside: those of threads are of the instant, not of the place."""
+    scene = _scene(colon, friction=1e-4)
+    tables = lumen_table(colon, device_radius=scene.cable.radius, with_mesentery=True).seen_from(*entry_of(colon))
+    many = load_backend("native", scene, stack([tables]), worlds=1)
+    assert isinstance(many, NativeBackend)
+    law = (np.full(1, float(value)) for value in (scene.options.friction, scene.options.wall_stiffness, 1.0))
+    many.reset(np.zeros(1, int), np.zeros(1, int), Conditions(*law))
+    borne = vars(vars(vars(many)["_shards"][0])["_wall"])["_threads"]
+    borne[0] = 1.0
+    kept = many.snapshot(0)
+    many.restore(0, kept)
+    assert not borne.any()
+
+
 @pytest.mark.parametrize("name", ["native", "warp"])
 def test_a_loop_that_a_shaft_has_missed_is_drawn_to_it_alike(colon, name) -> None:
     """Spheres of the further half are put 8 cm on: axis and scope go as in one scene, within 10 % of their way."""
