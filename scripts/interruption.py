@@ -1,6 +1,7 @@
 """Ctrl-C that nothing can lose: Python drops it where it arrives within a destructor or a library's catch-all."""
 
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,10 +18,18 @@ def interruption_kept() -> Iterator[None]:
     if not mine or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return
+    told = sys.unraisablehook
     signal.signal(signal.SIGINT, _remember_and_raise)
+
+    def tell(lost: "sys.UnraisableHookArgs") -> None:
+        if not issubclass(lost.exc_type, KeyboardInterrupt):  # which is remembered, and raised later
+            told(lost)
+
+    sys.unraisablehook = tell
     try:
         yield
     finally:
+        sys.unraisablehook = told
         signal.signal(signal.SIGINT, signal.default_int_handler)
         _asked.clear()
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import signal
+import sys
 
 import pytest
 
@@ -20,6 +21,21 @@ def test_an_interruption_that_was_lost_is_raised_at_the_next_progress() -> None:
         _swallowed()
         with pytest.raises(KeyboardInterrupt):
             show(2.0, "")
+
+
+class _Dies:
+    def __del__(self) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+
+def test_an_interruption_within_a_destructor_is_kept_and_leaves_no_traceback(monkeypatch) -> None:
+    told = []
+    monkeypatch.setattr(sys, "unraisablehook", told.append)
+    with interruption_kept():
+        _Dies()
+        with pytest.raises(KeyboardInterrupt):
+            raise_if_interrupted()
+    assert not told
 
 
 def test_one_call_inherits_no_interruption_of_the_call_before() -> None:
