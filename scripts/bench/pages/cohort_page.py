@@ -22,7 +22,7 @@ docs/validation/data/cohort.json; edit `scripts/bench/pages/cohort_page.py`, not
 range. The hand may push with 100 N and turn with 3 N m, so that peaks are results of the driver. Loops are what the
 push made, told against the colon at rest; a loop counts that stands for 5 s in all, and a site as painful that hurts
 for so long. Everything counts until the tip is past the valve, P(perforation) too. A scope that leaves the lumen counts
-with P(perforation) = 1. The endoscopist has the adult scope of 1.68 m or that of 2 m, which the policy was trained with.
+with P(perforation) = 1. The endoscopist has the adult scope of 1.68 m or that of 2 m that the policy knows.
 
 **What is calibrated.** Friction (0.03 to 0.1), the wall's modulus (0.18 to 0.36 MPa) and its stiffness when pleated
 (0.03 to 0.3 of that) are drawn from the lower parts of their sourced ranges. Those parts and the endoscopist's rules
