@@ -92,6 +92,22 @@ def nested_states(tensors: dict[str, torch.Tensor]) -> dict[int, dict[str, torch
     return states
 
 
+def learned(name: str, network: torch.nn.Module, optimiser: torch.optim.Optimizer) -> dict[str, torch.Tensor]:
+    """What a network and its optimiser hold, as tensors named 'name/entry' and 'optimiser/parameter/entry'."""
+    tensors = {f"{name}/{entry}": value.contiguous() for entry, value in network.state_dict().items()}
+    states = flat_states(optimiser.state_dict()["state"])
+    return tensors | {f"optimiser/{entry}": value for entry, value in states.items()}
+
+
+def put_back(
+    tensors: dict[str, torch.Tensor], name: str, network: torch.nn.Module, optimiser: torch.optim.Optimizer
+) -> None:
+    """Let a network and its optimiser hold again what `learned` told."""
+    network.load_state_dict(below(name, tensors))
+    groups = optimiser.state_dict()["param_groups"]
+    optimiser.load_state_dict({"state": nested_states(below("optimiser", tensors)), "param_groups": groups})
+
+
 def below(prefix: str, tensors: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
     """Tensors whose names begin with 'prefix/', by the rest of their names."""
     return {name[len(prefix) + 1 :]: value for name, value in tensors.items() if name.startswith(f"{prefix}/")}

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from haustra.envs.learning.checkpoint import below, flat_states, nested_states, restore, save_checkpoint
+from haustra.envs.learning.checkpoint import learned, put_back, restore, save_checkpoint
 from haustra.envs.learning.curve import EPISODE
 from haustra.envs.learning.policy import MlpPolicy, load_policy, policy_folder, save_policy
 from haustra.envs.learning.ppo import Ppo, Rollout
@@ -207,9 +207,7 @@ class DeviceRun:
 
     def _save(self) -> None:
         """Write a checkpoint from which the next leg can begin, and the policy as it is now."""
-        learner, optimiser = self.learner, self.learner.optimiser.state_dict()
-        tensors = {f"learner/{name}": value.contiguous() for name, value in learner.state_dict().items()}
-        tensors |= {f"optimiser/{name}": value for name, value in flat_states(optimiser["state"]).items()}
+        tensors = learned("learner", self.learner, self.learner.optimiser)
         document = {"steps_done": self.steps, "leg": self.leg, "training": self.training.to_json()}
         plain = {"rollouts": self._rollouts, "best": self._best}
         save_checkpoint(self.folder, tensors, document | {"plain": plain})
@@ -224,10 +222,7 @@ class DeviceRun:
         save_policy(folder, self.learner.policy(self.training, made_by(self.training, self.steps)))
 
     def _put_back(self, tensors: dict[str, Tensor], document: dict[str, Any]) -> None:
-        self.learner.load_state_dict(below("learner", tensors))
-        states = nested_states(below("optimiser", tensors))
-        groups = self.learner.optimiser.state_dict()["param_groups"]
-        self.learner.optimiser.load_state_dict({"state": states, "param_groups": groups})
+        put_back(tensors, "learner", self.learner, self.learner.optimiser)
         self.steps, self.leg = int(document["steps_done"]), int(document["leg"])
         self._rollouts, self._best = int(document["plain"]["rollouts"]), float(document["plain"]["best"])
 

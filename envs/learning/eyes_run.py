@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from haustra.envs.learning.checkpoint import below, flat_states, nested_states, restore, save_checkpoint
+from haustra.envs.learning.checkpoint import learned, put_back, restore, save_checkpoint
 from haustra.envs.learning.eyes import COLOURS, RAYS, STRIDE, Eyes
 from haustra.envs.learning.policy import MlpPolicy, load_policy, policy_folder, save_policy
 from haustra.envs.learning.recall import Recall
@@ -68,7 +68,8 @@ class EyesRun:
         else:
             restore(folder, document, lambda tensors, _: self._put_back(tensors, document))
         room: dict[str, Any] = {"device": training.device}
-        self._layers = [(torch.as_tensor(w, **room), torch.as_tensor(b, **room)) for w, b in self._hand_layers()]
+        layers = zip(self._hand.weights, self._hand.biases, strict=True)
+        self._layers = [(torch.as_tensor(weight, **room), torch.as_tensor(bias, **room)) for weight, bias in layers]
         self._rays = torch.as_tensor(ray_directions()[:, :2], dtype=torch.float32, **room)
         self._ended: list[tuple[float, float]] = []
         self._errors: list[Tensor] = []
@@ -186,16 +187,10 @@ class EyesRun:
         self._ended, self._errors, self._last = [], [], row
         return row
 
-    def _hand_layers(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        return list(zip(self._hand.weights, self._hand.biases, strict=True))
-
     def _save(self) -> None:
         self.leg += 1  # whoever goes on from here draws other episodes
-        tensors = {f"network/{name}": value.contiguous() for name, value in self.network.state_dict().items()}
-        states = flat_states(self.optimiser.state_dict()["state"])
-        tensors |= {f"optimiser/{name}": value for name, value in states.items()}
         document = {"steps_done": self.steps, "leg": self.leg, "training": self.training.to_json(), "plain": {}}
-        save_checkpoint(self.folder, tensors, document)
+        save_checkpoint(self.folder, learned("network", self.network, self.optimiser), document)
         save_policy(self.folder, self._policy())
 
     def _policy(self) -> MlpPolicy:
@@ -217,10 +212,7 @@ class EyesRun:
         )
 
     def _put_back(self, tensors: dict[str, Tensor], document: dict[str, Any]) -> None:
-        self.network.load_state_dict(below("network", tensors))
-        states = nested_states(below("optimiser", tensors))
-        groups = self.optimiser.state_dict()["param_groups"]
-        self.optimiser.load_state_dict({"state": states, "param_groups": groups})
+        put_back(tensors, "network", self.network, self.optimiser)
         self.steps, self.leg = int(document["steps_done"]), int(document["leg"])
 
 

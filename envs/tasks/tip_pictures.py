@@ -22,7 +22,11 @@ from haustra.envs.view.picture.lens import lens_of
 from haustra.envs.view.picture.light import Light, Response
 from haustra.envs.view.picture.lumen_rays import FAR
 from haustra.envs.view.picture.picture_program import (
+    DEVELOP,
     LANES,
+    LOOK,
+    PLACES,
+    RANKS,
     SPARSE,
     STATION_ROW,
     TILE,
@@ -120,26 +124,13 @@ class TipPictures:
         about = {"kinds": self._kinds, "guides": self._guides, "angles": self._angles, "reach": RANGE}
         about["tiled"] = lanes == 1 and self._size % max(TILE) == 0
         text = write_look(lanes=lanes, moving=self._nodes > 0, **about)
-        names = (
-            "stations",
-            "corners",
-            "places",
-            "known",
-            "landmarks",
-            "lattice",
-            "common",
-            "lens",
-            "light",
-            "distance",
-        )
-        arrays = [views, *(held[name] for name in names)]
+        arrays = [views, *(held[name] for name in LOOK[1:])]
         self._launcher.run("look", text, arrays, (blocks, self._pixels, self._nodes, self._size), worlds)
         counts = of_samples, self._samples, self._columns**2, self._columns, self._size, self._pixels
-        self._run("measure", write_places(lanes=lanes), ("light", "bright"), counts)
-        self._run("rank", write_ranks(lanes=lanes), ("bright", "edges"), (of_samples, self._samples))
+        self._run("measure", write_places(lanes=lanes), PLACES[0], counts)
+        self._run("rank", write_ranks(lanes=lanes), RANKS[0], (of_samples, self._samples))
         text = write_develop(lanes=lanes, target=self._target, reach=RANGE)
-        names = ("light", "distance", "edges", "curve", "pictures")
-        self._run("develop", text, names, (blocks, self._pixels, self._curve_length))
+        self._run("develop", text, DEVELOP[0], (blocks, self._pixels, self._curve_length))
 
     def _run(self, name: str, text: str, arrays: tuple[str, ...], counts: tuple[int, ...]) -> None:
         self._launcher.run(name, text, [self._held[each] for each in arrays], counts, self._worlds)
