@@ -25,9 +25,9 @@ from haustra.models.wall.law import WallContact
 from haustra.models.wall.lumen_table import Tables, pick
 from haustra.models.wall.planes import add_felt, add_planes, with_friction
 
-SOLVER_TOLERANCE = 1e-5
-"""Tolerance of the dual solver. With a scope's few dozen contacts it is 1.5 times as fast as CG at 1e-8; tip paths over
-20 s in a grown colon are the same to 1 mm from 1e-8 to 1e-4."""
+SOLVER_TOLERANCE = 1e-8
+"""Tolerance of the dual solver, MuJoCo's own. At 1e-5 steps take 4 % less time, and scopes that a fold holds let go at
+another time."""
 
 
 @final

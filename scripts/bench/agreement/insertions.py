@@ -124,10 +124,9 @@ def insertions(
 
 
 def _state(bank: ColonSet) -> str:
-    """A hash of the code and of the colons."""
-    return content_hash(
-        code_state().encode(), *(case.points.tobytes() for case in bank.cases), repr(bank.design).encode()
-    )
+    """A hash of the code, of the colons and of how they are stepped."""
+    model = repr((bank.design, bank.options)).encode()
+    return content_hash(code_state().encode(), *(case.points.tobytes() for case in bank.cases), model)
 
 
 def _name(part: range, *, backend: str, mesentery: bool, seconds: float) -> str:

@@ -1,7 +1,7 @@
 """`haustra bench agreement`: the backends held against each other, in one table."""
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -26,6 +26,8 @@ class BenchAgreement:
     """Number of insertions on each backend; each draws its own colon, friction, stiffness and start."""
     seconds: float = number("s", 0.02, 600.0, default=30.0)
     """Longest insertion, in simulated time [s]."""
+    timestep: float = number("s", 0.0005, 0.02, default=0.005)
+    """Step of every backend [s]; the time between two decisions, 0.04 s, is a whole number of them."""
     colons: int = whole(1, 100_000, default=8)
     """Number of grown colons."""
     mesentery: Literal["fixed", "mesentery", "both"] = "both"
@@ -68,6 +70,7 @@ class BenchAgreement:
                 processes=processes,
                 progress=lambda done: advance(done, ""),
             )
+        bank = replace(bank, options=replace(bank.options, timestep=self.timestep))
         with progress_bar("agreement", len(parts), unit="parts") as advance:
             rows = compare_backends(
                 bank,
@@ -83,7 +86,7 @@ class BenchAgreement:
             )
         where = devices()
         result = {"rows": [row.to_json() for row in rows], "agree": all(row.agrees is not False for row in rows)}
-        result["machine"] = where
+        result |= {"timestep": self.timestep, "seeds": self.seeds, "colons": self.colons, "machine": where}
         if folder:
             write_json(folder / "agreement.json", result)
         return result if self.json else {**table(rows), "machine": where}

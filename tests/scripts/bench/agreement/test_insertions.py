@@ -81,3 +81,13 @@ def test_finished_insertions_are_kept_and_processes_change_nothing(native, tmp_p
 def test_a_backend_that_refuses_is_absent_with_its_reason() -> None:
     (row,) = compare_insertions(None, {"linear": "no such colon"}, mesentery=True)
     assert row.absent == "no such colon" and "on the mesentery" in row.quantity
+
+
+def test_insertions_by_other_steps_are_kept_apart(tmp_path) -> None:
+    asked = {"backend": "linear", "mesentery": False, "seeds": 3, "seconds": 0.4, "folder": tmp_path}
+    bank = short_bank()
+    finer = replace(bank, options=replace(bank.options, timestep=0.0025))
+    first, second = (insertions(each, **asked) for each in (bank, finer))
+    assert isinstance(first, Runs) and isinstance(second, Runs)
+    assert len(list(tmp_path.rglob("*.npz"))) == 2
+    assert not np.array_equal(first.push, second.push)
