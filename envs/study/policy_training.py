@@ -1,11 +1,11 @@
 """Answers to the question 'policy': trainings, one after the other, each on all that the machine has."""
 
-import os
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from haustra.children import cores
 from haustra.envs.learning.drivers import PolicyDriver
 from haustra.envs.learning.evaluate import evaluate
 from haustra.envs.learning.policy import MlpPolicy, load_policy
@@ -24,16 +24,16 @@ def answer(study: Study, folder: Path, job: Job, *, backend: str) -> Result:
     """Train with one design, and judge what came of it beside the policy that it began as."""
     design, start, training, own = plan(study, job.variables, job.conditions)
     training = replace(training, backend=backend, device="cuda" if backend == "linear-gpu" else "cpu")
-    task, cores = training.task, os.cpu_count() or 1
-    grow = partial(grown_bank, design=design, difficulty=task.difficulty, processes=cores)
+    task, threads = training.task, cores()
+    grow = partial(grown_bank, design=design, difficulty=task.difficulty, processes=threads)
     held_out = grow(range(HELD_OUT_SEEDS, HELD_OUT_SEEDS + own.held_out))
-    judge = partial(_judged, task=task, bank=held_out, episodes=own.episodes, backend=backend, threads=cores)
+    judge = partial(_judged, task=task, bank=held_out, episodes=own.episodes, backend=backend, threads=threads)
     before = judge(start)
     found, steps = before, 0
     if own.steps:
         place = folder / POLICIES / str(job.id)
         resume = (place / "checkpoint.json").exists()
-        done = train(training, place, resume=resume, bank=grow(range(*task.seeds)), threads=cores)
+        done = train(training, place, resume=resume, bank=grow(range(*task.seeds)), threads=threads)
         found, steps = judge(load_policy(place)), int(done["steps"])
     scores: dict[str, Any] = found | {f"{name}_before": value for name, value in before.items()}
     return Result(job.id, "finished", scores=scores | {"training_steps": float(steps)})

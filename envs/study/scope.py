@@ -10,7 +10,7 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from haustra.children import children
+from haustra.children import children, cores
 from haustra.envs.control.laws import driver_settings
 from haustra.envs.runs.insertion import Insertion, Trajectory, run_insertion
 from haustra.envs.runs.measure.scores import score
@@ -263,7 +263,7 @@ def prepare_colons(study: Study, folder: Path, tell: Callable[[str], None]) -> N
     missing = {
         name: place for name, place in named.items() if name.startswith("grown-") and not (place / METADATA).is_file()
     }
-    processes = min(len(missing), os.cpu_count() or 1)
+    processes = min(len(missing), cores())
     if processes < 2:
         for name, place in missing.items():
             tell(f"growing {name}")

@@ -1,6 +1,5 @@
 """Many scopes at once for studies: jobs become worlds, and worlds of a kind share a batch, whatever their numbers."""
 
-import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -10,6 +9,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from haustra.children import cores
 from haustra.envs.runs.measure.injury import perforation_scores
 from haustra.envs.runs.outcome import Outcome
 from haustra.envs.runs.tally import Insertions
@@ -118,7 +118,7 @@ def prepare(study: Study, folder: Path, tell: Callable[[str], None]) -> None:
     for design in designs_of(study):
         with suppress(HaustraError):  # its jobs will say why
             radii.add(build_setup(study, design, conditions).design.diameter / 2)
-    StudyColons(study, folder, threads=os.cpu_count() or 1).tabulate_for(radii)
+    StudyColons(study, folder, threads=cores()).tabulate_for(radii)
 
 
 def options_of(worlds: Sequence[World]) -> dict[str, Any]:

@@ -1,6 +1,5 @@
 """Studies of scopes in linear time: designs that differ in their numbers only share one program."""
 
-import os
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from haustra.children import cores
 from haustra.envs.runs.linear_insertions import LinearInsertions
 from haustra.envs.runs.tally import Insertions
 from haustra.envs.sim.conditions import Conditions
@@ -30,16 +30,16 @@ _BATCHES = 16
 
 
 def _start(study: Study, folder: Path) -> Runner:
-    cores = os.cpu_count() or 1
+    processes = cores()
     answer = partial(_answer, device="cpu")
-    own: dict[str, Any] = {"answer": answer, "can_share": _can_share, "threads": cores, "side_by_side": cores}
+    own: dict[str, Any] = {"answer": answer, "can_share": _can_share, "threads": processes, "side_by_side": processes}
     return runner(study, folder, backend="linear", largest=_PER_THREAD, **own)
 
 
 def _start_gpu(study: Study, folder: Path) -> Runner:
     answer = partial(_answer, device="cuda")
     own: dict[str, Any] = {"answer": answer, "can_share": _can_share, "side_by_side": _BATCHES}
-    return runner(study, folder, backend="linear", threads=os.cpu_count() or 1, **own)
+    return runner(study, folder, backend="linear", threads=cores(), **own)
 
 
 def _can_share(one: World, first: World) -> bool:

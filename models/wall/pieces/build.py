@@ -1,7 +1,6 @@
 """From a colon to its wall."""
 
 import functools
-import os
 import time
 import zipfile
 from collections import deque
@@ -15,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from manifold3d import Manifold
 
+from haustra.children import cores
 from haustra.errors import InvalidOptionError, OutputError, UnreadableFileError, WallAccuracy
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.store import colon_hash
@@ -132,7 +132,7 @@ def build_wall(
     key = content_hash(ALGORITHM.encode(), _ASSEMBLY.encode(), digest.encode(), repr((asdict(options), rays)).encode())
     wall = _from_cache(key) if use_cache else None
     if wall is None:
-        count = workers or os.cpu_count() or 1
+        count = workers or cores()
         cleared, counts = _make_pieces(colon, options, count, use_cache, tell)
         pieces = tuple(piece for stretch in cleared for piece in stretch.pieces)
         if not pieces:

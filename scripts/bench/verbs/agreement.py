@@ -47,6 +47,7 @@ class BenchAgreement:
         """Compare."""
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+        from haustra.children import cores
         from haustra.envs.tasks.bank import grown_bank
         from haustra.errors import InvalidOptionError
         from haustra.files import prepare_folder, write_json
@@ -62,7 +63,7 @@ class BenchAgreement:
         if unknown := [backend for backend in backends if backend not in BACKENDS]:
             raise InvalidOptionError(f"Backend '{unknown[0]}' is not known. Known: {', '.join(BACKENDS)}.")
         folder = prepare_folder(self.output) if self.output else None
-        processes = self.processes or os.cpu_count() or 1
+        processes = self.processes or cores()
         with progress_bar("grow", self.colons, unit="colons") as advance:
             bank = grown_bank(
                 range(self.colons if "insertions" in parts else 1),

@@ -1,6 +1,5 @@
 """`haustra bench cells`: what policies come to with finer and finer scopes."""
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -31,6 +30,7 @@ class BenchCells:
 
     def __call__(self) -> dict[str, Any]:
         """Measure."""
+        from haustra.children import cores
         from haustra.errors import InvalidOptionError
         from haustra.files import prepare_folder, write_json
         from haustra.scripts.bench.cells import CELLS, bench_cells
@@ -41,7 +41,7 @@ class BenchCells:
         cells = [name.strip() for name in self.cells.split(";") if name.strip()] or list(CELLS)
         if unknown := set(cells) - set(CELLS):
             raise InvalidOptionError(f"Cells {sorted(unknown)} are not known. Known: {'; '.join(CELLS)}.")
-        cores = self.threads or os.cpu_count() or 1
+        threads = self.threads or cores()
         folder = prepare_folder(self.output)
         with progress_bar("cells", 1, unit="evaluations") as advance:
             rows = bench_cells(
@@ -49,8 +49,8 @@ class BenchCells:
                 cells=cells,
                 colons=self.colons,
                 seconds=self.seconds,
-                threads=cores,
-                processes=cores,
+                threads=threads,
+                processes=threads,
                 progress=lambda done, total: advance(done, "", total),
             )
         result = {"rows": rows, "machine": machine()}

@@ -50,6 +50,7 @@ class BenchErrors:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
         from haustra.assets import asset
+        from haustra.children import cores
         from haustra.files import write_atomically, write_json
         from haustra.models.accuracy import load_measured
         from haustra.models.presets import PRESETS
@@ -73,7 +74,7 @@ class BenchErrors:
             mesentery={"fixed": (False,), "mesentery": (True,), "both": (False, True)}[self.colon],
             seconds=self.seconds,
         )
-        processes = self.processes or os.cpu_count() or 1
+        processes = self.processes or cores()
         with progress_bar("errors", 1, unit="tracks") as advance:
             own = {"processes": processes, "minutes": self.minutes or math.inf, "progress": advance}
             rows = measure_errors(asked, self.output, **own)

@@ -36,6 +36,7 @@ class BenchFront:
         """Measure."""
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+        from haustra.children import cores
         from haustra.files import write_json
         from haustra.scripts.bench.accuracy.front import SETTINGS, best, measure_front, modelled
         from haustra.scripts.bench.machine import machine
@@ -52,7 +53,7 @@ class BenchFront:
                 designs=words(self.designs),
                 settings=settings,
                 seconds=self.seconds,
-                processes=self.processes or os.cpu_count() or 1,
+                processes=self.processes or cores(),
                 progress=advance,
             )
         result = {"rows": rows, "machine": machine()}

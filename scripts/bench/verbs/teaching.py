@@ -1,12 +1,12 @@
 """`haustra bench teaching`: what demonstrations of a driver are worth to PPO."""
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
 
+from haustra.children import cores
 from haustra.fields import number, whole
 
 
@@ -31,7 +31,7 @@ class BenchTeaching:
     """Held-out colons, two episodes each."""
     seconds: float = number("s", 1.0, 3600.0, default=240.0)
     """Longest episode [s]."""
-    processes: int = whole(1, 4096, default=os.cpu_count() or 1)
+    processes: int = whole(1, 4096, default=cores())
     """Processes that work beside each other, a thread each."""
     json: bool = field(default=False)
     """Print one JSON document instead of a table."""
