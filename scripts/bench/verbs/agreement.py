@@ -87,7 +87,10 @@ class BenchAgreement:
             )
         where = devices()
         result = {"rows": [row.to_json() for row in rows], "agree": all(row.agrees is not False for row in rows)}
-        result |= {"timestep": self.timestep, "seeds": self.seeds, "colons": self.colons, "machine": where}
+        asked = {"seconds": self.seconds, "timestep": self.timestep, "seeds": self.seeds, "colons": self.colons}
+        command = f"haustra bench agreement --parts {self.parts} --backends {self.backends} --seeds {self.seeds}"
+        command += f" --timestep {self.timestep:g} --mesentery {self.mesentery} -o DIR --json"
+        result |= {**asked, "command": command, "machine": where}
         if folder:
             write_json(folder / "agreement.json", result)
         return result if self.json else {**table(rows), "machine": where}
