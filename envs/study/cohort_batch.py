@@ -32,6 +32,7 @@ from haustra.errors import HaustraError, UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.files import find_design
 from haustra.models.devices.scope.library import at_body_temperature
+from haustra.models.injury.perforation import Strength
 from haustra.models.presets import PRESETS, TABLE
 from haustra.models.scene import build_scene, entry_of
 from haustra.models.wall import mesentery
@@ -122,7 +123,8 @@ def _examined(
 
     conditions = Conditions(each("friction"), each("wall_stiffness"), each("shaft_stiffness"))
     case = np.array(own.case)
-    batch.begin(case, conditions)
+    borne = zip(Strength._fields, np.array([patient.strength for patient in patients]).T, strict=True)
+    batch.begin(case, conditions, {f"wall_{name}": values for name, values in borne})
     colons = [own.colons[which] for which in case]
     watch = ClinicWatch(batch, patients, colons, case)
     segment = str(study.options.get("stiffen_in", NEVER))

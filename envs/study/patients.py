@@ -12,7 +12,7 @@ from haustra.envs.study.study import Value, Variable
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.anatomy.store import METADATA, load_colon, save_colon
-from haustra.models.injury.perforation import deviation_of, perforation_probability
+from haustra.models.injury.perforation import Strength, deviation_of, perforation_probability
 from haustra.models.wall.abdomen import Abdomen
 from haustra.models.wall.cache import cache_folder
 from haustra.models.wall.lumen_table import lumen_table
@@ -34,11 +34,17 @@ _MESENTERY = {
 """Variables that are numbers of the mesentery, by their names there."""
 
 _HUNG = {name: f"mesentery.{name}" for name in ("torsion", "drag", "anus", "grip")} | {
-    f"thickness_{name}": f"mesentery.thickness.{name}" for name in ("sigmoid", "other")
+    f"{what}_{name}": f"mesentery.{what}.{name}"
+    for what, names in {"thickness": ("sigmoid", "other"), "height": ("descending", "ascending")}.items()
+    for name in names
 }
 """Numbers of the mesentery that a study may vary and a cohort leaves as they are: variables, by their names there."""
-_TEARS = ("human_over_porcine", "between_persons")
+_AFTERWARDS = ("human_over_porcine", "between_persons")
 """Numbers of injury that act on the largest load of a run after it: names in assets/numbers/injury.toml."""
+_WITHIN = {f"strength_{shape}": f"strength.{shape}" for shape in ("straight", "bent", "sideways")} | {
+    name: name for name in ("head_diameter", "contact_length", "size_share")
+}
+"""Those that say which load that is, and so act while it runs: variables, by their names there."""
 
 
 @cache
@@ -73,7 +79,8 @@ def _variable(name: str, entry: Mapping) -> Variable:
 @cache
 def injury_variables() -> tuple[Variable, ...]:
     """Numbers of what tears that a study may vary beside patients'; a cohort leaves them as they are."""
-    known = {name: numbers()[f"injury.{name}"] for name in _TEARS}
+    listed = {name: name for name in _AFTERWARDS} | _WITHIN
+    known = {name: numbers()[f"injury.{number}"] for name, number in listed.items()}
     return tuple(
         Variable(name, f"injury.{name}", n.unit, n.value, n.low, n.high, "uniform") for name, n in known.items()
     )
@@ -130,6 +137,11 @@ class Patient:
         """Numbers of the mesentery that are this patient's own, by their names in assets/numbers."""
         return {number: self.values[name] for name, number in (_MESENTERY | _HUNG).items()}
 
+    @property
+    def strength(self) -> Strength:
+        """What this patient's wall bears, but for how much more people bear than pigs (`torn`)."""
+        return Strength.of({number: self.values[name] for name, number in _WITHIN.items()})
+
     def torn(self, load: float) -> float:
         """Share of people like this patient whose wall is torn by a load over the median person's strength [1]."""
         weaker = injury_variables()[0].nominal / self.values["human_over_porcine"]
@@ -167,14 +179,20 @@ class Patient:
 
 
 def grow_patient(folder: Path, grown: Mapping) -> None:
-    """Grow a colon into a folder, which appears at once."""
+    """Grow a colon into a folder, which appears at once, and stays where another process has grown it meanwhile."""
     import os
     import shutil
 
     half = folder.with_name(f".{folder.name}.{os.getpid()}")
     save_colon(grow_colon(**grown), half)
-    shutil.rmtree(folder, ignore_errors=True)
-    half.rename(folder)
+    if not (folder / METADATA).is_file():
+        shutil.rmtree(folder, ignore_errors=True)
+    try:
+        half.rename(folder)
+    except OSError:  # another process was first; what it has grown may be read already
+        if not (folder / METADATA).is_file():
+            raise
+        shutil.rmtree(half)
 
 
 def grow_patients(

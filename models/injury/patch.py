@@ -24,7 +24,9 @@ def patch_area(diameter: Any, length: Any) -> Any:
     return math.pi / 4 * diameter**2 + diameter * length
 
 
-def force_on_contact(xp: Any, force: Any, length: Any, beside: Sequence[tuple[Any, Any]]) -> Any:
+def force_on_contact(
+    xp: Any, force: Any, length: Any, beside: Sequence[tuple[Any, Any]], *, contact: Any = CONTACT_LENGTH
+) -> Any:
     """Force of the wall on the contact in whose middle a link is [N], however finely the shaft is cut.
 
     A link that is shorter than a contact shares it with its neighbours, each with as much of its length as the contact
@@ -35,8 +37,9 @@ def force_on_contact(xp: Any, force: Any, length: Any, beside: Sequence[tuple[An
         force: on the link [N].
         length: of the link [m].
         beside: forces [N] and lengths [m] of its neighbours; those of no force and some length where there is none.
+        contact: length of shaft whose load counts as one contact [m].
     """
-    reach = xp.maximum(CONTACT_LENGTH - length, 0.0) / 2
+    reach = xp.maximum(contact - length, 0.0) / 2
     for other, long in beside:
         force = force + other * xp.minimum(reach / long, 1.0)
     return force

@@ -18,7 +18,8 @@ is calibrated to how often patients are harmed.
 """
 
 import math
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -27,12 +28,45 @@ from scipy.special import ndtr
 from haustra.models.injury.numbers import injury_number
 
 _QUARTER = math.pi / 2
-_HUMAN = injury_number("human_over_porcine")
-_STRAIGHT, _BENT, _SIDEWAYS = (
-    _HUMAN * injury_number(f"strength.{shape}") for shape in ("straight", "bent", "sideways")
-)
 TORN = 1e6
 """Load over strength of a wall that has been left through: beyond anybody's strength [1]."""
+
+
+class Strength(NamedTuple):
+    """What the wall of the median person bears under what presses on it: numbers, or arrays of one a world."""
+
+    straight: Any
+    """Median force that perforates it under a straight head [N]."""
+    bent: Any
+    """Under one bent by 90 degrees [N]."""
+    sideways: Any
+    """Under one bent by 180 degrees, or the side of a shaft [N]."""
+    fixed: Any
+    """Share of it that does not grow with the device's diameter [1]."""
+    per_diameter: Any
+    """What grows with it [1/m]."""
+    contact_length: Any
+    """Length of shaft whose load counts as one contact [m]."""
+
+    @classmethod
+    def of(cls, changed: Mapping[str, Any] | None = None) -> "Strength":
+        """By the numbers of assets/numbers/injury.toml.
+
+        Args:
+            changed: numbers to take instead of those of the file, by their names behind 'injury.'.
+        """
+        asked = changed or {}
+
+        def number(name: str) -> Any:
+            return asked[name] if name in asked else injury_number(name)
+
+        human, share = number("human_over_porcine"), number("size_share")
+        shapes = (human * number(f"strength.{shape}") for shape in ("straight", "bent", "sideways"))
+        return cls(*shapes, 1 - share, share / number("head_diameter"), number("contact_length"))
+
+
+MEDIAN = Strength.of()
+"""By the numbers as they are."""
 
 
 def deviation_of(between_persons: float) -> float:
@@ -44,7 +78,7 @@ SIGMA = deviation_of(injury_number("between_persons"))
 """Standard deviation of the logarithm of strength between people."""
 
 
-def head_strength(xp: Any, bend: Any) -> Any:
+def head_strength(xp: Any, bend: Any, strength: Strength = MEDIAN) -> Any:
     """Median force that perforates a human colon under a head bent by so much [N].
 
     Straight, bent by 90 and by 180 degrees are those of the numbers; linear between them.
@@ -52,13 +86,15 @@ def head_strength(xp: Any, bend: Any) -> Any:
     Args:
         xp: numpy, jax.numpy, or what writes programs.
         bend: of the bending section [rad].
+        strength: of the wall.
     """
     quarters = xp.minimum(bend / _QUARTER, 2.0)
     further = xp.maximum(quarters - 1.0, 0.0)
-    return _STRAIGHT + (_BENT - _STRAIGHT) * xp.minimum(quarters, 1.0) + (_SIDEWAYS - _BENT) * further
+    straight, bent, sideways = strength[:3]
+    return straight + (bent - straight) * xp.minimum(quarters, 1.0) + (sideways - bent) * further
 
 
-def link_load(xp: Any, force: Any, bend: Any, of_head: Any, diameter: Any) -> Any:
+def link_load(xp: Any, force: Any, bend: Any, of_head: Any, diameter: Any, strength: Strength = MEDIAN) -> Any:
     """Load over median strength under a link [1].
 
     Args:
@@ -67,10 +103,10 @@ def link_load(xp: Any, force: Any, bend: Any, of_head: Any, diameter: Any) -> An
         bend: of the bending section [rad].
         of_head: whether the link is of the bending section; the shaft lies on the wall with its side.
         diameter: of the device [m].
+        strength: of the wall.
     """
-    share, usual = injury_number("size_share"), injury_number("head_diameter")
-    size = (1 - share) + share / usual * diameter
-    return force / (size * xp.where(of_head, head_strength(xp, bend), _SIDEWAYS))
+    size = strength.fixed + strength.per_diameter * diameter
+    return force / (size * xp.where(of_head, head_strength(xp, bend, strength), strength.sideways))
 
 
 def worst_load(xp: Any, worst: tuple[Any, Any], load: Any, arc: Any, escaped: Any = None) -> tuple[Any, Any]:

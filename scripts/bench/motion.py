@@ -123,7 +123,7 @@ def bench_motion(
     for name, known in (*((name, PATIENTS) for name in patients), *((name, DRIVERS) for name in drivers)):
         if name not in known:
             raise InvalidOptionError(f"'{name}' is not known to this benchmark. Known: {', '.join(known)}.")
-    asked = tuple(dict.fromkeys((PLAIN, *(patients or PATIENTS))))
+    asked = with_base(patients or tuple(PATIENTS))
     sources = [(folder, (PLAIN,)) for folder in others] + [(first_seed + number, asked) for number in range(colons)]
     jobs = [(source, driver, names) for source, names in sources for driver in drivers]
     with ProcessPoolExecutor(max(min(processes, len(jobs)), 1), mp_context=get_context("spawn")) as pool:
@@ -134,6 +134,12 @@ def bench_motion(
             progress(len(rows), rows[-1]["colon"])
             keep(rows)
     return [row for future in given for row in future.result()]
+
+
+def with_base(patients: Sequence[str]) -> tuple[str, ...]:
+    """These patients and those that they are compared with, each once, in the order of `PATIENTS`."""
+    asked = {PLAIN, *patients, *(AGAINST[name] for name in patients if name in AGAINST)}
+    return tuple(name for name in PATIENTS if name in asked)
 
 
 def _in_patients(

@@ -27,6 +27,7 @@ from haustra.envs.sim.wheels import require_stretch
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.scope.wires import travel_of_wheels
+from haustra.models.injury.perforation import MEDIAN
 from haustra.models.scene import Scene
 from haustra.models.wall import moving_colon
 from haustra.models.wall.lumen_table import Tables, pick
@@ -207,6 +208,7 @@ class LinearBackend(AbstractBackend):
         options = self.scene.options
         values = self._begun(worlds, case, conditions) | {"damping_time": options.wall_damping_time}
         values |= {"push_limit": options.push_limit, "torque_limit": options.torque_limit}
+        values |= {f"wall_{name}": number for name, number in MEDIAN._asdict().items()}
         for name, value in values.items():
             self._put("worlds", worlds, WORLD.index(name), value)
         self._yield_to_gas(worlds[worlds < self.worlds])

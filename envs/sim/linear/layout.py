@@ -18,10 +18,13 @@ WORLD = ("one", "bending", "tip_bending", "torsion", "stiffness", "damping_time"
          "torque_limit", "gravity_x", "gravity_y", "gravity_z", "step", "first", "count", "device_radius",
          "first_node", "spacing", "pleating",
          "push_rate", "roll_rate", "up", "left", "down", "right", "alive", "begins", "start_roll",
-         "gas_load", "gas_load_arc", "gas_pain", "gas_pain_arc")  # fmt: skip
+         "gas_load", "gas_load_arc", "gas_pain", "gas_pain_arc",
+         "wall_straight", "wall_bent", "wall_sideways", "wall_fixed", "wall_per_diameter",
+         "wall_contact_length")  # fmt: skip
 """Numbers of a world: what scales joints, its wall, hand and colon, what hands ask, whether it is stepped, whether its
-scope is to be laid straight before that, how it is turned then [rad], and what gas alone does to it. Of each wire hands
-ask a pull [N], or, where wheels steer, how much of it is taken up [m]."""
+scope is to be laid straight before that, how it is turned then [rad], what gas alone does to it, and what its wall
+bears (`haustra.models.injury.perforation.Strength`). Of each wire hands ask a pull [N], or, where wheels steer, how
+much of it is taken up [m]."""
 
 BEGUN = ("step", "first", "count", "device_radius", "first_node", "spacing", "pleating", "gravity_x", "gravity_y",
          "gravity_z", "bending", "stiffness", "friction", "start_roll", "alive", "begins")  # fmt: skip

@@ -4,7 +4,7 @@ from haustra.envs.sim.linear.program import ScopeProgram
 from haustra.envs.sim.linear.trace import Value, Variable
 from haustra.models.injury.pain import pain, pressed_tension
 from haustra.models.injury.patch import force_on_contact
-from haustra.models.injury.perforation import link_load
+from haustra.models.injury.perforation import Strength, link_load
 
 
 def tip_arc(scopes: ScopeProgram) -> Value:
@@ -40,14 +40,17 @@ def largest_load(scopes: ScopeProgram) -> tuple[Value, Value]:
     up, left = scopes.bend()
     bend, diameter = xp.sqrt(up * up + left * left), 2 * scopes.scope("radius")
     most, where = _by_gas(scopes, "load")
+    strength = Strength(*(scopes.world(f"wall_{name}") for name in Strength._fields))
     before, length = (program.variable(0.0), program.variable(1.0)), scopes.link_length
     with program.loop(0, scopes.bodies) as body:
         force, own, last = scopes.link_force(body), length(body), body == scopes.bodies - 1
         following = xp.where(last, body, body + 1)
         after = xp.where(last, 0.0, scopes.link_force(following)), length(following)
-        shared = force_on_contact(xp, force, own, ((before[0].value, before[1].value), after))
+        shared = force_on_contact(
+            xp, force, own, ((before[0].value, before[1].value), after), contact=strength.contact_length
+        )
         before[0].value, before[1].value = force, own
-        load = link_load(xp, shared, bend, scopes.of_tip(body), diameter)
+        load = link_load(xp, shared, bend, scopes.of_tip(body), diameter, strength)
         where.value = xp.where(load > most.value, xp.maximum(scopes.link_arc(body), 0.0), where.value)
         most.value = xp.maximum(most.value, load)
     return most.value, where.value

@@ -1,9 +1,9 @@
 """The page about colons that move, from what `haustra bench motion` found."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from typing import Any
 
-from haustra.scripts.bench.motion import COMPARED, DESIGN, FIRST_SEED, PLAIN, effects, soundness
+from haustra.scripts.bench.motion import AGAINST, COMPARED, DESIGN, FIRST_SEED, PATIENTS, PLAIN, effects, soundness
 
 _HEAD = """# Validation: colons that move
 
@@ -63,6 +63,7 @@ def motion_page(measured: Mapping[str, Any]) -> str:
         lines.append(
             f"| {entry['patient']}{other}{fewer} | " + " | ".join(_told(entry, name) for name in COMPARED) + " |"
         )
+    lines += _not_compared(measured["runs"], {entry["patient"] for entry in found})
     if costs := measured.get("costs"):
         lines += [_COSTS, "| patient | one scope | 128 scopes |", "| --- | --- | --- |"]
         lines += [
@@ -131,6 +132,17 @@ def _kinds(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any
 def _heading(kind: str, driver: str, seconds: float, every: float, *, own: Sequence[Mapping[str, Any]]) -> str:
     named = kind or f"{len({row['colon'] for row in own})} grown colons"
     return f"{named}, {driver}, {seconds:g} s, judged every {every:g} s"
+
+
+def _not_compared(rows: Sequence[Mapping[str, Any]], compared: Set[str]) -> list[str]:
+    """Rows of patients of grown colons that were run without those whom they are compared with."""
+    left = {row["patient"] for row in rows if _grown(row)} - compared
+    empty = " |" * len(COMPARED)
+    return [
+        f"| {name} | not compared: nobody was run with {AGAINST.get(name, PLAIN)}{empty}"
+        for name in PATIENTS
+        if name in left - {PLAIN}
+    ]
 
 
 def _grown(row: Mapping[str, Any]) -> bool:

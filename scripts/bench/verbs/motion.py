@@ -32,7 +32,8 @@ class BenchMotion:
     processes: int = whole(1, 1000, default=1)
     """Processes that share the colons."""
     patients: tuple[str, ...] = texts(most=100, default=())
-    """Names of the patients that each grown colon is put into beside that as imaged; all when none are given."""
+    """Names of the patients that each grown colon is put into beside those that they are compared with; all when none
+    are given."""
     others: tuple[Path, ...] = ()
     """Folders of other colons, run as they were imaged."""
     add: tuple[Path, ...] = ()
@@ -48,13 +49,21 @@ class BenchMotion:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
         from haustra.files import prepare_folder, write_atomically, write_json
-        from haustra.scripts.bench.motion import COSTLY, PATIENTS, bench_motion, effects, soundness, step_costs
+        from haustra.scripts.bench.motion import (
+            COSTLY,
+            PATIENTS,
+            bench_motion,
+            effects,
+            soundness,
+            step_costs,
+            with_base,
+        )
         from haustra.scripts.bench.pages.motion_page import motion_page
         from haustra.scripts.console import progress_bar
 
         folder = prepare_folder(self.output)
         kept = [json.loads(path.read_text(encoding="utf-8"))["runs"] for path in self.add]
-        runs = (1 + len(self.patients) if self.patients else len(PATIENTS)) * self.colons + len(self.others)
+        runs = len(with_base(self.patients or tuple(PATIENTS))) * self.colons + len(self.others)
         asked: dict[str, Any] = {"colons": self.colons, "seconds": self.seconds, "judged_every": self.judged_every}
         asked["first_seed"] = self.first_seed
         own: dict[str, Any] = {"patients": self.patients, "others": self.others, "processes": self.processes}

@@ -16,7 +16,15 @@ from haustra.envs.study import patients
 from haustra.envs.study.clinic_watch import pull_backs
 from haustra.envs.study.cohort import OWN_DEVICE, PRESETS, SCORES, Examiner, cohort_study
 from haustra.envs.study.cohort_table import observables, published, verdicts, wilson
-from haustra.envs.study.patients import Patient, clinic_number, left_as_they_are, numbers, patient_variables, traits
+from haustra.envs.study.patients import (
+    Patient,
+    clinic_number,
+    injury_variables,
+    left_as_they_are,
+    numbers,
+    patient_variables,
+    traits,
+)
 from haustra.envs.study.questions import find_backend
 from haustra.envs.study.sampling import designs_of, jobs_of
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
@@ -211,6 +219,31 @@ def test_patients_are_examined_side_by_side_and_kept(tmp_path):
         assert scores["caecum"] == scores["any_loop"] == scores["half_metre"] == 0
         assert float(scores["p_perforation"] or 0.0) < 0.01
         assert scores["axial_rectum_N"] != 0 and scores["axial_caecum_N"] is None
+
+
+def test_what_a_wall_bears_is_each_patients_own_while_it_is_examined(tmp_path):
+    """The same examination three times: of walls that bear twice as much under any shape, and under longer contacts."""
+    known = {each.name: each for each in injury_variables()}
+    shapes = tuple(known[f"strength_{shape}"] for shape in ("straight", "bent", "sideways"))
+    asked = cohort_study("quick", drivers=("follower",), patients=1, seconds=4.0)
+    study = replace(asked, variables=(*asked.variables, *shapes, known["contact_length"]))
+    (usual,) = designs_of(asked)
+    stronger = usual | {each.name: 2 * each.nominal for each in shapes}
+    jobs = list(jobs_of(study, [usual, stronger, usual | {"contact_length": 0.06}]))
+    found = {result.job: result.scores for result in find_backend("cohort", "linear").start(study, tmp_path)(jobs)}
+    usual_load, half, more = (float(found[job.id]["load_peak"] or 0.0) for job in jobs)
+    assert usual_load > 0.01 and half == pytest.approx(usual_load / 2, rel=1e-5) and more > 1.01 * usual_load
+    assert len({found[job.id]["reach"] for job in jobs}) == 1
+
+
+def test_a_colon_that_another_process_has_grown_stays(tmp_path):
+    """Who comes second reads what is there, which others may be reading."""
+    grown = {"seed": 1, "sex": "female", "pressure": 2000.0, "sigmoid": "omega"}
+    patients.grow_patient(tmp_path / "colon", grown)
+    before = (tmp_path / "colon" / "colon.json").stat().st_ino
+    patients.grow_patient(tmp_path / "colon", grown)
+    assert (tmp_path / "colon" / "colon.json").stat().st_ino == before
+    assert [each.name for each in tmp_path.iterdir()] == ["colon"]
 
 
 def test_patients_are_examined_under_water_and_too_much_of_it_is_refused_by_name(tmp_path):

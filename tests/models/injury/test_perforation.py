@@ -9,6 +9,7 @@ from haustra.models.injury.numbers import INJURY
 from haustra.models.injury.perforation import (
     SIGMA,
     TORN,
+    Strength,
     bursting_pressure,
     gas_load,
     head_strength,
@@ -57,6 +58,15 @@ def test_a_thicker_device_needs_more_force_and_a_shaft_lies_sideways() -> None:
     loads = link_load(np, force, straight, True, diameters)
     np.testing.assert_allclose(loads, 10.0 / (HUMAN * 14.1 * np.array([0.75, 1.0, 1.5])))
     assert link_load(np, 10.0, straight, False, USUAL) == pytest.approx(10.0 / (HUMAN * 25.6))
+
+
+def test_a_wall_of_other_numbers_bears_what_they_say() -> None:
+    """Each number of a patient's own where the file's stands otherwise: shape, size, and length of a contact."""
+    weaker = Strength.of({"strength.sideways": 12.8, "size_share": 1.0, "head_diameter": USUAL / 2})
+    assert link_load(np, 10.0, 0.0, False, USUAL, weaker) == pytest.approx(10.0 / (HUMAN * 12.8 * 2.0))
+    assert head_strength(np, np.pi / 2, Strength.of({"strength.bent": 20.0})) == pytest.approx(HUMAN * 20.0)
+    assert Strength.of({"contact_length": 0.05}).contact_length == 0.05
+    assert Strength.of({}) == Strength.of()
 
 
 def test_gas_bursts_half_of_caeca_at_81_mmHg() -> None:

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from haustra.scripts.bench.motion import COMPARED, PATIENTS, PLAIN, effects, soundness
+from haustra.scripts.bench.motion import COMPARED, GAS, PATIENTS, PLAIN, WATER, effects, soundness, with_base
 from haustra.scripts.bench.pages.motion_page import motion_page
 from haustra.scripts.main import SUCCESS, main
 
@@ -36,6 +36,19 @@ def test_changes_are_those_of_the_same_colon_and_escapes_must_be_said() -> None:
     sound = soundness([*rows, torn])
     assert (sound["escaped"], sound["escaped_unsaid"], sound["turned_over_max_share"]) == (1, 1, 0.02)
     assert sound["pictures"] == 0 and "not looked at" in motion_page({"runs": rows})
+
+
+def test_who_is_compared_with_another_is_not_run_without_it() -> None:
+    """Water was left out of the table without a word where nobody had asked for gas alone."""
+    assert with_base([WATER]) == (PLAIN, GAS, WATER) and with_base(["breathing"]) == (PLAIN, "breathing")
+    assert with_base(tuple(PATIENTS)) == tuple(PATIENTS)
+
+
+def test_a_row_that_has_nothing_to_be_compared_with_says_so() -> None:
+    """Rows of an earlier file may hold water without the gas that it differs from."""
+    rows = [_row(f"grown-{n}", name) for n in range(3) for name in (PLAIN, WATER)]
+    assert WATER not in {entry["patient"] for entry in effects(rows)}
+    assert f"| {WATER} | not compared: nobody was run with {GAS}" in motion_page({"runs": rows})
 
 
 def test_a_surface_is_told_up_to_the_record_at_which_a_scope_is_found_outside() -> None:
