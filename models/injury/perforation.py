@@ -61,8 +61,8 @@ class Strength(NamedTuple):
             return asked[name] if name in asked else injury_number(name)
 
         human, share = number("human_over_porcine"), number("size_share")
-        shapes = (human * number(f"strength.{shape}") for shape in ("straight", "bent", "sideways"))
-        return cls(*shapes, 1 - share, share / number("head_diameter"), number("contact_length"))
+        straight, bent, side = (human * number(f"strength.{shape}") for shape in ("straight", "bent", "sideways"))
+        return cls(straight, bent, side, 1 - share, share / number("head_diameter"), number("contact_length"))
 
 
 MEDIAN = Strength.of()

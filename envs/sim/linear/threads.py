@@ -10,8 +10,8 @@ from haustra.models.wall.vectors import Vector, cross, dot, minus, times
 
 _FORCE = 0
 """What each node's room holds: `layout.THREAD_ROOM`."""
-_NOWHERE = (0.0, 0.0, -1e3)
-"""Where the shaft comes from before its first sphere."""
+_NONE_MET = -1.0
+"""How far in spheres are before the first one is met [m]: nothing is drawn to where that may have come from."""
 
 
 class Threads:
@@ -42,7 +42,7 @@ class Threads:
 
     def begin(self) -> None:
         """Before the first sphere of a step."""
-        self._drawn.value, self._furthest.value, self._place.now = 0.0, 0.0, _NOWHERE
+        self._drawn.value, self._furthest.value = 0.0, _NONE_MET
 
     def meet(self, place: Vector, arc: Value, spacing: Value, feel: Callable[[Vector, Vector], None]) -> None:
         """The next sphere.
@@ -54,8 +54,9 @@ class Threads:
             feel: is told, where there is any, the force on the shaft and its moment about the sphere.
         """
         program, xp, before, furthest = self._program, self._program.xp, self._place.now, self._furthest.value
-        self._place.now, self._furthest.value = place, xp.maximum(furthest, arc)
-        node = program.variable(xp.floor(furthest / spacing) + 1)
+        self._place.now, self._furthest.value = place, xp.maximum(xp.maximum(furthest, arc), 0.0)
+        beyond = program.real_of(self._nodes)
+        node = program.variable(xp.where(furthest < 0, beyond, xp.floor(furthest / spacing) + 1))
         last = xp.minimum(xp.floor(xp.maximum(arc, 0.0) / spacing), program.real_of(self._nodes - 1))
         with program.repeat(lambda: node.value <= last):
             at = Nodes.at(program, xp.int32(node.value), self._nodes)

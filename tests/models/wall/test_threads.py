@@ -1,5 +1,6 @@
 """A shaft that is threaded through a colon that moves: forces against an energy, none in passing, loops that close."""
 
+import ctypes
 from dataclasses import replace
 from typing import Any
 
@@ -8,8 +9,15 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
+from llvmlite import ir
 from runtime_types import unchecked
 
+from haustra.envs.sim.linear.compile import engine_of
+from haustra.envs.sim.linear.layout import THREAD_ROOM, Layout
+from haustra.envs.sim.linear.memory import Lanes
+from haustra.envs.sim.linear.sweep import NodeNumbers
+from haustra.envs.sim.linear.threads import Threads
+from haustra.envs.sim.linear.trace import Program
 from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.state import Controls
 from haustra.models.devices.scope.library import named_design
@@ -201,3 +209,48 @@ def test_links_bear_what_nodes_are_drawn_by(law: Any) -> None:
     walls.arcs[0, walls.arcs[0] > 0.1] -= _FAR / 2  # the loop has closed: links bear nothing any more
     wall.update(data)
     assert (data.qfrc_applied == 0).all() == (not _drawn(np, own, moved.pose, points, walls.arcs[None, 0]).borne.any())
+
+
+@pytest.mark.parametrize("lanes", [1, 4])
+def test_a_program_draws_the_nodes_that_numpy_draws_from_the_first_sphere_on(lanes: int) -> None:
+    """Also of a shaft whose first sphere lies beyond some nodes: nothing is drawn to where it may have come from."""
+    own, (points, arcs) = _hairpin(), _taut()
+    own = own._replace(nodes=own.nodes[..., [2, 0, 1]])  # along x, so that no node lies straight behind in z
+    points, arcs = points[:, 15:, [2, 0, 1]], arcs[:, 15:]
+    pose = np.zeros((1, own.nodes.shape[1], 7))
+    known = _drawn(np, own, pose, points, arcs)
+    assert arcs[0, 0] > 2 * own.spacing[0] and np.any(known.force)
+    found = _in_a_program(own, points[0], arcs[0], lanes)
+    np.testing.assert_allclose(found, known.force[0], atol=1e-9)
+
+
+def _in_a_program(own: Mesentery, points: np.ndarray, arcs: np.ndarray, lanes: int) -> np.ndarray:
+    """Forces on the nodes as a program finds them, all lanes alike."""
+    nodes, spheres = own.nodes.shape[1], len(points)
+    rest = np.column_stack([own.nodes[0], own.drag[0], own.turn_drag[0]])
+    given = np.concatenate([rest.ravel(), np.column_stack([points, arcs]).ravel()])
+    pointer = ir.PointerType()
+    program = Program("advance", [pointer, pointer], lanes=lanes, real=np.dtype(float))
+    source, room = (Lanes(program, argument, lanes) for argument in program.function.args)
+    layout = Layout(dofs=0, bodies=0, spheres=0, nodes=program.index(nodes), moving=True)
+    columns = {"drag": 3, "turn_drag": 4}
+    drawn = NodeNumbers(room, lambda number: program.index(number), THREAD_ROOM)
+    threaded = Threads(
+        program,
+        layout,
+        drawn,
+        lambda at: tuple(source.gather(at.within * 5, program.index(number)) for number in range(3)),
+        lambda node, name: source.gather(node * 5, program.index(columns[name])),
+    )
+    threaded.begin()
+    with program.loop(0, program.index(spheres)) as sphere:
+        place = nodes * 5 + sphere * 4
+        own_place = source.load(place), source.load(place + 1), source.load(place + 2)
+        threaded.meet(own_place, source.load(place + 3), program.constant(float(own.spacing[0])), lambda *_: None)
+    engine = engine_of(program.finish())
+    call = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(engine.get_function_address("advance"))
+    asked = np.ascontiguousarray(np.repeat(given[:, None], lanes, axis=1))
+    found = np.zeros((nodes * THREAD_ROOM, lanes))
+    call(asked.ctypes.data, found.ctypes.data)
+    assert np.ptp(found, axis=1).max() == 0
+    return found[:, 0].reshape(nodes, THREAD_ROOM)
