@@ -38,7 +38,7 @@ docs/validation/data/{page}.json; do not edit.
 
 One colon, a woman's of seed {seed:.0f}, is examined by the driver `{driver}` with the scope `{device}` for at most
 {seconds:g} s, by Saltelli's sample of {count} points: {designs} examinations. What differs are the {variables} numbers
-that need no new colon: those of patients (`assets/clinic/patients.toml`){injury}, each within
+{which}: those of patients (`assets/clinic/patients.toml`){injury}, each within
 its sourced range. ST is the share of a score's variance that a number makes alone and with others, S1 that which it
 makes alone; in brackets half the width of the {confidence:.0%} interval. Shares of a score that jumps (0 or 1), and of
 a course that small changes upset, are mostly of the second kind: ST of several numbers is then large together, and S1
@@ -59,14 +59,22 @@ colon too.
 """
 _WITHIN = """, nor those of injury that act within a run
 (strengths by shape of head, size, length of a contact), whose ranges are in [numbers](../numbers.md)"""
+_WITHOUT_EFFECT = """, nor numbers that do nothing
+here: age, whose effect no source gives; what bursts under gas, since none is let in; envelope, breath and loops that
+touch, which these patients' abdomens are without; the wall's density, since they lie on the back and as they were
+imaged; and what makes mucosa bleed, which no score of an examination counts"""
+_GROWN = "patient.gas_pressure"
 
 
 def causes_page(kept: Mapping[str, Any], *, page: str = "causes") -> str:
     """The page of a study's sensitivity.json, by its name in `STUDIES`."""
     study = load_study(STUDIES[page])
-    count, variables = study.sampler.count, len(study.variables)
+    names = {each["variable"] for each in kept["indices"]}
+    count, variables = study.sampler.count, len(names)
     title, question = _TITLES[page]
-    torn, moves = (any(v.path.startswith(room) for v in study.variables) for room in ("injury.", "mesentery."))
+    varied = {v.path for v in study.variables if v.column in names}
+    torn, moves = (any(path.startswith(room) for path in varied) for room in ("injury.", "mesentery."))
+    within = "injury.contact_length" in varied
     more = " and of what tears (`assets/numbers/injury.toml`)" if torn else ""
     more += "\nand of how colons move (`assets/numbers/mesentery.toml`)" if moves else ""
     left_out = kept["points_left_out"]
@@ -83,6 +91,9 @@ def causes_page(kept: Mapping[str, Any], *, page: str = "causes") -> str:
         count=count,
         designs=count * (variables + 2),
         variables=variables,
+        which="that may act, with colons grown anew for gas pressure and sigmoid"
+        if _GROWN in varied
+        else "that need no new colon",
         confidence=kept["confidence"],
         missing=f"{left_out:.0%} of the points are left out, since an examination of theirs has no number."
         if left_out
@@ -96,7 +107,8 @@ def causes_page(kept: Mapping[str, Any], *, page: str = "causes") -> str:
             total = f"{each['total']:.2f} (± {each['total_confidence']:.2f})"
             first = f"{each['first']:.2f} (± {each['first_confidence']:.2f})"
             rows.append(f"| {meanings[score]} | {each['variable']} | {total} | {first} |\n")
-    return head + "".join(rows) + _TAIL.format(most=_MOST, within=_WITHIN if torn else "")
+    left = _WITHOUT_EFFECT if within else _WITHIN if torn else ""
+    return head + "".join(rows) + _TAIL.format(most=_MOST, within=left)
 
 
 def main(page: Path, sources: Sequence[Path]) -> None:
