@@ -233,14 +233,14 @@ def _in_a_program(own: Mesentery, points: np.ndarray, arcs: np.ndarray, lanes: i
     program = Program("advance", [pointer, pointer], lanes=lanes, real=np.dtype(float))
     source, room = (Lanes(program, argument, lanes) for argument in program.function.args)
     layout = Layout(dofs=0, bodies=0, spheres=0, nodes=program.index(nodes), moving=True)
-    columns = {"drag": 3, "turn_drag": 4}
+    columns = {"x": 0, "y": 1, "z": 2, "drag": 3, "turn_drag": 4}
     drawn = NodeNumbers(room, lambda number: program.index(number), THREAD_ROOM)
+
+    def row(node: Any, name: str) -> Any:
+        return source.gather(node * 5, program.index(columns[name]))
+
     threaded = Threads(
-        program,
-        layout,
-        drawn,
-        lambda at: tuple(source.gather(at.within * 5, program.index(number)) for number in range(3)),
-        lambda node, name: source.gather(node * 5, program.index(columns[name])),
+        program, layout, drawn, lambda at: (row(at.within, "x"), row(at.within, "y"), row(at.within, "z")), row
     )
     threaded.begin()
     with program.loop(0, program.index(spheres)) as sphere:
