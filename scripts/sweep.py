@@ -15,8 +15,8 @@ from haustra.fields import whole
 @dataclass(frozen=True)
 class _StudyVerb:
     study: Annotated[str, tyro.conf.Positional]
-    """Name of a shipped study (propulsion, scope, scope-mesentery, tracked-reach, policy-stiffness,
-    cohort-causes), or a file that ends in .toml or .yaml."""
+    """Name of a shipped study (propulsion, scope, scope-mesentery, tracked-reach, tracked-bends,
+    policy-stiffness, cohort-causes), or a file that ends in .toml or .yaml."""
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for the study's jobs and results."""
     resume: bool = False

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -31,11 +31,15 @@ TOGETHER = 4
 BATCH = 1024
 """Jobs in one call of the backend 'warp'."""
 _BASE = "adult"
+_GROWN = "grown-"
+_BANDS = ("easy", "moderate", "difficult", "hard")
 
 SCORES = (
     Column("outcome", "text", "why the run ended: completed, stuck, time_up or escaped"),
     Column("reach", "1", "how far the tip came, as a share of the colon's length"),
     Column("tip_arc_max_m", "m", "the same as a length along the colon"),
+    Column("start_m", "m", "where the tip stood at first, along the colon"),
+    Column("came_m", "m", "how far the tip came from there"),
     Column("wall_force_peak_N", "N", "largest resultant wall force on one body, at 50 Hz"),
     Column("wall_force_mean_N", "N", "its mean over the run"),
     Column("outside_max_mm", "mm", "how deep the device's surface stood in the wall at rest; negative for room"),
@@ -87,9 +91,8 @@ def build_setup(
             friction = value
         else:
             raise InvalidStudyError(f"'{path}' is not known. Known: design.<field>, scene.<field>, condition.friction")
-    seed = str(conditions["colon"]).removeprefix("grown-")
-    if seed != conditions["colon"] and not (seed.isascii() and seed.isdecimal() and len(seed) < 19):
-        raise InvalidStudyError(f"Colon '{conditions['colon']}' is not known: give grown-<seed> or a colon's folder.")
+    if (name := str(conditions["colon"])).startswith(_GROWN):
+        _how_grown(name)
     base = load_device(_BASE if study.base == "default" else study.base)
     own = {entry.name for entry in fields(base)}
     inside = {
@@ -104,15 +107,24 @@ def build_setup(
 
 
 def result_of(
-    job: Job, device: Device, outcome: Outcome, records: Mapping[str, np.ndarray], colon: Colon, radius: float
+    job: Job,
+    device: Device,
+    outcome: Outcome,
+    records: Mapping[str, np.ndarray],
+    colon: Colon,
+    radius: float,
+    *,
+    start: float,
 ) -> Result:
-    """A job's row from what was recorded of a device with a nose of that radius [m]."""
+    """A job's row from what was recorded of a device with a nose of that radius [m], which was at `start` first [m]."""
     if outcome is Outcome.DIVERGED:
         return Result(job.id, "diverged", reason=outcome.advice)
     found = common_scores(outcome, records, device.readings, colon, radius)
     own = [name for reading in device.readings for name in reading_columns(reading)]
     scores: dict[str, Any] = {
         **found,
+        "start_m": start,
+        "came_m": found["tip_arc_max_m"] - start,
         "escaped": float(outcome is Outcome.ESCAPED),
         "readings": " ".join(f"{name}={found[name]:.6g}" for name in own),
     }
@@ -121,8 +133,32 @@ def result_of(
 
 @lru_cache(maxsize=8)
 def _colon(name: str) -> Colon:
-    seed = name.removeprefix("grown-")
-    return load_colon(Path(name)) if seed == name else grow_colon(seed=int(seed))
+    return grow_colon(**_how_grown(name)) if name.startswith(_GROWN) else load_colon(Path(name))
+
+
+def _how_grown(name: str) -> dict[str, Any]:
+    """What a colon is grown with: grown-<seed>, then, if wanted, its band of difficulty and its gas, -hard-2kPa.
+
+    Raises:
+        InvalidStudyError: when the name says something else.
+    """
+    seed, *rest = name.removeprefix(_GROWN).split("-")
+    band = rest.pop(0) if rest and rest[0] in _BANDS else "any"
+    gas = rest.pop(0).removesuffix("kPa") if rest and rest[0].endswith("kPa") else None
+    known = seed.isascii() and seed.isdecimal() and len(seed) < 19 and not rest
+    if not known or (gas is not None and not gas.replace(".", "", 1).isdecimal()):
+        raise InvalidStudyError(
+            f"Colon '{name}' is not known: give grown-<seed>, with its difficulty and gas as in grown-7-hard-2kPa if "
+            "wanted, or a colon's folder."
+        )
+    return {"seed": int(seed), "difficulty": band, "pressure": None if gas is None else 1e3 * float(gas)}
+
+
+def _begun(device: Device, colon: Colon, options: SceneOptions, conditions: Mapping[str, Value]) -> SceneOptions:
+    """Options with the device where it stands next to the condition `start`, or where they say when there is none."""
+    if "start" not in conditions:
+        return options
+    return replace(options, start_depth=device.nearest_start(colon, float(conditions["start"])))
 
 
 def _start(study: Study, folder: Path) -> Runner:
@@ -134,6 +170,7 @@ def _start(study: Study, folder: Path) -> Runner:
             try:
                 device, options = build_setup(study, job.variables, job.conditions)
                 colon = _colon(str(job.conditions["colon"]))
+                options = _begun(device, colon, options, job.conditions)
                 pose_in(colon, device, options)  # refuses where it does not fit
             except MemoryError:
                 raise
@@ -167,15 +204,15 @@ def _answer(group: Sequence[_Placed], study: Study) -> Iterable[Result]:
     seconds, patience = float(study.options["seconds"]), float(study.options["patience"])
     _, device, options, _ = group[0]
     if options.gas is not None or any(options.gravity) or options.wall_law != "table":
-        for job, _, _, colon in group:
-            run = run_device(device, colon, options, seconds=seconds, patience=patience or None)
-            yield result_of(job, device, run.outcome, run.records, colon, run.radius)
+        for job, _, own, colon in group:
+            run = run_device(device, colon, own, seconds=seconds, patience=patience or None)
+            yield result_of(job, device, run.outcome, run.records, colon, run.radius, start=own.start_depth)
         return
     radius = build_device_scene(device, options, pose=Pose()).handles.samples[-1].radius
-    colons = [one.colon for one in group]
-    found = run_devices(device, colons, options, seconds=seconds, patience=patience or math.inf)
-    for one, (outcome, records) in zip(group, found, strict=True):
-        yield result_of(one.job, device, outcome, records, one.colon, radius)
+    colons, starts = [one.colon for one in group], [one.options.start_depth for one in group]
+    found = run_devices(device, colons, options, seconds=seconds, starts=starts, patience=patience or math.inf)
+    for one, start, (outcome, records) in zip(group, starts, found, strict=True):
+        yield result_of(one.job, device, outcome, records, one.colon, radius, start=start)
 
 
 def _start_warp(study: Study, folder: Path) -> Runner:
@@ -183,7 +220,8 @@ def _start_warp(study: Study, folder: Path) -> Runner:
     from haustra.envs.sim.warp_setup import use_warp
 
     use_warp()
-    names = tuple(map(str, study.conditions["colon"]))
+    names, starts = tuple(map(str, study.conditions["colon"])), study.conditions.get("start", (None,))
+    cases = [(name, start) for name in names for start in starts]
     seconds = float(study.options["seconds"])
 
     def run(jobs: Sequence[Job]) -> Iterable[Result]:
@@ -192,7 +230,7 @@ def _start_warp(study: Study, folder: Path) -> Runner:
             groups.setdefault(tuple(sorted(job.variables.items())), []).append(job)
         for group in groups.values():
             try:
-                yield from halved(lambda some: _answer_warp(study, names, some, seconds), group, full=_out_of_memory)
+                yield from halved(lambda some: _answer_warp(study, cases, some, seconds), group, full=_out_of_memory)
             except HaustraError as error:
                 yield from (failure(job, error) for job in group)
 
@@ -203,17 +241,25 @@ def _out_of_memory(error: Exception) -> bool:
     return "RESOURCE_EXHAUSTED" in str(error)
 
 
-def _answer_warp(study: Study, names: tuple[str, ...], jobs: Sequence[Job], seconds: float) -> list[Result]:
+def _answer_warp(
+    study: Study, cases: Sequence[tuple[str, Value | None]], jobs: Sequence[Job], seconds: float
+) -> list[Result]:
+    """Rows of jobs of one design; `cases` are the study's colons, each with each of its starts."""
     import jax.numpy as jnp
 
     from haustra.envs.sim.device_warp import Conditions, WarpDevice, drive_worlds
 
     setups = [build_setup(study, job.variables, job.conditions) for job in jobs]
     device, options = setups[0]
-    colons = [_colon(name) for name in names]
-    scene, poses = build_device_scene(device, options), [pose_in(one, device, options) for one in colons]
+    colons = [_colon(name) for name, _ in cases]
+    begun = [
+        _begun(device, colon, options, {} if start is None else {"start": start})
+        for colon, (_, start) in zip(colons, cases, strict=True)
+    ]
+    scene = build_device_scene(device, options)
+    poses = [pose_in(colon, device, one) for colon, one in zip(colons, begun, strict=True)]
     backend = WarpDevice.of(scene, device_tables(scene, colons, poses), starts=[pose.arc for pose in poses])
-    number = [names.index(str(job.conditions["colon"])) for job in jobs]
+    number = [cases.index((str(job.conditions["colon"]), job.conditions.get("start"))) for job in jobs]
     conditions = Conditions(
         jnp.asarray(number),
         jnp.asarray([one.friction for _, one in setups], jnp.float32),
@@ -226,7 +272,8 @@ def _answer_warp(study: Study, names: tuple[str, ...], jobs: Sequence[Job], seco
         colon = colons[number[row]]
         recorded = {name: values[row] for name, values in records.items()}
         outcome, kept = _until_ended(recorded, colon.centreline.length)
-        found.append(result_of(job, device, outcome, kept, colon, scene.handles.samples[-1].radius))
+        start, nose = begun[number[row]].start_depth, scene.handles.samples[-1].radius
+        found.append(result_of(job, device, outcome, kept, colon, nose, start=start))
     return found
 
 
@@ -243,12 +290,14 @@ def _until_ended(records: dict[str, np.ndarray], length: float) -> tuple[Outcome
 QUESTION = Question(
     scores=SCORES,
     conditions={
-        "colon": Column("colon", "text", "grown-<seed>, or the folder of a colon"),
+        "colon": Column("colon", "text", "grown-<seed>, also as grown-<seed>-hard-2kPa, or the folder of a colon"),
         "friction": Column("friction", "1", "Coulomb's coefficient between device and wall"),
+        "start": Column("start", "m", "next to where the tip stands at first; where the scene says when not given"),
     },
+    may_lack=("start",),
     options=DeviceStudyOptions,
     check=build_setup,
 )
-NATIVE = Backend(start=_start, batch=TOGETHER, one_design=True)
-WARP = Backend(start=_start_warp, batch=BATCH, most_workers=1)
+NATIVE = Backend(start=_start, batch=TOGETHER, one_design=True, together=True)
+WARP = Backend(start=_start_warp, batch=BATCH, most_workers=1, together=True)
 """One process: it fills the device by itself."""

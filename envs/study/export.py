@@ -58,7 +58,7 @@ def results_frame(store: SweepStore) -> "polars.DataFrame":
             continue
         row = {"job": job["id"], "design": job["design"], "name": names.get(job["design"], "")}
         row |= {variable.column: job["variables"].get(variable.name) for variable in study.variables}
-        row |= {column.name: job["conditions"][name] for name, column in conditions.items()}
+        row |= {column.name: job["conditions"].get(name) for name, column in conditions.items()}
         row |= {"state": job["state"], "reason": job["reason"], **job["scores"]}
         rows.append(tuple(row.get(column.name) for column in columns))
     kinds = {column.name: _kind(column) for column in columns}

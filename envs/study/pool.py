@@ -28,6 +28,8 @@ class Lost:
     crashed: int | None = None
     """The one that the worker died of; None when it was killed from outside."""
     reason: str = ""
+    alone: bool = False
+    """Whether each is to be tried by itself: they took too long together, and nobody knows whose fault it is."""
 
 
 Answers: TypeAlias = Iterator[Result | Lost]
@@ -45,7 +47,16 @@ _DYING_SECONDS = 10.0
 class WorkerPool:
     """A `JobMap` over child processes of this one."""
 
-    def __init__(self, order: str, *, workers: int, batch: int, log: Path, job_seconds: float | None = None):
+    def __init__(
+        self,
+        order: str,
+        *,
+        workers: int,
+        batch: int,
+        log: Path,
+        job_seconds: float | None = None,
+        together: bool = False,
+    ):
         """Nothing starts yet.
 
         Args:
@@ -53,7 +64,9 @@ class WorkerPool:
             workers: Child processes.
             batch: Jobs that a worker is given at once.
             log: File that takes what children write to stderr.
-            job_seconds: Longest time between two answers [s].
+            job_seconds: Longest time for one job [s]: between two answers, or of all that a worker was given over
+                their number when it answers them together.
+            together: Whether it does.
 
         Raises:
             InvalidOptionError: when there is to be no worker.
@@ -61,6 +74,7 @@ class WorkerPool:
         if not 1 <= workers <= 4096:
             raise InvalidOptionError(f"A sweep with {workers} workers cannot run: give 1 to 4096.")
         self._order, self._workers, self._batch, self._limit = order, workers, batch, job_seconds
+        self._together = together
         self._log, self._idle = log, list[_Child]()
         self._deaths = 0
 
@@ -101,11 +115,18 @@ class WorkerPool:
                 yield result
         if not child.alive:
             yield self._lost(child)
-        elif self._limit and child.jobs and time.monotonic() - child.heard > self._limit:
+        elif child.jobs and self._late(child):
             child.kill()
             first, *rest = child.take()
+            if rest and self._together:
+                yield Lost((first, *rest), alone=True)
+                return
             yield Result(first, "failed", reason=f"It took longer than budget.job_seconds = {self._limit:g} s.")
             yield Lost(tuple(rest))
+
+    def _late(self, child: "_Child") -> bool:
+        count = len(child.jobs) if self._together else 1
+        return bool(self._limit) and time.monotonic() - child.heard > self._limit * count
 
     def _lost(self, child: "_Child") -> Lost:
         self._deaths += 1

@@ -116,5 +116,5 @@ def _out_of_memory(error: Exception) -> bool:
     return isinstance(error, RuntimeError) and _OUT_OF_MEMORY in str(error)
 
 
-WORLDS = Backend(start=_start, batch=BATCH, most_workers=1)
+WORLDS = Backend(start=_start, batch=BATCH, together=True, most_workers=1)
 """One process: it fills the device by itself."""

@@ -23,6 +23,8 @@ class Backend:
     """Jobs that one call of the runner likes best."""
     one_design: bool = False
     """Whether it gains nothing by jobs of several designs in one call."""
+    together: bool = False
+    """Whether answers of one call come all at once, not each as it is known."""
     most_workers: int | None = None
     """More processes than this would be in each other's way."""
     prepare: Callable[[Study, Path, Callable[[str], None]], None] = lambda study, folder, tell: None
@@ -42,6 +44,8 @@ class Question:
     check: Callable[[Study, Mapping[str, float], Mapping[str, Value]], object]
     """Builds the design for values of the variables and conditions, without running it; raises when it is impossible
     or when a path or an option is not known."""
+    may_lack: tuple[str, ...] = ()
+    """Conditions that a study need not name."""
     errors: Callable[[Study, str], Mapping[str, ScoreError]] = lambda study, backend: {}
     """Largest numerical errors of scores that were measured for what a study asks of a backend."""
 

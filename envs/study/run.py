@@ -83,7 +83,7 @@ def answer_all(store: SweepStore, answer: JobMap, *, progress: Progress = lambda
     with closing(_closable(answer(store.claim))) as answers:
         for result in answers:
             if isinstance(result, Lost):
-                store.give_back(result.jobs, crashed=result.crashed, reason=result.reason)
+                store.give_back(result.jobs, crashed=result.crashed, reason=result.reason, alone=result.alone)
                 counts = store.counts()
             elif store.record(result):
                 counts[result.state] += 1
@@ -125,6 +125,7 @@ def job_map(
             batch=backend.batch,
             log=folder / LOG,
             job_seconds=study.budget.job_seconds,
+            together=backend.together,
         )
         try:
             yield pool

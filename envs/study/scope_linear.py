@@ -67,7 +67,7 @@ def _answer(
     return batch.run(seconds=seconds)
 
 
-LINEAR = Backend(start=_start, batch=_JOBS, most_workers=1, prepare=prepare)
+LINEAR = Backend(start=_start, batch=_JOBS, together=True, most_workers=1, prepare=prepare)
 """One process, whose threads share its colons, tables and program."""
-LINEAR_GPU = Backend(start=_start_gpu, batch=_MANY, most_workers=1, prepare=prepare)
+LINEAR_GPU = Backend(start=_start_gpu, batch=_MANY, together=True, most_workers=1, prepare=prepare)
 """One process: it fills the device by itself."""

@@ -50,4 +50,4 @@ def _answer(colons: StudyColons, worlds: Sequence[World], seconds: float) -> Ins
     return InsertionBatch(dynamics, follower, on_device(tables), stack_widths(own)).run(parameters, seconds=seconds)
 
 
-WARP = Backend(start=_start, batch=BATCH, most_workers=1, prepare=prepare)
+WARP = Backend(start=_start, batch=BATCH, together=True, most_workers=1, prepare=prepare)

@@ -110,9 +110,17 @@ class SweepStore:
             )
         return cursor.rowcount == 1
 
-    def give_back(self, jobs: Iterable[int], *, crashed: int | None = None, reason: str = "") -> None:
-        """Let claimed jobs wait again, whose worker is gone; the one that crashed it fails at its last attempt."""
+    def give_back(
+        self, jobs: Iterable[int], *, crashed: int | None = None, reason: str = "", alone: bool = False
+    ) -> None:
+        """Let claimed jobs wait again, whose worker is gone; the one that crashed it fails at its last attempt.
+
+        Those that are to be tried `alone` are claimed one by one, as what crashed a worker is.
+        """
         with self._writing() as connection:
+            if alone:
+                jobs, apart = list(jobs), "update jobs set crashes = max(crashes, 1) where id = ?"
+                connection.executemany(apart, [(job,) for job in jobs])
             if crashed is not None:
                 connection.execute("update jobs set crashes = crashes + 1 where id = ?", (crashed,))
                 connection.execute(

@@ -239,6 +239,14 @@ class Device(ABC):
         """
         return None
 
+    def nearest_start(self, colon: Colon, start: float) -> float:
+        """Arc length next to `start` [m] where its tip may begin in a colon; there itself for what enters at the anus.
+
+        Raises:
+            InvalidDesignError: when it fits nowhere.
+        """
+        return start
+
     def treads(self, xp: ModuleType, model: mujoco.MjModel, handles: Handles, state: State, commands: Any) -> Treads:
         """How its surface runs under commands (worlds, channels); asked of devices that have treads."""
         raise NotImplementedError

@@ -16,9 +16,11 @@ from haustra.envs.runs.device_run import Records, common_scores
 from haustra.envs.runs.measure.progress import segment_at
 from haustra.envs.runs.outcome import Outcome
 from haustra.envs.sim.device_native import NativeDevice
+from haustra.errors import InvalidDesignError
 from haustra.files import write_json
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
+from haustra.models.anatomy.store import colon_hash, load_colon
 from haustra.models.device_scene import device_options, device_tables
 from haustra.models.devices.tracked.design import TRACKS, TrackedDesign
 from haustra.models.devices.tracked.drive import drive_point
@@ -50,19 +52,39 @@ def reach_in(
     device: TrackedRobot, seeds: Sequence[int], *, seconds: float, mesentery: bool = True
 ) -> list[dict[str, Any]]:
     """Runs in grown colons: where each began, how far it came, what it pressed with, and what stopped it."""
-    colons = {seed: grow_colon(seed=seed) for seed in seeds}
-    begin = {seed: first_place(device, colon) for seed, colon in colons.items()}
-    fits = {seed: start for seed, start in begin.items() if start is not None}
-    options = device_options(device, mesentery=mesentery)
+    colons = [grow_colon(seed=seed) for seed in seeds]
+    begin = [first_place(device, colon) for colon in colons]
+    rows = _driven(device, colons, begin, seconds=seconds, mesentery=mesentery)
+    return [{"seed": seed, **row} for seed, row in zip(seeds, rows, strict=True)]
+
+
+def reach_within(
+    device: TrackedRobot, colon: Colon, starts: Sequence[float], *, seconds: float, mesentery: bool = True
+) -> list[dict[str, Any]]:
+    """Runs in one colon, each from where the robot fits next to one of some arc lengths of its nose [m]."""
+    try:
+        begin = [device.nearest_start(colon, start) for start in starts]
+    except InvalidDesignError:
+        begin = [None for _ in starts]
+    rows = _driven(device, [colon] * len(starts), begin, seconds=seconds, mesentery=mesentery)
+    return [{"asked_m": start, **row} for start, row in zip(starts, rows, strict=True)]
+
+
+def _driven(
+    device: TrackedRobot, colons: Sequence[Colon], begin: Sequence[float | None], *, seconds: float, mesentery: bool
+) -> list[dict[str, Any]]:
+    """A row for each colon, from where the robot begins there [m]; None where it fits nowhere."""
     nowhere: dict[str, Any] = {"start_m": None, "came_m": 0.0, "reach": 0.0, "stopped_by": "it fits nowhere"}
-    rows = {seed: {"seed": seed, **nowhere} for seed in seeds}
-    if fits:
-        runs = run_devices(
-            device, [colons[seed] for seed in fits], options, seconds=seconds, starts=list(fits.values())
-        )
-        for (seed, start), (outcome, records) in zip(fits.items(), runs, strict=True):
-            rows[seed] = {"seed": seed, "start_m": start, **_row(device, colons[seed], start, outcome, records)}
-    return list(rows.values())
+    rows = [dict(nowhere) for _ in colons]
+    fits = [(place, start) for place, start in enumerate(begin) if start is not None]
+    if not fits:
+        return rows
+    inside, starts = [colons[place] for place, _ in fits], [start for _, start in fits]
+    options = device_options(device, mesentery=mesentery)
+    runs = run_devices(device, inside, options, seconds=seconds, starts=starts)
+    for (place, start), (outcome, records) in zip(fits, runs, strict=True):
+        rows[place] = {"start_m": start, **_row(device, colons[place], start, outcome, records)}
+    return rows
 
 
 def _row(device: TrackedRobot, colon: Colon, start: float, outcome: Outcome, records: Records) -> dict[str, Any]:
@@ -150,6 +172,23 @@ def bench_reach(
             write_json(paths[row["seed"]], {"asked": asked, "row": row})
         progress(len(rows), device.name)
     return [rows[seed] for seed in paths]
+
+
+def bench_within(
+    device: TrackedRobot, folder: Path, colons: Sequence[Path], *, starts: Sequence[float], seconds: float
+) -> dict[str, list[dict[str, Any]]]:
+    """Runs from several starts [m] in colons of some folders, by colon; one file a colon."""
+    found = {}
+    for place in colons:
+        colon = load_colon(place)
+        about = {"device": device.describe(), "seconds": seconds, "starts": starts, "colon": colon_hash(colon)}
+        asked, path = json.loads(json.dumps(about)), folder / f"{device.name}-{colon.name}.json"
+        known = read_document(path, "result") if path.is_file() else {}
+        if known.get("asked") != asked:
+            known = {"asked": asked, "rows": reach_within(device, colon, starts, seconds=seconds)}
+            write_json(path, known)
+        found[colon.name] = known["rows"]
+    return found
 
 
 def _answers(

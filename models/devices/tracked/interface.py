@@ -37,7 +37,7 @@ from haustra.models.devices.tracked.design import SCALE, TRACKS, TrackedDesign
 from haustra.models.devices.tracked.device import Tracked, add_tracked, pad_stiffness
 from haustra.models.devices.tracked.drive import WormState
 from haustra.models.devices.tracked.loop import CORE_FRICTION
-from haustra.models.devices.tracked.standing import require_fit
+from haustra.models.devices.tracked.standing import nearest_fit, require_fit
 from haustra.models.wall.planes import Sample
 
 _SLIP = 1e-3
@@ -117,6 +117,14 @@ class TrackedRobot(Device):
         line = colon.centreline
         place = np.array([np.interp(arc, line.arc, axis) for axis in line.points.T])
         return Pose(place, line.frames[int(np.searchsorted(line.arc, arc))], arc)
+
+    def nearest_start(self, colon: Colon, start: float) -> float:
+        """Arc length of the nose next to `start` [m] where the tracks reach the wall on both sides.
+
+        Raises:
+            InvalidDesignError: when it fits nowhere.
+        """
+        return nearest_fit(colon, self.design, start - self._nose) + self._nose
 
     @property
     def controls(self) -> tuple[Channel, ...]:

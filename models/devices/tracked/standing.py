@@ -105,6 +105,20 @@ def places_that_fit(
     return np.array([arc for arc in arcs if _fits(design, track_radii(colon, design, float(arc)))])
 
 
+def nearest_fit(colon: Colon, design: TrackedDesign, arc: float) -> float:
+    """Arc length of the core's centre next to `arc` at which the robot fits and its nose is inside the colon [m].
+
+    Raises:
+        InvalidDesignError: when there is none.
+    """
+    line, half = colon.centreline, design.core_length / 2
+    nose = half + design.core_diameter / 2
+    fits = places_that_fit(colon, design, line.arc[(line.arc >= half) & (line.arc < line.length - nose)])
+    if not len(fits):
+        raise InvalidDesignError(f"The robot fits nowhere in colon '{colon.name}': scale the design.")
+    return float(min(fits, key=lambda place: abs(place - arc)))
+
+
 def _widths(radii: Float[np.ndarray, " tracks"]) -> Float[np.ndarray, "2"]:
     """Widths of the lumen across both pairs of opposite tracks [m]: the robot may move off centre between them."""
     return radii[:2] + radii[2:]
@@ -117,9 +131,7 @@ def _fits(design: TrackedDesign, radii: Float[np.ndarray, " tracks"]) -> bool:
 
 def _elsewhere(colon: Colon, design: TrackedDesign, arc: float) -> str:
     """What to do: the nearest place that fits, or another scale."""
-    line, half = colon.centreline, design.core_length / 2
-    inside = line.arc[(line.arc >= half) & (line.arc <= line.length - half)]
-    fits = places_that_fit(colon, design, inside)
-    if not len(fits):
+    try:
+        return f"the nearest place that fits is at {1e3 * nearest_fit(colon, design, arc):.0f} mm."
+    except InvalidDesignError:
         return "it fits nowhere in this colon; scale the design."
-    return f"the nearest place that fits is at {1e3 * min(fits, key=lambda place: abs(place - arc)):.0f} mm."

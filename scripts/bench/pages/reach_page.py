@@ -41,6 +41,7 @@ def reach_page(kept: Mapping[str, Any]) -> str:
         "",
         *_designs(found),
         "",
+        *_within(found),
         "## Why it stops",
         "",
         *_reasons(found),
@@ -100,6 +101,34 @@ def _designs(found: Mapping[str, Any]) -> list[str]:
         cells = (value if isinstance(value, str) else f"{value:.3g}" for value in told)
         lines.append(f"| {about} | {' | '.join(cells)} |")
     return lines
+
+
+def _within(found: Mapping[str, Any]) -> list[str]:
+    """How far each came in imported colons from several starts; nothing where there are none."""
+    colons = list(next(iter(found.values())).get("within", {}))
+    if not colons:
+        return []
+    asked = ", ".join(f"{row['asked_m']:g}" for row in next(iter(found.values()))["within"][colons[0]])
+    lines = [
+        "## In colons of real people",
+        "",
+        f"`--within FOLDER`: from where the robot fits next to {asked} m, in that order. Nothing that ships was chosen "
+        "by these.",
+        "",
+        "| colon | robot | came, mean | from each start | stopped by |",
+        "|---|---|---|---|---|",
+    ]
+    for colon in colons:
+        for name, each in found.items():
+            rows = each["within"][colon]
+            ways = [row["came_m"] for row in rows]
+            reasons = [row["stopped_by"] for row in rows]
+            told = ", ".join(f"{reason} ({reasons.count(reason)})" for reason in dict.fromkeys(reasons))
+            lines.append(
+                f"| {colon} | {name} | {sum(ways) / len(ways):.3f} m | "
+                f"{', '.join(f'{way:.3f}' for way in ways)} | {told} |"
+            )
+    return [*lines, ""]
 
 
 def _reasons(found: Mapping[str, Any]) -> list[str]:

@@ -22,6 +22,10 @@ class BenchReach:
     """Tracked robots to drive: names of shipped designs or TOML files; the first is what others are compared with."""
     colons: int = whole(1, 10_000, default=20)
     """Number of grown colons, from seed 300000 on."""
+    within: tuple[Path, ...] = ()
+    """Folders of imported colons to drive in too, from each of `starts`."""
+    starts: tuple[float, ...] = (0.1, 0.225, 0.35, 0.475, 0.6)
+    """Where the nose stands there at first: next to these distances from the anus along the colon [m]."""
     seconds: float = number("s", 1.0, 3600.0, default=300.0)
     """Longest run, in simulated time [s]; treads at 150 rpm take 190 s for a colon."""
     workers: int | None = whole(1, 4096, default=None)
@@ -37,7 +41,7 @@ class BenchReach:
         from haustra.models.devices.base import load_device
         from haustra.models.devices.tracked.interface import TrackedRobot
         from haustra.scripts.bench.pages.reach_page import reach_page
-        from haustra.scripts.bench.reach import bench_reach, held_rows, sizes, summary
+        from haustra.scripts.bench.reach import bench_reach, bench_within, held_rows, sizes, summary
         from haustra.scripts.console import progress_bar
 
         robots = []
@@ -54,8 +58,9 @@ class BenchReach:
 
                 own = {"colons": self.colons, "seconds": self.seconds, "workers": self.workers or cores()}
                 rows = bench_reach(robot, folder, progress=tell, **own)
+                inside = bench_within(robot, folder, self.within, starts=self.starts, seconds=self.seconds)
                 own = {"design": sizes(robot), "summary": summary(rows), "held": held_rows(robot), "runs": rows}
-                found[robot.name] = own
+                found[robot.name] = {**own, "within": inside}
         kept = {"seconds": self.seconds, "robots": found}
         page = reach_page(kept)
         write_atomically(folder / "reach.md", lambda temporary: temporary.write_text(page, encoding="utf-8"))

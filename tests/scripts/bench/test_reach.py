@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from haustra.envs.runs.outcome import Outcome
+from haustra.models.anatomy.store import save_colon
 from haustra.models.devices.base import load_device
 from haustra.models.devices.tracked.interface import TrackedRobot
 from haustra.models.devices.tracked.published import STRESSES_KPA
@@ -16,12 +17,15 @@ from haustra.scripts.bench.reach import (
     AT_ONCE,
     FIRST_SEED,
     bench_reach,
+    bench_within,
     held_run,
+    reach_within,
     sizes,
     slip_work,
     stopped_by,
     summary,
 )
+from tests.ring_wall import bent_colon
 
 
 def robot() -> TrackedRobot:
@@ -81,11 +85,29 @@ def test_runs_are_kept_and_the_page_holds_them(tmp_path: Path) -> None:
         "longer": {"summary": summary([other]), "held": [], "runs": [other]},
     }
     found["tracked"]["design"], found["longer"]["design"] = sizes(robot()), sizes(wide())
+    assert "real people" not in reach_page({"seconds": 2.0, "robots": found})
+    for each, way in (("tracked", 0.02), ("longer", 0.06)):
+        found[each]["within"] = {"X": [{**row, "asked_m": 0.1, "came_m": way}, {**row, "asked_m": 0.3, "came_m": 0.0}]}
     page = reach_page({"seconds": 2.0, "robots": found})
     assert "| 0.13 m | 0.100 m | 30 s | time | sigmoid | 35 mm | 30 mm | 20 % | 0.25 |" in page
     assert "| 40 (90) kPa |" in page and "it fits nowhere" in page
     assert "| largest [mm] | 37.9 | 60 |" in page and "| bellows | closed | held |" in page
+    assert "| X | longer | 0.030 m | 0.060, 0.000 | time (2) |" in page and "next to 0.1, 0.3 m" in page
     assert "| 3.00 x |" in page and "time (1)" in page and "| 190.0 mN | +1.0 % |" in page
+
+
+def test_it_is_driven_from_several_starts_in_a_colon_of_a_folder(tmp_path: Path) -> None:
+    colon = bent_colon(bend=0.06, leg=0.2, length=0.4)
+    (tmp_path / "colon").mkdir()
+    save_colon(colon, tmp_path / "colon")
+    asked = {"starts": (0.1, 0.2), "seconds": 0.2}
+    rows = bench_within(robot(), tmp_path, [tmp_path / "colon"], **asked)[colon.name]
+    assert [row["start_m"] for row in rows] == pytest.approx([0.1, 0.2], abs=2e-3)
+    assert all(0.0 < row["came_m"] < 0.25 * robot().design.tread_speed(150.0) for row in rows)
+    assert bench_within(robot(), tmp_path, [tmp_path / "colon"], **asked)[colon.name] == rows
+    narrow = replace(colon, radius=colon.radius / 10)
+    row = reach_within(robot(), narrow, (0.1,), seconds=0.2)[0]
+    assert row["start_m"] is None and row["stopped_by"] == "it fits nowhere"
 
 
 @pytest.mark.thorough

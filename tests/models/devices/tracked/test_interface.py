@@ -117,6 +117,30 @@ def test_uphill_its_treads_pull_its_weight_and_the_worm_its_lever_of_that(timest
     assert seen["power"] == pytest.approx(ideal / robot().design.worm.efficiency, rel=0.03)  # and the core rolls
 
 
+def test_the_worms_torque_turns_the_body_and_the_wall_bears_it() -> None:
+    """All forces of the wall have a moment of -t about the core, and the body rolls with t as fast as its film slides.
+
+    Weight F and the treads' friction around, M / R, slide the film at s(F, M / R), of which (M / R) / |F, M / R| is
+    around: roll = s (M / R) / |F, M / R| / R. In a perfectly round lumen M is t; in the table's, of flat facets, normal
+    forces bear the rest.
+    """
+    one, _ = driven(slack(), gravity=(0.0, 0.0, -UPHILL))
+    design, radius, turned, told = robot().design, DIAMETER / 2, [], []
+    largest = robot().friction * design.shaft.efficiency * 4 * track_normal(design, DIAMETER)
+    spin = int(one.model.joint("tracked/free").dofadr[0]) + 3
+    for _ in range(40):
+        one.step(np.array([[robot().rpm]]), 10)
+        state, seen = one._state(), one.read()
+        levers = one.spheres()[0] - seen.tip[0]
+        rubbing = np.cross(levers, state.rubbed[0]).sum(axis=0) @ seen.tip_frame[0][:, 2]
+        pressing = np.cross(levers, one._wall.forces()[0]).sum(axis=0) @ seen.tip_frame[0][:, 2]
+        assert rubbing + pressing == pytest.approx(-one.readings()["worm_torque"][0], rel=0.1)
+        held, whole = -rubbing / radius, np.hypot(weight_uphill(), rubbing / radius)
+        told.append(design.speed_friction.sliding(whole / largest) * held / whole / radius)
+        turned.append(one.velocities()[0][0, spin])
+    assert np.mean(turned) == pytest.approx(np.mean(told), rel=0.1) and np.mean(turned) > 0
+
+
 def test_a_worm_at_its_torque_limit_slows_down_and_beyond_it_holds() -> None:
     needed = worm_lever(robot().design) * weight_uphill()
     _, slow = driven(with_worm(torque_limit=1.05 * needed), seconds=2.0, gravity=(0.0, 0.0, -UPHILL))
@@ -195,6 +219,12 @@ goal = "maximise"
     assert run_sweep(load_study(tmp_path / "study.toml"), tmp_path / "sweep", Computing())["finished"] == 2
     slow, fast = polars.read_csv(tmp_path / "sweep" / "results.csv")["tip_arc_max_m"].to_list()
     assert fast - slow == pytest.approx(robot().design.tread_speed(75), rel=0.02)
+    from_places = (tmp_path / "study.toml").read_text().replace("friction =", "start = [0.12, 0.2]\nfriction =")
+    (tmp_path / "places.toml").write_text(from_places.replace("[75, 150]", "[150]"))
+    run_sweep(load_study(tmp_path / "places.toml"), tmp_path / "places", Computing())
+    found = polars.read_csv(tmp_path / "places" / "results.csv")
+    assert found["start_m"].to_list() == pytest.approx([0.12, 0.2], abs=1e-3)
+    assert found["came_m"].to_list() == pytest.approx(2 * [robot().design.tread_speed(150)], rel=0.03)
     made = DeviceEnv("tracked", colons=[COLON], rules=DeviceRules(friction=(0.4, 0.4)))
     made.reset(seed=0)
     reward, info = 0.0, {}
@@ -213,6 +243,16 @@ goal = "maximise"
 def test_what_a_scene_of_it_does_not_honour_is_refused_by_name(options: dict, message: str) -> None:
     with pytest.raises(HaustraError, match=message):
         driven(robot(), **options)
+
+
+def test_it_begins_where_it_fits_next_to_what_is_asked() -> None:
+    """Inside the colon with its nose, and at the place itself where it fits."""
+    long, nose = COLON.centreline.length, robot().design.core_length + robot().design.core_diameter
+    assert robot().nearest_start(COLON, 0.2) == pytest.approx(0.2, abs=2e-3)
+    assert nose / 2 < robot().nearest_start(COLON, 0.0) < nose + 2e-3
+    assert robot().nearest_start(COLON, 9.0) == pytest.approx(long, abs=2e-3)
+    with pytest.raises(HaustraError, match="fits nowhere"):
+        robot().nearest_start(bent_colon(bend=0.06, leg=0.1, length=0.3, radius=0.005), 0.2)
 
 
 def test_on_its_mesentery_a_colon_gives_way_to_treads_and_core_and_they_press_as_much() -> None:
