@@ -39,7 +39,11 @@ def columns_of(study: Study) -> list[Column]:
             Column(v.column, v.unit, f"variable, applied to {v.path}, from {v.low:g} to {v.high:g}")
             for v in study.variables
         ),
-        *(Column(c.name, c.unit, f"condition: {c.meaning}") for c in question.conditions.values()),
+        *(
+            Column(column.name, column.unit, f"condition: {column.meaning}")
+            for name, column in question.conditions.items()
+            if name in study.conditions
+        ),
         Column("state", "text", "finished, failed or diverged; a row that is not finished has no scores"),
         Column("reason", "text", "why it failed or diverged"),
         *wanted,
@@ -58,7 +62,7 @@ def results_frame(store: SweepStore) -> "polars.DataFrame":
             continue
         row = {"job": job["id"], "design": job["design"], "name": names.get(job["design"], "")}
         row |= {variable.column: job["variables"].get(variable.name) for variable in study.variables}
-        row |= {column.name: job["conditions"].get(name) for name, column in conditions.items()}
+        row |= {conditions[name].name: value for name, value in job["conditions"].items()}
         row |= {"state": job["state"], "reason": job["reason"], **job["scores"]}
         rows.append(tuple(row.get(column.name) for column in columns))
     kinds = {column.name: _kind(column) for column in columns}

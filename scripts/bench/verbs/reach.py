@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from haustra.fields import number, texts, whole
+from haustra.fields import number, several, texts, whole
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class BenchReach:
     """Number of grown colons, from seed 300000 on."""
     within: tuple[Path, ...] = ()
     """Folders of imported colons to drive in too, from each of `starts`."""
-    starts: tuple[float, ...] = (0.1, 0.225, 0.35, 0.475, 0.6)
+    starts: tuple[float, ...] = several("m", 0.0, 10.0, least=1, most=100, default=(0.1, 0.225, 0.35, 0.475, 0.6))
     """Where the nose stands there at first: next to these distances from the anus along the colon [m]."""
     seconds: float = number("s", 1.0, 3600.0, default=300.0)
     """Longest run, in simulated time [s]; treads at 150 rpm take 190 s for a colon."""

@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -31,7 +32,7 @@ def slow_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "slow.py").write_text(SLOW)
     started = pool.subprocess.Popen
 
-    def start(command: list[str], **about: object):
+    def start(command: list[str], **about: Any):
         return started([sys.executable, str(tmp_path / "slow.py")], **about)
 
     monkeypatch.setattr(pool.subprocess, "Popen", start)
