@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from haustra.models.anatomy.colon import Centreline, Colon, Surface
 from haustra.models.scene import Scene, entry_of
 from haustra.models.wall import moving_colon
+from haustra.models.wall.compiled import loops
 from haustra.models.wall.lumen_table import Tables, lumen_table, pick, stack
 from haustra.models.wall.piece_wall import Blocks
 from haustra.models.wall.signed_distance import surface_arcs
@@ -35,15 +36,15 @@ class CurrentColon:
         assert tables.mesentery is not None
         self._mesentery = tables.mesentery
         spacing, nodes = float(np.asarray(tables.mesentery.spacing)[0]), tables.mesentery.nodes.shape[1]
-        self._station_nodes, share = moving_colon.node_cell(np, spacing, nodes, colon.centreline.arc)
-        self._station_share = share[:, None]
+        self._stations = moving_colon.node_cell(np, spacing, nodes, colon.centreline.arc)
         self._surface_arcs: np.ndarray | None = None
 
     def way(self, displacement: Float[np.ndarray, "nodes 7"]) -> Float[np.ndarray, "stations 3"]:
         """Where the stations of the centreline are [m], given poses of the nodes in the tables' coordinates."""
-        at, share = self._station_nodes, self._station_share
-        moved = (1 - share) * displacement[at, :3] + share * displacement[at + 1, :3]
-        return self._colon.centreline.points + moved @ self._axes.T
+        points = self._colon.centreline.points
+        way = np.empty_like(points)
+        loops().way(np.array(displacement[None], float, order="C"), *self._stations, points, self._axes, way)
+        return way
 
     def colon(self, displacement: Float[np.ndarray, "nodes 7"]) -> Colon:
         """The colon with its surface and centreline where they are; frames and radii turn with it."""

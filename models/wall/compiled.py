@@ -29,7 +29,7 @@ from haustra.models.wall import (
     vectors,
 )
 from haustra.models.wall import loops as loops_law
-from haustra.models.wall.indentation import FALL, JUMP_COST, JUMP_FREE, JUMP_MOST, NEAR, crossed, reached
+from haustra.models.wall.indentation import FALL, JUMP_COST, JUMP_FREE, JUMP_MOST, NEAR, crossed, reached, top
 from haustra.models.wall.law import soft_numbers
 from haustra.models.wall.loops import MARGIN, apart, contact, nearer, nearness, touch_force
 from haustra.models.wall.lumen_table import axis_point, query_point
@@ -90,7 +90,8 @@ class Loops(NamedTuple):
     thread: Callable[..., bool]
     shape: Callable[..., None]
     carry: Callable[..., None]
-    follow: Callable[..., None]
+    way: Callable[..., None]
+    along: Callable[..., Any]
     indent: Callable[..., None]
     lift: Callable[..., None]
     unfold: Callable[..., None]
@@ -211,11 +212,72 @@ def _carry(
             out[p, i] = axes[i, 0] * x + axes[i, 1] * y + axes[i, 2] * z + axes[i, 3]
 
 
+def _way(pose: Any, at: Any, share: Any, line: Any, axes: Any, way: Any) -> None:
+    """Stations of the first world's centreline, where they are now.
+
+    Args:
+        pose: of the nodes.
+        at: node before each station.
+        share: of the way to the next.
+        line: stations at rest [m].
+        axes: columns: those of the nodes' coordinates in the stations'.
+        way: stations [m], into which they are written.
+    """
+    for s in range(len(at)):
+        part, before, after = share[s], _node(pose, 0, at[s]), _node(pose, 0, at[s] + 1)
+        x, y, z = add(times(1 - part, before), times(part, after))
+        for i in range(3):
+            way[s, i] = line[s, i] + (axes[i, 0] * x + axes[i, 1] * y + axes[i, 2] * z)
+
+
+def _along(path: Any, stations: Any, step: float, apart: float, radius: float) -> Any:
+    """Places every `apart` [m] of a device's axis from the anus on, with those that stations were jumped over from.
+
+    Args:
+        path: the axis (1, nodes, 3) [m].
+        stations: of the centreline (1, stations, 3) [m].
+        step: distance between them along the centreline [m].
+        apart: see there.
+        radius: of the device [m].
+
+    Returns:
+        Places (places, 3) [m], the station beside each, and how far from it the tent over it stands [m].
+    """
+    nodes = path.shape[1]
+    behind = np.zeros(nodes)
+    for node in range(1, nodes):
+        edge = minus(_node(path, 0, node), _node(path, 0, node - 1))
+        behind[node] = behind[node - 1] + np.sqrt(dot(edge, edge))
+    parts = int(np.ceil(behind[-1] / apart))
+    own, found, edge = np.empty((1, parts + 1, 3)), np.zeros(parts + 1, np.int64), 0
+    for p in range(parts + 1):
+        here = p * (behind[-1] / max(parts, 1))
+        while edge < nodes - 2 and behind[edge + 1] <= here:
+            edge += 1
+        for i in range(3):
+            slope = (path[0, edge + 1, i] - path[0, edge, i]) / (behind[edge + 1] - behind[edge])
+            own[0, p, i] = path[0, nodes - 1, i] if p == parts else path[0, edge, i] + slope * (here - behind[edge])
+    _follow(own, stations, step, found)
+    count = 1
+    for p in range(1, parts + 1):
+        count += max(found[p] - found[p - 1], 1)
+    places, beside, tops, n = np.empty((count, 3)), np.empty(count, np.int64), np.empty(count), 0
+    for p in range(parts + 1):
+        many = max(found[p] - found[p - 1], 1) if p else 1
+        for station in range(found[p] - many + 1, found[p] + 1):
+            for i in range(3):
+                places[n, i] = own[0, p, i]
+            beside[n], tops[n] = station, top(np, minus(_node(own, 0, p), _node(stations, 0, station)), radius)
+            n += 1
+    return places, beside, tops
+
+
 def _follow(places: Any, stations: Any, step: float, found: Any) -> None:
     """Stations of a centreline (1, stations, 3) beside places that follow each other from its beginning to a tip.
 
     Of all ways along the stations the one on which squares of distances, and what jumps cost, sum to the least
-    (Viterbi 1967): where a device has left a bend both ways, the next place is behind the bend's loop.
+    (Viterbi 1967): where a device has left a bend both ways, the next place is behind the bend's loop. Ways are left
+    out that end where the best way so far would be for less, by a jump from its own end.
 
     Args:
         places: (1, places, 3) [m].
@@ -224,30 +286,41 @@ def _follow(places: Any, stations: Any, step: float, found: Any) -> None:
         found: of each place, into which they are written.
     """
     many, count = len(found), stations.shape[1]
-    free, most = max(int(JUMP_FREE / step), 1), int(JUMP_MOST / step)
-    came = np.zeros((many, count), np.int32)
-    cost, best = np.full(count, np.inf), np.empty(count)
-    cost[0], nearest = 0.0, 0
+    free, most, jump = max(int(JUMP_FREE / step), 1), int(JUMP_MOST / step), JUMP_COST * step
+    came, cost, best = np.empty((many, count), np.int32), np.empty(count), np.empty(count)
+    cost[0], nearest, first, last = 0.0, 0, 0, 1  # ways end from the first to before the last
     for p in range(many):
         here, low, high = _node(places, 0, p), max(nearest - most, 0), min(nearest + most + 1, count)
-        for s in range(low, high):
-            best[s], came[p, s] = cost[s], s
-            for other in range(max(s - free, low), min(s + free + 1, high)):
+        first, last = max(first, low), min(last, high)
+        inner, outer = max(first - free, low), min(last + free, high)
+        for s in range(inner, outer):
+            best[s], came[p, s] = cost[s] if first <= s < last else np.inf, s
+            for other in range(max(s - free, first), min(s + free + 1, last)):
                 if cost[other] < best[s]:
                     best[s], came[p, s] = cost[other], other
-        for s in range(low + 1, high):
-            if best[s - 1] + JUMP_COST * step < best[s]:
-                best[s], came[p, s] = best[s - 1] + JUMP_COST * step, came[p, s - 1]
-        for s in range(high - 2, low - 1, -1):
-            if best[s + 1] + JUMP_COST * step < best[s]:
-                best[s], came[p, s] = best[s + 1] + JUMP_COST * step, came[p, s + 1]
-        cost[:], nearest = np.inf, low
+        for s in range(inner + 1, outer):
+            if best[s - 1] + jump < best[s]:
+                best[s], came[p, s] = best[s - 1] + jump, came[p, s - 1]
+        for s in range(outer - 2, inner - 1, -1):
+            if best[s + 1] + jump < best[s]:
+                best[s], came[p, s] = best[s + 1] + jump, came[p, s + 1]
+        least = np.inf
         for s in range(low, high):
+            within = min(max(s, inner), outer - 1)
             away = minus(_node(stations, 0, s), here)
-            cost[s] = best[s] + dot(away, away)
-            if cost[s] < cost[nearest]:
-                nearest = s
-    at = int(np.argmin(cost))
+            cost[s] = best[within] + jump * abs(s - within) + dot(away, away)
+            if cost[s] < least:
+                least, nearest = cost[s], s
+        first, last = low, high
+        while first < nearest and cost[first] >= least + jump * (nearest - first):
+            first += 1
+        while last > nearest + 1 and cost[last - 1] >= least + jump * (last - 1 - nearest):
+            last -= 1
+        for s in range(first, inner):
+            came[p, s] = came[p, inner]
+        for s in range(outer, last):
+            came[p, s] = came[p, outer - 1]
+    at = nearest
     for p in range(many - 1, -1, -1):
         found[p] = at
         at = came[p, at]
@@ -923,7 +996,7 @@ def loops() -> Loops:
 
     overload(vectors.where)(lambda xp, condition, yes, no: lambda xp, condition, yes, no: yes if condition else no)
     own = (_node, _put, _put_more, _turn, _put_turn, _section, _cells, _rest_closing, _node_between, _edge_rate)
-    own = (*own, _rates, _add_springs, _lean, _turn_sections, _spread, _enveloped, _press_loops, _look)
+    own = (*own, _rates, _add_springs, _lean, _turn_sections, _spread, _enveloped, _press_loops, _look, _follow)
     entries = (
         _query,
         _query_moved,
@@ -934,7 +1007,8 @@ def loops() -> Loops:
         _thread,
         _shape,
         _carry,
-        _follow,
+        _way,
+        _along,
         _indent,
         _lift,
     )

@@ -9,9 +9,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from haustra.models.anatomy.colon import Colon, Surface
+from haustra.models.wall import vectors
 from haustra.models.wall.vectors import Vector, cross, dot, minus, where
 
 APART = 0.001
@@ -54,12 +55,11 @@ def indented(
     if len(path) < 2:
         return colon
     line = colon.centreline
-    places, at = along_device(path, line.points, line.arc, APART)
+    places, found, high = along_device(path, line.points, line.arc, APART, radius + GAP)
     middles = np.column_stack([np.interp(arcs, line.arc, line.points[:, axis]) for axis in range(3)])
-    vertices = colon.lumen.vertices.copy()
-    beside = np.column_stack([np.interp(at, line.arc, line.points[:, axis]) for axis in range(3)])
-    about = places[None], at, tops(places, beside, radius + GAP), arcs, middles[None]
-    loops().indent(*about, radius + GAP, 0, len(vertices), vertices[None])
+    vertices, at = colon.lumen.vertices.copy(), line.arc[found]
+    loops().indent(places[None], at, high, arcs, middles[None], radius + GAP, 0, len(vertices), vertices[None])
+    beside = line.points[found]
     loops().lift(colon.lumen.faces, arcs, places[None], at, beside[None], radius + GAP, vertices[None])
     return replace(colon, lumen=Surface(vertices, colon.lumen.faces))
 
@@ -69,33 +69,23 @@ def along_device(
     stations: Float[np.ndarray, "stations 3"],
     arcs: Float[np.ndarray, " stations"],
     apart: float,
-) -> tuple[Float[np.ndarray, "places 3"], Float[np.ndarray, " places"]]:
-    """Places every `apart` [m] of a device's axis from the anus on, and the arc lengths beside them [m].
+    radius: float,
+) -> tuple[Float[np.ndarray, "places 3"], Int[np.ndarray, " places"], Float[np.ndarray, " places"]]:
+    """Places every `apart` [m] of a device's axis from the anus on [m], the station beside each, its tent's top [m].
+
+    Where places jump over stations, one is said again for each of these.
 
     Args:
-        path: the axis [m].
+        path: the axis, two nodes or more [m].
         stations: the centreline [m].
         arcs: its arc lengths [m].
         apart: see there.
+        radius: of the device [m].
     """
     from haustra.models.wall.compiled import loops
 
-    behind = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-    own = np.linspace(0.0, behind[-1], int(np.ceil(behind[-1] / apart)) + 1)
-    places = np.column_stack([np.interp(own, behind, path[:, axis]) for axis in range(3)])
-    found = np.zeros(len(places), np.int64)
-    loops().follow(places[None], np.ascontiguousarray(stations)[None], float(arcs[1] - arcs[0]), found)
-    which, at = _filled_jumps(found)
-    return places[which], arcs[at]
-
-
-def _filled_jumps(found: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Which place and which station are beside each other, also of stations that places have jumped over."""
-    jumped = np.diff(found, prepend=found[0])
-    more = np.where(jumped > 1, jumped, 1)
-    which = np.repeat(np.arange(len(found)), more)
-    back = np.arange(len(which)) - np.repeat(np.cumsum(more) - more, more)
-    return which, found[which] - np.repeat(more, more) + 1 + back
+    line = np.ascontiguousarray(stations)[None]
+    return loops().along(np.ascontiguousarray(path)[None], line, float(arcs[1] - arcs[0]), apart, radius)
 
 
 def tops(
@@ -108,7 +98,18 @@ def tops(
         beside: of the centreline beside them [m].
         radius: of the device [m].
     """
-    return np.linalg.norm(places - beside, axis=1) + TOP * radius
+    return top(np, vectors.of(places - beside), radius)
+
+
+def top(xp: Any, away: Vector, radius: Any) -> Any:
+    """How far from the centreline the tent over a place of a device stands at most [m].
+
+    Args:
+        xp: numpy or jax.numpy.
+        away: from the centreline to the place [m].
+        radius: of the device [m].
+    """
+    return xp.sqrt(dot(away, away)) + TOP * radius
 
 
 def reached(xp: Any, away: Vector, ray: Vector, radius: Any) -> Any:
@@ -146,5 +147,5 @@ def crossed(ray: Vector, a: Vector, b: Vector, c: Vector) -> Any:
     return dot(a, normal) / facing if u >= 0 and v >= 0 and u + v <= 1 else 0.0
 
 
-PARTS = (reached, crossed)
+PARTS = (top, reached, crossed)
 """What numba is to compile."""

@@ -8,9 +8,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import UInt8, UInt32
 
 from haustra.envs.view.picture.backends import best_backend
+from haustra.envs.view.picture.gl_calls import gl_calls
 from haustra.envs.view.picture.gl_shaders import GROUP
 from haustra.errors import MissingDependencyError
 
@@ -44,12 +45,31 @@ class GlDevice:
             raise MissingDependencyError(f"OpenGL here is {version}, pictures need 4.4: use the rays, which need none.")
         self.name: str = gl.glGetString(gl.GL_RENDERER).decode()
         """What draws."""
+        self.calls: Any = gl_calls()
+        """The functions that are called for each picture."""
+        self._asked = importlib.import_module("OpenGL.platform").PLATFORM.GetCurrentContext
+        self._own = self._current()
         self._places: dict[tuple[int, str], int] = {}
         self._marks: list[tuple[str, int | None, int]] | None = None
 
     def make_current(self) -> None:
-        """Let what follows go to this context."""
-        self._context.make_current()
+        """Let what follows go to this context; drivers take long over one that is current already."""
+        if self._current() != self._own:
+            self._context.make_current()
+
+    def _current(self) -> Any:
+        """Address of the context that is current."""
+        found = self._asked()
+        return getattr(found, "address", found)
+
+    def check(self) -> None:
+        """Ask whether the driver did all that it was called for.
+
+        Raises:
+            MissingDependencyError: when it did not.
+        """
+        if error := self.calls.glGetError():
+            raise MissingDependencyError(f"OpenGL on {self.name} refuses a picture ({error:#x}): use the rays instead.")
 
     def close(self) -> None:
         """Give back all that it holds; nothing can be drawn any more."""
@@ -92,10 +112,10 @@ class GlDevice:
         return held
 
     def write(self, held: int, values: np.ndarray) -> None:
-        """Put numbers at the beginning of a buffer."""
-        gl = self.gl
-        gl.glBindBuffer(gl.GL_SHADER_STORAGE_BUFFER, held)
-        gl.glBufferSubData(gl.GL_SHADER_STORAGE_BUFFER, 0, values.nbytes, np.ascontiguousarray(values))
+        """Put numbers, which lie in their order, at the beginning of a buffer."""
+        assert values.flags.c_contiguous
+        self.calls.glBindBuffer(self.gl.GL_SHADER_STORAGE_BUFFER, held)
+        self.calls.glBufferSubData(self.gl.GL_SHADER_STORAGE_BUFFER, 0, values.nbytes, values.ctypes.data)
 
     def read(self, held: int, out: np.ndarray) -> None:
         """Copy numbers from the beginning of a buffer, when all that writes them is done."""
@@ -103,33 +123,32 @@ class GlDevice:
         gl.glBindBuffer(gl.GL_SHADER_STORAGE_BUFFER, held)
         gl.glGetBufferSubData(gl.GL_SHADER_STORAGE_BUFFER, 0, out.nbytes, out.ctypes.data_as(ctypes.c_void_p))
 
-    def bind(self, buffers: np.ndarray) -> None:
-        """Let programs have these buffers, in their order."""
-        gl = self.gl
-        gl.glBindBuffersBase(gl.GL_SHADER_STORAGE_BUFFER, 0, len(buffers), buffers)
+    def use(self, program: int, buffers: UInt32[np.ndarray, " buffers"]) -> None:
+        """Let the program run next, with these buffers in their order."""
+        self.calls.glUseProgram(program)
+        self.calls.glBindBuffersBase(self.gl.GL_SHADER_STORAGE_BUFFER, 0, len(buffers), buffers.ctypes.data)
 
-    def over(self, program: int, ranges: Sequence[tuple[int, int]]) -> None:
+    def over(self, program: int, ranges: Sequence[Sequence[int]]) -> None:
         """Run the program in use over things from a first one to before a last one, range after range."""
-        gl = self.gl
-        first_at, last_at = self.place(program, "first"), self.place(program, "last")
+        calls, first_at, last_at = self.calls, self.place(program, "first"), self.place(program, "last")
         for first, last in ranges:
-            gl.glUniform1i(first_at, first)
-            gl.glUniform1i(last_at, last)
-            gl.glDispatchCompute(-(-(last - first) // GROUP), 1, 1)
-        gl.glMemoryBarrier(gl.GL_SHADER_STORAGE_BARRIER_BIT)
+            calls.glUniform1i(first_at, first)
+            calls.glUniform1i(last_at, last)
+            calls.glDispatchCompute(-(-(last - first) // GROUP), 1, 1)
+        calls.glMemoryBarrier(self.gl.GL_SHADER_STORAGE_BARRIER_BIT)
 
     def groups(self, count: int) -> None:
         """Run the program in use in so many groups."""
-        self.gl.glDispatchCompute(count, 1, 1)
-        self.gl.glMemoryBarrier(self.gl.GL_SHADER_STORAGE_BARRIER_BIT)
+        self.calls.glDispatchCompute(count, 1, 1)
+        self.calls.glMemoryBarrier(self.gl.GL_SHADER_STORAGE_BARRIER_BIT)
 
     def groups_of(self, held: int) -> None:
         """Run the program in use in as many groups as the second to fourth number of a buffer say."""
-        gl = self.gl
-        gl.glBindBuffer(gl.GL_DISPATCH_INDIRECT_BUFFER, held)
-        gl.glMemoryBarrier(gl.GL_COMMAND_BARRIER_BIT)
-        gl.glDispatchComputeIndirect(4)
-        gl.glMemoryBarrier(gl.GL_SHADER_STORAGE_BARRIER_BIT)
+        gl, calls = self.gl, self.calls
+        calls.glBindBuffer(gl.GL_DISPATCH_INDIRECT_BUFFER, held)
+        calls.glMemoryBarrier(gl.GL_COMMAND_BARRIER_BIT)
+        calls.glDispatchComputeIndirect(4)
+        calls.glMemoryBarrier(gl.GL_SHADER_STORAGE_BARRIER_BIT)
 
     def mark(self, part: str) -> None:
         """A part of a picture begins here, if it is timed: by the device's clock, or the host's where it has none."""
@@ -176,16 +195,17 @@ class HostCopy:
 
     def begin(self, source: int) -> None:
         """Copy from that buffer, as soon as all that writes it is done."""
-        gl = self._device.gl
+        gl, calls = self._device.gl, self._device.calls
         if self._fence is not None:
-            gl.glDeleteSync(self._fence)
-        gl.glMemoryBarrier(gl.GL_BUFFER_UPDATE_BARRIER_BIT)
-        gl.glBindBuffer(gl.GL_COPY_READ_BUFFER, source)
-        gl.glBindBuffer(gl.GL_COPY_WRITE_BUFFER, self._held)
-        gl.glCopyBufferSubData(gl.GL_COPY_READ_BUFFER, gl.GL_COPY_WRITE_BUFFER, 0, 0, len(self._bytes))
-        gl.glMemoryBarrier(gl.GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT)
-        self._fence = gl.glFenceSync(gl.GL_SYNC_GPU_COMMANDS_COMPLETE, 0)
-        gl.glFlush()
+            calls.glDeleteSync(self._fence)
+        calls.glMemoryBarrier(gl.GL_BUFFER_UPDATE_BARRIER_BIT)
+        calls.glBindBuffer(gl.GL_COPY_READ_BUFFER, source)
+        calls.glBindBuffer(gl.GL_COPY_WRITE_BUFFER, self._held)
+        calls.glCopyBufferSubData(gl.GL_COPY_READ_BUFFER, gl.GL_COPY_WRITE_BUFFER, 0, 0, len(self._bytes))
+        calls.glMemoryBarrier(gl.GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT)
+        self._fence = calls.glFenceSync(gl.GL_SYNC_GPU_COMMANDS_COMPLETE, 0)
+        calls.glFlush()
+        self._device.check()
 
     def bytes(self) -> UInt8[np.ndarray, " bytes"]:
         """What was copied, when it is there; changed by the next copy.
@@ -194,7 +214,7 @@ class HostCopy:
             MissingDependencyError: when the driver does not finish.
         """
         gl = self._device.gl
-        done = gl.glClientWaitSync(self._fence, gl.GL_SYNC_FLUSH_COMMANDS_BIT, _NEVER)
+        done = self._device.calls.glClientWaitSync(self._fence, gl.GL_SYNC_FLUSH_COMMANDS_BIT, _NEVER)
         if done not in (gl.GL_ALREADY_SIGNALED, gl.GL_CONDITION_SATISFIED):
             raise MissingDependencyError(f"OpenGL on {self._device.name} finished no picture: use the rays instead.")
         return self._bytes

@@ -15,7 +15,7 @@ A picture may be fetched while the next is drawn:
 """
 
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float, Int, UInt8, UInt32
 
 from haustra.envs.view.picture import gl_shaders, mucosa
 from haustra.envs.view.picture.appearance import Appearance
@@ -123,7 +123,10 @@ class GlEndoscope:
         self._drawn, self._top = 0, len(curve) - 1
         numbers = np.zeros(4 * (SHARED + 3 * guides + 7 * len(self.appearance.kinds)), np.float32)
         self._held["common"] = device.buffer(numbers, "STREAM_DRAW")
-        self._device_room = 0
+        self._held["device"] = device.buffer(np.zeros(8, np.float32))
+        self._places = np.zeros((1, 8), np.float32)
+        self._nodes, self._camera = held["nodes"], np.zeros(24, np.float32)
+        self._bound = {name: self._buffers(name) for name in _BUFFERS}
         self._widest = np.radians(min(lens.field_of_view_deg, 250.0)) / 2
         self._placings = -1
         self._low = np.minimum.reduceat(own.arcs, own.ends[:-1])
@@ -172,36 +175,33 @@ class GlEndoscope:
         Returns:
             Which picture it is, for `fetch`.
         """
+        from haustra.envs.view.picture import kernels
+
         device, surface, held = self.device, self.surface, self._held
-        gl = device.gl
+        gl, calls = device.gl, device.calls
         device.make_current()
         if self._placings != surface.placings:
             self._send_skin()
         shown, needed = self._in_sight(pose)
-        vertices, triangles = _runs(needed, surface.ends), _runs(shown, surface.face_ends)
-        posture, pixels = surface.posture(), self.lens.width * self.lens.height
+        vertices = kernels.runs(needed, surface.ends).tolist()
+        triangles = kernels.runs(shown, surface.face_ends).tolist()
+        pixels = self.lens.width * self.lens.height
         device.mark("surface")
-        device.write(held["nodes"], posture.nodes.astype(np.float32))
-        count = self._send_device(needed)
-        program = self._use("carry")
-        gl.glUniform1i(device.place(program, "places"), count)
-        gl.glUniform3f(device.place(program, "eye"), *pose.position.tolist())
-        gl.glUniform3fv(device.place(program, "sides"), 3, pose.rotation.T.astype(np.float32).ravel())
-        gl.glUniform4fv(device.place(program, "world"), 3, posture.axes.astype(np.float32).ravel())
-        device.over(program, vertices)
+        self._take_along(pose, needed)
+        device.over(self._programs["carry"], vertices)
         device.over(self._use("normals"), vertices)
         device.mark("nearest")
         program = self._use("nearest")
         stage = device.place(program, "stage")
         for bit in range(2):
-            gl.glUniform1i(stage, bit)
+            calls.glUniform1i(stage, bit)
             device.over(program, triangles)
-            gl.glUniform1i(stage, 2 + bit)
+            calls.glUniform1i(stage, 2 + bit)
             device.groups_of(held["large"])
         device.mark("shading")
         device.write(held["common"], common_numbers(self.appearance, pose, self._light, self._pixel))
         program = self._use("shade")
-        gl.glBindBufferBase(gl.GL_UNIFORM_BUFFER, 0, held["common"])
+        calls.glBindBufferBase(gl.GL_UNIFORM_BUFFER, 0, held["common"])
         device.over(program, [(0, pixels)])
         device.mark("exposure")
         self._use("gain")
@@ -214,22 +214,33 @@ class GlEndoscope:
 
     def _use(self, name: str) -> int:
         program = self._programs[name]
-        self.device.gl.glUseProgram(program)
-        self.device.bind(np.array([self._held[each] for each in _BUFFERS[name]], np.uint32))
+        self.device.use(program, self._bound[name])
         return program
+
+    def _buffers(self, name: str) -> UInt32[np.ndarray, " buffers"]:
+        return np.array([self._held[each] for each in _BUFFERS[name]], np.uint32)
+
+    def _take_along(self, pose: CameraPose, stretches: Int[np.ndarray, " some"]) -> None:
+        """Say where the axis, the device and the camera are."""
+        device, calls, posture = self.device, self.device.calls, self.surface.posture()
+        self._nodes[:] = posture.nodes
+        device.write(self._held["nodes"], self._nodes)
+        count = self._send_device(stretches)
+        camera, own = self._camera, self._camera.ctypes.data
+        camera[:3], camera[3:12], camera[12:] = pose.position, pose.rotation.T.ravel(), posture.axes.ravel()
+        program = self._use("carry")
+        calls.glUniform1i(device.place(program, "places"), count)
+        calls.glUniform3fv(device.place(program, "eye"), 1, own)
+        calls.glUniform3fv(device.place(program, "sides"), 3, own + camera[:3].nbytes)
+        calls.glUniform4fv(device.place(program, "world"), 3, own + camera[:12].nbytes)
 
     def _in_sight(self, pose: CameraPose) -> tuple[Int[np.ndarray, " some"], Int[np.ndarray, " more"]]:
         """Stretches whose triangles the camera may see, and those that hold all vertices about them."""
-        surface = self.surface
-        middles, reaches = surface.balls()
-        middles, reaches = (middles - pose.position) @ pose.rotation, reaches + _BEYOND
-        away = np.linalg.norm(middles, axis=1)
-        wide = np.where(away > reaches, np.arcsin(np.minimum(reaches / np.maximum(away, 1e-9), 1.0)), np.pi)
-        angle = np.arccos(np.clip(-middles[:, 2] / np.maximum(away, 1e-9), -1, 1))
-        beside = int(np.argmin(away - reaches))
-        near = np.abs(np.arange(surface.count) - beside) <= REACH / STRETCH
-        shown = np.flatnonzero((angle <= wide + self._widest) & near)
-        return shown, surface.needed(shown)
+        from haustra.envs.view.picture import kernels
+
+        eye, axes = np.ascontiguousarray(pose.position, float), np.ascontiguousarray(pose.rotation, float)
+        shown = kernels.in_sight(*self.surface.balls(), eye, axes, _BEYOND, self._widest, REACH / STRETCH)
+        return shown, self.surface.needed(shown)
 
     def _send_skin(self) -> None:
         skin = self.surface.skin()
@@ -242,16 +253,16 @@ class GlEndoscope:
         own = self.surface.device
         if own is None or not len(stretches):
             return 0
+        from haustra.envs.view.picture import kernels
+
         low, high = self._low[stretches].min(), self._high[stretches].max()
-        near = (own.arcs > low - own.tops / FALL) & (own.arcs < high + own.tops / FALL)
-        rows = np.zeros((int(near.sum()), 8), np.float32)
-        rows[:, :3], rows[:, 3], rows[:, 4], rows[:, 5] = own.places[near], own.arcs[near], own.tops[near], own.radius
-        if len(rows) > self._device_room:
-            self._device_room = 2 * len(rows)
-            self._held["device"] = self.device.buffer(np.zeros((self._device_room, 8), np.float32), "STREAM_DRAW")
-        if len(rows):
-            self.device.write(self._held["device"], rows)
-        return len(rows)
+        if len(own.arcs) > len(self._places):
+            self._places = np.zeros((2 * len(own.arcs), 8), np.float32)
+            self._held["device"] = self.device.buffer(self._places, "STREAM_DRAW")
+            self._bound["carry"] = self._buffers("carry")
+        count = kernels.near_places(*own, low, high, FALL, self._places)
+        self.device.write(self._held["device"], self._places[:count])
+        return count
 
     def _lattice(self) -> None:
         """The random numbers of all patterns, as a texture."""
@@ -264,9 +275,8 @@ class GlEndoscope:
 
     def _standing(self, radius_count: int) -> None:
         """What stays as it is from picture to picture."""
-        gl, held, device, lens = self.device.gl, self._held, self.device, self.lens
+        gl, device, lens = self.device.gl, self.device, self.lens
         self._pixel = pixel_angle(lens)
-        held["device"] = device.buffer(np.zeros(8, np.float32))
         for name in ("carry", "nearest"):
             program = self._use(name)
             gl.glUniform2f(device.place(program, "centre"), *lens.centre)
@@ -284,11 +294,3 @@ class GlEndoscope:
         program = self._use("develop")
         gl.glUniform1i(device.place(program, "top"), self._top)
         gl.glUniform1i(device.place(program, "pixels"), lens.width * lens.height)
-
-
-def _runs(stretches: np.ndarray, ends: np.ndarray) -> list[tuple[int, int]]:
-    """Ranges that stretches next to each other make together."""
-    if not len(stretches):
-        return []
-    parts = np.split(stretches, np.flatnonzero(np.diff(stretches) > 1) + 1)
-    return [(int(ends[part[0]]), int(ends[part[-1] + 1])) for part in parts]

@@ -217,3 +217,98 @@ def develop(first_row, last_row, light, gain, curve, picture):
         for column in range(light.shape[2]):
             for band in range(3):
                 picture[row, column, band] = curve[int(min(gain * light[band, row, column], 1.0) * top)]
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def widest_balls(middles, reaches, last):
+    """Radii of balls about stretches that hold those of the stretches up to a last one."""
+    found = np.empty(len(reaches))
+    for s in range(len(reaches)):
+        end = last[s]
+        x, y, z = middles[end, 0] - middles[s, 0], middles[end, 1] - middles[s, 1], middles[end, 2] - middles[s, 2]
+        found[s] = max(reaches[s], np.sqrt(x * x + y * y + z * z) + reaches[end])
+    return found
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def holding(stretches, last):
+    """Stretches that hold the corners of some stretches' triangles and of those beside these, up to a last one each."""
+    count = len(last)
+    held, found, many = np.zeros(count, np.bool_), np.empty(count, np.int64), 0
+    for stretch in stretches:
+        for s in range(max(stretch - 1, 0), min(last[stretch] + 2, count)):
+            held[s] = True
+    for s in range(count):
+        if held[s]:
+            found[many] = s
+            many += 1
+    return found[:many]
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def in_sight(middles, reaches, eye, axes, beyond, widest, near):
+    """Stretches that a camera may see.
+
+    Args:
+        middles: of balls about the stretches [m].
+        reaches: their radii [m].
+        eye: the camera [m].
+        axes: its right, up and backward directions, as columns.
+        beyond: the balls count as so much wider [m].
+        widest: angle off the axis to which the lens sees [rad].
+        near: stretches at most so far from the one beside the camera.
+    """
+    away, ahead, beside = np.empty(len(reaches)), np.empty(len(reaches)), 0
+    for s in range(len(reaches)):
+        x, y, z = middles[s, 0] - eye[0], middles[s, 1] - eye[1], middles[s, 2] - eye[2]
+        away[s] = np.sqrt(x * x + y * y + z * z)
+        ahead[s] = -(x * axes[0, 2] + y * axes[1, 2] + z * axes[2, 2])
+        if away[s] - reaches[s] < away[beside] - reaches[beside]:
+            beside = s
+    shown, count = np.empty(len(reaches), np.int64), 0
+    for s in range(len(reaches)):
+        reach, off = reaches[s] + beyond, max(away[s], 1e-9)
+        wide = np.arcsin(min(reach / off, 1.0)) if away[s] > reach else np.pi
+        if np.arccos(min(max(ahead[s] / off, -1.0), 1.0)) <= wide + widest and abs(s - beside) <= near:
+            shown[count] = s
+            count += 1
+    return shown[:count]
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def runs(stretches, ends):
+    """Ranges of things, of which each stretch ends there, that stretches next to each other make together."""
+    found, count = np.empty((len(stretches), 2), np.int64), 0
+    for n in range(len(stretches)):
+        if n and stretches[n] == stretches[n - 1] + 1:
+            found[count - 1, 1] = ends[stretches[n] + 1]
+        else:
+            found[count, 0], found[count, 1] = ends[stretches[n]], ends[stretches[n] + 1]
+            count += 1
+    return found[:count]
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def near_places(places, arcs, tops, radius, low, high, fall, rows):
+    """Places of a device whose tents reach stretches of a colon: where, arc length, top, radius.
+
+    Args:
+        places: [m].
+        arcs: beside them [m].
+        tops: of the tents over them [m].
+        radius: of the device [m].
+        low: least arc length of the stretches [m].
+        high: greatest [m].
+        fall: how steeply tents fall along the colon [1].
+        rows: into which they are written.
+
+    Returns:
+        How many.
+    """
+    count = 0
+    for p in range(len(arcs)):
+        if low - tops[p] / fall < arcs[p] < high + tops[p] / fall:
+            rows[count, 0], rows[count, 1], rows[count, 2] = places[p, 0], places[p, 1], places[p, 2]
+            rows[count, 3], rows[count, 4], rows[count, 5] = arcs[p], tops[p], radius
+            count += 1
+    return count

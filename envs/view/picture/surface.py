@@ -58,6 +58,8 @@ STRETCH = 0.015
 """Length of colon in one stretch [m]."""
 _APART = 0.002
 """Distance between the places of a device's axis that indent the wall in a picture [m]."""
+_ONE = np.zeros(1, np.int64)
+"""The only world."""
 _ROOM = 0.03
 """Stretches are taken to be wider than at rest by this, for what a device may indent [m]."""
 
@@ -104,15 +106,15 @@ class LumenSurface:
 
     def balls(self) -> tuple[Float[np.ndarray, "stretches 3"], Float[np.ndarray, " stretches"]]:
         """Middles and radii of balls that hold each stretch's triangles now [m]."""
-        beyond = np.linalg.norm(self._middles[self._last] - self._middles, axis=1) + self._reaches[self._last]
-        return self._middles, np.maximum(self._reaches, beyond)
+        from haustra.envs.view.picture import kernels
+
+        return self._middles, kernels.widest_balls(self._middles, self._reaches, self._last)
 
     def needed(self, stretches: Int[np.ndarray, " some"]) -> Int[np.ndarray, " more"]:
         """Stretches that hold the corners of these stretches' triangles, and of the triangles beside them."""
-        more = np.zeros(self.count + 3, np.int64)
-        np.add.at(more, np.maximum(stretches - 1, 0), 1)
-        np.subtract.at(more, self._last[stretches] + 2, 1)
-        return np.flatnonzero(np.cumsum(more)[: self.count])
+        from haustra.envs.view.picture import kernels
+
+        return kernels.holding(stretches, self._last)
 
     def bring(self, stretch: int) -> None:
         """Bring the vertices of a stretch to where they are now."""
@@ -160,7 +162,9 @@ class ColonSurface(LumenSurface):
         self.device = None
         self._fresh[:] = False
         if len(path) > 1:
-            self._keep_off(*along_device(path, self.line, self.colon.centreline.arc, _APART), radius)
+            arcs = self.colon.centreline.arc
+            places, beside, high = along_device(path, self.line, arcs, _APART, radius + GAP)
+            self.device = Device(places, arcs[beside], high, radius + GAP)
 
     def widen(self, widths: Float[np.ndarray, " places"]) -> None:
         """Let the lumen be so wide at even arc lengths, over that at rest [1], as gas holds it."""
@@ -173,7 +177,9 @@ class ColonSurface(LumenSurface):
     def make_room(self, tip: Float[np.ndarray, "3"], ahead: Float[np.ndarray, "3"], arc: float, radius: float) -> None:
         """Keep the wall off a tip of that radius [m] that ends there and points ahead, at that arc length [m]."""
         behind = radius + np.linspace(0.0, 2 * radius, 5)
-        self._keep_off(tip - behind[:, None] * ahead, arc - behind, radius)
+        places, arcs = tip - behind[:, None] * ahead, arc - behind
+        self.device = Device(places, arcs, tops(places, self._line_at(arcs), radius + GAP), radius + GAP)
+        self._fresh[:] = False
 
     def bring(self, stretch: int) -> None:
         """As `LumenSurface.bring`."""
@@ -189,11 +195,6 @@ class ColonSurface(LumenSurface):
                 now = self.arcs[first:last], middles, radius, 0, last - first, self.vertices[None, first:last]
                 loops().indent(places[None, near], at[near], top[near], *now)
         self._fresh[stretch] = True
-
-    def _keep_off(self, places: np.ndarray, arcs: np.ndarray, radius: float) -> None:
-        high = tops(places, self._line_at(arcs), radius + GAP)
-        self.device = Device(np.ascontiguousarray(places), np.ascontiguousarray(arcs), high, radius + GAP)
-        self._fresh[:] = False
 
     def _stretch(self, share: np.ndarray) -> None:
         """Let vertices stand off the centreline by a share of what they do at rest."""
@@ -233,19 +234,21 @@ class MovingSurface(ColonSurface):
         one, each, edge = np.zeros((1, nodes)), np.zeros((1, nodes, 3)), np.zeros((1, nodes - 1, 3))
         turns = np.zeros((1, nodes, 4))
         self._shape = AxisShape(edge, one[:, 1:].copy(), each, one.copy(), turns, edge.copy(), one.copy(), each.copy())
-        self._wide = np.maximum.reduceat(np.linalg.norm(self._lever[0], axis=1), self.ends[:-1])
+        self._posture = Posture(np.zeros((nodes, 12)), self._axes)
+        begin, end = self.arcs[self.ends[:-1]], self.arcs[self.ends[1:] - 1]
+        self._beside = np.clip(np.searchsorted(self._line.arc, (begin + end) / 2), 0, len(self.line) - 1)
+        wide = np.maximum.reduceat(np.linalg.norm(self._lever[0], axis=1), self.ends[:-1])
+        self._reaches = wide + STRETCH + _ROOM
+        self._pose = np.zeros((1, nodes, 7))
         self.move(np.tile(np.asarray(AT_REST), (nodes, 1)))
 
     def move(self, pose: Float[np.ndarray, "nodes 7"]) -> None:
         """Take the colon to where its nodes have such poses (`haustra.models.wall.moving_colon.AxisDisplacement`)."""
-        self._pose = np.array(pose[None, : self._own.nodes.shape[1]], float)
-        loops().shape(self._own, np.zeros(1, np.int64), self._pose, self._shape)
-        at, share = self._way
-        moved = (1 - share[:, None]) * self._pose[0, at, :3] + share[:, None] * self._pose[0, at + 1, :3]
-        self.line = self._line.points + moved @ self._axes[:, :3].T
-        begin, end = self.arcs[self.ends[:-1]], self.arcs[self.ends[1:] - 1]
-        at = np.clip(np.searchsorted(self._line.arc, (begin + end) / 2), 0, len(self.line) - 1)
-        self._middles, self._reaches = self.line[at], self._wide + STRETCH + _ROOM
+        self._pose[0] = pose[: self._pose.shape[1]]
+        loops().shape(self._own, _ONE, self._pose, self._shape)
+        self.line = np.empty_like(self._line.points)
+        loops().way(self._pose, *self._way, self._line.points, self._axes, self.line)
+        self._middles = self.line[self._beside]
         self._fresh[:] = False
 
     def skin(self) -> Skin:
@@ -254,9 +257,10 @@ class MovingSurface(ColonSurface):
 
     def posture(self) -> Posture:
         """As `ColonSurface.posture`, and where the axis was moved to."""
-        shape, nodes = self._shape, self._pose[0, :, :3]
-        parts = nodes, shape.flats[0][:, None], shape.turns[0], shape.acrosses[0], np.zeros((len(nodes), 1))
-        return Posture(np.concatenate(parts, axis=1), self._axes)
+        nodes, shape = self._posture.nodes, self._shape
+        nodes[:, :3], nodes[:, 3] = self._pose[0, :, :3], shape.flats[0]
+        nodes[:, 4:8], nodes[:, 8:11] = shape.turns[0], shape.acrosses[0]
+        return self._posture
 
     def _stretch(self, share: np.ndarray) -> None:
         self._lever = np.ascontiguousarray(self._slim * share)

@@ -8,7 +8,7 @@ from manifold3d import Manifold, Mesh64
 
 from haustra.envs.runs.measure.surface import surface_figures
 from haustra.models.anatomy.colon import Surface
-from haustra.models.wall.indentation import SLOPE, indented
+from haustra.models.wall.indentation import JUMP_COST, JUMP_FREE, SLOPE, TOP, along_device, indented
 from haustra.models.wall.signed_distance import surface_arcs
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
@@ -58,3 +58,27 @@ def test_what_touches_nothing_changes_nothing() -> None:
     tube = swept_colon(winding([(0.4, 0.0)]), name="straight")
     now = indented(tube, surface_arcs(tube), tube.centreline.points[:100], radius=_RADIUS)
     assert np.array_equal(now.lumen.vertices, tube.lumen.vertices)
+
+
+def test_places_are_beside_the_stations_that_cost_least_together() -> None:
+    """No way along the stations is left out that would cost less: held to all of them, one jump to any a place."""
+    random, jumped = np.random.default_rng(0), 0
+    for _ in range(6):
+        tangents = np.cumsum(random.normal(size=(150, 3)) * 0.2, axis=0) + np.eye(3)[0]
+        line = np.cumsum(0.0021 * tangents / np.linalg.norm(tangents, axis=1, keepdims=True), axis=0)
+        nodes = np.concatenate([[0], np.sort(random.choice(np.arange(1, 90), 4, replace=False))])
+        path = line[nodes] + random.normal(size=(5, 3)) * 0.004
+        places, beside, high = along_device(path, line, 0.0021 * np.arange(150), 0.002, _RADIUS)
+        first = np.concatenate([[True], (np.diff(places, axis=0) != 0).any(axis=1)])
+        each, found = places[first], beside[np.concatenate([np.flatnonzero(first)[1:], [len(beside)]]) - 1]
+        apart = np.abs(np.subtract.outer(np.arange(150), np.arange(150)))
+        jump = JUMP_COST * 0.0021 * np.maximum(apart - int(JUMP_FREE / 0.0021), 0)
+        away = np.square(line[None] - each[:, None]).sum(axis=2)
+        least = jump[0] + away[0]
+        for here in away[1:]:
+            least = (least[:, None] + jump).min(axis=0) + here
+        own = jump[0, found[0]] + jump[found[:-1], found[1:]].sum() + away[np.arange(len(each)), found].sum()
+        assert own == pytest.approx(least.min(), rel=1e-9)
+        assert high == pytest.approx(np.linalg.norm(places - line[beside], axis=1) + TOP * _RADIUS)
+        jumped += (jump[found[:-1], found[1:]] > 0).sum()
+    assert jumped > 3
