@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import mujoco
@@ -140,8 +141,8 @@ def bench_shader(
 
     A picture is one whose colon, scope and camera are new, back in the host's memory. `frames_per_s` and
     `pictures_per_s` fetch each picture while the next is drawn, `_alone` before anything else is done. Beside rates
-    stand the parts of a frame, by the host's clock and by the device's own, and how the last picture differs from that
-    of exact rays.
+    stand the parts of a frame, by the host's clock, in processor time of the thread that asks for them, and by the
+    device's own clock, and how the last picture differs from that of exact rays.
 
     Args:
         looked: the colon.
@@ -165,6 +166,7 @@ def bench_shader(
         row["draw_ms"] = 1e3 / _rate(lambda at=pose: drawn.picture(at))
         row["submit_ms"] = 1e3 / _rate(lambda at=pose: drawn.draw(at))
         row["surface_ms"] = 1e3 / _rate(lambda now=moving: now.bring(surface))
+        row |= _host_times(drawn, moving, surface)
         row |= _device_times(drawn, pose)
         row["steps_per_s"] = _rate(lambda now=moving: now.step(1))
         row["colon_moved_mm"] = 1e3 * moving.moved()
@@ -198,6 +200,25 @@ def _device_times(drawn: GlEndoscope, pose: CameraPose) -> dict[str, float]:
     """Medians of the times that the parts of a picture take on the device [ms]."""
     found = [drawn.part_times(pose) for _ in range(_FRAMES)]
     return {f"{part}_device_ms": 1e3 * float(np.median([each[part] for each in found])) for part in found[0]}
+
+
+def _host_times(drawn: GlEndoscope, moving: "_Moving", surface: MovingSurface) -> dict[str, float]:
+    """Processor time of the parts of a frame in the thread that asks for them, without waiting for pictures [ms]."""
+    spent = dict.fromkeys(("step", "surface", "submit", "fetch"), 0.0)
+
+    def part(name: str, act: Callable[[], Any]) -> Any:
+        began = time.thread_time()
+        found = act()
+        spent[name] += time.thread_time() - began
+        return found
+
+    for _ in range(_FRAMES):
+        part("step", lambda: (moving.step(1), moving.look()))
+        pose = part("surface", lambda: moving.bring(surface))
+        which = part("submit", partial(drawn.draw, pose))
+        drawn.fetch(which)
+        part("fetch", partial(drawn.fetch, which))
+    return {f"{name}_processor_ms": 1e3 * each / _FRAMES for name, each in spent.items()}
 
 
 def _processor_times(scope: Endoscope, bring: Callable[[], CameraPose]) -> dict[str, float]:
@@ -239,14 +260,14 @@ class _Moving:
     def arc(self) -> float:
         return self._tracker.arc
 
-    def _read(self) -> Readings:
+    def look(self) -> Readings:
         """What is read after the last step, once."""
         if self._seen is None:
             self._seen = self.engine.read()
         return self._seen
 
     def step(self, count: int) -> None:
-        seen = self._read()
+        seen = self.look()
         self._tracker.update(seen.tip)
         interval = count * self.engine.scene.options.timestep
         self.engine.step(self._follower.act(seen, self.arc, interval), count)
@@ -256,7 +277,7 @@ class _Moving:
         """Step, take the surface to where the colon is then, with the scope in it, and return the camera's pose."""
         if steps:
             self.step(steps)
-        seen, engine = self._read(), self.engine
+        seen, engine = self.look(), self.engine
         surface.move(engine.displacements(engine.rows())[0])
         cable = engine.scene.cable
         path = engine.shape()[cable.node_distances < seen.insertion]
