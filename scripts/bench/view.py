@@ -204,7 +204,7 @@ def _device_times(drawn: GlEndoscope, pose: CameraPose) -> dict[str, float]:
 
 def _host_times(drawn: GlEndoscope, moving: "_Moving", surface: MovingSurface) -> dict[str, float]:
     """Processor time of the parts of a frame in the thread that asks for them, without waiting for pictures [ms]."""
-    spent = dict.fromkeys(("step", "surface", "submit", "fetch"), 0.0)
+    spent: dict[str, float] = dict.fromkeys(("step", "surface", "submit", "fetch"), 0.0)
 
     def part(name: str, act: Callable[[], Any]) -> Any:
         began = time.thread_time()
