@@ -222,7 +222,7 @@ def test_patients_are_examined_side_by_side_and_kept(tmp_path):
 
 
 def test_what_a_wall_bears_is_each_patients_own_while_it_is_examined(tmp_path):
-    """The same examination three times: of walls that bear twice as much under any shape, and under longer contacts."""
+    """One examination, three times: of walls that bear twice as much under any shape, and under longer contacts."""
     known = {each.name: each for each in injury_variables()}
     shapes = tuple(known[f"strength_{shape}"] for shape in ("straight", "bent", "sideways"))
     asked = cohort_study("quick", drivers=("follower",), patients=1, seconds=4.0)
