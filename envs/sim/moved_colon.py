@@ -32,7 +32,11 @@ class CurrentColon:
         self, colon: Colon, tables: Tables, origin: Float[np.ndarray, "3"], axes: Float[np.ndarray, "3 3"]
     ) -> None:
         """For the colon's own tables, stacked and in coordinates that begin at `origin` [m] with columns `axes`."""
-        self._colon, self._tables, self._origin, self._axes = colon, tables, origin, axes
+        self._colon = colon
+        self.tables = tables
+        """Of the colon, stacked."""
+        self.origin, self.axes = origin, axes
+        """Where the tables' coordinates lie in the colon's own: where they begin [m], and columns."""
         assert tables.mesentery is not None
         self._mesentery = tables.mesentery
         spacing, nodes = float(np.asarray(tables.mesentery.spacing)[0]), tables.mesentery.nodes.shape[1]
@@ -43,7 +47,7 @@ class CurrentColon:
         """Where the stations of the centreline are [m], given poses of the nodes in the tables' coordinates."""
         points = self._colon.centreline.points
         way = np.empty_like(points)
-        loops().way(np.array(displacement[None], float, order="C"), *self._stations, points, self._axes, way)
+        loops().way(np.array(displacement[None], float, order="C"), *self._stations, points, self.axes, way)
         return way
 
     def colon(self, displacement: Float[np.ndarray, "nodes 7"]) -> Colon:
@@ -67,14 +71,14 @@ class CurrentColon:
         self, displacement: Float[np.ndarray, "nodes 7"], place: Float[np.ndarray, "3"], arc: float
     ) -> np.ndarray:
         """Where a place at that arc length would be, had the colon not moved [m]."""
-        seen, moved = ((place - self._origin) @ self._axes)[None, None], np.asarray(displacement, float)[None]
+        seen, moved = ((place - self.origin) @ self.axes)[None, None], np.asarray(displacement, float)[None]
         shape = moving_colon.shape_of(np, self._mesentery, moved)
-        rest = moving_colon.to_reference(np, self._tables, moved, shape, seen, np.array([[arc]]))
-        return rest[0, 0] @ self._axes.T + self._origin
+        rest = moving_colon.to_reference(np, self.tables, moved, shape, seen, np.array([[arc]]))
+        return rest[0, 0] @ self.axes.T + self.origin
 
     def from_scene(self, displacement: Float[np.ndarray, "nodes 7"]) -> Float[np.ndarray, "nodes 7"]:
         """Poses of the nodes in the tables' coordinates, given those in the scene's, as readings have them."""
-        return moving_colon.poses_seen_from(displacement, self._axes)
+        return moving_colon.poses_seen_from(displacement, self.axes)
 
     def poses(
         self, displacement: Float[np.ndarray, "nodes 7"], blocks: Blocks
@@ -90,14 +94,14 @@ class CurrentColon:
         count = len(displacements)
         if not len(blocks.arcs):
             return np.zeros((count, 0, 3)), np.zeros((count, 0, 4))
-        tables = pick(self._tables, np.zeros(count, int))
-        places = np.broadcast_to((blocks.places - self._origin) @ self._axes, (count, len(blocks.arcs), 3))
+        tables = pick(self.tables, np.zeros(count, int))
+        places = np.broadcast_to((blocks.places - self.origin) @ self.axes, (count, len(blocks.arcs), 3))
         arcs = np.broadcast_to(blocks.arcs, places.shape[:2])
         assert tables.mesentery is not None
         shape = moving_colon.shape_of(np, tables.mesentery, displacements)
         moved, turns = moving_colon.section_poses(np, tables, displacements, shape, places, arcs)
-        turn = np.concatenate([turns[..., :1], turns[..., 1:] @ self._axes.T], axis=-1)
-        return moved @ self._axes.T + self._origin, turn
+        turn = np.concatenate([turns[..., :1], turns[..., 1:] @ self.axes.T], axis=-1)
+        return moved @ self.axes.T + self.origin, turn
 
     def to_current_all(
         self,
@@ -106,13 +110,13 @@ class CurrentColon:
         arcs: Float[np.ndarray, " points"],
     ) -> Float[np.ndarray, "points 3"]:
         """Where places of the colon at rest, at those arc lengths, are now [m]."""
-        seen = (points - self._origin) @ self._axes
-        moved = moving_colon.to_current(np, self._tables, np.asarray(displacement, float)[None], seen[None], arcs[None])
-        return moved[0] @ self._axes.T + self._origin
+        seen = (points - self.origin) @ self.axes
+        moved = moving_colon.to_current(np, self.tables, np.asarray(displacement, float)[None], seen[None], arcs[None])
+        return moved[0] @ self.axes.T + self.origin
 
     def _turns(self, displacement: np.ndarray, arcs: np.ndarray) -> Float[np.ndarray, "stations 3 3"]:
         """How cross-sections are turned at arc lengths, as matrices."""
         pose, still = np.asarray(displacement, float)[None], np.zeros((1, len(arcs), 3))
         shape = moving_colon.shape_of(np, self._mesentery, pose)
-        _, turns = moving_colon.section_poses(np, self._tables, pose, shape, still, arcs[None])
-        return self._axes @ Rotation.from_quat(turns[0], scalar_first=True).as_matrix() @ self._axes.T
+        _, turns = moving_colon.section_poses(np, self.tables, pose, shape, still, arcs[None])
+        return self.axes @ Rotation.from_quat(turns[0], scalar_first=True).as_matrix() @ self.axes.T

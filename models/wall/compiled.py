@@ -94,6 +94,7 @@ class Loops(NamedTuple):
     along: Callable[..., Any]
     indent: Callable[..., None]
     lift: Callable[..., None]
+    stands_between: Callable[..., bool]
     unfold: Callable[..., None]
     solve: Callable[..., int]
 
@@ -390,6 +391,29 @@ def _lift(faces: Any, arcs: Any, places: Any, at: Any, beside: Any, radius: floa
                     _put_more(vertices, 0, i, way)
                     _put_more(vertices, 0, j, way)
                     _put_more(vertices, 0, k, way)
+
+
+def _stands_between(vertices: Any, faces: Any, starts: Any, ends: Any) -> bool:
+    """Whether a triangle stands between any two places.
+
+    Args:
+        vertices: of a surface (1, vertices, 3) [m].
+        faces: corners of each triangle.
+        starts: the places (1, places, 3) [m].
+        ends: what is seen from each (1, places, 3) [m].
+    """
+    for p in range(starts.shape[1]):
+        start = _node(starts, 0, p)
+        ray = minus(_node(ends, 0, p), start)
+        far = norm(np, ray)
+        if far == 0:
+            continue
+        ray = times(1 / far, ray)
+        for t in range(len(faces)):
+            a, b = (minus(_node(vertices, 0, faces[t, 0]), start), minus(_node(vertices, 0, faces[t, 1]), start))
+            if 0 < crossed(ray, a, b, minus(_node(vertices, 0, faces[t, 2]), start)) < far:
+                return True
+    return False
 
 
 def _unfold(faces: Any, axes: Any, least: Any, looks: int, rounds: int, vertices: Any) -> None:
@@ -1012,7 +1036,7 @@ def loops() -> Loops:
         _indent,
         _lift,
     )
-    entries = (*entries, _unfold, contact_solver.solve)
+    entries = (*entries, _stands_between, _unfold, contact_solver.solve)
     laws = (*vectors.PARTS, *law.PARTS, *lumen_table.PARTS, *sections.PARTS, *surroundings.PARTS, *loops_law.PARTS)
     laws = (*laws, *moving_colon.PARTS)
     laws = (*laws, *plane_pose.PARTS, *indentation.PARTS, *unfolding.PARTS, *threads.PARTS)

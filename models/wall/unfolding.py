@@ -32,7 +32,7 @@ def facing_out(colon: Colon, arcs: Float[np.ndarray, " vertices"]) -> Bool[np.nd
         colon: where it is.
         arcs: arc length of each vertex [m].
     """
-    return _spans(_corners(colon, arcs)) > 0
+    return spans(_corners(colon, arcs)) > 0
 
 
 def unfolded(rest: Colon, now: Colon, arcs: Float[np.ndarray, " vertices"]) -> Colon:
@@ -46,7 +46,7 @@ def unfolded(rest: Colon, now: Colon, arcs: Float[np.ndarray, " vertices"]) -> C
     from haustra.models.wall.compiled import loops
 
     vertices, faces = now.lumen.vertices.copy(), now.lumen.faces
-    least = OPEN * _spans(_corners(rest, arcs))
+    least = OPEN * spans(_corners(rest, arcs))
     loops().unfold(faces, _beside(now, arcs)[None], least, LOOKS, ROUNDS, vertices[None])
     return replace(now, lumen=Surface(vertices, faces))
 
@@ -85,5 +85,6 @@ def _beside(colon: Colon, arcs: np.ndarray) -> Float[np.ndarray, "triangles 3"]:
     return np.column_stack([np.interp(at, line.arc, line.points[:, axis]) for axis in range(3)])
 
 
-def _spans(corners: np.ndarray) -> Float[np.ndarray, " triangles"]:
+def spans(corners: Float[np.ndarray, "triangles 3 3"]) -> Float[np.ndarray, " triangles"]:
+    """`span` of many triangles, by their corners from the axis beside each [m^3]."""
     return np.asarray(span(*(vectors.of(corners[:, corner]) for corner in range(3))))

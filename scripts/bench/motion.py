@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from haustra.envs.runs.insertion import Insertion
+from haustra.envs.runs.measure.recorded import RecordedRun
 from haustra.envs.runs.measure.scores import score
-from haustra.envs.runs.measure.surface import LeftBehind, judged, worst
+from haustra.envs.runs.measure.surface import LeftBehind, judged, outside_at_records, worst
 from haustra.envs.sim.gas import require_room
 from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.state import Controls
@@ -86,7 +87,8 @@ COMPARED = {
 """What is compared, with its words and decimals."""
 _SCORED = (
     *("tip_arc_max_m", "push_force_mean_N", "loop_excess_peak_m", "pain_peak", "outcome", "p_perforation"),
-    *("turned_over_max_share", "outside_surface_max_mm", "surface_records", "colon_moved_peak_mm"),
+    *("turned_over_max_share", "outside_surface_max_mm", "surface_records", "outside_surface_records"),
+    *("surface_judged_s", "colon_moved_peak_mm"),
 )
 
 
@@ -175,13 +177,15 @@ def _run(colon: Colon, changed: Mapping[str, Any], driver: str, seconds: float, 
 def _judged(scene: Scene, run: Insertion, *, records: int) -> tuple[LeftBehind, dict[str, Any]]:
     """The colon as a run has left it, and what its camera saw, at the end and at the worst of the records."""
     lens = lens_of(scene.design.tip, _PICTURE, _PICTURE)
+    begun, before = time.perf_counter(), RecordedRun(scene, run.trajectory)
+    outside, taken = outside_at_records(run, before), time.perf_counter() - begun
     check, figures, seen, last = WallCheck(scene.colon, lens), [], [], scene.colon
-    for each in judged(scene, run, records=records):
+    for each in judged(scene, run, records=records, before=before):
         last = last if figures else each.colon
         figures.append(each.figures)
         seen.append(check.look(each.colon.lumen.vertices, CameraPose.of_tip(each.tip, each.tip_frame)))
-    whole = worst(figures[1:] or figures)
-    return LeftBehind(last, worst(figures)), {
+    whole = worst(figures[1:] or figures, outside[:-1])
+    return LeftBehind(last, worst(figures, outside), taken), {
         "turned_over_before_end_share": whole.turned_over,
         "outside_before_end_mm": 1e3 * whole.outside,
         "last_picture_mucosa_share": seen[0].mucosa,
@@ -242,6 +246,7 @@ def soundness(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "turned_over_max_share": max(row["turned_over_max_share"] for row in rows),
         "turned_over_runs": sum(row["turned_over_max_share"] > 0 for row in rows),
         "outside_surface_max_mm": max(row["outside_surface_max_mm"] for row in rows),
+        "outside_surface_records": [fold(map(_looked, rows)) for fold in (min, max)],
         "escaped": len(escaped),
         "escaped_unsaid": sum(row["p_perforation"] < 1 for row in escaped),
         "diverged": sum(row["outcome"] == "diverged" for row in rows),
@@ -259,6 +264,11 @@ def soundness(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "last_picture_across_max_share": max(row["last_picture_across_share"] for row in drawn),
         "pictures_across_runs": sum(row["picture_across_max_share"] > 0 for row in drawn),
     }
+
+
+def _looked(row: Mapping[str, Any]) -> int:
+    """At how many records of a run it was seen whether the scope is outside: once where triangles were looked at."""
+    return row.get("outside_surface_records", row["surface_records"])
 
 
 def effects(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

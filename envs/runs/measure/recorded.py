@@ -52,8 +52,8 @@ class RecordedRun:
     def colon(self, record: int) -> Colon:
         """The colon as it lay on its mesentery and as the scope indented it; gas is left out."""
         colon = self.scene.colon
-        if self._moved is not None:
-            colon = self._moved.colon(self._moved.from_scene(self.trajectory.displacement[record]))
+        if self.moved is not None:
+            colon = self.moved.colon(self.moved.from_scene(self.trajectory.displacement[record]))
         return self.indented(colon, self.path(record))
 
     def indented(self, colon: Colon, path: Float[np.ndarray, "nodes 3"]) -> Colon:
@@ -66,5 +66,6 @@ class RecordedRun:
         return around_device(self.scene.colon, colon, self.arcs, path, radius=self.scene.cable.radius)
 
     @cached_property
-    def _moved(self) -> CurrentColon | None:
+    def moved(self) -> CurrentColon | None:
+        """What takes the colon along with its axis; None where it is fixed."""
         return current_colon(self.scene)

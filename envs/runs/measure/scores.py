@@ -40,7 +40,8 @@ def score(
     neither needs axes. `loop_N_s` and so on say how long a loop of that name was there, seen along y, which is assumed
     to run from front to back. `pull_back_shortening_m` is the most scope that was pulled back while the tip stayed.
     `outside_surface_max_mm` is how far the scope's axis stood outside the colon's surface, moved and indented by it, at
-    the worst of `surface_records` instants, and `turned_over_max_share` which share of its triangles had turned over.
+    the worst of `outside_surface_records` records, all of them but under gas, and `turned_over_max_share` which share
+    of its triangles had turned over at the worst of `surface_records`; `surface_judged_s` is what that took.
     `colon_moved_peak_mm` is how far a colon on its mesentery was moved at most.
     `wall_force_sum_mean_N` is the mean of all normal forces together, which does not depend on how long links are.
     `p_perforation`, `bleeding_*` and `pain_*` are those of `haustra.envs.runs.measure.injury.injury_scores`.
@@ -61,7 +62,8 @@ def score(
         left: the colon as the scope has left it, where it is known already.
     """
     error = error or stated_error(scene.options, kind_of(scene.colon), wall=wall)
-    surface = (left or left_behind(scene, run)).figures
+    left = left or left_behind(scene, run)
+    surface = left.figures
     recorded = run.trajectory
     simulated = float(recorded.time[-1]) if len(recorded.time) else 0.0
     arc = float(recorded.tip_arc[-1]) if simulated else scene.options.start_depth
@@ -101,8 +103,10 @@ def score(
         "steering_gap_mean_deg": _steering_gap(recorded),
         "outside_max_mm": float(recorded.outside.max()) * 1e3 if simulated else 0.0,
         "outside_surface_max_mm": surface.outside * 1e3,
+        "outside_surface_records": surface.looked,
         "turned_over_max_share": surface.turned_over,
         "surface_records": surface.records,
+        "surface_judged_s": left.seconds,
         "colon_moved_peak_mm": _peak(recorded.colon_moved) * 1e3,
         **_gas(run),
         "contacts_mean": float(recorded.contacts.mean()) if simulated else 0.0,

@@ -1,5 +1,9 @@
-"""Whether the surface that is saved with a run is sound: the scope inside it, and no triangle of it turned over."""
+"""Whether the surface that is saved with a run is sound: the scope inside it, and no triangle of it turned over.
 
+Triangles are looked at at some records of a run, the scope at every one (`haustra.envs.runs.measure.screen`).
+"""
+
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -9,6 +13,7 @@ from scipy.spatial import KDTree
 
 from haustra.envs.runs.insertion import Insertion
 from haustra.envs.runs.measure.recorded import RecordedRun
+from haustra.envs.runs.measure.screen import WallScreen
 from haustra.models.anatomy.colon import Colon, Surface
 from haustra.models.scene import Scene
 from haustra.models.wall.around_device import places_outside
@@ -27,7 +32,9 @@ class SurfaceFigures:
     turned_over: float
     """Share of triangles that face their own axis and did not at rest [1]."""
     records: int = 1
-    """How many surfaces were judged."""
+    """At how many records triangles were looked at."""
+    looked: int = 1
+    """At how many it was seen whether the scope is outside."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +45,8 @@ class LeftBehind:
     """The colon as it lay, and as the scope indented it."""
     figures: SurfaceFigures
     """What was wrong with its surface over the run, at worst."""
+    seconds: float = 0.0
+    """What it took to find out [s]."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +63,9 @@ class Judged:
     """What was wrong with the surface."""
 
 
-def judged(scene: Scene, run: Insertion, *, records: int = _RECORDS) -> Iterator[Judged]:
+def judged(
+    scene: Scene, run: Insertion, *, records: int = _RECORDS, before: RecordedRun | None = None
+) -> Iterator[Judged]:
     """Lay the colon at records of a run, its end first, and judge it there.
 
     Each takes some 0.2 s. A run under gas is judged at its end only: widths under gas are not recorded.
@@ -63,8 +74,9 @@ def judged(scene: Scene, run: Insertion, *, records: int = _RECORDS) -> Iterator
         scene: what was run.
         run: how it ended.
         records: how many surfaces are judged, evenly over the run, its end among them.
+        before: the run at its records, where that is known already.
     """
-    recorded, before = run.trajectory, RecordedRun(scene, run.trajectory)
+    recorded, before = run.trajectory, before or RecordedRun(scene, run.trajectory)
     arcs = before.arcs
     inside = recorded.insertion[-1] if len(recorded.time) else scene.options.start_depth
     path = run.shape[scene.cable.node_distances < inside]
@@ -79,22 +91,48 @@ def judged(scene: Scene, run: Insertion, *, records: int = _RECORDS) -> Iterator
 
 
 def left_behind(scene: Scene, run: Insertion, *, records: int = _RECORDS) -> LeftBehind:
-    """Lay the colon as a run has left it, indented by its scope, and judge its surface over the run (`judged`).
+    """Lay the colon as a run has left it, indented by its scope, and judge its surface over the run.
+
+    Triangles at some records (`judged`), and whether the scope is outside at every one (`outside_at_records`).
 
     Args:
         scene: what was run.
         run: how it ended.
         records: how many surfaces are judged, evenly over the run, its end among them.
     """
-    at = judged(scene, run, records=records)
+    begun, before = time.perf_counter(), RecordedRun(scene, run.trajectory)
+    at = judged(scene, run, records=records, before=before)
     last = next(at)
-    return LeftBehind(last.colon, worst([last.figures, *(each.figures for each in at)]))
+    figures = [last.figures, *(each.figures for each in at)]
+    found = worst(figures, outside_at_records(run, before))
+    return LeftBehind(last.colon, found, time.perf_counter() - begun)
 
 
-def worst(figures: Sequence[SurfaceFigures]) -> SurfaceFigures:
-    """What was wrong at worst with several surfaces of one run."""
-    outside, over = max(each.outside for each in figures), max(each.turned_over for each in figures)
-    return SurfaceFigures(outside, over, len(figures))
+def worst(figures: Sequence[SurfaceFigures], outside: Float[np.ndarray, " records"]) -> SurfaceFigures:
+    """What was wrong at worst with several surfaces of one run.
+
+    Args:
+        figures: of surfaces that were judged.
+        outside: how far the scope was outside at each record (`outside_at_records`) [m].
+    """
+    furthest = max(*(each.outside for each in figures), outside.max(initial=0.0))
+    over = max(each.turned_over for each in figures)
+    return SurfaceFigures(float(furthest), over, len(figures), max(len(outside), len(figures)))
+
+
+def outside_at_records(run: Insertion, before: RecordedRun) -> Float[np.ndarray, " records"]:
+    """How far the scope's axis was outside the surface at every record, as `SurfaceFigures` [m]; none under gas.
+
+    Surfaces are laid and judged where a look at what is beside the scope leaves it open (`WallScreen`): two
+    milliseconds a record, and half a second where it does.
+    """
+    count = 0 if run.gas is not None else len(run.trajectory.time)
+    found = np.zeros(count)
+    screen = WallScreen(before) if count else None
+    for record in range(count):
+        if screen is not None and screen.doubtful(record):
+            found[record] = _outside(before.colon(record).lumen, before.path(record))
+    return found
 
 
 def surface_figures(

@@ -86,6 +86,11 @@ _FIGURES: Sequence[tuple[str, Callable[[Mapping[str, Any]], str], str]] = (
         "0.5 mm",
     ),
     (
+        "records of a run at which that was seen",
+        lambda found: " to ".join(map(str, dict.fromkeys(found["outside_surface_records"]))),
+        "all, 50 a second",
+    ),
+    (
         "both at all records but the last, at which an escape is found",
         lambda found: _before_end(found),
         "0; 0.5 mm",

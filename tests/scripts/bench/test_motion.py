@@ -18,6 +18,7 @@ def _row(colon: str, patient: str, **changed) -> dict:
         "judged_every": 1.0,
     }
     usual |= {"turned_over_max_share": 0.0, "outside_surface_max_mm": 0.0, "colon_moved_peak_mm": 10.0}
+    usual["surface_records"] = 60
     return {"colon": colon, "patient": patient, **usual, **changed}
 
 
@@ -67,6 +68,10 @@ def test_a_last_picture_from_outside_is_counted() -> None:
     sound = soundness(rows)
     assert (sound["last_pictures_from_outside"], sound["last_picture_mucosa_min_share"]) == (2, 0.9)
     page = motion_page({"runs": rows})
+    rows[0]["outside_surface_records"] = 3000
+    assert "| records of a run at which that was seen | 60 to 3000 |" in motion_page(
+        {"runs": [*rows, rows[1] | {"driver": "follower"}]}
+    )
     assert "| EdinGCA, follower, 60 s, judged every 1 s | EdinGCA, insertion, 60 s" in page
     assert "of all that were judged | 1; 3 | 1; 3 | 0 |" in page
 

@@ -1,5 +1,7 @@
 """Scope and colon at the records of a run, against what the run itself said of its end."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -34,7 +36,7 @@ def test_the_worst_of_several_instants_is_told(driven, monkeypatch) -> None:
     from haustra.envs.runs.measure import surface
 
     scene, run = driven
-    assert left_behind(scene, run, records=5).figures == surface.SurfaceFigures(0.0, 0.0, 5)
+    assert left_behind(scene, run, records=5).figures == surface.SurfaceFigures(0.0, 0.0, 5, len(run.trajectory.time))
     colon = RecordedRun.colon
 
     def torn(self: RecordedRun, record: int):
@@ -45,3 +47,17 @@ def test_the_worst_of_several_instants_is_told(driven, monkeypatch) -> None:
 
     monkeypatch.setattr(RecordedRun, "colon", torn)
     assert left_behind(scene, run, records=5).figures.turned_over > 0.01
+
+
+def test_a_scope_that_is_outside_between_the_surfaces_that_are_judged_is_found(driven) -> None:
+    """At one record it is bent out through the wall, far from those whose triangles are looked at."""
+    scene, run = driven
+    bent, model = run.trajectory.qpos.copy(), RecordedRun(scene, run.trajectory).model
+    record = len(bent) // 2 + 6
+    for joint in range(model.njnt)[-8::2]:
+        bent[record, model.jnt_qposadr[joint]] = 0.8
+    out = replace(run, trajectory=replace(run.trajectory, qpos=bent))
+    assert record not in np.linspace(0, len(bent) - 1, 7).astype(int)
+    found = left_behind(scene, out).figures
+    assert found.outside > 0.01 and found.turned_over == 0 and (found.records, found.looked) == (7, len(bent))
+    assert left_behind(scene, run).figures.outside == 0

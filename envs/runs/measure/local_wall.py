@@ -1,0 +1,98 @@
+"""A few triangles of a colon's surface at a record of a run, drawn off the scope as those that are saved.
+
+As `haustra.models.wall.around_device` does with all of them, in the same loops, but for what buckles.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from haustra.envs.runs.measure.recorded import RecordedRun
+from haustra.models.wall.compiled import loops
+from haustra.models.wall.indentation import GAP, tops
+from haustra.models.wall.lumen_table import axis_at
+from haustra.models.wall.moving_colon import AxisShape, node_cell
+from haustra.models.wall.unfolding import facing_out, spans
+
+REACH = 0.1
+"""Triangles are drawn off the scope that is so far from them along the colon [m]: tents stand on less."""
+_ONE = np.zeros(1, np.int64)
+
+
+class LocalWall:
+    """The triangles along any stretch of one colon."""
+
+    def __init__(self, recorded: RecordedRun) -> None:
+        """Get to know the colon at rest."""
+        self._colon, self._arcs, self._moved = recorded.scene.colon, recorded.arcs, recorded.moved
+        self._radius = recorded.scene.cable.radius + GAP
+        faces = self._colon.lumen.faces
+        corners = self._arcs[faces]
+        self._low, self._high, self._middle = corners.min(axis=1), corners.max(axis=1), corners.mean(axis=1)
+        self._out = facing_out(self._colon, self._arcs)
+        self._line = self._colon.centreline.points
+        if self._moved is None:
+            return
+        own = self._moved.tables.mesentery
+        assert own is not None
+        nodes, spacing = own.nodes.shape[1], float(np.asarray(own.spacing)[0])
+        self._own, self._cells = own, node_cell(np, spacing, nodes, self._arcs)
+        self._still = np.asarray(axis_at(np, self._moved.tables, self._arcs[None]))
+        origin, axes = self._moved.origin, self._moved.axes
+        self._lever = ((self._colon.lumen.vertices - origin) @ axes)[None] - self._still
+        self._to_colon = np.column_stack([axes, origin])
+        one, each, edge = np.zeros((1, nodes)), np.zeros((1, nodes, 3)), np.zeros((1, nodes - 1, 3))
+        turns = np.zeros((1, nodes, 4))
+        self._shape = AxisShape(edge, one[:, 1:].copy(), each, one.copy(), turns, edge.copy(), one.copy(), each.copy())
+        self._pose = np.zeros((1, nodes, 7))
+
+    def move(self, pose: Float[np.ndarray, "nodes 7"]) -> None:
+        """Take the colon to where its nodes have such poses, in the tables' coordinates; one that is fixed stays."""
+        if self._moved is None:
+            return
+        self._pose[0], self._line = pose, self._moved.way(pose)
+        loops().shape(self._own, _ONE, self._pose, self._shape)
+
+    def stands_between(
+        self,
+        stretch: tuple[float, float],
+        places: Float[np.ndarray, "places 3"],
+        arcs: Float[np.ndarray, " places"],
+        judged: Bool[np.ndarray, " places"],
+    ) -> bool:
+        """Whether a triangle stands between a place of the scope's axis and the centreline, or has turned over, or none is
+        beside it.
+
+        Args:
+            stretch: arc lengths between which triangles are looked at [m].
+            places: of the axis, close to each other [m].
+            arcs: arc lengths beside them [m].
+            judged: which of them are looked at; the others draw the wall off as well.
+        """
+        chosen = np.flatnonzero((self._low <= stretch[1]) & (self._high >= stretch[0]))
+        if not len(chosen):  # a surface too coarse to have a triangle there
+            return True
+        corners, faces = np.unique(self._colon.lumen.faces[chosen], return_inverse=True)
+        faces = np.ascontiguousarray(faces.reshape(-1, 3))
+        near = (arcs > stretch[0] - REACH) & (arcs < stretch[1] + REACH)
+        places, arcs, judged = (np.ascontiguousarray(part[near]) for part in (places, arcs, judged))
+        vertices, own, beside = self._carried(corners), self._arcs[corners], self._beside(arcs)
+        about = places[None], arcs, tops(places, beside, self._radius), own, self._beside(own)[None]
+        loops().indent(*about, self._radius, 0, len(vertices), vertices[None])
+        by = (arcs > stretch[0]) & (arcs < stretch[1])
+        loops().lift(faces, own, places[by][None], arcs[by], beside[by][None], self._radius, vertices[None])
+        from_axis = vertices[faces] - self._beside(self._middle[chosen])[:, None]
+        if (self._out[chosen] & ~(spans(from_axis) > 0)).any():
+            return True
+        return bool(loops().stands_between(vertices[None], faces, beside[judged][None], places[judged][None]))
+
+    def _carried(self, corners: np.ndarray) -> Float[np.ndarray, "corners 3"]:
+        if self._moved is None:
+            return self._colon.lumen.vertices[corners]
+        vertices = np.empty((len(corners), 3))
+        about = *(part[corners] for part in self._cells), self._still[:, corners], self._lever[:, corners]
+        loops().carry(self._pose, self._shape, *about, self._to_colon, 0, len(corners), vertices)
+        return vertices
+
+    def _beside(self, arcs: np.ndarray) -> Float[np.ndarray, "places 3"]:
+        along = self._colon.centreline.arc
+        return np.column_stack([np.interp(arcs, along, self._line[:, axis]) for axis in range(3)])
