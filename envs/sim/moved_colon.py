@@ -34,7 +34,7 @@ class CurrentColon:
         """For the colon's own tables, stacked and in coordinates that begin at `origin` [m] with columns `axes`."""
         self._colon = colon
         self.tables = tables
-        """Of the colon, stacked."""
+        """Tables of the colon, stacked."""
         self.origin, self.axes = origin, axes
         """Where the tables' coordinates lie in the colon's own: where they begin [m], and columns."""
         assert tables.mesentery is not None

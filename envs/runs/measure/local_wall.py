@@ -59,8 +59,7 @@ class LocalWall:
         arcs: Float[np.ndarray, " places"],
         judged: Bool[np.ndarray, " places"],
     ) -> bool:
-        """Whether a triangle stands between a place of the scope's axis and the centreline, or has turned over, or none is
-        beside it.
+        """Whether a triangle stands between the scope's axis and the centreline, or has turned over, or none is there.
 
         Args:
             stretch: arc lengths between which triangles are looked at [m].

@@ -34,8 +34,8 @@ _AROUND = 0.015
 _PAST = 0.02
 """A scope may be this far past the anus and still beside its lid [m]; engineering choice."""
 _LOOKS, _FAR = 20, 0.9 * WINDOW
-"""How often places are looked up at a record at most, and how much further along the colon than when they were looked up
-before they are looked up again [m]; engineering choice: a device in steps never is."""
+"""How often places are looked up at a record at most, and how much further along the colon than at the last look they
+have to be for another [m]; engineering choice: devices in steps never are."""
 _ONE = np.zeros(1, np.int64)
 
 

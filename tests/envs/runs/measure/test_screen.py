@@ -1,4 +1,4 @@
-"""What is looked at closely: no record at which the scope is outside the saved surface is missed, and few others are."""
+"""Records that are looked at closely: all at which the scope is outside the saved surface, and few others."""
 
 from dataclasses import replace
 
