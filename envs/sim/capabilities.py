@@ -115,6 +115,7 @@ TASK = (
         "task", "task", only=_only("insertion", backends=("warp",)), about="linear alone withdraws from moving colons"
     ),
     *_in("task", "mesentery", "design", "difficulty", "seeds"),
+    *_in("task", "water", only=_only(0.0, backends=("native-batch", "warp")), about="with gas"),
     *_in("task", "gas", only=_only(None, backends=("native-batch", "warp")), about=_UNSEEN),
     *_in("task", "gas_flow", "gas_start", about="with gas"),
     *_in("task", "gas_action", only=_only(False, backends=("native-batch", "warp")), about="with gas"),

@@ -51,9 +51,9 @@ class ColonSet:
             return self
         return replace(self, options=replace(self.options, mesentery=mesentery))
 
-    def with_gas(self, gas: float | None, *, flow: float, start: float) -> "ColonSet":
-        """The bank of colons that gas holds open, as the options of a scene say [Pa, m^3/s, Pa], or does not."""
-        options = replace(self.options, gas=gas, gas_flow=flow, gas_start=start)
+    def with_gas(self, gas: float | None, *, flow: float, start: float, water: float) -> "ColonSet":
+        """The bank of colons that gas and water hold open, as scenes' options say [Pa, m^3/s, Pa, m^3], or do not."""
+        options = replace(self.options, gas=gas, gas_flow=flow, gas_start=start, water=water)
         return self if options == self.options else replace(self, options=options)
 
     @cached_property

@@ -124,6 +124,9 @@ class TaskConfig:
     """Flow of the gas that insufflation lets in [m^3/s]."""
     gas_start: float = number("Pa", 300.0, 8000.0, default=SceneOptions.gas_start)
     """Gas pressure that the colon is filled to at the start of an episode [Pa]."""
+    water: float = number("m^3", 0.0, 2e-3, default=0.0)
+    """Water in rectum and sigmoid at the start of an episode, in place of gas [m^3] (`SceneOptions.water`); colons that
+    take less are refused. With gas only."""
     gas_action: bool = False
     """Let the learner let gas in and suck it out instead of the insufflator, by a fifth action over `gas_flow`, and
     show it under the name 'gas' the pressure at the tip, the colon's gas and what it last asked for; `memory` leaves
@@ -161,6 +164,8 @@ class TaskConfig:
         require_declared(self)
         if self.seeds[0] == self.seeds[1]:
             raise InvalidOptionError(f"seeds {self.seeds} hold no colon: give a first and a larger last one.")
+        if self.water and self.gas is None:
+            raise InvalidOptionError("Water takes the place of gas: give a set point `gas` too, or leave water out.")
         if self.gas_action and self.gas is None:
             raise InvalidOptionError("gas_action lets gas in and out, of which there is none: give a set point `gas`.")
 

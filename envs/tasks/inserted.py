@@ -102,6 +102,7 @@ def _driver(config: TaskConfig, backend: str) -> tuple[TaskConfig, Callable[[Any
     from haustra.envs.learning.policy import load_policy, policy_folder
 
     policy = load_policy(policy_folder(_POLICY))
-    around = {name: getattr(config, name) for name in ("design", "mesentery", "gas", "gas_flow", "gas_start")}
+    filled = "gas", "gas_flow", "gas_start", "water"
+    around = {name: getattr(config, name) for name in ("design", "mesentery", *filled)}
     own = replace(policy.config, **around)
     return own, lambda task: PolicyDriver(policy, sampled=True), _TRIES

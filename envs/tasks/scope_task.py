@@ -55,9 +55,10 @@ class Step:
     """Ground truth that no device knows, terms of the reward, and why an episode ended. `p_perforation` is the share
     of people whose colon the episode has torn so far (`haustra.models.injury`), `perforation_arc` where [m]; `pain` is
     the largest so far, 1 where it is taken to begin. Under gas, `gas_pressure_peak` is the highest of any segment so
-    far [Pa], `gas_volume` what the colon holds [m^3]. Where the task keeps account of bleeding, `bleeding_places` and
-    `bleeding_pulled` count places of two centimetres that were sheared or sucked at too much so far, and
-    `suction_pull` is how hard suction pulls at the mucosa now [Pa] (`haustra.envs.tasks.blood`)."""
+    far [Pa], `gas_volume` what the colon holds, and `water_volume` what of water, where there is any [m^3]. Where the
+    task keeps account of bleeding, `bleeding_places` and `bleeding_pulled` count places of two centimetres that were
+    sheared or sucked at too much so far, and `suction_pull` is how hard suction pulls at the mucosa now [Pa]
+    (`haustra.envs.tasks.blood`)."""
 
 
 class ScopeTask:
@@ -105,7 +106,7 @@ class ScopeTask:
         self.steps = whole_steps(config.drive.control_interval, timestep)
         self.interval = self.steps * timestep
         bank = bank or grown_bank(range(*config.seeds), design, difficulty=config.difficulty, progress=progress)
-        filled = {"flow": config.gas_flow, "start": config.gas_start}
+        filled = {"flow": config.gas_flow, "start": config.gas_start, "water": config.water}
         self.bank = bank.with_mesentery(config.mesentery).with_gas(config.gas, **filled)
         self._require_way()
         self.rules, self.sight = EpisodeRules(config, self.interval), Sight(self.bank.cases)
@@ -336,9 +337,12 @@ class ScopeTask:
         }
 
     def _gas(self) -> dict[str, np.ndarray]:
-        """Highest pressure of the episode [Pa] and volume now [m^3] of gas, where there is gas."""
+        """Highest pressure of the episode [Pa], and volume now of gas and water [m^3], where there is either."""
         gas = self.backend.gas
-        return {} if gas is None else {"gas_pressure_peak": gas.pressure_peak.copy(), "gas_volume": gas.volume}
+        if gas is None:
+            return {}
+        told = {"gas_pressure_peak": gas.pressure_peak.copy(), "gas_volume": gas.volume}
+        return told | ({"water_volume": gas.water.sum(axis=1)} if self.config.water else {})
 
     @cached_property
     def _eyes(self) -> Eyes:

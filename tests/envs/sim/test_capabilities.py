@@ -378,6 +378,8 @@ def test_a_camera_that_tasks_cannot_show_is_refused_by_them(entry: Any, backend:
     ("backend", "changed"),
     [
         ("warp", {"task": "withdrawal"}),
+        *((backend, {"water": 1e-4, "gas": 3333.0}) for backend in ("native-batch", "warp")),
+        *((backend, {"gas": 3333.0}) for backend in ("native-batch", "warp")),
     ],
 )
 def test_what_a_backend_cannot_honour_of_a_task_it_refuses_by_name(backend: str, changed: dict) -> None:

@@ -85,6 +85,49 @@ def test_what_shows_colons_as_they_were_given_refuses_it():
         ScopeTask(replace(CONFIG, mesentery=False), backend="linear", bank=short_bank())
 
 
+UNDER_WATER = replace(CONFIG, water=1e-4)
+
+
+def test_water_fills_the_sigmoid_of_each_episode_and_weighs_on_it():
+    """Poured in at the start, anew where a world begins anew; as heavy as in a scene of one scope."""
+    task, dry = task_of(UNDER_WATER), task_of()
+    for each in (task, dry):
+        each.reset(seeds=[0, 1], case=0)
+    gas = task.backend.gas
+    assert gas is not None and task.bank.options.water == 1e-4
+    np.testing.assert_allclose(gas.water.sum(axis=1), 1e-4)
+    push = np.tile([1.0, 0, 0, 0], (2, 1))
+    for _ in range(20):
+        done, other = task.step(push), dry.step(push)
+    np.testing.assert_allclose(done.info["water_volume"], 1e-4)
+    assert "water_volume" not in other.info
+    assert (done.info["gas_volume"] < other.info["gas_volume"]).all()
+    moved = [np.abs(each.displacement[..., :3]).max() for each in (task, dry) if each.displacement is not None]
+    assert len(moved) == 2 and moved[0] != moved[1]
+    anew = task.step(push, np.array([True, False]))
+    np.testing.assert_allclose(anew.info["water_volume"], 1e-4)
+
+
+def test_water_wants_gas_and_room_and_linear():
+    with pytest.raises(InvalidOptionError, match="Water takes the place of gas"):
+        TaskConfig(water=1e-4)
+    with pytest.raises(InvalidOptionError, match="rectum and sigmoid take"):
+        task_of(replace(CONFIG, water=2e-3))
+    for backend in ("native", "linear-gpu"):
+        with pytest.raises(UnsupportedSceneError, match=r"Gas|water"):
+            ScopeTask(UNDER_WATER, backend=backend, bank=moving_bank())
+
+
+def test_environments_of_one_world_and_many_take_water():
+    options: dict[str, Any] = {"config": UNDER_WATER, "bank": moving_bank(), "backend": "linear"}
+    alone, many = NavigationEnv(**options), NavigationVectorEnv(2, **options)
+    alone.reset(seed=7)
+    many.reset(seed=7)
+    one, both = alone.step(np.zeros(4))[4], many.step(np.zeros((2, 4)))[4]
+    assert one["water_volume"] == pytest.approx(1e-4)
+    np.testing.assert_allclose(both["water_volume"], 1e-4)
+
+
 BY_HAND = replace(CONFIG, gas_action=True)
 STILL, LET_IN, SUCK = np.zeros(5), np.array([0, 0, 0, 0, 1.0]), np.array([0, 0, 0, 0, -1.0])
 
