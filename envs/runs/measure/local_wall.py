@@ -1,17 +1,19 @@
 """A few triangles of a colon's surface at a record of a run, drawn off the scope as those that are saved.
 
-As `haustra.models.wall.around_device` does with all of them, in the same loops, but for what buckles.
+As `haustra.models.wall.around_device` does with all of them, in the same loops: they buckle where they turn over, and
+are drawn further off where they then stand across the scope.
 """
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from haustra.envs.runs.measure.recorded import RecordedRun
+from haustra.models.wall.around_device import FURTHER, TURNS
 from haustra.models.wall.compiled import loops
 from haustra.models.wall.indentation import GAP, tops
 from haustra.models.wall.lumen_table import axis_at
 from haustra.models.wall.moving_colon import AxisShape, node_cell
-from haustra.models.wall.unfolding import facing_out, spans
+from haustra.models.wall.unfolding import LOOKS, OPEN, ROUNDS, spans
 
 REACH = 0.1
 """Triangles are drawn off the scope that is so far from them along the colon [m]: tents stand on less."""
@@ -24,12 +26,13 @@ class LocalWall:
     def __init__(self, recorded: RecordedRun) -> None:
         """Get to know the colon at rest."""
         self._colon, self._arcs, self._moved = recorded.scene.colon, recorded.arcs, recorded.moved
-        self._radius = recorded.scene.cable.radius + GAP
+        self._radius = recorded.scene.cable.radius
+        self._line = self._colon.centreline.points
         faces = self._colon.lumen.faces
         corners = self._arcs[faces]
         self._low, self._high, self._middle = corners.min(axis=1), corners.max(axis=1), corners.mean(axis=1)
-        self._out = facing_out(self._colon, self._arcs)
-        self._line = self._colon.centreline.points
+        at_rest = self._colon.lumen.vertices[faces] - self._beside(self._middle)[:, None]
+        self._least = OPEN * spans(at_rest)
         if self._moved is None:
             return
         own = self._moved.tables.mesentery
@@ -59,7 +62,7 @@ class LocalWall:
         arcs: Float[np.ndarray, " places"],
         judged: Bool[np.ndarray, " places"],
     ) -> bool:
-        """Whether a triangle stands between the scope's axis and the centreline, or has turned over, or none is there.
+        """Whether a triangle stands between the scope's axis and the centreline, or none is there.
 
         Args:
             stretch: arc lengths between which triangles are looked at [m].
@@ -75,14 +78,18 @@ class LocalWall:
         near = (arcs > stretch[0] - REACH) & (arcs < stretch[1] + REACH)
         places, arcs, judged = (np.ascontiguousarray(part[near]) for part in (places, arcs, judged))
         vertices, own, beside = self._carried(corners), self._arcs[corners], self._beside(arcs)
-        about = places[None], arcs, tops(places, beside, self._radius), own, self._beside(own)[None]
-        loops().indent(*about, self._radius, 0, len(vertices), vertices[None])
+        axes, middles, least = self._beside(self._middle[chosen])[None], self._beside(own)[None], self._least[chosen]
         by = (arcs > stretch[0]) & (arcs < stretch[1])
-        loops().lift(faces, own, places[by][None], arcs[by], beside[by][None], self._radius, vertices[None])
-        from_axis = vertices[faces] - self._beside(self._middle[chosen])[:, None]
-        if (self._out[chosen] & ~(spans(from_axis) > 0)).any():
-            return True
-        return bool(loops().stands_between(vertices[None], faces, beside[judged][None], places[judged][None]))
+        loops().unfold(faces, axes, least, LOOKS, ROUNDS, vertices[None])
+        for turn in range(TURNS):
+            radius = (1 + FURTHER * turn) * self._radius + GAP
+            high = tops(places, beside, radius)
+            loops().indent(places[None], arcs, high, own, middles, radius, 0, len(vertices), vertices[None])
+            loops().lift(faces, own, places[by][None], arcs[by], beside[by][None], radius, vertices[None])
+            loops().unfold(faces, axes, least, LOOKS, ROUNDS, vertices[None])
+            if not loops().stands_between(vertices[None], faces, beside[judged][None], places[judged][None]):
+                return False
+        return True
 
     def _carried(self, corners: np.ndarray) -> Float[np.ndarray, "corners 3"]:
         if self._moved is None:

@@ -6,11 +6,11 @@ and a run has fifty records a second. Most of them are seen to be sound by less:
 1. Every place of the axis is looked up in the colon's own table, where the colon is now. One that has more than `CLOSE`
    before it to the wall as if nobody touched it is within: a wall that is drawn off the scope only moves away from it.
 2. Beside the others, triangles are brought to where they are, drawn off the scope as those of the surface that is
-   saved, and looked for between the place and the centreline beside it. Where none stands there, it is within.
+   saved (`haustra.envs.runs.measure.local_wall`), and looked for between the place and the centreline beside it. Where
+   none stands there, it is within.
 
-What is left is doubtful, as is a record at which a triangle beside such a place has turned over, since the saved
-surface buckles there. Arc lengths beside the scope are followed from record to record, as spheres are in steps, where
-the saved surface looks for them anew.
+What is left is doubtful. Arc lengths beside the scope are followed from record to record, as spheres are in steps,
+where the saved surface looks for them anew.
 """
 
 import numpy as np

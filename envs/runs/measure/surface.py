@@ -123,8 +123,8 @@ def worst(figures: Sequence[SurfaceFigures], outside: Float[np.ndarray, " record
 def outside_at_records(run: Insertion, before: RecordedRun) -> Float[np.ndarray, " records"]:
     """How far the scope's axis was outside the surface at every record, as `SurfaceFigures` [m]; none under gas.
 
-    Surfaces are laid and judged where a look at what is beside the scope leaves it open (`WallScreen`): two
-    milliseconds a record, and half a second where it does.
+    Surfaces are laid and judged where a look at what is beside the scope leaves it open (`WallScreen`): one
+    to four milliseconds a record, and half a second where it does.
     """
     count = 0 if run.gas is not None else len(run.trajectory.time)
     found = np.zeros(count)
