@@ -9,6 +9,10 @@ from haustra.models.anatomy.colon import Colon
 from haustra.models.devices.tracked.design import TRACKS, TrackedDesign
 from haustra.models.devices.tracked.device import Tracked, add_tracked
 from haustra.models.devices.tracked.loop import add_contact_sensor
+from haustra.models.wall.lumen_table import lumen_table, query
+
+_PLACES = 9
+"""Places along the core at which its distance from the wall is looked at; as many spheres stand along it."""
 
 
 def stand_in_colon(
@@ -36,7 +40,8 @@ def stand_in_colon(
 
     Raises:
         InvalidOptionError: when the arc length is not inside the colon.
-        InvalidDesignError: when the lumen there is narrower or wider, across opposite tracks, than they reach.
+        InvalidDesignError: when the lumen there is narrower or wider, across opposite tracks, than they reach, or
+            turns too sharply for the core.
     """
     require_fit(colon, design, arc)
     line, radii = colon.centreline, track_radii(colon, design, arc)
@@ -62,7 +67,8 @@ def require_fit(colon: Colon, design: TrackedDesign, arc: float) -> None:
 
     Raises:
         InvalidOptionError: when the arc length [m] is not inside the colon.
-        InvalidDesignError: when the lumen there is narrower or wider, across opposite tracks, than they reach.
+        InvalidDesignError: when the lumen there is narrower or wider, across opposite tracks, than they reach, or
+            turns too sharply for the core.
     """
     line = colon.centreline
     half = design.core_length / 2
@@ -84,6 +90,28 @@ def require_fit(colon: Colon, design: TrackedDesign, arc: float) -> None:
             f"opposite tracks, which reach {design.smallest_diameter * 1e3:.1f} to "
             f"{design.largest_diameter * 1e3:.1f} mm: {_elsewhere(colon, design, arc)}"
         )
+    if (room := float(core_room(colon, design, np.array([arc]))[0])) < 0:
+        raise InvalidDesignError(
+            f"At {arc * 1e3:.0f} mm of colon '{colon.name}' the lumen turns too sharply for a core of "
+            f"{design.core_length * 1e3:.1f} mm, which would stand {-room * 1e3:.1f} mm in the wall: "
+            f"{_elsewhere(colon, design, arc)}"
+        )
+
+
+def core_room(colon: Colon, design: TrackedDesign, arcs: Float[np.ndarray, " places"]) -> Float[np.ndarray, " places"]:
+    """Least distance of the core's surface from the wall where its centre is at those arc lengths [m].
+
+    It lies along the tangent there: its ends leave a lumen that turns within the core's length. Negative in the wall.
+    """
+    line, half = colon.centreline, design.core_length / 2
+    table = lumen_table(colon, device_radius=design.core_diameter / 2)
+    middle = np.stack([np.interp(arcs, line.arc, axis) for axis in line.points.T], axis=-1)
+    ways = line.frames[np.searchsorted(line.arc, arcs), :, 2]
+    along = np.linspace(-half, half, _PLACES)
+    points = middle[:, None] + along[:, None] * ways[:, None]
+    # As spheres that have just been put there: one look leaves in bends a share of the way.
+    near = query(np, table.tables, points, arcs[:, None] + along).arcs
+    return -query(np, table.tables, points, near).depth.max(axis=1)
 
 
 def track_radii(colon: Colon, design: TrackedDesign, arc: float) -> Float[np.ndarray, " tracks"]:
@@ -101,8 +129,10 @@ def track_radii(colon: Colon, design: TrackedDesign, arc: float) -> Float[np.nda
 def places_that_fit(
     colon: Colon, design: TrackedDesign, arcs: Float[np.ndarray, " places"]
 ) -> Float[np.ndarray, " fitting"]:
-    """Those of some arc lengths [m] at which the tracks reach the wall on both sides."""
-    return np.array([arc for arc in arcs if _fits(design, track_radii(colon, design, float(arc)))])
+    """Those of some arc lengths [m] at which the tracks reach the wall on both sides and the core has room."""
+    wide = np.array([_fits(design, track_radii(colon, design, float(arc))) for arc in arcs], bool)
+    fits = arcs[wide]
+    return fits[core_room(colon, design, fits) >= 0] if len(fits) else fits
 
 
 def nearest_fit(colon: Colon, design: TrackedDesign, arc: float) -> float:

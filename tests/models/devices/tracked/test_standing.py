@@ -6,11 +6,16 @@ import mujoco
 import numpy as np
 import pytest
 
+from haustra.envs.sim.device_native import NativeDevice
 from haustra.errors import InvalidDesignError, InvalidOptionError
+from haustra.models.device_scene import build_device_scene, device_options, device_tables, pose_in
+from haustra.models.devices.base import load_device
 from haustra.models.devices.scope.library import named_design
 from haustra.models.devices.tracked.design import TrackedDesign
-from haustra.models.devices.tracked.standing import stand_in_colon, track_radii
+from haustra.models.devices.tracked.interface import TrackedRobot
+from haustra.models.devices.tracked.standing import core_room, require_fit, stand_in_colon, track_radii
 from haustra.models.scene import SceneOptions, build_scene
+from tests.ring_wall import bent_colon
 from tests.tube_colon import RADIUS, straight_tube, wedge_wall
 
 DESIGN = TrackedDesign().at_scale(1.1)
@@ -63,3 +68,21 @@ def test_places_that_do_not_fit_are_named() -> None:
         stand_in_colon(spec, straight_tube(), TrackedDesign().at_scale(0.5), arc=0.3, friction=0.4)
     with pytest.raises(InvalidOptionError, match="cannot stand at 0 mm"):
         stand_in_colon(spec, straight_tube(), DESIGN, arc=0.0, friction=0.4)
+
+
+def test_it_does_not_stand_where_the_lumen_turns_within_its_core() -> None:
+    """A core of 46 mm across a right angle of 25 mm radius in a lumen of 26 mm would be in its wall."""
+    colon, robot = bent_colon(bend=0.025, leg=0.12, length=0.36, radius=0.013), load_device("tracked-far")
+    assert isinstance(robot, TrackedRobot)
+    bend = 0.12 + 0.025 * np.pi / 4
+    assert core_room(colon, robot.design, np.array([0.06]))[0] > 1e-3
+    assert core_room(colon, robot.design, np.array([bend]))[0] < -1e-3
+    with pytest.raises(InvalidDesignError, match=r"turns too sharply for a core of 45.8 mm.*nearest place that fits"):
+        require_fit(colon, robot.design, bend)
+    nose = (robot.design.core_length + robot.design.core_diameter) / 2
+    start = robot.nearest_start(colon, bend + nose)
+    options = device_options(robot, start_depth=start)
+    scene, pose = build_device_scene(robot, options), pose_in(colon, robot, options)
+    backend = NativeDevice(scene, device_tables(scene, [colon], [pose]), starts=[pose.arc])
+    backend.step(np.array([[0.0]]), 1)
+    assert backend.read().deepest[0] > 0 and backend.readings()["core_force"][0] == 0.0
