@@ -54,6 +54,8 @@ class GasRecord(NamedTuple):
     """Let in through the scope so far, at standard pressure [m^3]."""
     water: Float[np.ndarray, " records"]
     """Volume of the colon's water [m^3]."""
+    share: Float[np.ndarray, "records segments"]
+    """Radius of each segment over that of the colon as it was given [1]."""
 
 
 class GasBurden(NamedTuple):
@@ -137,7 +139,7 @@ class GasWorlds:
         self.pouring: Float[np.ndarray, " worlds"] = np.zeros(worlds)
         """Flow of water that hands let in [m^3/s]."""
         self.rows: list[tuple] | None = None
-        """Pressures, gas, what was given and water of the first world after every advance; None: nobody keeps them."""
+        """Numbers of `GasRecord` of the first world after every advance; None: nobody keeps them."""
         for colon in colons if self._water else ():
             require_room(colon, self._water)
         everyone, own = np.arange(worlds), [*self._lumens.person, self._lumens.given]
@@ -178,7 +180,8 @@ class GasWorlds:
         if len(moving):
             self._step(moving, tip_arc[moving], self._moved[moving, : -len(SEGMENTS) - 1])
         if self.rows is not None:
-            self.rows.append((self.pressure[0], self.volume[0], float(self.state.given[0]), float(self.water[0].sum())))
+            given, water = float(self.state.given[0]), float(self.water[0].sum())
+            self.rows.append((self.pressure[0], self.volume[0], given, water, self._share[0].copy()))
         return moving
 
     def _step(self, worlds: np.ndarray, tip_arc: np.ndarray, state: Float[np.ndarray, "some numbers"]) -> None:
@@ -236,8 +239,7 @@ class GasWorlds:
 
     def widths(self, worlds: Int[np.ndarray, " some"]) -> Float[np.ndarray, "some stations"]:
         """Width of the lumen at each station of the table, over that of the colon as it was given [1]."""
-        wider = self._share[worlds] - 1
-        return 1 + (self._lumens.weights[self._case[worlds]] @ wider[..., None])[..., 0]
+        return station_widths(self._lumens.weights[self._case[worlds]], self._share[worlds])
 
     def burden(self, worlds: Int[np.ndarray, " some"]) -> GasBurden:
         """What the walls of some worlds bear of gas alone."""
@@ -327,15 +329,9 @@ class RunGas:
 
     def colon(self, colon: Colon) -> Colon:
         """A colon as wide as gas holds it now, wherever it has moved to."""
-        line, widths = colon.centreline, self.widths
         if self._surface_arcs is None:
             self._surface_arcs = surface_arcs(colon)
-        arcs = self._surface_arcs
-        middle = np.stack([np.interp(arcs, line.arc, line.points[:, axis]) for axis in range(3)], axis=1)
-        share = np.interp(arcs, self._arcs, widths)[:, None]
-        vertices = middle + (colon.lumen.vertices - middle) * share
-        radius = colon.radius * np.interp(line.arc, self._arcs, widths)[:, None]
-        return replace(colon, lumen=Surface(vertices, colon.lumen.faces), radius=radius)
+        return widened(colon, self._surface_arcs, self.widths)
 
     @property
     def pressure(self) -> Float[np.ndarray, " segments"]:
@@ -360,7 +356,8 @@ class RunGas:
         """The first so many rows."""
         rows = self._rows[:count]
         if not rows:
-            return GasRecord(np.zeros((0, len(SEGMENTS))), np.zeros(0), np.zeros(0), np.zeros(0))
+            none = np.zeros((0, len(SEGMENTS)))
+            return GasRecord(none, np.zeros(0), np.zeros(0), np.zeros(0), none)
         return GasRecord(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
@@ -375,6 +372,42 @@ def run_gas(colon: Colon, options: SceneOptions, *, stations: int, device_radius
     """
     worlds = GasWorlds([colon], options, stations=[stations], device_radius=np.array([device_radius]))
     return RunGas(colon, worlds, stations=stations)
+
+
+def widened(colon: Colon, arcs: Float[np.ndarray, " vertices"], widths: Float[np.ndarray, " stations"]) -> Colon:
+    """A colon whose lumen is so wide, wherever it has moved to.
+
+    Args:
+        colon: where it is.
+        arcs: arc length of each vertex [m].
+        widths: at even arc lengths from its beginning to its end, over that of the colon as it was given [1].
+    """
+    line = colon.centreline
+    even = np.linspace(0.0, line.length, len(widths))
+    middle = np.stack([np.interp(arcs, line.arc, line.points[:, axis]) for axis in range(3)], axis=1)
+    vertices = middle + (colon.lumen.vertices - middle) * np.interp(arcs, even, widths)[:, None]
+    radius = colon.radius * np.interp(line.arc, even, widths)[:, None]
+    return replace(colon, lumen=Surface(vertices, colon.lumen.faces), radius=radius)
+
+
+def station_widths(
+    weights: Float[np.ndarray, "*worlds stations segments"], share: Float[np.ndarray, "*worlds segments"]
+) -> Float[np.ndarray, "*worlds stations"]:
+    """Width of the lumen at stations, over that of the colon as it was given [1].
+
+    Args:
+        weights: what each segment has to say at each station (`segment_weights`).
+        share: radius of each segment over that of the colon as it was given [1].
+    """
+    return 1 + (weights @ (share - 1)[..., None])[..., 0]
+
+
+def segment_weights(colon: Colon, stations: int) -> Float[np.ndarray, "stations segments"]:
+    """What each segment has to say of the width at so many even stations [1]; nobody has any in the anal canal."""
+    arcs = np.linspace(0.0, colon.centreline.length, stations)
+    inside = _numbers(segment_names(colon.segments, arcs))[:, None] == np.arange(len(SEGMENTS))
+    held = inside & (arcs > ANAL_CANAL)[:, None]
+    return gaussian_filter1d(held.astype(float), TAPER / arcs[1], axis=0, mode="nearest")
 
 
 def gas_pressures(
@@ -453,8 +486,7 @@ def _lumen_of(colon: Colon, stations: int, most: int, width: np.ndarray) -> tupl
     arcs = np.linspace(0.0, colon.centreline.length, stations)
     number = _numbers(segment_names(colon.segments, arcs))
     inside = number[:, None] == np.arange(len(SEGMENTS))
-    held = inside & (arcs > ANAL_CANAL)[:, None]
-    weights = gaussian_filter1d(held.astype(float), TAPER / arcs[1], axis=0, mode="nearest")
+    weights = segment_weights(colon, stations)
     lengths = np.bincount(number, minlength=len(SEGMENTS)) * arcs[1]
     radius = np.sqrt(volumes / (np.pi * np.maximum(lengths, arcs[1])))
     wide = np.where(inside, width[:, None], 0.0)

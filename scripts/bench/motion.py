@@ -177,7 +177,7 @@ def _run(colon: Colon, changed: Mapping[str, Any], driver: str, seconds: float, 
 def _judged(scene: Scene, run: Insertion, *, records: int) -> tuple[LeftBehind, dict[str, Any]]:
     """The colon as a run has left it, and what its camera saw, at the end and at the worst of the records."""
     lens = lens_of(scene.design.tip, _PICTURE, _PICTURE)
-    begun, before = time.perf_counter(), RecordedRun(scene, run.trajectory)
+    begun, before = time.perf_counter(), RecordedRun(scene, run.trajectory, run.gas)
     outside, taken = outside_at_records(run, before), time.perf_counter() - begun
     check, figures, seen, last = WallCheck(scene.colon, lens), [], [], scene.colon
     for each in judged(scene, run, records=records, before=before):

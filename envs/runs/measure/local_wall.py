@@ -28,6 +28,7 @@ class LocalWall:
         self._colon, self._arcs, self._moved = recorded.scene.colon, recorded.arcs, recorded.moved
         self._radius = recorded.scene.cable.radius
         self._line = self._colon.centreline.points
+        self._widths: Float[np.ndarray, " stations"] | None = None
         faces = self._colon.lumen.faces
         corners = self._arcs[faces]
         self._low, self._high, self._middle = corners.min(axis=1), corners.max(axis=1), corners.mean(axis=1)
@@ -48,9 +49,15 @@ class LocalWall:
         self._shape = AxisShape(edge, one[:, 1:].copy(), each, one.copy(), turns, edge.copy(), one.copy(), each.copy())
         self._pose = np.zeros((1, nodes, 7))
 
-    def move(self, pose: Float[np.ndarray, "nodes 7"]) -> None:
-        """Take the colon to where its nodes have such poses, in the tables' coordinates; one that is fixed stays."""
-        if self._moved is None:
+    def move(self, pose: Float[np.ndarray, "nodes 7"] | None, widths: Float[np.ndarray, " stations"] | None) -> None:
+        """Take the colon to where it is.
+
+        Args:
+            pose: of its nodes, in the tables' coordinates; None of one that is fixed.
+            widths: of the lumen at even arc lengths, over that as given [1]; None: it is as it was given.
+        """
+        self._widths = widths
+        if self._moved is None or pose is None:
             return
         self._pose[0], self._line = pose, self._moved.way(pose)
         loops().shape(self._own, _ONE, self._pose, self._shape)
@@ -92,12 +99,22 @@ class LocalWall:
         return True
 
     def _carried(self, corners: np.ndarray) -> Float[np.ndarray, "corners 3"]:
+        share = self._share(self._arcs[corners])
         if self._moved is None:
-            return self._colon.lumen.vertices[corners]
+            middle = self._beside(self._arcs[corners])
+            return middle + share * (self._colon.lumen.vertices[corners] - middle)
         vertices = np.empty((len(corners), 3))
-        about = *(part[corners] for part in self._cells), self._still[:, corners], self._lever[:, corners]
+        about = *(part[corners] for part in self._cells), self._still[:, corners], self._lever[:, corners] * share
         loops().carry(self._pose, self._shape, *about, self._to_colon, 0, len(corners), vertices)
         return vertices
+
+    def _share(self, arcs: np.ndarray) -> np.ndarray | float:
+        """How wide the lumen is at arc lengths [m], over that as given [1]."""
+        if self._widths is None:
+            return 1.0
+        return np.interp(arcs, np.linspace(0.0, self._colon.centreline.length, len(self._widths)), self._widths)[
+            :, None
+        ]
 
     def _beside(self, arcs: np.ndarray) -> Float[np.ndarray, "places 3"]:
         along = self._colon.centreline.arc

@@ -7,19 +7,21 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.envs.runs.insertion import Trajectory
+from haustra.envs.sim.gas import GasRecord, segment_weights, station_widths, widened
 from haustra.envs.sim.moved_colon import CurrentColon, current_colon
 from haustra.models.anatomy.colon import Colon
-from haustra.models.scene import Scene
+from haustra.models.scene import Scene, entry_of
 from haustra.models.wall.around_device import around_device
+from haustra.models.wall.lumen_table import Tables, lumen_table, stack
 from haustra.models.wall.signed_distance import surface_arcs
 
 
 class RecordedRun:
     """Scope and colon at the records of one run."""
 
-    def __init__(self, scene: Scene, trajectory: Trajectory) -> None:
-        """Take what was run and what was recorded of it."""
-        self.scene, self.trajectory = scene, trajectory
+    def __init__(self, scene: Scene, trajectory: Trajectory, gas: GasRecord | None = None) -> None:
+        """Take what was run and recorded; without the record of its gas, colons are as wide as they were given."""
+        self.scene, self.trajectory, self._gas = scene, trajectory, gas
         self.model = scene.compile()
         self.data = mujoco.MjData(self.model)
         self._links = [self.model.body(name).id for name in scene.cable.links]
@@ -50,11 +52,29 @@ class RecordedRun:
         return shape[self.scene.cable.node_distances < self.trajectory.insertion[record]]
 
     def colon(self, record: int) -> Colon:
-        """The colon as it lay on its mesentery and as the scope indented it; gas is left out."""
+        """The colon as it lay on its mesentery, as gas held it, where that is known, and as the scope indented it."""
         colon = self.scene.colon
         if self.moved is not None:
             colon = self.moved.colon(self.moved.from_scene(self.trajectory.displacement[record]))
+        if (widths := self.widths(record)) is not None:
+            colon = widened(colon, self.arcs, widths)
         return self.indented(colon, self.path(record))
+
+    def widths(self, record: int) -> Float[np.ndarray, " stations"] | None:
+        """How wide gas held the lumen at stations of the table, over that as given [1]; None where nothing is known."""
+        return None if self._gas is None else station_widths(self._weights, self._gas.share[record])
+
+    @cached_property
+    def _weights(self) -> Float[np.ndarray, "stations segments"]:
+        return segment_weights(self.scene.colon, int(self.tables.count[0]))
+
+    @cached_property
+    def tables(self) -> Tables:
+        """The colon's own, for the scope, stacked and seen from the entry."""
+        if self.moved is not None:
+            return self.moved.tables
+        table = lumen_table(self.scene.colon, device_radius=self.scene.cable.radius)
+        return stack([table.seen_from(*entry_of(self.scene.colon))])
 
     def indented(self, colon: Colon, path: Float[np.ndarray, "nodes 3"]) -> Colon:
         """The colon, where it was, with its wall out of the scope's way and no triangle of it turned over.

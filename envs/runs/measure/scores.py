@@ -40,8 +40,8 @@ def score(
     neither needs axes. `loop_N_s` and so on say how long a loop of that name was there, seen along y, which is assumed
     to run from front to back. `pull_back_shortening_m` is the most scope that was pulled back while the tip stayed.
     `outside_surface_max_mm` is how far the scope's axis stood outside the colon's surface, moved and indented by it, at
-    the worst of `outside_surface_records` records, all of them but under gas, and `turned_over_max_share` which share
-    of its triangles had turned over at the worst of `surface_records`; `surface_judged_s` is what that took.
+    the worst of all `outside_surface_records`, and `turned_over_max_share` which share of its triangles had turned over
+    at the worst of `surface_records`; `surface_judged_s` is what that took.
     `colon_moved_peak_mm` is how far a colon on its mesentery was moved at most.
     `wall_force_sum_mean_N` is the mean of all normal forces together, which does not depend on how long links are.
     `p_perforation`, `bleeding_*` and `pain_*` are those of `haustra.envs.runs.measure.injury.injury_scores`.

@@ -20,7 +20,7 @@ from haustra.envs.runs.measure.local_wall import LocalWall
 from haustra.envs.runs.measure.recorded import RecordedRun
 from haustra.models.scene import entry_of
 from haustra.models.wall.indentation import APART as FINE
-from haustra.models.wall.lumen_table import WINDOW, Tables, lumen_table, stack
+from haustra.models.wall.lumen_table import WINDOW, put_distended
 from haustra.models.wall.signed_distance import ANUS
 from haustra.models.wall.table_wall import TableWalls
 
@@ -48,7 +48,9 @@ class WallScreen:
         self._radius, self._behind = scene.cable.radius, scene.cable.node_distances
         self._own = np.arange(0.0, self._behind[0], APART)
         self._origin, self._axes = entry_of(scene.colon)
-        self._walls = TableWalls(self._tables(), 1, len(self._own), radius=self._radius)
+        tables = recorded.tables._replace(wall=recorded.tables.wall.copy())  # gas makes it wider
+        self._wall = recorded.tables.wall
+        self._walls = TableWalls(tables, 1, len(self._own), radius=self._radius)
         self._near = LocalWall(recorded)
         self._begun = False
 
@@ -61,8 +63,7 @@ class WallScreen:
         close = inside & ((self._walls.depth[0] > self._radius - CLOSE) | beside_lid)
         if not close.any():
             return False
-        if self._walls.displacement is not None:
-            self._near.move(self._walls.displacement.pose[0])
+        self._near.move(self._walls.displacement and self._walls.displacement.pose[0], self._run.widths(record))
         fine = np.arange(0.0, min(inserted, self._behind[0]), FINE)
         places, at = self._places(shape, fine), np.interp(fine, self._own, arcs)
         judged = np.interp(fine, self._own, close) > 0.5
@@ -70,12 +71,6 @@ class WallScreen:
             self._near.stands_between(stretch, places, at, judged & (at >= stretch[0]) & (at <= stretch[1]))
             for stretch in _stretches(np.sort(at[judged]))
         )
-
-    def _tables(self) -> Tables:
-        if self._run.moved is not None:
-            return self._run.moved.tables
-        table = lumen_table(self._run.scene.colon, device_radius=self._radius)
-        return stack([table.seen_from(self._origin, self._axes)])
 
     def _places(self, shape: Float[np.ndarray, "nodes 3"], own: np.ndarray) -> Float[np.ndarray, "places 3"]:
         """Places of the axis so far behind the tip [m]."""
@@ -89,6 +84,8 @@ class WallScreen:
         if self._walls.displacement is not None and self._run.moved is not None:
             pose = self._run.moved.from_scene(self._run.trajectory.displacement[record])
             self._walls.displacement.pose[0] = pose
+        if (widths := self._run.widths(record)) is not None:
+            put_distended(self._walls.table, self._wall, widths, device_radius=self._radius)
         points = ((places - self._origin) @ self._axes)[None]
         for _ in range(_LOOKS):
             known = self._walls.arcs[0, ahead > 0]

@@ -68,7 +68,7 @@ def judged(
 ) -> Iterator[Judged]:
     """Lay the colon at records of a run, its end first, and judge it there.
 
-    Each takes some 0.2 s. A run under gas is judged at its end only: widths under gas are not recorded.
+    Each takes some 0.2 s.
 
     Args:
         scene: what was run.
@@ -76,13 +76,13 @@ def judged(
         records: how many surfaces are judged, evenly over the run, its end among them.
         before: the run at its records, where that is known already.
     """
-    recorded, before = run.trajectory, before or RecordedRun(scene, run.trajectory)
+    recorded, before = run.trajectory, before or RecordedRun(scene, run.trajectory, run.gas)
     arcs = before.arcs
     inside = recorded.insertion[-1] if len(recorded.time) else scene.options.start_depth
     path = run.shape[scene.cable.node_distances < inside]
     now = before.indented(run.colon, path)
     yield Judged(now, run.shape[-1], run.tip_frame, surface_figures(scene.colon, now, arcs, path))
-    if run.gas is not None or len(recorded.time) < 2:
+    if len(recorded.time) < 2:
         return
     for record in np.unique(np.linspace(0, len(recorded.time) - 1, records).astype(int))[:-1].tolist():
         now, path, shape = before.colon(record), before.path(record), before.shape(record)
@@ -100,7 +100,7 @@ def left_behind(scene: Scene, run: Insertion, *, records: int = _RECORDS) -> Lef
         run: how it ended.
         records: how many surfaces are judged, evenly over the run, its end among them.
     """
-    begun, before = time.perf_counter(), RecordedRun(scene, run.trajectory)
+    begun, before = time.perf_counter(), RecordedRun(scene, run.trajectory, run.gas)
     at = judged(scene, run, records=records, before=before)
     last = next(at)
     figures = [last.figures, *(each.figures for each in at)]
@@ -121,12 +121,12 @@ def worst(figures: Sequence[SurfaceFigures], outside: Float[np.ndarray, " record
 
 
 def outside_at_records(run: Insertion, before: RecordedRun) -> Float[np.ndarray, " records"]:
-    """How far the scope's axis was outside the surface at every record, as `SurfaceFigures` [m]; none under gas.
+    """How far the scope's axis was outside the surface at every record, as `SurfaceFigures` [m].
 
     Surfaces are laid and judged where a look at what is beside the scope leaves it open (`WallScreen`): one
     to four milliseconds a record, and half a second where it does.
     """
-    count = 0 if run.gas is not None else len(run.trajectory.time)
+    count = len(run.trajectory.time)
     found = np.zeros(count)
     screen = WallScreen(before) if count else None
     for record in range(count):
