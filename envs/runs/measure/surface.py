@@ -124,7 +124,7 @@ def outside_at_records(run: Insertion, before: RecordedRun) -> Float[np.ndarray,
     """How far the scope's axis was outside the surface at every record, as `SurfaceFigures` [m].
 
     Surfaces are laid and judged where a look at what is beside the scope leaves it open (`WallScreen`): one
-    to four milliseconds a record, and half a second where it does.
+    to five milliseconds a record, and half a second where it does.
     """
     count = len(run.trajectory.time)
     found = np.zeros(count)

@@ -17,11 +17,13 @@ page says whether the moving surface stays a surface, and how much the patient a
 """
 
 
-_SAID = """All runs are of 25 November 2026, those of 120 s on two shared EPYC cores beside other work, the others on
-{machine}. Loops are drawn to the shaft ([mesentery](../theory/mesentery.md)); before, one run in 832 left triangles
-of a grown colon turned over, and both in EdinGCA_3D_00020 ended as escaped. Pictures are drawn of the wall's inner
-sides only. A camera may stand within the colon and have another loop's wall across its view, since loops pass through
-each other unless a run asks for `--loops-touch`.
+_SAID = """Runs whose scope was looked for at every record are of 26 November 2026, the others of 25 November, on {machine}.
+Places of the scope's axis are looked up in the colon's table where the colon is, triangles are laid beside those that
+are close to the wall, and the whole surface and its winding numbers only where that leaves it open. Loops are drawn to
+the shaft ([mesentery](../theory/mesentery.md)); before, one run in 832 left triangles of a grown colon turned over, and
+both in EdinGCA_3D_00020 ended as escaped. Pictures are drawn of the wall's inner sides only. A camera may stand within
+the colon and have another loop's wall across its view, since loops pass through each other unless a run asks for
+`--loops-touch`.
 """
 
 
@@ -45,7 +47,7 @@ def motion_page(measured: Mapping[str, Any]) -> str:
         "| --- |" + " --- |" * (len(kinds) + 1),
         *(_line(figure, [told(found) for found in sound], bound) for figure, told, bound in _FIGURES),
         "",
-        _SAID.format(machine=measured.get("machine", "the same")),
+        _SAID.format(machine=measured.get("machine", "shared cores beside other work")),
     ]
     found = effects([row for row in measured["runs"] if _grown(row)])
     if found:
@@ -81,7 +83,7 @@ _FIGURES: Sequence[tuple[str, Callable[[Mapping[str, Any]], str], str]] = (
     ),
     ("largest share of triangles", lambda found: f"{found['turned_over_max_share']:.3%}", "0"),
     (
-        "furthest that the scope's axis stands outside, by winding numbers",
+        "furthest that the scope's axis stands outside",
         lambda found: f"{found['outside_surface_max_mm']:.2f} mm",
         "0.5 mm",
     ),
