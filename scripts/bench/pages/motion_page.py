@@ -17,7 +17,7 @@ page says whether the moving surface stays a surface, and how much the patient a
 """
 
 
-_SAID = """Runs whose scope was looked for at every record are of 26 November 2026, the others of 25 November, on {machine}.
+_SAID = """Runs whose scope was looked for at every record are of 26 November 2026, others of 25 November, on {machine}.
 Places of the scope's axis are looked up in the colon's table where the colon is, triangles are laid beside those that
 are close to the wall, and the whole surface and its winding numbers only where that leaves it open. Loops are drawn to
 the shaft ([mesentery](../theory/mesentery.md)); before, one run in 832 left triangles of a grown colon turned over, and
