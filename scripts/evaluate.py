@@ -15,7 +15,8 @@ class Evaluate:
 
     drivers: Annotated[tuple[str, ...], tyro.conf.Positional] = texts(least=1, most=100)
     """Folders of policies, or names: insertion, insertion-depth, insertion-colour and insertion-easy, which ship,
-    random, push, pull, inspect (the last two for withdrawals), follower, endoscopist."""
+    random, push, pull, inspect (the last two for withdrawals), follower, endoscopist, who in withdrawals turns the tip
+    in circles."""
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
     """Folder for the table, the episodes and pictures; nothing is written when not given."""
     colons: int = whole(1, 1_000_000, default=80)
@@ -41,8 +42,8 @@ class Evaluate:
     """Flow of the gas that insufflation lets in [m^3/s]; 0.25 L/min when not given."""
     gas_start: float | None = number("Pa", 300.0, 8000.0, default=None)
     """Gas pressure that colons are filled to at the start of an episode [Pa]; 15 mmHg when not given."""
-    seconds: float = number("s", 0.002, 3600.0, default=300.0)
-    """Longest episode, in simulated time [s]."""
+    seconds: float | None = number("s", 0.002, 3600.0, default=None)
+    """Longest episode, in simulated time [s]; 300 in insertions and 600 in withdrawals when not given."""
     backend: Literal["native", "linear", "linear-gpu", "warp"] | None = None
     """What computes the physics: MuJoCo on threads (native), the linear-time model on threads (linear) or on an NVIDIA
     GPU (linear-gpu), or MuJoCo Warp on one (warp); linear when not given."""
@@ -74,6 +75,8 @@ class Evaluate:
 
         found = [self._driver(name) for name in self.drivers]
         config = self._config(next((task for _, task in found if task), None))
+        if config.task == "withdrawal":
+            found = [(_on_the_way_out(name, make), own) for name, (make, own) in zip(self.drivers, found, strict=True)]
         seen = [_seeing(config, own) if own else config for _, own in found]
         backend = self.backend or "linear"
         for seeing in seen:
@@ -99,7 +102,9 @@ class Evaluate:
         if folder is not None:
             self._write(folder, done, config, bank, backend)
         own = bool(self.colon_folders)
-        return {one.driver: _row(one.summary()) | ({"colons": one.by_colon()} if own else {}) for one in done}
+        colons = [{"colons": one.by_colon()} if own else {} for one in done]
+        rows = [_row(one.summary()) | _polyps(one, done) for one in done]
+        return {one.driver: row | more for one, row, more in zip(done, rows, colons, strict=True)}
 
     def _write(self, folder: Path, done: list[Any], config: Any, bank: Any, backend: str) -> None:
         from haustra.envs.learning.figures import draw_evaluations
@@ -108,7 +113,7 @@ class Evaluate:
 
         result = {
             "task": config.to_json(),
-            "drivers": [one.summary() | {"by_colon": one.by_colon()} for one in done],
+            "drivers": [one.summary() | {"by_colon": one.by_colon()} | _polyps(one, done) for one in done],
         }
         colons = [str(path) for path in self.colon_folders] or self.colons
         asked = {"task": config.to_json(), "colons": colons}
@@ -173,7 +178,7 @@ class Evaluate:
         from haustra.envs.tasks.config import Limits, TaskConfig
         from haustra.errors import InvalidOptionError
 
-        base = own or TaskConfig(design="adult", observation="dict" if self.task == "withdrawal" else "state")
+        base = own or _unlearned(self.task or TaskConfig.task)
         names = ("task", "design", "difficulty", "mesentery", "gas_flow", "gas_start")
         named = {name: value for name in names if (value := getattr(self, name)) is not None}
         if self.insufflate is not None:
@@ -183,13 +188,50 @@ class Evaluate:
         elif base.gas is None and (self.gas_flow, self.gas_start) != (None, None):
             raise InvalidOptionError("A flow or pressure of gas needs gas: give --insufflate 25mmHg too.")
         ranges = replace(base.randomisation, friction=self.friction) if self.friction else base.randomisation
-        return replace(base, **named, randomisation=ranges, limits=Limits(seconds=self.seconds))
+        longest = self.seconds or _LONGEST[named.get("task", base.task)]
+        return replace(base, **named, randomisation=ranges, limits=Limits(seconds=longest))
+
+
+def _unlearned(task: str) -> Any:
+    """Rules where no policy says any; in withdrawals with the hand that policies learn with, who decides less often."""
+    from haustra.envs.learning.settings import shipped
+    from haustra.envs.tasks.config import TaskConfig
+
+    if task == "insertion":
+        return TaskConfig(design="adult", observation="state")
+    return TaskConfig(design="adult", observation="dict", drive=shipped("withdrawal").task.drive)
+
+
+def _on_the_way_out(name: str, make: Any) -> Any:
+    """How to make the driver of that name for withdrawals."""
+    from functools import partial
+
+    from haustra.envs.tasks.inspect_driver import InspectDriver
+
+    return partial(InspectDriver, routine=True) if name == "endoscopist" else make
+
+
+_LONGEST = {"insertion": 300.0, "withdrawal": 600.0}
+"""Longest episode of each task, when nothing else is asked for [s]."""
+_OWN = ("observation", "privileged", "memory", "imager", "gas_action", "depth", "pictures", "picture_size", "drive")
+"""What a policy brings: what it sees, and the hand that its actions move."""
 
 
 def _seeing(config: Any, own: Any) -> Any:
-    """The rules for all, with what this policy was trained to see."""
-    names = ("observation", "privileged", "memory", "imager", "gas_action")
-    return replace(config, **{name: getattr(own, name) for name in names})
+    """The rules for all, with what this policy was trained to see, and its own hand.
+
+    Stool and mucus are the colon's, but shown only to who sees colours.
+    """
+    from haustra.envs.tasks.observation import sizes
+
+    found = replace(config, **{name: getattr(own, name) for name in _OWN}, stool=0.0, mucus=0.0)
+    return replace(found, stool=config.stool, mucus=config.mucus) if "pixels" in sizes(found) else found
+
+
+def _polyps(one: Any, done: list[Any]) -> dict[str, Any]:
+    """How much more of the polyps a driver found than each other driver, in withdrawals."""
+    others = [other for other in done if other is not one and one.episodes[0].polyps_found is not None]
+    return {"polyps_more_than": [one.polyps_more_than(other) for other in others]} if others else {}
 
 
 def _draw_video(path: Path, evaluation: Any, bank: Any, config: Any) -> None:
@@ -220,6 +262,10 @@ def _row(summary: dict[str, Any]) -> dict[str, Any]:
         "safe_completion",
         "progress",
         "coverage",
+        "coverage_median",
+        "polyps",
+        "polyps_found",
+        "polyps_found_bootstrap",
         "seconds_when_reached",
         "peak_force_N",
         "p_perforation",
@@ -229,7 +275,14 @@ def _row(summary: dict[str, Any]) -> dict[str, Any]:
     )
     return {
         name: summary[name]
-        for name in (*names, "mean_force_N", "share_over_2N", "share_over_safe", "tip_ahead_m", "reasons")
+        for name in (
+            *(name for name in names if name in summary),
+            "mean_force_N",
+            "share_over_2N",
+            "share_over_safe",
+            "tip_ahead_m",
+            "reasons",
+        )
     } | {
         "completion_95": summary["completion_bootstrap"],
         "progress_95": summary["progress_bootstrap"],

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from haustra.errors import InvalidOptionError, UnreadableFileError
+from haustra.files import write_atomically
 
 EPISODE = ("return", "progress", "reached", "perforated", "seconds", "p_perforation", "pain")
 """What is noted of an episode that has ended."""
@@ -17,15 +18,25 @@ _MOST_BINS = 40
 """Largest number of bins in a common grid of steps: finer bins show the chance of single episodes."""
 
 
+def begin_rows(path: Path, columns: Sequence[str], *, steps: int) -> None:
+    """A file of rows that a training goes on with after so many steps; at none it begins anew.
+
+    Rows of later steps, which the training will do again, are cut off.
+    """
+    head = ",".join(columns) + "\n"
+    lines = path.read_bytes().decode().splitlines(keepends=True)[1:] if steps and path.exists() else []
+    kept = [line for line in lines if int(line.partition(",")[0]) <= steps]
+    write_atomically(path, lambda temporary: temporary.write_bytes((head + "".join(kept)).encode()))
+
+
 class Curve:
     """Means over the episodes that ended lately, row by row."""
 
-    def __init__(self, path: Path, *, fresh: bool, episodes_a_row: int = 16) -> None:
-        """Go on with the file, or begin a `fresh` one; a row is written once that many episodes have ended."""
+    def __init__(self, path: Path, *, steps: int, episodes_a_row: int = 16) -> None:
+        """Go on with the file after so many steps; a row is written once that many episodes have ended."""
         self._path, self._enough = path, episodes_a_row
         self._recent: list[Sequence[float]] = []
-        if fresh:
-            path.write_text(",".join(COLUMNS) + "\n", encoding="utf-8")
+        begin_rows(path, COLUMNS, steps=steps)
 
     def add(self, steps: int, ended: Sequence[Sequence[float]]) -> dict[str, float]:
         """Note episodes that have ended after `steps`, each as `EPISODE`; with none, write what is left.

@@ -16,7 +16,9 @@ from haustra.envs.learning.ppo import Ppo, Rollout
 from haustra.envs.learning.recall import Recall, recalled_width
 from haustra.envs.learning.schedule import SAVE_EVERY, curve_of, learning_rate, made_by, perforation_force
 from haustra.envs.learning.settings import Training
+from haustra.envs.learning.teach import teach
 from haustra.envs.tasks.actions import actions_of
+from haustra.envs.tasks.inspect_driver import InspectDriver
 from haustra.envs.tasks.observation import sizes
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
@@ -71,7 +73,11 @@ class DeviceRun:
         self.learner.to(training.device)
         if document is not None:
             restore(folder, document, lambda tensors, _: self._put_back(tensors, document))
-        self.curve = curve_of(training, folder, fresh=document is None)
+        self._knows = training.start is not None or training.imitate > 0
+        if document is None and training.imitate:
+            about = {"shown": (self._own, self._beside), "limits": list(self._limits), "progress": progress}
+            teach(self.learner, training, task, InspectDriver(task), **about)
+        self.curve = curve_of(training, folder, steps=self.steps)
         self._seconds = {"environment": 0.0, "learning": 0.0}
 
     def go(self, deadline: float | None) -> dict[str, Any]:
@@ -129,11 +135,11 @@ class DeviceRun:
         rollout, returns, ended = self._drive()
         driven = time.monotonic()
         seen = rollout.seen.flatten(0, 1)
-        learner.take_in(seen, returns.flatten(0, 1), keep=bool(known) or training.start is not None)
+        learner.take_in(seen, returns.flatten(0, 1), keep=bool(known) or self._knows)
         self._rollouts += 1
         said = "looking around"
-        if known or training.start is not None:
-            hold = training.start is not None and self._rollouts <= _HELD
+        if known or self._knows:
+            hold = self._knows and self._rollouts <= _HELD
             found = learner.learn(rollout, rate=learning_rate(training, self.steps), hold=hold)
             said = f"value loss {found['value_loss']:.3f}, divergence {found['kl']:.3f}"
         if len(ended) and self._limits:

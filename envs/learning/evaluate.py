@@ -12,6 +12,7 @@ from haustra.envs.runs.outcome import LEFT_OUTSIDE, Outcome
 from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.drivers import Driver
+from haustra.envs.tasks.polyps import EACH, Polyps
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import UnsupportedSceneError
 from haustra.models.gas.law import MMHG
@@ -68,6 +69,8 @@ class Episode:
     tip_ahead_m: float
     """How far the tip's arc length was ahead of the inserted length at most [m]. Cutting corners gains a little; where
     loops touch, several centimetres mean that the tip went through a wall from one loop to the next."""
+    polyps_found: float | None
+    """Share of the polyps that were found [1], in withdrawals (`haustra.envs.tasks.polyps`); None in insertions."""
     gas_pressure_peak_mmHg: float | None
     """Highest pressure of gas in any segment [mmHg]; None without gas."""
     gas_volume_mL: float | None
@@ -97,14 +100,25 @@ class Evaluation:
         for column in ("progress", "coverage", *forces, "p_perforation", "pain", "tip_ahead_m"):
             rows[column] = float(found[column].mean())
             rows[f"{column}_bootstrap"] = self._over_colons(found[column])
+        if all(value is not None for value in found["polyps_found"]):
+            rows["polyps"] = EACH * len(self.episodes)
+            rows["polyps_found"] = float(found["polyps_found"].mean())
+            rows["polyps_found_bootstrap"] = self._over_colons(found["polyps_found"])
+            rows["coverage_median"] = float(np.median(found["coverage"]))
+            rows["coverage_median_when_reached"] = _median(found["coverage"][found["reached"]])
         for column in _GAS:
             known = [value for value in found[column] if value is not None]
             rows[column] = float(np.mean(known)) if known else None
-        done = found["seconds"][found["reached"]]
-        rows["seconds_when_reached"] = float(np.median(done)) if len(done) else None
+        rows["seconds_when_reached"] = _median(found["seconds"][found["reached"]])
         reasons, counts = np.unique(found["reason"], return_counts=True)
         rows["reasons"] = {str(reason): int(count) for reason, count in zip(reasons, counts, strict=True)}
         return rows
+
+    def polyps_more_than(self, other: "Evaluation") -> dict[str, Any]:
+        """Share of polyps found, less another driver's in the same withdrawals, and its interval, as JSON values."""
+        own, others = (np.array([one.polyps_found for one in who.episodes], float) for who in (self, other))
+        more = own - others
+        return {"driver": other.driver, "more": float(more.mean()), "bootstrap": self._over_colons(more)}
 
     def by_colon(self) -> dict[str, dict[str, float]]:
         """Shares of episodes and means, colon by colon, as JSON values."""
@@ -175,6 +189,7 @@ def evaluate(
     running: dict[int, _Record] = {}
     history = _History()
     recorder = Recorder(task) if record else None
+    polyps = Polyps(task) if config.task == "withdrawal" else None
 
     def begin(places: list[int]) -> None:
         for world in places:
@@ -188,6 +203,9 @@ def evaluate(
         running.update(
             {world: _Record(k, seed, history.steps) for world, k, seed in zip(places, numbers, seeds, strict=True)}
         )
+        if polyps:
+            for world, case, seed in zip(places, cases.tolist(), seeds, strict=True):
+                polyps.begin(world, case, seed)
         mask = np.zeros(worlds, bool)
         mask[places] = True
         driver.begin(mask)
@@ -199,11 +217,14 @@ def evaluate(
     while running:
         done = task.step(driver.act(seen))
         history.add(done.info)
+        if polyps:
+            polyps.look()
         over = [world for world in np.flatnonzero(done.terminated | done.truncated).tolist() if world in running]
         if recorder:
             recorder.look(done.info, over)
         for world in over:
             last = {key: values[world] for key, values in done.info.items()}
+            last |= {"polyps_found": polyps.found[world].mean()} if polyps else {}
             now = running[world]
             ended[now.number] = now.episode(last, history.of(world, now.began), task, bank)
             if recorder:
@@ -216,6 +237,10 @@ def evaluate(
     task.close()
     kept = recorder.best if recorder else None
     return Evaluation(name, tuple(ended[number] for number in range(len(plan))), len(bank.cases), kept)
+
+
+def _median(values: np.ndarray) -> float | None:
+    return float(np.median(values)) if len(values) else None
 
 
 def _platform(backend: str) -> str:
@@ -279,6 +304,7 @@ class _Record:
             reason=_reason(last, history[1], task),
             failed_at_m=float(last["tip_arc"]),
             tip_ahead_m=float(history[2].max()),
+            polyps_found=float(last["polyps_found"]) if "polyps_found" in last else None,
             **{column: unit * float(last[name]) if name in last else None for column, (name, unit) in _GAS.items()},
         )
 

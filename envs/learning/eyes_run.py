@@ -15,6 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from haustra.envs.learning.checkpoint import learned, put_back, restore, save_checkpoint
+from haustra.envs.learning.curve import begin_rows
 from haustra.envs.learning.eyes import COLOURS, RAYS, STRIDE, Eyes
 from haustra.envs.learning.policy import MlpPolicy, load_policy, policy_folder, save_policy
 from haustra.envs.learning.recall import Recall
@@ -64,9 +65,9 @@ class EyesRun:
         self.steps, self.leg = 0, 0
         if document is None:
             write_json(folder / "training.json", training.to_json())
-            (folder / "curve.csv").write_text(",".join(COLUMNS) + "\n", encoding="utf-8")
         else:
             restore(folder, document, lambda tensors, _: self._put_back(tensors, document))
+        begin_rows(folder / "curve.csv", COLUMNS, steps=self.steps)
         room: dict[str, Any] = {"device": training.device}
         layers = zip(self._hand.weights, self._hand.biases, strict=True)
         self._layers = [(torch.as_tensor(weight, **room), torch.as_tensor(bias, **room)) for weight, bias in layers]

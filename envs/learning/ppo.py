@@ -98,6 +98,10 @@ class Ppo(nn.Module):
         """Observations over their deviation."""
         return (seen - self.seen_mean) / self._deviation()
 
+    def mean(self, seen: Float[Tensor, "worlds read"]) -> Tensor:
+        """Mean actions for what the policy reads."""
+        return self.actor((seen - self.seen_mean[: self.seen]) / self._deviation()[: self.seen])
+
     def draw(self, seen: Float[Tensor, "worlds entries"]) -> tuple[Tensor, Tensor]:
         """Actions, and the logarithm of the density with which they were drawn."""
         mean = self.actor(self.scaled(seen)[:, : self.seen])

@@ -56,7 +56,7 @@ class Sb3Run:
             restore(folder, document, self._restore(document))
             self.leg = int(document["leg"])
             self._take_up(document.get("normaliser"))
-        self.curve = curve_of(training, folder, fresh=document is None)
+        self.curve = curve_of(training, folder, steps=self.model.num_timesteps)
 
     def go(self, deadline: float | None) -> dict[str, Any]:
         """Learn leg by leg until the steps are done or time is up."""

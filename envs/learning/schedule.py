@@ -30,9 +30,12 @@ def perforation_force(training: Training, steps: int) -> float:
     return last + (first - last) * max(0.0, 1 - steps / (share * training.steps))
 
 
-def curve_of(training: Training, folder: Path, *, fresh: bool) -> Curve:
-    """The curve of a training: thousands of worlds end episodes at every step, so rows are of a few seconds each."""
-    return Curve(folder / "curve.csv", fresh=fresh, episodes_a_row=max(16, training.worlds // 4))
+def curve_of(training: Training, folder: Path, *, steps: int) -> Curve:
+    """The curve of a training that goes on after so many steps.
+
+    Thousands of worlds end episodes at every step, so rows are of a few seconds each.
+    """
+    return Curve(folder / "curve.csv", steps=steps, episodes_a_row=max(16, training.worlds // 4))
 
 
 def made_by(training: Training, steps: int) -> dict[str, Any]:

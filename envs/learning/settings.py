@@ -54,7 +54,8 @@ class Training:
     seed: int = whole(0, 2**32 - 1, default=0)
     """Seed of all random draws."""
     imitate: int = whole(0, 10**12, default=60_000)
-    """Number of steps in which the policy first learns from the lumen follower, driving itself (DAgger); 0 for none."""
+    """Number of steps in which the policy first learns from the lumen follower, or on the device, in withdrawals alone,
+    from the driver 'inspect', driving itself (DAgger); 0 for none."""
     demonstrations: str | None = None
     """Folder of recordings of episodes that the policy first learns from (behaviour cloning), instead of `imitate`."""
     layers: tuple[int, ...] = several("1", 1, 8192, default=(128, 128), least=1, most=16, whole=True)
@@ -125,7 +126,8 @@ class Training:
             raise InvalidOptionError("The shipped training has no network for pictures: choose state, lumen or dict.")
         if self.demonstrations is not None and self.imitate:
             raise InvalidOptionError("A policy first learns from demonstrations or by imitate: set imitate to 0.")
-        if self.normalise and (self.imitate or self.demonstrations or self.algorithm != "ppo"):
+        imitates = self.imitate and self.learner != "device"
+        if self.normalise and (imitates or self.demonstrations or self.algorithm != "ppo"):
             raise InvalidOptionError("normalise is for PPO without imitation, which learns from bare observations.")
         if self.ease and self.ease[0] < self.task.limits.perforation_force:
             raise InvalidOptionError(
@@ -135,10 +137,11 @@ class Training:
     def _require_device(self) -> None:
         """Refuse what PPO on the device does not do."""
         linear = self.backend.startswith("linear")
-        if self.algorithm != "ppo" or not linear or self.imitate or self.demonstrations or not self.normalise:
+        taught = self.imitate and (self.task.task != "withdrawal" or self.recalls or self.start is not None)
+        if self.algorithm != "ppo" or not linear or taught or self.demonstrations or not self.normalise:
             raise InvalidOptionError(
                 "The learner 'device' is for PPO on the backends 'linear' and 'linear-gpu', normalised and without "
-                "imitation: set these, or use the learner 'sb3'."
+                "imitation but in withdrawals, without recall or another start: set these, or use the learner 'sb3'."
             )
         if (self.backend == "linear-gpu") != (self.device == "cuda"):
             raise InvalidOptionError("The learner 'device' learns where the physics is: 'linear-gpu' goes with 'cuda'.")

@@ -94,14 +94,31 @@ def cell_in_view(
         _vector(table, station, axis) for table, axis in ((lumens.points, None), (lumens.frames, 0), (lumens.frames, 1))
     )
     outwards = add(times(radius * xp.cos(turn), first), times(radius * xp.sin(turn), second))
-    way = minus(add(middle, outwards), camera.eye)
+    return place_in_view(xp, lumens, stations, camera, add(middle, outwards), arc, cosine)
+
+
+def place_in_view(
+    xp: Any, lumens: Any, stations: Stations, camera: Camera, place: Vector, arc: Any, cosine: float
+) -> Cell:
+    """How a place on the wall is seen; arguments as of `cell_in_view`.
+
+    Args:
+        xp: numpy, or what writes programs.
+        lumens: the colons.
+        stations: of the place's colon.
+        camera: that looks.
+        place: in the colon at rest [m].
+        arc: arc length there [m].
+        cosine: of half the full viewing angle.
+    """
+    way = minus(place, camera.eye)
     distance = norm(xp, way) + 1e-9
     own = tuple(dot(axis, way) / distance for axis in camera.frame)
     near = distance < NEAR
     seen = near & (own[2] > cosine)
     for share in _BETWEEN.tolist():
-        place = add(camera.eye, times(share, way))
-        _, left = room(xp, lumens, stations, place, camera.arc + share * (arc - camera.arc))
+        between = add(camera.eye, times(share, way))
+        _, left = room(xp, lumens, stations, between, camera.arc + share * (arc - camera.arc))
         seen = seen & (left > 0)
     return Cell(near, seen, (own[0], own[1], own[2]))
 

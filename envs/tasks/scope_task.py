@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -110,9 +111,9 @@ class ScopeTask:
         self.bank = bank.with_mesentery(config.mesentery).with_gas(config.gas, **filled)
         self._require_way()
         self.rules, self.sight = EpisodeRules(config, self.interval), Sight(self.bank.cases)
-        about = {"worlds": worlds, "threads": threads, "steps": self.steps, "on_host": on_host}
-        starts = inserted_starts(config, self.bank, backend) if config.task == "withdrawal" else None
-        about |= {"starts": starts}
+        about: dict[str, Any] = {"worlds": worlds, "threads": threads, "steps": self.steps, "on_host": on_host}
+        if config.task == "withdrawal":
+            about["starts"] = inserted_starts(config, self.bank, backend, threads=threads)
         self._episodes = load_episodes(self.rules, self.bank, self.sight, backend, **about)
         self.backend = self._episodes.backend
         residue = Residue(config.stool, config.mucus)

@@ -1,10 +1,17 @@
 """`haustra evaluate` as a user calls it, in colons that the user brings."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from haustra.envs.learning.eyes import COLOURS, RAYS, Eyes
+from haustra.envs.learning.policy import MlpPolicy, save_policy
+from haustra.envs.learning.recall import recalled_width
+from haustra.envs.tasks.config import Drive, TaskConfig
+from haustra.envs.tasks.observation import LUMEN_SIZE, sizes
 from haustra.models.anatomy.store import save_colon
 from haustra.scripts.main import BAD_INPUT, SUCCESS, main
 from tests.bent_colon import winding
@@ -68,3 +75,46 @@ def test_folders_without_a_fitting_colon_are_refused_in_one_line(folders, tmp_pa
         assert evaluate(tmp_path / "out", "push", "--colon-folders", *colons) == BAD_INPUT
         error = capsys.readouterr().err.strip()
         assert words in error.splitlines()[-1]
+
+
+def test_policies_that_see_and_decide_otherwise_are_compared_in_one_call(folders, tmp_path, capsys):
+    """Pictures of another size, no colours at all, another interval: each as it was trained, none refused."""
+    see = {"a": TaskConfig(observation="pixels", picture_size=16, stool=0.2), "b": TaskConfig(observation="state")}
+    see["c"] = replace(see["a"], picture_size=24, drive=replace(Drive(), control_interval=0.08))
+    for name, config in see.items():
+        save_policy(tmp_path / name, idle(config))
+    assert side_by_side(tmp_path / "out", [tmp_path / name for name in see], folders[0], "0.8") == SUCCESS
+    assert [one["episodes"] for one in json.loads(capsys.readouterr().out).values()] == [1, 1, 1]
+
+
+def test_a_policy_that_recalls_does_beside_a_quicker_one_what_it_does_alone(folders, tmp_path):
+    quick = idle(TaskConfig(observation="lumen"))
+    slow = idle(replace(quick.config, drive=replace(Drive(), control_interval=0.2)), recalls=(1.0,))
+    paths = [tmp_path / "quick", tmp_path / "slow"]
+    for path, policy in zip(paths, (quick, slow), strict=True):
+        save_policy(path, policy)
+    assert side_by_side(tmp_path / "alone", paths[1:], folders[0], "4") == SUCCESS
+    assert side_by_side(tmp_path / "both", paths, folders[0], "4") == SUCCESS
+    alone, both = (json.loads((tmp_path / name / "episodes.json").read_text()) for name in ("alone", "both"))
+    assert alone[str(paths[1])] == both[str(paths[1])]
+
+
+def side_by_side(output: Path, policies: list[Path], colon: str, seconds: str) -> int:
+    options = ["--no-video", "--episodes", "1", "--threads", "1", "--json", "--colon-folders", colon]
+    return main(["evaluate", *map(str, policies), "-o", str(output), "--seconds", seconds, *options])
+
+
+def idle(config: TaskConfig, recalls: tuple[float, ...] = ()) -> MlpPolicy:
+    """A policy of one layer drawn at random, with eyes where it sees pictures."""
+    sees = config.observation == "pixels"
+    seen = LUMEN_SIZE if sees else sum(shape[0] for shape in sizes(config).values())
+    weights = np.random.default_rng(0).normal(0.0, 0.1, (4, recalled_width(seen, 4, len(recalls))))
+    layers = (weights.astype(np.float32),), (np.zeros(4, np.float32),)
+    return MlpPolicy(*layers, "tanh", False, config, recalls=recalls, eyes=blank(config.picture_size) if sees else None)
+
+
+def blank(size: int) -> Eyes:
+    """Eyes that see the same in every picture."""
+    kernels, hidden = (np.zeros((1, COLOURS, 3, 3), np.float32),), np.zeros((1, ((size - 1) // 2 + 1) ** 2), np.float32)
+    nothing = np.zeros(1, np.float32)
+    return Eyes(kernels, (nothing,), (hidden, np.zeros((RAYS, 1), np.float32)), (nothing, np.zeros(RAYS, np.float32)))

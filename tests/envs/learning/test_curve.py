@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haustra.envs.learning.curve import COLUMNS, read_curve, seed_curves
+from haustra.envs.learning.curve import COLUMNS, EPISODE, Curve, read_curve, seed_curves
 from haustra.errors import UnreadableFileError
 from haustra.scripts.main import BAD_INPUT, SUCCESS, main
 
@@ -86,3 +86,17 @@ def test_rubbish_is_no_curve(text, tmp_path):
         (tmp_path / "curve.csv").write_text(f"{header}\n{rows}\n")
         with pytest.raises(UnreadableFileError, match="no learning curve"):
             read_curve(tmp_path / "curve.csv")
+
+
+def test_a_training_that_goes_on_writes_no_steps_twice(tmp_path):
+    """Rows of steps behind the checkpoint are of a run that was interrupted there: they are done again."""
+    path = tmp_path / "curve.csv"
+    first = Curve(path, steps=0, episodes_a_row=2)
+    for steps in (10, 20, 30):
+        first.add(steps, [[0.0] * len(EPISODE)] * 2)
+    again = Curve(path, steps=20, episodes_a_row=2)
+    again.add(25, [[1.0] * len(EPISODE)] * 2)
+    rows = read_curve(path)
+    assert rows["steps"].tolist() == [10, 20, 25] and rows["return"].tolist() == [0.0, 0.0, 1.0]
+    Curve(path, steps=0)
+    assert path.read_text() == ",".join(COLUMNS) + "\n"

@@ -15,11 +15,14 @@ from haustra.envs.learning.drivers import PolicyDriver
 from haustra.envs.learning.policy import load_policy
 from haustra.envs.learning.settings import Training, shipped
 from haustra.envs.learning.train import train
+from haustra.envs.tasks import scope_task
 from haustra.envs.tasks.config import Limits, TaskConfig
+from haustra.envs.tasks.inspect_driver import InspectDriver
 from haustra.envs.tasks.observation import flat, sizes
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import InvalidOptionError
 from haustra.models.gas.law import MMHG
+from tests.envs.tasks.test_withdrawal import pushed_in
 from tests.task_bank import DESIGN, moving_bank, short_bank
 
 SMALL = Training(
@@ -130,3 +133,26 @@ def test_what_the_device_does_not_do_is_refused():
         Training(most_pain=1.0)
     own = shipped("insertion")
     assert own.learner == "device" and own.most_p_perforation == 0.002
+
+
+def test_a_withdrawal_is_taught_by_who_inspects_before_rewards_count(tmp_path, monkeypatch):
+    """The policy does after teaching what the teacher does, and rewards go on from there."""
+    monkeypatch.setattr(scope_task, "inserted_starts", lambda *_, **__: pushed_in())
+    task = TaskConfig(design=DESIGN, task="withdrawal", mesentery=True, limits=Limits(seconds=20.0))
+    taught = replace(SMALL, task=task, worlds=4, steps=64, leg=64, imitate=2000, layers=(32,), log_std=-3.0)
+    about = {"bank": moving_bank(), "threads": 1}
+    train(taught, tmp_path / "run", **about)
+    policy = load_policy(tmp_path / "run")
+    scopes = ScopeTask(taught.task, worlds=2, backend="linear", bank=moving_bank())
+    seen = scopes.reset(seeds=[0, 1])
+    teacher = InspectDriver(scopes)
+    teacher.begin(np.ones(2, bool))
+    missed, size = [], []
+    for _ in range(50):
+        asked = teacher.act(seen)
+        missed.append(policy.act(flat(seen)) - asked)
+        size.append(asked)
+        seen = scopes.step(asked).observation
+    assert np.square(missed).mean() < 0.5 * np.square(size).mean()
+    with pytest.raises(InvalidOptionError, match="withdrawals"):
+        replace(taught, recalls=(1.0,))

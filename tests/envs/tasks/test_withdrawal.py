@@ -15,6 +15,7 @@ from haustra.envs.tasks import scope_task
 from haustra.envs.tasks.config import Drive, TaskConfig, Weights
 from haustra.envs.tasks.inspect_driver import InspectDriver
 from haustra.envs.tasks.navigation import NavigationEnv
+from haustra.envs.tasks.polyps import Polyps
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import InvalidOptionError
 from tests.task_bank import DESIGN, moving_bank, short_bank
@@ -45,7 +46,7 @@ def test_a_withdrawal_sees_more_and_more_and_ends_at_the_anus(tmp_path, monkeypa
 def test_a_program_withdraws_from_colons_that_move_as_numpy_does(monkeypatch):
     """Both begin where a scope was left, see the same cells, pay the same haste, and end at the anus."""
     bank = moving_bank()
-    monkeypatch.setattr(scope_task, "inserted_starts", lambda config, bank, backend: pushed_in())
+    monkeypatch.setattr(scope_task, "inserted_starts", lambda *_, **__: pushed_in())
     weights = Weights(coverage=100.0, haste=1.0)
     drive = Drive(control_interval=0.2, push_rate=0.05)
     config = TaskConfig(design=DESIGN, mesentery=True, task="withdrawal", weights=weights, drive=drive)
@@ -81,34 +82,84 @@ def pushed_in() -> tuple[Snapshot, ...]:
     return tuple(backend.snapshot(world) for world in range(2))
 
 
-def test_who_inspects_looks_to_where_nothing_was_seen_and_frees_what_is_stuck(monkeypatch):
-    monkeypatch.setattr(scope_task, "inserted_starts", lambda config, bank, backend: pushed_in())
-    task = ScopeTask(
-        TaskConfig(design=DESIGN, mesentery=True, task="withdrawal"),
-        worlds=2,
-        threads=1,
-        backend="linear",
-        bank=moving_bank(),
-    )
+@cache
+def withdrawing() -> ScopeTask:
+    """Two scopes that were pushed in, on the way out."""
+    config = TaskConfig(design=DESIGN, mesentery=True, task="withdrawal")
+    return ScopeTask(config, worlds=2, threads=1, backend="linear", bank=moving_bank())
+
+
+@pytest.fixture
+def task(monkeypatch) -> ScopeTask:
+    monkeypatch.setattr(scope_task, "inserted_starts", lambda *_, **__: pushed_in())
+    return withdrawing()
+
+
+def test_who_inspects_looks_to_where_nothing_was_seen_and_frees_what_is_stuck(task):
     seen = {name: np.array(part) for name, part in task.reset(seeds=[0, 1], case=np.arange(2)).items()}
+    seen["lumen"][:, -2:] = 0.0, 0.2
     seen["unseen"] = np.tile(np.array([0.1, 0.5, 1.0, 0.0, 0.0], np.float32), (2, 1))
     driver = InspectDriver(task)
     driver.begin(np.ones(2, bool))
     first = driver.act(seen)
-    assert (first[:, 0] < 0).all() and (first[:, 2] > 0.5).all() and first[:, 3] == pytest.approx(0.0)
+    assert (first[:, 0] < 0).all() and (first[:, 2] > 0.5).all() and first[:, 3] == pytest.approx(0.2)
     seen["state"][:, 4] = -1.0  # the hand pulls with 20 N
     tense = driver.act(seen)
-    assert (tense[:, 0] > 0).all() and tense[:, 2:] == pytest.approx(0.0)
-    pushes = [driver.act(seen)[0] for _ in range(round(30 / task.interval))]
-    turned = {float(np.sign(action[1])) for action in pushes}
-    assert turned == {-1.0, 0.0, 1.0}, "it is rolled one way, then the other"
+    assert (tense[:, 0] > 0).all(), "it gives way"
+    assert tense[:, 2:] == pytest.approx(np.tile([0.0, 0.2], (2, 1))), "and looks along the lumen"
+    seen["state"][:, 4] = 0.0
+    stuck = [driver.act(seen)[0] for _ in range(round(30 / task.interval))]
+    assert any(action[0] > 0 and not action[2:].any() for action in stuck), "it is pushed back, wheels let go"
     with pytest.raises(InvalidOptionError, match="withdraws"):
         InspectDriver(ScopeTask(TaskConfig(design=DESIGN, observation="state"), worlds=1, bank=short_bank()))
 
 
+def test_a_routine_turns_the_tip_in_circles_whatever_was_seen(task):
+    seen = {name: np.array(part) for name, part in task.reset(seeds=[0, 1], case=np.arange(2)).items()}
+    seen["lumen"][:, -2:], seen["state"][:, 4] = 0.0, 0.0
+    driver = InspectDriver(task, routine=True)
+    driver.begin(np.ones(2, bool))
+    wheels = np.array([driver.act(seen)[0, 2:] for _ in range(round(6 / task.interval))])
+    assert np.ptp(np.linalg.norm(wheels, axis=1)) < 1e-6
+    assert (wheels.max(axis=0) > 0.2).all() and (wheels.min(axis=0) < -0.2).all()
+
+
+def test_scopes_lie_straight_and_off_the_pole_where_a_withdrawal_begins(tmp_path, monkeypatch):
+    """A tip in the pole hooks it, and a shaft in loops takes the colon along: both are seen to before."""
+    monkeypatch.setenv("HAUSTRA_CACHE", str(tmp_path))
+    bank = moving_bank()
+    config = TaskConfig(design=DESIGN, mesentery=True, task="withdrawal", drive=Drive(control_interval=0.2))
+    task = ScopeTask(config, worlds=2, threads=1, backend="linear", bank=bank)
+    task.reset(seeds=[0, 1], case=np.arange(2))
+    begins = bank.lengths - task.seen.tip_arc
+    assert (begins > 0.04).all() and (begins < 0.08).all()
+    assert (task.seen.insertion < task.seen.tip_arc + 0.01).all() and (task.seen.push_force < 1.0).all()
+
+
+def test_polyps_are_found_on_the_way_out_and_not_through_walls(task):
+    """They lie in the mucosa, six to nine millimetres wide; who passes by finds some, who has not looked finds none."""
+    task.reset(seeds=[0, 1], case=np.arange(2))
+    polyps = Polyps(task)
+    for world in range(2):
+        polyps.begin(world, world, seed=5)
+    assert (polyps._size >= 0.006).all() and (polyps._size <= 0.009).all()
+    for world, case in enumerate(task.bank.cases):
+        away = np.linalg.norm(polyps._base[world, :, None] - case.points, axis=2).min(axis=1)
+        assert (away > 0.8 * case.sight.min()).all() and (away < 1.2 * case.sight.max()).all()
+    assert not polyps.found.any()
+    pull = np.tile([-0.5, 0.0, 0.0, 0.0], (2, 1))
+    for _ in range(round(6 / task.interval)):
+        task.step(pull)
+        polyps.look()
+    passed = polyps._arc > task.seen.tip_arc[:, None] + 0.005
+    assert polyps.found.any() and polyps.found.sum() < polyps.found.size
+    ahead = polyps._arc < task.seen.tip_arc[:, None] - 0.03
+    assert passed.any() and not (polyps.found & ahead).any(), "what lies behind the tip is not in view"
+
+
 def test_a_withdrawal_through_a_colon_that_moves_is_seen_in_colour(monkeypatch):
     """Red mucosa all the way, another picture after each step."""
-    monkeypatch.setattr(scope_task, "inserted_starts", lambda config, bank, backend: pushed_in())
+    monkeypatch.setattr(scope_task, "inserted_starts", lambda *_, **__: pushed_in())
     about = {"observation": "pixels", "picture_size": 36, "mesentery": True, "bank": moving_bank(), "backend": "linear"}
     made = gymnasium.make("Haustra/Withdrawal-v0", **about).unwrapped
     pictures = [made.reset(seed=0)[0]]
