@@ -38,18 +38,19 @@ _GIVEN_WAY = 0.01
 """The shaft is straight once the tip has come back by this [m]; engineering choice."""
 _FARTHER = 0.02
 """Tries that differ by less of the way are as good as each other [1]."""
-_HOW = (_SECONDS, _TRIES, _STRAIGHTENING, _PULL, _MOST_TENSION, _POLE, _GIVEN_WAY, _FARTHER)
-"""What starts that are kept hang on."""
 _PARTS = tuple(entry.name for entry in fields(Snapshot))
-_SLIPPERY = Randomisation(
-    friction=(0.01, 0.01),
+_PLAIN = Randomisation(
+    friction=(0.1, 0.1),
     wall_stiffness=(1500.0, 1500.0),
     shaft_stiffness=(1.0, 1.0),
     wire_gain=(1.0, 1.0),
     wire_slack=(0.0, 0.0),
     start_roll=(0.0, 0.0),
 )
-"""How insertion was is no matter of a withdrawal: it is made as easy as can be."""
+"""A wall on the middle of what episodes draw, but rubbing as hard as any: where it is slippery the tip slides out of
+the caecum before the shaft is straight."""
+_HOW = (_SECONDS, _TRIES, _STRAIGHTENING, _PULL, _MOST_TENSION, _POLE, _GIVEN_WAY, _FARTHER, _PLAIN.friction)
+"""What starts that are kept hang on."""
 
 
 def inserted_starts(config: TaskConfig, bank: ColonSet, backend: str, *, threads: int = 1) -> tuple[Snapshot, ...]:
@@ -87,7 +88,7 @@ def _insert(config: TaskConfig, bank: ColonSet, backend: str, threads: int) -> t
     from haustra.envs.tasks.scope_task import ScopeTask
 
     about, make, tries = _driver(config, backend)
-    rules = replace(about, randomisation=_SLIPPERY, limits=Limits(seconds=_SECONDS, caecum_margin=_POLE))
+    rules = replace(about, randomisation=_PLAIN, limits=Limits(seconds=_SECONDS, caecum_margin=_POLE))
     worlds = tries * len(bank.cases)
     colon = np.arange(worlds) % len(bank.cases)
     task = ScopeTask(rules, worlds=worlds, threads=threads, bank=bank, backend=backend)

@@ -22,12 +22,19 @@ _WIDE, _CIRCLE = 0.25, 6.0
 _MOST_TENSION, _LOOKS_UNTIL = 12.0, 6.0
 """Tension of the hand at which pulling has ceased, and at which nobody looks aside any more [N]; engineering choice:
 clinics' hands pulled with 17.7 N at most (Appleyard 2000)."""
+_WIDEST, _SWIFT = 0.5, 1.0
+"""Farthest turn of the wheels [1], and time within which they follow [s]; engineering choices: a tip that is bent back,
+or at once, levers at the wall with tens of newtons."""
+_LET_GO = 4.0
+"""Force of the wall on the tip at which wheels are let go, and from half of which they are eased [N]; engineering
+choice."""
 _PATIENCE, _FREEING = 20.0, 5.0
 """Time without a way out of `_STEP` after which the scope is freed, and how long that takes [s]; engineering choice."""
 _STEP = 0.005
 """Way out that counts as one [m]; engineering choice."""
 _INWARD = 0.006
 """Rate at which a stuck scope is pushed back in [m/s]; engineering choice."""
+_TIP = STATE.index("tip force up [10 N]")
 _PUSH, _INSERTED = STATE.index("push force [20 N]"), STATE.index("insertion [m]")
 
 
@@ -51,12 +58,13 @@ class InspectDriver:
         self._age = np.zeros(task.worlds)
         self._began, self._furthest = np.full(task.worlds, np.nan), np.full(task.worlds, np.inf)
         self._still, self._freed = np.zeros(task.worlds), np.zeros(task.worlds)
-        self._slack = np.zeros(task.worlds, bool)
+        self._slack, self._wheels = np.zeros(task.worlds, bool), np.zeros((task.worlds, 2))
 
     def begin(self, worlds: Bool[np.ndarray, " worlds"]) -> None:
         """New colons: nothing is stuck."""
         self._began[worlds], self._furthest[worlds], self._age[worlds] = np.nan, np.inf, 0.0
         self._still[worlds], self._freed[worlds], self._slack[worlds] = 0.0, 0.0, False
+        self._wheels[worlds] = 0.0
 
     def act(self, seen: Observation) -> Float[np.ndarray, "worlds actions"]:
         """Pull and look; where the scope is stuck, push back a little, and let the wheels go or seek the lumen."""
@@ -68,9 +76,13 @@ class InspectDriver:
         pull = rate * np.clip(3.0 * (1.0 - tension / _MOST_TENSION), -0.5, 1.0)
         ease = np.clip(1.0 - tension / _LOOKS_UNTIL, 0.0, 1.0)[:, None]
         wheels = _SEEKING * seen["lumen"][:, -2:] + ease * self._aside(seen)
+        pressed = 10.0 * np.linalg.norm(seen["state"][:, _TIP : _TIP + 3], axis=1)
+        wheels = wheels * np.clip(2.0 * (1.0 - pressed / _LET_GO), 0.0, 1.0)[:, None]
         wheels = np.where(self._slack[:, None], 0.0, wheels)
+        wheels = wheels * np.minimum(1.0, _WIDEST / np.maximum(np.linalg.norm(wheels, axis=1), 1e-9))[:, None]
+        self._wheels = self._wheels + min(1.0, self._task.interval / _SWIFT) * (wheels - self._wheels)
         push = np.where(freeing, _INWARD, -pull) / drive.push_rate
-        return insufflated(self._task, np.clip(np.column_stack([push, 0.0 * push, wheels]), -1.0, 1.0))
+        return insufflated(self._task, np.clip(np.column_stack([push, 0.0 * push, self._wheels]), -1.0, 1.0))
 
     def _aside(self, seen: Observation) -> Float[np.ndarray, "worlds 2"]:
         """Where it looks beside the lumen."""

@@ -97,31 +97,40 @@ def task(monkeypatch) -> ScopeTask:
 
 def test_who_inspects_looks_to_where_nothing_was_seen_and_frees_what_is_stuck(task):
     seen = {name: np.array(part) for name, part in task.reset(seeds=[0, 1], case=np.arange(2)).items()}
-    seen["lumen"][:, -2:] = 0.0, 0.2
+    seen["lumen"][:, -2:], seen["state"][:, 11:14] = (0.0, 0.2), 0.0
     seen["unseen"] = np.tile(np.array([0.1, 0.5, 1.0, 0.0, 0.0], np.float32), (2, 1))
     driver = InspectDriver(task)
     driver.begin(np.ones(2, bool))
-    first = driver.act(seen)
-    assert (first[:, 0] < 0).all() and (first[:, 2] > 0.5).all() and first[:, 3] == pytest.approx(0.2)
+    first = settled(driver, seen)
+    assert (first[:, 0] < 0).all() and (first[:, 2] > 0.4).all() and first[:, 3] == pytest.approx(0.12, abs=0.02)
     seen["state"][:, 4] = -1.0  # the hand pulls with 20 N
-    tense = driver.act(seen)
+    tense = settled(driver, seen)
     assert (tense[:, 0] > 0).all(), "it gives way"
-    assert tense[:, 2:] == pytest.approx(np.tile([0.0, 0.2], (2, 1))), "and looks along the lumen"
-    seen["state"][:, 4] = 0.0
-    stuck = [driver.act(seen)[0] for _ in range(round(30 / task.interval))]
-    assert any(action[0] > 0 and not action[2:].any() for action in stuck), "it is pushed back, wheels let go"
+    assert tense[:, 2:] == pytest.approx(np.tile([0.0, 0.2], (2, 1)), abs=0.01), "and looks along the lumen"
+    seen["state"][:, 11] = 0.5
+    assert settled(driver, seen)[:, 2:] == pytest.approx(0.0, abs=0.01), "wheels are let go where the tip is pressed"
+    seen["state"][:, [4, 11]] = 0.0
+    stuck = np.array([driver.act(seen)[0] for _ in range(round(30 / task.interval))])
+    pushed = stuck[stuck[:, 0] > 0]
+    assert len(pushed) and np.abs(pushed[-1, 2:]).max() < 0.01, "it is pushed back, wheels let go"
     with pytest.raises(InvalidOptionError, match="withdraws"):
         InspectDriver(ScopeTask(TaskConfig(design=DESIGN, observation="state"), worlds=1, bank=short_bank()))
 
 
 def test_a_routine_turns_the_tip_in_circles_whatever_was_seen(task):
     seen = {name: np.array(part) for name, part in task.reset(seeds=[0, 1], case=np.arange(2)).items()}
-    seen["lumen"][:, -2:], seen["state"][:, 4] = 0.0, 0.0
+    seen["lumen"][:, -2:], seen["state"][:, [4, 11, 12, 13]] = 0.0, 0.0
     driver = InspectDriver(task, routine=True)
     driver.begin(np.ones(2, bool))
+    settled(driver, seen)
     wheels = np.array([driver.act(seen)[0, 2:] for _ in range(round(6 / task.interval))])
-    assert np.ptp(np.linalg.norm(wheels, axis=1)) < 1e-6
-    assert (wheels.max(axis=0) > 0.2).all() and (wheels.min(axis=0) < -0.2).all()
+    assert np.ptp(np.linalg.norm(wheels, axis=1)) < 0.02
+    assert (wheels.max(axis=0) > 0.15).all() and (wheels.min(axis=0) < -0.15).all()
+
+
+def settled(driver: InspectDriver, seen: dict) -> np.ndarray:
+    """What it does after five seconds of the same."""
+    return [driver.act(seen) for _ in range(125)][-1]
 
 
 def test_scopes_lie_straight_and_off_the_pole_where_a_withdrawal_begins(tmp_path, monkeypatch):
