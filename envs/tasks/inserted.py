@@ -1,6 +1,6 @@
 """Scopes that are already in the caecum, for withdrawal: somebody brings each colon's there once, and straightens it.
 
-In linear time the shipped policy `insertion` drives, some times in each colon, and who comes to lie most gently counts;
+In linear time the shipped policy `insertion` drives, some times in each colon, and who comes to lie straightest counts;
 in MuJoCo, where that would take too long, the lumen follower does, once. Who has arrived lets go of the wheels and
 pulls until the tip comes out of the caecum's pole: a scope that has just arrived lies in loops, its tip pressed into
 the pole, and takes the colon along when it is withdrawn.
@@ -49,7 +49,18 @@ _PLAIN = Randomisation(
 )
 """A wall on the middle of what episodes draw, but rubbing as hard as any: where it is slippery the tip slides out of
 the caecum before the shaft is straight."""
-_HOW = (_SECONDS, _TRIES, _STRAIGHTENING, _PULL, _MOST_TENSION, _POLE, _GIVEN_WAY, _FARTHER, _PLAIN.friction)
+_HOW: tuple = (
+    _SECONDS,
+    _TRIES,
+    _STRAIGHTENING,
+    _PULL,
+    _MOST_TENSION,
+    _POLE,
+    _GIVEN_WAY,
+    _FARTHER,
+    _PLAIN.friction,
+    "straightest",
+)
 """What starts that are kept hang on."""
 
 
@@ -96,7 +107,7 @@ def _insert(config: TaskConfig, bank: ColonSet, backend: str, threads: int) -> t
     driver = make(task)
     driver.begin(np.ones(worlds, bool))
     arrived, lost = np.full(worlds, np.nan), np.zeros(worlds, bool)
-    kept = _Gentlest(task, colon)
+    kept = _Straightest(task, colon)
     for step in range(round((_SECONDS + _STRAIGHTENING) / task.interval)):
         pulls = np.isfinite(arrived)
         done = task.step(np.where(pulls[:, None], _straighten(task), driver.act(seen)))
@@ -122,28 +133,26 @@ def _straighten(task: Any) -> Float[np.ndarray, "worlds actions"]:
     return action
 
 
-class _Gentlest:
-    """For each colon, of the tries that came to lie straight, the one that the wall presses least; or the farthest."""
+class _Straightest:
+    """For each colon, of the tries that came to lie straight, the one with the least shaft inside; or the farthest."""
 
     def __init__(self, task: Any, colon: Int[np.ndarray, " worlds"]) -> None:
         """Nothing yet."""
         self._task, self._colon, count = task, colon, colon.max() + 1
-        self._straight, self._force = np.zeros(task.worlds, bool), np.full(count, np.inf)
+        self._straight, self._inside = np.zeros(task.worlds, bool), np.full(count, np.inf)
         self._place = np.full(count, -1.0)
         self.starts = [task.backend.snapshot(world) for world in range(count)]
 
     def offer(self, fit: Bool[np.ndarray, " worlds"], told: dict[str, Any], *, straight: bool) -> None:
-        """Look at who lies in the colon, on the way or just straight: who is farther, then who is pressed less."""
-        place, force = told["progress"], told["wall_force"] if straight else np.full(len(fit), np.inf)
-        more = place - self._place[self._colon]
-        gentler = (more > -_FARTHER) & (force < self._force[self._colon])
-        better = (
-            (gentler & ~self._straight) if straight else (more > 5 * _FARTHER) & (self._force[self._colon] == np.inf)
-        )
-        for world in np.flatnonzero(fit & better).tolist():
+        """Look at who lies in the colon, on the way or just straight: who is farther, then who is straighter."""
+        place = told["progress"]
+        inside = told["tip_arc"] + told["excess"] if straight else np.full(len(fit), np.inf)
+        for world in np.flatnonzero(fit & ~self._straight).tolist():
             colon = self._colon[world]
-            if force[world] < self._force[colon] or place[world] > self._place[colon]:
-                self._force[colon], self._place[colon] = force[world], max(place[world], self._place[colon])
+            more = place[world] - self._place[colon]
+            shorter = inside[world] < self._inside[colon] and more > -_FARTHER
+            if shorter or (more > 5 * _FARTHER and (straight or np.isinf(self._inside[colon]))):
+                self._inside[colon], self._place[colon] = inside[world], place[world]
                 self.starts[colon] = self._task.backend.snapshot(world)
         if straight:
             self._straight |= fit

@@ -28,12 +28,15 @@ or at once, levers at the wall with tens of newtons."""
 _LET_GO = 4.0
 """Force of the wall on the tip at which wheels are let go, and from half of which they are eased [N]; engineering
 choice."""
-_PATIENCE, _FREEING = 20.0, 5.0
+_PATIENCE, _FREEING = 20.0, 8.0
 """Time without a way out of `_STEP` after which the scope is freed, and how long that takes [s]; engineering choice."""
 _STEP = 0.005
 """Way out that counts as one [m]; engineering choice."""
-_INWARD = 0.006
+_INWARD = 0.008
 """Rate at which a stuck scope is pushed back in [m/s]; engineering choice."""
+_ROLL = 0.6
+"""Rate at which it is rolled meanwhile, one way and then the other [rad/s]; engineering choice: a hook that has no
+tension is turned out of the fold that holds it."""
 _TIP = STATE.index("tip force up [10 N]")
 _PUSH, _INSERTED = STATE.index("push force [20 N]"), STATE.index("insertion [m]")
 
@@ -67,7 +70,7 @@ class InspectDriver:
         self._wheels[worlds] = 0.0
 
     def act(self, seen: Observation) -> Float[np.ndarray, "worlds actions"]:
-        """Pull and look; where the scope is stuck, push back a little, and let the wheels go or seek the lumen."""
+        """Pull and look; where the scope is stuck, push back and roll, and let the wheels go or seek the lumen."""
         drive, inserted = self._task.config.drive, seen["state"][:, _INSERTED].astype(float)
         tension = np.maximum(-20.0 * seen["state"][:, _PUSH], 0.0)
         self._began = np.where(np.isnan(self._began), inserted, self._began)
@@ -82,7 +85,8 @@ class InspectDriver:
         wheels = wheels * np.minimum(1.0, _WIDEST / np.maximum(np.linalg.norm(wheels, axis=1), 1e-9))[:, None]
         self._wheels = self._wheels + min(1.0, self._task.interval / _SWIFT) * (wheels - self._wheels)
         push = np.where(freeing, _INWARD, -pull) / drive.push_rate
-        return insufflated(self._task, np.clip(np.column_stack([push, 0.0 * push, self._wheels]), -1.0, 1.0))
+        roll = np.where(freeing, np.where(self._slack, _ROLL, -_ROLL), 0.0) / drive.roll_rate
+        return insufflated(self._task, np.clip(np.column_stack([push, roll, self._wheels]), -1.0, 1.0))
 
     def _aside(self, seen: Observation) -> Float[np.ndarray, "worlds 2"]:
         """Where it looks beside the lumen."""
