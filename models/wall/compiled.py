@@ -290,6 +290,9 @@ def _follow(places: Any, stations: Any, step: float, found: Any) -> None:
     free, most, jump = max(int(JUMP_FREE / step), 1), int(JUMP_MOST / step), JUMP_COST * step
     came, cost, best = np.empty((many, count), np.int32), np.empty(count), np.empty(count)
     cost[0], nearest, first, last = 0.0, 0, 0, 1  # ways end from the first to before the last
+    longest = 0.0
+    for s in range(1, count):
+        longest = max(longest, norm(np, minus(_node(stations, 0, s), _node(stations, 0, s - 1))))
     for p in range(many):
         here, low, high = _node(places, 0, p), max(nearest - most, 0), min(nearest + most + 1, count)
         first, last = max(first, low), min(last, high)
@@ -306,21 +309,32 @@ def _follow(places: Any, stations: Any, step: float, found: Any) -> None:
             if best[s + 1] + jump < best[s]:
                 best[s], came[p, s] = best[s + 1] + jump, came[p, s + 1]
         least = np.inf
-        for s in range(low, high):
-            within = min(max(s, inner), outer - 1)
+        for s in range(inner, outer):
             away = minus(_node(stations, 0, s), here)
-            cost[s] = best[within] + jump * abs(s - within) + dot(away, away)
+            cost[s] = best[s] + dot(away, away)
             if cost[s] < least:
                 least, nearest = cost[s], s
-        first, last = low, high
+        first, last = inner, outer
+        for way in (-1, 1):
+            edge, left = (outer - 1, high - outer) if way > 0 else (inner, inner - low)
+            bound, s = np.sqrt(max(least + jump * abs(edge - nearest) - best[edge], 0.0)), edge
+            while left > 0:
+                away = minus(_node(stations, 0, s + way), here)
+                far = np.sqrt(dot(away, away))
+                if far < bound:
+                    s, left = s + way, left - 1
+                    first, last = min(first, s), max(last, s + 1)
+                    cost[s], came[p, s] = best[edge] + jump * abs(s - edge) + far * far, came[p, edge]
+                    if cost[s] < least:
+                        least, nearest = cost[s], s
+                else:  # no nearer than that before so many more stations
+                    for _ in range(min(max(int((far - bound) / longest), 0) + 1, left)):
+                        s, left = s + way, left - 1
+                        cost[s] = np.inf
         while first < nearest and cost[first] >= least + jump * (nearest - first):
             first += 1
         while last > nearest + 1 and cost[last - 1] >= least + jump * (last - 1 - nearest):
             last -= 1
-        for s in range(first, inner):
-            came[p, s] = came[p, inner]
-        for s in range(outer, last):
-            came[p, s] = came[p, outer - 1]
     at = nearest
     for p in range(many - 1, -1, -1):
         found[p] = at

@@ -87,8 +87,6 @@ def stored_energy(name: str, depth: Float[np.ndarray, "..."], stiffness: Any) ->
         depth: d, not negative [m].
         stiffness: K at no depth [N/m].
     """
-    law, total = ELASTICITIES[name], np.zeros(np.shape(depth))
-    for place, weight in zip(_PLACES, _WEIGHTS, strict=True):
-        bent, firm = law(np, 0.5 * (1 + place) * depth, stiffness)
-        total = total + 0.5 * weight * depth * firm * bent
-    return total
+    into, stiffness = 0.5 * (1 + _PLACES) * np.asarray(depth)[..., None], np.asarray(stiffness)[..., None]
+    bent, firm = ELASTICITIES[name](np, into, stiffness)
+    return 0.5 * depth * ((firm * bent) @ _WEIGHTS)

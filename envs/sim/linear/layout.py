@@ -1,6 +1,7 @@
 """Which number lies where: slots of states, parameters, designs and tables, in programs and in arrays alike."""
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 DOF = ("x", "y", "z", "stiffness", "damping", "armature", "rest", "low", "high", "up", "left", "down", "right",
@@ -270,6 +271,7 @@ SEEN = ("tip", 3), ("tip_frame", 9), ("push_force", 1), ("torque", 1), ("tip_for
 """What is read off first, and how many numbers it is; then come the coils' places and the links' forces."""
 
 
+@cache
 def seen_slot(name: str) -> int:
     """Where what is read off by that name begins; 'coils' come last."""
     names = [each for each, _ in SEEN] + ["coils"]
