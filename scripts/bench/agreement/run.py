@@ -5,6 +5,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from haustra.envs.sim.warp_setup import use_warp
 from haustra.envs.tasks.bank import ColonSet
 from haustra.scripts.bench.agreement.free import Mover, by_linear, by_warp, compare_free, trials
 from haustra.scripts.bench.agreement.insertions import Runs, compare_insertions, insertions
@@ -101,6 +102,7 @@ def devices() -> dict[str, Any]:
         import jax
         import warp as wp
 
+        use_warp()  # before Warp tells of itself on the standard output, where a JSON document goes
         told["jax_device"] = jax.devices()[0].device_kind
         told["warp"], told["warp_device"] = wp.__version__, wp.get_device().name
     return told

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from haustra.scripts.bench.pages.agreement_page import agreement_page
 from haustra.scripts.bench.pages.causes_page import causes_page
 from haustra.scripts.bench.pages.cells_page import cells_page
 from haustra.scripts.bench.pages.cohort_page import validation_page
@@ -24,6 +25,7 @@ from haustra.scripts.bench.pages.trials_page import trials_page
 
 PAGES = Path(__file__).parents[4] / "docs" / "validation"
 MAKERS: Mapping[str, Callable[[Any], str]] = {
+    "agreement": agreement_page,
     "causes": causes_page,
     "injury-causes": lambda kept: causes_page(kept, page="injury-causes"),
     "cells": cells_page,
