@@ -46,8 +46,10 @@ def run_linear_insertion(
         abdomen=scene.options.abdomen,
     )
     tables = stack([table.seen_from(*entry_of(scene.colon))])
-    program = _program(scene, tables, settings)
-    backend, interval = _backend(scene, tables, settings, program), program.interval
+    backend, program = driven_scope(
+        scene, tables, settings, steps=max(1, round(CONTROL_INTERVAL / scene.options.timestep))
+    )
+    interval = program.interval
     most = max(0, round(seconds / interval))
     record, done, healthy, ended = backend.many.record(), 0, True, 0
     ending, furthest = program.slot_of("ended"), program.slot_of("tip_arc_max")
@@ -79,9 +81,20 @@ def run_linear_insertion(
     )
 
 
-def _program(scene: Scene, tables: Tables, settings: Any) -> InsertionProgram:
-    steps = max(1, round(CONTROL_INTERVAL / scene.options.timestep))
-    return InsertionProgram(
+def driven_scope(scene: Scene, tables: Tables, settings: Any, *, steps: int) -> tuple[LinearSingle, InsertionProgram]:
+    """A scope that is driven within its program, and what drives it: `many.drive(count)` decides `count` times.
+
+    Args:
+        scene: the scene.
+        tables: the colon's, seen from its entry and stacked.
+        settings: of the driver (`haustra.envs.control.follower.Law`).
+        steps: time steps between two decisions.
+
+    Raises:
+        InvalidDesignError: when wheels steer wires that do not stretch.
+        UnsupportedSceneError: when the backend cannot honour the scene.
+    """
+    program = InsertionProgram(
         law=settings.law(),
         straighten=settings.straighten,
         wheels=settings.steer == "wheels",
@@ -91,13 +104,10 @@ def _program(scene: Scene, tables: Tables, settings: Any) -> InsertionProgram:
         longest=float(np.ceil(tables.step[0] * (tables.count[0] - 1))),
         measures_outside=True,
     )
-
-
-def _backend(scene: Scene, tables: Tables, settings: Any, program: InsertionProgram) -> LinearSingle:
     width = station_widths(tables, [lumen_widths(scene.colon)])
     backend = LinearSingle(scene, driver=program, tables=tables, width=width, wheels=program.wheels)
     backend.many.tell_driver(0, program.numbers_of([settings], scene.options.start_depth))
-    return backend
+    return backend, program
 
 
 def _trajectory(backend: LinearSingle, program: InsertionProgram, rows: Row) -> Trajectory:

@@ -9,10 +9,8 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from haustra.envs.control.follower import FollowerSettings, LumenFollower
-from haustra.envs.runs.measure.progress import ArcTracker
-from haustra.envs.sim.linear.single import LinearSingle
-from haustra.envs.sim.state import Readings
+from haustra.envs.control.follower import FollowerSettings
+from haustra.envs.runs.linear_insertion import driven_scope
 from haustra.envs.view.picture.endoscope import Endoscope
 from haustra.envs.view.picture.gl_endoscope import GlEndoscope
 from haustra.envs.view.picture.in_sight import LumenInSight
@@ -86,7 +84,7 @@ def bench_view(
             row["frames_per_s_real_time"] = _rate(lambda now=moving: now.picture(renderer, steps=4))
             row["draw_ms"] = 1e3 / _rate(lambda now=moving: now.picture(renderer))
             picture = moving.picture(renderer)
-            row["triangles_drawn"] = moving.sight.show(moving.engine.data, moving.arc)
+            row["triangles_drawn"] = moving.show()
             row["draw_whole_ms"] = 1e3 / _rate(lambda now=moving: now.picture(renderer, whole=True))
             whole = moving.picture(renderer, whole=True)
         row["unlike_whole"] = float((np.abs(whole.astype(int) - picture).max(axis=2) > 1).mean())
@@ -138,6 +136,8 @@ def bench_shader(
     progress: Callable[[int, str], None] = lambda done, note: None,
 ) -> list[dict[str, Any]]:
     """Frames a second by OpenGL with the mucosa's shader, in a colon that moves on its mesentery.
+
+    The scope is driven within its program, as in `haustra run`: a physics step is a decision and a step of 5 ms.
 
     A picture is one whose colon, scope and camera are new, back in the host's memory. `frames_per_s` and
     `pictures_per_s` fetch each picture while the next is drawn, `_alone` before anything else is done. Beside rates
@@ -213,7 +213,7 @@ def _host_times(drawn: GlEndoscope, moving: "_Moving", surface: MovingSurface) -
         return found
 
     for _ in range(_FRAMES):
-        part("step", lambda: (moving.step(1), moving.look()))
+        part("step", lambda: moving.step(1))
         pose = part("surface", lambda: moving.bring(surface))
         which = part("submit", partial(drawn.draw, pose))
         drawn.fetch(which)
@@ -247,52 +247,43 @@ class _Moving:
         self, colon: Colon, design: ScopeDesign, joints: int, *, mesentery: bool = False, tables: Tables | None = None
     ) -> None:
         options = replace(options_for(colon, design, joints), wall_law="table", softening=False, timestep=0.005)
-        options = replace(options, mesentery=mesentery)
-        self.engine = LinearSingle(build_scene(colon, None, design, options), tables=tables)
+        scene = build_scene(colon, None, design, replace(options, mesentery=mesentery))
+        if tables is None:
+            tables = stack([lumen_table(colon, device_radius=scene.cable.radius).seen_from(*entry_of(colon))])
+        self.engine, _ = driven_scope(scene, tables, FollowerSettings(), steps=1)
         self.sight = LumenInSight(self.engine.model)
-        self._seen: Readings | None = None
-        self._tracker = ArcTracker(colon.centreline, start=options.start_depth)
-        self._follower = LumenFollower(
-            colon.centreline, design, tip_links=self.engine.scene.cable.tip_links, settings=FollowerSettings()
-        )
-
-    @property
-    def arc(self) -> float:
-        return self._tracker.arc
-
-    def look(self) -> Readings:
-        """What is read after the last step, once."""
-        if self._seen is None:
-            self._seen = self.engine.read()
-        return self._seen
 
     def step(self, count: int) -> None:
-        seen = self.look()
-        self._tracker.update(seen.tip)
-        interval = count * self.engine.scene.options.timestep
-        self.engine.step(self._follower.act(seen, self.arc, interval), count)
-        self._seen = None
+        """Let the follower decide before each of so many steps."""
+        self.engine.many.drive(count)
 
     def bring(self, surface: MovingSurface, *, steps: int = 0) -> CameraPose:
         """Step, take the surface to where the colon is then, with the scope in it, and return the camera's pose."""
         if steps:
             self.step(steps)
-        seen, engine = self.look(), self.engine
-        surface.move(engine.displacements(engine.rows())[0])
-        cable = engine.scene.cable
-        path = engine.shape()[cable.node_distances < seen.insertion]
-        path[-1] -= cable.radius * seen.tip_frame[:, 2]  # the ball about its end is the tip's rim, not before the lens
+        engine, cable = self.engine, self.engine.scene.cable
+        rows = engine.rows()
+        seen = engine.readings(rows)
+        frame = seen.tip_frame[0]
+        surface.move(engine.displacements(rows)[0])
+        path = engine.shape()[cable.node_distances < seen.insertion[0]]
+        path[-1] -= cable.radius * frame[:, 2]  # the ball about its end is the tip's rim, not before the lens
         surface.indent(path, cable.radius)
-        return CameraPose.of_tip(seen.tip, seen.tip_frame)
+        return CameraPose.of_tip(seen.tip[0], frame)
 
     def moved(self) -> float:
         """Farthest that the colon is from where it was at rest [m]."""
         return float(self.engine.colon_moved(self.engine.rows())[0])
 
+    def show(self) -> int:
+        """Show MuJoCo's renderer what the camera may see; how many triangles."""
+        self.engine.place()
+        return self.sight.show(self.engine.data, float(self.engine.readings(self.engine.rows()).tip_arc[0]))
+
     def picture(self, renderer: mujoco.Renderer, *, steps: int = 0, whole: bool = False) -> np.ndarray:
         if steps:
             self.step(steps)
-        self.sight.show(self.engine.data, self.arc)
+        self.show()
         if whole:
             self.sight.show_all()
         renderer.update_scene(self.engine.data, camera="scope/camera")
