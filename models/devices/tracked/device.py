@@ -171,8 +171,12 @@ def add_tracked(
         pads += [_add_pad(spec, strut, design, law, track, tip, friction, prefix=prefix) for tip in TIPS]
         if loops:
             recess = 2 * _operating(law, design)
-            own = add_loop(spec, strut, design, track, float(each[track]), recess, prefix=prefix)
-            runs = [(part.rear, part.front) for part in sorted(own, key=lambda part: part.rear)]
+            own = add_loop(spec, core, strut, design, track, float(each[track]), recess, prefix=prefix)
+            runs = [
+                ((part.rear[0], part.rear[2]), (part.front[0], part.front[2]))
+                for part in sorted(own, key=lambda part: part.rear)
+                if part.body == strut.name
+            ]
             draw_strut(spec, strut, design, track=track, runs=runs, prefix=prefix)
             parts += own
     stiffness = pad_stiffness(design)

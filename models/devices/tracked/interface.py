@@ -290,11 +290,10 @@ class TrackedRobot(Device):
             (Sample(pad.geom, np.zeros(3), ball, stiffness=stiffness), pad.track, forwards) for pad in tracked.pads
         ]
         for part in tracked.loops:
-            rear, front = (np.array([end[0], 0.0, end[1]]) for end in (part.rear, part.front))
+            rear, front = np.array(part.rear), np.array(part.front)
             along = (front - rear) / np.linalg.norm(front - rear)
             count = math.ceil(np.linalg.norm(front - rear) / most) + 1
-            strut = f"tracked/strut{part.track}"
-            found += [(Sample(strut, place, ball), part.track, along) for place in np.linspace(rear, front, count)]
+            found += [(Sample(part.body, place, ball), part.track, along) for place in np.linspace(rear, front, count)]
         half, radius = design.core_length / 2, design.core_diameter / 2
         places = np.linspace(-half, half, math.ceil(1 / _SPACING / 2) + 1)
         return found + [
