@@ -112,7 +112,7 @@ def _runs(design: TrackedDesign, extension: float, recess: float) -> dict[str, t
 
 
 def _lip(design: TrackedDesign, extension: float, recess: float) -> list[_Place]:
-    """Inner half of the front ramp as it runs when folded, rear to front: forwards and outwards of the core's axis [m]."""
+    """Inner half of the front ramp as it runs when folded, rear to front: forwards and out of the core's axis [m]."""
     half, ball, core = design.tread.tip_spacing / 2, design.tread.width / 2, design.core_diameter / 2
     end, folded = design.core_length / 2 + core / 2, design.smallest_diameter / 2 - ball - recess
     leaves = min(core, design.nominal_diameter / 2 + extension - ball - recess)
