@@ -11,6 +11,8 @@ from haustra.models.devices.tracked.device import Tracked, add_tracked
 from haustra.models.devices.tracked.loop import add_contact_sensor
 from haustra.models.wall.lumen_table import lumen_table, query
 
+_ROUNDING = 1e-9
+"""How far sums of arc lengths may be off by rounding [m]."""
 _PLACES = 9
 """Places along the core at which its distance from the wall is looked at; as many spheres stand along it."""
 
@@ -132,7 +134,11 @@ def places_that_fit(
     """Those of some arc lengths [m] at which the tracks reach the wall on both sides and the core has room."""
     wide = np.array([_fits(design, track_radii(colon, design, float(arc))) for arc in arcs], bool)
     fits = arcs[wide]
-    return fits[core_room(colon, design, fits) >= 0] if len(fits) else fits
+    for aside in (
+        (-_ROUNDING, _ROUNDING) if len(fits) else ()
+    ):  # which station's tangent counts, rounding must not decide
+        fits = fits[core_room(colon, design, fits + aside) >= 0]
+    return fits
 
 
 def nearest_fit(colon: Colon, design: TrackedDesign, arc: float) -> float:

@@ -13,7 +13,7 @@ from haustra.models.devices.base import load_device
 from haustra.models.devices.scope.library import named_design
 from haustra.models.devices.tracked.design import TrackedDesign
 from haustra.models.devices.tracked.interface import TrackedRobot
-from haustra.models.devices.tracked.standing import core_room, require_fit, stand_in_colon, track_radii
+from haustra.models.devices.tracked.standing import core_room, places_that_fit, require_fit, stand_in_colon, track_radii
 from haustra.models.scene import SceneOptions, build_scene
 from tests.ring_wall import bent_colon
 from tests.tube_colon import RADIUS, straight_tube, wedge_wall
@@ -79,6 +79,11 @@ def test_it_does_not_stand_where_the_lumen_turns_within_its_core() -> None:
     assert core_room(colon, robot.design, np.array([bend]))[0] < -1e-3
     with pytest.raises(InvalidDesignError, match=r"turns too sharply for a core of 45.8 mm.*nearest place that fits"):
         require_fit(colon, robot.design, bend)
+    fits = places_that_fit(colon, robot.design, colon.centreline.arc[30:-30])
+    gap = int(np.diff(fits).argmax())
+    for arc in fits[gap : gap + 2]:  # next to the bend, where rounding might refuse
+        for aside in (-1e-12, 0.0, 1e-12):
+            robot.standing(colon, float(arc) + robot._nose + aside)
     nose = (robot.design.core_length + robot.design.core_diameter) / 2
     start = robot.nearest_start(colon, bend + nose)
     options = device_options(robot, start_depth=start)
