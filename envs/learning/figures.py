@@ -9,6 +9,9 @@ from haustra.envs.learning.curve import SeedCurves
 from haustra.envs.learning.evaluate import Evaluation
 from haustra.files import prepare_folder, write_atomically
 
+_LONGEST = 32
+"""Characters of a label at most."""
+
 
 def draw_evaluations(evaluations: Sequence[Evaluation], path: Path) -> Path:
     """Completion with intervals, how far each episode came, and peak forces, driver by driver."""
@@ -23,16 +26,21 @@ def draw_evaluations(evaluations: Sequence[Evaluation], path: Path) -> Path:
             shares.plot([low, high], [row + shift] * 2, color="grey")
             shares.plot(found[name], row + shift, mark, color="tab:blue", label=name if row == 0 else None)
         way = np.sort([episode.progress for episode in one.episodes])
-        ways.plot(way, np.linspace(0, 1, len(way)), label=one.driver)
+        ways.plot(way, np.linspace(0, 1, len(way)), label=_label(one.driver))
         force = np.sort([episode.peak_force_N for episode in one.episodes])
-        forces.plot(force, np.linspace(0, 1, len(force)), label=one.driver)
-    shares.set_yticks(range(len(evaluations)), [one.driver for one in evaluations])
+        forces.plot(force, np.linspace(0, 1, len(force)), label=_label(one.driver))
+    shares.set_yticks(range(len(evaluations)), [_label(one.driver) for one in evaluations])
     shares.set(xlim=(-0.02, 1.02), xlabel="share of episodes")
     shares.legend(fontsize="small")
     ways.set(xlabel="share of the way", ylabel="share of episodes below")
     forces.set(xlabel="peak wall force on a link [N]")
     ways.legend(fontsize="small")
     return write_atomically(path, lambda temporary: figure.savefig(temporary, dpi=120))
+
+
+def _label(driver: str) -> str:
+    """A driver's name; of a long one, such as a folder's path, its end, since axes have to fit beside it."""
+    return driver if len(driver) <= _LONGEST else f"…{driver[1 - _LONGEST :]}"
 
 
 def draw_curves(curves: SeedCurves, names: Sequence[str], path: Path) -> Path:

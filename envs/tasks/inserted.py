@@ -23,14 +23,14 @@ from haustra.models.wall.cache import cache_folder
 from haustra.provenance import content_hash, package_versions
 
 _SECONDS = 150.0
-"""Longest insertion [s]."""
+"""Longest insertion [s]; engineering choice."""
 _POLICY, _TRIES = "insertion", 4
 """Who drives in linear time, and how often in each colon."""
 _STRAIGHTENING = 40.0
-"""Longest time that straightening takes [s]."""
+"""Longest time that straightening takes [s]; engineering choice."""
 _PULL, _MOST_TENSION = 0.02, 12.0
-"""Rate at which the shaft is pulled straight [m/s], and the tension at which the hand stands still [N]; engineering
-choices, the second within the 17.7 N that clinics' hands pulled at most (Appleyard 2000)."""
+"""Rate at which the shaft is pulled straight [m/s], and the tension at which the hand stands still [N];
+engineering choices, the second within the 17.7 N that clinics' hands pulled at most (Appleyard 2000)."""
 _POLE = 0.045
 """Who is no farther from the end of the centreline [m] has arrived: a tip that goes on is pressed into the pole, where
 it hooks, or slips behind the colon's end; from here the pole is in view. Engineering choice."""

@@ -26,8 +26,8 @@ _WIDEST, _SWIFT = 0.5, 1.0
 """Farthest turn of the wheels [1], and time within which they follow [s]; engineering choices: a tip that is bent back,
 or at once, levers at the wall with tens of newtons."""
 _LET_GO = 4.0
-"""Force of the wall on the tip at which wheels are let go, and from half of which they are eased [N]; engineering
-choice."""
+"""Force of the wall on the tip at which wheels are let go, and from half of which they are eased [N];
+engineering choice."""
 _PATIENCE, _FREEING = 20.0, 8.0
 """Time without a way out of `_STEP` after which the scope is freed, and how long that takes [s]; engineering choice."""
 _STEP = 0.005

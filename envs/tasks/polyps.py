@@ -28,7 +28,8 @@ EACH = 12
 _PLACES = 15
 """Places on a polyp's surface, of equal area each."""
 _BESIDE = 0.01
-"""Farther from the camera than a polyp may be seen by this, its places need not be looked at [m]."""
+"""Farther from the camera than a polyp may be seen by this, its places need not be looked at [m];
+engineering choice."""
 
 
 class Polyps:

@@ -16,7 +16,8 @@ from haustra.models.wall.moving_colon import AxisShape, node_cell
 from haustra.models.wall.unfolding import LOOKS, OPEN, ROUNDS, spans
 
 REACH = 0.1
-"""Triangles are drawn off the scope that is so far from them along the colon [m]: tents stand on less."""
+"""Triangles are drawn off the scope that is so far from them along the colon [m]: tents stand on less;
+engineering choice."""
 _ONE = np.zeros(1, np.int64)
 
 

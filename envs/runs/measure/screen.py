@@ -28,7 +28,8 @@ CLOSE = 0.0005
 """Places of the axis that are within this of the wall as if nobody touched it, or beyond it, are looked at closely [m];
 engineering choice: as much as a scope may be found outside."""
 APART = 0.005
-"""Distance between the places of the axis that are looked up [m], as in `haustra.models.wall.around_device`."""
+"""Distance between the places of the axis that are looked up [m], as in `haustra.models.wall.around_device`;
+engineering choice."""
 _AROUND = 0.015
 """Triangles within this of a place along the colon are looked at [m]; engineering choice."""
 _PAST = 0.02

@@ -11,7 +11,8 @@ from haustra.models.wall.vectors import Vector, cross, dot, minus, times
 _FORCE = 0
 """What each node's room holds: `layout.THREAD_ROOM`."""
 _NONE_MET = -1.0
-"""How far in spheres are before the first one is met [m]: nothing is drawn to where that may have come from."""
+"""How far in spheres are before the first one is met [m], by way of an engineering choice: nothing is drawn to where
+that may have come from."""
 
 
 class Threads:

@@ -53,7 +53,7 @@ SEEN: dict[str, dict[str, Any]] = {
 }
 ELSEWHERE = {
     *("task", "design", "difficulty", "seeds", "mesentery", "stool", "mucus"),
-    *("gas", "gas_flow", "gas_start", "gas_action", "bleeding"),
+    *("gas", "gas_flow", "gas_start", "gas_action", "water", "bleeding"),
 }
 """What is examined, of which tests/envs/tasks has files of its own."""
 
