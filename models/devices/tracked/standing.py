@@ -12,7 +12,7 @@ from haustra.models.devices.tracked.loop import add_contact_sensor
 from haustra.models.wall.lumen_table import lumen_table, query
 
 _ROUNDING = 1e-9
-"""How far sums of arc lengths may be off by rounding [m]."""
+"""How far sums of arc lengths may be off by rounding, a tolerance [m]."""
 _PLACES = 9
 """Places along the core at which its distance from the wall is looked at; as many spheres stand along it."""
 
