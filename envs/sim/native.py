@@ -230,7 +230,7 @@ class NativeEngine:
             return PlaneWall(self.model, LumenDistance(scene.colon), arcs=self._straight_arcs)
         if scene.options.wall_law == "table":
             return TableWall(self.model, self.table, contact, arcs=self._straight_arcs)
-        look = TableLook(self.model, np.array(spheres), stack([self.table.tables]))
+        look = TableLook(self.model, np.array(spheres), stack([self.table.tables]), threaded=True)
         if scene.options.wall_law == "planes":
             lumen = MovedLumen(scene.colon, look)
             return MovingPlaneWall(self.model, lumen, look, contact, arcs=self._straight_arcs, threaded=True)

@@ -87,6 +87,7 @@ class TablePlanes:
                 moves draws on between them too (`haustra.models.wall.threads`).
         """
         self._threads = batch.bind("xfrc_applied") if threaded and tables.mesentery is not None else None
+        self._threaded = threaded
         self._centres, self._bears = batch.bind("xipos"), False
         self._batch, self._step_time = batch, model.opt.timestep
         self._elastic = elasticity
@@ -134,7 +135,7 @@ class TablePlanes:
             planes=np.array([model.body_mocapid[model.body(name).id] for name in names]),
             plane_geoms=np.array([model.geom(name).id for name in names]),
             pairs=self._pairs[members],
-            walls=TableWalls(tables, worlds, len(members), radius=radius),
+            walls=TableWalls(tables, worlds, len(members), radius=radius, threaded=self._threaded),
             before=np.zeros((*shape, 3)),
             points=np.zeros((*shape, 3)),
             on_wall=np.zeros((*shape, 3)),

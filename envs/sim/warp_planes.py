@@ -219,7 +219,7 @@ class WarpPlanes:
                 shaft, from its end to its tip, which a colon that moves draws on (`haustra.models.wall.threads`).
         """
         count, own = len(self.spheres), tables.mesentery
-        found, grip = look(tables, displacement, places, arcs, radius)
+        found, grip = look(tables, displacement, places, arcs, radius, threaded=0 if centres is None else count)
         points, inwards = places[:, :count], found.inwards[:, :count]
         radius = radius[:, :count]
         depth = found.depth[:, :count] + radius - tables.device_radius
@@ -302,12 +302,21 @@ class WarpPlanes:
 
 
 def look(
-    tables: Tables, displacement: AxisDisplacement | None, points: Array, arcs: Array, radius: Array
+    tables: Tables,
+    displacement: AxisDisplacement | None,
+    points: Array,
+    arcs: Array,
+    radius: Array,
+    *,
+    threaded: int,
 ) -> tuple[WallQuery, AttachmentPoints | None]:
-    """Look spheres of those radii (worlds or 1, places or 1) up; and where they hold on to the colon, if it moves."""
+    """Look spheres of those radii (worlds or 1, places or 1) up; and where they hold on to the colon, if it moves.
+
+    The first so many as are `threaded` follow each other on a shaft, from its end to its tip.
+    """
     if displacement is None:
         return query(jnp, tables, points, arcs), None
-    return moving_colon.query(jnp, tables, displacement, points, arcs, radius)
+    return moving_colon.query(jnp, tables, displacement, points, arcs, radius, threaded=threaded)
 
 
 def sound(qvel: Array, *others: Any) -> Bool[Array, " worlds"]:

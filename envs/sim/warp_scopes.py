@@ -159,7 +159,8 @@ class WarpScopes(ScopeChain):
         where = links.pose(self.chain, scope.links, worlds.qpos)
         own = pick(tables, parameters.colon)
         spheres = self._samples(scope, where)
-        found, _ = look(own, worlds.displacement, spheres, worlds.arcs[:, :-1], scope.radius[:, None])
+        arcs, radius = worlds.arcs[:, :-1], scope.radius[:, None]
+        found, _ = look(own, worlds.displacement, spheres, arcs, radius, threaded=spheres.shape[1])
         forces = self._body_sums(worlds.normal[..., None] * found.inwards)
         limits = jnp.stack([parameters.push_limit, parameters.torque_limit], axis=-1)
         hand = hand_force(jnp, worlds.hand, worlds.qpos[:, :2], worlds.qvel[:, :2], limits)

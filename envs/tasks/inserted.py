@@ -20,6 +20,7 @@ from haustra.envs.tasks.bank import ColonSet
 from haustra.envs.tasks.config import Drive, Limits, Randomisation, TaskConfig, Weights
 from haustra.files import write_atomically
 from haustra.models.wall.cache import cache_folder
+from haustra.models.wall.threads import PACKED
 from haustra.provenance import content_hash, package_versions
 
 _SECONDS = 150.0
@@ -60,6 +61,7 @@ _HOW: tuple = (
     _FARTHER,
     _PLAIN.friction,
     "straightest",
+    PACKED,
 )
 """What starts that are kept hang on."""
 

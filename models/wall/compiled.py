@@ -70,7 +70,7 @@ from haustra.models.wall.sections import (
 )
 from haustra.models.wall.signed_distance import ANUS
 from haustra.models.wall.surroundings import breath, envelope_force
-from haustra.models.wall.threads import RING, lumen_radius, ring_force
+from haustra.models.wall.threads import RING, lumen_radius, ring_force, threaded_arc
 from haustra.models.wall.unfolding import aside, span
 from haustra.models.wall.vectors import add, between, cross, dot, minus, norm, times, unit_rate
 
@@ -148,7 +148,14 @@ def _query(tables: Any, worlds: Any, points: Any, arcs: Any, depth: Any, inwards
     for world in worlds:
         for p in range(points.shape[1]):
             arcs[world, p], depth[world, p], normal = query_point(
-                np, tables, step[world, 0], first[world, 0], count[world, 0], _node(points, world, p), arcs[world, p]
+                np,
+                tables,
+                step[world, 0],
+                first[world, 0],
+                count[world, 0],
+                _node(points, world, p),
+                arcs[world, p],
+                np.inf,
             )
             _put(inwards, world, p, normal)
 
@@ -526,6 +533,7 @@ def _query_moved(
     speed: Any,
     shape: Any,
     radius: float,
+    threaded: bool,
     points: Any,
     arcs: Any,
     depth: Any,
@@ -533,7 +541,10 @@ def _query_moved(
     lever: Any,
     wall_speed: Any,
 ) -> None:
-    """`_query` where the axes have moved; and where spheres of that radius hold on to the wall, and its speed there."""
+    """`_query` where the axes have moved; and where spheres of that radius hold on to the wall, and its speed there.
+
+    Those that are `threaded` follow each other on a shaft, from its end to its tip.
+    """
     _shape(own, worlds, pose, shape)
     step, first, count = tables.step, tables.first, tables.count
     nodes = pose.shape[1]
@@ -541,8 +552,14 @@ def _query_moved(
     for world in worlds:
         _rates(own, world, speed, shape, spins, flats, acrosses)
         one, begin, end = step[world, 0], first[world, 0], count[world, 0]
+        upto = np.inf
         for p in range(points.shape[1]):
             arc = arcs[world, p]
+            most = np.inf
+            if threaded and p:
+                apart = norm(np, minus(_node(points, world, p), _node(points, world, p - 1)))
+                most = threaded_arc(np, np.inf, upto, apart)
+            upto = arc
             axis = axis_point(np, tables, one, begin, end, arc)
             at, share = node_cell(np, own.spacing[world], nodes, arc)
             offset = minus(minus(_node(points, world, p), axis), _node_between(pose, world, at, share))
@@ -557,7 +574,7 @@ def _query_moved(
                 share,
             )
             rest = add(axis, back)
-            arc, deep, normal = query_point(np, tables, one, begin, end, rest, arc)
+            arc, deep, normal = query_point(np, tables, one, begin, end, rest, arc, most)
             arcs[world, p] = arc
             at, share = node_cell(np, own.spacing[world], nodes, arc)
             before, after = _section(shape, world, at), _section(shape, world, at + 1)

@@ -309,7 +309,9 @@ def on_mesentery(
     return tables._replace(mesentery=hung)
 
 
-def query(xp: Any, tables: Tables, points: Float[Any, "*worlds points 3"], arcs: Float[Any, "..."]) -> WallQuery:
+def query(
+    xp: Any, tables: Tables, points: Float[Any, "*worlds points 3"], arcs: Float[Any, "..."], most: Any = np.inf
+) -> WallQuery:
     """Look points up that were near `arcs` at the last look.
 
     Args:
@@ -317,13 +319,15 @@ def query(xp: Any, tables: Tables, points: Float[Any, "*worlds points 3"], arcs:
         tables: of one colon, or of one a world (`pick`).
         points: middles of the device's spheres [m].
         arcs: their arc lengths at the last look [m]; negative before the anus.
+        most: arc length beyond which none is looked up [m].
     """
-    arcs, depth, inwards = query_point(xp, tables, tables.step, tables.first, tables.count, vectors.of(points), arcs)
+    own = tables.step, tables.first, tables.count
+    arcs, depth, inwards = query_point(xp, tables, *own, vectors.of(points), arcs, most)
     return WallQuery(arcs, depth, vectors.stacked(xp, inwards))
 
 
 def query_point(
-    xp: Any, tables: Tables, step: Any, first: Any, count: Any, point: Vector, arc: Any
+    xp: Any, tables: Tables, step: Any, first: Any, count: Any, point: Vector, arc: Any, most: Any
 ) -> tuple[Any, Any, Vector]:
     """`query` of one point, or of arrays of them: arc length [m], depth [m] and inward normal.
 
@@ -335,8 +339,9 @@ def query_point(
         count: its stations.
         point: middle of the sphere [m].
         arc: its arc length at the last look [m].
+        most: arc length beyond which it is not looked up [m].
     """
-    arc = nearest_arc(xp, tables, step, first, count, point, arc)
+    arc = xp.minimum(nearest_arc(xp, tables, step, first, count, point, arc), most)
     depth, inwards = wall_beside(xp, tables, step, first, count, point, arc)
     return arc, where(xp, arc > 0, depth, -1.0), inwards
 

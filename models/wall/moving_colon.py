@@ -45,7 +45,7 @@ from haustra.models.wall.sections import (
     twisted,
 )
 from haustra.models.wall.surroundings import breath, envelope_energy, envelope_force, hung
-from haustra.models.wall.threads import Drawn
+from haustra.models.wall.threads import Drawn, threaded_arc
 from haustra.models.wall.vectors import Vector, add, between, cross, dot, minus, norm, stacked, times, unit_rate, where
 
 Array: TypeAlias = Any
@@ -260,21 +260,38 @@ def at_rest(xp: Any, own: Mesentery, worlds: int, kind: Any) -> AxisDisplacement
 
 
 def query(
-    xp: Any, tables: Tables, displacement: AxisDisplacement, points: Array, arcs: Array, radius: Array
+    xp: Any,
+    tables: Tables,
+    displacement: AxisDisplacement,
+    points: Array,
+    arcs: Array,
+    radius: Array,
+    *,
+    threaded: int = 0,
 ) -> tuple[WallQuery, AttachmentPoints]:
     """As `haustra.models.wall.lumen_table.query`, in a colon that has moved: tables of one colon a world.
 
-    Spheres of that radius (worlds or 1, points or 1) [m] hold on to the wall with their surfaces.
+    Spheres of that radius (worlds or 1, points or 1) [m] hold on to the wall with their surfaces. As many of them as
+    are `threaded` follow each other on a shaft, from its end to its tip (`haustra.models.wall.threads`).
     """
     own = _mesentery_of(tables)
     shape = shape_of(xp, own, displacement.pose)
     rest = to_reference(xp, tables, displacement.pose, shape, points, arcs)
-    found = table.query(xp, tables, rest, arcs)
+    found = table.query(xp, tables, rest, arcs, _most_arcs(xp, points, arcs, threaded))
     at, share = _cell(xp, own, found.arcs)
     both = _section(shape, at), _section(shape, at + 1)
     depth, normal, lever = touched(xp, found.depth, vectors.of(found.inwards), radius, *both, share)
     grip = AttachmentPoints(found.arcs, rest + stacked(xp, lever) - table.axis_at(xp, tables, found.arcs))
     return found._replace(depth=depth, inwards=stacked(xp, normal)), grip
+
+
+def _most_arcs(xp: Any, points: Array, arcs: Array, threaded: int) -> Array:
+    """Arc lengths beyond which points are not looked up (worlds, points) [m]; without bound but on a shaft."""
+    own, upto = points[:, :threaded], arcs[:, : max(threaded - 1, 0)]
+    bound = threaded_arc(xp, np.inf, upto, norm(xp, vectors.of(own[:, 1:] - own[:, :-1])))
+    first = min(threaded, 1)
+    free = [xp.full_like(arcs[:, :count], np.inf) for count in (first, arcs.shape[1] - first - bound.shape[1])]
+    return xp.concatenate([free[0], bound, free[1]], axis=1)
 
 
 def shape_of(xp: Any, own: Mesentery, pose: Array) -> AxisShape:

@@ -27,9 +27,15 @@ _FIXED, _ONE = np.zeros((0, 0, 0)), np.zeros(1, int)
 class TableWalls:
     """Walls of some worlds, each of one of some colons. Arrays are written in place."""
 
-    def __init__(self, tables: Tables, worlds: int, spheres: int, *, radius: float) -> None:
-        """All worlds have the first colon, at rest; `tables` are of all, stacked, for spheres of `radius` [m]."""
-        self._all, self._radius = tables, radius
+    def __init__(
+        self, tables: Tables, worlds: int, spheres: int, *, radius: float, threaded: bool = False
+    ) -> None:
+        """All worlds have the first colon, at rest; `tables` are of all, stacked, for spheres of `radius` [m].
+
+        Those that are `threaded` follow each other on a shaft, from its end to its tip
+        (`haustra.models.wall.threads`).
+        """
+        self._all, self._radius, self._threaded = tables, radius, threaded
         self.arcs: Float[np.ndarray, "worlds spheres"] = np.zeros((worlds, spheres))
         """Arc length of each sphere [m]."""
         self.depth: Float[np.ndarray, "worlds spheres"] = np.full((worlds, spheres), -1.0)
@@ -106,6 +112,7 @@ class TableWalls:
             *self.displacement,
             self._shape,
             self._radius,
+            self._threaded,
             points,
             *found,
             self.lever,
@@ -142,7 +149,7 @@ class TableWalls:
             if self.displacement is None:
                 loops().query(self._tables, worlds, points, found, rest, lever)
             else:
-                about = self._tables, self._own, worlds, *self.displacement, self._shape, self._radius
+                about = self._tables, self._own, worlds, *self.displacement, self._shape, self._radius, False
                 loops().query_moved(*about, points, found, rest, np.zeros(points.shape), lever, speed)
         return found
 
@@ -218,10 +225,16 @@ class LinkLoads:
 class TableLook:
     """Where the spheres of one world are along its colon, and how deep in its wall, where other walls press on them."""
 
-    def __init__(self, model: mujoco.MjModel, spheres: Int[np.ndarray, " spheres"], tables: Tables) -> None:
-        """Take a colon's tables, stacked, of which the last is looked up in; spheres of other radii are shifted."""
+    def __init__(
+        self, model: mujoco.MjModel, spheres: Int[np.ndarray, " spheres"], tables: Tables, *, threaded: bool = False
+    ) -> None:
+        """Take a colon's tables, stacked, of which the last is looked up in; spheres of other radii are shifted.
+
+        Those that are `threaded` follow each other on a shaft, from its end to its tip.
+        """
         self.spheres, self._colon = spheres, np.array([len(tables.count) - 1])
-        self._walls = TableWalls(tables, 1, len(spheres), radius=float(tables.device_radius[-1]))
+        radius = float(tables.device_radius[-1])
+        self._walls = TableWalls(tables, 1, len(spheres), radius=radius, threaded=threaded)
         self._shift = model.geom_size[spheres, 0] - float(tables.device_radius[-1])
         self.axis: Tables = pick(tables, self._colon)
         """Tables of the colon that is looked up in."""
@@ -290,7 +303,7 @@ class TableWall:
         self._mocap = np.array([model.body_mocapid[model.body(name).id] for name in names])
         self._sphere_of = np.full(model.ngeom, -1)
         self._sphere_of[self.spheres] = np.arange(count)
-        self._walls = TableWalls(stack([table.tables]), 1, count, radius=table.device_radius)
+        self._walls = TableWalls(stack([table.tables]), 1, count, radius=table.device_radius, threaded=True)
         self._surface = _FIXED
         if self._walls.displacement is not None:
             model.flg_surfacevel = True

@@ -29,11 +29,17 @@ class AloneProgram(ScopeProgram):
     """Writes down the control step of one scope of one structure class."""
 
     @contextmanager
-    def _beside(self, count: Value, registers: int = 1) -> Iterator[Value]:
-        """The first of those that stand side by side, in so many registers, of that many things."""
+    def _beside(self, count: Value, registers: int = 1, *, follows: bool = False) -> Iterator[Value]:
+        """The first of those that stand side by side, in so many registers, of that many things.
+
+        Where each `follows` the one before it on the shaft, nothing bounds the first.
+        """
         program, abreast = self.program, self.layout.abreast * registers
-        with program.side_by_side(abreast), program.loop(0, (count + (abreast - 1)) // abreast) as group:
-            yield group * abreast
+        with program.side_by_side(abreast):
+            if follows:
+                self._begin_following()
+            with program.loop(0, (count + (abreast - 1)) // abreast) as group:
+                yield group * abreast
 
     def advance(self, count: Any, going: Value | None = None) -> None:
         """As every program's."""
@@ -67,7 +73,7 @@ class AloneProgram(ScopeProgram):
     def _outwards(self) -> None:
         tip = self.chain(self._meet)
         self._place(self.spheres, tip, self.scope("tip"))
-        with self._beside(self.spheres + 1, 2) as sphere:  # what one register waits for, the other does not
+        with self._beside(self.spheres + 1, 2, follows=True) as sphere:  # what one register waits for, the other does not
             along, centre, turning, moving = (self.touches.vector(sphere, _FELT + 3 * part) for part in range(4))
             self._touch(sphere, along, centre, (turning, moving), self._feeling(sphere, _PUSHED))
         with self._beside(self.bodies) as body:
@@ -129,7 +135,7 @@ class AloneProgram(ScopeProgram):
             self._place_all(body, link)
 
         tip = self.chain(look)
-        with self._beside(self.spheres, 2) as sphere:
+        with self._beside(self.spheres, 2, follows=True) as sphere:
             self.touches.put(sphere, _FELT, (0.0, 0.0, 0.0))
             self._press(sphere, self.touches.vector(sphere, _FELT + 3), deepest, self._feeling(sphere))
         with self.program.loop(0, self.bodies) as body:

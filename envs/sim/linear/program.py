@@ -36,6 +36,7 @@ from haustra.envs.sim.linear.layout import (
 )
 from haustra.envs.sim.linear.memory import Lanes, NumberRows, Numbers, Rows, Shared, Slots
 from haustra.envs.sim.linear.press import Touch
+from haustra.envs.sim.linear.sweep import Before
 from haustra.envs.sim.linear.trace import Changing, Program, Value, Variable
 from haustra.envs.sim.linear.wires import SprungWires
 from haustra.envs.sim.physics.hand import HAND_DAMPING, HAND_STIFFNESS, held_force
@@ -57,7 +58,8 @@ from haustra.models.wall.lumen_table import (
     wall_beside,
 )
 from haustra.models.wall.moving_colon import AT_REST
-from haustra.models.wall.vectors import Vector, add, cross, dot, minus, times
+from haustra.models.wall.threads import threaded_arc
+from haustra.models.wall.vectors import Vector, add, cross, dot, minus, norm, times
 
 ARGUMENTS = ("state", "worlds", "seen", "room", "design", "structure", "stations", "wall", "axis", "driver",
              "asked", "told", "lookup", "widths")  # fmt: skip
@@ -81,6 +83,8 @@ _FASTER = 6
 """Where joints' rooms hold tau / D (`layout.JOINT_ROOM`), and at a step's end the new speed."""
 _ALONG = 3
 """Part of the wall's numbers that is its normal's along the colon, which grows with width."""
+_UNBOUND = 1e6
+"""Arc length of what is before the first sphere, by way of an engineering choice: it bounds none [m]."""
 _BEFORE = 0.02
 """So far before the anus, nothing of a colon that moves is near [m]: twice as far as a sphere may move in a step."""
 
@@ -373,6 +377,7 @@ class ScopeProgram:
     def _outwards(self) -> None:
         if self.axis:
             self.axis.threads.begin()
+        self._begin_following()
         tip = self.chain(self._meet)
         slot = self.layout.arcs + self.spheres
         place = add(tip.place, times(self.scope("tip"), tip.axis))
@@ -435,7 +440,7 @@ class ScopeProgram:
         state.fetch(layout.arcs + sphere + 2)
         state.fetch(layout.normals + sphere + 2)
         before = state.load_next(layout.arcs + sphere)
-        arc, rest = self.nearest(centre, before)
+        arc, rest = self._followed(sphere, centre, before)
         self._keep_arc(sphere, before, arc)
         arc = self._to_look_up(sphere, arc)
         carried = state.load_next(layout.normals + sphere) > 0
@@ -487,6 +492,20 @@ class ScopeProgram:
     def _to_look_up(self, sphere: Value, arc: Value) -> Value:
         """Where a sphere at an arc length is to be looked up; nothing is before the anus."""
         return arc
+
+    def _begin_following(self) -> None:
+        """Before the first sphere from the shaft's end, whose arc length nothing bounds."""
+        self._follows = Before(self.program, *_NONE, _UNBOUND)
+
+    def _followed(self, sphere: Value, centre: Vector, arc: Value) -> tuple[Value, Vector]:
+        """`nearest` of a sphere that follows the one before it on the shaft, in a colon that moves."""
+        xp = self.program.xp
+        found, rest = self.nearest(centre, arc)
+        if not self.axis:
+            return found, rest
+        *last, upto = self._follows(*centre, arc)
+        bound = threaded_arc(xp, found, upto, norm(xp, minus(centre, (last[0], last[1], last[2]))))
+        return xp.where(self.program.numbered(sphere) < self.spheres, bound, found), rest
 
     def nearest(self, place: Vector, arc: Value) -> tuple[Value, Vector]:
         """Arc length next to a place that was near `arc`, and where the place stands in the colon at rest."""
@@ -774,6 +793,7 @@ class ScopeProgram:
                 self._press(sphere, middle, deepest, feel)
             self._note_force(body, pressed.now, force)
 
+        self._begin_following()
         return self.chain(look)
 
     def _note_coil(self, sphere: Value, middle: Vector) -> None:
@@ -789,7 +809,7 @@ class ScopeProgram:
     def _press(self, sphere: Value, middle: Vector, deepest: Variable, feel: Callable[[Vector], None]) -> None:
         """How deep a sphere is, and with what force it presses."""
         program, xp, layout = self.program, self.program.xp, self.layout
-        arc, rest = self.nearest(middle, self.state.load_next(layout.arcs + sphere))
+        arc, rest = self._followed(sphere, middle, self.state.load_next(layout.arcs + sphere))
         arc = self._to_look_up(sphere, arc)
         with program.when(arc > 0):
             depth, normal, _, _ = self.wall(rest, arc, near=False)

@@ -25,13 +25,16 @@ from haustra.models.scene import SceneOptions, build_scene
 from haustra.models.wall import moving_colon, threads, vectors
 from haustra.models.wall.compiled import loops
 from haustra.models.wall.loops import beside
+from haustra.models.wall.lumen_table import lumen_table, pick
+from haustra.models.wall.lumen_table import stack as stack_tables
 from haustra.models.wall.mesentery import Mesentery, hang, stack
 from haustra.models.wall.moving_colon import AxisDisplacement, AxisShape
 from haustra.models.wall.moving_planes import MovingPlaneWall
 from haustra.models.wall.piece_wall import PieceWall
-from haustra.models.wall.table_wall import TableWall
+from haustra.models.wall.table_wall import TableWall, TableWalls
 from haustra.models.wall.threads import INDENTED
-from tests.bent_colon import bent_colon
+from tests.bent_colon import bent_colon, winding
+from tests.models.wall.conftest import swept_colon
 from tests.ring_wall import ring_wall
 
 _RADIUS, _FAR = 0.02, 0.15
@@ -176,6 +179,39 @@ def test_a_loop_closes_on_a_shaft_that_is_taut_across_it(steps: int) -> None:
     out, _ = out_and_energy(now)
     assert first > 0.12 and out < INDENTED + 0.01
     assert (np.diff([before, *passed]) < 1e-12).all()
+
+
+@pytest.mark.parametrize("threaded", [False, True])
+def test_a_shaft_that_is_pulled_taut_across_a_loop_does_not_leave_it(threaded: bool) -> None:
+    """No sphere is looked up further beyond the one before it than folds can be packed; else one stays beyond the loop.
+
+    It would stand in the wall there and hold the shaft as a hook does, however hard that is pulled.
+    """
+    colon = swept_colon(winding([(0.1, 0.0), (0.12, np.pi), (0.1, 0.0)]), name="hairpin")
+    tables = stack_tables([lumen_table(colon, device_radius=0.006, with_mesentery=True).tables])
+    aside, along = 2 * 0.12 / np.pi, np.arange(0.0, 0.05, 0.01)
+    across = np.linspace(0.0, aside, 9)
+    x, y = np.concatenate([along, np.full(9, 0.05), along[::-1]]), np.repeat([0.0, aside], 5)
+    y = np.concatenate([y[:5], across, y[5:]])
+    points = np.column_stack([x, y, np.zeros(19)])[None]
+    arcs = np.where(y < aside / 2, x, 0.32 - x)[None]
+    apart, world = np.linalg.norm(np.diff(points[0], axis=0), axis=1), np.zeros(1, int)
+    walls = TableWalls(tables, 1, 19, radius=0.006, threaded=threaded)
+    walls.begin(world, world, arcs)
+    picked = pick(tables, world)
+    still = moving_colon.at_rest(np, picked.mesentery, 1, float)
+    for _ in range(20):
+        with unchecked():
+            about = picked, still, points, arcs, np.full((1, 1), 0.006)
+            law, _ = moving_colon.query(np, *about, threaded=19 * threaded)
+            same, _ = moving_colon.query(jnp, *about, threaded=19 * threaded)
+        walls.look(world, points)
+        np.testing.assert_allclose(walls.arcs, law.arcs, atol=1e-12)
+        np.testing.assert_allclose(same.arcs, law.arcs, atol=1e-9)
+        np.testing.assert_allclose(walls.depth, law.depth, atol=1e-12)
+        bound = arcs[0, :-1] + threads.PACKED * apart
+        assert (law.arcs[0, 1:] <= bound + 1e-8).all() == threaded
+        arcs = law.arcs
 
 
 @pytest.mark.parametrize("law", ["table", "planes", "pieces"])
