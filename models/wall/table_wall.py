@@ -27,9 +27,7 @@ _FIXED, _ONE = np.zeros((0, 0, 0)), np.zeros(1, int)
 class TableWalls:
     """Walls of some worlds, each of one of some colons. Arrays are written in place."""
 
-    def __init__(
-        self, tables: Tables, worlds: int, spheres: int, *, radius: float, threaded: bool = False
-    ) -> None:
+    def __init__(self, tables: Tables, worlds: int, spheres: int, *, radius: float, threaded: bool = False) -> None:
         """All worlds have the first colon, at rest; `tables` are of all, stacked, for spheres of `radius` [m].
 
         Those that are `threaded` follow each other on a shaft, from its end to its tip

@@ -73,7 +73,8 @@ class AloneProgram(ScopeProgram):
     def _outwards(self) -> None:
         tip = self.chain(self._meet)
         self._place(self.spheres, tip, self.scope("tip"))
-        with self._beside(self.spheres + 1, 2, follows=True) as sphere:  # what one register waits for, the other does not
+        # Two registers: what one waits for, the other does not.
+        with self._beside(self.spheres + 1, 2, follows=True) as sphere:
             along, centre, turning, moving = (self.touches.vector(sphere, _FELT + 3 * part) for part in range(4))
             self._touch(sphere, along, centre, (turning, moving), self._feeling(sphere, _PUSHED))
         with self._beside(self.bodies) as body:
