@@ -6,6 +6,8 @@ turns the colon at the tip is undone, so that mucosa in pleats counts as if thes
 
 import math
 from collections.abc import Callable, Sequence
+from functools import reduce
+from operator import and_
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -87,6 +89,12 @@ def cell_in_view(
         column: of `AROUND`.
         cosine: of half the full viewing angle.
     """
+    place, arc = cell_place(xp, lumens, stations, row, column)
+    return place_in_view(xp, lumens, stations, camera, place, arc, cosine)
+
+
+def cell_place(xp: Any, lumens: Any, stations: Stations, row: Any, column: Any) -> tuple[Vector, Any]:
+    """Where a cell lies in the colon at rest, and the arc length there [m]; arguments as of `cell_in_view`."""
     arc, angles = CELL * row, lumens.sight.shape[1]
     station = stations.first + xp.int32(xp.clip(xp.rint(arc / stations.step), 0.0, stations.count - 1))
     radius, turn = lumens.sight[station, column * (angles // AROUND)], (2 * math.pi / AROUND) * column
@@ -94,7 +102,7 @@ def cell_in_view(
         _vector(table, station, axis) for table, axis in ((lumens.points, None), (lumens.frames, 0), (lumens.frames, 1))
     )
     outwards = add(times(radius * xp.cos(turn), first), times(radius * xp.sin(turn), second))
-    return place_in_view(xp, lumens, stations, camera, add(middle, outwards), arc, cosine)
+    return add(middle, outwards), arc
 
 
 def place_in_view(
@@ -111,16 +119,29 @@ def place_in_view(
         arc: arc length there [m].
         cosine: of half the full viewing angle.
     """
+    cell = place_in_cone(xp, camera, place, cosine)
+    return cell._replace(seen=cell.seen & unhidden(xp, lumens, stations, camera, place, arc))
+
+
+def place_in_cone(xp: Any, camera: Camera, place: Vector, cosine: float) -> Cell:
+    """`place_in_view` as if nothing hid the place."""
     way = minus(place, camera.eye)
     distance = norm(xp, way) + 1e-9
     own = tuple(dot(axis, way) / distance for axis in camera.frame)
     near = distance < NEAR
-    seen = near & (own[2] > cosine)
-    for share in _BETWEEN.tolist():
+    return Cell(near, near & (own[2] > cosine), (own[0], own[1], own[2]))
+
+
+def unhidden(xp: Any, lumens: Any, stations: Stations, camera: Camera, place: Vector, arc: Any) -> Any:
+    """Whether no wall hides a place from a camera; arguments as of `place_in_view`."""
+    way = minus(place, camera.eye)
+
+    def clear(share: float) -> Any:
         between = add(camera.eye, times(share, way))
         _, left = room(xp, lumens, stations, between, camera.arc + share * (arc - camera.arc))
-        seen = seen & (left > 0)
-    return Cell(near, seen, (own[0], own[1], own[2]))
+        return left > 0
+
+    return reduce(and_, map(clear, _BETWEEN.tolist()))
 
 
 def first_row(xp: Any, arc: Any) -> Any:

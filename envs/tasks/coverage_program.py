@@ -1,4 +1,4 @@
-"""Looking for mucosa within a program of linear time: `haustra.envs.tasks.coverage.cell_in_view`, as numpy calls it.
+"""Looking for mucosa within a program of linear time: by the parts of `haustra.envs.tasks.coverage.cell_in_view`.
 
 What was seen of a row of cells around the colon is one number, the sum of 2^column over the cells seen.
 """
@@ -8,7 +8,17 @@ from haustra.envs.sim.linear.program import ScopeProgram
 from haustra.envs.sim.linear.sensing import tip_arc
 from haustra.envs.sim.linear.trace import Changing, Value
 from haustra.envs.tasks import observation as seen_by
-from haustra.envs.tasks.coverage import AROUND, CELL, ROWS_NEAR, camera_of, cell_in_view, first_row, unseen
+from haustra.envs.tasks.coverage import (
+    AROUND,
+    CELL,
+    ROWS_NEAR,
+    camera_of,
+    cell_place,
+    first_row,
+    place_in_cone,
+    unhidden,
+    unseen,
+)
 from haustra.envs.tasks.ray_program import lumens_of, stations_of
 
 
@@ -43,14 +53,19 @@ def look_around(
         there = looks & (row >= 0) & (row < cells)
         slot = xp.int32(xp.clip(row, 0.0, cells - 1))
         mask, bit, fresh = rows.gather(slot), program.variable(1.0), program.variable(0.0)
+        clear = program.variable(0.0)
         with program.loop(0, AROUND) as column:
             power = bit.value
             known = xp.floor(mask / power) - 2 * xp.floor(mask / (2 * power)) > 0.5
             now = camera.now
             at = own._replace(eye=now[:3], frame=(now[3:6], now[6:9], now[9:]))
-            cell = cell_in_view(xp, lumens, stations, at, xp.clip(row, 0.0, cells - 1), column, cosine)
-            new = there & cell.seen & ~known
-            missed = there & cell.near & ~known & ~cell.seen
+            place, along = cell_place(xp, lumens, stations, xp.clip(row, 0.0, cells - 1), column)
+            cell = place_in_cone(xp, at, place, cosine)
+            asked = there & cell.seen & ~known
+            with program.when(asked):  # of most cells it is known already, or they are out of view: that is quick
+                clear.value = xp.where(unhidden(xp, lumens, stations, at, place, along), 1.0, 0.0)
+            new = asked & (clear.value > 0)
+            missed = there & cell.near & ~known & ~new
             fresh.value = fresh.value + xp.where(new, power, 0.0)
             counts = (xp.where(flag, 1.0, 0.0) for flag in (new, there & cell.near, missed))
             ways = (xp.where(missed, part, 0.0) for part in cell.way)

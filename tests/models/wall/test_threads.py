@@ -199,6 +199,7 @@ def test_a_shaft_that_is_pulled_taut_across_a_loop_does_not_leave_it(threaded: b
     walls = TableWalls(tables, 1, 19, radius=0.006, threaded=threaded)
     walls.begin(world, world, arcs)
     picked = pick(tables, world)
+    assert picked.mesentery is not None
     still = moving_colon.at_rest(np, picked.mesentery, 1, float)
     for _ in range(20):
         with unchecked():
