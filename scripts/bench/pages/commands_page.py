@@ -11,18 +11,18 @@ from pathlib import Path
 from typing import Any
 
 from haustra.files import write_atomically
+from haustra.scripts.bench.pages.commands_run import PAGES, printed
 
 _HEAD = """\
 # Commands as printed
 
 **Claim.** Of the {count} commands and programs that {pages} print, {run} ran as printed, page by page
-in an empty folder with a grown colon where the page expects one; {failed} failed, {left} left out. Other pages were
-not run.
+in an empty folder with a grown colon where the page expects one; {failed} failed, {left} left out. {missing}
 
     python -m haustra.scripts.bench.pages.commands_run DIR --data shared/data
     python -m haustra.scripts.bench.pages.commands_page docs/validation/commands.md DIR/commands.json
 
-Run on {date} on two cores of an {processor} beside other work (load {load:.0f}), so that times are far above those of
+Run {dates} on two cores of an {processor} beside other work (load {load:.0f}), so that times are far above those of
 quiet cores. With docs/validation/data/commands.json put into DIR, the first command adds the pages that are missing.
 That every command is understood by its parser, and that files of Python in docs/examples run, is tested at every
 change.
@@ -39,8 +39,16 @@ def commands_page(found: Mapping[str, Any]) -> str:
     left = sum(row["code"] is None for row in rows)
     failed = sum(bool(row["code"]) for row in rows)
     numbers = {"count": len(rows), "run": len(rows) - left - failed, "failed": failed, "left": left}
-    about = {key: found["machine"][key] for key in ("date", "processor", "load")}
-    parts = [_HEAD.format(**numbers, **about, pages=_listed(sorted({row["page"] for row in rows})))]
+    about = {key: found["machine"][key] for key in ("processor", "load")}
+    pages, days = (sorted({row[key] for row in rows}) for key in ("page", "date"))
+    tried = {(row["page"], row["what"]) for row in rows}
+    missing = [f"`{what}` ({page.name})" for page in PAGES for what in printed(page) if (page.name, what) not in tried]
+    about |= {
+        "pages": _listed(pages),
+        "dates": f"on {days[0]}" if len(days) == 1 else f"from {days[0]} to {days[-1]}",
+        "missing": f"Not tried as printed today: {_listed(missing)}." if missing else "Nothing else is printed there.",
+    }
+    parts = [_HEAD.format(**numbers, **about)]
     for page, own in groupby(rows, key=lambda row: row["page"]):
         parts.append(f"## {page}\n\n| command, or the program's last line | came to |\n|---|---|")
         parts += [f"| `{row['what'].replace('|', chr(92) + '|')}` | {_came(row)} |" for row in own]

@@ -1,4 +1,4 @@
-"""Run every command and program of the tutorials and how-to pages as printed, a page a folder, and keep what came.
+"""Run every command and program of the README, tutorials and how-to pages as printed, a page a folder, and keep what came.
 
 `python -m haustra.scripts.bench.pages.commands_run DIR [--data FOLDER] [PAGE ...]` leaves pages out that
 DIR/commands.json holds already; `commands_page` makes a page of it.
@@ -14,21 +14,27 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
+from datetime import date
 from pathlib import Path
 
 from haustra.files import write_atomically
 from haustra.scripts.bench.machine import machine
 
 ROOT = Path(__file__).resolve().parents[3]
-PAGES = tuple(sorted([*(ROOT / "docs/how-to").glob("*.md"), *(ROOT / "docs/tutorials").glob("*.md")]))
+PAGES = (
+    ROOT / "README.md",
+    *sorted([*(ROOT / "docs/how-to").glob("*.md"), *(ROOT / "docs/tutorials").glob("*.md")]),
+)
 LEFT_OUT = {
-    r"insertion-gpu|runs/gpu|linear-gpu|--processes 16|backend=\"warp\"": "needs an NVIDIA GPU",
-    r"insertion-ppo|runs/ppo|insertion --start|cohort full": "takes hours on two cores",
-    r"^haustra drive|haptic|replay my-drive|export my-drive|replay by-follower": "needs a person at a browser",
+    r"insertion-gpu|runs/gpu|linear-gpu|--processes 16|backend=\"warp\"|--minutes": "needs an NVIDIA GPU",
+    r"runs/withdrawal": "needs a policy that is trained on an NVIDIA GPU",
+    r"insertion-ppo|runs/ppo|train --from-dem|cohort full": "takes hours on two cores",
+    r"^haustra drive|haptic|replay my-drive|export my-drive": "needs a person at a browser (tested in tests/envs/console)",
     r"patients=48|cohort quick .*--driver endoscopist \w": "a longer form of the command above it",
     r"labels\.nii\.gz": "another form of the command above it (tests/models/anatomy/test_label_map.py)",
-    r"^make demo": "tried by itself (README)",
+    r"^make demo": "tried by itself (tests/test_demo.py)",
+    r"^make test": "tried by itself at every change",
     r"my-study|sweeps/mine": "a study of the reader's own; the tutorial's stands for it",
 }
 """What is printed and not run here, and why, by pattern."""
@@ -51,6 +57,8 @@ class Ran:
     """Exit code; nothing where it was left out."""
     said: str
     """The end of what it printed, or why it was left out."""
+    date: str = field(default_factory=lambda: date.today().isoformat())
+    """Day on which it was tried."""
 
 
 def steps_of(page: str) -> Iterator[tuple[str, str]]:
@@ -62,6 +70,17 @@ def steps_of(page: str) -> Iterator[tuple[str, str]]:
         for line in re.sub(r"\\\n\s*", "", block or indented).splitlines():
             if said := re.split(r"\s#\s", line)[0].strip():
                 yield "sh", said
+
+
+def printed(page: Path) -> list[str]:
+    """What a page prints to be run: commands, and programs by their last lines."""
+    steps = steps_of(page.read_text(encoding="utf-8"))
+    return [shown(kind, step) for kind, step in steps if kind != "toml"]
+
+
+def shown(kind: str, step: str) -> str:
+    """A command, or the last line of a program."""
+    return step if kind == "sh" else step.strip().splitlines()[-1]
 
 
 def why_left_out(text: str) -> str | None:
@@ -112,28 +131,28 @@ def run_page(page: Path, folder: Path, *, colon: Path, data: Path | None) -> Ite
             mine = folder / ("stiffness.toml" if "stiffness.toml" in text else "mine.toml")
             mine.write_text(changed(mine.read_text(encoding="utf-8") if mine.exists() else "", step), encoding="utf-8")
             continue
-        shown = step if kind == "sh" else step.strip().splitlines()[-1]
+        what = shown(kind, step)
         if why := why_left_out(step):
-            yield Ran(page.name, shown, 0.0, None, why)
+            yield Ran(page.name, what, 0.0, None, why)
             continue
         command = ["bash", "-c", step]
         if kind == "python":
             (folder / f"program-{number}.py").write_text("\n".join([*known, step]), encoding="utf-8")
             known += definitions(step)
             command = [sys.executable, f"program-{number}.py"]
-        yield _ran(page.name, shown, command, folder)
+        yield _ran(page.name, what, command, folder)
 
 
-def _ran(page: str, shown: str, command: list[str], folder: Path) -> Ran:
+def _ran(page: str, what: str, command: list[str], folder: Path) -> Ran:
     began, around = time.monotonic(), {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
     try:
         done = subprocess.run(
             command, cwd=folder, env=around, capture_output=True, text=True, timeout=LONGEST, stdin=subprocess.DEVNULL
         )
     except subprocess.TimeoutExpired:
-        return Ran(page, shown, LONGEST, 124, "it had not ended by then")
+        return Ran(page, what, LONGEST, 124, "it had not ended by then")
     said = (done.stdout + done.stderr).strip()[-_TAIL:]
-    return Ran(page, shown, round(time.monotonic() - began, 1), done.returncode, said)
+    return Ran(page, what, round(time.monotonic() - began, 1), done.returncode, said)
 
 
 def main() -> int:
