@@ -36,6 +36,22 @@ def _written_without_checks() -> None:
 _written_without_checks()
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Bring compiled code before workers start: once a run."""
+    if not hasattr(config, "workerinput"):
+        from tests import kept_code
+
+        kept_code.bring()
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Keep it for the next checkout."""
+    if not hasattr(session.config, "workerinput"):
+        from tests import kept_code
+
+        kept_code.keep()
+
+
 @pytest.fixture(autouse=True)
 def _first_calls_are_checked() -> None:
     check_anew()

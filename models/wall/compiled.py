@@ -1085,7 +1085,12 @@ def loops() -> Loops:
     version = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
     def compiled(loop: Callable[..., Any]) -> Callable[..., Any]:
-        # Numba finds again what it has kept by the values that a function closes over.
-        return njit(lambda *given: loop(*given) if version else None, nogil=True, cache=True, error_model="numpy")
+        def entry(*given: Any) -> Any:
+            # Numba finds again what it has kept by the values that a function closes over.
+            return loop(*given) if version else None
+
+        # It keeps one index a name: processes that write the same one lose each other's entries.
+        entry.__name__ = entry.__qualname__ = loop.__name__
+        return njit(entry, nogil=True, cache=True, error_model="numpy")
 
     return Loops(*map(compiled, entries))

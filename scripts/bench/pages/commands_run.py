@@ -1,4 +1,6 @@
-"""Run every command and program of the README, tutorials and how-to pages as printed, a page a folder, and keep what came.
+"""Run every command and program of the README, tutorials and how-to pages as printed, a page a folder.
+
+What came of it is kept.
 
 `python -m haustra.scripts.bench.pages.commands_run DIR [--data FOLDER] [PAGE ...]` leaves pages out that
 DIR/commands.json holds already; `commands_page` makes a page of it.
@@ -30,7 +32,7 @@ LEFT_OUT = {
     r"insertion-gpu|runs/gpu|linear-gpu|--processes 16|backend=\"warp\"|--minutes": "needs an NVIDIA GPU",
     r"runs/withdrawal": "needs a policy that is trained on an NVIDIA GPU",
     r"insertion-ppo|runs/ppo|train --from-dem|cohort full": "takes hours on two cores",
-    r"^haustra drive|haptic|replay my-drive|export my-drive": "needs a person at a browser (tested in tests/envs/console)",
+    r"^haustra drive|haptic|replay my-drive|export my-drive": "needs a person at a browser (tests/envs/console)",
     r"patients=48|cohort quick .*--driver endoscopist \w": "a longer form of the command above it",
     r"labels\.nii\.gz": "another form of the command above it (tests/models/anatomy/test_label_map.py)",
     r"^make demo": "tried by itself (tests/test_demo.py)",

@@ -62,7 +62,7 @@ def test_a_page_runs_in_its_folder_and_tells_what_failed(tmp_path: Path) -> None
     given.mkdir()
     rows = list(run_page(page, tmp_path / "run", colon=given, data=None))
     assert [row.code for row in rows] == [0, 3, None, 0, 0]
-    assert rows[2].said == why_left_out(rows[2].what) == "needs a person at a browser (tested in tests/envs/console)"
+    assert rows[2].said == why_left_out(rows[2].what) == "needs a person at a browser (tests/envs/console)"
     assert (tmp_path / "run" / "helped").read_text(encoding="utf-8").startswith("Simulated colons")
     assert (tmp_path / "run" / "mine.toml").read_text(encoding="utf-8") == 'name = "mine"\n'
 
