@@ -34,8 +34,9 @@ demo: $(VENV)/.installed
 	@echo 'demo/fixed/report.html has the same colon held still, as a wall of convex pieces'
 
 # A process a core, up to four since each takes a gigabyte, and one thread for numpy's BLAS: on small matrices and two cores, more of them wait for each other far longer than they compute.
+# Each process goes on where it is, so that neighbours share what they set up, and takes of another's rest when it has none.
 test: lint types
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not thorough" --numprocesses auto --maxprocesses 4 $(PYTEST_ARGUMENTS)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not thorough" --numprocesses auto --maxprocesses 4 --dist worksteal $(PYTEST_ARGUMENTS)
 
 thorough: $(VENV)/.installed-dev
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m thorough --numprocesses auto --maxprocesses 4

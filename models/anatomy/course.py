@@ -3,11 +3,14 @@
 Axes as in DICOM patient coordinates: x to the patient's left, y to the back, z up; the anus is near the origin.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from functools import cache
+from inspect import unwrap
+from typing import Any, TypeAlias
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from haustra.errors import InvalidMeshError
@@ -273,58 +276,107 @@ def _relax(
     link = recipe.length / (len(home) - 1)
     sharpest = link**2 / np.maximum(BEND_MARGIN * recipe.flexure_radius, OUTER_MARGIN * outer)
     one, two = np.nonzero(np.triu(_across(outer)))
-    near = np.empty(0, int)
+    needed = outer[one] + outer[two]
+    near, (look, part, tighten) = np.empty(0, int), _compiled()
     for turn in range(ROUNDS):
         if turn < HOMING_SHARE * ROUNDS:
             points += HOMING * (1 - turn / (HOMING_SHARE * ROUNDS)) * (home.T - points)
         if turn % LOOK_ROUND == 0:
-            distance = _lengths(points[:, one] - points[:, two])
-            near = np.flatnonzero(distance < outer[one] + outer[two] + recipe.gap + LOOK_ROUND_ROOM)
-        points += _part(points, one[near], two[near], (outer[one] + outer[two])[near] + GAP_MARGIN * recipe.gap)
-        for _ in range(SWEEPS):
-            for stride in STRIDES:
-                points += _straighten(points, sharpest, stride)
-            points += _keep_links(points, link)
+            near = look(points, one, two, needed + recipe.gap + LOOK_ROUND_ROOM)
+        part(points, one[near], two[near], needed[near] + GAP_MARGIN * recipe.gap)
+        tighten(points, sharpest, link)
     return np.ascontiguousarray(points.T)
 
 
-def _lengths(vectors: Float[np.ndarray, "3 many"]) -> Float[np.ndarray, " many"]:
-    """Lengths of columns, added up in the order of `numpy.linalg.norm` over rows, to the last bit."""
-    squares = vectors * vectors
-    return np.sqrt(squares[0] + squares[1] + squares[2])
+@cache
+def _compiled() -> tuple[Callable[..., Any], ...]:
+    """Compile the loops below, or read what was compiled before.
+
+    Without liberties, so that sums keep their order: the same on every machine, to the last bit.
+    """
+    from numba import njit
+
+    loops: Any = _near, _parted, _tightened
+    return tuple(njit(unwrap(loop), nogil=True, cache=True) for loop in loops)
 
 
-def _straighten(points: np.ndarray, sharpest: np.ndarray, stride: int) -> np.ndarray:
-    """Move every point whose chord over `stride` links bulges more than its smallest radius allows."""
-    bulge = points[:, : -2 * stride] - 2 * points[:, stride:-stride] + points[:, 2 * stride :]
-    size = np.maximum(_lengths(bulge), 1e-12)
-    allowed = stride**2 * sharpest[stride:-stride]
-    excess = np.maximum(0.0, 1 - allowed / size) * bulge
-    move, half = np.zeros_like(points), 0.125 * excess
-    move[:, stride:-stride] += 0.25 * excess
-    move[:, : -2 * stride] -= half
-    move[:, 2 * stride :] -= half
-    return move
+def _near(
+    points: Float[np.ndarray, "3 points"],
+    one: Int[np.ndarray, " pairs"],
+    two: Int[np.ndarray, " pairs"],
+    reach: Float[np.ndarray, " pairs"],
+) -> Int[np.ndarray, " near"]:
+    """Which pairs are nearer to each other than they reach."""
+    found, count = np.empty(len(one), np.int64), 0
+    for pair in range(len(one)):
+        i, j = one[pair], two[pair]
+        x, y, z = points[0, i] - points[0, j], points[1, i] - points[1, j], points[2, i] - points[2, j]
+        if np.sqrt(x * x + y * y + z * z) < reach[pair]:
+            found[count] = pair
+            count += 1
+    return found[:count]
 
 
-def _part(points: np.ndarray, one: np.ndarray, two: np.ndarray, needed: np.ndarray) -> np.ndarray:
-    """Move apart the pairs that are nearer than needed; each point by the mean over its pairs."""
-    apart = points[:, one] - points[:, two]
-    distance = np.maximum(_lengths(apart), 1e-9)
-    overlap = np.maximum(0.0, needed - distance)
-    push = (overlap / distance) * apart
-    move, count = np.zeros_like(points), np.zeros(points.shape[1])
-    for index, sign in ((one, 1.0), (two, -1.0)):
-        count += np.bincount(index, weights=overlap > 0, minlength=len(count))
+def _tightened(points: Float[np.ndarray, "3 points"], sharpest: Float[np.ndarray, " points"], link: float) -> None:
+    """Bring bends and links to their bounds, in turn, by moving points in place.
+
+    Every point moves whose chord over some links bulges more than its smallest radius allows, and then those at the
+    ends of links that are too long or too short.
+    """
+    count = points.shape[1]
+    excess = np.zeros_like(points)
+    for _ in range(SWEEPS):
+        for stride in STRIDES:
+            for i in range(stride, count - stride):
+                x = points[0, i - stride] - 2 * points[0, i] + points[0, i + stride]
+                y = points[1, i - stride] - 2 * points[1, i] + points[1, i + stride]
+                z = points[2, i - stride] - 2 * points[2, i] + points[2, i + stride]
+                size = max(np.sqrt(x * x + y * y + z * z), 1e-12)
+                share = max(0.0, 1 - stride**2 * sharpest[i] / size)
+                excess[0, i], excess[1, i], excess[2, i] = share * x, share * y, share * z
+            for axis in range(3):
+                for i in range(count):
+                    move = 0.0
+                    if stride <= i < count - stride:
+                        move += 0.25 * excess[axis, i]
+                    if i < count - 2 * stride:
+                        move -= 0.125 * excess[axis, i + stride]
+                    if i >= 2 * stride:
+                        move -= 0.125 * excess[axis, i - stride]
+                    points[axis, i] += move
+        for i in range(count - 1):
+            x, y, z = points[0, i + 1] - points[0, i], points[1, i + 1] - points[1, i], points[2, i + 1] - points[2, i]
+            share = 0.5 * (1 - link / max(np.sqrt(x * x + y * y + z * z), 1e-9))
+            excess[0, i], excess[1, i], excess[2, i] = share * x, share * y, share * z
         for axis in range(3):
-            move[axis] += np.bincount(index, weights=sign * push[axis], minlength=len(count))
-    return 0.25 * move / np.maximum(count, 1)
+            for i in range(count):
+                move = 0.0
+                if i < count - 1:
+                    move += 0.5 * excess[axis, i]
+                if i > 0:
+                    move -= 0.5 * excess[axis, i - 1]
+                points[axis, i] += move
 
 
-def _keep_links(points: np.ndarray, link: float) -> np.ndarray:
-    step = points[:, 1:] - points[:, :-1]
-    pull = 0.5 * (1 - link / np.maximum(_lengths(step), 1e-9)) * step
-    move = np.zeros_like(points)
-    move[:, :-1] += 0.5 * pull
-    move[:, 1:] -= 0.5 * pull
-    return move
+def _parted(
+    points: Float[np.ndarray, "3 points"],
+    one: Int[np.ndarray, " pairs"],
+    two: Int[np.ndarray, " pairs"],
+    needed: Float[np.ndarray, " pairs"],
+) -> None:
+    """Move apart, in place, the pairs that are nearer than needed; each point by the mean over its pairs."""
+    away, back, count = np.zeros_like(points), np.zeros_like(points), np.zeros(points.shape[1])
+    for pair in range(len(one)):
+        i, j = one[pair], two[pair]
+        x, y, z = points[0, i] - points[0, j], points[1, i] - points[1, j], points[2, i] - points[2, j]
+        distance = max(np.sqrt(x * x + y * y + z * z), 1e-9)
+        overlap = needed[pair] - distance
+        if overlap > 0:
+            push = overlap / distance
+            away[0, i], away[1, i], away[2, i] = away[0, i] + push * x, away[1, i] + push * y, away[2, i] + push * z
+            back[0, j], back[1, j], back[2, j] = back[0, j] - push * x, back[1, j] - push * y, back[2, j] - push * z
+            count[i] += 1
+            count[j] += 1
+    for axis in range(3):
+        for i in range(points.shape[1]):
+            points[axis, i] += 0.25 * (away[axis, i] + back[axis, i]) / max(count[i], 1.0)
