@@ -1043,6 +1043,12 @@ def _add_springs(own: Any, world: int, shape: Any, couples: Any, pulled: Any, to
         _put_more(pulled, 0, i + 1, times(-1.0, pull))
 
 
+def _named(name: str, entry: Callable[..., Any]) -> Callable[..., Any]:
+    """Numba keeps one index a name: processes that write the same one lose each other's entries."""
+    entry.__name__ = entry.__qualname__ = name
+    return entry
+
+
 @cache
 def loops() -> Loops:
     """Compile, or read what was compiled before."""
@@ -1085,12 +1091,8 @@ def loops() -> Loops:
     version = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
     def compiled(loop: Callable[..., Any]) -> Callable[..., Any]:
-        def entry(*given: Any) -> Any:
-            # Numba finds again what it has kept by the values that a function closes over.
-            return loop(*given) if version else None
-
-        # It keeps one index a name: processes that write the same one lose each other's entries.
-        entry.__name__ = entry.__qualname__ = loop.__name__
+        # Numba finds again what it has kept by the values that a function closes over.
+        entry = _named(loop.__name__, lambda *given: loop(*given) if version else None)
         return njit(entry, nogil=True, cache=True, error_model="numpy")
 
     return Loops(*map(compiled, entries))

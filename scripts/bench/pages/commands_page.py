@@ -41,8 +41,9 @@ def commands_page(found: Mapping[str, Any]) -> str:
     numbers = {"count": len(rows), "run": len(rows) - left - failed, "failed": failed, "left": left}
     about = {key: found["machine"][key] for key in ("processor", "load")}
     pages, days = (sorted({row[key] for row in rows}) for key in ("page", "date"))
-    tried = {(row["page"], row["what"]) for row in rows}
-    missing = [f"`{what}` ({page.name})" for page in PAGES for what in printed(page) if (page.name, what) not in tried]
+    missing = [
+        each for page in PAGES for each in _missing(page, [row["what"] for row in rows if row["page"] == page.name])
+    ]
     about |= {
         "pages": _listed(pages),
         "dates": f"on {days[0]}" if len(days) == 1 else f"from {days[0]} to {days[-1]}",
@@ -54,6 +55,12 @@ def commands_page(found: Mapping[str, Any]) -> str:
         parts += [f"| `{row['what'].replace('|', chr(92) + '|')}` | {_came(row)} |" for row in own]
         parts.append("")
     return "\n".join(parts)
+
+
+def _missing(page: Path, tried: Sequence[str]) -> list[str]:
+    """What a page prints today and was not tried: all of it, or commands by name."""
+    said = [what for what in printed(page) if what not in tried]
+    return [page.name] if said and not tried else [f"`{what}` ({page.name})" for what in said]
 
 
 def _listed(names: Sequence[str]) -> str:
