@@ -105,7 +105,8 @@ def _verb(name: str) -> str:
     usage = " ".join([f"haustra {name}", *needed, "[options]" if len(needed) < len(actions) else ""]).rstrip()
     rows = "".join(f"| `{_name(action)}` | {_value(action)} | {_about(action)} |\n" for action in actions)
     about = _plain(parser.description or "")
-    return f"### haustra {name}\n\n{about}\n\n```text\n{usage}\n```\n\n| option | value | meaning |\n|---|---|---|\n{rows}"
+    table = f"| option | value | meaning |\n|---|---|---|\n{rows}"
+    return f"### haustra {name}\n\n{about}\n\n```text\n{usage}\n```\n\n{table}"
 
 
 def _name(action: Any) -> str:  # argparse's Action, of which tyro has a copy of its own
