@@ -347,13 +347,16 @@ def query_point(
 
 
 def nearest_arc(xp: Any, tables: Tables, step: Any, first: Any, count: Any, point: Vector, arc: Any) -> Any:
-    """Arc length of the centreline next to a point that was near `arc` at the last look [m]; as in `query_point`."""
+    """Arc length of the centreline next to a point that was near `arc` at the last look [m]; as in `query_point`.
+
+    Beyond the caecum's end there is none: who is pressed through the pole stands in the last cross-section.
+    """
     frames = tables.frames
     j, u = _cell(xp, step, first, count, arc)
     beside = xp.minimum(xp.maximum(u, 0.0), 1.0)
     tangent = between(_column(frames, j, 2), _column(frames, j + 1, 2), beside)
     ahead = dot(minus(point, _line(tables, j, u)), tangent) / xp.sqrt(dot(tangent, tangent))
-    return arc + xp.minimum(xp.maximum(ahead, -WINDOW), WINDOW)
+    return xp.minimum(arc + xp.minimum(xp.maximum(ahead, -WINDOW), WINDOW), step * (count - 1))
 
 
 def wall_beside(

@@ -215,6 +215,25 @@ def test_a_shaft_that_is_pulled_taut_across_a_loop_does_not_leave_it(threaded: b
         arcs = law.arcs
 
 
+def test_what_is_pressed_through_the_caecum_stays_at_the_colons_end() -> None:
+    """Beside a longer colon too: nodes that fill up the shorter one's axis lie metres away, and are no colon."""
+    parts = [[(0.1, 0.0), (0.1, 0.5), (0.1, 0.0)], [(0.1, 0.0), (0.1, 0.5), (0.2, 0.0)]]
+    colons = [swept_colon(winding(each), name=f"bend {number}") for number, each in enumerate(parts)]
+    made = [lumen_table(colon, device_radius=0.006, with_mesentery=True).tables for colon in colons]
+    walls, world = TableWalls(stack_tables(made), 1, 1, radius=0.006), np.zeros(1, int)
+    line = colons[0].centreline
+    assert line.length < 0.31 and walls.displacement is not None
+    walls.begin(world, world, np.full((1, 1), line.length - 0.01))
+    walls.displacement.pose[0, 31:, :3] = 0.003  # these have moved along with the end, or not
+    for beyond in np.linspace(-0.01, 0.02, 40):
+        walls.look(world, (line.points[-1] + beyond * line.frames[-1, :, 2])[None, None])
+        assert line.length - 0.02 < walls.arcs[0, 0] <= line.length + 1e-6
+        assert abs(walls.depth[0, 0]) < 0.03
+    for beyond in np.linspace(0.02, -0.01, 40):
+        walls.look(world, (line.points[-1] + beyond * line.frames[-1, :, 2])[None, None])
+    assert walls.arcs[0, 0] == pytest.approx(line.length - 0.01, abs=2e-3)
+
+
 @pytest.mark.parametrize("law", ["table", "planes", "pieces"])
 def test_links_bear_what_nodes_are_drawn_by(law: Any) -> None:
     """Natively, against any wall: generalised forces are the law's, by MuJoCo's Jacobians, and nodes give way."""
