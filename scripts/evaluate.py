@@ -11,12 +11,18 @@ from haustra.fields import number, span, texts, whole
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluate:
-    """Let drivers insert a scope into held-out grown colons, or yours; the same episodes for all; compare them."""
+    """Let drivers insert a scope, or drive another device, into held-out grown colons, or yours; compare them.
+
+    All have the same episodes.
+    """
 
     drivers: Annotated[tuple[str, ...], tyro.conf.Positional] = texts(least=1, most=100)
     """Folders of policies, or names: insertion, insertion-depth, insertion-colour and insertion-easy, which ship,
     random, push, pull, inspect (the last two for withdrawals), follower, endoscopist, who in withdrawals turns the tip
-    in circles."""
+    in circles. For other devices: policies trained for them, and own, the driver that each brings."""
+    device: str | None = None
+    """Device that is no scope, by name or TOML file: its episodes are those of haustra.envs.tasks.device_task. That of
+    the first policy, where it drives one, when not given."""
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
     """Folder for the table, the episodes and pictures; nothing is written when not given."""
     colons: int = whole(1, 1_000_000, default=80)
@@ -73,6 +79,11 @@ class Evaluate:
         from haustra.files import prepare_folder
         from haustra.scripts.console import progress_bar
 
+        device = self.device or self._first_driven()
+        if device is not None:
+            from haustra.scripts.evaluate_device import evaluate_any
+
+            return evaluate_any(self, device)
         found = [self._driver(name) for name in self.drivers]
         config = self._config(next((task for _, task in found if task), None))
         if config.task == "withdrawal":
@@ -105,6 +116,15 @@ class Evaluate:
         colons = [{"colons": one.by_colon()} if own else {} for one in done]
         rows = [_row(one.summary()) | _polyps(one, done) for one in done]
         return {one.driver: row | more for one, row, more in zip(done, rows, colons, strict=True)}
+
+    def _first_driven(self) -> str | None:
+        """Device of the first policy; None where that drives a scope, or is none."""
+        from haustra.envs.learning.policy import ABOUT, load_any_policy, policy_folder
+
+        for name in self.drivers:
+            if (policy_folder(name) / ABOUT).is_file() and (own := load_any_policy(policy_folder(name)).drives):
+                return own.device
+        return None
 
     def _write(self, folder: Path, done: list[Any], config: Any, bank: Any, backend: str) -> None:
         from haustra.envs.learning.figures import draw_evaluations

@@ -72,7 +72,8 @@ class Run:
     driver: str = "follower"
     """Name of who drives a scope: the lumen follower, which knows wall forces (follower), one that works as
     endoscopists do, from what they sense (endoscopist), either by a TOML file of settings, or a policy, by the name of
-    one that ships or by its folder.
+    one that ships or by its folder. Other devices bring a driver of their own, or are driven by the folder of a policy
+    that was trained for them.
     What an endoscopist asks of an assistant is left undone here: --posture and --pressed set it."""
     seed: int = whole(0, 2**31 - 1, default=0)
     """Seed of the actions that a policy draws, as it did in training."""
@@ -132,11 +133,14 @@ class Run:
         from haustra.scripts.wall import wall_bar
 
         policy = find_policy(self.driver)
-        device = load_device(self.device or (policy.config.design if policy else "adult"))
+        driven = None if policy is None else (policy.drives.device if policy.drives else policy.config.design)
+        device = load_device(self.device or driven or "adult")
         if not isinstance(device, Scope):
             from haustra.scripts.run_device import run_any
 
-            return run_any(self, device)
+            return run_any(self, device, policy)
+        if policy is not None and policy.drives is not None:
+            raise InvalidOptionError(f"The policy '{self.driver}' drives '{policy.drives.device}', not a scope.")
         if self.start is not None:
             raise InvalidOptionError("A scope starts at the anus: leave --start out.")
         design = device.design

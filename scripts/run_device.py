@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 from haustra.errors import InvalidOptionError
 
 if TYPE_CHECKING:
+    from haustra.envs.learning.policy import MlpPolicy
+    from haustra.models.anatomy.colon import Colon
     from haustra.models.devices.base import Device
 
 _ALWAYS = ("colon", "output", "device", "seconds", "friction", "fixed", "wall", "error", "film", "json")
@@ -26,8 +28,8 @@ _PATIENT = (
 """Options of `haustra run` that all devices honour; `start` is honoured by those that stand in the colon."""
 
 
-def run_any(asked: Any, device: "Device") -> dict[str, Any]:
-    """Run any device by its own driver and write the folder; `asked` is a `haustra.scripts.run.Run`.
+def run_any(asked: Any, device: "Device", policy: "MlpPolicy | None" = None) -> dict[str, Any]:
+    """Run any device, by its own driver or a policy, and write the folder; `asked` is a `haustra.scripts.run.Run`.
 
     Raises:
         InvalidOptionError: naming an option that this device does not honour.
@@ -43,16 +45,17 @@ def run_any(asked: Any, device: "Device") -> dict[str, Any]:
     from haustra.scripts.console import progress_bar
     from haustra.scripts.wall import wall_bar
 
-    stands = "start_depth" in device.usual
-    _require_honoured(asked, device, (*_ALWAYS, *_TABLE, *_PATIENT, *(("start",) if stands else ())))
+    stands, learned = "start_depth" in device.usual, () if policy is None else ("driver",)
+    _require_honoured(asked, device, (*_ALWAYS, *_TABLE, *_PATIENT, *(("start",) if stands else ()), *learned))
     changed = {name: value for name in ("friction", *_TABLE) if (value := getattr(asked, name)) is not None}
     changed |= asked.patient_options()
     changed["mesentery"] = not asked.fixed
     if asked.start is not None:
         changed["start_depth"] = asked.start
     options = device_options(device, **changed)
-    colon, folder = load_colon(asked.colon), prepare_folder(asked.output)
-    wall = None
+    colon = load_colon(asked.colon)
+    by = {} if policy is None else {"driver": asked.driver, "pilot": _pilot(policy, device, colon)}
+    folder, wall = prepare_folder(asked.output), None
     if options.wall_law == "pieces":
         with wall_bar() as tell_wall:
             wall = wall_of(asked.colon, colon, asked.wall, progress=tell_wall)
@@ -63,7 +66,7 @@ def run_any(asked: Any, device: "Device") -> dict[str, Any]:
             def tell(time: float, arc: float) -> None:
                 advance(time, f"tip at {arc:.2f} m")
 
-            return run_device(device, colon, options, seconds=asked.seconds, wall=wall, progress=tell)
+            return run_device(device, colon, options, seconds=asked.seconds, wall=wall, progress=tell, **by)
 
     run, error = drive("simulate", options), None
     if asked.error:
@@ -73,6 +76,13 @@ def run_any(asked: Any, device: "Device") -> dict[str, Any]:
     with progress_bar("film", 1, unit="films") as advance:
         tell = lambda done, total: advance(done / total, f"{done} of {total} pictures")  # noqa: E731
         return write_device_run(folder, colon=colon, run=run, error=error, film=tell)
+
+
+def _pilot(policy: "MlpPolicy", device: "Device", colon: "Colon") -> Any:
+    """The policy for runs in that colon."""
+    from haustra.envs.learning.pilot import Pilot
+
+    return Pilot(policy, device, length=colon.centreline.length)
 
 
 def _require_honoured(asked: Any, device: "Device", honoured: tuple[str, ...]) -> None:

@@ -9,12 +9,12 @@ import numpy as np
 from stable_baselines3 import PPO
 
 from haustra.envs.tasks.config import TaskConfig, Weights
-from haustra.envs.tasks.sb3 import ScopeVecEnv
+from haustra.envs.tasks.sb3 import TaskVecEnv
 from haustra.envs.tasks.scope_task import ScopeTask
 
 config = TaskConfig(seeds=(0, 2), difficulty="easy", observation="state", weights=Weights(advance=100.0))
 task = ScopeTask(config, worlds=8, threads=2, backend="linear")
-model = PPO("MlpPolicy", ScopeVecEnv(task), n_steps=128, batch_size=256, learning_rate=1e-3, seed=0)
+model = PPO("MlpPolicy", TaskVecEnv(task), n_steps=128, batch_size=256, learning_rate=1e-3, seed=0)
 means = []
 for _ in range(8):
     model.learn(total_timesteps=8 * 128, reset_num_timesteps=False)

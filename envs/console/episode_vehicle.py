@@ -18,7 +18,8 @@ from haustra.envs.tasks.actions import ACTIONS
 from haustra.envs.tasks.bank import ColonSet, folder_bank
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.drivers import FollowerDriver
-from haustra.envs.tasks.scope_task import ScopeTask, Step
+from haustra.envs.tasks.scope_task import ScopeTask
+from haustra.envs.tasks.step import Step
 from haustra.envs.view.picture.lens import lens_of
 from haustra.models.anatomy.store import load_colon
 from haustra.models.devices.scope.library import named_design

@@ -13,7 +13,11 @@ from haustra.files import write_atomically
 
 EPISODE = ("return", "progress", "reached", "perforated", "seconds", "p_perforation", "pain")
 """What is noted of an episode that has ended."""
-COLUMNS = ("steps", "episodes", *EPISODE)
+DEVICE_EPISODE = tuple(name for name in EPISODE if name != "pain")
+"""The same of devices other than scopes, whose episodes keep no account of pain."""
+_ROW = ("steps", "episodes")
+COLUMNS = (*_ROW, *EPISODE)
+"""Columns of a scope's curve."""
 _MOST_BINS = 40
 """Largest number of bins in a common grid of steps: finer bins show the chance of single episodes."""
 
@@ -32,14 +36,14 @@ def begin_rows(path: Path, columns: Sequence[str], *, steps: int) -> None:
 class Curve:
     """Means over the episodes that ended lately, row by row."""
 
-    def __init__(self, path: Path, *, steps: int, episodes_a_row: int = 16) -> None:
+    def __init__(self, path: Path, *, steps: int, episodes_a_row: int = 16, episode: Sequence[str] = EPISODE) -> None:
         """Go on with the file after so many steps; a row is written once that many episodes have ended."""
-        self._path, self._enough = path, episodes_a_row
+        self._path, self._enough, self.episode = path, episodes_a_row, episode
         self._recent: list[Sequence[float]] = []
-        begin_rows(path, COLUMNS, steps=steps)
+        begin_rows(path, (*_ROW, *episode), steps=steps)
 
     def add(self, steps: int, ended: Sequence[Sequence[float]]) -> dict[str, float]:
-        """Note episodes that have ended after `steps`, each as `EPISODE`; with none, write what is left.
+        """Note episodes that have ended after `steps`, each as `episode`; with none, write what is left.
 
         Returns:
             The means of the row, where so many have ended; else nothing.
@@ -52,7 +56,7 @@ class Curve:
         with self._path.open("a", encoding="utf-8", newline="") as file:
             csv.writer(file).writerow([steps, len(self._recent), *(f"{value:.5g}" for value in means)])
         self._recent = []
-        return dict(zip(EPISODE, means.tolist(), strict=True)) if enough else {}
+        return dict(zip(self.episode, means.tolist(), strict=True)) if enough else {}
 
     def last(self) -> dict[str, float]:
         """Return, progress and share that reached the end, of the last row."""
@@ -60,7 +64,7 @@ class Curve:
             rows = list(csv.DictReader(file))
         if not rows:
             return {}
-        return {f"last_{name}": float(rows[-1][name]) for name in EPISODE}
+        return {f"last_{name}": float(rows[-1][name]) for name in self.episode}
 
 
 def read_curve(path: Path) -> dict[str, np.ndarray]:
@@ -72,14 +76,15 @@ def read_curve(path: Path) -> dict[str, np.ndarray]:
     try:
         with path.open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
-        table = np.array([[float(row[name]) for name in COLUMNS] for row in rows]).reshape(-1, len(COLUMNS))
+        names = (*_ROW, *(EPISODE if rows and "pain" in rows[0] else DEVICE_EPISODE))
+        table = np.array([[float(row[name]) for name in names] for row in rows]).reshape(-1, len(names))
     except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
         raise UnreadableFileError(f"'{path}' is no learning curve ({error}): name the folder of a training.") from error
     if len(table) == 0:
         raise UnreadableFileError(f"'{path}' has no rows yet: no episode of that training has ended.")
     if not np.isfinite(table).all() or (np.diff(table[:, 0]) < 0).any() or (table[:, 1] < 1).any():
         raise UnreadableFileError(f"'{path}' is no learning curve (its rows do not follow each other).")
-    return dict(zip(COLUMNS, table.T, strict=True))
+    return dict(zip(names, table.T, strict=True))
 
 
 @dataclass(frozen=True)
@@ -104,8 +109,8 @@ def seed_curves(curves: Sequence[dict[str, np.ndarray]]) -> SeedCurves:
     ends = min(one["steps"][-1] for one in curves) * np.arange(1, count + 1) / count
     columns = {
         name: np.stack([_binned(one["steps"], one[name], one["episodes"], ends) for one in curves])
-        for name in COLUMNS
-        if name not in ("steps", "episodes")
+        for name in curves[0]
+        if name not in _ROW
     }
     return SeedCurves(ends, columns)
 

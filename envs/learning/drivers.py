@@ -5,7 +5,6 @@ from jaxtyping import Bool, Float
 
 from haustra.envs.learning.policy import MlpPolicy
 from haustra.envs.learning.recall import Recall
-from haustra.envs.tasks.actions import actions_of
 from haustra.envs.tasks.observation import LUMEN_SIZE, Observation, flat, sizes
 from haustra.errors import InvalidOptionError
 
@@ -26,8 +25,8 @@ class PolicyDriver:
         if blind and policy.eyes is None and "lumen" not in sizes(policy.config):
             raise InvalidOptionError("The policy does not look for the lumen: leave `blind` out.")
         self._random = np.random.default_rng(seed) if sampled else None
-        self._recall = Recall(np, policy.recalls, policy.config.drive.control_interval)
-        self._action, self._begins = np.zeros((1, len(actions_of(policy.config)))), np.ones(1, bool)
+        self._recall = Recall(np, policy.recalls, policy.interval)
+        self._action, self._begins = np.zeros((1, policy.widths[1])), np.ones(1, bool)
 
     def begin(self, worlds: Bool[np.ndarray, " worlds"]) -> None:
         """Nothing of before is remembered there."""

@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from haustra.envs.learning.curve import SeedCurves
 from haustra.envs.learning.evaluate import Evaluation
+from haustra.envs.learning.evaluate_device import DeviceEvaluation
 from haustra.files import prepare_folder, write_atomically
 
 _LONGEST = 32
@@ -15,25 +17,43 @@ _LONGEST = 32
 
 def draw_evaluations(evaluations: Sequence[Evaluation], path: Path) -> Path:
     """Completion with intervals, how far each episode came, and peak forces, driver by driver."""
+    drawn = []
+    for one in evaluations:
+        found, names = one.summary(), ("completion", "safe_completion")
+        shares = {name: (found[name], found[f"{name}_bootstrap"] or found[f"{name}_wilson"]) for name in names}
+        drawn.append((one, shares))
+    return _draw(drawn, "peak wall force on a link [N]", path)
+
+
+def draw_device_evaluations(evaluations: Sequence[DeviceEvaluation], path: Path) -> Path:
+    """The same of drivers of another device."""
+    drawn = []
+    for one in evaluations:
+        found, names = one.summary(), ("reached", "progress")
+        shares = {name: (found[name], found.get(f"{name}_bootstrap", [found[name]] * 2)) for name in names}
+        drawn.append((one, shares))
+    return _draw(drawn, "peak wall force on a body [N]", path)
+
+
+def _draw(drawn: Sequence[tuple[Any, dict[str, tuple[float, Sequence[float]]]]], force_label: str, path: Path) -> Path:
+    """Evaluations, each with its shares and their intervals, by name."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10, 3.2), layout="constrained")
-    shares, ways, forces = figure.subplots(1, 3)
-    for row, one in enumerate(evaluations):
-        found = one.summary()
-        for shift, name, mark in ((-0.1, "completion", "o"), (0.1, "safe_completion", "s")):
-            low, high = found[f"{name}_bootstrap"] or found[f"{name}_wilson"]
-            shares.plot([low, high], [row + shift] * 2, color="grey")
-            shares.plot(found[name], row + shift, mark, color="tab:blue", label=name if row == 0 else None)
+    panel, ways, forces = figure.subplots(1, 3)
+    for row, (one, shares) in enumerate(drawn):
+        for shift, mark, (name, (share, interval)) in zip((-0.1, 0.1), "os", shares.items(), strict=True):
+            panel.plot(interval, [row + shift] * 2, color="grey")
+            panel.plot(share, row + shift, mark, color="tab:blue", label=name if row == 0 else None)
         way = np.sort([episode.progress for episode in one.episodes])
         ways.plot(way, np.linspace(0, 1, len(way)), label=_label(one.driver))
         force = np.sort([episode.peak_force_N for episode in one.episodes])
         forces.plot(force, np.linspace(0, 1, len(force)), label=_label(one.driver))
-    shares.set_yticks(range(len(evaluations)), [_label(one.driver) for one in evaluations])
-    shares.set(xlim=(-0.02, 1.02), xlabel="share of episodes")
-    shares.legend(fontsize="small")
+    panel.set_yticks(range(len(drawn)), [_label(one.driver) for one, _ in drawn])
+    panel.set(xlim=(-0.02, 1.02), xlabel="share of episodes")
+    panel.legend(fontsize="small")
     ways.set(xlabel="share of the way", ylabel="share of episodes below")
-    forces.set(xlabel="peak wall force on a link [N]")
+    forces.set(xlabel=force_label)
     ways.legend(fontsize="small")
     return write_atomically(path, lambda temporary: figure.savefig(temporary, dpi=120))
 

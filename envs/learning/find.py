@@ -4,13 +4,13 @@ from pathlib import Path
 
 from haustra.envs.control.laws import DRIVERS
 from haustra.envs.learning.hands import PolicySettings
-from haustra.envs.learning.policy import ABOUT, SHIPPED_POLICIES, WEIGHTS, MlpPolicy, load_policy, policy_folder
+from haustra.envs.learning.policy import ABOUT, SHIPPED_POLICIES, WEIGHTS, MlpPolicy, load_any_policy, policy_folder
 from haustra.errors import InvalidOptionError
 from haustra.provenance import file_hash
 
 
 def find_policy(name: str) -> MlpPolicy | None:
-    """The policy that a driver's name stands for; None where a law drives.
+    """The policy that a driver's name stands for, of a scope or another device; None where a law drives.
 
     Raises:
         InvalidOptionError: when there is no such driver.
@@ -23,7 +23,7 @@ def find_policy(name: str) -> MlpPolicy | None:
         raise InvalidOptionError(
             f"Driver '{name}' is not known. Known: {known}, a TOML file, or the folder of a policy."
         )
-    return load_policy(policy_folder(name))
+    return load_any_policy(policy_folder(name))
 
 
 def policy_settings(name: str, policy: MlpPolicy, *, seed: int = 0) -> PolicySettings:

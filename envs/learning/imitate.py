@@ -2,6 +2,7 @@
 
 Ross 2011, "A reduction of imitation learning and structured prediction to no-regret online learning". The follower
 knows the centreline and all wall forces; the policy sees what a device could see, and learns to do as well with that.
+Other devices than scopes are taught by the driver that each brings.
 """
 
 from collections.abc import Callable
@@ -10,7 +11,8 @@ import numpy as np
 import torch
 
 from haustra.envs.tasks import observation as seen_by
-from haustra.envs.tasks.drivers import FollowerDriver
+from haustra.envs.tasks.device_task import DeviceTask
+from haustra.envs.tasks.drivers import FollowerDriver, OwnDriver
 from haustra.envs.tasks.scope_task import ScopeTask
 
 _ROUNDS = 8
@@ -22,14 +24,14 @@ _BATCH = 512
 def imitate(
     mean_action: Callable[[torch.Tensor], torch.Tensor],
     parameters: list[torch.nn.Parameter],
-    task: ScopeTask,
+    task: ScopeTask | DeviceTask,
     *,
     steps: int,
     seed: int,
     learning_rate: float = 1e-3,
     progress: Callable[[int, float], None] = lambda done, loss: None,
 ) -> float:
-    """Fit a policy to the follower's actions on the states that the policy itself comes to.
+    """Fit a policy to its teacher's actions on the states that the policy itself comes to.
 
     Args:
         mean_action: the policy: flat observations to actions.
@@ -46,7 +48,7 @@ def imitate(
     optimiser = torch.optim.Adam(parameters, lr=learning_rate)
     random = np.random.default_rng(seed)
     seen = task.reset(seeds=[seed + world for world in range(task.worlds)])
-    teacher = FollowerDriver(task)
+    teacher = OwnDriver(task) if isinstance(task, DeviceTask) else FollowerDriver(task)
     teacher.begin(np.ones(task.worlds, bool))
     views: list[np.ndarray] = []
     answers: list[np.ndarray] = []

@@ -15,6 +15,7 @@ from haustra.envs.learning.policy import MlpPolicy
 from haustra.envs.learning.schedule import LEAST_DEVIATION
 from haustra.envs.learning.settings import Training
 from haustra.envs.tasks.actions import ACTIONS
+from haustra.envs.tasks.device_task import DeviceTask
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import UnsupportedSceneError
 
@@ -90,13 +91,14 @@ def policy_of(model: Any, training: Training, about: dict[str, Any], worlds: Any
         activation="tanh" if training.algorithm == "ppo" else "relu",
         squashed=training.algorithm == "sac",
         config=training.task_then,
+        drives=training.drives,
         about=about,
         deviation=model.policy.log_std.detach().exp().cpu().numpy() if training.algorithm == "ppo" else None,
     )
 
 
-def warm_up(model: Any, training: Training, task: ScopeTask, progress: Any) -> None:
-    """Learn from the follower, or from demonstrations, before learning from reward."""
+def warm_up(model: Any, training: Training, task: ScopeTask | DeviceTask, progress: Any) -> None:
+    """Learn from who drives by rule, or from demonstrations, before learning from reward."""
     device = model.device
     if training.algorithm == "ppo":
         policy = model.policy
@@ -126,7 +128,7 @@ def warm_up(model: Any, training: Training, task: ScopeTask, progress: Any) -> N
         task,
         steps=training.imitate,
         seed=training.seed,
-        progress=lambda done, loss: progress(0, f"learning from the follower: {done} steps, error {loss:.3f}"),
+        progress=lambda done, loss: progress(0, f"learning from who drives by rule: {done} steps, error {loss:.3f}"),
     )
 
 

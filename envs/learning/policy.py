@@ -13,8 +13,10 @@ from haustra.envs.learning.recall import recalled_width
 from haustra.envs.tasks import observation as seen_by
 from haustra.envs.tasks.actions import actions_of
 from haustra.envs.tasks.config import TaskConfig
+from haustra.envs.tasks.device_task import DeviceRules, entries_of
 from haustra.errors import HaustraError, InvalidOptionError, UnreadableFileError
 from haustra.files import prepare_folder, write_atomically, write_json
+from haustra.models.devices.base import load_device
 from haustra.reading import read_document
 
 WEIGHTS, ABOUT = "policy.safetensors", "policy.json"
@@ -38,7 +40,9 @@ class MlpPolicy:
     squashed: bool
     """The last layer goes through tanh (SAC); otherwise it is clipped to -1 .. 1 (PPO)."""
     config: TaskConfig
-    """What it was trained on."""
+    """What it was trained on, where it drives a scope."""
+    drives: DeviceRules | None = None
+    """What it was trained on, where it drives another device; then `config` says nothing."""
     about: dict[str, Any] = field(default_factory=dict)
     """How it was trained: JSON values."""
     deviation: Float[np.ndarray, " actions"] | None = None
@@ -47,6 +51,26 @@ class MlpPolicy:
     """Times within which its own running means forget by 1/e [s] (`haustra.envs.learning.recall`); none without."""
     eyes: Eyes | None = None
     """What makes of pictures in colour what the layers read; the layers read what is shown when None."""
+
+    @property
+    def interval(self) -> float:
+        """Time between two of its actions [s]."""
+        return self.config.drive.control_interval if self.drives is None else self.drives.control_interval
+
+    @property
+    def widths(self) -> tuple[int, int]:
+        """How many numbers its layers read of what is shown, and how many actions it has.
+
+        Raises:
+            InvalidDesignError: when the device that it drives is not known.
+        """
+        if self.drives is not None:
+            device = load_device(self.drives.device)
+            return entries_of(device), len(device.controls)
+        if self.eyes is not None:
+            return seen_by.LUMEN_SIZE, len(actions_of(self.config))
+        sizes = seen_by.sizes(self.config).values()
+        return sum(int(np.prod(shape)) for shape in sizes), len(actions_of(self.config))
 
     def shown(self, seen: seen_by.Observation) -> Float[np.ndarray, "worlds entries"]:
         """What is read of what all worlds see."""
@@ -97,7 +121,7 @@ def save_policy(folder: Path, policy: MlpPolicy) -> Path:
         "activation": policy.activation,
         "squashed": policy.squashed,
         "recalls": list(policy.recalls),
-        "task": policy.config.to_json(),
+        **({"task": policy.config.to_json()} if policy.drives is None else {"drives": policy.drives.to_json()}),
         "about": policy.about,
     }
     write_json(folder / ABOUT, document)
@@ -110,10 +134,23 @@ def policy_folder(name: str) -> Path:
 
 
 def load_policy(folder: Path) -> MlpPolicy:
-    """Read a policy; nothing in the files is run.
+    """Read a policy that drives a scope; nothing in the files is run.
 
     Raises:
         UnreadableFileError: when there is none, or its layers do not fit each other or the task.
+        InvalidOptionError: when it drives another device.
+    """
+    policy = load_any_policy(folder)
+    if policy.drives is not None:
+        raise InvalidOptionError(f"The policy in '{folder}' drives '{policy.drives.device}': name one for a scope.")
+    return policy
+
+
+def load_any_policy(folder: Path) -> MlpPolicy:
+    """Read a policy for a scope or another device; nothing in the files is run.
+
+    Raises:
+        UnreadableFileError: when there is none, or its layers do not fit each other or what it drives.
     """
     from safetensors import SafetensorError
     from safetensors.numpy import load
@@ -129,7 +166,8 @@ def load_policy(folder: Path) -> MlpPolicy:
             biases=tuple(arrays[f"{layer}.bias"] for layer in layers),
             activation=str(document["activation"]),
             squashed=bool(document["squashed"]),
-            config=TaskConfig.from_json(document["task"]),
+            config=TaskConfig() if "drives" in document else TaskConfig.from_json(document["task"]),
+            drives=DeviceRules.from_json(document["drives"]) if "drives" in document else None,
             about=dict(document["about"]),
             deviation=arrays.get("deviation"),
             recalls=_times(document["recalls"]),
@@ -159,17 +197,16 @@ def _times(values: Any) -> tuple[float, ...]:
 
 
 def _fits(policy: MlpPolicy) -> bool:
-    sizes, eyes = seen_by.sizes(policy.config), policy.eyes
-    if eyes is not None and (set(sizes) != {"pixels"} or not eyes.fits(policy.config.picture_size)):
+    eyes, (seen, actions) = policy.eyes, policy.widths
+    sees = set(seen_by.sizes(policy.config)) if policy.drives is None else set()
+    if eyes is not None and (sees != {"pixels"} or not eyes.fits(policy.config.picture_size)):
         return False
-    seen = sum(int(np.prod(shape)) for shape in sizes.values()) if eyes is None else seen_by.LUMEN_SIZE
-    own = recalled_width(seen, len(actions_of(policy.config)), len(policy.recalls))
+    own = recalled_width(seen, actions, len(policy.recalls))
     widths = [own, *(len(bias) for bias in policy.biases)]
     shaped = all(
         weight.shape == (after, before)
         for weight, before, after in zip(policy.weights, widths[:-1], widths[1:], strict=True)
     )
-    actions = len(actions_of(policy.config))
     spread = np.ones(actions) if policy.deviation is None else policy.deviation
     finite = all(np.isfinite(array).all() for array in (*policy.weights, *policy.biases, spread))
     finite = finite and all(0 < time < np.inf for time in policy.recalls)

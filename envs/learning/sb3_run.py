@@ -12,13 +12,13 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.utils import set_random_seed
 
 from haustra.envs.learning.checkpoint import restore, save_checkpoint
-from haustra.envs.learning.curve import EPISODE
 from haustra.envs.learning.models import build_model, hold_actor, normalised, policy_of, warm_up
 from haustra.envs.learning.policy import save_policy
 from haustra.envs.learning.sb3_state import buffer_of, packed, refill, unpack
 from haustra.envs.learning.schedule import SAVE_EVERY, curve_of, learning_rate, made_by, perforation_force
 from haustra.envs.learning.settings import Training
-from haustra.envs.tasks.sb3 import ScopeVecEnv
+from haustra.envs.tasks.device_task import DeviceTask
+from haustra.envs.tasks.sb3 import TaskVecEnv
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.files import write_json
 
@@ -33,13 +33,13 @@ class Sb3Run:
         self,
         training: Training,
         folder: Path,
-        task: ScopeTask,
+        task: ScopeTask | DeviceTask,
         document: dict[str, Any] | None,
         tensorboard: bool,
         progress: Progress,
     ) -> None:
         self.training, self.folder, self.task, self.progress = training, folder, task, progress
-        worlds = ScopeVecEnv(task, flat=True, stagger=training.stagger)
+        worlds = TaskVecEnv(task, flat=True, stagger=training.stagger)
         self.normaliser = normalised(training, worlds)
         self.worlds = self.normaliser or worlds
         set_random_seed(training.seed)
@@ -99,7 +99,8 @@ class Sb3Run:
 
     def ease(self) -> None:
         """Set the perforation limit of the episodes that begin from now on."""
-        self.task.bears = perforation_force(self.training, self.model.num_timesteps)
+        if isinstance(self.task, ScopeTask):
+            self.task.bears = perforation_force(self.training, self.model.num_timesteps)
 
     def _restore(self, document: dict[str, Any]) -> Callable[[dict[str, torch.Tensor], Path], None]:
         def take(tensors: dict[str, torch.Tensor], buffer: Path) -> None:
@@ -144,7 +145,7 @@ class _Watch(BaseCallback):
     def _on_step(self) -> bool:
         ended = [info for info in self.locals["infos"] if "episode" in info]
         if ended:
-            self._run.curve.add(self.num_timesteps, [_row(info) for info in ended])
+            self._run.curve.add(self.num_timesteps, [self._row(info) for info in ended])
             best = np.mean([info["progress"] for info in ended])
             self._run.progress(self.num_timesteps, f"progress {best:.2f}")
         elif self.n_calls % 20 == 0:
@@ -154,8 +155,7 @@ class _Watch(BaseCallback):
     def _on_training_end(self) -> None:
         self._run.curve.add(self.num_timesteps, [])
 
-
-def _row(info: dict[str, Any]) -> list[float]:
-    """An episode that has ended, as `haustra.envs.learning.curve.EPISODE`."""
-    named = {"return": info["episode"]["r"], "seconds": info["time"]}
-    return [float(named[name] if name in named else info[name]) for name in EPISODE]
+    def _row(self, info: dict[str, Any]) -> list[float]:
+        """An episode that has ended, as the curve has it."""
+        named = {"return": info["episode"]["r"], "seconds": info["time"]}
+        return [float(named[name] if name in named else info[name]) for name in self._run.curve.episode]

@@ -5,8 +5,10 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from haustra.assets import asset
+from haustra.envs.sim.device_worlds import NAMES as BACKENDS_OF_DEVICES
 from haustra.envs.sim.load import NAMES
 from haustra.envs.tasks.config import Drive, TaskConfig
+from haustra.envs.tasks.device_task import DeviceRules
 from haustra.envs.tasks.observation import IN_BYTES, sizes
 from haustra.errors import InvalidOptionError
 from haustra.fields import Number, choice, number, read_fields, require_declared, several, vector, whole
@@ -113,9 +115,14 @@ class Training:
     driven: Drive | None = None
     """How the policy drives once it is trained, with a gentler hand than it learned with; as in training when None."""
     task: TaskConfig = field(default_factory=TaskConfig)
+    """What a scope is to do."""
+    drives: DeviceRules | None = None
+    """Any device that is driven by its declared controls in place of a scope: `task` is not read then."""
 
     def __post_init__(self) -> None:
         require_declared(self)
+        if self.drives is not None:
+            self._require_drives()
         if self.learner == "device":
             self._require_device()
         elif self.learner == "eyes":
@@ -132,6 +139,15 @@ class Training:
         if self.ease and self.ease[0] < self.task.limits.perforation_force:
             raise InvalidOptionError(
                 f"ease is {self.ease}: give at least the task's limit, {self.task.limits.perforation_force:g} N."
+            )
+
+    def _require_drives(self) -> None:
+        """Refuse what only scopes have."""
+        given = [name for name in _OF_SCOPES if getattr(self, name) != getattr(Training, name)]
+        if self.learner != "sb3" or self.backend not in BACKENDS_OF_DEVICES or self.task != TaskConfig() or given:
+            raise InvalidOptionError(
+                "A training that drives another device than a scope is for the learner 'sb3' on the backends "
+                f"{' and '.join(BACKENDS_OF_DEVICES)}, without {', '.join(('task', *_OF_SCOPES))}: set these."
             )
 
     def _require_device(self) -> None:
@@ -188,6 +204,8 @@ class Training:
         return read_fields(cls, values)
 
 
+_OF_SCOPES = ("demonstrations", "ease", "stagger", "first_push", "driven")
+"""What a training of another device cannot have."""
 _ON_DEVICE = (
     *("trace", "start", "critic_knows", "recalls"),
     *("most_p_perforation", "most_pain", "prices", "price_rate", "least_reached"),

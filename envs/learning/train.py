@@ -10,6 +10,7 @@ import torch
 from haustra.envs.learning.checkpoint import load_checkpoint
 from haustra.envs.learning.settings import Training
 from haustra.envs.tasks.bank import ColonSet, grown_bank
+from haustra.envs.tasks.device_task import DeviceTask
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.errors import InvalidOptionError
 from haustra.files import prepare_folder
@@ -66,26 +67,37 @@ def train(
         training = Training.from_json(document["training"] | {"steps": max(steps, int(document["steps_done"]))})
     elif (folder / "checkpoint.json").exists():
         raise InvalidOptionError(f"'{folder}' holds a training run: go on with --resume, or name another folder.")
-    own = training.task
+    task = _task(training, bank, threads, processes, progress)
+    try:
+        if isinstance(task, DeviceTask) or training.learner == "sb3":
+            from haustra.envs.learning.sb3_run import Sb3Run
+
+            return Sb3Run(training, folder, task, document, tensorboard, progress).go(deadline)
+        if training.learner == "device":
+            from haustra.envs.learning.device_run import DeviceRun
+
+            return DeviceRun(training, folder, task, document, progress).go(deadline)
+        from haustra.envs.learning.eyes_run import EyesRun
+
+        return EyesRun(training, folder, task, document, progress).go(deadline)
+    finally:
+        task.close()
+
+
+def _task(
+    training: Training, bank: ColonSet | None, threads: int, processes: int, progress: Progress
+) -> ScopeTask | DeviceTask:
+    """The worlds: a scope's in the bank, or another device's in its colons; grown from the task's seeds when None."""
+    drives, own = training.drives, training.task
+    seeds = own.seeds if drives is None else drives.seeds
     bank = bank or grown_bank(
-        range(*own.seeds),
+        range(*seeds),
         named_design(own.design),
         difficulty=own.difficulty,
         processes=processes,
         progress=lambda done: progress(0, f"{done} colons grown"),
     )
-    task = ScopeTask(training.shown, worlds=training.worlds, threads=threads, backend=training.backend, bank=bank)
-    try:
-        if training.learner == "device":
-            from haustra.envs.learning.device_run import DeviceRun
-
-            return DeviceRun(training, folder, task, document, progress).go(deadline)
-        if training.learner == "eyes":
-            from haustra.envs.learning.eyes_run import EyesRun
-
-            return EyesRun(training, folder, task, document, progress).go(deadline)
-        from haustra.envs.learning.sb3_run import Sb3Run
-
-        return Sb3Run(training, folder, task, document, tensorboard, progress).go(deadline)
-    finally:
-        task.close()
+    about = {"worlds": training.worlds, "threads": threads, "backend": training.backend}
+    if drives is None:
+        return ScopeTask(training.shown, bank=bank, **about)
+    return DeviceTask(drives, colons=[case.colon() for case in bank.cases], **about)

@@ -21,7 +21,7 @@ from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.lumen_meshes import add_lumen
 from haustra.models.device_accuracy import stated_device_error
 from haustra.models.device_scene import DeviceScene, build_device_scene, device_options, device_tables, pose_in
-from haustra.models.devices.base import Device, Reading
+from haustra.models.devices.base import Device, DeviceReadings, Reading
 from haustra.models.injury.perforation import link_load, worst_load
 from haustra.models.scene import SceneOptions
 from haustra.models.wall.lumen_table import pick
@@ -32,6 +32,9 @@ PATIENCE = 10.0
 """A run whose time is up was stuck when it made less than `HEADWAY` in this time [s]."""
 HEADWAY = 0.005
 """A run comes further when its tip does by this much [m]; engineering choice."""
+
+Pilot = Callable[[DeviceReadings, dict[str, Any]], Float[np.ndarray, "1 channels"]]
+"""Commands for what every device tells and for its own readings, asked for at every control interval of the run."""
 
 Records = Mapping[str, Any]
 """What was recorded at every control interval, by name: `time` [s], `tip_arc` [m], `wall_force` [N], `deepest` [m] and
@@ -84,12 +87,14 @@ def run_device(
     seconds: float,
     wall: Wall | None = None,
     patience: float | None = None,
+    pilot: Pilot | None = None,
+    driver: str = "the device's own",
     progress: Progress | None = None,
 ) -> DeviceRun:
-    """Let a device's own driver drive it for up to `seconds` of simulated time, natively.
+    """Let a device's own driver, or a pilot, drive it for up to `seconds` of simulated time, natively.
 
     With `patience` [s] a run that comes no further for so long is stuck, and ends. `wall` is the colon's, of pieces,
-    for scenes of that wall law.
+    for scenes of that wall law; `driver` is what the pilot is called in the run's record.
 
     Raises:
         InvalidOptionError: when pieces are asked for and no wall is given.
@@ -108,7 +113,10 @@ def run_device(
     seen = backend.read()
     began = time.perf_counter()
     while outcome is None and seen.time[0] < seconds - steps * options.timestep / 2:
-        commands, memory = device.drive(np, seen, memory)
+        if pilot is None:
+            commands, memory = device.drive(np, seen, memory)
+        else:
+            commands = pilot(seen, backend.readings())
         if not backend.step(commands, steps).all():
             outcome = Outcome.DIVERGED
             break
@@ -157,7 +165,7 @@ def run_device(
         wall_law=options.wall_law,
         mesentery=options.mesentery,
         left_out=scene.left_out,
-        configuration={**scene.configuration(), "seconds": seconds, "driver": "the device's own"},
+        configuration={**scene.configuration(), "seconds": seconds, "driver": driver},
     )
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from operator import attrgetter
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -54,7 +54,13 @@ class DeviceWorlds(Protocol):
 
 
 def load_device_worlds(
-    name: str, scene: DeviceScene, tables: Tables, *, worlds: int = 1, starts: Sequence[float] | None = None
+    name: str,
+    scene: DeviceScene,
+    tables: Tables,
+    *,
+    worlds: int = 1,
+    threads: int = 1,
+    starts: Sequence[float] | None = None,
 ) -> DeviceWorlds:
     """Worlds of a device on a backend.
 
@@ -63,6 +69,7 @@ def load_device_worlds(
         scene: device and options.
         tables: the colons (`haustra.models.device_scene.device_tables`).
         worlds: how many.
+        threads: of MuJoCo's CPU engine.
         starts: arc length of the scene's pose in each colon [m]; that of the pose when None.
 
     Raises:
@@ -72,19 +79,18 @@ def load_device_worlds(
     """
     if name not in NAMES:
         raise InvalidOptionError(f"Backend '{name}' is not known. Known: {', '.join(NAMES)}.")
-    kind: Any = NativeDevice
-    if name == "warp":
-        require_on_warp(scene)
-        from haustra.envs.sim.jax_setup import share_memory, use_jax
-        from haustra.envs.sim.warp_setup import use_warp
+    if name == "native":
+        return NativeDevice(scene, tables, worlds=worlds, threads=threads, starts=starts)
+    require_on_warp(scene)
+    from haustra.envs.sim.jax_setup import share_memory, use_jax
+    from haustra.envs.sim.warp_setup import use_warp
 
-        share_memory()
-        use_jax()
-        use_warp()  # first: without Warp, MJX says so on stdout
-        from haustra.envs.sim.device_warp import WarpDeviceWorlds
+    share_memory()
+    use_jax()
+    use_warp()  # first: without Warp, MJX says so on stdout
+    from haustra.envs.sim.device_warp import WarpDeviceWorlds
 
-        kind = WarpDeviceWorlds
-    return kind(scene, tables, worlds=worlds, starts=starts)
+    return WarpDeviceWorlds(scene, tables, worlds=worlds, starts=starts)
 
 
 def require_on_warp(scene: DeviceScene) -> None:

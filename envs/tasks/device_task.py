@@ -1,35 +1,41 @@
-"""Any device as a Gymnasium environment: its declared controls in, what it is told by out."""
+"""Episodes of many worlds of any device: its declared controls in; observations, rewards and endings out."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
-import gymnasium
 import numpy as np
-from gymnasium import spaces
+from jaxtyping import Float, Int
 
 from haustra.envs.runs.device_run import ended
 from haustra.envs.runs.outcome import Outcome
 from haustra.envs.sim.device_worlds import load_device_worlds
-from haustra.envs.tasks.calls import checked_action, require_no_options, whole_steps
+from haustra.envs.tasks.calls import whole_steps
+from haustra.envs.tasks.observation import Observation
+from haustra.envs.tasks.step import Step
 from haustra.errors import InvalidOptionError
 from haustra.fields import number, read_fields, require_declared, span
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.grown import grow_colon
 from haustra.models.device_scene import build_device_scene, device_options, device_tables, pose_in
-from haustra.models.devices.base import Device, load_device
+from haustra.models.devices.base import Device, DeviceReadings, load_device
 from haustra.models.injury.perforation import link_load, perforation_probability, worst_load
 
 _COMMON = 3 + 1 + 1 + 1
 """Direction ahead in the tip's frame, progress, wall force, room."""
-_LARGEST = 10.0
+LARGEST = 20.0
 """Bound of all observations."""
+_SHOWN_IN = {"m": 0.1, "m/s": 1e-2, "Pa": 1e3, "N m": 1e-3}
+"""Units that own readings are shown in, over those of a metre, newton or second, where they are of another size;
+engineering choice: numbers of about one."""
 
 
 @dataclass(frozen=True)
 class DeviceRules:
-    """An episode of any device."""
+    """Episodes of any device."""
 
+    device: str = "adult"
+    """Device that is driven: a shipped design's name, or a TOML file."""
     seeds: tuple[int, int] = span("1", 0, 10**9, default=(0, 1), whole=True)
     """Seeds of the grown colons: from the first up to, not including, the last; one is drawn for each episode."""
     friction: tuple[float, float] = span("1", 0.0, 2.0, default=(0.03, 0.1))
@@ -52,114 +58,173 @@ class DeviceRules:
         if self.seeds[0] == self.seeds[1]:
             raise InvalidOptionError(f"seeds {self.seeds} hold no colon: give a first and a larger last one.")
 
+    def to_json(self) -> dict[str, Any]:
+        """As plain JSON values."""
+        return asdict(self)
 
-class DeviceEnv(gymnasium.Env):
-    """One device in grown colons, natively or on MuJoCo Warp, against the lumen's table.
+    @classmethod
+    def from_json(cls, values: dict[str, Any]) -> "DeviceRules":
+        """Read what `to_json` wrote.
 
-    Actions: one number from -1 to 1 a declared channel, over its range. Observations: the direction of the lumen ahead
-    in the tip's frame, the share of the colon passed, wall force [N], depth in the wall [cm], then the device's own
-    readings over those of a metre, newton or second. Reward: progress through the colon in percent, less force.
+        Raises:
+            InvalidOptionError: naming a value that is not known or out of its range.
+        """
+        return read_fields(cls, values, "rules")
+
+
+def seen_by_device(
+    device: Device, seen: DeviceReadings, own: dict[str, Any], lengths: Float[np.ndarray, " worlds"]
+) -> Float[np.ndarray, "worlds entries"]:
+    """What a driver of a device is shown: readings that every device has, then its own.
+
+    The direction of the lumen ahead in the tip's frame, the share of the colon passed, wall force [N], depth in the
+    wall [cm], then the device's own readings: lengths in dm, speeds in cm/s, pressures in kPa, torques in mN m.
+
+    Args:
+        device: the device.
+        seen: what every device can be told by.
+        own: its own readings, by name.
+        lengths: of the colons [m].
     """
+    ahead = np.einsum("wij,wi->wj", seen.tip_frame, seen.ahead)
+    common = [seen.tip_arc / lengths, seen.wall_force, 100.0 * seen.deepest]
+    told = [
+        own[one.name] / _SHOWN_IN.get(one.unit, 1.0) for one in device.readings
+    ]  # on Warp not in the order in which the device names them
+    shown = np.column_stack([ahead, *common, *told])
+    return np.clip(np.nan_to_num(shown), -LARGEST, LARGEST).astype(np.float32)
 
-    metadata = {"render_modes": [], "render_fps": 25}  # noqa: RUF012
+
+def entries_of(device: Device) -> int:
+    """How many numbers `seen_by_device` shows."""
+    return _COMMON + len(device.readings)
+
+
+def commands_of(device: Device, action: Float[np.ndarray, "worlds channels"]) -> Float[np.ndarray, "worlds channels"]:
+    """Commands for actions from -1 to 1, each over its channel's range; what is no number is the range's middle."""
+    low, high = limits_of(device)
+    return low + 0.5 * (np.clip(np.nan_to_num(action), -1, 1) + 1) * (high - low)
+
+
+def limits_of(device: Device) -> tuple[Float[np.ndarray, " channels"], Float[np.ndarray, " channels"]]:
+    """Least and largest command of each channel, in its unit."""
+    return np.array([one.low for one in device.controls]), np.array([one.high for one in device.controls])
+
+
+class DeviceTask:
+    """Worlds of one device in grown colons, natively or on MuJoCo Warp, against the lumen's table.
+
+    Reward: progress through the colon in percent, less force. Nothing resets by itself.
+    """
 
     def __init__(
         self,
-        device: str | Device = "adult",
+        rules: DeviceRules,
         *,
+        device: Device | None = None,
         colons: Sequence[Colon] | None = None,
-        rules: DeviceRules | dict[str, Any] | None = None,
-        render_mode: str | None = None,
+        worlds: int = 1,
+        threads: int = 1,
         backend: str = "native",
     ) -> None:
-        """Take a device, or load one by name or file, and colons, or grow those of the rules' seeds.
+        """Load the device, or take one, and colons, or grow those of the rules' seeds.
 
         Raises:
-            InvalidOptionError: when pictures are asked for, or the backend is neither 'native' nor 'warp'.
+            InvalidOptionError: when the backend is neither 'native' nor 'warp'.
             InvalidDesignError: when the device is not known.
             MissingDependencyError: when what the backend computes with is not installed.
             UnsupportedSceneError: when it cannot meet the lumen's table, or the backend cannot honour it.
         """
-        if render_mode is not None:
-            raise InvalidOptionError("The environment of any device draws no pictures: leave render_mode out.")
-        self.render_mode = None
-        self.rules: DeviceRules = read_fields(DeviceRules, rules or {}, "rules")
-        self.device = device if isinstance(device, Device) else load_device(device)
-        options = device_options(self.device, mesentery=self.rules.mesentery)
+        self.config, self.worlds = rules, worlds
+        self.device = device or load_device(rules.device)
+        options = device_options(self.device, mesentery=rules.mesentery)
         scene = build_device_scene(self.device, options)
-        self._steps = whole_steps(self.rules.control_interval, scene.options.timestep)
-        colons = list(colons or [grow_colon(seed=seed) for seed in range(*self.rules.seeds)])
-        self._lengths = [colon.centreline.length for colon in colons]
-        poses = [pose_in(colon, self.device, options) for colon in colons]
-        tables, starts = device_tables(scene, colons, poses), [pose.arc for pose in poses]
-        self._backend = load_device_worlds(backend, scene, tables, starts=starts)
-        channels = self.device.controls
-        self._low = np.array([channel.low for channel in channels])
-        self._high = np.array([channel.high for channel in channels])
-        self.action_space = spaces.Box(-1.0, 1.0, (len(channels),), np.float32)
-        size = _COMMON + len(self.device.readings)
-        self.observation_space = spaces.Box(-_LARGEST, _LARGEST, (size,), np.float32)
-        self._colon, self._best, self._begun, self._load = 0, 0.0, False, (0.0, 0.0)
+        self._steps = whole_steps(rules.control_interval, scene.options.timestep)
+        self.interval = self._steps * scene.options.timestep
+        self.colons = list(colons or [grow_colon(seed=seed) for seed in range(*rules.seeds)])
+        self._lengths = np.array([colon.centreline.length for colon in self.colons])
+        poses = [pose_in(colon, self.device, options) for colon in self.colons]
+        tables, starts = device_tables(scene, self.colons, poses), [pose.arc for pose in poses]
+        self.backend = load_device_worlds(backend, scene, tables, worlds=worlds, threads=threads, starts=starts)
         self._diameter = 2 * scene.handles.samples[-1].radius
-        self._drawn: dict[str, np.ndarray] = {}
+        self._random = [np.random.default_rng() for _ in range(worlds)]
+        self.case, self._best = np.zeros(worlds, int), np.zeros(worlds)
+        self._load = np.zeros((2, worlds))
+        self._drawn = {name: np.zeros(worlds) for name in ("friction", "wall_stiffness")}
+        self._outcome: list[Outcome | None] = [None] * worlds
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Put the device to the anus of a colon."""
-        super().reset(seed=seed)
-        require_no_options(options)
-        rules = self.rules
-        self._colon = int(self.np_random.integers(len(self._lengths)))
-        self._drawn = {
-            name: np.array([self.np_random.uniform(*getattr(rules, name))]) for name in ("friction", "wall_stiffness")
-        }
-        self._backend.reset(np.zeros(1, int), np.array([self._colon]), **self._drawn)
-        self._best, self._begun, self._load = float(self._backend.read().tip_arc[0]), True, (0.0, 0.0)
-        return self._shown(), self._info(None)
+    def reset(
+        self,
+        worlds: Int[np.ndarray, " reset"] | None = None,
+        seeds: list[int] | None = None,
+        case: Int[np.ndarray, " reset"] | None = None,
+    ) -> Observation:
+        """Put the devices of some worlds, or all, to the anus of a colon each.
 
-    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """One control interval.
+        Args:
+            worlds: which, in rising order.
+            seeds: of their random draws from now on; the streams that they have go on when None.
+            case: which colon each gets; drawn when None.
 
-        Raises:
-            InvalidOptionError: before the first reset, or when the action is not one number a channel.
+        Returns:
+            What all worlds see now.
         """
-        if not self._begun:
-            raise InvalidOptionError("The environment was not reset: call reset first.")
-        share = np.clip(np.nan_to_num(checked_action(action, (len(self._low),))), -1, 1)
-        commands = self._low + 0.5 * (share + 1) * (self._high - self._low)
-        sound = bool(self._backend.step(commands[None], self._steps)[0])
-        seen, length = self._backend.read(), self._lengths[self._colon]
-        arc, force = float(seen.tip_arc[0]), float(seen.wall_force[0])
-        row = {"tip_arc": arc, "deepest": float(seen.deepest[0])}
-        outcome = ended(row, length) if sound else Outcome.DIVERGED
-        if sound:
-            load, escaped = link_load(np, force, 0.0, True, self._diameter), outcome is Outcome.ESCAPED
-            self._load = worst_load(np, self._load, load, max(arc, 0.0), escaped)
-        gained = max(arc - self._best, 0.0) if sound else 0.0
-        self._best += gained
-        reward = 100.0 * gained / length - self.rules.force_weight * (force / self.rules.safe_force) ** 2
-        late = outcome is None and float(seen.time[0]) >= self.rules.seconds
-        return self._shown(), reward if sound else 0.0, outcome is not None, late, self._info(outcome)
+        worlds = np.arange(self.worlds) if worlds is None else worlds
+        for place, world in enumerate(worlds.tolist()):
+            if seeds is not None:
+                self._random[world] = np.random.default_rng(seeds[place])
+            random = self._random[world]
+            drawn = int(random.integers(len(self.colons)))
+            self.case[world] = drawn if case is None else case[place]
+            for name, values in self._drawn.items():
+                values[world] = random.uniform(*getattr(self.config, name))
+            self._outcome[world] = None
+        self.backend.reset(worlds, self.case[worlds], **{name: own[worlds] for name, own in self._drawn.items()})
+        self._best[worlds], self._load[:, worlds] = self.backend.read().tip_arc[worlds], 0.0
+        return self.observe()
 
-    def _info(self, outcome: Outcome | None) -> dict[str, Any]:
-        """Ground truth, with the same entries at reset and at every step; `outcome` is one of `OUTCOMES` or empty."""
-        seen = self._backend.read()
-        told = {name: float(value[0]) for name, value in self._backend.readings().items()}
+    def step(self, action: Float[np.ndarray, "worlds channels"]) -> Step:
+        """One control interval: actions from -1 to 1, one a channel."""
+        rules, before = self.config, self._best.copy()
+        sound = self.backend.step(commands_of(self.device, action), self._steps)
+        seen, lengths = self.backend.read(), self._lengths[self.case]
+        for world in range(self.worlds):
+            row = {"tip_arc": seen.tip_arc[world], "deepest": seen.deepest[world]}
+            self._outcome[world] = ended(row, lengths[world]) if sound[world] else Outcome.DIVERGED
+        escaped = np.array([outcome is Outcome.ESCAPED for outcome in self._outcome])
+        load = link_load(np, seen.wall_force, 0.0, True, self._diameter)
+        worst = worst_load(np, (self._load[0], self._load[1]), load, np.maximum(seen.tip_arc, 0.0), escaped)
+        self._load = np.where(sound, np.array(worst), self._load)
+        self._best = np.where(sound, np.maximum(before, seen.tip_arc), before)
+        cost = rules.force_weight * (seen.wall_force / rules.safe_force) ** 2
+        reward = np.where(sound, 100.0 * (self._best - before) / lengths - cost, 0.0)
+        over = np.array([outcome is not None for outcome in self._outcome])
+        late = ~over & (seen.time >= rules.seconds - self.interval / 2)
+        return Step(self.observe(), reward, over, late, self.info())
+
+    def observe(self) -> Observation:
+        """What all worlds see now."""
+        lengths = self._lengths[self.case]
+        return {"state": seen_by_device(self.device, self.backend.read(), self.backend.readings(), lengths)}
+
+    def info(self) -> dict[str, np.ndarray]:
+        """Ground truth, with the same entries at any time; `outcome` is one of `Outcome` or empty."""
+        seen = self.backend.read()
+        outcome = np.array([one.value if one else "" for one in self._outcome])
         return {
-            **{name: float(value[0]) for name, value in self._drawn.items()},
-            "tip_arc": float(seen.tip_arc[0]),
-            "progress": min(self._best / self._lengths[self._colon], 1.0),
-            "wall_force": float(seen.wall_force[0]),
-            "p_perforation": float(perforation_probability(self._load[0])),
-            "perforation_arc": float(self._load[1]),
-            "outcome": outcome.value if outcome else "",
-            **told,
+            **{name: values.copy() for name, values in self._drawn.items()},
+            "case": self.case.copy(),
+            "time": seen.time,
+            "tip_arc": seen.tip_arc,
+            "progress": np.minimum(self._best / self._lengths[self.case], 1.0),
+            "wall_force": seen.wall_force,
+            "reached": outcome == Outcome.COMPLETED.value,
+            "perforated": self._load[0] >= 1.0,  # that of a person of median strength
+            "p_perforation": perforation_probability(self._load[0]),
+            "perforation_arc": self._load[1].copy(),
+            "outcome": outcome,
+            **self.backend.readings(),
         }
 
-    def _shown(self) -> np.ndarray:
-        seen = self._backend.read()
-        ahead = seen.tip_frame[0].T @ seen.ahead[0]
-        common = [seen.tip_arc[0] / self._lengths[self._colon], seen.wall_force[0], 100.0 * seen.deepest[0]]
-        told = self._backend.readings()  # on Warp not in the order in which the device names them
-        own = [told[one.name][0] for one in self.device.readings]
-        shown = np.concatenate([ahead, common, own])
-        return np.clip(np.nan_to_num(shown), -_LARGEST, _LARGEST).astype(np.float32)
+    def close(self) -> None:
+        """Nothing is held open."""

@@ -1,4 +1,4 @@
-"""Who drives when no policy does: chance, a constant push or pull, and the lumen follower."""
+"""Who drives when no policy does: chance, a constant push or pull, the lumen follower, and a device's own driver."""
 
 from typing import Any, Protocol
 
@@ -9,6 +9,7 @@ from haustra.envs.control import follower
 from haustra.envs.control.follower import Steering
 from haustra.envs.control.laws import driver_settings
 from haustra.envs.tasks.actions import ACTIONS, actions_of
+from haustra.envs.tasks.device_task import DeviceTask, limits_of
 from haustra.envs.tasks.observation import Observation as Parts
 from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.models.anatomy.surface_landmarks import inspection_number
@@ -126,3 +127,21 @@ class FollowerDriver:
         pull = (decision.pulls[:, :2] - decision.pulls[:, 2:]) / task.bank.design.wires.pull_limit
         rates = [decision.push_rate / drive.push_rate, decision.roll_rate / drive.roll_rate]
         return insufflated(task, np.clip(np.column_stack([*rates, pull]), -1, 1))
+
+
+class OwnDriver:
+    """The simple driver that any device brings."""
+
+    def __init__(self, task: DeviceTask) -> None:
+        """Drive the worlds of a task."""
+        self._task, self._memory = task, np.zeros(task.worlds)
+        self._low, self._high = limits_of(task.device)
+
+    def begin(self, worlds: Bool[np.ndarray, " worlds"]) -> None:
+        """Nothing of before is remembered there."""
+        self._memory = np.where(worlds, 0.0, self._memory)
+
+    def act(self, seen: Parts) -> Float[np.ndarray, "worlds channels"]:
+        """What it commands, as actions."""
+        commands, self._memory = self._task.device.drive(np, self._task.backend.read(), self._memory)
+        return np.clip(2 * (commands - self._low) / (self._high - self._low) - 1, -1, 1)

@@ -52,4 +52,4 @@ def register_environments() -> None:
     if "Haustra/Drive-v0" not in registry:
         register(id="Haustra/Drive-v0", entry_point="haustra.envs.console.env:DriveEnv")
     if "Haustra/Device-v0" not in registry:
-        register(id="Haustra/Device-v0", entry_point="haustra.envs.tasks.device_task:DeviceEnv")
+        register(id="Haustra/Device-v0", entry_point="haustra.envs.tasks.device_env:DeviceEnv")

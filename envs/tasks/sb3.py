@@ -4,19 +4,19 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from gymnasium.spaces import flatten_space
+from gymnasium.spaces import Dict, flatten_space
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 
 from haustra.envs.tasks import observation as seen_by
-from haustra.envs.tasks.actions import actions_of
-from haustra.envs.tasks.navigation import action_space, observation_space
+from haustra.envs.tasks.device_task import DeviceTask
 from haustra.envs.tasks.scope_task import ScopeTask
+from haustra.envs.tasks.spaces import spaces_of
 
 
-class ScopeVecEnv(VecEnv):
+class TaskVecEnv(VecEnv):
     """Worlds of one task; an episode that is over begins anew at once, its last observation in `info`."""
 
-    def __init__(self, task: ScopeTask, *, flat: bool = False, stagger: bool = False) -> None:
+    def __init__(self, task: ScopeTask | DeviceTask, *, flat: bool = False, stagger: bool = False) -> None:
         """Wrap a task.
 
         Args:
@@ -25,16 +25,16 @@ class ScopeVecEnv(VecEnv):
             stagger: cut the first episodes after a reset at even chances, so that worlds are not all equally far.
         """
         self.task, self.render_mode, self._flat, self._stagger = task, None, flat, stagger
-        space = observation_space(task.config)
-        super().__init__(task.worlds, flatten_space(space) if flat else space, action_space(task.config))
-        self._action = np.zeros((task.worlds, len(actions_of(task.config))))
+        space, actions = spaces_of(task)
+        super().__init__(task.worlds, flatten_space(space) if flat else space, actions)
+        self._action = np.zeros((task.worlds, *actions.shape))
         self._return, self._length = np.zeros(task.worlds), np.zeros(task.worlds, int)
 
     def reset(self) -> Any:
         """Begin anew everywhere, with the seeds that `seed` set."""
         seeds = [int(seed) for seed in self._seeds if seed is not None]
         seen = self.task.reset(seeds=seeds if len(seeds) == self.num_envs else None)
-        if self._stagger:
+        if self._stagger and isinstance(self.task, ScopeTask):
             self.task.stagger(seeds[0] if seeds else 0)
         self._reset_seeds()
         self._return[:], self._length[:] = 0.0, 0
@@ -90,8 +90,8 @@ class ScopeVecEnv(VecEnv):
     def _shown(self, seen: Any) -> Any:
         if self._flat:
             return seen_by.flat(seen)
-        if self.task.config.observation == "dict":
-            return {name: seen[name] for name in self.task.parts}
+        if isinstance(self.observation_space, Dict):
+            return {name: seen[name] for name in self.observation_space.spaces}
         return next(iter(seen.values()))
 
 

@@ -1,7 +1,6 @@
 """Episodes of many worlds at once: actions in; observations, rewards and endings out. Gymnasium is a coat on this."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
 from typing import Any
@@ -27,6 +26,7 @@ from haustra.envs.tasks.inserted import inserted_starts
 from haustra.envs.tasks.load_episodes import load_episodes
 from haustra.envs.tasks.pictures import Pictures
 from haustra.envs.tasks.sight import Eyes, HostEyes, Sight
+from haustra.envs.tasks.step import Step
 from haustra.envs.tasks.tip_pictures import TipPictures
 from haustra.envs.view.picture.appearance import Residue
 from haustra.errors import InvalidOptionError, UnsupportedSceneError
@@ -40,26 +40,6 @@ _TOLD = ("tip", "tip_arc", "progress", "wall_force", "push_force", "excess", "co
 """What `Step.info` says by the names that it is told by."""
 _SOME = Number("1", 1, 10**6, whole=True)
 """Worlds, and threads."""
-
-
-@dataclass(frozen=True)
-class Step:
-    """What one action led to; arrays over worlds."""
-
-    observation: seen_by.Observation
-    reward: Float[np.ndarray, " worlds"]
-    terminated: Bool[np.ndarray, " worlds"]
-    """The end of the way was reached, the wall was perforated, or the world diverged."""
-    truncated: Bool[np.ndarray, " worlds"]
-    """Time is up."""
-    info: dict[str, np.ndarray]
-    """Ground truth that no device knows, terms of the reward, and why an episode ended. `p_perforation` is the share
-    of people whose colon the episode has torn so far (`haustra.models.injury`), `perforation_arc` where [m]; `pain` is
-    the largest so far, 1 where it is taken to begin. Under gas, `gas_pressure_peak` is the highest of any segment so
-    far [Pa], `gas_volume` what the colon holds, and `water_volume` what of water, where there is any [m^3]. Where the
-    task keeps account of bleeding, `bleeding_places` and `bleeding_pulled` count places of two centimetres that were
-    sheared or sucked at too much so far, and `suction_pull` is how hard suction pulls at the mucosa now [Pa]
-    (`haustra.envs.tasks.blood`)."""
 
 
 class ScopeTask:

@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium.utils.env_checker import check_env
 
 from haustra.envs.tasks.config import OBSERVATIONS
-from haustra.envs.tasks.device_task import DeviceEnv
+from haustra.envs.tasks.device_env import DeviceEnv
 from haustra.envs.tasks.navigation import NavigationEnv
 
 _PICTURES = {"picture_size": 36}

@@ -21,7 +21,8 @@ from haustra.envs.sim.native import NativeEngine
 from haustra.envs.study.credibility import ContextOfUse
 from haustra.envs.study.trials import Trial
 from haustra.envs.tasks.config import TaskConfig
-from haustra.envs.tasks.device_task import DeviceEnv, DeviceRules
+from haustra.envs.tasks.device_env import DeviceEnv
+from haustra.envs.tasks.device_task import DeviceRules
 from haustra.envs.tasks.navigation import NavigationEnv, observation_space
 from haustra.errors import HaustraError, InvalidDesignError
 from haustra.fields import Declaration, declared_fields, read_fields, require_declared

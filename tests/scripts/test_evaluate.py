@@ -118,3 +118,16 @@ def blank(size: int) -> Eyes:
     kernels, hidden = (np.zeros((1, COLOURS, 3, 3), np.float32),), np.zeros((1, ((size - 1) // 2 + 1) ** 2), np.float32)
     nothing = np.zeros(1, np.float32)
     return Eyes(kernels, (nothing,), (hidden, np.zeros((RAYS, 1), np.float32)), (nothing, np.zeros(RAYS, np.float32)))
+
+
+def test_any_device_is_evaluated_with_the_driver_that_it_brings(folders, tmp_path, capsys):
+    asked = ["evaluate", "own", "--device", "capsule", "--colon-folders", *folders, "--episodes", "1", "--seconds", "1"]
+    assert main([*asked, "-o", str(tmp_path), "--threads", "1", "--json"]) == SUCCESS
+    printed = json.loads(capsys.readouterr().out)["own"]
+    assert printed["episodes"] == 2 and printed["outcomes"] == {"time_up": 2}
+    assert [one["colon"] for one in json.loads((tmp_path / "episodes.json").read_text())["own"]] == list(BENDS)
+    assert (tmp_path / "evaluation.png").stat().st_size > 1000
+    assert main([*asked, "--blind"]) == BAD_INPUT
+    assert "--blind" in capsys.readouterr().err
+    assert main(["evaluate", "follower", *asked[2:]]) == BAD_INPUT
+    assert "neither 'own' nor" in capsys.readouterr().err

@@ -84,11 +84,11 @@ def test_a_policy_has_the_scaling_of_its_inputs_in_its_layers():
     from stable_baselines3.common.vec_env import VecNormalize
 
     from haustra.envs.learning.models import build_model, normalised, policy_of
-    from haustra.envs.tasks.sb3 import ScopeVecEnv
+    from haustra.envs.tasks.sb3 import TaskVecEnv
     from haustra.envs.tasks.scope_task import ScopeTask
 
     training = replace(SMALL, normalise=True, first_push=0.3, log_std=-20.0)
-    worlds = normalised(training, ScopeVecEnv(ScopeTask(TASK, worlds=4, bank=short_bank()), flat=True))
+    worlds = normalised(training, TaskVecEnv(ScopeTask(TASK, worlds=4, bank=short_bank()), flat=True))
     assert isinstance(worlds, VecNormalize)
     model = build_model(training, worlds, None)
     worlds.seed(0)

@@ -232,7 +232,7 @@ def test_an_environment_shows_the_same_as_natively() -> None:
     """Observations of a capsule pressed on a colon on its mesentery, entry by entry, within 0.002."""
     pytest.importorskip("warp", reason="MuJoCo Warp is not installed")
     pytest.importorskip("gymnasium")
-    from haustra.envs.tasks.device_task import DeviceEnv
+    from haustra.envs.tasks.device_env import DeviceEnv
 
     shown = {}
     for backend in ("native", "warp"):

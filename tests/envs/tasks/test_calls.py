@@ -12,7 +12,7 @@ from gymnasium.wrappers import NormalizeObservation, RecordEpisodeStatistics, Re
 
 import haustra.envs
 from haustra.envs.tasks.calls import checked_action, whole_steps
-from haustra.envs.tasks.device_task import DeviceEnv
+from haustra.envs.tasks.device_env import DeviceEnv
 from haustra.envs.tasks.navigation import NavigationEnv
 from haustra.envs.tasks.vector import NavigationVectorEnv
 from haustra.errors import InvalidOptionError

@@ -232,10 +232,10 @@ def test_environments_take_the_action_and_pass_their_checks():
 
 def test_stable_baselines3_takes_the_action():
     checks = pytest.importorskip("stable_baselines3.common.env_checker")
-    from haustra.envs.tasks.sb3 import ScopeVecEnv
+    from haustra.envs.tasks.sb3 import TaskVecEnv
 
     checks.check_env(NavigationEnv(config=BY_HAND, bank=moving_bank(), backend="linear"), skip_render_check=True)
-    worlds = ScopeVecEnv(task_of(BY_HAND), flat=True)
+    worlds = TaskVecEnv(task_of(BY_HAND), flat=True)
     worlds.reset()
     assert worlds.action_space.shape == (5,)
     seen: Any = worlds.step(np.zeros((2, 5)))[0]

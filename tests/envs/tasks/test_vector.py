@@ -88,10 +88,10 @@ def test_or_never():
 def test_stable_baselines_wrapper_resets_and_reports_episodes():
     pytest.importorskip("stable_baselines3")
     from haustra.envs.tasks.navigation import configured
-    from haustra.envs.tasks.sb3 import ScopeVecEnv
+    from haustra.envs.tasks.sb3 import TaskVecEnv
 
     config = configured(None, {"observation": "dict", "limits": {"seconds": 0.2}})
-    wrapped = ScopeVecEnv(ScopeTask(config, worlds=2, bank=short_bank()))
+    wrapped = TaskVecEnv(ScopeTask(config, worlds=2, bank=short_bank()))
     wrapped.seed(0)
     seen: Any = wrapped.reset()
     assert seen["state"].shape == (2, 18)

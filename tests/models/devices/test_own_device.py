@@ -60,7 +60,7 @@ def test_the_pages_class_is_an_environment(thruster):
     pytest.importorskip("gymnasium")
     from gymnasium.utils.env_checker import check_env
 
-    from haustra.envs.tasks.device_task import DeviceEnv
+    from haustra.envs.tasks.device_env import DeviceEnv
 
     made = DeviceEnv(thruster, colons=[straight_tube(0.2)])
     check_env(made, skip_render_check=True)

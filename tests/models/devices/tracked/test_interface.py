@@ -10,7 +10,8 @@ from haustra.envs.runs.device_run import run_device
 from haustra.envs.sim.device_native import NativeDevice
 from haustra.envs.study.run import Computing, run_sweep
 from haustra.envs.study.study_file import load_study
-from haustra.envs.tasks.device_task import DeviceEnv, DeviceRules
+from haustra.envs.tasks.device_env import DeviceEnv
+from haustra.envs.tasks.device_task import DeviceRules
 from haustra.errors import HaustraError
 from haustra.models.anatomy.colon import Colon, ColonSegment
 from haustra.models.anatomy.store import save_colon

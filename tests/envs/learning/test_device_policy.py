@@ -1,0 +1,101 @@
+"""Any device is trained, judged and run by a policy as scopes are: taught by its own driver, then by reward."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+pytest.importorskip("safetensors")
+
+from haustra.envs.learning.curve import read_curve
+from haustra.envs.learning.drivers import PolicyDriver
+from haustra.envs.learning.evaluate_device import evaluate_device
+from haustra.envs.learning.pilot import Pilot
+from haustra.envs.learning.policy import MlpPolicy, load_any_policy, load_policy, save_policy
+from haustra.envs.learning.settings import Training
+from haustra.envs.learning.train import train
+from haustra.envs.runs.device_run import run_device
+from haustra.envs.tasks.config import TaskConfig
+from haustra.envs.tasks.device_task import DeviceRules, DeviceTask, entries_of
+from haustra.envs.tasks.drivers import OwnDriver
+from haustra.errors import InvalidOptionError
+from haustra.models.device_scene import device_options
+from haustra.models.devices.base import load_device
+from tests.task_bank import short_bank
+from tests.tube_colon import straight_tube
+
+RULES = DeviceRules(device="capsule", friction=(0.05, 0.05), wall_stiffness=(1000.0, 1000.0), seconds=4.0)
+CAPSULE = load_device("capsule")
+
+
+def any_policy(rules: DeviceRules) -> MlpPolicy:
+    """Weights at random: it goes somewhere."""
+    random, entries, actions = np.random.default_rng(0), entries_of(CAPSULE), len(CAPSULE.controls)
+    weights = (random.normal(size=(actions, entries)).astype(np.float32) / 4,)
+    return MlpPolicy(weights, (np.zeros(actions, np.float32),), "tanh", False, TaskConfig(), drives=rules)
+
+
+def test_a_device_is_trained_and_leaves_a_policy_of_plain_numbers(tmp_path: Path) -> None:
+    training = Training(
+        steps=128, leg=64, worlds=4, imitate=64, rollout=16, batch=32, epochs=2, layers=(16,), drives=RULES
+    )
+    done = train(training, tmp_path, bank=short_bank(), threads=1)
+    assert done["steps"] >= 128
+    policy = load_any_policy(tmp_path)
+    assert policy.drives == RULES and policy.widths == (entries_of(CAPSULE), len(CAPSULE.controls))
+    assert policy.interval == RULES.control_interval
+    with pytest.raises(InvalidOptionError, match="drives 'capsule'"):
+        load_policy(tmp_path)
+
+
+def test_a_curve_of_a_device_has_no_column_of_pain(tmp_path: Path) -> None:
+    rules = replace(RULES, seconds=0.4)
+    training = Training(steps=256, leg=256, worlds=16, imitate=0, rollout=16, batch=64, epochs=1, drives=rules)
+    train(training, tmp_path, bank=short_bank(), threads=1)
+    curve = read_curve(tmp_path / "curve.csv")
+    assert "pain" not in curve and (curve["episodes"] >= 16).all() and (curve["progress"] <= 1).all()
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"learner": "device"}, {"ease": (60.0, 0.5)}, {"task": TaskConfig(design="adult")}]
+)
+def test_what_only_scopes_have_is_refused(wrong: dict) -> None:
+    with pytest.raises(InvalidOptionError, match="another device than a scope"):
+        Training(drives=RULES, **wrong)
+
+
+def test_drivers_are_judged_in_the_same_episodes() -> None:
+    tubes = [straight_tube(0.3), straight_tube(0.5)]
+    tasks = [DeviceTask(replace(RULES, friction=(0.03, 0.1)), colons=tubes, worlds=count) for count in (1, 3)]
+    one, many = (evaluate_device(OwnDriver, "own", task, episodes=2) for task in tasks)
+    assert [row["seed"] for row in one.rows()] == [0, 1, 1000, 1001]
+    for left, right in zip(one.episodes, many.episodes, strict=True):
+        assert (left.colon, left.friction, left.outcome) == (right.colon, right.friction, right.outcome)
+        assert left.progress == pytest.approx(right.progress, abs=1e-9)
+    assert one.further_than(many)["more"] == pytest.approx(0.0, abs=1e-9)
+    summary = one.summary()
+    assert summary["outcomes"] == {"time_up": 4} and 0.1 < summary["progress"] < 1.0
+
+
+def test_a_pilot_in_a_single_run_does_what_the_policy_does_in_episodes() -> None:
+    """It decides at its own pace, which is half that of the run's records."""
+    rules, tube = replace(RULES, control_interval=0.08, mesentery=False), straight_tube(0.5)
+    policy = any_policy(rules)
+    task, driver = DeviceTask(rules, colons=[tube]), PolicyDriver(policy)
+    seen = task.reset(seeds=[0])
+    driver.begin(np.ones(1, bool))
+    for _ in range(25):
+        seen = task.step(driver.act(seen)).observation
+    options = device_options(CAPSULE, mesentery=False, friction=0.05, wall_stiffness=1000.0)
+    pilot = Pilot(policy, CAPSULE, length=tube.centreline.length)
+    run = run_device(CAPSULE, tube, options, seconds=2.0, pilot=pilot, driver="any")
+    assert run.records["tip_arc"][-1] == pytest.approx(float(task.backend.read().tip_arc[0]), abs=1e-9)
+    assert run.configuration["driver"] == "any"
+
+
+def test_a_pilot_of_another_device_is_refused(tmp_path: Path) -> None:
+    policy = load_any_policy(save_policy(tmp_path, any_policy(RULES)))
+    with pytest.raises(InvalidOptionError, match="not trained for a device like"):
+        Pilot(policy, load_device("vine"), length=1.0)
