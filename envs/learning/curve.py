@@ -14,7 +14,7 @@ from haustra.files import write_atomically
 EPISODE = ("return", "progress", "reached", "perforated", "seconds", "p_perforation", "pain")
 """What is noted of an episode that has ended."""
 DEVICE_EPISODE = tuple(name for name in EPISODE if name != "pain")
-"""The same of devices other than scopes, whose episodes keep no account of pain."""
+"""What is noted of an episode of another device than a scope, which keeps no account of pain."""
 _ROW = ("steps", "episodes")
 COLUMNS = (*_ROW, *EPISODE)
 """Columns of a scope's curve."""

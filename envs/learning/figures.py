@@ -26,7 +26,7 @@ def draw_evaluations(evaluations: Sequence[Evaluation], path: Path) -> Path:
 
 
 def draw_device_evaluations(evaluations: Sequence[DeviceEvaluation], path: Path) -> Path:
-    """The same of drivers of another device."""
+    """Way and share that arrived with intervals, and peak forces, driver by driver of a device that is no scope."""
     drawn = []
     for one in evaluations:
         found, names = one.summary(), ("reached", "progress")

@@ -22,8 +22,13 @@ class Pilot:
         """Drive this device in a colon of that length [m].
 
         Raises:
-            InvalidOptionError: when the policy was trained for a device with other controls or readings.
+            InvalidOptionError: when the policy was trained for a device with other controls or readings, or these are
+                in the patient's axes: episodes begin at the origin, along z, and a run does not.
         """
+        if device.in_patient_axes:
+            raise InvalidOptionError(
+                f"'{device.name}' is moved in the patient's axes, which no policy sees: let its own driver drive it."
+            )
         if policy.drives is None or policy.widths != (entries_of(device), len(device.controls)):
             raise InvalidOptionError(f"The policy was not trained for a device like '{device.name}': name another.")
         self._policy, self._device, self._length = PolicyDriver(policy), device, length

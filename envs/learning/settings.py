@@ -26,6 +26,7 @@ SHIPPED = (
     "insertion-easy",
     "insertion-sac",
     "for-a-design",
+    "inchworm",
     "quick",
     "withdrawal",
 )
@@ -56,8 +57,8 @@ class Training:
     seed: int = whole(0, 2**32 - 1, default=0)
     """Seed of all random draws."""
     imitate: int = whole(0, 10**12, default=60_000)
-    """Number of steps in which the policy first learns from the lumen follower, or on the device, in withdrawals alone,
-    from the driver 'inspect', driving itself (DAgger); 0 for none."""
+    """Number of steps in which the policy first learns from the lumen follower, a device that is no scope from its own
+    driver, or on the device, in withdrawals alone, from the driver 'inspect', driving itself (DAgger); 0 for none."""
     demonstrations: str | None = None
     """Folder of recordings of episodes that the policy first learns from (behaviour cloning), instead of `imitate`."""
     layers: tuple[int, ...] = several("1", 1, 8192, default=(128, 128), least=1, most=16, whole=True)

@@ -194,6 +194,11 @@ class Device(ABC):
         """What moves it."""
 
     @property
+    def in_patient_axes(self) -> bool:
+        """Whether what moves it is told in the scene's axes, as a magnet outside is; nobody who sees by its tip can."""
+        return False
+
+    @property
     def view_deg(self) -> float:
         """Full viewing angle of the camera at its tip [degrees]."""
         return VIEW_DEG

@@ -115,6 +115,11 @@ class Capsule(Device):
         )
 
     @property
+    def in_patient_axes(self) -> bool:
+        """A magnet outside, or a wrench in the patient's axes."""
+        return self._magnetic or self.frame == "patient"
+
+    @property
     def readings(self) -> tuple[Reading, ...]:
         """What the magnet and the tether do."""
         return (

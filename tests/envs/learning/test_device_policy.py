@@ -17,17 +17,20 @@ from haustra.envs.learning.policy import MlpPolicy, load_any_policy, load_policy
 from haustra.envs.learning.settings import Training
 from haustra.envs.learning.train import train
 from haustra.envs.runs.device_run import run_device
+from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.device_task import DeviceRules, DeviceTask, entries_of
 from haustra.envs.tasks.drivers import OwnDriver
 from haustra.errors import InvalidOptionError
 from haustra.models.device_scene import device_options
-from haustra.models.devices.base import load_device
+from haustra.models.devices.base import DeviceReadings, load_device
 from tests.task_bank import short_bank
 from tests.tube_colon import straight_tube
 
 RULES = DeviceRules(device="capsule", friction=(0.05, 0.05), wall_stiffness=(1000.0, 1000.0), seconds=4.0)
 CAPSULE = load_device("capsule")
+THRUSTER = replace(CAPSULE, led_by="wrench", frame="own")
+"""A capsule that pushes and turns itself."""
 
 
 def any_policy(rules: DeviceRules) -> MlpPolicy:
@@ -58,9 +61,7 @@ def test_a_curve_of_a_device_has_no_column_of_pain(tmp_path: Path) -> None:
     assert "pain" not in curve and (curve["episodes"] >= 16).all() and (curve["progress"] <= 1).all()
 
 
-@pytest.mark.parametrize(
-    "wrong", [{"learner": "device"}, {"ease": (60.0, 0.5)}, {"task": TaskConfig(design="adult")}]
-)
+@pytest.mark.parametrize("wrong", [{"learner": "device"}, {"ease": (60.0, 0.5)}, {"task": TaskConfig(design="adult")}])
 def test_what_only_scopes_have_is_refused(wrong: dict) -> None:
     with pytest.raises(InvalidOptionError, match="another device than a scope"):
         Training(drives=RULES, **wrong)
@@ -80,22 +81,37 @@ def test_drivers_are_judged_in_the_same_episodes() -> None:
 
 
 def test_a_pilot_in_a_single_run_does_what_the_policy_does_in_episodes() -> None:
-    """It decides at its own pace, which is half that of the run's records."""
-    rules, tube = replace(RULES, control_interval=0.08, mesentery=False), straight_tube(0.5)
+    """At the interval of runs: a device's own laws are asked once in each."""
+    rules, tube = replace(RULES, control_interval=CONTROL_INTERVAL), straight_tube(0.5)
     policy = any_policy(rules)
-    task, driver = DeviceTask(rules, colons=[tube]), PolicyDriver(policy)
+    task, driver = DeviceTask(rules, device=THRUSTER, colons=[tube]), PolicyDriver(policy)
     seen = task.reset(seeds=[0])
     driver.begin(np.ones(1, bool))
-    for _ in range(25):
+    for _ in range(round(2.0 / CONTROL_INTERVAL)):
         seen = task.step(driver.act(seen)).observation
-    options = device_options(CAPSULE, mesentery=False, friction=0.05, wall_stiffness=1000.0)
-    pilot = Pilot(policy, CAPSULE, length=tube.centreline.length)
-    run = run_device(CAPSULE, tube, options, seconds=2.0, pilot=pilot, driver="any")
+    options = device_options(THRUSTER, mesentery=False, friction=0.05, wall_stiffness=1000.0)
+    pilot = Pilot(policy, THRUSTER, length=tube.centreline.length)
+    run = run_device(THRUSTER, tube, options, seconds=2.0, pilot=pilot, driver="any")
     assert run.records["tip_arc"][-1] == pytest.approx(float(task.backend.read().tip_arc[0]), abs=1e-9)
     assert run.configuration["driver"] == "any"
+
+
+def test_a_pilot_decides_at_the_policys_own_pace() -> None:
+    tube, decided = straight_tube(0.5), list[np.ndarray]()
+    pilot = Pilot(any_policy(replace(RULES, control_interval=4 * CONTROL_INTERVAL)), THRUSTER, length=0.5)
+
+    def watched(seen: DeviceReadings, own: dict) -> np.ndarray:
+        decided.append(pilot(seen, own)[0].copy())
+        return decided[-1][None]
+
+    run_device(THRUSTER, tube, device_options(THRUSTER, mesentery=False), seconds=0.32, pilot=watched)
+    changed = [number for number in range(1, len(decided)) if not np.array_equal(decided[number], decided[number - 1])]
+    assert changed == [4, 8, 12]
 
 
 def test_a_pilot_of_another_device_is_refused(tmp_path: Path) -> None:
     policy = load_any_policy(save_policy(tmp_path, any_policy(RULES)))
     with pytest.raises(InvalidOptionError, match="not trained for a device like"):
         Pilot(policy, load_device("vine"), length=1.0)
+    with pytest.raises(InvalidOptionError, match="moved in the patient's axes"):
+        Pilot(policy, CAPSULE, length=1.0)
