@@ -23,9 +23,9 @@ in an empty folder with a grown colon where the page expects one; {failed} faile
     python -m haustra.scripts.bench.pages.commands_page docs/validation/commands.md DIR/commands.json
 
 Run {dates} on two cores beside other work, at last of an {processor} (load {load:.0f}), so that times are far above
-those of quiet cores. With docs/validation/data/commands.json put into DIR, the first command adds the pages that
-are missing. That every command is understood by its parser, and that files of Python in docs/examples run, is tested at every
-change.
+those of quiet cores. With docs/validation/data/commands.json put into DIR, the first command adds the pages that are
+missing. That every command is understood by its parser, and that files of Python in docs/examples run, is tested at
+every change.
 """
 
 
