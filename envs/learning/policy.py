@@ -41,8 +41,6 @@ class MlpPolicy:
     """The last layer goes through tanh (SAC); otherwise it is clipped to -1 .. 1 (PPO)."""
     config: TaskConfig
     """What it was trained on, where it drives a scope."""
-    drives: DeviceRules | None = None
-    """What it was trained on, where it drives another device; then `config` says nothing."""
     about: dict[str, Any] = field(default_factory=dict)
     """How it was trained: JSON values."""
     deviation: Float[np.ndarray, " actions"] | None = None
@@ -51,6 +49,8 @@ class MlpPolicy:
     """Times within which its own running means forget by 1/e [s] (`haustra.envs.learning.recall`); none without."""
     eyes: Eyes | None = None
     """What makes of pictures in colour what the layers read; the layers read what is shown when None."""
+    drives: DeviceRules | None = None
+    """What it was trained on, where it drives another device; then `config` says nothing."""
 
     @property
     def interval(self) -> float:
