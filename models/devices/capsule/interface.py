@@ -98,9 +98,7 @@ class Capsule(Device):
                 f"{_LEAST_SHAFT * 1e3:g} mm, {self.diameter + _LEAST_SHAFT:g} m."
             )
         if self._magnetic and not (self.moment and self.outside_moment):
-            raise InvalidDesignError(
-                f"Device '{self.name}' is led by a magnet: give its moment and outside_moment in A m^2."
-            )
+            raise InvalidDesignError(f"Device '{self.name}' is led by a magnet: give its moment and outside_moment.")
 
     @property
     def controls(self) -> tuple[Channel, ...]:
@@ -109,10 +107,8 @@ class Capsule(Device):
             limits, names = [("m", _FURTHEST)] * 3 + [("1", 1.0)] * 3, _MAGNET
         else:
             limits, names = [("N", self.force_limit)] * 3 + [("N m", self.torque_limit)] * 3, _AXES
-        return tuple(
-            Channel(name, unit, -limit, limit, self._name(name))
-            for name, (unit, limit) in zip(names, limits, strict=True)
-        )
+        pairs = zip(names, limits, strict=True)
+        return tuple(Channel(name, unit, -limit, limit, self._name(name)) for name, (unit, limit) in pairs)
 
     @property
     def in_patient_axes(self) -> bool:
