@@ -152,6 +152,13 @@ class DeviceTask:
         self._load = np.zeros((2, worlds))
         self._drawn = {name: np.zeros(worlds) for name in ("friction", "wall_stiffness")}
         self._outcome: list[Outcome | None] = [None] * worlds
+        self._seen: tuple[DeviceReadings, dict[str, np.ndarray]] | None = None
+
+    @property
+    def seen(self) -> tuple[DeviceReadings, dict[str, np.ndarray]]:
+        """What can be read off all worlds now, and the device's own readings, looked up once a step."""
+        self._seen = self._seen or (self.backend.read(), self.backend.readings())
+        return self._seen
 
     def reset(
         self,
@@ -180,14 +187,16 @@ class DeviceTask:
                 values[world] = random.uniform(*getattr(self.config, name))
             self._outcome[world] = None
         self.backend.reset(worlds, self.case[worlds], **{name: own[worlds] for name, own in self._drawn.items()})
-        self._best[worlds], self._load[:, worlds] = self.backend.read().tip_arc[worlds], 0.0
+        self._seen = None
+        self._best[worlds], self._load[:, worlds] = self.seen[0].tip_arc[worlds], 0.0
         return self.observe()
 
     def step(self, action: Float[np.ndarray, "worlds channels"]) -> Step:
         """One control interval: actions from -1 to 1, one a channel."""
         rules, before = self.config, self._best.copy()
         sound = self.backend.step(commands_of(self.device, action), self._steps)
-        seen, lengths = self.backend.read(), self._lengths[self.case]
+        self._seen = None
+        seen, lengths = self.seen[0], self._lengths[self.case]
         for world in range(self.worlds):
             row = {"tip_arc": seen.tip_arc[world], "deepest": seen.deepest[world]}
             self._outcome[world] = ended(row, lengths[world]) if sound[world] else Outcome.DIVERGED
@@ -204,12 +213,11 @@ class DeviceTask:
 
     def observe(self) -> Observation:
         """What all worlds see now."""
-        lengths = self._lengths[self.case]
-        return {"state": seen_by_device(self.device, self.backend.read(), self.backend.readings(), lengths)}
+        return {"state": seen_by_device(self.device, *self.seen, self._lengths[self.case])}
 
     def info(self) -> dict[str, np.ndarray]:
         """Ground truth, with the same entries at any time; `outcome` is one of `Outcome` or empty."""
-        seen = self.backend.read()
+        seen, own = self.seen
         outcome = np.array([one.value if one else "" for one in self._outcome])
         return {
             **{name: values.copy() for name, values in self._drawn.items()},
@@ -223,7 +231,7 @@ class DeviceTask:
             "p_perforation": perforation_probability(self._load[0]),
             "perforation_arc": self._load[1].copy(),
             "outcome": outcome,
-            **self.backend.readings(),
+            **own,
         }
 
     def close(self) -> None:

@@ -143,5 +143,5 @@ class OwnDriver:
 
     def act(self, seen: Parts) -> Float[np.ndarray, "worlds channels"]:
         """What it commands, as actions."""
-        commands, self._memory = self._task.device.drive(np, self._task.backend.read(), self._memory)
+        commands, self._memory = self._task.device.drive(np, self._task.seen[0], self._memory)
         return np.clip(2 * (commands - self._low) / (self._high - self._low) - 1, -1, 1)
