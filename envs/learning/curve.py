@@ -15,6 +15,8 @@ EPISODE = ("return", "progress", "reached", "perforated", "seconds", "p_perforat
 """What is noted of an episode that has ended."""
 DEVICE_EPISODE = tuple(name for name in EPISODE if name != "pain")
 """What is noted of an episode of another device than a scope, which keeps no account of pain."""
+WITHDRAWAL_EPISODE = (*EPISODE, "coverage")
+"""What is noted of a withdrawal."""
 _ROW = ("steps", "episodes")
 COLUMNS = (*_ROW, *EPISODE)
 """Columns of a scope's curve."""
@@ -76,7 +78,8 @@ def read_curve(path: Path) -> dict[str, np.ndarray]:
     try:
         with path.open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
-        names = (*_ROW, *(EPISODE if rows and "pain" in rows[0] else DEVICE_EPISODE))
+        noted = (episode for episode in (WITHDRAWAL_EPISODE, EPISODE) if rows and episode[-1] in rows[0])
+        names = (*_ROW, *next(noted, DEVICE_EPISODE))
         table = np.array([[float(row[name]) for name in names] for row in rows]).reshape(-1, len(names))
     except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
         raise UnreadableFileError(f"'{path}' is no learning curve ({error}): name the folder of a training.") from error

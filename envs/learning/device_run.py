@@ -10,7 +10,6 @@ import torch
 from torch import Tensor
 
 from haustra.envs.learning.checkpoint import learned, put_back, restore, save_checkpoint
-from haustra.envs.learning.curve import EPISODE
 from haustra.envs.learning.policy import MlpPolicy, load_policy, policy_folder, save_policy
 from haustra.envs.learning.ppo import Ppo, Rollout
 from haustra.envs.learning.recall import Recall, recalled_width
@@ -28,7 +27,8 @@ from haustra.models.injury.perforation import perforation_probability
 _HELD = 8
 """Rollouts in which only the critic learns, where the policy knows something and the critic nothing."""
 BEST = "best"
-"""Folder of the policy under which most episodes arrived, less P(perforation): prices may spoil a later one."""
+"""Folder of the policy under which most episodes arrived, less P(perforation): prices may spoil a later one. In
+withdrawals those that arrived count by the share of the mucosa that was seen."""
 
 
 class DeviceRun:
@@ -142,13 +142,14 @@ class DeviceRun:
             hold = self._knows and self._rollouts <= _HELD
             found = learner.learn(rollout, rate=learning_rate(training, self.steps), hold=hold)
             said = f"value loss {found['value_loss']:.3f}, divergence {found['kl']:.3f}"
+        noted = self.curve.episode
         if len(ended) and self._limits:
-            costs = [float(ended[:, _COLUMN[name]].mean()) / limit - 1 for name, limit in self._limits.items()]
-            arrive = float(ended[:, _COLUMN["reached"]].mean()) >= training.least_reached
+            costs = [float(ended[:, noted.index(name)].mean()) / limit - 1 for name, limit in self._limits.items()]
+            arrive = float(ended[:, noted.index("reached")].mean()) >= training.least_reached
             learner.reprice(torch.tensor(costs, device=training.device), arrive=arrive)
         self.steps += rollout.action[..., 0].numel()
         if len(ended) and (row := self.curve.add(self.steps, ended.tolist())):
-            self._keep_best(row["reached"] - row["p_perforation"])
+            self._keep_best(row["reached"] * row.get("coverage", 1.0) - row["p_perforation"])
         self.task.bears = perforation_force(training, self.steps)
         self._progress(self.steps, said)
         self._seconds["environment"] += driven - began
@@ -185,7 +186,7 @@ class DeviceRun:
                 if self._over.any():
                     ended.append(self._rows(over[step]))
         self._shown = seen[count].clone()
-        rows = torch.cat(ended).cpu().numpy() if ended else np.zeros((0, len(EPISODE)))
+        rows = torch.cat(ended).cpu().numpy() if ended else np.zeros((0, len(self.curve.episode)))
         return Rollout(seen, action, chance, paid, terminated, over, begins), returns, rows
 
     def _looked(self, action: Tensor, begins: Tensor) -> Tensor:
@@ -203,10 +204,10 @@ class DeviceRun:
         return perforation_probability(self._told["load"], log=torch.log, share_below=torch.special.ndtr)
 
     def _rows(self, over: Tensor) -> Tensor:
-        """Episodes that are over, as `EPISODE`."""
+        """Episodes that are over, as its curve notes them."""
         named = {"return": self._return, "seconds": self._told["age"] * self.task.interval}
         named |= {"p_perforation": self._torn()}
-        return torch.stack([(named | self._told | named)[name][over] for name in EPISODE], dim=1)
+        return torch.stack([(named | self._told | named)[name][over] for name in self.curve.episode], dim=1)
 
     def _priced(self) -> dict[str, float]:
         return {f"price_{name}": float(price) for name, price in zip(self._limits, self.learner.prices, strict=True)}
@@ -231,9 +232,6 @@ class DeviceRun:
         put_back(tensors, "learner", self.learner, self.learner.optimiser)
         self.steps, self.leg = int(document["steps_done"]), int(document["leg"])
         self._rollouts, self._best = int(document["plain"]["rollouts"]), float(document["plain"]["best"])
-
-
-_COLUMN = {name: place for place, name in enumerate(EPISODE)}
 
 
 def _fitting(training: Training) -> MlpPolicy:

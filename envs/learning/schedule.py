@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from haustra.envs.learning.curve import DEVICE_EPISODE, EPISODE, Curve
+from haustra.envs.learning.curve import DEVICE_EPISODE, EPISODE, WITHDRAWAL_EPISODE, Curve
 from haustra.envs.learning.settings import Training
 from haustra.provenance import Provenance, backend_record
 
@@ -35,7 +35,8 @@ def curve_of(training: Training, folder: Path, *, steps: int) -> Curve:
 
     Thousands of worlds end episodes at every step, so rows are of a few seconds each.
     """
-    episode = DEVICE_EPISODE if training.drives else EPISODE
+    withdraws = training.task.task == "withdrawal"
+    episode = DEVICE_EPISODE if training.drives else WITHDRAWAL_EPISODE if withdraws else EPISODE
     return Curve(folder / "curve.csv", steps=steps, episodes_a_row=max(16, training.worlds // 4), episode=episode)
 
 

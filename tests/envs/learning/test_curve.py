@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haustra.envs.learning.curve import COLUMNS, EPISODE, Curve, read_curve, seed_curves
+from haustra.envs.learning.curve import COLUMNS, EPISODE, WITHDRAWAL_EPISODE, Curve, read_curve, seed_curves
 from haustra.errors import UnreadableFileError
 from haustra.scripts.main import BAD_INPUT, SUCCESS, main
 
@@ -100,3 +100,9 @@ def test_a_training_that_goes_on_writes_no_steps_twice(tmp_path):
     assert rows["steps"].tolist() == [10, 20, 25] and rows["return"].tolist() == [0.0, 0.0, 1.0]
     Curve(path, steps=0)
     assert path.read_text() == ",".join(COLUMNS) + "\n"
+
+
+def test_the_curve_of_a_withdrawal_tells_what_was_seen(tmp_path):
+    curve = Curve(tmp_path / "curve.csv", steps=0, episodes_a_row=1, episode=WITHDRAWAL_EPISODE)
+    assert curve.add(10, [[0.0] * len(EPISODE) + [0.9]])["coverage"] == 0.9
+    assert read_curve(tmp_path / "curve.csv")["coverage"].tolist() == [0.9]

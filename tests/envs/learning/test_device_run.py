@@ -142,6 +142,7 @@ def test_a_withdrawal_is_taught_by_who_inspects_before_rewards_count(tmp_path, m
     taught = replace(SMALL, task=task, worlds=4, steps=64, leg=64, imitate=2000, layers=(32,), log_std=-3.0)
     about = {"bank": moving_bank(), "threads": 1}
     train(taught, tmp_path / "run", **about)
+    assert (tmp_path / "run" / "curve.csv").read_text().rstrip().endswith("coverage")
     policy = load_policy(tmp_path / "run")
     scopes = ScopeTask(taught.task, worlds=2, backend="linear", bank=moving_bank())
     seen = scopes.reset(seeds=[0, 1])
