@@ -5,7 +5,9 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
+from haustra.envs.learning.dealing import deal
 from haustra.envs.learning.recording import Recorder, Recording
 from haustra.envs.learning.statistics import bootstrap, wilson
 from haustra.envs.runs.outcome import LEFT_OUTSIDE, Outcome
@@ -181,58 +183,28 @@ def evaluate(
         raise UnsupportedSceneError(
             "Recordings do not hold how wide gas held the lumen: record none, or leave gas out."
         )
-    plan = [(case, episode) for case in range(len(bank.cases)) for episode in range(episodes)]
+    plan = [(case, 1000 * case + episode) for case in range(len(bank.cases)) for episode in range(episodes)]
     worlds = min(most_worlds or MOST_WORLDS[_platform(backend)], len(plan))
     task = ScopeTask(config, worlds=worlds, threads=threads, backend=backend, bank=bank)
-    driver, ended = make_driver(task), {}
-    waiting = list(range(len(plan)))[::-1]
-    running: dict[int, _Record] = {}
-    history = _History()
+    ended, history = dict[int, Episode](), list[np.ndarray]()
     recorder = Recorder(task) if record else None
     polyps = Polyps(task) if config.task == "withdrawal" else None
-
-    def begin(places: list[int]) -> None:
-        for world in places:
-            running.pop(world, None)
-        places = places[: len(waiting)]
-        numbers = [waiting.pop() for _ in places]
-        if not places:
-            return
-        cases, seeds = np.array([plan[k][0] for k in numbers]), [1000 * plan[k][0] + plan[k][1] for k in numbers]
-        task.reset(np.array(places), seeds, case=cases)
-        running.update(
-            {world: _Record(k, seed, history.steps) for world, k, seed in zip(places, numbers, seeds, strict=True)}
-        )
+    for turn in deal(task, make_driver(task), plan):
+        history.append(_followed(turn.info))
         if polyps:
-            for world, case, seed in zip(places, cases.tolist(), seeds, strict=True):
-                polyps.begin(world, case, seed)
-        mask = np.zeros(worlds, bool)
-        mask[places] = True
-        driver.begin(mask)
-        if recorder:
-            recorder.begin(places)
-
-    begin(list(range(worlds)))
-    seen = task.observe()
-    while running:
-        done = task.step(driver.act(seen))
-        history.add(done.info)
-        if polyps:
+            for world, number in turn.begun.items():
+                polyps.begin(world, *plan[number])
             polyps.look()
-        over = [world for world in np.flatnonzero(done.terminated | done.truncated).tolist() if world in running]
         if recorder:
-            recorder.look(done.info, over)
-        for world in over:
-            last = {key: values[world] for key, values in done.info.items()}
-            last |= {"polyps_found": polyps.found[world].mean()} if polyps else {}
-            now = running[world]
-            ended[now.number] = now.episode(last, history.of(world, now.began), task, bank)
+            recorder.begin(list(turn.begun))
+            recorder.look(turn.info, [one.world for one in turn.ended])
+        for one in turn.ended:
+            last = one.last | ({"polyps_found": polyps.found[one.world].mean()} if polyps else {})
+            rows = np.array([column[:, one.world] for column in history[-one.steps :]]).T
+            ended[one.number] = _episode(plan[one.number][1], last, rows, task)
             if recorder:
-                recorder.end(world, now.number, ended[now.number])
-        seen = done.observation
-        if over:
-            begin(over)
-            seen = task.observe()
+                recorder.end(one.world, one.number, ended[one.number])
+        if turn.ended:
             progress(len(ended), len(plan))
     task.close()
     kept = recorder.best if recorder else None
@@ -252,61 +224,40 @@ def _platform(backend: str) -> str:
     return "cpu" if use_jax()[0].platform == "cpu" else "gpu"
 
 
-class _History:
-    """Largest wall force, progress, and lead of the tip over the shaft of all worlds, step by step."""
-
-    def __init__(self) -> None:
-        self._columns: list[np.ndarray] = []
-
-    @property
-    def steps(self) -> int:
-        return len(self._columns)
-
-    def add(self, info: dict[str, np.ndarray]) -> None:
-        force = np.where(info["diverged"], np.nan, info["wall_force"])
-        self._columns.append(np.stack([force, info["progress"], -info["excess"]]))
-
-    def of(self, world: int, began: int) -> np.ndarray:
-        """Rows: force [N], not a number where the world has diverged, progress, lead [m]; of one world since a step."""
-        return np.array([column[:, world] for column in self._columns[began:]]).T
+def _followed(info: dict[str, np.ndarray]) -> Float[np.ndarray, "3 worlds"]:
+    """Largest wall force [N], not a number where the world has diverged; progress; how far the tip is ahead [m]."""
+    return np.stack([np.where(info["diverged"], np.nan, info["wall_force"]), info["progress"], -info["excess"]])
 
 
-@dataclass(frozen=True)
-class _Record:
-    """A running episode: which it is, and at which step of the whole it began."""
-
-    number: int
-    seed: int
-    began: int
-
-    def episode(self, last: dict[str, Any], history: np.ndarray, task: ScopeTask, bank: ColonSet) -> Episode:
-        limits = task.config.limits
-        force = history[0][np.isfinite(history[0])] if np.isfinite(history[0]).any() else np.zeros(1)
-        reached, perforated = bool(last["reached"]), bool(last["perforated"])
-        return Episode(
-            colon=bank.cases[int(last["case"])].name,
-            seed=self.seed,
-            friction=float(last["friction"]),
-            reached=reached,
-            in_caecum=reached or bool(last["in_caecum"]),
-            progress=float(last["progress"]),
-            coverage=float(last["coverage"]),
-            seconds=float(last["time"]),
-            peak_force_N=float(force.max()),
-            mean_force_N=float(force.mean()),
-            share_over_2N=float((force > FELT).mean()),
-            share_over_safe=float((force > limits.safe_force).mean()),
-            perforated=perforated,
-            p_perforation=float(last["p_perforation"]),
-            perforation_arc_m=float(last["perforation_arc"]),
-            pain=float(last["pain"]),
-            safe=reached and not perforated and bool(force.max() <= limits.safe_force),
-            reason=_reason(last, history[1], task),
-            failed_at_m=float(last["tip_arc"]),
-            tip_ahead_m=float(history[2].max()),
-            polyps_found=float(last["polyps_found"]) if "polyps_found" in last else None,
-            **{column: unit * float(last[name]) if name in last else None for column, (name, unit) in _GAS.items()},
-        )
+def _episode(seed: int, last: dict[str, Any], history: Float[np.ndarray, "3 steps"], task: ScopeTask) -> Episode:
+    """An episode by what was said of its world at last, and what was followed at each step."""
+    limits = task.config.limits
+    force = history[0][np.isfinite(history[0])] if np.isfinite(history[0]).any() else np.zeros(1)
+    reached, perforated = bool(last["reached"]), bool(last["perforated"])
+    return Episode(
+        colon=task.bank.cases[int(last["case"])].name,
+        seed=seed,
+        friction=float(last["friction"]),
+        reached=reached,
+        in_caecum=reached or bool(last["in_caecum"]),
+        progress=float(last["progress"]),
+        coverage=float(last["coverage"]),
+        seconds=float(last["time"]),
+        peak_force_N=float(force.max()),
+        mean_force_N=float(force.mean()),
+        share_over_2N=float((force > FELT).mean()),
+        share_over_safe=float((force > limits.safe_force).mean()),
+        perforated=perforated,
+        p_perforation=float(last["p_perforation"]),
+        perforation_arc_m=float(last["perforation_arc"]),
+        pain=float(last["pain"]),
+        safe=reached and not perforated and bool(force.max() <= limits.safe_force),
+        reason=_reason(last, history[1], task),
+        failed_at_m=float(last["tip_arc"]),
+        tip_ahead_m=float(history[2].max()),
+        polyps_found=float(last["polyps_found"]) if "polyps_found" in last else None,
+        **{column: unit * float(last[name]) if name in last else None for column, (name, unit) in _GAS.items()},
+    )
 
 
 def _reason(last: dict[str, Any], progress: np.ndarray, task: ScopeTask) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from haustra.envs.learning.dealing import deal
 from haustra.envs.learning.statistics import bootstrap
 from haustra.envs.tasks.device_task import DeviceTask
 from haustra.envs.tasks.drivers import Driver
@@ -85,45 +86,20 @@ def evaluate_device(
         progress: told episodes done and their number.
     """
     plan = [(case, 1000 * case + episode) for case in range(len(task.colons)) for episode in range(episodes)]
-    waiting, ended = list(range(len(plan)))[::-1], dict[int, DeviceEpisode]()
-    running, forces = dict[int, int](), [list[float]() for _ in range(task.worlds)]
-    driver = make_driver(task)
-
-    def begin(worlds: list[int]) -> None:
-        for world in worlds:
-            running.pop(world, None)
-        places = worlds[: len(waiting)]
-        if not places:
-            return
-        for world in places:
-            running[world], forces[world] = waiting.pop(), []
-        cases, seeds = np.array([plan[running[world]] for world in places]).T
-        task.reset(np.array(places), seeds.tolist(), cases)
-        mask = np.zeros(task.worlds, bool)
-        mask[places] = True
-        driver.begin(mask)
-
-    begin(list(range(task.worlds)))
-    seen = task.observe()
-    while running:
-        done = task.step(driver.act(seen))
-        for world in running:
-            forces[world].append(float(done.info["wall_force"][world]))
-        over = [world for world in np.flatnonzero(done.terminated | done.truncated).tolist() if world in running]
-        for world in over:
-            number = running[world]
-            last = {key: values[world] for key, values in done.info.items()}
-            ended[number] = _episode(last, forces[world], task.colons[plan[number][0]].name, plan[number][1])
-        seen = done.observation
-        if over:
-            begin(over)
-            seen = task.observe()
+    ended, forces = dict[int, DeviceEpisode](), list[np.ndarray]()
+    for turn in deal(task, make_driver(task), plan):
+        forces.append(np.array(turn.info["wall_force"], float))
+        for one in turn.ended:
+            case, seed = plan[one.number]
+            felt = np.array([force[one.world] for force in forces[-one.steps :]])
+            ended[one.number] = _episode(one.last, felt, task.colons[case].name, seed)
+        if turn.ended:
             progress(len(ended), len(plan))
     return DeviceEvaluation(name, task.device.name, tuple(ended[k] for k in range(len(plan))), len(task.colons))
 
 
-def _episode(last: dict[str, Any], forces: list[float], colon: str, seed: int) -> DeviceEpisode:
-    felt = np.array(forces)[np.isfinite(forces)]
+def _episode(last: dict[str, Any], forces: np.ndarray, colon: str, seed: int) -> DeviceEpisode:
+    felt = forces[np.isfinite(forces)]
     return DeviceEpisode(
         colon=colon,
         seed=seed,

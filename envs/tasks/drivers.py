@@ -1,6 +1,6 @@
 """Who drives when no policy does: chance, a constant push or pull, the lumen follower, and a device's own driver."""
 
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -15,6 +15,7 @@ from haustra.envs.tasks.scope_task import ScopeTask
 from haustra.models.anatomy.surface_landmarks import inspection_number
 
 
+@runtime_checkable
 class Driver(Protocol):
     """Whoever chooses actions."""
 
