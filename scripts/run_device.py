@@ -7,7 +7,6 @@ from haustra.errors import InvalidOptionError
 
 if TYPE_CHECKING:
     from haustra.envs.learning.policy import MlpPolicy
-    from haustra.models.anatomy.colon import Colon
     from haustra.models.devices.base import Device
 
 _ALWAYS = ("colon", "output", "device", "seconds", "friction", "fixed", "wall", "error", "film", "json")
@@ -34,6 +33,7 @@ def run_any(asked: Any, device: "Device", policy: "MlpPolicy | None" = None) -> 
     Raises:
         InvalidOptionError: naming an option that this device does not honour.
     """
+    from haustra.envs.learning.pilot import Pilot, require_drivable
     from haustra.envs.runs.device_run import DeviceRun, run_device
     from haustra.envs.runs.error import half_step, own_error
     from haustra.envs.view.device_folder import write_device_run
@@ -54,13 +54,17 @@ def run_any(asked: Any, device: "Device", policy: "MlpPolicy | None" = None) -> 
         changed["start_depth"] = asked.start
     options = device_options(device, **changed)
     colon = load_colon(asked.colon)
-    by = {} if policy is None else {"driver": asked.driver, "pilot": _pilot(policy, device, colon)}
+    if policy is not None:
+        require_drivable(policy, device)
     folder, wall = prepare_folder(asked.output), None
     if options.wall_law == "pieces":
         with wall_bar() as tell_wall:
             wall = wall_of(asked.colon, colon, asked.wall, progress=tell_wall)
 
     def drive(what: str, options: SceneOptions) -> DeviceRun:
+        by = {}
+        if policy is not None:
+            by = {"driver": asked.driver, "pilot": Pilot(policy, device, length=colon.centreline.length)}
         with progress_bar(what, asked.seconds, unit="s") as advance:
 
             def tell(time: float, arc: float) -> None:
@@ -76,13 +80,6 @@ def run_any(asked: Any, device: "Device", policy: "MlpPolicy | None" = None) -> 
     with progress_bar("film", 1, unit="films") as advance:
         tell = lambda done, total: advance(done / total, f"{done} of {total} pictures")  # noqa: E731
         return write_device_run(folder, colon=colon, run=run, error=error, film=tell)
-
-
-def _pilot(policy: "MlpPolicy", device: "Device", colon: "Colon") -> Any:
-    """The policy for runs in that colon."""
-    from haustra.envs.learning.pilot import Pilot
-
-    return Pilot(policy, device, length=colon.centreline.length)
 
 
 def _require_honoured(asked: Any, device: "Device", honoured: tuple[str, ...]) -> None:

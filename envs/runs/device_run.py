@@ -94,7 +94,7 @@ def run_device(
     """Let a device's own driver, or a pilot, drive it for up to `seconds` of simulated time, natively.
 
     With `patience` [s] a run that comes no further for so long is stuck, and ends. `wall` is the colon's, of pieces,
-    for scenes of that wall law; `driver` is what the pilot is called in the run's record.
+    for scenes of that wall law; `pilot` has driven no other run; `driver` is what it is called in the run's record.
 
     Raises:
         InvalidOptionError: when pieces are asked for and no wall is given.

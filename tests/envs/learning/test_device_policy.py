@@ -22,8 +22,10 @@ from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.device_task import DeviceRules, DeviceTask, entries_of
 from haustra.envs.tasks.drivers import OwnDriver
 from haustra.errors import InvalidOptionError
+from haustra.models.anatomy.store import save_colon
 from haustra.models.device_scene import device_options
 from haustra.models.devices.base import DeviceReadings, load_device
+from haustra.scripts.main import SUCCESS, main
 from tests.task_bank import short_bank
 from tests.tube_colon import straight_tube
 
@@ -36,7 +38,7 @@ THRUSTER = replace(CAPSULE, led_by="wrench", frame="own")
 def any_policy(rules: DeviceRules) -> MlpPolicy:
     """Weights at random: it goes somewhere."""
     random, entries, actions = np.random.default_rng(0), entries_of(CAPSULE), len(CAPSULE.controls)
-    weights = (random.normal(size=(actions, entries)).astype(np.float32) / 4,)
+    weights = (random.normal(size=(actions, entries)).astype(np.float32) / 10,)
     return MlpPolicy(weights, (np.zeros(actions, np.float32),), "tanh", False, TaskConfig(), drives=rules)
 
 
@@ -115,3 +117,19 @@ def test_a_pilot_of_another_device_is_refused(tmp_path: Path) -> None:
         Pilot(policy, load_device("vine"), length=1.0)
     with pytest.raises(InvalidOptionError, match="moved in the patient's axes"):
         Pilot(policy, CAPSULE, length=1.0)
+
+
+def test_each_repeat_of_a_run_has_a_pilot_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A repeat with nothing finer is the run itself; a pilot that had driven before would hold its last commands."""
+    device, errors = load_device("inchworm"), []
+    weights = np.random.default_rng(0).normal(size=(len(device.controls), entries_of(device))).astype(np.float32)
+    drives = replace(RULES, device="inchworm")
+    policy = MlpPolicy((weights,), (np.zeros(len(weights), np.float32),), "tanh", False, TaskConfig(), drives=drives)
+    own = str(save_policy(tmp_path / "policy", policy))
+    save_colon(straight_tube(0.3), tmp_path / "colon")
+    write = lambda folder, *, error, **_: errors.append(error) or {}  # noqa: E731
+    monkeypatch.setattr("haustra.envs.view.device_folder.write_device_run", write)
+    monkeypatch.setattr("haustra.envs.runs.error.half_step", lambda options: {"again": options})
+    call = ["run", "--colon", str(tmp_path / "colon"), "--device", "inchworm", "--driver", own, "--fixed", "--error"]
+    assert main([*call, "--seconds", "0.2", "-o", str(tmp_path / "run"), "--json"]) == SUCCESS
+    assert set(errors[0].differences["again"].values()) == {0.0}
