@@ -21,7 +21,7 @@ from haustra.envs.tasks.config import Drive, Limits, Randomisation, TaskConfig, 
 from haustra.files import write_atomically
 from haustra.models.wall.cache import cache_folder
 from haustra.models.wall.threads import PACKED
-from haustra.provenance import content_hash, package_versions
+from haustra.provenance import content_hash, file_hash, package_versions
 
 _SECONDS = 150.0
 """Longest insertion [s]; engineering choice."""
@@ -78,7 +78,7 @@ def inserted_starts(config: TaskConfig, bank: ColonSet, backend: str, *, threads
     kind = "linear" if backend == "linear-gpu" else backend
     key = [content_hash(np.ascontiguousarray(case.wall).tobytes()) for case in bank.cases]
     made_by = json.dumps(
-        [_PARTS, kind, key, config.design, str(bank.options), _HOW, package_versions()], sort_keys=True
+        [_PARTS, kind, key, config.design, str(bank.options), _HOW, _weights(kind), package_versions()], sort_keys=True
     )
     path = cache_folder() / "starts" / f"{content_hash(made_by.encode())}.npz"
     if path.exists():
@@ -95,6 +95,15 @@ def inserted_starts(config: TaskConfig, bank: ColonSet, backend: str, *, threads
 
     write_atomically(path, write)
     return starts
+
+
+def _weights(kind: str) -> str:
+    """Hash of the policy that brings scopes in; nothing where the follower does."""
+    if kind != "linear":
+        return ""
+    from haustra.envs.learning.policy import WEIGHTS, policy_folder
+
+    return file_hash(policy_folder(_POLICY) / WEIGHTS)
 
 
 def _insert(config: TaskConfig, bank: ColonSet, backend: str, threads: int) -> tuple[Snapshot, ...]:

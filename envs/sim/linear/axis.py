@@ -403,7 +403,7 @@ class Axis:
 
     def take_over(self, h: float, going: Callable[[], Value]) -> None:
         """Let nodes be as fast as was found, and go there, in worlds that go on."""
-        program, xp = self.program, self.program.xp
+        program = self.program
         with program.side_by_side(self.layout.abreast), along(program, self.nodes, 0, self.nodes) as i:
             self._state.fetch(i.first + 3, 0, NODE)
             self._moving.fetch(i.first + 3, _MOVING, 4)
@@ -412,7 +412,8 @@ class Axis:
             turn = twisted(turn, turned(*turn, self._vector(i, "tangent")), h * speed[3])
             place = add(self._state.vector(i, 0), times(h, speed[:3]))
             for number, value in enumerate((*place, turn[0], *turn[1], *speed)):
-                self._state.put(i, number, (xp.where(going(), value, self._state.load(i, number)),))
+                now = program.going(going(), value, lambda number=number: self._state.load(i, number))
+                self._state.put(i, number, (now,))
 
     def _press_section(self, node: Nodes, pressed: Value, turn: Turn, tangent: Vector) -> tuple[Any, ...]:
         """What forces on the wall about a node do to its section: work, torque and gradients over the cells beside it.

@@ -284,7 +284,7 @@ class ScopeProgram:
 
         def put(slot: Any, value: Any, inside: Value | None = None) -> None:
             going = self.going if inside is None else self.going & inside
-            state.store_next(slot, program.xp.where(going, value, state.load_next(slot)))
+            state.store_next(slot, program.going(going, value, lambda: state.load_next(slot)))
 
         with self._beside(self.dofs) as dof:
             self._fetch_joint(dof + 2)

@@ -357,6 +357,13 @@ class Program:
         yield
         self.go(after)
 
+    def going(self, condition: Value, value: Number, before: Callable[[], Value]) -> Number:
+        """A value in lanes that the condition holds for, what was before in others: within `when` of that condition.
+
+        A lane that is alone would not have come here, so that what was before is not fetched.
+        """
+        return value if self.lanes == 1 else self.xp.where(condition, value, before())
+
     def go(self, block: Any, *, enter: Any = None) -> None:
         """Go on in a block; what is written next stands there, or in `enter`."""
         self.builder.branch(block)

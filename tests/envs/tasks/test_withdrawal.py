@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import haustra.envs
+from haustra.envs.learning import policy
 from haustra.envs.sim.conditions import Conditions, Snapshot
 from haustra.envs.sim.linear.backend import LinearBackend
 from haustra.envs.sim.state import Controls
-from haustra.envs.tasks import scope_task
+from haustra.envs.tasks import inserted, scope_task
 from haustra.envs.tasks.config import Drive, TaskConfig, Weights
 from haustra.envs.tasks.inspect_driver import InspectDriver
 from haustra.envs.tasks.navigation import NavigationEnv
@@ -143,6 +144,18 @@ def test_scopes_lie_straight_and_off_the_pole_where_a_withdrawal_begins(tmp_path
     begins = bank.lengths - task.seen.tip_arc
     assert (begins > 0.04).all() and (begins < 0.08).all()
     assert (task.seen.insertion < task.seen.tip_arc + 0.01).all() and (task.seen.push_force < 1.0).all()
+
+
+def test_starts_are_made_anew_when_another_policy_brings_scopes_in(tmp_path, monkeypatch):
+    """Starts that are kept are those of the policy that ships now."""
+    monkeypatch.setenv("HAUSTRA_CACHE", str(tmp_path))
+    config, made = TaskConfig(design=DESIGN, mesentery=True, task="withdrawal"), []
+    monkeypatch.setattr(inserted, "_insert", lambda *_: made.append(1) or pushed_in())
+    for weights, times in ((b"one", 1), (b"one", 1), (b"another", 2)):
+        (tmp_path / policy.WEIGHTS).write_bytes(weights)
+        monkeypatch.setattr(policy, "policy_folder", lambda name: tmp_path)
+        assert len(inserted.inserted_starts(config, moving_bank(), "linear")) == 2
+        assert len(made) == times
 
 
 def test_polyps_are_found_on_the_way_out_and_not_through_walls(task):

@@ -87,9 +87,14 @@ def test_a_world_that_breaks_harms_no_other_and_is_left_as_it_was(bank, where, v
 
 
 @pytest.mark.parametrize("mesentery", [False, True])
-@pytest.mark.parametrize("worlds", [11, 1])
-def test_a_world_that_breaks_on_its_way_is_left_at_its_last_sound_step(mesentery, worlds):
-    """A hand without a limit that runs away tears one scope along; others, and the steps before, are none the wiser."""
+@pytest.mark.parametrize(("worlds", "as_on_a_gpu"), [(11, False), (1, False), (1, True)])
+def test_a_world_that_breaks_on_its_way_is_left_at_its_last_sound_step(mesentery, worlds, as_on_a_gpu, monkeypatch):
+    """A hand without a limit that runs away tears one scope along; others, and the steps before, are none the wiser.
+
+    On a GPU each world has a program of its own, one number wide, in which nothing of it stands side by side.
+    """
+    if as_on_a_gpu:
+        monkeypatch.setattr("haustra.envs.sim.linear.backend.lanes_of", lambda real: 1)
     backends = [driven(_bank(mesentery), worlds, seconds=0.5)[0] for _ in range(2)]
     one, last = np.ones(worlds), worlds - 1
     inputs = Controls(0.01 * one, 0.0 * one, np.zeros((worlds, 4)))
