@@ -23,22 +23,22 @@ SENTENCES = {
     ),
     "docs/index.md": (
         "Of {asked_word} observables",
-        "reproduces [{inside_word}](validation/cohort.md)",
+        "a cohort of {patients} virtual patients reproduces [{inside_word}](validation/cohort.md)",
         "Of {trials_word} published comparisons of scopes [{same_word}](validation/trials.md) end as they did",
         "{told} of {differences} differences, {equal} of {equalities} equalities",
     ),
     "docs/validation.md": (
         "{told} of {differences}; {equal} of {equalities}",
         "and so do {failed_word} published trials of {trials_word}",
-        "{inside} of {asked}; in {patients} each of three other seeds",
+        "{inside} of {asked} in {patients} patients",
     ),
     "docs/limits.md": (
-        "matches {inside} of {asked} published observables",
+        "A cohort of {patients} virtual patients matches {inside} of {asked} published observables",
         "Friction makes {friction:.2f} of the variance of how far the tip came, strength sideways {sideways:.2f}",
         "is {linear:.0f} % lower in linear time and {warp:.0f} % lower on `warp`",
     ),
     "docs/releases/0.2.0.md": (
-        "of {trials_word} published trials {equal_word} equality of {equalities_word} and {told_word} differences of "
+        "of {trials_word} published trials {equal_word} equalities of {equalities_word} and {told_word} differences of "
         "{differences_word} are reproduced",
     ),
 }
