@@ -96,11 +96,13 @@ class BatchHands:
 
 
 def require_shown(policy: MlpPolicy) -> None:
-    """Refuse a policy of another task, or one that sees pictures or what no device knows.
+    """Refuse a policy of another device or task, or one that sees pictures or what no device knows.
 
     Raises:
         UnsupportedSceneError: naming what cannot be shown.
     """
+    if policy.drives is not None:
+        raise UnsupportedSceneError(f"The policy drives '{policy.drives.device}': name one for a scope.")
     if policy.config.task != "insertion":
         raise UnsupportedSceneError(f"The policy was trained for '{policy.config.task}': name one for insertion.")
     if unknown := set(seen_by.sizes(policy.config)) - _BY_RAYS_AND_HAND:

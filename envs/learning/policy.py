@@ -21,9 +21,9 @@ from haustra.reading import read_document
 
 WEIGHTS, ABOUT = "policy.safetensors", "policy.json"
 """Names of the two files."""
-SHIPPED_POLICIES = ("insertion", "insertion-depth", "insertion-colour", "insertion-easy")
-"""Trained policies in assets/policies: for any colon by all that scope, hand and imager tell, by depth alone, and by
-colour alone; for easy ones."""
+SHIPPED_POLICIES = ("insertion", "insertion-depth", "insertion-colour", "insertion-easy", "withdrawal", "inchworm")
+"""Trained policies in assets/policies: for the way in through any colon by all that scope, hand and imager tell, by
+depth alone, and by colour alone; through easy ones; for the way out; and for another device, the inchworm."""
 _LARGEST_FILE = 200_000_000
 """No policy of this kind is larger [bytes]."""
 

@@ -16,7 +16,8 @@ _HEAD = """\
 
 Made by `haustra cohort full --seed 1 --device adult -o DIR`, `haustra cohort quick --seed 1 --seconds 960 -o DIR` (with
 drivers and scopes as said below) and `python -m haustra.scripts.bench.pages.cohort_page docs/validation/cohort.md
-DIR/cohort.json…`, and kept in docs/validation/data/cohort.json; edit `scripts/bench/pages/cohort_page.py`, not this page.
+DIR/cohort.json…`, and kept in docs/validation/data/cohort.json; edit `scripts/bench/pages/cohort_page.py`, not
+this page.
 
 **Virtual patients** differ in what [Virtual patients](../how-to/cohort.md) lists, every number drawn from its sourced
 range. The hand may push with 100 N and turn with 3 N m, so that peaks are results of the driver. Loops are what the
@@ -39,7 +40,7 @@ not. Ten Xeon cores grew them in 91 s and examined them in 350 s, 114 s of which
 was stopped after 461 s without an end, with five cores to grow on; the aim, three minutes of stepping, is not met by
 either. The two other columns below are of 24 patients and the day before.
 
-| 24 patients, adult scope, seed | inside | caecum | P(perforation) | sigmoid, right, left hurt | half a metre: men, women |
+| 24 patients, seed | inside | caecum | P(perforation) | sigmoid, right, left hurt | half a metre: men, women |
 |---|---|---|---|---|---|
 | 1 | 9 | 0.92 | 0.001 | 0.92, 0.42, 0.46 | 0.17, 0.25 |
 | 7 (chosen by) | 6 | 0.62 | 0.0028 | 0.92, 0.25, 0.42 | 0.17, 0.08 |

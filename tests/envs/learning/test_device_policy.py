@@ -12,8 +12,16 @@ pytest.importorskip("safetensors")
 from haustra.envs.learning.curve import read_curve
 from haustra.envs.learning.drivers import PolicyDriver
 from haustra.envs.learning.evaluate_device import evaluate_device
+from haustra.envs.learning.hands import require_shown
 from haustra.envs.learning.pilot import Pilot
-from haustra.envs.learning.policy import MlpPolicy, load_any_policy, load_policy, save_policy
+from haustra.envs.learning.policy import (
+    SHIPPED_POLICIES,
+    MlpPolicy,
+    load_any_policy,
+    load_policy,
+    policy_folder,
+    save_policy,
+)
 from haustra.envs.learning.settings import Training
 from haustra.envs.learning.train import train
 from haustra.envs.runs.device_run import run_device
@@ -21,7 +29,7 @@ from haustra.envs.runs.insertion import CONTROL_INTERVAL
 from haustra.envs.tasks.config import TaskConfig
 from haustra.envs.tasks.device_task import DeviceRules, DeviceTask, entries_of
 from haustra.envs.tasks.drivers import OwnDriver
-from haustra.errors import InvalidOptionError
+from haustra.errors import InvalidOptionError, UnsupportedSceneError
 from haustra.models.anatomy.store import save_colon
 from haustra.models.device_scene import device_options
 from haustra.models.devices.base import DeviceReadings, load_device
@@ -133,3 +141,17 @@ def test_each_repeat_of_a_run_has_a_pilot_of_its_own(tmp_path: Path, monkeypatch
     call = ["run", "--colon", str(tmp_path / "colon"), "--device", "inchworm", "--driver", own, "--fixed", "--error"]
     assert main([*call, "--seconds", "0.2", "-o", str(tmp_path / "run"), "--json"]) == SUCCESS
     assert set(errors[0].differences["again"].values()) == {0.0}
+
+
+def test_a_policy_of_another_device_drives_no_scope() -> None:
+    with pytest.raises(UnsupportedSceneError, match="drives 'inchworm': name one for a scope"):
+        require_shown(load_any_policy(policy_folder("inchworm")))
+
+
+@pytest.mark.parametrize("name", SHIPPED_POLICIES)
+def test_policies_that_ship_drive_what_they_are_named_for(name: str) -> None:
+    policy = load_any_policy(policy_folder(name))
+    if name == "inchworm":
+        assert policy.drives is not None and policy.drives.device == name
+    else:
+        assert policy.drives is None and policy.config.task == ("withdrawal" if name == "withdrawal" else "insertion")
