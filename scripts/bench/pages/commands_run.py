@@ -30,7 +30,7 @@ PAGES = (
 )
 LEFT_OUT = {
     r"insertion-gpu|runs/gpu|linear-gpu|--processes 16|backend=\"warp\"|--minutes": "needs an NVIDIA GPU",
-    r"runs/withdrawal": "needs a policy that is trained on an NVIDIA GPU",
+    r"runs/withdrawal|evaluate withdrawal": "takes half an hour on two cores",
     r"insertion-ppo|runs/ppo|train --from-dem|cohort full": "takes hours on two cores",
     r"^haustra drive|haptic|replay my-drive|export my-drive": "needs a person at a browser (tests/envs/console)",
     r"patients=48|cohort quick .*--driver endoscopist \w": "a longer form of the command above it",
