@@ -15,9 +15,8 @@ _HEAD = """\
 **Question.** Do virtual patients show what published colonoscopies showed, and what of it depends on who drives?
 
 Made by `haustra cohort full --seed 1 --device adult -o DIR`, `haustra cohort quick --seed 1 --seconds 960 -o DIR` (with
-drivers and scopes as said below) and `python -m haustra.scripts.bench.pages.cohort_page docs/validation/cohort.md
-DIR/cohort.json…`, and kept in docs/validation/data/cohort.json; edit `scripts/bench/pages/cohort_page.py`, not
-this page.
+drivers and scopes as said below) and `python -m haustra.scripts.bench.pages.cohort_page PAGE DIR/cohort.json…`, and
+kept in docs/validation/data/cohort.json; edit `scripts/bench/pages/cohort_page.py`, not this page.
 
 **Virtual patients** differ in what [Virtual patients](../how-to/cohort.md) lists, every number drawn from its sourced
 range. The hand may push with 100 N and turn with 3 N m, so that peaks are results of the driver. Loops are what the

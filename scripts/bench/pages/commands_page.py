@@ -51,7 +51,7 @@ def commands_page(found: Mapping[str, Any]) -> str:
     }
     parts = [_HEAD.format(**numbers, **about)]
     for page, own in groupby(rows, key=lambda row: row["page"]):
-        parts.append(f"## {page}\n\n| command, or the program's last line | came to |\n|---|---|")
+        parts.append(f"## {page}\n| command, or the program's last line | came to |\n|---|---|")
         parts += [f"| `{row['what'].replace('|', chr(92) + '|')}` | {_came(row)} |" for row in own]
         parts.append("")
     return "\n".join(parts)

@@ -80,7 +80,7 @@ def test_failures_are_named():
     assert found["perforated"] == 1 and found["safe_completion"] == 0
 
 
-@pytest.mark.parametrize("name", SHIPPED_POLICIES)
+@pytest.mark.parametrize("name", [name for name in SHIPPED_POLICIES if name.startswith("insertion")])
 def test_shipped_policies_drive(name):
     """Through two short tubes that stand still; how far they come in colons is in docs/validation/navigation.md."""
     policy = load_policy(policy_folder(name))
