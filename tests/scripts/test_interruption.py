@@ -3,11 +3,20 @@
 import contextlib
 import signal
 import sys
+from collections.abc import Iterator
 
 import pytest
 
 from haustra.scripts.console import progress_bar
 from haustra.scripts.interruption import interruption_kept, raise_if_interrupted
+
+
+@pytest.fixture(autouse=True)
+def _heard() -> Iterator[None]:
+    """Shells start what runs in the background with Ctrl-C ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 def _swallowed() -> None:
