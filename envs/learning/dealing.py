@@ -34,6 +34,11 @@ class Turn(NamedTuple):
     """Episodes that this step was the last of."""
 
 
+def planned(colons: int, episodes: int) -> list[tuple[int, int]]:
+    """Case and seed of so many episodes in each colon: episode e in colon k draws by the seed 1000 k + e."""
+    return [(case, 1000 * case + episode) for case in range(colons) for episode in range(episodes)]
+
+
 def deal(task: ScopeTask | DeviceTask, driver: Driver, plan: Sequence[tuple[int, int]]) -> Iterator[Turn]:
     """Drive every episode of a plan, step by step.
 
@@ -42,7 +47,7 @@ def deal(task: ScopeTask | DeviceTask, driver: Driver, plan: Sequence[tuple[int,
     Args:
         task: its worlds; reset by this.
         driver: of all worlds.
-        plan: case and seed of each episode.
+        plan: case and seed of each episode (`planned`).
     """
     waiting, free = iter(range(len(plan))), list(range(task.worlds))
     running, seen = dict[int, tuple[int, int]](), {}

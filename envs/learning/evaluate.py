@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from haustra.envs.learning.dealing import deal
+from haustra.envs.learning.dealing import deal, planned
 from haustra.envs.learning.recording import Recorder, Recording
 from haustra.envs.learning.statistics import bootstrap, wilson
 from haustra.envs.runs.outcome import LEFT_OUTSIDE, Outcome
@@ -183,7 +183,7 @@ def evaluate(
         raise UnsupportedSceneError(
             "Recordings do not hold how wide gas held the lumen: record none, or leave gas out."
         )
-    plan = [(case, 1000 * case + episode) for case in range(len(bank.cases)) for episode in range(episodes)]
+    plan = planned(len(bank.cases), episodes)
     worlds = min(most_worlds or MOST_WORLDS[_platform(backend)], len(plan))
     task = ScopeTask(config, worlds=worlds, threads=threads, backend=backend, bank=bank)
     ended, history = dict[int, Episode](), list[np.ndarray]()

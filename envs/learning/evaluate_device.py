@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from haustra.envs.learning.dealing import deal
+from haustra.envs.learning.dealing import deal, planned
 from haustra.envs.learning.statistics import bootstrap
 from haustra.envs.tasks.device_task import DeviceTask
 from haustra.envs.tasks.drivers import Driver
@@ -85,7 +85,7 @@ def evaluate_device(
         episodes: in each colon.
         progress: told episodes done and their number.
     """
-    plan = [(case, 1000 * case + episode) for case in range(len(task.colons)) for episode in range(episodes)]
+    plan = planned(len(task.colons), episodes)
     ended, forces = dict[int, DeviceEpisode](), list[np.ndarray]()
     for turn in deal(task, make_driver(task), plan):
         forces.append(np.array(turn.info["wall_force"], float))
