@@ -5,14 +5,18 @@ on the CPU and packs their worlds with kernels for a GPU: for blocks of so many 
 step done twice, so that what the step takes longer is that stage's time. `python -m haustra.scripts.bench.kernels
 rates FILE.npz ...` repeats these worlds until a GPU is full and times launches of 40 steps, `load` only lets the driver
 finish the kernels, which it keeps. Files of two versions, run in turn, tell before from after. `worlds=32768` asks for
-so many worlds only, `rooms=16384` lets so many run at a time at most, and `steps=4` makes launches as short.
+so many worlds only, `rooms=16384` lets so many run at a time at most, `steps=4` makes launches as short, and
+`registers=128,168` lets a thread have so many registers at most, where 0 leaves it as it was written.
 """
 
 import json
+import re
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -80,7 +84,7 @@ def pack(path: Path, *, moving: bool, designs: bool, groups: tuple[int, ...], st
         if name in by_world:
             values = np.swapaxes(values, 1, 2).reshape(-1, values.shape[1])
         kept[name] = values[:, :1] if name in _BY_ROW else values
-    layout = backend._layout
+    layout = replace(backend._layout, by_turns=True)
     counts = [layout.dofs, layout.bodies, layout.spheres, layout.nodes, backend._places]
     np.savez_compressed(path, **kept, counts=np.array(counts), slots=layout.room, by_world=by_world)
 
@@ -89,7 +93,7 @@ def _bytes_of(text: str) -> np.ndarray:
     return np.frombuffer(compiling.assembled(text, architecture="sm_90").encode(), np.uint8)
 
 
-def rates(path: Path, counts: tuple[int, ...], rooms: int, steps: int) -> Iterator[dict[str, Any]]:
+def rates(path: Path, counts: tuple[int, ...], rooms: int, steps: int, registers: int = 0) -> Iterator[dict[str, Any]]:
     """Steps a second of packed kernels at each of these numbers of worlds that fits, in so many rooms at most.
 
     Args:
@@ -97,17 +101,27 @@ def rates(path: Path, counts: tuple[int, ...], rooms: int, steps: int) -> Iterat
         counts: of worlds.
         rooms: to work in, at most.
         steps: of a launch.
+        registers: of a thread, at most; as it was written when 0.
     """
     with np.load(path) as kept:
         packed = dict(kept)
     for name in [each for each in packed if each.startswith("kernel ")]:
-        kernel, (_, group, *stage) = Kernel(packed[name].tobytes().decode(), "advance"), name.split()
+        kernel, (_, group, *stage) = _kernel(packed[name], registers), name.split()
         for worlds in counts:
             # Few worlds are not stepped by full warps, nor many by single threads; stages are those of a full GPU.
             if worlds // int(group) > 8_192 or (stage and worlds != 32_768):
                 continue
             rate = _rate(packed, kernel, (worlds, rooms, steps), int(group))
-            yield {"file": path.name, "group": int(group), "twice": stage, "steps": steps} | rate
+            about = {"file": path.name, "group": int(group), "twice": stage, "steps": steps, "registers": registers}
+            yield about | rate
+
+
+def _kernel(text: np.ndarray, registers: int) -> Kernel:
+    """What was packed, finished by the driver, with so many registers a thread at most."""
+    written = text.tobytes().decode()
+    if registers:
+        written = re.sub(r"\n\)\n(\.maxnreg \d+\n)?\{\n", f"\n)\n.maxnreg {registers}\n{{\n", written, count=1)
+    return Kernel(written, "advance")
 
 
 def _rate(packed: dict[str, np.ndarray], kernel: Kernel, counts: tuple[int, int, int], group: int) -> dict[str, Any]:
@@ -152,13 +166,13 @@ def _main(verb: str, *given: str) -> None:
         pack(Path(given[0]), groups=named("groups", _FULL), **about)
         return
     counts, (rooms,), (steps,) = named("worlds", *WORLDS), named("rooms", max(WORLDS)), named("steps", _STEPS)
-    for path in (each for each in given if "=" not in each):
+    for path, most in product((each for each in given if "=" not in each), named("registers", 0)):
         if verb == "load":
             with np.load(path) as kept:
                 for name in (each for each in kept if each.startswith("kernel ")):
-                    Kernel(kept[name].tobytes().decode(), "advance")
+                    _kernel(kept[name], most)
             continue
-        for row in rates(Path(path), counts, rooms, steps):
+        for row in rates(Path(path), counts, rooms, steps, most):
             sys.stdout.write(json.dumps(row) + "\n")
             sys.stdout.flush()
 

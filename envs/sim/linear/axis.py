@@ -412,8 +412,7 @@ class Axis:
             turn = twisted(turn, turned(*turn, self._vector(i, "tangent")), h * speed[3])
             place = add(self._state.vector(i, 0), times(h, speed[:3]))
             for number, value in enumerate((*place, turn[0], *turn[1], *speed)):
-                now = program.going(going(), value, lambda number=number: self._state.load(i, number))
-                self._state.put(i, number, (now,))
+                self._state.put(i, number, (program.xp.where(going(), value, self._state.load(i, number)),))
 
     def _press_section(self, node: Nodes, pressed: Value, turn: Turn, tangent: Vector) -> tuple[Any, ...]:
         """What forces on the wall about a node do to its section: work, torque and gradients over the cells beside it.

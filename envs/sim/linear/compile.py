@@ -96,6 +96,7 @@ def write_program(
     """
     program, arrays, counts, (steps, row, first, last) = _begun(lanes, real, directions=directions)
     around = {"moving": moving, "surrounded": surrounded, "touching": touching}
+    around["by_turns"] = lanes == 1 and abreast == 1 and not directions
     with program.loop(first, last) as block:
         layout = Layout(*counts[:-1], wheels=wheels, abreast=abreast, **around)
         own = _Worlds(program, arrays, (layout, counts[-1]), driver, block=block, stride=lanes, row=row)
@@ -108,6 +109,9 @@ def write_program(
 
 WARP = 32
 """Threads that a graphics processor runs together; each steps a world."""
+_REGISTERS = 168
+"""Registers of a thread at most where a GPU is full and colons move, a design a world: twelve warps run on each
+processor instead of eight, which wait for memory in turn (docs/decisions/linear.md); engineering choice."""
 
 
 @functools.cache
@@ -130,8 +134,10 @@ def write_kernel(
     `group` worlds are a block: their numbers lie side by side, and their threads are placed together.
     """
     program, arrays, counts, (steps, row, _, worlds) = _begun(1, real, approximate=True)
-    around = {"moving": moving, "surrounded": surrounded, "touching": touching}
+    around = {"moving": moving, "surrounded": surrounded, "touching": touching, "by_turns": True}
     program.fetches = True
+    if moving and not one_design and group == WARP:
+        program.limit_registers(_REGISTERS)
     block, blocks, lane = _launched_as(program, "ctaid", "nctaid", "tid")
     # Blocks that are launched take worlds in turn, so that there are rooms for those only that run at the same time.
     rounds = (worlds + group * blocks - 1 - group * block) // (group * blocks)

@@ -178,7 +178,7 @@ class DualLanes(Lanes):
 
     def from_slot(self, slot: Number) -> "DualLanes":
         """These numbers, counted from a slot on."""
-        return DualLanes(self._program, self._place(slot), self._stride, slopes=self._at(slot))
+        return DualLanes(self._program, self.place(slot), self._stride, slopes=self._at(slot))
 
     def load(self, slot: Number) -> Value:
         """The number there."""

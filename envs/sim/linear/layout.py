@@ -69,6 +69,8 @@ class Layout:
     """Whether loops of the colon touch each other (`haustra.models.wall.loops`)."""
     moving: bool = False
     """Whether the colon moves, so that there are nodes."""
+    by_turns: bool = False
+    """Whether what a time step changes of the chain is written beside what it was (`envs.sim.linear.turns`)."""
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -228,9 +230,14 @@ class Layout:
         return self.press_room + self.row * PRESS
 
     @property
+    def other_room(self) -> Any:
+        """Where all of the chain up to its spheres' normal forces stands a second time, if it is written by turns."""
+        return self.wire_room + self.dofs * WIRE_ROOM if self.wheels else self.wire_room
+
+    @property
     def room(self) -> Any:
         """All of it."""
-        return self.wire_room + self.dofs * WIRE_ROOM if self.wheels else self.wire_room
+        return self.other_room + self.hand if self.by_turns else self.other_room
 
 
 JOINT_ROOM = 10

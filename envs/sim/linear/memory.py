@@ -44,7 +44,7 @@ class Lanes:
     def _loaded(self, slot: Number, lanes: int) -> Value:
         program = self._program
         kind = program.real if lanes == 1 else ir.VectorType(program.real, lanes)
-        return Value(program, program.builder.load(self._place(slot), typ=kind, align=size_of(program)))
+        return Value(program, program.builder.load(self.place(slot), typ=kind, align=size_of(program)))
 
     def store(self, slot: Number, value: Number) -> None:
         """Put a number there."""
@@ -61,15 +61,15 @@ class Lanes:
             self._stored(slot, self._program.spread(value))
 
     def _stored(self, slot: Number, written: Any) -> None:
-        self._program.builder.store(written, self._place(slot), align=size_of(self._program))
+        self._program.builder.store(written, self.place(slot), align=size_of(self._program))
 
     def rows(self, slot: Number, fours: int) -> "Rows":
         """These numbers as rows of `fours` times four, from a slot on that four divides; of a world that is alone."""
-        return Rows(self._program, self._place(slot), fours)
+        return Rows(self._program, self.place(slot), fours)
 
     def from_slot(self, slot: Number) -> "Lanes":
         """These numbers, counted from a slot on."""
-        return Lanes(self._program, self._place(slot), self._stride)
+        return Lanes(self._program, self.place(slot), self._stride)
 
     def flat(self, first: Number) -> "Shared":
         """Numbers of the whole array one behind the other, counted from one that is so far behind slot 0."""
@@ -100,7 +100,7 @@ class Lanes:
 
     def _each(self, slot: Value, start: Number) -> Iterator[tuple[int, Any]]:
         """Lanes, and the place of each one's own slot."""
-        program, base, own = self._program, self._place(start), slot * self._stride
+        program, base, own = self._program, self.place(start), slot * self._stride
         if self._lanes > 1:  # worlds lie side by side
             own = own + Value(program, ir.Constant(own.written.type, list(range(own.lanes))))
         for lane, offset in enumerate(program.indices(own)):
@@ -113,7 +113,7 @@ class Lanes:
             for more in sorted(
                 {*range(0, count, max(1, _SECTOR // (self._stride * size_of(self._program)))), count - 1}
             ):
-                self._program.fetch(self._place(slot + more))
+                self._program.fetch(self.place(slot + more))
 
     def vector(self, slot: Number) -> tuple[Value, Value, Value]:
         """Three numbers from there on."""
@@ -124,10 +124,15 @@ class Lanes:
         for more, value in enumerate(values):
             self.store(slot + more, value)
 
-    def _place(self, slot: Number) -> Any:
+    def place(self, slot: Number) -> Any:
+        """LLVM's pointer to the number there."""
         program = self._program
         offset = program.index(slot) * self._stride
         return program.builder.gep(self._base, [offset.written], source_etype=program.real)
+
+    def at(self, place: Any) -> "Lanes":
+        """Numbers that lie as these do, from a pointer on."""
+        return Lanes(self._program, place, self._stride)
 
 
 class OwnRows:

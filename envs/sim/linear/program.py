@@ -38,6 +38,7 @@ from haustra.envs.sim.linear.memory import Lanes, NumberRows, Numbers, Rows, Sha
 from haustra.envs.sim.linear.press import Touch
 from haustra.envs.sim.linear.sweep import Before
 from haustra.envs.sim.linear.trace import Changing, Program, Value, Variable
+from haustra.envs.sim.linear.turns import Turns
 from haustra.envs.sim.linear.wires import SprungWires
 from haustra.envs.sim.physics.hand import HAND_DAMPING, HAND_STIFFNESS, held_force
 from haustra.envs.sim.physics.lock import lock_activation
@@ -144,11 +145,18 @@ class ScopeProgram:
         self.touches = NumberRows(self.room, layout.sphere_room, layout.sphere_numbers, layout.sphere_row)
         self._scales = self.bodies * STRUCTURE
         self.wires = SprungWires(self) if layout.wheels else None
+        other = self.room.from_slot(layout.other_room) if layout.by_turns else None
+        self._turns = None if other is None else Turns(program, self.state, other)
         self._going = program.variable(0.0)
         self.axis: Axis | None = None
         if nodes := arrays["axis"]:
             own = self.state, self._world, self.room
             self.axis = Axis(program, self.layout, own, nodes, (self.tables, self._stations()))
+
+    @property
+    def now(self) -> Lanes:
+        """Joints' positions and speeds and spheres' normal forces, by the slots of the state."""
+        return self._turns.now if self._turns else self.state
 
     # Numbers by name.
 
@@ -246,6 +254,9 @@ class ScopeProgram:
         self._going.value = xp.where(asked, 1.0, 0.0)
         with program.loop(0, count):
             self._step()
+        if self._turns:
+            layout = self.layout
+            self._turns.bring_back((0, layout.arcs), (layout.normals, layout.hand))
         self.ask("alive", xp.where(going, self._going.value, self.world("alive")))
 
     @property
@@ -284,18 +295,18 @@ class ScopeProgram:
 
         def put(slot: Any, value: Any, inside: Value | None = None) -> None:
             going = self.going if inside is None else self.going & inside
-            state.store_next(slot, program.going(going, value, lambda: state.load_next(slot)))
+            state.store_next(slot, program.xp.where(going, value, state.load_next(slot)))
 
-        with self._beside(self.dofs) as dof:
-            self._fetch_joint(dof + 2)
-            self.joints.fetch(dof + 2, _FASTER, 1)
-            inside, speed = program.numbered(dof) < self.dofs, self.joints.load(dof, _FASTER)
-            put(dof, state.load_next(dof) + self.h * speed, inside)
-            put(layout.speeds + dof, speed, inside)
-        with self._beside(self.spheres) as sphere:
-            self.touches.fetch(sphere + 2, SPRING, 1)
-            state.fetch(layout.normals + sphere + 2)
-            put(layout.normals + sphere, self.touches.load(sphere, SPRING), program.numbered(sphere) < self.spheres)
+        if self._turns:
+            self._turns.change()
+        else:
+            with self._beside(self.dofs) as dof:
+                inside, speed = program.numbered(dof) < self.dofs, self.joints.load(dof, _FASTER)
+                put(dof, state.load_next(dof) + self.h * speed, inside)
+                put(layout.speeds + dof, speed, inside)
+            with self._beside(self.spheres) as sphere:
+                pressed, inside = self.touches.load(sphere, SPRING), program.numbered(sphere) < self.spheres
+                put(layout.normals + sphere, pressed, inside)
         if self.axis:
             self.axis.take_over(self.h, lambda: self.going)
         pulls = enumerate(self.wires.ends) if self.wires else ()
@@ -344,7 +355,7 @@ class ScopeProgram:
 
     def chain(self, each: Callable[[Value, "Link"], None]) -> "Link":
         """Go outwards along the chain, and do something at each link; the last one is returned."""
-        program, state = self.program, self.state
+        program = self.program
         gravity = self.world("gravity_x"), self.world("gravity_y"), self.world("gravity_z")
         link = Link(program, times(-1.0, gravity))
         with program.loop(0, self.bodies) as body:
@@ -353,19 +364,19 @@ class ScopeProgram:
             with program.when(body == 0):
                 direction = link.direction(self._axis(0))
                 self.joints.put(program.index(0), 7, direction)
-                link.slide(direction, state.load(0), state.load(self.layout.speeds))
+                link.slide(direction, self.now.load(0), self.now.load(self.layout.speeds))
             with program.loop(*self.hinges_of(body)) as dof:
                 self._fetch_joint(dof + 1)
                 local = self._axis(dof)
                 direction = link.direction(local)
                 self.joints.put(dof, 7, direction)
-                link.turn(local, direction, self._turned(dof), state.load(self.layout.speeds + dof))
+                link.turn(local, direction, self._turned(dof), self.now.load(self.layout.speeds + dof))
             each(body, link)
         return link
 
     def _turned(self, dof: Value) -> tuple[Value, Value]:
         """Sine of a hinge's angle, and 1 less its cosine."""
-        return self.program.xp.sine_versine(self.state.load(dof))
+        return self.program.xp.sine_versine(self.now.load(dof))
 
     def _reached(self) -> Value:
         """No sphere will be looked up further in [m]."""
@@ -438,12 +449,12 @@ class ScopeProgram:
         program, xp, state, layout = self.program, self.program.xp, self.state, self.layout
         turning, moving = motion
         state.fetch(layout.arcs + sphere + 2)
-        state.fetch(layout.normals + sphere + 2)
+        self.now.fetch(layout.normals + sphere + 2)
         before = state.load_next(layout.arcs + sphere)
         arc, rest = self._followed(sphere, centre, before)
         self._keep_arc(sphere, before, arc)
         arc = self._to_look_up(sphere, arc)
-        carried = state.load_next(layout.normals + sphere) > 0
+        carried = self.now.load_next(layout.normals + sphere) > 0
         self.touches.put(sphere, SPRING, (0.0,))
         with program.when(arc > 0):
             depth, normal, held, leaving = self.wall(rest, arc, near=True)
@@ -657,8 +668,8 @@ class ScopeProgram:
         sums.now = (*flat(inertia), *add(torque, times(driven, turn)), *add(force, times(driven, push)))
 
     def _fetch_joint(self, dof: Value) -> None:
-        self.state.fetch(dof)
-        self.state.fetch(self.layout.speeds + dof)
+        self.now.fetch(dof)
+        self.now.fetch(self.layout.speeds + dof)
 
     def _driven(self, dof: Value, pulls: Any, slides: int) -> tuple[Value, Value]:
         """Torque of springs, stops, locks, wires and hand on a joint; and its armature, with what a step is damped."""
@@ -674,14 +685,14 @@ class ScopeProgram:
     def _sprung(self, dof: Value, pulls: Any) -> tuple[Value, Value, Value]:
         """Torque of springs, stops, locks and wires on a joint, what damps it, and its armature."""
         xp = self.program.xp
-        angle, speed = self.state.load_next(dof), self.state.load_next(self.layout.speeds + dof)
+        angle, speed = self.now.load_next(dof), self.now.load_next(self.layout.speeds + dof)
         scale = self.scale(dof)
         damping = scale * self.joint(dof, "damping")
         low, high = self.joint(dof, "low"), self.joint(dof, "high")
         stop, stopped = _stop_torque(xp, angle, low, high, timestep=self.h)
         bent = angle - self.joint(dof, "rest")
         torque = stop - scale * (self.joint(dof, "stiffness") + self.joint(dof, "cubic") * bent**2) * bent
-        insertion = self.scope("start") + self.state.load(0)
+        insertion = self.scope("start") + self.now.load(0)
         held = _lock_activation(xp, insertion, self.joint(dof, "behind"))
         damping = damping + stopped + self.joint(dof, "lock_damping") * held
         torque = torque - self.joint(dof, "lock_stiffness") * held * angle
@@ -691,7 +702,7 @@ class ScopeProgram:
 
     def _by_hand(self, dof: Value, side: int) -> tuple[Value, Value]:
         """Force of the hand along the shaft, or torque about it, and what it damps the shaft by."""
-        hand = self._hand(side, self.state.load(dof), self.state.load(self.layout.speeds + dof))
+        hand = self._hand(side, self.now.load(dof), self.now.load(self.layout.speeds + dof))
         # The hand's damper is in its force already; where the force is at its limit, it damps no more.
         free = self.program.xp.abs(hand) < self.world(_HAND_LIMITS[side])
         return hand, self.program.xp.where(free, float(HAND_DAMPING[side]), 0.0)
@@ -703,19 +714,23 @@ class ScopeProgram:
         return held_force(self.program.xp, aim, place, speed, limit, *parts)
 
     def _accelerate(self, fastest: Any) -> None:
-        program, state, joints, layout = self.program, self.state, self.joints, self.layout
+        program, joints, layout = self.program, self.joints, self.layout
         turning, moving, axis = (Changing(program, begun) for begun in (_NONE, _NONE, INWARDS))
 
         def move(dof: Value, along: Changing) -> None:
-            state.fetch(layout.speeds + dof + 1)
+            self.now.fetch(layout.speeds + dof + 1)
             joints.fetch(dof + 1, 0, JOINT_ROOM)
             gives = dot(joints.vector(dof, 0), turning.now) + dot(joints.vector(dof, 3), moving.now)
             rate = joints.load(dof, 6) - gives
             if self.wires:
                 rate = rate - self.wires.bends(dof)
             along.now = add(along.now, times(rate, joints.vector(dof, 7)))
-            speed = state.load(layout.speeds + dof) + self.h * rate
-            joints.put(dof, _FASTER, (speed,))
+            speed = self.now.load(layout.speeds + dof) + self.h * rate
+            if self._turns:
+                self._turns.then.store(dof, self.now.load(dof) + self.h * speed)
+                self._turns.then.store(layout.speeds + dof, speed)
+            else:
+                joints.put(dof, _FASTER, (speed,))
             size = program.xp.abs(speed)
             fastest.value = program.xp.where(size < SPEED_LIMIT, fastest.value, size)  # also of what is no number
 
@@ -738,6 +753,8 @@ class ScopeProgram:
         program, touches = self.program, self.touches
         touches.fetch(sphere + 2, SPRING, 1)
         spring = touches.load(sphere, SPRING)
+        if self._turns:
+            self._turns.then.store(self.layout.normals + sphere, 0.0)
         with program.when(spring > 0):
             normal, speed = touches.vector(sphere, _NORMAL), touches.vector(sphere, _SPEED)
             lever = self._lever(sphere, axis, normal)
@@ -745,7 +762,10 @@ class ScopeProgram:
             pressed = normal_force(program.xp, spring, touches.load(sphere, _DAMPER), dot(normal, speed))
             if self.axis:
                 self._press_axis(self.axis, sphere, normal, speed)
-            touches.put(sphere, SPRING, (pressed,))
+            if self._turns:
+                self._turns.then.store(self.layout.normals + sphere, pressed)
+            else:
+                touches.put(sphere, SPRING, (pressed,))
 
     def _press_axis(self, axis: Axis, sphere: Value, normal: Vector, speed: Vector) -> None:
         """What a sphere does to a colon that moves, at the end of the step."""

@@ -159,6 +159,11 @@ class Program:
             self.builder.branch(self.function.basic_blocks[1])
         return str(self.module)
 
+    def limit_registers(self, most: int) -> None:
+        """Let a thread of the kernel that this is have so many registers at most."""
+        about = self.module.add_metadata([self.function, "maxnreg", ir.Constant(INDEX, most)])
+        self.module.add_named_metadata("nvvm.annotations", about)
+
     def constant(self, number: float, like: Any = None) -> Value:
         """A number of that LLVM type, or real."""
         kind = like or self.real
@@ -356,13 +361,6 @@ class Program:
         self._enter(held)
         yield
         self.go(after)
-
-    def going(self, condition: Value, value: Number, before: Callable[[], Value]) -> Number:
-        """A value in lanes that the condition holds for, what was before in others: within `when` of that condition.
-
-        A lane that is alone would not have come here, so that what was before is not fetched.
-        """
-        return value if self.lanes == 1 else self.xp.where(condition, value, before())
 
     def go(self, block: Any, *, enter: Any = None) -> None:
         """Go on in a block; what is written next stands there, or in `enter`."""

@@ -63,7 +63,7 @@ class SprungWires:
             slides: whether it is a slide.
         """
         scopes = self._scopes
-        angle, speed = scopes.state.load(dof), scopes.state.load(scopes.layout.speeds + dof)
+        angle, speed = scopes.now.load(dof), scopes.now.load(scopes.layout.speeds + dof)
         direction = scopes.joints.vector(dof, 7)
         arms, lifted = [scopes.joint(dof, name) for name in _PAIRS], []
         for side, (arm, felt) in enumerate(zip(arms, self._felt, strict=True)):

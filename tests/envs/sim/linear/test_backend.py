@@ -127,9 +127,15 @@ def test_threads_and_lanes_do_not_change_a_bit(bank):
         np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
 
 
+@pytest.mark.parametrize("as_on_a_gpu", [False, True])
 @pytest.mark.parametrize("mesentery", [False, True])
-def test_a_scope_alone_goes_as_among_others(mesentery):
-    """Nodes and spheres of a scope that is alone stand in the lanes where else its neighbours do."""
+def test_a_scope_alone_goes_as_among_others(mesentery, as_on_a_gpu, monkeypatch):
+    """Nodes and spheres of a scope that is alone stand in the lanes where else its neighbours do.
+
+    Or it has a program one number wide, whose steps, five a launch here, write the chain by turns in two places.
+    """
+    if as_on_a_gpu:
+        monkeypatch.setattr("haustra.envs.sim.linear.backend.lanes_of", lambda real: 1)
     own = _bank(mesentery)
     alone, among = (driven(own, count, seconds=0.0, real=np.float64)[0] for count in (1, 5))
     among.reset(np.arange(5), np.zeros(5, int), conditions(own, 1).of(np.zeros(5, int)))
