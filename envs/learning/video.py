@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from haustra.envs.learning.recording import Recording
 from haustra.envs.learning.stage import stage_of
@@ -25,8 +25,10 @@ WIDTH, HEIGHT = 480, 300
 """Size of the video's picture [pixels]."""
 _SIDE = 192
 """Side of the square picture that the tip sees [pixels]."""
+_PICTURES = 150
+"""Pictures of a video at most; states between them are not drawn, but their peaks are told."""
 _FRAME_MS, _LAST_MS = 100, 2000
-"""A frame is shown for half the simulated time that it stands for; the last one stays."""
+"""How long a picture is shown, and the last one [ms]; engineering choice: 30 s are shown in half their time."""
 _QUALITY = 60
 """Quality of the WebP compression, 0 to 100: some 8 kB a frame."""
 _BEFORE_ANUS = 0.03
@@ -44,7 +46,7 @@ def write_video(
     limits: Limits,
     progress: Callable[[int, int], None] = lambda done, frames: None,
 ) -> Path:
-    """Draw an episode as animated WebP, twice as fast as it was.
+    """Draw an episode as animated WebP, in fifteen seconds or in half its time, whichever is shorter.
 
     No OpenGL is needed: the renderers are those of `haustra.envs.view.picture`. The wall is drawn as the episode's
     physics and camera know it: as its table of distances from the centreline.
@@ -56,20 +58,20 @@ def write_video(
         title: of the picture.
         ending: how the episode ended.
         limits: of the task, marked beside the wall force.
-        progress: told frames drawn and their number.
+        progress: told pictures drawn and their number.
 
     Raises:
         OutputError: when the file cannot be written.
     """
-    count = len(recording.time)
+    shown = np.unique(np.linspace(0, len(recording.time) - 1, min(_PICTURES, len(recording.time))).round().astype(int))
     bank = bank.with_mesentery(recording.displacement is not None)  # the scene that was driven
 
     def write(temporary: Path) -> None:
-        frames = _frames(recording, bank, title, ending, limits, progress)
+        frames = _frames(recording, shown, bank, title, ending, limits, progress)
         first = next(frames)
-        shown = [_FRAME_MS] * (count - 1) + [_LAST_MS]
+        lasts = [_FRAME_MS] * (len(shown) - 1) + [_LAST_MS]
         first.save(
-            temporary, format="WEBP", save_all=True, append_images=frames, duration=shown, loop=0, quality=_QUALITY
+            temporary, format="WEBP", save_all=True, append_images=frames, duration=lasts, loop=0, quality=_QUALITY
         )
 
     return write_atomically(path, write)
@@ -77,6 +79,7 @@ def write_video(
 
 def _frames(
     recording: Recording,
+    shown: Int[np.ndarray, " pictures"],
     bank: ColonSet,
     title: str,
     ending: str,
@@ -86,21 +89,22 @@ def _frames(
     from PIL import Image
 
     size = (WIDTH - _SIDE, HEIGHT)
-    scope, stage = _Scope(bank), stage_of(bank.cases[recording.case], recording.displacement, size)
-    eyes = Endoscope(bank.cases[recording.case].colon(), lens_of(bank.design.tip, _SIDE, _SIDE))
-    count, peak = len(recording.time), 0.0
-    for index in range(count):
+    scope, lens, case = _Scope(bank), lens_of(bank.design.tip, _SIDE, _SIDE), bank.cases[recording.case]
+    stage = stage_of(case, recording.displacement, lens, size)
+    eyes = Endoscope(case.colon(), lens, surface=stage.surface)
+    peaks = np.maximum.accumulate(recording.wall_force)
+    faster = float(np.ptp(recording.time[shown])) / max(1, len(shown) - 1) / (_FRAME_MS / 1000)
+    for done, index in enumerate(shown.tolist()):
         shape, tip, frame = scope.at(recording.qpos[index])
         picture = Image.new("RGB", (WIDTH, HEIGHT), _PAPER)
-        lumen, eye, outside = stage.at(index, tip, float(recording.tip_arc[index]))
-        eyes.surface.place(lumen.vertices)
+        eye, outside = stage.at(index, tip, float(recording.tip_arc[index]))
         seen = eyes.picture(CameraPose.of_tip(eye, frame))
         picture.paste(Image.fromarray(seen), (0, 0))
         drawn = outside.draw(shape, bank.design.diameter / 2, bending_length=bank.design.bending.length)
         picture.paste(Image.fromarray(drawn), (_SIDE, 0))
-        peak = max(peak, float(recording.wall_force[index]))
-        _read_out(picture, recording, index, title, ending if index == count - 1 else "", limits, peak)
-        progress(index + 1, count)
+        said = title, ending if index == shown[-1] else "", f"{faster:.2g}x"
+        _read_out(picture, recording, index, said, limits, float(peaks[index]))
+        progress(done + 1, len(shown))
         yield picture
 
 
@@ -132,10 +136,12 @@ class _Scope:
 
 
 def _read_out(
-    picture: "Image", recording: Recording, index: int, title: str, ending: str, limits: Limits, peak: float
+    picture: "Image", recording: Recording, index: int, said: tuple[str, str, str], limits: Limits, peak: float
 ) -> None:
-    """Numbers and bars under the tip's picture."""
+    """Numbers and bars under the tip's picture; `said` are title, ending, and how much faster it is shown."""
     from PIL import ImageDraw, ImageFont
+
+    title, ending, faster = said
 
     draw, font = ImageDraw.Draw(picture), ImageFont.load_default(11)
     force, way = float(recording.wall_force[index]), float(recording.progress[index])
@@ -143,20 +149,20 @@ def _read_out(
     while draw.textlength(title, font=font) > _SIDE - left:
         title = title.removesuffix("…")[:-1] + "…"
     draw.text((left, row), title, fill=_INK, font=font)
-    said = f"{recording.time[index]:.1f} s (shown 2x)   tip {recording.tip_arc[index]:.2f} m in"
-    draw.text((left, row + 16), said, fill=_INK, font=font)
+    when = f"{recording.time[index]:.1f} s (shown {faster})   tip {recording.tip_arc[index]:.2f} m in"
+    draw.text((left, row + 16), when, fill=_INK, font=font)
     draw.text((left, row + 32), "way", fill=_INK, font=font)
     _bar(draw, row + 35, way, _FILL)
     draw.text((150, row + 32), f"{way:.0%}", fill=_INK, font=font)
-    most = 1.1 * limits.perforation_force
+    full = 1.1 * limits.perforation_force
     draw.text((left, row + 48), "wall", fill=_INK, font=font)
-    _bar(draw, row + 51, force / most, _ALARM if force > limits.safe_force else _FILL)
+    _bar(draw, row + 51, force / full, _ALARM if force > limits.safe_force else _FILL)
     for limit in (limits.safe_force, limits.perforation_force):
-        at = _BAR[0] + limit / most * (_BAR[1] - _BAR[0])
+        at = _BAR[0] + limit / full * (_BAR[1] - _BAR[0])
         draw.line([(at, row + 49), (at, row + 61)], fill=_INK)
     draw.text((150, row + 48), f"{force:.1f} N", fill=_INK, font=font)
-    said = f"peak {peak:.1f} N   hand {recording.push_force[index]:.1f} N"
-    draw.text((left, row + 64), said, fill=_INK, font=font)
+    most = f"peak {peak:.1f} N   hand {recording.push_force[index]:.1f} N"
+    draw.text((left, row + 64), most, fill=_INK, font=font)
     draw.text((left, row + 80), ending, fill=_ALARM, font=font)
 
 

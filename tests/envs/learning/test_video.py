@@ -12,6 +12,7 @@ from haustra.envs.learning.stage import stage_of
 from haustra.envs.learning.video import HEIGHT, WIDTH, write_video
 from haustra.envs.tasks.config import Limits, TaskConfig
 from haustra.envs.tasks.drivers import FollowerDriver, PushDriver
+from haustra.envs.view.picture.lens import lens_of
 from tests.task_bank import DESIGN, moving_bank, short_bank, tip_arcs
 
 SERIES = ("time", "tip_arc", "progress", "push_force", "wall_force")
@@ -116,12 +117,16 @@ def test_in_a_colon_that_moves_the_picture_moves_along():
     displacement[..., 3] = 1.0
     displacement[0, :, 0] = away * np.sin(np.linspace(0, np.pi, len(displacement[0]))) ** 2
     displacement = np.pad(displacement, ((0, 0), (0, 7), (0, 0)), mode="edge")  # as beside a longer colon
-    stage, still = stage_of(case, displacement, (96, 96)), stage_of(case, None, (96, 96))
+    lens = lens_of(bank.design.tip, 32, 32)
+    stage, still = stage_of(case, displacement, lens, (96, 96)), stage_of(case, None, lens, (96, 96))
     middle = len(case.points) // 2
     place, arc = case.points[middle] + [away, 0.0, 0.0], case.step * middle
-    lumen, eye, outside = stage.at(0, place, arc)
-    rest, _, before = still.at(0, place, arc)
-    assert np.linalg.norm(lumen.vertices - rest.vertices, axis=1).max() == pytest.approx(away, rel=0.3)
+    eye, outside = stage.at(0, place, arc)
+    _, before = still.at(0, place, arc)
+    for stretch in range(stage.surface.count):
+        stage.surface.bring(stretch)
+    moved = stage.surface.vertices - still.surface.vertices
+    assert np.linalg.norm(moved, axis=1).max() == pytest.approx(away, rel=0.3)
     assert eye == pytest.approx(place, abs=0.001), "in the middle of the lumen, where that is now"
     pictures = [view.draw(None, 0.005, bending_length=0.05).astype(int) for view in (outside, before)]
     assert (np.abs(pictures[0] - pictures[1]).max(axis=2) > 20).sum() > 50
