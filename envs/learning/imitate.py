@@ -30,6 +30,7 @@ def imitate(
     seed: int,
     learning_rate: float = 1e-3,
     progress: Callable[[int, float], None] = lambda done, loss: None,
+    late: Callable[[], bool] = lambda: False,
 ) -> float:
     """Fit a policy to its teacher's actions on the states that the policy itself comes to.
 
@@ -41,6 +42,7 @@ def imitate(
         seed: of episodes and batches.
         learning_rate: of Adam.
         progress: told steps done and the last loss.
+        late: whether to be done with what there is.
 
     Returns:
         The last mean squared error of an action.
@@ -68,8 +70,12 @@ def imitate(
                 seen = task.reset(np.flatnonzero(over))
                 teacher.begin(over)
                 pupil = np.where(over, random.random(task.worlds) < own, pupil)
+            progress(len(views) * task.worlds, loss)
+            if late():
+                break
         loss = fit(mean_action, optimiser, np.concatenate(views), np.concatenate(answers), random)
-        progress((turn + 1) * per_round * task.worlds, loss)
+        if late():
+            break
     return loss
 
 

@@ -1,5 +1,6 @@
 """Models of Stable-Baselines3 from a training's numbers, and the plain policy in them."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -97,8 +98,10 @@ def policy_of(model: Any, training: Training, about: dict[str, Any], worlds: Any
     )
 
 
-def warm_up(model: Any, training: Training, task: ScopeTask | DeviceTask, progress: Any) -> None:
-    """Learn from who drives by rule, or from demonstrations, before learning from reward."""
+def warm_up(
+    model: Any, training: Training, task: ScopeTask | DeviceTask, progress: Any, late: Callable[[], bool]
+) -> None:
+    """Learn from who drives by rule, until it is late, or from demonstrations, before learning from reward."""
     device = model.device
     if training.algorithm == "ppo":
         policy = model.policy
@@ -122,14 +125,13 @@ def warm_up(model: Any, training: Training, task: ScopeTask | DeviceTask, progre
 
         clone(mean, parameters, shown, seed=training.seed, progress=tell)
         return
-    imitate(
-        mean,
-        parameters,
-        task,
-        steps=training.imitate,
-        seed=training.seed,
-        progress=lambda done, loss: progress(0, f"learning from who drives by rule: {done} steps, error {loss:.3f}"),
-    )
+
+    def tell_steps(done: int, loss: float) -> None:
+        error = "" if np.isnan(loss) else f", error {loss:.3f}"
+        progress(0, f"learning from who drives by rule: {done} steps{error}")
+
+    about: dict[str, Any] = {"steps": training.imitate, "seed": training.seed}
+    imitate(mean, parameters, task, **about, progress=tell_steps, late=late)
 
 
 def hold_actor(model: Any, training: Training, leg: int) -> None:

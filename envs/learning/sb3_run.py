@@ -37,7 +37,9 @@ class Sb3Run:
         document: dict[str, Any] | None,
         tensorboard: bool,
         progress: Progress,
+        deadline: float | None,
     ) -> None:
+        self._deadline = deadline
         self.training, self.folder, self.task, self.progress = training, folder, task, progress
         worlds = TaskVecEnv(task, flat=True, stagger=training.stagger)
         self.normaliser = normalised(training, worlds)
@@ -51,17 +53,18 @@ class Sb3Run:
         if document is None:
             write_json(folder / "training.json", training.to_json())
             if training.imitate or training.demonstrations:
-                warm_up(self.model, training, task, progress)
+                late = lambda: deadline is not None and time.monotonic() > deadline  # noqa: E731
+                warm_up(self.model, training, task, progress, late)
         else:
             restore(folder, document, self._restore(document))
             self.leg = int(document["leg"])
             self._take_up(document.get("normaliser"))
         self.curve = curve_of(training, folder, steps=self.model.num_timesteps)
 
-    def go(self, deadline: float | None) -> dict[str, Any]:
+    def go(self) -> dict[str, Any]:
         """Learn leg by leg until the steps are done or time is up."""
         training, model = self.training, self.model
-        watch = _Watch(self, deadline)
+        watch = _Watch(self, self._deadline)
         while model.num_timesteps < training.steps and not watch.late:
             set_random_seed(training.seed + 1000 * (self.leg + 1), using_cuda=training.device == "cuda")
             hold_actor(model, training, self.leg)

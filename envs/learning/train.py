@@ -72,7 +72,7 @@ def train(
         if isinstance(task, DeviceTask) or training.learner == "sb3":
             from haustra.envs.learning.sb3_run import Sb3Run
 
-            return Sb3Run(training, folder, task, document, tensorboard, progress).go(deadline)
+            return Sb3Run(training, folder, task, document, tensorboard, progress, deadline).go()
         if training.learner == "device":
             from haustra.envs.learning.device_run import DeviceRun
 

@@ -67,6 +67,16 @@ def test_thousands_of_worlds_at_a_size_for_tests(tmp_path):
     assert load_policy(tmp_path).config == training.task
 
 
+def test_time_may_be_up_while_a_policy_still_imitates(tmp_path):
+    """It tells how far it is after every step, and leaves what it has learned."""
+    told: list[str] = []
+    training = replace(SMALL, imitate=100_000)
+    done = run(training, tmp_path, minutes=0.0, progress=lambda _, note: told.append(note or ""))
+    assert done["time_up"] and done["steps"] < training.steps
+    assert "4 steps" in told[0]
+    assert load_policy(tmp_path).config == training.task
+
+
 def test_a_policy_learns_gas_from_the_follower_and_from_reward(tmp_path):
     """The follower leaves gas to the insufflator: it lets all in below the set point."""
     task = replace(TASK, mesentery=True, gas=15 * MMHG, gas_start=12 * MMHG, gas_action=True)
