@@ -13,14 +13,18 @@ from jaxtyping import Float, Int, UInt8
 
 from haustra.envs.console.channel import INTACT, treated, wounds
 from haustra.envs.console.vehicle import Surroundings
+from haustra.envs.sim.moved_colon import CurrentColon
 from haustra.envs.view.picture.endoscope import Endoscope
+from haustra.envs.view.picture.inside import lens_inside
 from haustra.envs.view.picture.light import Response
-from haustra.envs.view.picture.renderer import CameraPose
+from haustra.envs.view.picture.renderer import CameraPose, SurfaceView
 from haustra.envs.view.picture.surface import ColonSurface, MovingSurface
 from haustra.errors import InvalidMeshError
 
 _INERTIA = 0.8
 """Share of the last picture's exposure that stays: it does not flicker [1]; engineering choice."""
+_SEEN = 0.5
+"""Share of a picture that shows wall at least where the camera is not outside of it [1]; engineering choice."""
 _QUALITY = 80
 """Quality of the JPEG compression, 0 to 100."""
 
@@ -98,8 +102,26 @@ class Eye:
             surface.widen(glance.widths)
         if glance.displacement is not None and isinstance(surface, MovingSurface):
             surface.move(glance.displacement)
-        surface.make_room(glance.tip, glance.frame[:, 2], glance.arc, self._around.radius)
-        return self._scope.picture(CameraPose.of_tip(glance.tip, glance.frame))
+        view = self._look(glance, glance.tip)
+        if np.isfinite(view.distance[view.lens.within]).mean() < _SEEN:
+            view = self._look(glance, self._inside(glance))
+        return self._scope.develop(self._scope.radiance(view))
+
+    def _look(self, glance: Glance, tip: Float[np.ndarray, "3"]) -> SurfaceView:
+        """What a camera there sees; the wall makes room for it."""
+        self._surface.make_room(tip, glance.frame[:, 2], glance.arc, self._around.radius)
+        return self._scope.look(CameraPose.of_tip(tip, glance.frame))
+
+    def _inside(self, glance: Glance) -> Float[np.ndarray, "3"]:
+        """Where the tip would be, had the wall not given way so far that it cannot make room."""
+        around, moved = self._around, glance.displacement
+        line, radius = around.colon.centreline, around.colon.radius
+        if moved is None or around.tables is None:
+            return lens_inside(line.points, line.frames, line.arc, radius, glance.tip, glance.arc)
+        carried = CurrentColon(around.colon, around.tables, around.origin, around.axes)
+        rest = carried.to_reference(moved, glance.tip, glance.arc)
+        rest = lens_inside(line.points, line.frames, line.arc, radius, rest, glance.arc)
+        return carried.to_current(moved, rest, glance.arc)
 
 
 class Painter:

@@ -30,7 +30,9 @@ def lens_inside(
     away = np.linalg.norm(points - tip, axis=1)
     row = int(np.where(np.abs(arcs - arc) < _ALONG, away, np.inf).argmin()) if arc > 0 else 0
     across = frames[row][:, :2]
-    offset = (tip - points[row]) @ across
+    offset, along = (tip - points[row]) @ across, float((tip - points[row]) @ frames[row][:, 2])
+    if row == len(points) - 1 and along > 0:  # beyond the caecum's end
+        tip = tip - along * frames[row][:, 2]
     distance = float(np.linalg.norm(offset))
     turn = np.arctan2(offset[1], offset[0]) / (2 * np.pi) * radius.shape[1]
     most = max(float(radius[row, round(turn) % radius.shape[1]]) - _ROOM, 0.0)
