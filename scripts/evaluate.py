@@ -18,9 +18,9 @@ class Evaluate:
 
     drivers: Annotated[tuple[str, ...], tyro.conf.Positional] = texts(least=1, most=100)
     """Folders of policies, or names: insertion, insertion-depth, insertion-colour, insertion-easy, withdrawal and, of
-    another device, inchworm, which ship, random, push, pull, inspect (the last two for withdrawals), follower,
-    endoscopist, who in withdrawals turns the tip in circles. For other devices: policies trained for them, and own, the
-    driver that each brings."""
+    other devices, inchworm and tracked, which ship, random, push, pull, inspect (the last two for withdrawals),
+    follower, endoscopist, who in withdrawals turns the tip in circles. For other devices: policies trained for them,
+    and own, the driver that each brings."""
     device: str | None = None
     """Device that is no scope, by name or TOML file: its episodes are those of haustra.envs.tasks.device_task. That of
     the first policy, where it drives one, when not given."""

@@ -21,9 +21,11 @@ from haustra.reading import read_document
 
 WEIGHTS, ABOUT = "policy.safetensors", "policy.json"
 """Names of the two files."""
-SHIPPED_POLICIES = ("insertion", "insertion-depth", "insertion-colour", "insertion-easy", "withdrawal", "inchworm")
+SHIPPED_POLICIES = (
+    "insertion", "insertion-depth", "insertion-colour", "insertion-easy", "withdrawal", "inchworm", "tracked",
+)  # fmt: skip
 """Trained policies in assets/policies: for the way in through any colon by all that scope, hand and imager tell, by
-depth alone, and by colour alone; through easy ones; for the way out; and for another device, the inchworm."""
+depth alone, and by colour alone; through easy ones; for the way out; and for other devices, inchworm and tracked."""
 _LARGEST_FILE = 200_000_000
 """No policy of this kind is larger [bytes]."""
 

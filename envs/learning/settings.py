@@ -28,6 +28,7 @@ SHIPPED = (
     "for-a-design",
     "inchworm",
     "quick",
+    "tracked",
     "withdrawal",
 )
 """Configurations in assets/training."""
