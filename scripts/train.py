@@ -19,9 +19,9 @@ class Train:
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for checkpoints, learning curve and policy."""
     config: str = "insertion-ppo"
-    """A shipped training (insertion, insertion-ppo, insertion-gpu, insertion-depth, insertion-colour, insertion-sb3,
-    insertion-easy, insertion-sac, for-a-design, inchworm, quick, tracked, withdrawal), or a JSON file like the
-    training.json that a training leaves."""
+    """A shipped training (insertion, insertion-ppo, insertion-cpu, insertion-gpu, insertion-depth, insertion-colour,
+    insertion-sb3, insertion-easy, insertion-sac, for-a-design, inchworm, quick, tracked, withdrawal), or a JSON file
+    like the training.json that a training leaves."""
     steps: int | None = whole(1, 10**12, default=None)
     """Length of the training in environment steps, counted over all worlds."""
     worlds: int | None = whole(1, 1_000_000, default=None)

@@ -19,6 +19,7 @@ LEARNERS = ("sb3", "device", "eyes")
 SHIPPED = (
     "insertion",
     "insertion-ppo",
+    "insertion-cpu",
     "insertion-gpu",
     "insertion-depth",
     "insertion-colour",

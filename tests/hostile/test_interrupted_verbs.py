@@ -12,8 +12,10 @@ from haustra.models.anatomy.store import save_colon
 from haustra.scripts.main import INTERRUPTED, SUCCESS
 from tests.tube_colon import straight_tube
 
-_BEGIN = """import sys
+_BEGIN = """import signal
+import sys
 from haustra.scripts.main import main
+signal.signal(signal.SIGINT, signal.default_int_handler)  # shells start what runs in the background with Ctrl-C ignored
 print("begun", flush=True)
 sys.exit(main(sys.argv[1:]))
 """
