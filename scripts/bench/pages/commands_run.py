@@ -29,6 +29,7 @@ PAGES = (
     *sorted([*(ROOT / "docs/how-to").glob("*.md"), *(ROOT / "docs/tutorials").glob("*.md")]),
 )
 LEFT_OUT = {
+    r"insertion-cpu": "takes 22 minutes on two cores (docs/validation/navigation.md)",
     r"insertion-gpu|runs/gpu|linear-gpu|--processes 16|backend=\"warp\"|--minutes": "needs an NVIDIA GPU",
     r"runs/withdrawal|evaluate withdrawal": "takes half an hour on two cores",
     r"insertion-ppo|runs/ppo|train --from-dem|cohort full": "takes hours on two cores",
