@@ -64,6 +64,8 @@ class Eye:
     def __init__(self, camera: Camera) -> None:
         """Take the colon's surface."""
         self._around, self._size = camera.around, camera.size
+        around = camera.around
+        self._carried = around.tables and CurrentColon(around.colon, around.tables, around.origin, around.axes)
         self._none = np.zeros((0, 4))
         self._see([INTACT] * len(camera.around.colon.lesions))
 
@@ -114,14 +116,14 @@ class Eye:
 
     def _inside(self, glance: Glance) -> Float[np.ndarray, "3"]:
         """Where the tip would be, had the wall not given way so far that it cannot make room."""
-        around, moved = self._around, glance.displacement
-        line, radius = around.colon.centreline, around.colon.radius
-        if moved is None or around.tables is None:
-            return lens_inside(line.points, line.frames, line.arc, radius, glance.tip, glance.arc)
-        carried = CurrentColon(around.colon, around.tables, around.origin, around.axes)
-        rest = carried.to_reference(moved, glance.tip, glance.arc)
-        rest = lens_inside(line.points, line.frames, line.arc, radius, rest, glance.arc)
-        return carried.to_current(moved, rest, glance.arc)
+        line, radius = self._around.colon.centreline, self._around.colon.radius
+
+        def inside(rest: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+            return lens_inside(line.points, line.frames, line.arc, radius, rest, glance.arc)
+
+        if self._carried is None or glance.displacement is None:
+            return inside(glance.tip)
+        return self._carried.moved_at_rest(glance.displacement, glance.tip, glance.arc, inside)
 
 
 class Painter:

@@ -78,9 +78,9 @@ class MovingColon:
         displacement = self._displacement[index]
         self.surface.move(displacement)
         rings = Surface(self._rings.vertices(displacement), self._rings.faces)
-        rest = _inside(self._case, self._colon.to_reference(displacement, tip, arc), arc)
+        eye = self._colon.moved_at_rest(displacement, tip, arc, lambda rest: _inside(self._case, rest, arc))
         outside = OutsideView(rings, self._rotation, width=self._size[0], height=self._size[1], framed=self._framed)
-        return self._colon.to_current(displacement, rest, arc), outside
+        return eye, outside
 
 
 def _inside(case: TabulatedColon, tip: Float[np.ndarray, "3"], arc: float) -> Float[np.ndarray, "3"]:

@@ -1,5 +1,6 @@
 """A colon that has moved on its mesentery, as the rest of haustra knows colons: surface and centreline in place."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -75,6 +76,16 @@ class CurrentColon:
         shape = moving_colon.shape_of(np, self._mesentery, moved)
         rest = moving_colon.to_reference(np, self.tables, moved, shape, seen, np.array([[arc]]))
         return rest[0, 0] @ self.axes.T + self.origin
+
+    def moved_at_rest(
+        self,
+        displacement: Float[np.ndarray, "nodes 7"],
+        place: Float[np.ndarray, "3"],
+        arc: float,
+        move: Callable[[np.ndarray], np.ndarray],
+    ) -> np.ndarray:
+        """Where a place at that arc length would be now, had it been moved so in the colon at rest [m]."""
+        return self.to_current(displacement, move(self.to_reference(displacement, place, arc)), arc)
 
     def from_scene(self, displacement: Float[np.ndarray, "nodes 7"]) -> Float[np.ndarray, "nodes 7"]:
         """Poses of the nodes in the tables' coordinates, given those in the scene's, as readings have them."""

@@ -69,7 +69,7 @@ class Lanes:
 
     def from_slot(self, slot: Number) -> "Lanes":
         """These numbers, counted from a slot on."""
-        return Lanes(self._program, self.place(slot), self._stride)
+        return self.at(self.place(slot))
 
     def flat(self, first: Number) -> "Shared":
         """Numbers of the whole array one behind the other, counted from one that is so far behind slot 0."""
