@@ -280,6 +280,7 @@ class Axis:
         with along(program, self.nodes, 1, self.nodes + 3) as i:
             node, cell, own = i.back(1), i.back(2), i.back(3)
             self._state.fetch(i.first + 2, 0, POSE)
+            self._cells.fetch(i.first + 1, _PRESSED, 1)
             place = self._now(i)
             edge = self._edge(i, minus(place, places(*place)))
             length = norm(xp, edge)

@@ -22,6 +22,10 @@ class Slots(Protocol):
         """As many numbers from there on as stand side by side."""
         ...
 
+    def fetch(self, slot: Number, count: int = 1) -> None:
+        """Ask memory ahead for that many numbers, where that helps; there need not be any."""
+        ...
+
 
 class Lanes:
     """Numbers that each world has of its own: worlds side by side, slot after slot."""
@@ -193,6 +197,9 @@ class Shared:
         place = program.builder.gep(self._base, [program.index(slot).written], source_etype=self._kind)
         kind = ir.VectorType(self._kind, program.abreast)
         return Value(program, program.builder.load(place, typ=kind, align=size_of(program)))
+
+    def fetch(self, slot: Number, count: int = 1) -> None:
+        """Nothing: what all worlds look at is near."""
 
     def gather(self, slot: Any) -> Value:
         """The number there, where each lane has a slot of its own."""

@@ -82,6 +82,8 @@ _NORMAL, _SPEED, SPRING, _DRAG, _DAMPER, _HELD = 0, 3, 6, 7, 8, 9
 """What spheres' rooms hold: `layout.SPHERE_ROOM`; at a step's end the normal force stands where the spring's did."""
 _FASTER = 6
 """Where joints' rooms hold tau / D (`layout.JOINT_ROOM`), and at a step's end the new speed."""
+_DRIVEN = DOF.index("stiffness")
+"""Behind its axis a joint's design has what drives it."""
 _ALONG = 3
 """Part of the wall's numbers that is its normal's along the colon, which grows with width."""
 _UNBOUND = 1e6
@@ -367,6 +369,7 @@ class ScopeProgram:
                 link.slide(direction, self.now.load(0), self.now.load(self.layout.speeds))
             with program.loop(*self.hinges_of(body)) as dof:
                 self._fetch_joint(dof + 1)
+                self.joint_design.fetch(dof + 1, 0, _DRIVEN)
                 local = self._axis(dof)
                 direction = link.direction(local)
                 self.joints.put(dof, 7, direction)
@@ -398,6 +401,7 @@ class ScopeProgram:
     def _meet(self, body: Value, link: "Link") -> None:
         """What a link's velocity needs, and what its spheres meet."""
         rates = link.turning_rate, link.moving_rate
+        self.link_design.fetch(body + 1, 0, len(BODY))
         torque, force = link_bias(self._masses(body), link.axis, link.turning, link.moving, rates)
         sums = Changing(self.program, (*torque, *force))
 
@@ -448,6 +452,7 @@ class ScopeProgram:
         """
         program, xp, state, layout = self.program, self.program.xp, self.state, self.layout
         turning, moving = motion
+        self.design.fetch(self._places + sphere + 1)
         state.fetch(layout.arcs + sphere + 2)
         self.now.fetch(layout.normals + sphere + 2)
         before = state.load_next(layout.arcs + sphere)
@@ -610,10 +615,12 @@ class ScopeProgram:
         axis = Changing(program, self.links.vector(self.bodies - 1, _DIRECTION))
         with program.loop(0, self.bodies, backwards=True) as body:
             self.links.fetch(body - 2, 0, self.layout.body_numbers)
+            self.link_design.fetch(body - 1, 0, len(BODY))
             sums.now = self._with_own(body, axis.now, sums.now)
             axis.now = self._before(body)
             with program.loop(*self.hinges_of(body), backwards=True) as dof:
                 self._fetch_joint(dof - 1)
+                self.joint_design.fetch(dof - 1, _DRIVEN, len(DOF) - _DRIVEN)
                 self.joints.fetch(dof - 1, 7, 3)
                 self._free(dof, sums, pulls, hinge_force, 0)
             with program.when(body == 0):
@@ -735,6 +742,8 @@ class ScopeProgram:
             fastest.value = program.xp.where(size < SPEED_LIMIT, fastest.value, size)  # also of what is no number
 
         with program.loop(0, self.bodies) as body:
+            self.links.fetch(body + 1, _DIRECTION, 3)
+            self.link_design.fetch(body + 2, 0, 1)
             moving.now = add(moving.now, cross(turning.now, times(self.link(body, "offset"), axis.now)))
             with program.when(body == 0):
                 move(program.index(0), moving)
