@@ -31,7 +31,7 @@ def start(folder: Path) -> str:
 
 
 def study(folder: Path, **options):
-    own = {"start": start(folder / "start"), "steps": 320, "worlds": 1, "colons": 1, "held_out": 1, "episodes": 2}
+    own = {"start": start(folder / "start"), "steps": 640, "worlds": 1, "colons": 1, "held_out": 1, "episodes": 2}
     table = {
         "question": "policy",
         "base": {"design": DESIGN},
@@ -62,7 +62,7 @@ def test_each_design_is_driven_by_what_learned_with_it(tmp_path, monkeypatch):
     assert len({one.shaft[0].flexural_rigidity for one in designs}) == 2
     for row in rows:
         about = load_policy(tmp_path / "policies" / str(row.job)).about
-        assert row.scores["training_steps"] == about["steps"] == 320
+        assert row.scores["training_steps"] == about["steps"] == 640
         assert about["training"]["seed"] == 3 and about["training"]["start"].endswith("start")
         assert row.scores["progress"] != row.scores["progress_before"]
     befores = {row.scores["peak_force_N_before"] for row in rows}
