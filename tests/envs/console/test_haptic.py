@@ -44,7 +44,7 @@ def test_a_device_pushes_feels_and_lets_go_when_it_is_killed(drive):
         client.close()
         drive.start(lambda what, message: None)
         drive.command({"pause": False})
-        # In control steps, and by one of three at least, since a busy machine is late; `bench hands` measures the 50 ms.
+        # In control steps, and in one of three, since a busy machine is late; `bench hands` measures the 50 ms.
         most = round(0.06 / drive.sessions[0].vehicle.interval)
         assert any(_steps_after_kill(drive, port, furthest) <= most for furthest in (0.031, 0.032, 0.033))
 
