@@ -91,7 +91,7 @@ def test_what_is_wrong_is_named(changes: dict, complaint: str) -> None:
 
 
 def test_rows_of_a_sweep_in_an_imported_colon(colon_folder: Path, tmp_path: Path) -> None:
-    asked = _study(str(colon_folder), options={"seconds": 1.0})
+    asked = _study(str(colon_folder))
     assert asked.inputs == {str(colon_folder): colon_hash(straight_tube())}
     result = run_sweep(asked, tmp_path / "a", Computing(workers=2))
     frame = polars.read_parquet(tmp_path / "a" / "results.parquet")
