@@ -44,9 +44,9 @@ def test_a_device_pushes_feels_and_lets_go_when_it_is_killed(drive):
         client.close()
         drive.start(lambda what, message: None)
         drive.command({"pause": False})
-        # In control steps, and the best of three, since a busy machine is late; `bench hands` measures the 50 ms.
-        after = [_steps_after_kill(drive, port, furthest) for furthest in (0.031, 0.032, 0.033)]
-        assert min(after) * drive.sessions[0].vehicle.interval <= 0.06
+        # In control steps, and in one of three, since a busy machine is late; `bench hands` measures the 50 ms.
+        most = round(0.06 / drive.sessions[0].vehicle.interval)
+        assert any(_steps_after_kill(drive, port, furthest) <= most for furthest in (0.031, 0.032, 0.033))
 
 
 def _steps_after_kill(drive: Drive, port: HapticPort, furthest: float) -> int:

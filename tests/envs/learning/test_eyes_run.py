@@ -42,7 +42,7 @@ def training(start: Path) -> Training:
         learner="eyes",
         backend="linear",
         start=str(start),
-        steps=960,
+        steps=640,
         worlds=16,
         rollout=20,
         batch=64,
@@ -63,8 +63,8 @@ def test_eyes_learn_what_rays_say_and_their_policy_drives_by_pictures(tmp_path):
     driver = PolicyDriver(policy)
     driver.begin(np.ones(3, bool))
     assert driver.act({"pixels": np.zeros((3, 16, 16, 4), np.uint8)}) == pytest.approx(np.tile([0.5, 0, 0, 0], (3, 1)))
-    more = train(replace(made, steps=1280), tmp_path / "run", resume=True, bank=moving_bank(), threads=1)
-    assert more["steps"] == 1280
+    more = train(replace(made, steps=800), tmp_path / "run", resume=True, bank=moving_bank(), threads=1)
+    assert more["steps"] == 800
 
 
 def test_eyes_see_the_same_with_and_without_torch():

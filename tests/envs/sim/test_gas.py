@@ -36,7 +36,8 @@ from haustra.models.wall.lumen_table import (
 from haustra.models.wall.table_wall import TableWalls
 from haustra.provenance import Provenance
 from haustra.scripts.run import Run
-from tests.bent_colon import bent_colon
+from tests.bent_colon import winding
+from tests.models.wall.conftest import swept_colon
 
 FULL = gas_numbers()["full_pressure"]
 OPTIONS = SceneOptions(
@@ -54,7 +55,7 @@ DESIGN = named_design("adult")
 
 @pytest.fixture(scope="module")
 def colon() -> Colon:
-    found = bent_colon([(0.1, 0.0), (0.1, 1.2), (0.2, 0.0)])[0]
+    found = swept_colon(winding([(0.1, 0.0), (0.1, 1.2), (0.2, 0.0)]), name="bent tube")
     parts = ("rectum", 0.0, 0.1), ("sigmoid", 0.1, 0.3), ("descending", 0.3, found.centreline.length)
     return replace(found, segments=tuple(ColonSegment(*part) for part in parts))
 

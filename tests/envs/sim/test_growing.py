@@ -1,5 +1,6 @@
 """A scope whose shaft is added as it goes in does what a whole one does."""
 
+from functools import cache
 from typing import Any
 
 import mujoco
@@ -11,14 +12,30 @@ from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.state import Controls
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import Scene, SceneOptions, build_scene
-from tests.bent_colon import bent_colon
+from tests.bent_colon import winding
+from tests.models.wall.conftest import swept_colon
+from tests.ring_wall import ring_wall
 
-DESIGN, RATE, SECONDS = named_design("adult"), 0.06, 5.0
+DESIGN, RATE, SECONDS, STRIDE = named_design("adult"), 0.06, 5.0, 0.12
 
 
 @pytest.fixture(scope="module")
 def tube():
-    return bent_colon([(0.1, 0.0), (0.12, 1.2), (0.9, 0.0)])
+    bend = swept_colon(winding([(0.1, 0.0), (0.12, 1.2), (0.35, 0.0)]), name="bent tube")
+    return bend, ring_wall(bend, sectors=24, thickness=0.02)
+
+
+@pytest.fixture(scope="module")
+def grown(tube):
+    """By law: the whole scene, a growing engine after its insertion, and what was read on the way."""
+
+    @cache
+    def driven(law: Any) -> tuple[Scene, GrowingEngine, tuple[np.ndarray, ...]]:
+        whole = _scene(tube, law)
+        engine = GrowingEngine(whole, build=lambda deepest: _scene(tube, law, deepest=deepest), stride=STRIDE)
+        return whole, engine, _drive(engine)
+
+    return driven
 
 
 def _scene(tube, law: Any, **omitted: Any) -> Scene:
@@ -38,16 +55,15 @@ def _drive(engine) -> tuple[np.ndarray, ...]:
 
 
 @pytest.mark.parametrize(("law", "path", "peak"), [("pieces", 6e-3, 2e-2), ("planes", 4e-3, 2e-2)])
-def test_it_moves_as_the_whole_scope_does(tube, law, path, peak) -> None:
+def test_it_moves_as_the_whole_scope_does(grown, law, path, peak) -> None:
     """The tip within 0.4 to 0.6 % of the length inside, forces and torque within 2 %; shaft is added twice.
 
     Friction lets go a moment earlier or later (against planes 0.2 to 0.34 %, as the last digits of a step fall), and
     against pieces another piece is the deepest. The torque's largest instant is whichever slip comes first on a
     processor, so torque is compared by its mean and its highest tenth; forces by their peaks too.
     """
-    whole = _scene(tube, law)
-    engine = GrowingEngine(whole, build=lambda deepest: _scene(tube, law, deepest=deepest), stride=0.12)
-    first, second = _drive(NativeEngine(whole)), _drive(engine)
+    whole, engine, second = grown(law)
+    first = _drive(NativeEngine(whole))
     assert len(engine.added) == 2
     inside = first[7][-1]
     assert np.abs(np.subtract(first[:3], second[:3])).max() < path * inside
@@ -62,11 +78,9 @@ def test_it_moves_as_the_whole_scope_does(tube, law, path, peak) -> None:
             assert other.max() == pytest.approx(one.max(), rel=peak)
 
 
-def test_what_it_shows_is_that_of_the_whole_scene(tube) -> None:
+def test_what_it_shows_is_that_of_the_whole_scene(grown) -> None:
     """Its positions and controls, given to the whole scene, put the scope where its shape says."""
-    whole = _scene(tube, "pieces")
-    engine = GrowingEngine(whole, build=lambda deepest: _scene(tube, "pieces", deepest=deepest), stride=0.12)
-    _drive(engine)
+    whole, engine, _ = grown("pieces")
     model = whole.compile()
     data = mujoco.MjData(model)
     data.qpos[:], data.ctrl[:] = engine.qpos, engine.ctrl

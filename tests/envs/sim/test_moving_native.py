@@ -18,7 +18,7 @@ from haustra.models.wall.abdomen import Abdomen
 from haustra.models.wall.lumen_table import lumen_table, stack
 from haustra.models.wall.moving_planes import MovingPlaneWall
 from haustra.models.wall.table_wall import TableWall
-from tests.bent_colon import bent_colon, winding
+from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
 
 OPTIONS = SceneOptions(
@@ -37,7 +37,7 @@ LAWS = ("planes", "table")
 @pytest.fixture(scope="module")
 def colon() -> Colon:
     """A bend that hangs on a sigmoid's mesentery."""
-    bend = bent_colon([(0.1, 0.0), (0.1, 1.2), (0.2, 0.0)])[0]
+    bend = swept_colon(winding([(0.1, 0.0), (0.1, 1.2), (0.2, 0.0)]), name="bent tube")
     return _with_segments(bend, bend.centreline.length - 0.05)
 
 
@@ -119,7 +119,7 @@ def test_what_the_colon_lies_in_moves_it_alike_on_all_backends(colon, around) ->
     )
 
 
-@pytest.mark.parametrize("stiffness", [1500.0, 2400.0])
+@pytest.mark.parametrize("stiffness", [pytest.param(1500.0, marks=pytest.mark.thorough), 2400.0])
 def test_a_batch_goes_as_one_scene(colon, stiffness) -> None:
     """Two worlds of a batch against one scene; what it reads is one step older. A stiff wall makes nothing rock."""
     scene = _scene(colon, wall_stiffness=stiffness)
@@ -238,11 +238,13 @@ def test_tangent_planes_go_with_the_colon_as_the_table_does(colon) -> None:
 
     Later the tip catches on an edge of this tube, whose rings are 28 mm apart, and slips at another moment.
     """
-    (forces, seen), (other_forces, other) = (_driven(NativeEngine(_scene(colon, wall_law=law)), 190) for law in LAWS)
+    (forces, seen), (other_forces, other) = (
+        _driven(NativeEngine(_scene(colon, wall_law=law, start_depth=0.06)), 115) for law in LAWS
+    )
     for a, b in zip(seen[::10], other[::10], strict=True):
         assert np.linalg.norm(a.tip - b.tip) < 0.0015
     assert np.mean(forces) == pytest.approx(np.mean(other_forces), rel=0.05)
-    assert _moved(colon, seen[-1].way) > 0.002
+    assert _moved(colon, seen[-1].way) > 0.001
     assert _moved(colon, seen[-1].way) == pytest.approx(_moved(colon, other[-1].way), rel=0.05)
     assert seen[-1].displacement is not None
 
@@ -266,18 +268,19 @@ def test_a_scope_that_rests_is_next_to_the_wall_that_moves_past_it(colon) -> Non
 @pytest.mark.parametrize("law", LAWS)
 def test_shaft_is_added_while_the_colon_goes_on_moving(colon, law: str) -> None:
     """Added shaft changes nothing: tip and colon are where they are with all of it from the start, within 1 %."""
-    whole = _scene(colon, softening=True, insertion_limit=0.7, wall_law=law)
+    whole = _scene(colon, softening=True, insertion_limit=0.7, wall_law=law, start_depth=0.1)
 
     def build(inside: float) -> Scene:
         return build_scene(colon, None, DESIGN, whole.options, show_lumen=False, deepest=inside, to_save=False)
 
-    growing, at_once = GrowingEngine(whole, build=build, stride=0.1), NativeEngine(whole)
-    for instant in range(250):
+    growing, at_once = GrowingEngine(whole, build=build, stride=0.05), NativeEngine(whole)
+    for instant in range(100):
         assert growing.step(_inputs(instant), 4) and at_once.step(_inputs(instant), 4)
     one, other = growing.read(), at_once.read()
     assert growing.added
     assert one.way is not None and other.way is not None
     assert np.linalg.norm(one.tip - other.tip) < 0.01 * other.insertion
+    assert _moved(colon, one.way) > 0.002
     assert _moved(colon, one.way) == pytest.approx(_moved(colon, other.way), rel=0.02)
     assert growing.colon().centreline.points == pytest.approx(one.way)
 

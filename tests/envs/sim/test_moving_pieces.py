@@ -14,7 +14,8 @@ from haustra.models.anatomy.colon import Colon, ColonSegment
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import Scene, SceneOptions, build_scene
 from haustra.models.wall.pieces.wall import Wall
-from tests.bent_colon import bent_colon
+from tests.bent_colon import winding
+from tests.models.wall.conftest import swept_colon
 from tests.ring_wall import ring_wall
 
 OPTIONS = SceneOptions(
@@ -26,7 +27,7 @@ DESIGN = named_design("adult")
 @pytest.fixture(scope="module")
 def place() -> tuple[Colon, Wall]:
     """A bend that hangs on a sigmoid's mesentery, and its wall."""
-    bend = bent_colon([(0.1, 0.0), (0.1, 1.2), (0.2, 0.0)])[0]
+    bend = swept_colon(winding([(0.1, 0.0), (0.1, 1.2), (0.2, 0.0)]), name="bent tube")
     ends = (0.05, bend.centreline.length - 0.05, bend.centreline.length)
     names = ("rectum", "sigmoid", "descending")
     parts = [ColonSegment(n, start, end) for n, start, end in zip(names, (0.0, *ends), ends, strict=False)]
@@ -55,21 +56,21 @@ def _moved(colon: Colon, way: np.ndarray) -> float:
 
 
 def test_a_scope_moves_a_colon_of_pieces_as_one_of_the_table(place) -> None:
-    """One law, two descriptions of one surface: tips 2 % of the length inside apart, forces 15 %, the colon's way 10 %.
+    """One law, two descriptions of one surface: tips 1 % of the length inside apart, forces 5 %, the colon's way 5 %.
 
     Links are said to be at the same places of the colon, within 5 mm: perforation and pain are told by them.
     Rings are flat between their corners, 0.1 mm in the lumen. Later the tip slips, here a little sooner than there.
     """
     (force, seen), (other_force, other) = (
-        _driven(NativeEngine(_scene(place, wall_law=w))) for w in ("pieces", "table")
+        _driven(NativeEngine(_scene(place, wall_law=w, start_depth=0.06)), 120) for w in ("pieces", "table")
     )
     for a, b in zip(seen[::50], other[::50], strict=True):
-        assert np.linalg.norm(a.tip - b.tip) < 0.02 * b.insertion
-    assert force == pytest.approx(other_force, rel=0.15)
+        assert np.linalg.norm(a.tip - b.tip) < 0.01 * b.insertion
+    assert force == pytest.approx(other_force, rel=0.05)
     np.testing.assert_allclose(seen[-1].link_arcs, other[-1].link_arcs, atol=5e-3)
     assert seen[-1].link_arcs[-1] > 0.1
-    assert _moved(place[0], seen[-1].way) > 0.005
-    assert _moved(place[0], seen[-1].way) == pytest.approx(_moved(place[0], other[-1].way), rel=0.1)
+    assert _moved(place[0], seen[-1].way) > 0.0015
+    assert _moved(place[0], seen[-1].way) == pytest.approx(_moved(place[0], other[-1].way), rel=0.05)
 
 
 def test_stock_mujoco_replays_a_run_from_its_scene(place, tmp_path: Path) -> None:
@@ -95,20 +96,21 @@ def test_stock_mujoco_replays_a_run_from_its_scene(place, tmp_path: Path) -> Non
 
 def test_shaft_is_added_while_pieces_go_on_moving(place) -> None:
     """Added shaft changes nothing: tip and pieces are where they are with all of it from the start, within 1 %."""
-    whole = _scene(place, softening=True, insertion_limit=0.7)
+    whole = _scene(place, softening=True, insertion_limit=0.7, start_depth=0.1)
 
     def build(inside: float) -> Scene:
         colon, wall = place
         return build_scene(colon, wall, DESIGN, whole.options, show_lumen=False, deepest=inside, to_save=False)
 
-    growing, at_once = GrowingEngine(whole, build=build, stride=0.1), NativeEngine(whole)
-    for instant in range(200):
+    growing, at_once = GrowingEngine(whole, build=build, stride=0.05), NativeEngine(whole)
+    for instant in range(90):
         assert growing.step(_inputs(instant), 4) and at_once.step(_inputs(instant), 4)
     one, other = growing.read(), at_once.read()
     assert growing.added
     assert np.linalg.norm(one.tip - other.tip) < 0.01 * other.insertion
     (place, turn), (other_place, other_turn) = growing.mocap(whole.blocks), at_once.mocap(whole.blocks)
     assert place == pytest.approx(other_place, abs=1e-3)
+    assert np.linalg.norm(place - whole.blocks.places, axis=1).max() > 0.0015
     # A shaft that is rolled twists the colon by friction, which lets go a moment earlier or later: half a degree.
     assert turn == pytest.approx(other_turn, abs=4e-3)
 

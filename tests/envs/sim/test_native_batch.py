@@ -191,11 +191,10 @@ def test_worn_wires_lose_pull_as_in_a_single_scope():
     bent = {}
     for wires in ("adult", "adult-worn"):
         design = replace(DESIGN, wires=replace(named_design(wires).wires))
-        planes, tabled = (
-            build_scene(colon, None, design, SceneOptions(wall_law=law, softening=False, **OPTIONS), show_lumen=False)
-            for law in ("planes", "table")
+        scene = build_scene(
+            colon, None, design, SceneOptions(wall_law="table", softening=False, **OPTIONS), show_lumen=False
         )
-        single, batch = NativeEngine(planes), begin((tabled, table), 1)
+        single, batch = NativeEngine(scene), begin((scene, table), 1)
         rows = []
         for step in range(80):
             pulls = PULLS if step < 50 else 0.8 * PULLS

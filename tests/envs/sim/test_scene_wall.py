@@ -1,6 +1,7 @@
 """Any device meets tangent planes and pieces, fixed or on the mesentery, as it meets the table of the lumen."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -36,6 +37,7 @@ def capsule() -> Capsule:
     return replace(found, led_by="wrench", tether_held=0.0)
 
 
+@cache
 def pressed(law: str, *, intervals: int, friction: float, mesentery: bool = False) -> tuple[NativeDevice, float]:
     """A capsule that is pressed on the wall, and after half the time drawn along it, too; its mean force then [N]."""
     one, forces = placed(capsule(), law, mesentery=mesentery, start_depth=0.15, friction=friction), []

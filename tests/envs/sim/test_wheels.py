@@ -18,7 +18,9 @@ from haustra.errors import InvalidDesignError
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions, build_scene
 from haustra.provenance import Provenance
-from tests.bent_colon import bent_colon
+from tests.bent_colon import winding
+from tests.models.wall.conftest import swept_colon
+from tests.ring_wall import ring_wall
 from tests.tube_colon import straight_tube, wedge_wall
 
 ADULT = named_design("adult")
@@ -90,7 +92,8 @@ def test_friction_holds_the_bend_while_the_wheel_is_eased(compare):
 
 def test_a_used_scope_follows_its_wheels_less_in_a_run():
     """Round a bend, the same driver turns the same wheels: a worn scope's tip is further from what it steers for."""
-    colon, wall = bent_colon([(0.1, 0.0), (0.12, 1.5)])
+    colon = swept_colon(winding([(0.1, 0.0), (0.12, 1.5)]), name="bent tube")
+    wall = ring_wall(colon, sectors=24, thickness=0.02)
     gaps = []
     for name in ("adult", "adult-worn"):
         scene = build_scene(colon, wall, named_design(name), show_lumen=False)

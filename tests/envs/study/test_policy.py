@@ -52,7 +52,7 @@ def test_each_design_is_driven_by_what_learned_with_it(tmp_path, monkeypatch):
 
     def bank(seeds, design, **_):
         designs.append(design)
-        return make_bank(short_bank().cases[:1], design)
+        return make_bank(short_bank().cases[:1], design, short_bank().options)
 
     monkeypatch.setattr(policy_training, "grown_bank", bank)
     asked = study(tmp_path)

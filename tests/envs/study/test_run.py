@@ -19,7 +19,8 @@ from haustra.envs.study.sampling import designs_of, jobs_of
 from haustra.envs.study.store import MOST_CRASHES, open_store, read_store
 from haustra.envs.study.study import Job, Result
 from haustra.errors import InvalidDesignError, InvalidOptionError, OutputError, UnreadableFileError
-from tests.envs.study.studies import SPACING, study, table
+from haustra.scripts.main import SUCCESS, main
+from tests.envs.study.studies import PRESSURE, SPACING, study, table
 from tests.hostile.kill_sweep import kill_rounds
 
 TWO = Computing(workers=2)
@@ -199,38 +200,50 @@ def test_a_full_disk_keeps_what_was_recorded(tmp_path: Path, pages: int) -> None
         assert [row["scores"]["force_N"] for row in store.rows()] == [float(job) for job in range(400)]
 
 
-def test_a_file_that_may_not_grow_ends_in_one_line_and_goes_on_later(tmp_path: Path) -> None:
+def test_a_file_that_may_not_grow_ends_in_one_line_and_goes_on_later(folder: Path, tmp_path: Path) -> None:
     """The system's own limit on a file's size stands for a full disk."""
     file = tmp_path / "small.json.toml"
     file.write_text(_toml(), encoding="utf-8")
-    command = [sys.executable, "-m", "haustra.scripts.main", "sweep", str(file), "-o", str(tmp_path / "out"), "--json"]
-    limited = ["bash", "-c", 'ulimit -f 60; exec "$@"', "bash", *command]
+    command = ["sweep", str(file), "-o", str(tmp_path / "out"), "--json", "--no-report"]
+    limited = ["bash", "-c", 'ulimit -f 60; exec "$@"', "bash", sys.executable, "-m", "haustra.scripts.main", *command]
     first = subprocess.run(limited, capture_output=True, text=True, timeout=120)
     assert first.returncode == 2, first.stderr
     assert "--resume" in first.stderr.splitlines()[-1]
-    second = subprocess.run([*command, "--resume"], capture_output=True, text=True, timeout=120)
-    assert second.returncode == 0, second.stderr
-    run_sweep(study(), tmp_path / "whole", TWO)
-    assert (tmp_path / "out" / "results.csv").read_bytes() == (tmp_path / "whole" / "results.csv").read_bytes()
+    assert main([*command, "--resume", "--workers", "2"]) == SUCCESS
+    assert (tmp_path / "out" / "results.csv").read_bytes() == (folder / "results.csv").read_bytes()
 
 
 def test_interrupting_leaves_a_folder_that_goes_on(tmp_path: Path) -> None:
+    """By Ctrl-C, which it tells in one line; then by a kill, of which it tells nothing, after one of a worker."""
     (tmp_path / "small.toml").write_text(_toml(levels=40), encoding="utf-8")
-    command = [sys.executable, "-m", "haustra.scripts.main", "sweep", str(tmp_path / "small.toml"), "-o"]
-    running = subprocess.Popen([*command, str(tmp_path / "out")], stderr=subprocess.PIPE, stdout=subprocess.PIPE)
-    while not _counted(tmp_path / "out"):
-        time.sleep(0.05)
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "haustra.scripts.main", "sweep", str(tmp_path / "small.toml"), "-o", str(out)]
+    running = subprocess.Popen([*command, "--no-report"], stderr=subprocess.PIPE, stdout=subprocess.PIPE)
+    _wait_for_more(running, out, 0)
     running.send_signal(signal.SIGINT)
     _, said = running.communicate(timeout=60)
     assert running.returncode == 130, said
     assert b"interrupted" in said
-    with read_store(tmp_path / "out") as store:
-        assert 0 < store.counts()["finished"] < 160
-    assert (
-        subprocess.run([*command, str(tmp_path / "out"), "--resume"], capture_output=True, timeout=120).returncode == 0
-    )
-    with read_store(tmp_path / "out") as store:
-        assert store.counts()["finished"] + store.counts()["failed"] == 240
+    kept = _counted(out)
+    assert 0 < kept < 160
+    again = [*command, "--resume", "--no-report", "--workers", "2"]
+    running = subprocess.Popen(again, stderr=subprocess.PIPE, stdout=subprocess.PIPE)
+    _wait_for_more(running, out, kept)
+    worker = Path(f"/proc/{running.pid}/task/{running.pid}/children").read_text().split()
+    for child in worker[:1]:
+        os.kill(int(child), signal.SIGKILL)
+    _wait_for_more(running, out, _counted(out))
+    running.kill()
+    _, said = running.communicate(timeout=60)
+    assert running.returncode in (-signal.SIGKILL, 0), said
+    whole = run_sweep(study(variables=[SPACING | {"levels": 40}, PRESSURE | {"levels": 3}]), out, TWO, resume=True)
+    assert (whole["finished"], whole["failed"], whole["diverged"]) == (160, 80, 0)
+
+
+def _wait_for_more(running: subprocess.Popen[bytes], folder: Path, before: int) -> None:
+    """Wait until a sweep has finished more jobs than there were before, or is over."""
+    while running.poll() is None and _counted(folder) <= before:
+        time.sleep(0.05)
 
 
 def _counted(folder: Path) -> int:
@@ -241,8 +254,13 @@ def _counted(folder: Path) -> int:
         return 0
 
 
+@pytest.mark.thorough
 def test_killed_at_random_moments_it_ends_with_the_same_table(tmp_path: Path) -> None:
-    """One round of the harness, which was run for a hundred."""
+    """One round of the harness, which was run for a hundred.
+
+    `make test` kills a worker and the parent once (`test_interrupting_leaves_a_folder_that_goes_on`), and compares the
+    table of a sweep that broke off (`test_a_file_that_may_not_grow_ends_in_one_line_and_goes_on_later`).
+    """
     outcome = kill_rounds(tmp_path, rounds=1, seed=int.from_bytes(os.urandom(4), "little"))
     assert outcome["different"] == []
     assert outcome["kills"] >= 1

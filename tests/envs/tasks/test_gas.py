@@ -30,8 +30,11 @@ def test_drivers_see_a_lumen_as_wide_as_gas_holds_it():
     """At 12 mmHg narrower than as it was given, which is as at 25 mmHg."""
     seen = [
         task_of(config).reset(seeds=[0, 1], case=0)["lumen"]
-        for config in (CONFIG, replace(CONFIG, gas=25 * MMHG, gas_start=3333.05), replace(CONFIG, gas=None))
+        for config in (CONFIG, replace(CONFIG, gas=25 * MMHG, gas_start=3333.05))
     ]
+    # Without gas, as numpy sees it: one program less.
+    given = ScopeTask(replace(CONFIG, gas=None), backend="native", bank=moving_bank(), worlds=2)
+    seen.append(given.reset(seeds=[0, 1], case=0)["lumen"])
     assert (seen[0].mean(axis=1) < 0.9 * seen[2].mean(axis=1)).all()
     np.testing.assert_allclose(seen[1], seen[2], atol=0.01)
 

@@ -84,10 +84,10 @@ def test_a_camera_that_moves_with_the_colon_sees_the_same():
         moved = eyes(Sight(bank.cases), backend).tip_distances(case, eye + aside, frame, arc)
         assert np.abs(still - moved).max() < 1e-4
     lens = {"field_of_view_deg": 140.0, "size": 16}
-    drawn = [
-        DeviceEyes(Sight(bank.cases), one).depth(case, place, frame, arc, **lens)
-        for one, place in ((None, eye), (backend, eye + aside))
-    ]
+    eyes, drawn = DeviceEyes(Sight(bank.cases), backend), []
+    for way in (0.0, aside):
+        backend.displacement[..., :3] = way
+        drawn.append(eyes.depth(case, eye + way, frame, arc, **lens))
     assert np.abs(drawn[0].astype(int) - drawn[1]).max() <= 1
 
 

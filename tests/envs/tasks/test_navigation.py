@@ -19,7 +19,8 @@ MODES = [
     {"observation": "state"},
     {"observation": "lumen"},
     {"observation": "depth", "picture_size": 36},
-    {"observation": "pixels", "picture_size": 36},
+    # Both checks see pictures alone in a colon that moves, too (`test_both_check_pictures_in_a_colon_that_moves`).
+    pytest.param({"observation": "pixels", "picture_size": 36}, marks=pytest.mark.thorough),
     {"observation": "dict"},
     {"observation": "dict", "privileged": True, "depth": True, "pictures": True, "picture_size": 36},
 ]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from haustra.envs.tasks.config import TaskConfig, Weights
+from haustra.envs.tasks.config import Drive, TaskConfig, Weights
 from haustra.envs.tasks.drivers import FollowerDriver
 from haustra.envs.tasks.scope_task import ScopeTask
 from tests.task_bank import DESIGN, short_bank
@@ -42,17 +42,18 @@ def test_a_tip_that_looks_back_pays_for_it():
 
 def test_what_is_paid_is_a_number_at_both_ends_of_the_colon():
     """Beyond its ends a centreline has no direction; what lies beyond the caecum is looked up at its end."""
-    task = ScopeTask(TaskConfig(design=DESIGN, weights=_ALONG), worlds=1, bank=short_bank())
+    config = TaskConfig(design=DESIGN, weights=_ALONG, drive=Drive(push_rate=0.12))
+    task = ScopeTask(config, worlds=1, bank=short_bank())
     seen, driver = task.reset(np.arange(1), [0], case=0), FollowerDriver(task)
     driver.begin(np.ones(1, bool))
     length, furthest = task.bank.lengths[0], 0.0
-    for _ in range(400):
+    for _ in range(180):
         inside = furthest < length - 0.05
         done = task.step(driver.act(seen) if inside else np.array([[1.0, 0.0, 0.0, 0.0]]))
         seen, furthest = done.observation, max(furthest, task.seen.tip_arc[0])
         assert np.isfinite(done.reward).all()
     assert furthest == pytest.approx(length)
-    for _ in range(400):
+    for _ in range(180):
         assert np.isfinite(task.step(np.array([[-1.0, 0.0, 0.0, 0.0]])).reward).all()
     assert task.seen.tip_arc[0] < 0.0
     task.close()

@@ -136,9 +136,8 @@ def settled(driver: InspectDriver, seen: dict) -> np.ndarray:
 
 def test_scopes_lie_straight_and_off_the_pole_where_a_withdrawal_begins(tmp_path, monkeypatch):
     """A tip in the pole hooks it, and a shaft in loops takes the colon along: both are seen to before."""
-    monkeypatch.setenv("HAUSTRA_CACHE", str(tmp_path))
-    bank = moving_bank()
-    config = TaskConfig(design=DESIGN, mesentery=True, task="withdrawal", drive=Drive(control_interval=0.2))
+    monkeypatch.setattr(inserted, "cache_folder", lambda: tmp_path)  # that of compiled programs stays
+    bank, config = moving_bank(), TaskConfig(design=DESIGN, mesentery=True, task="withdrawal")
     task = ScopeTask(config, worlds=2, threads=1, backend="linear", bank=bank)
     task.reset(seeds=[0, 1], case=np.arange(2))
     begins = bank.lengths - task.seen.tip_arc

@@ -10,7 +10,7 @@ from haustra.envs.view.inspect import write_inspection
 def test_a_withdrawal_is_inspected(source: Source, tmp_path):
     scene = source.scene
     tool = Treatment(scene, "snare")
-    inserted, out = insert_and_withdraw(scene, seconds=6.0, rate=0.015, treatment=tool)
+    inserted, out = insert_and_withdraw(scene, seconds=5.0, rate=0.03, treatment=tool)
     assert out.outcome is Outcome.WITHDRAWN
     assert out.trajectory.time[0] > inserted.trajectory.time[-1]
     assert out.trajectory.insertion[-1] < 0.04 < out.trajectory.insertion[0]

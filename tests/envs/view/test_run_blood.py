@@ -13,6 +13,7 @@ from haustra.envs.runs.insertion import Insertion
 from haustra.envs.runs.measure.injury import stations_of
 from haustra.envs.runs.measure.recorded import RecordedRun
 from haustra.envs.runs.outcome import Outcome
+from haustra.envs.view import run_folder
 from haustra.envs.view.dataset.clip import write_clip
 from haustra.envs.view.dataset.moments import Moments
 from haustra.envs.view.picture.lens import named_lens
@@ -88,6 +89,8 @@ def test_a_data_set_shows_blood_where_and_since_its_run_bled(source, monkeypatch
 
 
 def test_the_last_picture_of_a_run_that_bleeds_is_redder(source, monkeypatch, tmp_path):
+    monkeypatch.setattr(run_folder, "_TIP_SIZE", 160)
+    monkeypatch.setattr(run_folder, "report_run", lambda folder: None)
     run = _backwards(source, 181)
     seen, pictures = RecordedRun(source.scene, run), []
     shape = seen.shape(180)

@@ -33,7 +33,7 @@ def rolled(directions, *, worlds=WORLDS, seconds=3.0, mesentery=False):
 def test_derivatives_are_those_of_central_differences(mesentery):
     """Exact for the discrete step; what is left is of the differences: 2e-7 was seen. With a thousandth of a parameter
     spheres begin and cease to touch on the way, so that differences are off by as much as the derivative."""
-    for each in agreement(_bank(mesentery), worlds=4, seconds=4.0):
+    for each in agreement(_bank(mesentery), worlds=4, seconds=2.5):
         assert each.error < 1e-6, each
 
 

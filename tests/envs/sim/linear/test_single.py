@@ -12,7 +12,8 @@ from haustra.envs.sim.native import NativeEngine
 from haustra.envs.sim.state import Controls
 from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions, build_scene
-from tests.bent_colon import bent_colon
+from tests.bent_colon import winding
+from tests.models.wall.conftest import swept_colon
 
 OPTIONS = SceneOptions(
     wall_law="table", softening=False, insertion_limit=0.35, shaft_cell=0.0625, bending_cell=0.034, twist_hinges=2
@@ -22,7 +23,7 @@ DESIGN = named_design("adult")
 
 @pytest.fixture(scope="module")
 def colon():
-    return bent_colon([(0.1, 0.0), (0.1, 1.2), (0.2, 0.0)])[0]
+    return swept_colon(winding([(0.1, 0.0), (0.1, 1.2), (0.2, 0.0)]), name="bent tube")
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,8 @@ from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions, build_scene
 from haustra.provenance import Provenance
 from haustra.scripts.bench.linear import bank_of, driven, largest_difference
-from tests.bent_colon import bent_colon
+from tests.bent_colon import winding
+from tests.models.wall.conftest import swept_colon
 from tests.tube_colon import straight_tube, wedge_wall
 
 _ADULT = named_design("adult")
@@ -171,7 +172,7 @@ def test_hands_may_pull_then_turn_wheels_then_pull():
 
 def test_the_follower_turns_wheels_in_the_program_as_outside_it():
     """One driver, inside and outside the program, drives alike; a worn scope's tip is further from where it steers."""
-    colon, _ = bent_colon([(0.1, 0.0), (0.12, 1.5)])
+    colon = swept_colon(winding([(0.1, 0.0), (0.12, 1.5)]), name="bent tube")
     settings, gaps = FollowerSettings(steer="wheels"), []
     for name in ("adult", "adult-worn"):
         scene = build_scene(colon, None, named_design(name), SceneOptions(wall_law="table"), show_lumen=False)
