@@ -39,7 +39,7 @@ def test_stiffness_is_that_of_the_design_and_of_a_published_scope(adult):
     assert (warm["GJ_N_cm2_deg"] / cold["GJ_N_cm2_deg"])[shaft].mean() == pytest.approx(0.93, abs=0.001)
 
 
-@pytest.mark.parametrize(("angle", "friction"), [(np.pi / 2, 0.3), (2 * np.pi, 0.1)])
+@pytest.mark.parametrize(("angle", "friction"), [(np.pi / 2, 0.3), pytest.param(2 * np.pi, 0.1, marks=pytest.mark.thorough)])
 def test_torque_goes_through_bends_less_what_friction_takes(adult, angle, friction):
     """mu r times the sum of the wall's forces; a rod that is alike all round turns at its tip as at its handle."""
     turns = []
