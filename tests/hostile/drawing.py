@@ -1,5 +1,6 @@
 """Values of declared fields for property-based tests: inside what a field declares, and outside."""
 
+from functools import cache
 from typing import Any
 
 from hypothesis import strategies as st
@@ -7,6 +8,7 @@ from hypothesis import strategies as st
 from haustra.fields import Choice, Declaration, Named, Number, Several, Span, Text, Truth, Vector
 
 
+@cache
 def inside(declared: Declaration) -> st.SearchStrategy[Any]:
     """What a field declares, ends included, as a parsed file would give it."""
     match declared:
@@ -29,6 +31,7 @@ def inside(declared: Declaration) -> st.SearchStrategy[Any]:
     return st.text("abc ", max_size=20)
 
 
+@cache
 def outside(declared: Declaration) -> st.SearchStrategy[Any]:
     """What it does not: out of range, not finite, of another kind, too many, falling."""
     match declared:
@@ -58,6 +61,7 @@ def outside(declared: Declaration) -> st.SearchStrategy[Any]:
     return st.text(min_size=1).filter(lambda text: not text.isprintable()) | _another_kind(float, bool, list, dict)
 
 
+@cache
 def _another_kind(*kinds: type) -> st.SearchStrategy[Any]:
     values = {str: st.text(), bool: st.booleans(), float: st.floats(), int: st.integers(), list: st.just([[1]])}
     return st.one_of(*(values.get(kind, st.just({"a": {"b": 1}})) for kind in kinds))

@@ -1,5 +1,6 @@
 """Means over seeds agree between the backends, and a scope with other friction does not."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -72,6 +73,7 @@ def test_finished_insertions_are_kept_and_processes_change_nothing(tmp_path) -> 
         assert len(files) == 2
         before = [file.stat().st_mtime_ns for file in files]
         files[1].unlink()
+        patch.setattr(insertions_module, "ProcessPoolExecutor", lambda count, **_: ThreadPoolExecutor(count))
         again = insertions(short_bank(), **asked, processes=2)
     assert files[0].stat().st_mtime_ns == before[0] and files[1].is_file()
     for name in Runs.__dataclass_fields__:
