@@ -125,7 +125,7 @@ def test_the_worms_torque_turns_the_body_and_the_wall_bears_it() -> None:
     around: roll = s (M / R) / |F, M / R| / R. In a perfectly round lumen M is t; in the table's, of flat facets, normal
     forces bear the rest.
     """
-    one, _ = driven(slack(), seconds=0.5, gravity=(0.0, 0.0, -UPHILL))
+    one, _ = driven(slack(), gravity=(0.0, 0.0, -UPHILL))
     design, radius, turned, told = robot().design, DIAMETER / 2, [], []
     largest = robot().friction * design.shaft.efficiency * 4 * track_normal(design, DIAMETER)
     spin = int(one.model.joint("tracked/free").dofadr[0]) + 3
@@ -198,7 +198,7 @@ title = "Speed of the worm"
 [base]
 design = "tracked"
 [options]
-seconds = 0.5
+seconds = 1.0
 timestep = 0.002
 [[variables]]
 name = "speed"
