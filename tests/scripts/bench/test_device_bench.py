@@ -8,7 +8,7 @@ import pytest
 
 from haustra.models.devices.base import load_device
 from haustra.models.devices.scope.library import at_body_temperature, named_design
-from haustra.scripts.bench import device_bench
+from haustra.scripts.bench import curved_tube, device_bench
 from haustra.scripts.bench.curved_tube import BEND_RADIUS, BORE, TubeBench, bending_force
 from haustra.scripts.bench.device_bench import (
     PUPIL,
@@ -111,7 +111,10 @@ def test_every_kind_has_its_figures(name):
 
 
 def test_the_verb_leaves_page_picture_and_numbers(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(device_bench, "lens_half_angle", lambda _: np.radians(63.0))  # measured above
+    """With a hasty hand and a lens that is not measured: both have their tests above."""
+    monkeypatch.setattr(device_bench, "lens_half_angle", lambda _: np.radians(63.0))
+    for name, hasty in {"PUSH_RATE": 0.08, "_REST": 0.2, "_TURN": 0.5}.items():
+        monkeypatch.setattr(curved_tube, name, hasty)
     assert main(["bench", "device", "adult", "-o", str(tmp_path), "--json"]) == SUCCESS
     told = json.loads(capsys.readouterr().out)
     assert told["rows"] == json.loads((tmp_path / "bench.json").read_text())["rows"]
