@@ -21,15 +21,14 @@ from haustra.models.devices.scope.library import named_design
 from haustra.models.scene import SceneOptions
 from haustra.models.wall import mesentery, moving_colon
 from haustra.models.wall.abdomen import Abdomen
-from haustra.models.wall.compiled import loops
 from haustra.models.wall.lumen_table import Tables, axis_at, lumen_table, pick, query, stack
 from haustra.models.wall.mesentery import Mesentery, hang
-from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement, AxisShape
+from haustra.models.wall.moving_colon import AttachmentPoints, AxisDisplacement
 from haustra.models.wall.sections import SHORTEST, carried, twisted
 from haustra.models.wall.table_wall import TableWalls
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
-from tests.models.wall.quickly import jitted
+from tests.models.wall.quickly import crept, jitted
 from tests.tube_colon import straight_tube
 
 _STEP = 0.005
@@ -56,18 +55,8 @@ def _straight(length: float = 0.3, **changed: Any) -> Mesentery:
 
 
 def _creep(own: Mesentery, force: np.ndarray, steps: int) -> np.ndarray:
-    """Displacements after steps of the compiled law under forces on the nodes (nodes, 3) [N]."""
-    count, world = own.nodes.shape[1], np.zeros(1, int)
-    # A force right at the anus counts as before it.
-    arcs = np.maximum(np.arange(count)[None] * own.spacing[:, None], 1e-9)
-    given = arcs, np.zeros_like(own.nodes), force[None], np.zeros((1, count, 2))
-    sizes = (count - 1, 3), (count - 1,), (count, 3), (count,), (count, 4), (count - 1, 3), (count,), (count, 3)
-    shape = AxisShape(*(np.zeros((1, *size)) for size in sizes))
-    around = np.zeros(1), np.full((1, count), -1), np.zeros(1), np.zeros((1, count, 4))
-    now = moving_colon.at_rest(np, own, 1, float)
-    for _ in range(steps):
-        loops().step_axis(own, world, *now, shape, *given, _STEP, *around)
-    return now.pose[0, :, :3]
+    """Displacements after steps under forces on the nodes (nodes, 3) [N]."""
+    return crept(own, steps, _STEP, force)
 
 
 def _only(count: int, node: int, force: list[float]) -> np.ndarray:
