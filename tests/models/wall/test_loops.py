@@ -131,7 +131,7 @@ def test_loops_that_lie_against_each_other_at_rest_are_in_balance() -> None:
         assert thin == pytest.approx(min(width / 2, _RADIUS + _WALL), rel=0.02)
 
 
-@pytest.mark.parametrize("force", [10.0, 60.0])
+@pytest.mark.parametrize("force", [pytest.param(10.0, marks=pytest.mark.thorough), 60.0])
 def test_a_loop_that_is_driven_across_another_never_comes_through(force: float) -> None:
     """More than a hand pushes with, on 5 cm of it: the loop below is held as what has grown to the back wall is."""
     corners = [(0, -0.15, 0), (0, 0.15, 0), (0, 0.3, 0.1), (0.07, 0.3, 0.3), (0.07, 0, 0.3), (0.07, 0, -0.15)]
