@@ -410,9 +410,9 @@ def test_numpy_and_jax_step_alike() -> None:
     displacement = AxisDisplacement(pose, random.normal(size=(*pose.shape[:2], 4)) * 0.01)
     force, damping = random.normal(size=(1, 40, 3)), random.uniform(0, 20, (1, 40, 2))
     stepped = jitted(lambda *about: moving_colon.step_axis(jnp, *about, _STEP))
-    about = own, displacement, grip, force, damping
     with unchecked():
-        one, other = moving_colon.step_axis(np, *about, _STEP), stepped(*about)
+        one = moving_colon.step_axis(np, own, displacement, grip, force, damping, _STEP)
+        other = stepped(own, displacement, grip, force, damping)
     for mine, theirs in zip(one, other, strict=True):
         assert np.abs(mine - np.asarray(theirs)).max() < 1e-12 + 1e-10 * np.abs(mine).max()
 
