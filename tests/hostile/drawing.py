@@ -1,13 +1,31 @@
 """Values of declared fields for property-based tests: inside what a field declares, and outside."""
 
+from collections.abc import Callable
+from functools import cache, wraps
 from typing import Any
 
 from hypothesis import strategies as st
 
 from haustra.fields import Choice, Declaration, Named, Number, Several, Span, Text, Truth, Vector
 
+_Strategy = st.SearchStrategy[Any]
 
-def inside(declared: Declaration) -> st.SearchStrategy[Any]:
+
+def _once(make: Callable[[Declaration], _Strategy]) -> Callable[[Declaration], _Strategy]:
+    """The same strategy whenever it is asked for: hypothesis checks each anew. Declarations need have no hash."""
+    made: dict[int, tuple[Declaration, _Strategy]] = {}
+
+    @wraps(make)
+    def kept(declared: Declaration) -> _Strategy:
+        if id(declared) not in made:
+            made[id(declared)] = declared, make(declared)
+        return made[id(declared)][1]
+
+    return kept
+
+
+@_once
+def inside(declared: Declaration) -> _Strategy:
     """What a field declares, ends included, as a parsed file would give it."""
     match declared:
         case Number(_, low, high, True):
@@ -29,7 +47,8 @@ def inside(declared: Declaration) -> st.SearchStrategy[Any]:
     return st.text("abc ", max_size=20)
 
 
-def outside(declared: Declaration) -> st.SearchStrategy[Any]:
+@_once
+def outside(declared: Declaration) -> _Strategy:
     """What it does not: out of range, not finite, of another kind, too many, falling."""
     match declared:
         case Number(_, low, high, whole):
@@ -58,6 +77,7 @@ def outside(declared: Declaration) -> st.SearchStrategy[Any]:
     return st.text(min_size=1).filter(lambda text: not text.isprintable()) | _another_kind(float, bool, list, dict)
 
 
-def _another_kind(*kinds: type) -> st.SearchStrategy[Any]:
+@cache
+def _another_kind(*kinds: type) -> _Strategy:
     values = {str: st.text(), bool: st.booleans(), float: st.floats(), int: st.integers(), list: st.just([[1]])}
     return st.one_of(*(values.get(kind, st.just({"a": {"b": 1}})) for kind in kinds))

@@ -41,16 +41,22 @@ PATIENT = [HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_
 FEW = settings(deadline=None, derandomize=True, database=None, suppress_health_check=PATIENT)
 SLOW = settings(FEW, phases=[Phase.explicit, Phase.generate])
 """A case that takes seconds is not made smaller: that would take minutes."""
-TITLES = sorted(CONFIGURATIONS)
+ANY = st.sampled_from(sorted(CONFIGURATIONS))
 FILES = {ContextOfUse: "docs/examples/credibility/insertion-tubes.toml", Trial: "assets/trials/flaccid.toml"}
 STEPS = 2
 
 
 @cache
+def devices() -> dict[type, Any]:
+    """One of each kind."""
+    found = map(load_device, ("adult", "capsule", "tracked", "vine", "inchworm"))
+    return {ScopeDesign: named_design("adult")} | {type(device): device for device in found}
+
+
+@cache
 def base(kind: type) -> dict[str, Any]:
     """A configuration that runs, as a parsed file."""
-    known: dict[type, Any] = {ScopeDesign: named_design("adult")}
-    known |= {type(device): device for device in map(load_device, ("adult", "capsule", "tracked", "vine", "inchworm"))}
+    known = devices()
     if kind in FILES:
         more = {"points": [{"name": "x", "file": "x.md", "category": 3, "values": {"friction": 0.1}}]}
         table = tomllib.loads((Path(__file__).parents[2] / FILES[kind]).read_text(encoding="utf-8"))
@@ -80,11 +86,16 @@ def listed(kind: type) -> list[tuple[str, Declaration]]:
     return [(path, declared) for path, declared, *_ in declared_fields(kind)]
 
 
+@cache
+def one_of(kind: type) -> st.SearchStrategy[tuple[str, Declaration]]:
+    return st.sampled_from(listed(kind))
+
+
 @settings(FEW, max_examples=400)
 @given(st.data())
 def test_a_value_outside_its_range_is_refused_by_its_path(data: st.DataObject) -> None:
-    kind = CONFIGURATIONS[data.draw(st.sampled_from(TITLES))]
-    path, declared = data.draw(st.sampled_from(listed(kind)))
+    kind = CONFIGURATIONS[data.draw(ANY)]
+    path, declared = data.draw(one_of(kind))
     value = data.draw(outside(declared))
     with pytest.raises(InvalidDesignError) as refusal:
         read_fields(kind, changed(base(kind), path, value), error=InvalidDesignError)
@@ -95,9 +106,9 @@ def test_a_value_outside_its_range_is_refused_by_its_path(data: st.DataObject) -
 @settings(FEW, max_examples=400)
 @given(st.data())
 def test_a_value_inside_its_range_is_taken_or_refused_with_its_reason(data: st.DataObject) -> None:
-    kind = CONFIGURATIONS[data.draw(st.sampled_from(TITLES))]
+    kind = CONFIGURATIONS[data.draw(ANY)]
     table = base(kind)
-    for path, declared in data.draw(st.lists(st.sampled_from(listed(kind)), min_size=1, max_size=3)):
+    for path, declared in data.draw(st.lists(one_of(kind), min_size=1, max_size=3)):
         table = changed(table, path, data.draw(inside(declared)))
     try:
         read_fields(kind, table)

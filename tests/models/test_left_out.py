@@ -15,7 +15,7 @@ DESIGN = named_design("adult")
 
 @pytest.fixture(scope="module")
 def tube():
-    return bent_colon([(0.1, 0.0), (0.12, 1.2), (0.9, 0.0)])
+    return bent_colon([(0.1, 0.0), (0.12, 1.2), (0.62, 0.0)])
 
 
 def _drive(scene) -> np.ndarray:

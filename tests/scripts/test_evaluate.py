@@ -13,6 +13,7 @@ from haustra.envs.learning.recall import recalled_width
 from haustra.envs.tasks.config import Drive, TaskConfig
 from haustra.envs.tasks.observation import LUMEN_SIZE, sizes
 from haustra.models.anatomy.store import save_colon
+from haustra.models.wall.cache import cache_folder
 from haustra.scripts.main import BAD_INPUT, SUCCESS, main
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
@@ -33,7 +34,19 @@ def folders(tmp_path_factory) -> list[str]:
 
 @pytest.fixture(autouse=True)
 def own_cache(monkeypatch, tmp_path_factory):
-    monkeypatch.setenv("HAUSTRA_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
+    """But for programs, which are compiled once for all tests: they are found again by all that they hold."""
+    own, programs = tmp_path_factory.getbasetemp() / "cache", cache_folder() / "linear"
+    if not own.exists():
+        own.mkdir()
+        programs.mkdir(parents=True, exist_ok=True)
+        (own / "linear").symlink_to(programs)
+    monkeypatch.setenv("HAUSTRA_CACHE", str(own))
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Evaluations without their picture, which the first test looks at."""
+    monkeypatch.setattr("haustra.envs.learning.figures.draw_evaluations", lambda *_: None)
 
 
 def evaluate(output: Path, *options: str) -> int:
@@ -77,24 +90,24 @@ def test_folders_without_a_fitting_colon_are_refused_in_one_line(folders, tmp_pa
         assert words in error.splitlines()[-1]
 
 
-def test_policies_that_see_and_decide_otherwise_are_compared_in_one_call(folders, tmp_path, capsys):
+def test_policies_that_see_and_decide_otherwise_are_compared_in_one_call(folders, tmp_path, capsys, undrawn):
     """Pictures of another size, no colours at all, another interval: each as it was trained, none refused."""
     see = {"a": TaskConfig(observation="pixels", picture_size=16, stool=0.2), "b": TaskConfig(observation="state")}
     see["c"] = replace(see["a"], picture_size=24, drive=replace(Drive(), control_interval=0.08))
     for name, config in see.items():
         save_policy(tmp_path / name, idle(config))
-    assert side_by_side(tmp_path / "out", [tmp_path / name for name in see], folders[0], "0.8") == SUCCESS
+    assert side_by_side(tmp_path / "out", [tmp_path / name for name in see], folders[0], "0.3") == SUCCESS
     assert [one["episodes"] for one in json.loads(capsys.readouterr().out).values()] == [1, 1, 1]
 
 
-def test_a_policy_that_recalls_does_beside_a_quicker_one_what_it_does_alone(folders, tmp_path):
+def test_a_policy_that_recalls_does_beside_a_quicker_one_what_it_does_alone(folders, tmp_path, undrawn):
     quick = idle(TaskConfig(observation="lumen"))
     slow = idle(replace(quick.config, drive=replace(Drive(), control_interval=0.2)), recalls=(1.0,))
     paths = [tmp_path / "quick", tmp_path / "slow"]
     for path, policy in zip(paths, (quick, slow), strict=True):
         save_policy(path, policy)
-    assert side_by_side(tmp_path / "alone", paths[1:], folders[0], "4") == SUCCESS
-    assert side_by_side(tmp_path / "both", paths, folders[0], "4") == SUCCESS
+    assert side_by_side(tmp_path / "alone", paths[1:], folders[0], "2") == SUCCESS
+    assert side_by_side(tmp_path / "both", paths, folders[0], "2") == SUCCESS
     alone, both = (json.loads((tmp_path / name / "episodes.json").read_text()) for name in ("alone", "both"))
     assert alone[str(paths[1])] == both[str(paths[1])]
 

@@ -5,10 +5,11 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
-from haustra.envs.runs.measure.scores import score
+from haustra.envs.runs.measure.scores import provenance_of, score
 from haustra.models.anatomy.store import save_colon
 from haustra.models.wall.pieces.store import save_wall
 from haustra.provenance import Provenance
@@ -35,6 +36,18 @@ def colon_folder(tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.fixture
+def unwritten(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs are scored and no file is written of them, as the first test asks."""
+
+    def scored(folder, *, scene, run, wall=None, seconds=None, error=None, **_):
+        pieces = wall.method if wall else None
+        about = provenance_of(scene, run, wall=pieces, seconds=seconds)
+        return score(scene, run, about, wall=pieces, error=error)
+
+    monkeypatch.setattr("haustra.envs.view.run_folder.write_run", scored)
+
+
 def test_a_run_leaves_scores_trajectory_scene_pictures_and_a_report(colon_folder, tmp_path, capsys):
     arguments = [
         "run",
@@ -47,13 +60,13 @@ def test_a_run_leaves_scores_trajectory_scene_pictures_and_a_report(colon_folder
         "-o",
         str(tmp_path),
         "--seconds",
-        "2",
+        "1",
         "--json",
     ]
     assert main(arguments) == SUCCESS
     printed = json.loads(capsys.readouterr().out)
     assert printed.keys() >= KEYS
-    assert printed["simulated_s"] == pytest.approx(2.0)
+    assert printed["simulated_s"] == pytest.approx(1.0)
     assert json.loads((tmp_path / "scores.json").read_text()) == printed
     for name in ("trajectory.npz", "scene.xml", "outside.png", "tip.png", "forces.png", "injury.png", "report.html"):
         assert (tmp_path / name).stat().st_size > 1000, name
@@ -62,7 +75,7 @@ def test_a_run_leaves_scores_trajectory_scene_pictures_and_a_report(colon_folder
 def test_a_run_in_a_colon_that_moves(colon_folder, tmp_path, capsys, monkeypatch):
     """Without options: in linear time, by the lumen's table."""
     monkeypatch.setattr("haustra.envs.view.run_film._PICTURES", 2)
-    call = ["run", "--colon", str(colon_folder), "--preset", "fast", "--seconds", "2"]
+    call = ["run", "--colon", str(colon_folder), "--preset", "fast", "--seconds", "1"]
     assert main([*call, "-o", str(tmp_path), "--json", "--film"]) == SUCCESS
     with Image.open(tmp_path / "film.webp") as film:
         assert getattr(film, "n_frames", 1) == 2 and film.size == (640, 344)
@@ -86,7 +99,7 @@ def test_a_run_in_a_colon_that_moves(colon_folder, tmp_path, capsys, monkeypatch
     ],
 )
 def test_a_run_says_its_preset_its_wall_and_what_was_measured_of_its_error(
-    options, preset, colon_folder, tmp_path, capsys
+    options, preset, colon_folder, tmp_path, capsys, unwritten
 ):
     """An imported tube counts as a real colon; of a time step that is no preset's nobody has measured anything."""
     call = ["run", "--colon", str(colon_folder), "--wall", "prism", "--preset", "fast", "--seconds", "0.2"]
@@ -108,7 +121,7 @@ def test_a_run_says_its_preset_its_wall_and_what_was_measured_of_its_error(
 
 
 def test_a_run_measures_its_own_error(colon_folder, tmp_path, capsys):
-    call = ["run", "--colon", str(colon_folder), "--wall-law", "planes", "--seconds", "1", "--error"]
+    call = ["run", "--colon", str(colon_folder), "--wall-law", "planes", "--seconds", "0.4", "--error"]
     assert main([*call, "-o", str(tmp_path), "--json"]) == SUCCESS
     stated = json.loads(capsys.readouterr().out)["numerical_error"]
     assert stated["measured_on"] == "this run against half the time step and finer joints"
@@ -142,9 +155,9 @@ def test_bad_input_is_one_line_and_code_2(colon_folder, tmp_path, capsys, change
     assert len(error.splitlines()) == 1
 
 
-def test_tangent_planes_need_no_wall_and_stiffen_by_segment(tmp_path, capsys):
+def test_tangent_planes_need_no_wall_and_stiffen_by_segment(tmp_path, capsys, unwritten):
     save_colon(straight_tube(), tmp_path / "colon")
-    arguments = ["run", "--colon", str(tmp_path / "colon"), "-o", str(tmp_path / "run"), "--seconds", "0.5", "--json"]
+    arguments = ["run", "--colon", str(tmp_path / "colon"), "-o", str(tmp_path / "run"), "--seconds", "0.2", "--json"]
     assert main([*arguments, "--wall-law", "planes", "--segment-stiffness"]) == SUCCESS
     printed = json.loads(capsys.readouterr().out)
     assert printed["pieces"] == 0
@@ -157,8 +170,9 @@ def test_tangent_planes_need_no_wall_and_stiffen_by_segment(tmp_path, capsys):
 def test_a_run_that_is_interrupted_leaves_the_one_before_and_nothing_else(colon_folder, tmp_path, monkeypatch, capsys):
     from haustra.envs.view import run_folder
 
+    monkeypatch.setattr(run_folder, "outside_view", lambda *_, **__: np.zeros((8, 8, 3), np.uint8))
     call = ["run", "--colon", str(colon_folder), "--preset", "fast", "-o", str(tmp_path / "old"), "--json"]
-    assert main([*call, "--seconds", "0.5"]) == SUCCESS
+    assert main([*call, "--seconds", "0.1"]) == SUCCESS
     before = {path.name: path.read_bytes() for path in (tmp_path / "old").iterdir()}
 
     def stopped(*_args, **_options):
@@ -166,10 +180,10 @@ def test_a_run_that_is_interrupted_leaves_the_one_before_and_nothing_else(colon_
 
     capsys.readouterr()
     monkeypatch.setattr(run_folder, "time_figure", stopped)
-    assert main([*call, "--seconds", "0.6"]) == 130
+    assert main([*call, "--seconds", "0.2"]) == 130
     assert {path.name: path.read_bytes() for path in (tmp_path / "old").iterdir()} == before
     assert "what was finished is kept" in capsys.readouterr().err
-    assert main([*call[:-2], str(tmp_path / "made" / "new"), "--json", "--seconds", "0.5"]) == 130
+    assert main([*call[:-2], str(tmp_path / "made" / "new"), "--json", "--seconds", "0.1"]) == 130
     assert "nothing was written" in capsys.readouterr().err
     assert not (tmp_path / "made").exists()
 
@@ -218,9 +232,8 @@ def test_a_driver_that_is_not_known_or_does_not_honour_an_option_is_refused_in_o
     assert not (tmp_path / "run").exists()
 
 
-def test_a_policy_drives_the_scope_that_it_was_trained_with(colon_folder, tmp_path, capsys, monkeypatch):
+def test_a_policy_drives_the_scope_that_it_was_trained_with(colon_folder, tmp_path, capsys, monkeypatch, unwritten):
     """Without torch, of which nothing is needed."""
-    monkeypatch.setattr("haustra.envs.view.run_folder.write_run", lambda folder, scene, run, **_: score(scene, run))
     monkeypatch.setitem(sys.modules, "torch", None)
     call = ["run", "--colon", str(colon_folder), "--driver", "insertion-easy", "--seconds", "0.5"]
     assert main([*call, "-o", str(tmp_path), "--json"]) == SUCCESS

@@ -54,12 +54,12 @@ def run(colon: Path, folder: Path, *options: str) -> int:
 def test_it_drives_and_leaves_what_every_device_leaves(
     colon: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """At 8.1 mm/s in 1.5 s."""
-    assert run(colon, tmp_path, "--seconds", "1.5") == 0
+    """At 8.1 mm/s in 0.8 s."""
+    assert run(colon, tmp_path, "--seconds", "0.8") == 0
     scores = json.loads(capsys.readouterr().out)
     assert scores["outcome"] == "time_up"
     assert scores["device_kind"] == "tracked" and scores["backend"] == "native" and scores["wall_law"] == "table"
-    assert 0.7 < (scores["tip_arc_m"] - 0.04) / (1.5 * 0.00325 * 150 / 60) < 1.1
+    assert 0.7 < (scores["tip_arc_m"] - 0.04) / (0.8 * 0.00325 * 150 / 60) < 1.1
     assert 0 < scores["worm_torque_peak_Nm"] < 0.0015625 and scores["normal_mean_N"] > 0.3
     assert scores["mesentery"] is True and "flexible shaft" in scores["not_modelled"]
     assert json.loads((tmp_path / "scores.json").read_text())["tip_arc_m"] == scores["tip_arc_m"]

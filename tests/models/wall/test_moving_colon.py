@@ -1,13 +1,14 @@
 """A colon that moves on its mesentery: rods, springs and balances that are known."""
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from runtime_types import unchecked
 from scipy.spatial.transform import Rotation
 
 from haustra.envs.sim.conditions import Conditions
@@ -27,6 +28,7 @@ from haustra.models.wall.sections import SHORTEST, carried, twisted
 from haustra.models.wall.table_wall import TableWalls
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
+from tests.models.wall.quickly import crept, jitted
 from tests.tube_colon import straight_tube
 
 _STEP = 0.005
@@ -49,30 +51,12 @@ def _straight(length: float = 0.3, **changed: Any) -> Mesentery:
     free = {"hold": np.zeros(count), "support": np.zeros(count), "drag": np.full(count, 0.02)}
     free |= {"tension": np.full(count - 1, 100.0), "bending": np.zeros(count)}
     free |= {"torsion": np.zeros(count - 1), "upright": np.zeros(count), "turn_drag": np.full(count, 1e-5)}
-    own = mesentery.stack([own._replace(**free | changed)])
-    return Mesentery(*(jnp.asarray(part, jnp.float64) for part in own))
-
-
-def _in_numpy(length: float = 0.3, **changed: Any) -> Mesentery:
-    return Mesentery(*map(np.asarray, _straight(length, **changed)))
+    return mesentery.stack([own._replace(**free | changed)])
 
 
 def _creep(own: Mesentery, force: np.ndarray, steps: int) -> np.ndarray:
     """Displacements after steps under forces on the nodes (nodes, 3) [N]."""
-    return np.asarray(_crept(own, jnp.asarray(force), steps))
-
-
-@jax.jit
-def _crept(own: Mesentery, force: Any, steps: int) -> Any:
-    arcs = jnp.arange(own.nodes.shape[1])[None] * own.spacing[:, None]
-    # A force right at the anus counts as before it.
-    grip = AttachmentPoints(jnp.maximum(arcs, 1e-9), jnp.zeros_like(own.nodes))
-    none = jnp.zeros((*arcs.shape, 2))
-
-    def step(_: int, displacement: AxisDisplacement) -> AxisDisplacement:
-        return moving_colon.step_axis(jnp, own, displacement, grip, force[None], none, _STEP)
-
-    return jax.lax.fori_loop(0, steps, step, moving_colon.at_rest(jnp, own, 1, jnp.float64)).pose[0, :, :3]
+    return crept(own, steps, _STEP, force)
 
 
 def _only(count: int, node: int, force: list[float]) -> np.ndarray:
@@ -218,12 +202,10 @@ def test_no_pull_folds_a_tube_back_at_a_node(over: float) -> None:
     """An edge on a hinge B, pulled back by far more than B over its length: F x l = 2 B tan(t/2) (Bergou 2008)."""
     rigidity, length, steps = 0.01, 0.01, 1000
     held, bending = np.array([1e6, 1e6, 1e6, 0.0]), np.array([0.0, 0.0, rigidity, 0.0])
-    own = _in_numpy(0.03, hold=held, bending=bending, tension=np.full(3, 1e3), pleating=np.float64(1.0))
-    grip = AttachmentPoints(np.array([[0.0, 0.01, 0.02, 0.03]]), np.zeros((1, 4, 3)))
-    force, now = over * rigidity / length * np.array([1e-3, 0.0, -1.0]), moving_colon.at_rest(np, own, 1, float)
-    for _ in range(steps):
-        now = moving_colon.step_axis(np, own, now, grip, _only(4, -1, [*force])[None], np.zeros((1, 4, 2)), _STEP)
-    before, edge = np.diff(own.nodes[0] + now.pose[0, :, :3], axis=0)[1:]
+    own = _straight(0.03, hold=held, bending=bending, tension=np.full(3, 1e3), pleating=np.float64(1.0))
+    force = over * rigidity / length * np.array([1e-3, 0.0, -1.0])
+    moved = _creep(own, _only(4, -1, [*force]), steps)
+    before, edge = np.diff(own.nodes[0] + moved, axis=0)[1:]
     angle = np.arccos(before @ edge / np.linalg.norm(before) / np.linalg.norm(edge))
     assert np.degrees(angle) < 175
     assert 2 * rigidity * np.tan(angle / 2) == pytest.approx(np.linalg.norm(np.cross(edge, force)), rel=1e-3)
@@ -268,7 +250,7 @@ def test_a_twisted_tube_turns_by_torque_over_stiffness() -> None:
     count, rigidity, couple = 31, 0.02, 0.004
     held = np.zeros(count)
     held[0] = 1e6
-    own = _in_numpy(torsion=np.full(count - 1, rigidity / 0.01), upright=held, hold=np.full(count, 1e6))
+    own = _straight(torsion=np.full(count - 1, rigidity / 0.01), upright=held, hold=np.full(count, 1e6))
     arcs, lever = np.full((1, 2), 0.3), np.array([[[0.02, 0, 0], [-0.02, 0, 0]]])
     force = np.array([[[0, couple / 0.04, 0], [0, -couple / 0.04, 0]]])
 
@@ -308,7 +290,7 @@ def test_a_bend_that_closes_flattens_and_stays_one_to_one() -> None:
 def test_forces_on_the_wall_do_the_work_that_its_motion_says() -> None:
     """Power of random forces at random places of the wall, on the wall's own speed there, and of drag on the nodes."""
     count = 31
-    own = _in_numpy(tension=np.zeros(count - 1))
+    own = _straight(tension=np.zeros(count - 1))
     random = np.random.default_rng(1)
     place = _poses(random.normal(size=(1, count, 3)) * 0.003, random)
     own = own._replace(widths=own.widths + 0.02)
@@ -356,6 +338,30 @@ def _changed(own: Mesentery, pose: np.ndarray, place: Any, angle: Any) -> Any:
     return jnp.concatenate([place, real[..., None], jnp.stack(part, axis=-1)], axis=-1)
 
 
+@cache
+def _slopes() -> Any:
+    """Slopes of the energy by places and angles, compiled once."""
+
+    def energy(place: Any, angle: Any, own: Mesentery, pose: Any) -> Any:
+        return moving_colon.energy(jnp, own, _changed(own, pose, place, angle)).sum()
+
+    return jitted(jax.grad(energy, argnums=(0, 1)))
+
+
+@cache
+def _slopes_of_work() -> Any:
+    """Those of the work of couples."""
+
+    def work(place: Any, angle: Any, own: Mesentery, pose: Any, couples: Any) -> Any:
+        shape = moving_colon.shape_of(jnp, own, _changed(own, pose, place, angle))
+        section = shape.turns[..., 0], tuple(shape.turns[..., 1 + i] for i in range(3))
+        section = *section, shape.flats, tuple(shape.acrosses[..., i] for i in range(3))
+        images = [jnp.stack(carried(section, tuple(axis)), axis=-1) for axis in np.eye(3)]
+        return (jnp.stack(images, axis=-1) * couples).sum()
+
+    return jitted(jax.grad(work, argnums=(0, 1)))
+
+
 @pytest.mark.parametrize("gathered", [1.0, 0.35])
 def test_spring_forces_are_the_slope_of_the_energy_and_couples_that_of_their_work(gathered: float) -> None:
     """Against automatic differentiation: -dE/dx of the energy, and d/dx of sum f . R(x) v for forces on the wall."""
@@ -364,21 +370,14 @@ def test_spring_forces_are_the_slope_of_the_energy_and_couples_that_of_their_wor
     place, still = jnp.asarray(pose[..., :3]), jnp.zeros(pose.shape[:2])
     none = np.zeros((*pose.shape[:2], 3, 3))
     forces = moving_colon.spring_forces(np, own, pose, none)
-    slopes = jax.grad(lambda *q: moving_colon.energy(jnp, own, _changed(own, pose, *q)).sum(), argnums=(0, 1))(
-        place, still
-    )
+    with unchecked():
+        slopes = _slopes()(place, still, own, pose)
     for force, slope in zip(forces, slopes, strict=True):
         assert np.abs(force + np.asarray(slope)).max() < 1e-9 * np.abs(force).max()
     couples = random.normal(size=none.shape)
 
-    def work(place: Any, angle: Any) -> Any:
-        shape = moving_colon.shape_of(jnp, own, _changed(own, pose, place, angle))
-        section = shape.turns[..., 0], tuple(shape.turns[..., 1 + i] for i in range(3))
-        section = *section, shape.flats, tuple(shape.acrosses[..., i] for i in range(3))
-        images = [jnp.stack(carried(section, tuple(axis)), axis=-1) for axis in np.eye(3)]
-        return (jnp.stack(images, axis=-1) * couples).sum()
-
-    expected = jax.grad(work, argnums=(0, 1))(place, still)
+    with unchecked():
+        expected = _slopes_of_work()(place, still, own, pose, couples)
     for with_them, without, slope in zip(
         moving_colon.spring_forces(np, own, pose, couples), forces, expected, strict=True
     ):
@@ -399,7 +398,9 @@ def test_speeds_of_the_wall_are_the_rate_of_its_places() -> None:
         return moved + moving_colon.directions(jnp, own, now, grip.arcs, grip.lever)
 
     at = jnp.asarray(pose[..., :3]), jnp.zeros(pose.shape[:2])
-    expected = jax.jvp(places, at, (jnp.asarray(speed[..., :3]), jnp.asarray(speed[..., 3])))[1]
+    rates = jnp.asarray(speed[..., :3]), jnp.asarray(speed[..., 3])
+    with unchecked():
+        expected = jitted(lambda *about: jax.jvp(places, *about)[1])(at, rates)
     assert np.abs(found - np.asarray(expected)).max() < 1e-9 * np.abs(found).max()
 
 
@@ -408,7 +409,10 @@ def test_numpy_and_jax_step_alike() -> None:
     grip = AttachmentPoints(random.uniform(-0.01, 0.25, (1, 40)), random.normal(size=(1, 40, 3)) * 0.015)
     displacement = AxisDisplacement(pose, random.normal(size=(*pose.shape[:2], 4)) * 0.01)
     force, damping = random.normal(size=(1, 40, 3)), random.uniform(0, 20, (1, 40, 2))
-    one, other = (moving_colon.step_axis(xp, own, displacement, grip, force, damping, _STEP) for xp in (np, jnp))
+    stepped = jitted(lambda *about: moving_colon.step_axis(jnp, *about, _STEP))
+    with unchecked():
+        one = moving_colon.step_axis(np, own, displacement, grip, force, damping, _STEP)
+        other = stepped(own, displacement, grip, force, damping)
     for mine, theirs in zip(one, other, strict=True):
         assert np.abs(mine - np.asarray(theirs)).max() < 1e-12 + 1e-10 * np.abs(mine).max()
 
@@ -449,9 +453,8 @@ def test_the_solver_solves() -> None:
     random = np.random.default_rng(2)
     ties, more, right = random.uniform(0, 5, (3, 46)), random.uniform(0.1, 1, (3, 47)), random.normal(size=(3, 47, 3))
     below, above = np.pad(ties, ((0, 0), (1, 0))), np.pad(ties, ((0, 0), (0, 1)))
-    found = moving_colon.solve_tridiagonal(
-        jnp, *(jnp.asarray(part) for part in (-below, more + below + above, -above, right))
-    )
+    with unchecked():
+        found = jitted(partial(moving_colon.solve_tridiagonal, jnp))(-below, more + below + above, -above, right)
     for world in range(3):
         matrix = np.diag((more + below + above)[world]) - np.diag(ties[world], 1) - np.diag(ties[world], -1)
         assert np.asarray(found[world]) == pytest.approx(np.linalg.solve(matrix, right[world]), rel=1e-9, abs=1e-12)

@@ -1,5 +1,6 @@
 """An envelope and breath around a colon that moves: forces against energies, and balances that are known."""
 
+from functools import partial
 from typing import Any
 
 import jax
@@ -26,6 +27,7 @@ from haustra.models.wall.table_wall import TableWalls
 from haustra.quantity import load_quantities
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
+from tests.models.wall.quickly import jitted
 
 _BOTH = Abdomen(envelope=True, breathing=True)
 _NUMBERS = {name: each.value for name, each in load_quantities(asset("numbers/mesentery.toml")).items()}
@@ -60,7 +62,8 @@ def _about(own: Mesentery) -> tuple[np.ndarray, np.ndarray]:
 def _step(xp: Any, own: Mesentery, now: AxisDisplacement, time: float, h: float = 0.02) -> AxisDisplacement:
     grip, none = AttachmentPoints(np.zeros((1, 1)), np.zeros((1, 1, 3))), np.zeros((1, 1, 3))
     with unchecked():
-        return moving_colon.step_axis(xp, own, now, grip, none, none[..., :2], h, time=np.full(1, time))
+        step = partial(moving_colon.step_axis, xp)
+        return (step if xp is np else jitted(step))(own, now, grip, none, none[..., :2], h, time=np.full(1, time))
 
 
 def _settled(own: Mesentery, *, time: float, steps: int = 40) -> np.ndarray:
@@ -75,6 +78,11 @@ def _settled(own: Mesentery, *, time: float, steps: int = 40) -> np.ndarray:
 def test_forces_are_the_slope_of_the_energy_in_any_coordinates() -> None:
     """Against automatic differentiation to 1e-9, half-way through a breath, with every side of the envelope pressed."""
     turn = Rotation.from_rotvec([0.4, -1.0, 0.7]).as_matrix()
+
+    def energy(place: Any, own: Mesentery, pose: Any, time: Any) -> Any:
+        return moving_colon.energy(jnp, own, jnp.concatenate([place, pose[..., 3:]], axis=-1), time).sum()
+
+    slope_of = jitted(jax.grad(energy))
     for own in (_bow(), seen_from(_bow(), np.array([0.1, 0.2, 0.3]), turn)):
         pose, _ = _about(own)
         own, time = stacked([own]), np.full(1, 0.4 * _WHOLE)
@@ -82,12 +90,9 @@ def test_forces_are_the_slope_of_the_energy_in_any_coordinates() -> None:
         plain = plain._replace(upright=0 * own.upright)  # the axis' own springs have their test
         none = np.zeros((*pose.shape[:2], 3, 3))
         forces, _ = moving_colon.spring_forces(np, plain, pose, none, time)
-
-        def energy(place: Any, own: Mesentery = plain, pose: np.ndarray = pose, time: np.ndarray = time) -> Any:
-            return moving_colon.energy(jnp, own, jnp.concatenate([place, pose[..., 3:]], axis=-1), time).sum()
-
         ring = _ring_force(plain, pose)
-        slope = -np.asarray(jax.grad(energy)(jnp.asarray(pose[..., :3])))
+        with unchecked():
+            slope = -np.asarray(slope_of(jnp.asarray(pose[..., :3]), plain, pose, time))
         assert np.abs(forces - slope).max() < 1e-9 * np.abs(forces).max()
         assert np.abs(forces - ring).max() > 1.0
 

@@ -2,6 +2,7 @@
 
 import ctypes
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import jax
@@ -33,8 +34,9 @@ from haustra.models.wall.moving_planes import MovingPlaneWall
 from haustra.models.wall.piece_wall import PieceWall
 from haustra.models.wall.table_wall import TableWall, TableWalls
 from haustra.models.wall.threads import INDENTED
-from tests.bent_colon import bent_colon, winding
+from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
+from tests.models.wall.quickly import jitted
 from tests.ring_wall import ring_wall
 
 _RADIUS, _FAR = 0.02, 0.15
@@ -201,11 +203,12 @@ def test_a_shaft_that_is_pulled_taut_across_a_loop_does_not_leave_it(threaded: b
     picked = pick(tables, world)
     assert picked.mesentery is not None
     still = moving_colon.at_rest(np, picked.mesentery, 1, float)
+    query = jitted(partial(moving_colon.query, jnp, threaded=19 * threaded))
     for _ in range(20):
         with unchecked():
             about = picked, still, points, arcs, np.full((1, 1), 0.006)
             law, _ = moving_colon.query(np, *about, threaded=19 * threaded)
-            same, _ = moving_colon.query(jnp, *about, threaded=19 * threaded)
+            same, _ = query(*about)
         walls.look(world, points)
         np.testing.assert_allclose(walls.arcs, law.arcs, atol=1e-12)
         np.testing.assert_allclose(same.arcs, law.arcs, atol=1e-9)
@@ -237,12 +240,12 @@ def test_what_is_pressed_through_the_caecum_stays_at_the_colons_end() -> None:
 @pytest.mark.parametrize("law", ["table", "planes", "pieces"])
 def test_links_bear_what_nodes_are_drawn_by(law: Any) -> None:
     """Natively, against any wall: generalised forces are the law's, by MuJoCo's Jacobians, and nodes give way."""
-    colon = bent_colon([(0.15, 0.0), (0.1, 0.2), (0.1, 0.0)])[0]
+    colon = swept_colon(winding([(0.15, 0.0), (0.1, 0.2), (0.1, 0.0)]), name="bent tube")
     options = SceneOptions(wall_law=law, mesentery=True, insertion_limit=0.3, shaft_cell=0.05, bending_cell=0.03)
     pieces = ring_wall(colon, sectors=24, thickness=0.02) if law == "pieces" else None
     engine = NativeEngine(build_scene(colon, pieces, named_design("adult"), replace(options, softening=False)))
     for _ in range(10):
-        assert engine.step(Controls(0.1, 0.0, np.zeros(4)), 40)
+        assert engine.step(Controls(0.2, 0.0, np.zeros(4)), 20)
     wall, data, model = engine._wall, engine.data, engine.model
     assert isinstance(wall, TableWall | MovingPlaneWall | PieceWall)
     walls = wall._walls if isinstance(wall, TableWall) else wall._look._walls

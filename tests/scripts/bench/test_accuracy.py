@@ -1,7 +1,10 @@
 """Run time against error: references are right, knobs do what their names say, finished questions are kept."""
 
 import json
+from contextlib import redirect_stdout
 from dataclasses import replace
+from io import StringIO
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -21,7 +24,8 @@ from haustra.scripts.bench.accuracy.run import QUESTIONS, run_questions
 from haustra.scripts.bench.accuracy.timing import Candidate, timed_front
 from haustra.scripts.bench.pages.accuracy_page import accuracy_log, draw
 from haustra.scripts.main import BAD_INPUT, SUCCESS, main
-from tests.bent_colon import bent_colon
+from tests.bent_colon import winding
+from tests.models.wall.conftest import swept_colon
 from tests.tube_colon import straight_tube, wedge_wall
 
 
@@ -112,21 +116,30 @@ def test_an_unknown_question_is_refused_by_name(capsys):
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_the_verb_writes_what_it_prints(tmp_path, capsys):
-    call = ["bench", "accuracy", "--quick", "--questions", "wires,buckling", "-o", str(tmp_path), "--json"]
-    assert main(call) == SUCCESS
-    result = json.loads(capsys.readouterr().out)
-    assert json.loads((tmp_path / "accuracy.json").read_text()) == result
+@pytest.fixture(scope="module")
+def answered(tmp_path_factory) -> Path:
+    """Folder of two questions that the verb has answered, and what it printed."""
+    folder = tmp_path_factory.mktemp("accuracy")
+    call = ["bench", "accuracy", "--quick", "--questions", "wires,buckling", "-o", str(folder), "--json"]
+    with redirect_stdout(StringIO()) as printed:
+        assert main(call) == SUCCESS
+    (folder / "printed.json").write_text(printed.getvalue())
+    return folder
+
+
+def test_the_verb_writes_what_it_prints(answered):
+    result = json.loads((answered / "printed.json").read_text())
+    assert json.loads((answered / "accuracy.json").read_text()) == result
     assert [criterion["met"] for criterion in result["criteria"]] == [True, True]
     assert result["machine"]["processor"]
 
 
 def test_a_finer_model_is_nearer_to_a_converged_one_under_the_same_script():
-    colon, _ = bent_colon([(0.05, 0.0), (0.06, 1.4), (0.1, 0.0)])
+    colon = swept_colon(winding([(0.05, 0.0), (0.06, 1.4), (0.1, 0.0)]), name="bent tube")
     design = named_design("adult")
     usual = refined(1, 1, 0.005)
     coarse = replace(usual, shaft_cell=0.1, bending_cell=0.05)
-    script = record_script(colon, design, usual, seconds=2.0)
+    script = record_script(colon, design, usual, seconds=1.2)
     finer, first, second = (replay(script, colon, None, design, each) for each in (refined(2, 2, 0.005), usual, coarse))
     assert compare(first, finer).tip < 0.6 * compare(second, finer).tip
     assert script.deepest(0.03) >= finer.insertion.max()
@@ -164,8 +177,8 @@ def area(surface) -> float:
     return float(np.linalg.norm(across, axis=1).sum()) / 2
 
 
-def test_the_page_shows_every_bar_and_the_best_of_every_front(tmp_path):
-    bench = run_questions(["buckling", "wires"], Effort(quick=True)).to_json()
+def test_the_page_shows_every_bar_and_the_best_of_every_front(answered, tmp_path):
+    bench = json.loads((answered / "accuracy.json").read_text())
     log = accuracy_log(bench)
     for criterion in bench["criteria"]:
         assert criterion["what"] in log

@@ -15,11 +15,12 @@ from haustra.scripts.bench.accuracy.errors import (
     refusals,
 )
 from haustra.scripts.main import BAD_INPUT, main
-from tests.bent_colon import bent_colon
+from tests.bent_colon import winding
+from tests.models.wall.conftest import swept_colon
 
 
 def test_a_finer_model_is_nearer_and_finished_tracks_are_kept(tmp_path: Path):
-    save_colon(bent_colon([(0.05, 0.0), (0.06, 1.4), (0.1, 0.0)])[0], tmp_path / "bend")
+    save_colon(swept_colon(winding([(0.05, 0.0), (0.06, 1.4), (0.1, 0.0)]), name="bent tube"), tmp_path / "bend")
     asked = Asked(
         grown=0,
         folders=(tmp_path / "bend",),

@@ -10,16 +10,17 @@ from haustra.models.anatomy.store import save_colon
 from haustra.models.presets import find_preset
 from haustra.scripts.bench.accuracy import front
 from haustra.scripts.bench.accuracy.front import best, measure_front, modelled
-from tests.bent_colon import bent_colon
+from tests.bent_colon import winding
+from tests.models.wall.conftest import swept_colon
 
-COARSE, FINE = "shaft_cell=0.1 bending_cell=0.034", "shaft_cell=0.0125 bending_cell=0.0085"
+COARSE, FINE = "shaft_cell=0.1 bending_cell=0.034", "shaft_cell=0.025 bending_cell=0.017"
 
 
 def test_a_finer_model_is_nearer_and_finished_batches_are_kept(tmp_path: Path, monkeypatch):
-    monkeypatch.setattr(front, "REFERENCE", "shaft_cell=0.00833 bending_cell=0.00425")
+    monkeypatch.setattr(front, "REFERENCE", "shaft_cell=0.0125 bending_cell=0.0085")
     monkeypatch.setattr(front, "COARSER", FINE)
     for seed in range(2):
-        colon, _ = bent_colon([(0.05, 0.0), (0.06, 1.4 + 0.1 * seed), (0.1, 0.0)])
+        colon = swept_colon(winding([(0.05, 0.0), (0.06, 1.4 + 0.1 * seed), (0.1, 0.0)]), name="bent tube")
         save_colon(colon, tmp_path / "colons" / f"grown-{seed}")
     asked = {"colons": 2, "designs": ["adult"], "mesentery": [False], "settings": [COARSE], "seconds": 0.8}
     rows = measure_front(tmp_path, **asked)

@@ -15,7 +15,7 @@ DESIGN = named_design("adult")
 
 @pytest.fixture(scope="module")
 def tube():
-    return bent_colon([(0.1, 0.0), (0.08, 1.0), (0.6, 0.0)])
+    return bent_colon([(0.1, 0.0), (0.08, 1.0), (0.4, 0.0)])
 
 
 @pytest.fixture(scope="module")

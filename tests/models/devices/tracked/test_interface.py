@@ -1,6 +1,7 @@
 """The tracked robot as any other device: what its treads, worm and shaft do on the lumen's table."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +68,7 @@ def driven(
     return one, {**means, "headway": late[-1]["arc"] - late[0]["arc"]}
 
 
+@cache
 def weight_uphill() -> float:
     scene = build_device_scene(robot(), device_options(robot(), gravity=(0.0, 0.0, -UPHILL)), pose=pose_in_any())
     return UPHILL * float(scene.compile().body_mass.sum())

@@ -55,7 +55,9 @@ def drive_to(backend: NativeEngine, arc: float) -> np.ndarray:
     return inputs.pulls
 
 
-@pytest.mark.parametrize("feedback", [2.0, 5.0, 10.0, 15.0])
+@pytest.mark.parametrize(
+    "feedback", [2.0, *(pytest.param(more, marks=pytest.mark.thorough) for more in (5.0, 10.0)), 15.0]
+)
 def test_it_is_where_the_dynamic_scope_rests(resting, feedback, compare):
     where, backend = resting
     rest, shape = backend.data.qpos.copy(), backend.shape()

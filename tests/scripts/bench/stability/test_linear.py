@@ -8,12 +8,13 @@ import pytest
 from haustra.models.anatomy.store import save_colon
 from haustra.scripts.bench.stability import linear
 from haustra.scripts.bench.stability.linear_runs import WORLDS, begin, kind_of
-from tests.bent_colon import bent_colon
+from tests.bent_colon import winding
+from tests.models.wall.conftest import swept_colon
 
 
 @pytest.fixture(scope="module")
 def colon():
-    return bent_colon([(0.1, 0.0), (0.15, 1.2), (0.2, 0.0)])[0]
+    return swept_colon(winding([(0.1, 0.0), (0.15, 1.2), (0.2, 0.0)]), name="bent tube")
 
 
 def test_each_setting_of_eight_is_of_a_kind_of_its_own():

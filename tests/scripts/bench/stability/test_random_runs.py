@@ -17,6 +17,7 @@ from haustra.scripts.bench.stability.ranges import BEYOND, build_setting, draw, 
 from haustra.scripts.bench.stability.rows import Rows, fill
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
+from tests.scripts.bench.stability.dying import dying
 from tests.tube_colon import straight_tube
 
 MIDDLE = {variable.path: variable.at(0.5) for variable in ranges()}
@@ -131,17 +132,6 @@ def test_a_row_whose_process_dies_is_kept_as_crashed(tmp_path):
     rows = Rows(tmp_path / "rows.jsonl", {})
     fill(rows, 3, dying, (1,), workers=2, progress=lambda done, note: None)
     assert [row.get("outcome") for row in rows.first(3)] == ["fine", "crashed", "fine"]
-
-
-def dying(fatal: int):
-    import os
-
-    def answer(number: int):
-        if number == fatal:
-            os._exit(7)
-        return {"number": number, "outcome": "fine"}
-
-    return answer
 
 
 def test_the_plan_of_a_full_run_is_the_issues():
