@@ -12,7 +12,7 @@ _Strategy = st.SearchStrategy[Any]
 
 
 def _once(make: Callable[[Declaration], _Strategy]) -> Callable[[Declaration], _Strategy]:
-    """The same strategy whenever it is asked for: hypothesis checks each anew. Declarations need have no hash."""
+    """Make a strategy once, whenever it is asked for: hypothesis checks each anew. Declarations need have no hash."""
     made: dict[int, tuple[Declaration, _Strategy]] = {}
 
     @wraps(make)

@@ -15,7 +15,7 @@ _OPTIONS = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_pas
 
 
 def jitted(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The same function, without most of XLA's optimisations, since it is called once."""
+    """Compile a function without most of XLA's optimisations, since it is called once."""
     return jax.jit(function, compiler_options=_OPTIONS)
 
 
