@@ -10,7 +10,7 @@ from typing import Any
 from beartype import BeartypeConf, beartype
 from jaxtyping import config
 
-_CALLS = 32
+_CALLS = 8
 """Calls of a function in one test that are checked: what is called more often is called alike, and a check takes longer
 than most functions."""
 _held = beartype(conf=BeartypeConf(is_pep484_tower=True))

@@ -53,7 +53,7 @@ def test_a_file_that_is_not_there(path: Path) -> None:
 
 
 def archive(path: Path, **members: bytes) -> Path:
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file:
         for name, content in members.items():
             file.writestr(f"{name}.npy", content)
     return path
@@ -67,7 +67,7 @@ def saved(array: Any, **options: Any) -> bytes:
 
 def test_zeros_are_not_unpacked_to_be_refused(tmp_path: Path) -> None:
     path = archive(tmp_path / "zeros.npz", points=saved(np.zeros(60_000_000)))
-    assert path.stat().st_size < 1_000_000
+    assert path.stat().st_size < 5_000_000
     began = time.process_time()
     with pytest.raises(UnreadableFileError, match="unpacks to 480 MB, more than 400 MB"):
         read_arrays(path, ("points",))

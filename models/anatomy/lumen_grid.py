@@ -6,6 +6,7 @@ neighbouring points are linked only where the line between them meets no triangl
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -45,9 +46,15 @@ class LumenGraph:
 
     def matrix(self, cost: Float[np.ndarray, " links"]) -> csr_array:
         """Symmetric sparse matrix of link costs."""
+        which = self._places
+        return csr_array((cost[which.data], which.indices, which.indptr), shape=which.shape)
+
+    @cached_property
+    def _places(self) -> csr_array:
+        """Which link stands where in such a matrix: to sort them takes most of its time."""
         n, (a, b) = len(self.points), self.links.T
-        both = (np.concatenate([a, b]), np.concatenate([b, a]))
-        return csr_array((np.concatenate([cost, cost]), both), shape=(n, n))
+        both, links = (np.concatenate([a, b]), np.concatenate([b, a])), np.arange(len(a))
+        return csr_array((np.concatenate([links, links]), both), shape=(n, n))
 
 
 def lumen_graph(surface: Surface, *, volume: float, inside_points: int = INSIDE_POINTS) -> LumenGraph:

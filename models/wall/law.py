@@ -265,13 +265,17 @@ def contact_parameters(
             names the place in the message.
     """
     damper = contact.damping + timestep * contact.stiffness
-
-    def at(steeper: float) -> SoftContact:
-        own, what = steeper * contact.stiffness, f"Wall stiffness {steeper * contact.stiffness:g} N/m on '{where}'"
-        return honoured_contact(inverse_inertia, own, steeper * damper, timestep=timestep, what=what)
-
-    at(float(stiffest(contact.elasticity, 1.0)))
-    return at(1.0)
+    _, soft = (
+        honoured_contact(
+            inverse_inertia,
+            steeper * contact.stiffness,
+            steeper * damper,
+            timestep=timestep,
+            what=f"Wall stiffness {steeper * contact.stiffness:g} N/m on '{where}'",
+        )
+        for steeper in (float(stiffest(contact.elasticity, 1.0)), 1.0)
+    )
+    return soft
 
 
 def solimp(impedance: float) -> list[float]:

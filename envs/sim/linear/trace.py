@@ -180,7 +180,7 @@ class Program:
             return own.written
         kind = ir.VectorType(own.element, self.lanes)
         if isinstance(own.written, ir.Constant):
-            return ir.Constant(kind, [own.written.constant] * self.lanes)
+            return ir.Constant(kind, [own.written] * self.lanes)
         first = self.builder.insert_element(ir.Constant(kind, ir.Undefined), own.written, ir.Constant(INDEX, 0))
         return self.builder.shuffle_vector(
             first, first, ir.Constant(ir.VectorType(INDEX, self.lanes), [0] * self.lanes)
