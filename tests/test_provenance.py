@@ -42,7 +42,7 @@ def h100(monkeypatch: pytest.MonkeyPatch):
     """JAX as it is where there is a GPU, and every package installed."""
     device = SimpleNamespace(platform="gpu", device_kind="NVIDIA H100")
     monkeypatch.setitem(sys.modules, "jax", SimpleNamespace(devices=lambda: [device]))
-    monkeypatch.setattr(provenance, "version", lambda name: f"1.0 of {name}")
+    monkeypatch.setattr(provenance, "_version", lambda name: f"1.0 of {name}")
     provenance._jax_device.cache_clear()
     yield
     provenance._jax_device.cache_clear()
