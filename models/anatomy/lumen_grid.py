@@ -47,7 +47,7 @@ class LumenGraph:
     def matrix(self, cost: Float[np.ndarray, " links"]) -> csr_array:
         """Symmetric sparse matrix of link costs."""
         which = self._places
-        return csr_array((cost[which.data], which.indices, which.indptr), shape=which.shape)
+        return csr_array((cost[np.asarray(which.data, int)], which.indices, which.indptr), shape=which.shape)
 
     @cached_property
     def _places(self) -> csr_array:

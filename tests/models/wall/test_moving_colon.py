@@ -409,7 +409,9 @@ def test_numpy_and_jax_step_alike() -> None:
     grip = AttachmentPoints(random.uniform(-0.01, 0.25, (1, 40)), random.normal(size=(1, 40, 3)) * 0.015)
     displacement = AxisDisplacement(pose, random.normal(size=(*pose.shape[:2], 4)) * 0.01)
     force, damping = random.normal(size=(1, 40, 3)), random.uniform(0, 20, (1, 40, 2))
-    stepped = jitted(lambda *about: moving_colon.step_axis(jnp, *about, _STEP))
+    stepped = jitted(
+        lambda own, moved, grip, force, damping: moving_colon.step_axis(jnp, own, moved, grip, force, damping, _STEP)
+    )
     with unchecked():
         one = moving_colon.step_axis(np, own, displacement, grip, force, damping, _STEP)
         other = stepped(own, displacement, grip, force, damping)
