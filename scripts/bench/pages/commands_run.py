@@ -30,7 +30,9 @@ PAGES = (
 )
 LEFT_OUT = {
     r"insertion-cpu": "takes 22 minutes on two cores (docs/validation/navigation.md)",
-    r"insertion-gpu|runs/gpu|linear-gpu|--processes 16|backend=\"warp\"|--minutes": "needs an NVIDIA GPU",
+    r"insertion-gpu|runs/gpu|runs/depth( |$)|runs/colour|linear-gpu|--processes 16|backend=\"warp\"": (
+        "needs an NVIDIA GPU"
+    ),
     r"runs/withdrawal|evaluate withdrawal": "takes half an hour on two cores",
     r"insertion-ppo|runs/ppo|train --from-dem|cohort full": "takes hours on two cores",
     r"^haustra drive|haptic|replay my-drive|export my-drive": "needs a person at a browser (tests/envs/console)",
