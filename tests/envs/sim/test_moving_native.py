@@ -89,7 +89,7 @@ def test_one_scene_goes_as_in_linear_time(colon) -> None:
 @pytest.mark.parametrize(
     "around",
     [
-        Abdomen(posture="left"),
+        pytest.param(Abdomen(posture="left"), marks=pytest.mark.thorough),  # as "mobile" and "adhesions" lie, too
         Abdomen(pressed="sigmoid", hand=10.0),
         Abdomen(posture="prone", mobile=("descending",)),
         Abdomen(posture="right", adhesions=("sigmoid",)),
