@@ -23,5 +23,5 @@ def bent_colon(parts: Sequence[tuple[float, float]], *, name: str = "bent tube")
     """A tube and its wall of prisms."""
     colon = swept_colon(winding(parts), name=name)
     with np.errstate(invalid="ignore"):  # rays at the open ends, where seams are measured, find no wall
-        wall = build_wall(colon, method="prism", rays=2000, workers=1, use_cache=False)
+        wall = build_wall(colon, method="prism", rays=1000, workers=1, use_cache=False)
     return colon, wall

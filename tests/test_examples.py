@@ -21,7 +21,7 @@ EXAMPLES = Path(__file__).parents[1] / "docs" / "examples"
 PROGRAMS = sorted(EXAMPLES.glob("*.py"))
 COSTLY = {"colon_from_ct", "data_set", "mujoco_viewer", "policy", "replay", "sb3", "tracked_robot"}
 """Programs that take colons as they are grown; the others go into a short bend here."""
-SHORTEST = 0.5
+SHORTEST = 0.2
 LARGEST_PICTURE = 60_000
 """Pictures are small, so that the gallery loads at once [bytes]."""
 
@@ -32,7 +32,7 @@ def shortened(call: Any) -> Any:
 
 @pytest.fixture
 def miniature(program: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Runs last half a second, and pictures go nowhere but into files."""
+    """Runs last a fifth of a second, and pictures go nowhere but into files."""
     if program.stem not in COSTLY:
         bend = swept_colon(winding([(0.08, 0.0), (0.08, 0.6), (0.12, 0.0)]), name="bend 0.6")
         monkeypatch.setattr(haustra, "grow_colon", lambda **_: bend)

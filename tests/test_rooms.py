@@ -3,7 +3,7 @@
 import ast
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -25,8 +25,16 @@ def _name(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
 
 
-def _imports(tree: ast.AST) -> Iterator[str]:
-    for node in ast.walk(tree):
+def _statements(body: Sequence[ast.AST]) -> Iterator[ast.AST]:
+    """Statements, and those within them; no expressions, of which there are ten times as many."""
+    for node in body:
+        yield node
+        for part in ("body", "orelse", "handlers", "finalbody", "cases"):
+            yield from _statements(getattr(node, part, ()))
+
+
+def _imports(body: Sequence[ast.AST]) -> Iterator[str]:
+    for node in _statements(body):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -55,7 +63,7 @@ def test_a_room_imports_only_rooms_before_it() -> None:
             for node in _tree(path).body
             if not (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test))
         ]
-        for module in _imports(ast.Module(run, [])):
+        for module in _imports(run):
             if module.startswith("."):
                 wrong.append(f"{_name(path)} imports {module} relatively: write haustra.x.y")
             elif module.split(".")[0] in ROOMS[1:]:
@@ -72,7 +80,7 @@ def test_a_room_of_envs_imports_only_its_own_floor_and_below() -> None:
         f"{_name(path)} imports {module}, which stands above it"
         for path, parts in rooms
         if parts[0] == "envs" and len(parts) > 2
-        for module in _imports(_tree(path))
+        for module in _imports(_tree(path).body)
         if module.startswith("haustra.envs.") and FLOORS[module.split(".")[2]] > FLOORS[parts[1]]
     ]
     assert not wrong
@@ -84,7 +92,7 @@ def test_only_scripts_print_and_no_file_is_a_ragbag() -> None:
     prints = [
         f"{_name(path)}:{node.lineno}"
         for path in FILES
-        if path.relative_to(ROOT).parts[0] != "scripts"
+        if path.relative_to(ROOT).parts[0] != "scripts" and "print" in path.read_text(encoding="utf-8")
         for node in ast.walk(_tree(path))
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "print"
     ]

@@ -25,17 +25,17 @@ def bled(colon_folder, scope, tmp_path_factory):
         vehicle: Any = make_vehicle(colon_folder, scope)
         session = Session(vehicle, Recorder(folder, vehicle, driver="hand"))
         session.hold({"push": 1.0})
-        while session.time < 3.0:
+        while session.time < 2.0:
             session.tick()
         most = session.look.row["bleeding_places"]
         session.restart()
         assert session.look.row["bleeding_places"] == 0
         session.hold({"push": 1.0})
-        while session.time < 3.0:
+        while session.time < 2.0:
             session.tick()
         assert session.look.row["bleeding_places"] == most
         session.hold({"push": -1.0})
-        while session.time < 5.0:
+        while session.time < 3.5:
             session.tick()
         session.close()
         recording = load_recording(folder)

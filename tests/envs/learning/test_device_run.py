@@ -139,7 +139,7 @@ def test_a_withdrawal_is_taught_by_who_inspects_before_rewards_count(tmp_path, m
     """The policy does after teaching what the teacher does, and rewards go on from there."""
     monkeypatch.setattr(scope_task, "inserted_starts", lambda *_, **__: pushed_in())
     task = TaskConfig(design=DESIGN, task="withdrawal", mesentery=True, limits=Limits(seconds=20.0))
-    taught = replace(SMALL, task=task, worlds=4, steps=64, leg=64, imitate=2000, layers=(32,), log_std=-3.0)
+    taught = replace(SMALL, task=task, worlds=4, steps=64, leg=64, imitate=1200, layers=(32,), log_std=-3.0)
     about = {"bank": moving_bank(), "threads": 1}
     train(taught, tmp_path / "run", **about)
     assert (tmp_path / "run" / "curve.csv").read_text().rstrip().endswith("coverage")

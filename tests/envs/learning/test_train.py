@@ -79,7 +79,9 @@ def test_time_may_be_up_while_a_policy_still_imitates(tmp_path):
 
 def test_a_policy_learns_gas_from_the_follower_and_from_reward(tmp_path):
     """The follower leaves gas to the insufflator: it lets all in below the set point."""
-    task = replace(TASK, mesentery=True, gas=15 * MMHG, gas_start=12 * MMHG, gas_action=True)
+    task = replace(
+        TASK, mesentery=True, gas=15 * MMHG, gas_start=12 * MMHG, gas_action=True, limits=Limits(seconds=2.0)
+    )
     training = replace(SMALL, steps=128, worlds=2, imitate=64, backend="linear", task=task)
     train(training, tmp_path, bank=moving_bank(), threads=1)
     policy = load_policy(tmp_path)

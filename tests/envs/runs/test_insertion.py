@@ -31,15 +31,15 @@ def test_a_run_is_the_same_to_the_bit_when_repeated(straight):
 def test_a_wall_across_the_lumen_stops_the_scope():
     wall = wedge_wall()
     plug = wall.pieces[0].vertices * [0, 0, 0] + np.array(
-        [[x, y, z] for x in (-0.05, 0.05) for y in (-0.05, 0.05) for z in (0.3, 0.33)]
+        [[x, y, z] for x in (-0.05, 0.05) for y in (-0.05, 0.05) for z in (0.15, 0.18)]
     )
-    pieces = (*wall.pieces, type(wall.pieces[0])(vertices=plug, start=0.3, end=0.33))
+    pieces = (*wall.pieces, type(wall.pieces[0])(vertices=plug, start=0.15, end=0.18))
     blocked = build_scene(
         straight_tube(), type(wall)("prism", pieces, wall.error, wall.provenance, {}), named_design("adult")
     )
-    run = run_insertion(blocked, seconds=40)
+    run = run_insertion(blocked, seconds=30)
     assert run.outcome is Outcome.STUCK
-    assert run.trajectory.tip_arc.max() < 0.32
+    assert run.trajectory.tip_arc.max() < 0.17
 
 
 def test_divergence_ends_the_run_and_leaves_no_unsound_record():

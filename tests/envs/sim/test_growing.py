@@ -54,7 +54,14 @@ def _drive(engine) -> tuple[np.ndarray, ...]:
     return tuple(np.array(rows).T)
 
 
-@pytest.mark.parametrize(("law", "path", "peak"), [("pieces", 6e-3, 2e-2), ("planes", 4e-3, 2e-2)])
+@pytest.mark.parametrize(
+    ("law", "path", "peak"),
+    [
+        ("pieces", 6e-3, 2e-2),
+        # Planes that move are grown into, too: `test_moving_native.test_shaft_is_added_while_the_colon_goes_on_moving`.
+        pytest.param("planes", 4e-3, 2e-2, marks=pytest.mark.thorough),
+    ],
+)
 def test_it_moves_as_the_whole_scope_does(grown, law, path, peak) -> None:
     """The tip within 0.4 to 0.6 % of the length inside, forces and torque within 2 %; shaft is added twice.
 

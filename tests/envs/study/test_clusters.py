@@ -31,7 +31,7 @@ def test_submitit_gives_the_same_table(tmp_path: Path) -> None:
     (tmp_path / "there").mkdir()
     with slurm_map(asked, folder=tmp_path / "there", workers=2, batch=1, cluster="local") as answer:
         there = _table(tmp_path / "there", answer)
-    run_sweep(study(), tmp_path / "here", Computing(workers=2))
+    run_sweep(study(), tmp_path / "here", Computing(workers=1))
     assert there == (tmp_path / "here" / "results.csv").read_bytes()
 
 

@@ -204,12 +204,12 @@ def test_a_file_that_may_not_grow_ends_in_one_line_and_goes_on_later(folder: Pat
     """The system's own limit on a file's size stands for a full disk."""
     file = tmp_path / "small.json.toml"
     file.write_text(_toml(), encoding="utf-8")
-    command = ["sweep", str(file), "-o", str(tmp_path / "out"), "--json", "--no-report"]
+    command = ["sweep", str(file), "-o", str(tmp_path / "out"), "--json", "--no-report", "--workers", "1"]
     limited = ["bash", "-c", 'ulimit -f 60; exec "$@"', "bash", sys.executable, "-m", "haustra.scripts.main", *command]
     first = subprocess.run(limited, capture_output=True, text=True, timeout=120)
     assert first.returncode == 2, first.stderr
     assert "--resume" in first.stderr.splitlines()[-1]
-    assert main([*command, "--resume", "--workers", "2"]) == SUCCESS
+    assert main([*command, "--resume"]) == SUCCESS
     assert (tmp_path / "out" / "results.csv").read_bytes() == (folder / "results.csv").read_bytes()
 
 
@@ -236,7 +236,8 @@ def test_interrupting_leaves_a_folder_that_goes_on(tmp_path: Path) -> None:
     running.kill()
     _, said = running.communicate(timeout=60)
     assert running.returncode in (-signal.SIGKILL, 0), said
-    whole = run_sweep(study(variables=[SPACING | {"levels": 40}, PRESSURE | {"levels": 3}]), out, TWO, resume=True)
+    one = Computing(workers=1)
+    whole = run_sweep(study(variables=[SPACING | {"levels": 40}, PRESSURE | {"levels": 3}]), out, one, resume=True)
     assert (whole["finished"], whole["failed"], whole["diverged"]) == (160, 80, 0)
 
 

@@ -27,7 +27,7 @@ def _study(colon: str = "grown-0", **changes) -> Study:
     file = {
         "question": "scope",
         "base": {"design": "adult"},
-        "options": {"seconds": 2.0},
+        "options": {"seconds": 1.0},
         "variables": [STIFFNESS | {"low": 0.02, "high": 0.05, "levels": 2}, DIAMETER | {"levels": 2}],
         "conditions": {"colon": [colon], "friction": [0.1]},
         **changes,

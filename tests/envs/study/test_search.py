@@ -13,7 +13,7 @@ from haustra.envs.study.store import read_store
 from haustra.errors import InvalidStudyError
 from tests.envs.study.studies import PRESSURE, SPACING, study
 
-TWO = Computing(workers=2)
+ONE, TWO = (Computing(workers=count) for count in (1, 2))
 LESS = PRESSURE | {"high": 6000}
 
 
@@ -26,7 +26,7 @@ def _killed(folder: Path, asked, after: int) -> None:
                 raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_optimise(asked, folder, TWO, progress=stop)
+        run_optimise(asked, folder, ONE, progress=stop)
 
 
 def test_it_finds_half_a_pitch_and_full_bellows_and_repeats_itself_after_an_interruption(tmp_path: Path) -> None:
@@ -40,7 +40,7 @@ def test_it_finds_half_a_pitch_and_full_bellows_and_repeats_itself_after_an_inte
     assert least["ripple_fraction"] < 0.06
     assert front["force_N"].to_numpy().max() > 2.8
     _killed(tmp_path / "parts", asked, after=asked.budget.generation + 3)
-    run_optimise(asked, tmp_path / "parts", TWO, resume=True)
+    run_optimise(asked, tmp_path / "parts", ONE, resume=True)
     assert (tmp_path / "parts" / "results.csv").read_bytes() == (tmp_path / "whole" / "results.csv").read_bytes()
 
 
@@ -53,7 +53,7 @@ def test_a_design_that_fails_is_pruned_and_avoided(tmp_path: Path) -> None:
         objectives=[{"score": "force_N", "goal": "maximise"}],
         budget={"trials": 40},
     )
-    result = run_optimise(asked, tmp_path, TWO)
+    result = run_optimise(asked, tmp_path, ONE)
     assert result["pruned"] == result["failed"], "one job of two was run for each"
     frame = polars.read_parquet(tmp_path / "results.parquet")
     failed = frame.filter(polars.col("state") == "failed")["design"].to_numpy()
@@ -72,7 +72,7 @@ def test_pressure_makes_the_force_and_spacing_the_ripple(tmp_path: Path) -> None
         conditions={"friction": [0.4], "speed": [0.0325]},
         sampler={"kind": "sobol", "count": 32},
     )
-    result = run_sensitivity(asked, tmp_path, TWO)
+    result = run_sensitivity(asked, tmp_path, ONE)
     rows: list = result["indices"]  # type: ignore[assignment]
     total = {(row["score"], row["variable"]): row["total"] for row in rows}
     assert total["force_N", "spacing"] == pytest.approx(0, abs=0.01)

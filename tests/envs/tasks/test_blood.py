@@ -16,7 +16,7 @@ from haustra.models.injury.numbers import injury_number
 from tests.task_bank import DESIGN, moving_bank, short_bank
 
 ROUGH = Randomisation(friction=(1.5, 2.0))
-CONFIG = TaskConfig(design=DESIGN, bleeding=True, limits=Limits(seconds=8.0), randomisation=ROUGH)
+CONFIG = TaskConfig(design=DESIGN, bleeding=True, limits=Limits(seconds=4.0), randomisation=ROUGH)
 SUCKING = replace(
     CONFIG, mesentery=True, gas=12 * MMHG, gas_start=12 * MMHG, gas_action=True, randomisation=Randomisation()
 )

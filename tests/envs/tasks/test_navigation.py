@@ -17,12 +17,17 @@ from tests.task_bank import moving_bank, short_bank
 
 MODES = [
     {"observation": "state"},
-    {"observation": "lumen"},
-    {"observation": "depth", "picture_size": 36},
-    # Both checks see pictures alone in a colon that moves, too (`test_both_check_pictures_in_a_colon_that_moves`).
-    pytest.param({"observation": "pixels", "picture_size": 36}, marks=pytest.mark.thorough),
-    {"observation": "dict"},
-    {"observation": "dict", "privileged": True, "depth": True, "pictures": True, "picture_size": 36},
+    # Both checkers see all other modes, too, in `test_calls.test_every_environment_keeps_its_contracts`.
+    *(
+        pytest.param(mode, marks=pytest.mark.thorough)
+        for mode in (
+            {"observation": "lumen"},
+            {"observation": "depth", "picture_size": 36},
+            {"observation": "pixels", "picture_size": 36},
+            {"observation": "dict"},
+            {"observation": "dict", "privileged": True, "depth": True, "pictures": True, "picture_size": 36},
+        )
+    ),
 ]
 PUSH = np.array([1.0, 0.0, 0.0, 0.0], np.float32)
 

@@ -21,7 +21,7 @@ def _bank(mesentery=False):
     return bank_of(40, colons=1, mesentery=mesentery)
 
 
-def rolled(directions, *, worlds=WORLDS, seconds=3.0, mesentery=False):
+def rolled(directions, *, worlds=WORLDS, seconds=2.0, mesentery=False):
     bank = _bank(mesentery)
     scopes = Gradients(bank.scene, bank.tables, worlds=worlds, directions=directions)
     scopes.reset(np.zeros(worlds, int), conditions(bank, worlds))
@@ -42,7 +42,7 @@ def test_values_are_those_of_the_plain_program():
     values, _ = rolled(3 * [Direction(friction=1.0)])  # as many as elsewhere, so that no program is made for one
     plain = LinearBackend(bank.scene, bank.tables, worlds=WORLDS, real=np.float64)
     plain.reset(np.arange(WORLDS), np.zeros(WORLDS, int), conditions(bank, WORLDS))
-    for inputs in random_script(WORLDS, 3.0):
+    for inputs in random_script(WORLDS, 2.0):
         plain.step(inputs, 25)
     for name in ("tip", "wall_force_sum", "push_force", "link_forces"):
         np.testing.assert_allclose(getattr(values, name), getattr(plain.read(), name), rtol=1e-8, atol=1e-9)
@@ -68,7 +68,7 @@ def test_what_the_hand_does_later_adds_up_to_what_it_does():
     for name in ("insertion", "tip", "push_force"):
         slopes = getattr(found, name)
         np.testing.assert_allclose(slopes[:, 0] + slopes[:, 1], slopes[:, 2], rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(found.insertion[:, 2], 3.0, rtol=0.1)  # 3 s at 1 m/s more is 3 m further
+    np.testing.assert_allclose(found.insertion[:, 2], 2.0, rtol=0.1)  # 2 s at 1 m/s more is 2 m further
 
 
 def test_time_and_directions_of_nothing_have_no_derivative():
