@@ -23,7 +23,7 @@ from haustra.models.anatomy.tube import tube
 from haustra.provenance import Provenance
 from tests.models.anatomy.conftest import short_ones_allowed
 
-APART, RADIUS, LEG, COLLAPSED, THROAT = 0.0412, 0.02, 0.24, 0.12, 0.0035
+APART, RADIUS, LEG, COLLAPSED, THROAT = 0.0412, 0.02, 0.15, 0.07, 0.0035
 
 
 @pytest.fixture(scope="module")
