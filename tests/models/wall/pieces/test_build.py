@@ -12,7 +12,7 @@ from haustra.models.wall.pieces.rays import Caster, joined_hulls
 from tests.bent_colon import winding
 from tests.models.wall.conftest import swept_colon
 
-RAYS = 4000
+RAYS = 2000
 
 
 @pytest.fixture(scope="module")
