@@ -95,7 +95,7 @@ def test_pieces_are_thick_where_there_is_room(walls):
 
 @pytest.mark.slow
 def test_coacd_keeps_the_same_bars_and_its_blocks_come_from_the_cache_the_second_time(cache):
-    tube_colon = swept_colon(winding([(0.009, 0.0), (0.024, 0.6), (0.009, 0.0)]), name="short bent tube")
+    tube_colon = swept_colon(winding([(0.006, 0.0), (0.018, 0.45), (0.006, 0.0)]), name="short bent tube")
     told = []
     first = build_wall(tube_colon, rays=RAYS, workers=1, progress=lambda *what: told.append(what))
     assert first.error.intrusion_p95_mm <= 1.0
