@@ -91,7 +91,7 @@ def one_of(kind: type) -> st.SearchStrategy[tuple[str, Declaration]]:
     return st.sampled_from(listed(kind))
 
 
-@settings(FEW, max_examples=400)
+@settings(FEW, max_examples=250)
 @given(st.data())
 def test_a_value_outside_its_range_is_refused_by_its_path(data: st.DataObject) -> None:
     kind = CONFIGURATIONS[data.draw(ANY)]
@@ -103,7 +103,7 @@ def test_a_value_outside_its_range_is_refused_by_its_path(data: st.DataObject) -
     assert path.rpartition(".")[2] in str(refusal.value)
 
 
-@settings(FEW, max_examples=400)
+@settings(FEW, max_examples=250)
 @given(st.data())
 def test_a_value_inside_its_range_is_taken_or_refused_with_its_reason(data: st.DataObject) -> None:
     kind = CONFIGURATIONS[data.draw(ANY)]
@@ -189,7 +189,7 @@ def test_an_episode_of_any_device_is_sound(data: st.DataObject) -> None:
         assert environment.observation_space.contains(seen) and np.isfinite(reward)
 
 
-@settings(SLOW, max_examples=60)
+@settings(SLOW, max_examples=40)
 @given(st.data())
 def test_a_run_of_any_scope_ends_with_its_outcome(data: st.DataObject) -> None:
     scene = drawn(data, SceneOptions, 3, leave=("mesentery", "segment_stiffness", "wall_law"))

@@ -68,9 +68,8 @@ def _interrupted(words: list[str], after: float) -> tuple[int, str]:
     return INTERRUPTED if call.returncode == -signal.SIGINT else call.returncode, said
 
 
-@pytest.mark.parametrize(
-    "after", [0.3, pytest.param(1.0, marks=pytest.mark.thorough), pytest.param(2.0, marks=pytest.mark.thorough), 7.0]
-)
+# tests/scripts/test_run.py interrupts a run when it is done and being written, without waiting for that.
+@pytest.mark.parametrize("after", [0.3, *(pytest.param(more, marks=pytest.mark.thorough) for more in (1.0, 2.0, 7.0))])
 def test_a_run_says_in_one_line_that_it_was_interrupted(after: float, colon: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     code, said = _interrupted(["run", "--colon", str(colon), "--seconds", "36000", "-o", str(out)], after)

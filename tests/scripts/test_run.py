@@ -60,13 +60,13 @@ def test_a_run_leaves_scores_trajectory_scene_pictures_and_a_report(colon_folder
         "-o",
         str(tmp_path),
         "--seconds",
-        "1",
+        "0.4",
         "--json",
     ]
     assert main(arguments) == SUCCESS
     printed = json.loads(capsys.readouterr().out)
     assert printed.keys() >= KEYS
-    assert printed["simulated_s"] == pytest.approx(1.0)
+    assert printed["simulated_s"] == pytest.approx(0.4)
     assert json.loads((tmp_path / "scores.json").read_text()) == printed
     for name in ("trajectory.npz", "scene.xml", "outside.png", "tip.png", "forces.png", "injury.png", "report.html"):
         assert (tmp_path / name).stat().st_size > 1000, name
@@ -75,7 +75,7 @@ def test_a_run_leaves_scores_trajectory_scene_pictures_and_a_report(colon_folder
 def test_a_run_in_a_colon_that_moves(colon_folder, tmp_path, capsys, monkeypatch):
     """Without options: in linear time, by the lumen's table."""
     monkeypatch.setattr("haustra.envs.view.run_film._PICTURES", 2)
-    call = ["run", "--colon", str(colon_folder), "--preset", "fast", "--seconds", "1"]
+    call = ["run", "--colon", str(colon_folder), "--preset", "fast", "--seconds", "0.6"]
     assert main([*call, "-o", str(tmp_path), "--json", "--film"]) == SUCCESS
     with Image.open(tmp_path / "film.webp") as film:
         assert getattr(film, "n_frames", 1) == 2 and film.size == (640, 344)
@@ -121,7 +121,7 @@ def test_a_run_says_its_preset_its_wall_and_what_was_measured_of_its_error(
 
 
 def test_a_run_measures_its_own_error(colon_folder, tmp_path, capsys):
-    call = ["run", "--colon", str(colon_folder), "--wall-law", "planes", "--seconds", "0.4", "--error"]
+    call = ["run", "--colon", str(colon_folder), "--wall-law", "planes", "--seconds", "0.2", "--error"]
     assert main([*call, "-o", str(tmp_path), "--json"]) == SUCCESS
     stated = json.loads(capsys.readouterr().out)["numerical_error"]
     assert stated["measured_on"] == "this run against half the time step and finer joints"

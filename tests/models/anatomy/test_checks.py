@@ -8,7 +8,7 @@ from bent_tube import hairpin
 
 from haustra.envs.view.picture.check_figure import write_check_figure
 from haustra.errors import InvalidMeshError, InvalidOptionError
-from haustra.models.anatomy.check import check_colon
+from haustra.models.anatomy.check import Check, check_colon
 from haustra.models.anatomy.colon import Colon
 from haustra.models.anatomy.frames import centreline_through
 from haustra.models.anatomy.insufflation import insufflated, opening_from
@@ -23,7 +23,7 @@ from haustra.models.anatomy.tube import tube
 from haustra.provenance import Provenance
 from tests.models.anatomy.conftest import short_ones_allowed
 
-APART, RADIUS, LEG, COLLAPSED, THROAT = 0.0412, 0.02, 0.24, 0.12, 0.0035
+APART, RADIUS, LEG, COLLAPSED, THROAT = 0.0412, 0.02, 0.15, 0.07, 0.0035
 
 
 @pytest.fixture(scope="module")
@@ -38,8 +38,13 @@ def colon() -> Colon:
         return colon_from_surface(surface, **about)
 
 
-def test_collapsed_place_is_found_with_where_and_how_narrow(colon: Colon):
-    check = check_colon(colon, device_diameter=0.0128)
+@pytest.fixture(scope="module")
+def check(colon: Colon) -> Check:
+    """What is found on the way of a scope of 12.8 mm."""
+    return check_colon(colon, device_diameter=0.0128)
+
+
+def test_collapsed_place_is_found_with_where_and_how_narrow(colon: Colon, check: Check):
     assert len(check.narrow) == 1
     place = check.narrow[0]
     assert colon.centreline.points[np.searchsorted(colon.centreline.arc, place.narrowest), 2] == pytest.approx(
@@ -64,8 +69,8 @@ def test_legs_that_touch_are_reported_and_the_bend_is_not(colon: Colon):
         assert contact.second - contact.first > 0.1
 
 
-def test_verdicts_are_drawn(colon: Colon, tmp_path: Path):
-    path = write_check_figure(colon, check_colon(colon), tmp_path / "check.png")
+def test_verdicts_are_drawn(colon: Colon, check: Check, tmp_path: Path):
+    path = write_check_figure(colon, check, tmp_path / "check.png")
     assert path.read_bytes().startswith(b"\x89PNG")
 
 

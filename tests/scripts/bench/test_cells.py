@@ -10,7 +10,7 @@ from haustra.scripts.bench.verbs.cells import BenchCells
 
 def test_every_scope_has_its_row_and_finer_ones_more_joints() -> None:
     names = ["62.5, 34, 31.5", "35, 11.4, 8.4"]
-    rows = bench_cells(["insertion"], cells=names, colons=2, seconds=2.0, threads=2, processes=1)
+    rows = bench_cells(["insertion"], cells=names, colons=2, seconds=1.0, threads=2, processes=1)
     assert [row["cells"] for row in rows] == names
     assert 40 < rows[0]["dofs"] < rows[1]["dofs"] < 200
     assert all(row["episodes"] == 2 and 0 <= row["p_perforation"] < 0.01 and row["s_per_s"] > 0 for row in rows)

@@ -11,7 +11,7 @@ def test_three_ratios_are_measured_in_one_run():
     found = measure_cores(
         short_bank(),
         cores=2,
-        worlds=4,
+        worlds=2,
         before=5.0,
         repeats=1,
         seconds=0.1,

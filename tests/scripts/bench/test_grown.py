@@ -8,7 +8,7 @@ import pytest
 from haustra.errors import UnreadableFileError
 from haustra.scripts.bench.grown import Published, compare, measure_cases, published_figures
 
-SEEDS = range(3)
+SEEDS = range(2)
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def test_lengths_and_diameters_lie_in_their_sources_intervals(rows: list[dict]):
     verdicts = compare(rows)
     asked = [v for v in verdicts if v.published.measure.endswith((".length_m", ".diameter_m"))]
     assert len(asked) > 12
-    # Three cases can fail but not pass.
+    # Two cases can fail but not pass.
     assert not [v for v in asked if v.shown and not v.passed]
     assert not [v for v in asked if v.passed]
 

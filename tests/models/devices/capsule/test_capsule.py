@@ -163,7 +163,7 @@ def colon_folder(tube, tmp_path_factory) -> Path:
 
 
 def test_it_runs_from_the_command_line(colon_folder, tmp_path, capsys):
-    call = ["run", "--colon", str(colon_folder), "--device", "capsule", "--seconds", "1"]
+    call = ["run", "--colon", str(colon_folder), "--device", "capsule", "--seconds", "0.6"]
     assert main([*call, "-o", str(tmp_path), "--error", "--json"]) == SUCCESS
     scores = json.loads(capsys.readouterr().out)
     assert scores == json.loads((tmp_path / "scores.json").read_text())

@@ -200,7 +200,7 @@ title = "Speed of the worm"
 [base]
 design = "tracked"
 [options]
-seconds = 1.0
+seconds = 0.5
 timestep = 0.002
 [[variables]]
 name = "speed"
@@ -221,13 +221,13 @@ goal = "maximise"
     polars = pytest.importorskip("polars")
     assert run_sweep(load_study(tmp_path / "study.toml"), tmp_path / "sweep", Computing())["finished"] == 2
     slow, fast = polars.read_csv(tmp_path / "sweep" / "results.csv")["tip_arc_max_m"].to_list()
-    assert fast - slow == pytest.approx(robot().design.tread_speed(75), rel=0.02)
+    assert fast - slow == pytest.approx(0.5 * robot().design.tread_speed(75), rel=0.02)
     from_places = (tmp_path / "study.toml").read_text().replace("friction =", "start = [0.12, 0.2]\nfriction =")
     (tmp_path / "places.toml").write_text(from_places.replace("[75, 150]", "[150]"))
     run_sweep(load_study(tmp_path / "places.toml"), tmp_path / "places", Computing())
     found = polars.read_csv(tmp_path / "places" / "results.csv")
     assert found["start_m"].to_list() == pytest.approx([0.12, 0.2], abs=1e-3)
-    assert found["came_m"].to_list() == pytest.approx(2 * [robot().design.tread_speed(150)], rel=0.03)
+    assert found["came_m"].to_list() == pytest.approx(2 * [0.5 * robot().design.tread_speed(150)], rel=0.03)
     made = DeviceEnv("tracked", colons=[COLON], rules=DeviceRules(friction=(0.4, 0.4)))
     made.reset(seed=0)
     reward, info = 0.0, {}

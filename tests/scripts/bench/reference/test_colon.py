@@ -19,7 +19,7 @@ WHERE = ("straight tube", "bent tube")
 
 @pytest.fixture(scope="module", params=WHERE)
 def resting(request) -> tuple[str, NativeEngine]:
-    """An adult scope at rest without friction: its tip pulled against a straight tube, or lying round half a turn."""
+    """An adult scope at rest without friction: its tip pulled against a straight tube, or lying round a bend."""
     if request.param == "straight tube":
         options = SceneOptions(friction=0.0, start_depth=0.2, insertion_limit=0.3)
         backend = NativeEngine(build_scene(straight_tube(), wedge_wall(), named_design("adult"), options))
@@ -28,9 +28,9 @@ def resting(request) -> tuple[str, NativeEngine]:
             assert backend.step(Controls(0.04, 0.0, pulls), 5)
         pulls = np.array([30.0, 9.0, 0.0, 0.0])
     else:
-        colon, wall = bent_colon([(0.12, 0.0), (0.25, np.pi), (0.2, 0.0)])
+        colon, wall = bent_colon([(0.08, 0.0), (0.2, 2.5), (0.12, 0.0)])
         backend = NativeEngine(build_scene(colon, wall, named_design("adult"), SceneOptions(friction=0.0)))
-        pulls = drive_to(backend, 0.45)
+        pulls = drive_to(backend, 0.33)
     # The search counts every piece that presses, as stock MuJoCo does; the backend counts the deepest of a place only.
     assert backend.step(Controls(0.0, 0.0, pulls), 1)
     for _ in range(1500):
@@ -56,7 +56,7 @@ def drive_to(backend: NativeEngine, arc: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    "feedback", [2.0, *(pytest.param(more, marks=pytest.mark.thorough) for more in (5.0, 10.0)), 15.0]
+    "feedback", [2.0, *(pytest.param(more, marks=pytest.mark.thorough) for more in (5.0, 10.0, 15.0))]
 )
 def test_it_is_where_the_dynamic_scope_rests(resting, feedback, compare):
     where, backend = resting
@@ -64,7 +64,7 @@ def test_it_is_where_the_dynamic_scope_rests(resting, feedback, compare):
     dynamic = backend.read().energies
     assert dynamic.wall > 0
     # Start elsewhere, but inside the lumen: the scope a little straighter.
-    backend.data.qpos[2:] *= 0.5 if where == "straight tube" else 0.97
+    backend.data.qpos[2:] *= 0.5 if where == "straight tube" else 0.96
     mujoco.mj_kinematics(backend.model, backend.data)
     moved = np.linalg.norm(backend.shape() - shape, axis=1).max()
     assert moved > 0.01

@@ -11,7 +11,7 @@ def test_renderers_see_the_same_wall_and_what_is_missing_is_named(monkeypatch: p
     """Exact rays are MuJoCo's; rays in tables are within the table's own errors; JAX and Warp are left out here."""
     monkeypatch.setattr(depths, "find_spec", lambda name: None)
     monkeypatch.setattr(depths, "has_mitsuba", lambda: False)
-    rows = depths.bench_depths(moving_bank(), worlds=2, size=20, seconds=0.6, motions=(True,))
+    rows = depths.bench_depths(moving_bank(), worlds=2, size=20, seconds=0.3, motions=(True,))
     known = {row["renderer"]: row for row in rows}
     exact = known["exact rays (CPU)"]
     assert exact["p99_mm"] < 0.001 and exact["pixels"] > 300
