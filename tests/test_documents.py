@@ -16,13 +16,10 @@ import pytest
 import tyro
 from markdown.extensions.toc import slugify
 
-import haustra
 from haustra.envs.runs.insertion import Trajectory
 from haustra.envs.runs.outcome import Outcome
 from haustra.scripts.main import verb_of
 from haustra.scripts.registry import VERBS, load_verb
-from tests.bent_colon import winding
-from tests.models.wall.conftest import swept_colon
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -255,10 +252,7 @@ def test_the_checker_knows_american_from_british() -> None:
 def test_the_python_of_the_readme_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """In a short bend in place of a grown colon."""
     (program,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
-    bend = swept_colon(winding([(0.08, 0.0), (0.08, 0.6), (0.12, 0.0)]), name="bend 0.6")
-    monkeypatch.setattr(haustra, "grow_colon", lambda **_: bend)
     monkeypatch.chdir(tmp_path)
     exec(compile(program, "README.md", "exec"), {})
     assert "along the colon" in capsys.readouterr().out
