@@ -49,6 +49,7 @@ def _episodes_share_programs() -> None:
             driver = read_by_programs(driver)
         return written(driver=driver, **about)
 
+    vars(write).update(cache_clear=written.cache_clear)  # a backend may be asked to forget what was written
     place.write_program = write
 
 
