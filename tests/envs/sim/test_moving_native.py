@@ -238,13 +238,11 @@ def test_tangent_planes_go_with_the_colon_as_the_table_does(colon) -> None:
 
     Later the tip catches on an edge of this tube, whose rings are 28 mm apart, and slips at another moment.
     """
-    (forces, seen), (other_forces, other) = (
-        _driven(NativeEngine(_scene(colon, wall_law=law, start_depth=0.06)), 115) for law in LAWS
-    )
+    (forces, seen), (other_forces, other) = (_driven(NativeEngine(_scene(colon, wall_law=law)), 190) for law in LAWS)
     for a, b in zip(seen[::10], other[::10], strict=True):
         assert np.linalg.norm(a.tip - b.tip) < 0.0015
     assert np.mean(forces) == pytest.approx(np.mean(other_forces), rel=0.05)
-    assert _moved(colon, seen[-1].way) > 0.001
+    assert _moved(colon, seen[-1].way) > 0.002
     assert _moved(colon, seen[-1].way) == pytest.approx(_moved(colon, other[-1].way), rel=0.05)
     assert seen[-1].displacement is not None
 

@@ -56,21 +56,21 @@ def _moved(colon: Colon, way: np.ndarray) -> float:
 
 
 def test_a_scope_moves_a_colon_of_pieces_as_one_of_the_table(place) -> None:
-    """One law, two descriptions of one surface: tips 1 % of the length inside apart, forces 5 %, the colon's way 5 %.
+    """One law, two descriptions of one surface: tips 2 % of the length inside apart, forces 15 %, the colon's way 10 %.
 
     Links are said to be at the same places of the colon, within 5 mm: perforation and pain are told by them.
     Rings are flat between their corners, 0.1 mm in the lumen. Later the tip slips, here a little sooner than there.
     """
     (force, seen), (other_force, other) = (
-        _driven(NativeEngine(_scene(place, wall_law=w, start_depth=0.06)), 120) for w in ("pieces", "table")
+        _driven(NativeEngine(_scene(place, wall_law=w))) for w in ("pieces", "table")
     )
     for a, b in zip(seen[::50], other[::50], strict=True):
-        assert np.linalg.norm(a.tip - b.tip) < 0.01 * b.insertion
-    assert force == pytest.approx(other_force, rel=0.05)
+        assert np.linalg.norm(a.tip - b.tip) < 0.02 * b.insertion
+    assert force == pytest.approx(other_force, rel=0.15)
     np.testing.assert_allclose(seen[-1].link_arcs, other[-1].link_arcs, atol=5e-3)
     assert seen[-1].link_arcs[-1] > 0.1
-    assert _moved(place[0], seen[-1].way) > 0.0015
-    assert _moved(place[0], seen[-1].way) == pytest.approx(_moved(place[0], other[-1].way), rel=0.05)
+    assert _moved(place[0], seen[-1].way) > 0.005
+    assert _moved(place[0], seen[-1].way) == pytest.approx(_moved(place[0], other[-1].way), rel=0.1)
 
 
 def test_stock_mujoco_replays_a_run_from_its_scene(place, tmp_path: Path) -> None:
